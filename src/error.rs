@@ -1,0 +1,48 @@
+//! What goes wrong, as a kind (the C API's status) and a message that names the argument.
+
+use std::fmt;
+
+/// The kinds of failure; the C API's `vrtm_status` has the same ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// An argument is out of its documented range; the message names it.
+    InvalidArgument,
+    /// The requested backend, format or combination is not available in this build or on this machine.
+    Unsupported,
+    /// Memory, or the device's memory budget, does not suffice.
+    OutOfMemory,
+    /// There is no result to read yet: solve first.
+    NotSolved,
+    /// A defect of the library; the asset keeps its last good result.
+    Internal,
+}
+
+/// A failure: nothing was written, and the last good result is still readable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Error {
+    /// What kind of failure.
+    pub kind: ErrorKind,
+    /// One line that names the argument and, where there is one, the index.
+    pub message: String,
+}
+
+impl Error {
+    pub(crate) fn new(kind: ErrorKind, message: impl Into<String>) -> Error {
+        Error { kind, message: message.into() }
+    }
+
+    pub(crate) fn argument(message: impl Into<String>) -> Error {
+        Error::new(ErrorKind::InvalidArgument, message)
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// Shorthand for results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;

@@ -1,0 +1,337 @@
+//! Views of a host's images: maps on the way in, redirection and warp on the way out.
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::half;
+
+/// The number format of one channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PixelFormat {
+    /// 8-bit, 0..255 for 0..1. Input only.
+    U8,
+    /// 16-bit, 0..65535 for 0..1. Input only.
+    U16,
+    /// Half float.
+    F16,
+    /// Float.
+    F32,
+}
+
+impl PixelFormat {
+    /// Bytes of one channel.
+    pub fn size(self) -> usize {
+        match self {
+            PixelFormat::U8 => 1,
+            PixelFormat::U16 | PixelFormat::F16 => 2,
+            PixelFormat::F32 => 4,
+        }
+    }
+}
+
+/// Which end of the tile the first row is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Origin {
+    /// The first row is v = 1, as in image files.
+    #[default]
+    Top,
+    /// The first row is v = 0.
+    Bottom,
+}
+
+/// Size and layout of an image in memory. Strides are in bytes; 0 means tightly packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageLayout {
+    /// Texels in u.
+    pub width: u32,
+    /// Texels in v.
+    pub height: u32,
+    /// Number format of a channel.
+    pub format: PixelFormat,
+    /// Bytes from one texel to the next; 0 = packed.
+    pub pixel_stride: usize,
+    /// Bytes from one row to the next; 0 = packed.
+    pub row_stride: usize,
+    /// What the first row is.
+    pub origin: Origin,
+}
+
+impl ImageLayout {
+    /// A packed image.
+    pub fn packed(width: u32, height: u32, format: PixelFormat) -> ImageLayout {
+        ImageLayout { width, height, format, pixel_stride: 0, row_stride: 0, origin: Origin::Top }
+    }
+
+    /// Resolves zero strides and checks the layout for `channels` channels per texel; gives the bytes needed.
+    ///
+    /// # Errors
+    /// `InvalidArgument` naming `name` for a zero size or a stride smaller than what it spans.
+    pub fn resolve(&mut self, name: &str, channels: usize) -> Result<usize> {
+        if self.width == 0 || self.height == 0 {
+            return Err(Error::argument(format!(
+                "{name}: the size is {}x{}, a side is zero",
+                self.width, self.height
+            )));
+        }
+        let texel = self.format.size() * channels;
+        if self.pixel_stride == 0 {
+            self.pixel_stride = texel;
+        }
+        if self.pixel_stride < texel {
+            return Err(Error::argument(format!(
+                "{name}: pixel_stride is {} bytes, smaller than a texel ({texel} bytes)",
+                self.pixel_stride
+            )));
+        }
+        let too_large =
+            || Error::argument(format!("{name}: {}x{} texels are too large", self.width, self.height));
+        let row = (self.width as usize - 1)
+            .checked_mul(self.pixel_stride)
+            .and_then(|n| n.checked_add(texel))
+            .ok_or_else(too_large)?;
+        if self.row_stride == 0 {
+            self.row_stride = self.pixel_stride.checked_mul(self.width as usize).ok_or_else(too_large)?;
+        }
+        if self.row_stride < row {
+            return Err(Error::argument(format!(
+                "{name}: row_stride is {} bytes, smaller than a row ({row} bytes)",
+                self.row_stride
+            )));
+        }
+        (self.height as usize - 1)
+            .checked_mul(self.row_stride)
+            .and_then(|n| n.checked_add(row))
+            .filter(|&n| n <= isize::MAX as usize)
+            .ok_or_else(too_large)
+    }
+
+    /// Byte offset of texel `x` in row `y`, rows counted from v = 0 upward. The layout must be resolved.
+    pub(crate) fn offset(&self, x: usize, y: usize) -> usize {
+        let row = match self.origin {
+            Origin::Bottom => y,
+            Origin::Top => self.height as usize - 1 - y,
+        };
+        row * self.row_stride + x * self.pixel_stride
+    }
+}
+
+/// A host's single-channel map: rigidity or warp mask. Further channels are skipped by `pixel_stride`.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageView<'a> {
+    bytes: &'a [u8],
+    layout: ImageLayout,
+}
+
+impl<'a> ImageView<'a> {
+    /// A view of `bytes`; `name` is the argument's name, for messages.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a zero size, a short stride or too few bytes.
+    pub fn new(name: &str, bytes: &'a [u8], mut layout: ImageLayout) -> Result<ImageView<'a>> {
+        let needed = layout.resolve(name, 1)?;
+        if bytes.len() < needed {
+            return Err(Error::argument(format!("{name}: {} bytes given, {needed} needed", bytes.len())));
+        }
+        Ok(ImageView { bytes, layout })
+    }
+
+    /// Copies the image, packed, rows from v = 0 upward; values must be finite and are clamped to 0..1.
+    pub(crate) fn to_map(self, name: &str) -> Result<Map> {
+        let (width, height) = (self.layout.width as usize, self.layout.height as usize);
+        let mut values = Vec::new();
+        values
+            .try_reserve_exact(width * height)
+            .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{name}: no memory for a copy")))?;
+        for y in 0..height {
+            for x in 0..width {
+                let at = self.layout.offset(x, y);
+                let b = &self.bytes[at..];
+                let value = match self.layout.format {
+                    PixelFormat::U8 => f32::from(b[0]) / 255.0,
+                    PixelFormat::U16 => f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0,
+                    PixelFormat::F16 => half::to_f32(u16::from_ne_bytes([b[0], b[1]])),
+                    PixelFormat::F32 => f32::from_ne_bytes([b[0], b[1], b[2], b[3]]),
+                };
+                if !value.is_finite() {
+                    let row = self.layout.offset(x, y) / self.layout.row_stride;
+                    return Err(Error::argument(format!("{name}: texel ({x}, {row}) is {value}")));
+                }
+                values.push(value.clamp(0.0, 1.0));
+            }
+        }
+        Ok(Map { width, height, values })
+    }
+}
+
+/// A host's two-channel image to be written: redirection or warp.
+#[derive(Debug)]
+pub struct ImageViewMut<'a> {
+    bytes: &'a mut [u8],
+    pub(crate) layout: ImageLayout,
+}
+
+impl<'a> ImageViewMut<'a> {
+    /// A view of `bytes` with two channels (u, v) per texel, f16 or f32; other bytes of a stride are left alone.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a zero size, a short stride or too few bytes; `Unsupported` for integer formats.
+    pub fn new(name: &str, bytes: &'a mut [u8], mut layout: ImageLayout) -> Result<ImageViewMut<'a>> {
+        if !matches!(layout.format, PixelFormat::F16 | PixelFormat::F32) {
+            return Err(Error::new(
+                ErrorKind::Unsupported,
+                format!("{name}: format must be f16 or f32 for an output"),
+            ));
+        }
+        let needed = layout.resolve(name, 2)?;
+        if bytes.len() < needed {
+            return Err(Error::argument(format!("{name}: {} bytes given, {needed} needed", bytes.len())));
+        }
+        Ok(ImageViewMut { bytes, layout })
+    }
+
+    pub(crate) fn as_mut_ptr(&mut self) -> *mut u8 {
+        self.bytes.as_mut_ptr()
+    }
+}
+
+/// A copied map: f32 in 0..1, rows from v = 0 upward.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Map {
+    pub width: usize,
+    pub height: usize,
+    pub values: Vec<f32>,
+}
+
+impl Map {
+    /// Resamples to the (nx+1) x (ny+1) nodes of a grid: a box of one cell around the node where the map is
+    /// finer than the grid, bilinear between texel centres where it is coarser.
+    pub fn to_nodes(&self, nx: usize, ny: usize) -> Vec<f32> {
+        let columns = taps(self.width, nx);
+        let rows = taps(self.height, ny);
+        let mut out = Vec::with_capacity((nx + 1) * (ny + 1));
+        // Rows are filtered one at a time: a row of sums over v, then u.
+        let mut line = vec![0.0f32; self.width];
+        for row in &rows {
+            line.fill(0.0);
+            for &(y, weight) in row {
+                let source = &self.values[y * self.width..(y + 1) * self.width];
+                for (sum, value) in line.iter_mut().zip(source) {
+                    *sum += weight * value;
+                }
+            }
+            for column in &columns {
+                let value: f32 = column.iter().map(|&(x, weight)| weight * line[x]).sum();
+                out.push(value.clamp(0.0, 1.0));
+            }
+        }
+        out
+    }
+
+    /// Which nodes a mask leaves free: those without a texel under 0.5 within half a cell. A line of one fixed
+    /// texel is thus a barrier, however coarse the grid.
+    pub fn to_free_nodes(&self, nx: usize, ny: usize) -> Vec<bool> {
+        let columns = spans(self.width, nx);
+        let rows = spans(self.height, ny);
+        let mut out = Vec::with_capacity((nx + 1) * (ny + 1));
+        let mut line = vec![true; self.width];
+        for row in &rows {
+            line.fill(true);
+            for y in row.clone() {
+                for (free, value) in line.iter_mut().zip(&self.values[y * self.width..]) {
+                    *free &= *value >= 0.5;
+                }
+            }
+            out.extend(columns.iter().map(|column| line[column.clone()].iter().all(|&free| free)));
+        }
+        out
+    }
+}
+
+/// Per node of one axis: the texels that it averages, with weights that sum to 1.
+fn taps(texels: usize, cells: usize) -> Vec<Vec<(usize, f32)>> {
+    let per_cell = texels as f64 / cells as f64;
+    let half = 0.5 * per_cell.max(1.0);
+    (0..=cells)
+        .map(|node| {
+            let centre = node as f64 * per_cell;
+            let (low, high) = (centre - half, centre + half);
+            // A box one texel wide, sampled between texel centres, is the bilinear filter.
+            let mut taps: Vec<(usize, f32)> = Vec::new();
+            let first = low.floor() as i64;
+            let last = high.ceil() as i64;
+            for texel in first..last {
+                let share = (high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low);
+                if share > 0.0 {
+                    let x = texel.clamp(0, texels as i64 - 1) as usize;
+                    taps.push((x, share as f32));
+                }
+            }
+            taps
+        })
+        .collect()
+}
+
+/// Per node of one axis: the texels that come within half a cell of it.
+fn spans(texels: usize, cells: usize) -> Vec<std::ops::Range<usize>> {
+    let per_cell = texels as f64 / cells as f64;
+    (0..=cells)
+        .map(|node| {
+            let centre = node as f64 * per_cell;
+            let first = (centre - 0.5 * per_cell).floor().max(0.0) as usize;
+            let last = (centre + 0.5 * per_cell).ceil() as usize;
+            first.min(texels - 1)..last.clamp(1, texels)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(width: usize, height: usize, f: impl Fn(usize, usize) -> f32) -> Map {
+        let values = (0..width * height).map(|i| f(i % width, i / width)).collect();
+        Map { width, height, values }
+    }
+
+    #[test]
+    fn nodes_of_a_constant_map_are_that_constant() {
+        for (w, h) in [(1, 1), (3, 7), (16, 16), (100, 33)] {
+            let nodes = map(w, h, |_, _| 0.75).to_nodes(32, 16);
+            assert_eq!(nodes.len(), 33 * 17);
+            assert!(nodes.iter().all(|v| (v - 0.75).abs() < 1e-6));
+        }
+    }
+
+    #[test]
+    fn nodes_of_a_ramp_lie_on_the_ramp() {
+        // A linear map keeps its values under both filters, away from the clamped edge.
+        for w in [8, 16, 64] {
+            let nodes = map(w, 4, |x, _| (x as f32 + 0.5) / w as f32).to_nodes(16, 16);
+            for i in 2..15 {
+                assert!((nodes[i] - i as f32 / 16.0).abs() < 1e-6, "{w}: {} at {i}", nodes[i]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_of_one_texel_is_a_barrier_on_any_grid() {
+        let mask = map(128, 128, |x, _| f32::from(x != 70));
+        for n in [16, 32, 128, 256] {
+            let free = mask.to_free_nodes(n, n);
+            let row = &free[..n + 1];
+            assert!(row.iter().any(|f| !f), "{n}");
+            assert!(row.iter().filter(|f| !**f).count() <= 3, "{n}");
+        }
+    }
+
+    #[test]
+    fn layouts_are_checked() {
+        let bytes = [0u8; 64];
+        let packed = ImageLayout::packed(4, 4, PixelFormat::F32);
+        assert!(ImageView::new("map", &bytes, packed).is_ok());
+        let short = ImageLayout { row_stride: 15, ..packed };
+        let message = ImageView::new("map", &bytes, short).unwrap_err().message;
+        assert!(message.contains("map: row_stride"), "{message}");
+        let empty = ImageLayout { width: 0, ..packed };
+        assert!(ImageView::new("map", &bytes, empty).unwrap_err().message.contains("zero"));
+        assert!(ImageView::new("map", &bytes[..63], packed).is_err());
+    }
+}

@@ -1,0 +1,202 @@
+//! What a host gets told: about a device, an asset, a tile, and each solve.
+
+use crate::settings::Backend;
+
+/// What a device turned out to be.
+#[derive(Clone, Debug)]
+pub struct DeviceInfo {
+    /// The backend in use, never `Auto`.
+    pub backend: Backend,
+    /// The processor's or adapter's name.
+    pub name: String,
+    /// Why this backend was chosen, in a sentence.
+    pub reason: String,
+    /// Threads per solve (CPU).
+    pub threads: u32,
+    /// Bytes that all assets of the device hold now.
+    pub bytes_held: u64,
+}
+
+/// A GPU that a device could be made on.
+#[derive(Clone, Debug)]
+pub struct AdapterInfo {
+    /// The adapter's name.
+    pub name: String,
+    /// True for an adapter that runs on the CPU.
+    pub software: bool,
+}
+
+/// What was read from a mesh.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AssetInfo {
+    /// Vertices in the position arrays.
+    pub vertices: u64,
+    /// Faces as given.
+    pub faces: u64,
+    /// Face corners as given: the length of a corner UV array.
+    pub corners: u64,
+    /// Triangles kept, over all tiles.
+    pub triangles: u64,
+    /// Tiles with at least one triangle.
+    pub tiles: u32,
+    /// Charts, over all tiles.
+    pub charts: u32,
+    /// Triangles dropped because their UVs have no area.
+    pub degenerate_triangles: u64,
+    /// Faces kept although some of their UVs lie outside their tile; the map is clipped to the tile.
+    pub clipped_faces: u64,
+    /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
+    pub faces_outside: u64,
+}
+
+/// What is known of a tile before a solve.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TileInfo {
+    /// UDIM number: 1001 + U + 10 V.
+    pub udim: u32,
+    /// Charts in the tile.
+    pub charts: u32,
+    /// Triangles in the tile.
+    pub triangles: u64,
+    /// Cells of the grid in u and v.
+    pub grid: [u32; 2],
+    /// Nodes that may move.
+    pub movable_nodes: u64,
+    /// Share of the covered nodes that more than one layer covers.
+    pub overlap: f32,
+}
+
+/// Milliseconds per stage of one solve.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageTimes {
+    /// Positions to triangles, metrics and samples.
+    pub surface: f32,
+    /// Maps to grids (0 unless a map or setting changed).
+    pub maps: f32,
+    /// Pose metrics to all levels.
+    pub pyramid: f32,
+    /// Displacements to the next finer level.
+    pub prolong: f32,
+    /// Block descent.
+    pub relax: f32,
+    /// Gauss-Newton corrections.
+    pub correct: f32,
+    /// The f64 certificate.
+    pub certify: f32,
+    /// The latest inversion; its time is not in `total`.
+    pub invert: f32,
+    /// The whole solve of this tile, less measuring.
+    pub total: f32,
+}
+
+/// One distribution of |strain|.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Strain {
+    /// Root of the mean square.
+    pub rms: f32,
+    /// Median of the magnitudes.
+    pub median: f32,
+    /// 95th percentile.
+    pub p95: f32,
+    /// 99th percentile.
+    pub p99: f32,
+    /// Largest.
+    pub max: f32,
+    /// RMS over edges within 10 cells of a chart border.
+    pub border_rms: f32,
+    /// RMS over the other edges.
+    pub interior_rms: f32,
+}
+
+/// Strain on the mesh itself, over grid edges with rigidity over 0.5 at both ends that are not both fixed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StrainReport {
+    /// How many edges were measured.
+    pub edges: u64,
+    /// With the original UVs.
+    pub before: Strain,
+    /// With the warp.
+    pub after: Strain,
+    /// Share of edges whose |strain| rose by more than 0.25.
+    pub harm: f32,
+    /// Share of edges whose |strain| fell by more than 0.10.
+    pub help: f32,
+}
+
+/// A tile's last solve.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TileReport {
+    /// UDIM number.
+    pub udim: u32,
+    /// Cells of the grid in u and v.
+    pub grid: [u32; 2],
+    /// Energy of the identity, summed over the charts that were solved or reused.
+    pub energy_before: f64,
+    /// Energy of the result.
+    pub energy: f64,
+    /// Smallest corner Jacobian of the result, in f64: > 0 certifies that the warp is one-to-one and onto.
+    pub min_jacobian: f64,
+    /// Corner Jacobians <= 0: always 0 from `descent`.
+    pub folds: u64,
+    /// Largest displacement, in cells.
+    pub max_displacement: f32,
+    /// Charts in the tile.
+    pub charts: u32,
+    /// Charts solved in this call.
+    pub charts_active: u32,
+    /// Charts that kept their last result because none of their inputs changed.
+    pub charts_reused: u32,
+    /// Charts that are the identity: nothing rigid, nothing movable, or a pose isometric to rest.
+    pub charts_identity: u32,
+    /// Charts that fell back to the identity because nothing better was found.
+    pub charts_fallback: u32,
+    /// 16x16 blocks visited on the finest level.
+    pub blocks_active: u64,
+    /// 16x16 blocks of the whole tile.
+    pub blocks: u64,
+    /// Movable nodes of the solved charts, finest level.
+    pub nodes_active: u64,
+    /// Grid levels.
+    pub levels: u32,
+    /// Relaxation sweeps, over all levels.
+    pub sweeps: u32,
+    /// Corrections, over all levels.
+    pub corrections: u32,
+    /// Node updates by relaxation, over all levels.
+    pub node_updates: u64,
+    /// Bytes held for this tile: maps, state, result.
+    pub bytes: u64,
+    /// True if the time budget ended the solve early.
+    pub truncated: bool,
+    /// Milliseconds per stage.
+    pub times: StageTimes,
+    /// Present if the solve was asked to measure.
+    pub strain: Option<StrainReport>,
+}
+
+/// An asset's last solve, over all tiles.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AssetReport {
+    /// Tiles in the asset.
+    pub tiles: u32,
+    /// Tiles with at least one chart solved in the last call.
+    pub tiles_active: u32,
+    /// Charts solved, over all tiles.
+    pub charts_active: u32,
+    /// Charts reused, over all tiles.
+    pub charts_reused: u32,
+    /// Charts that are the identity, over all tiles.
+    pub charts_identity: u32,
+    /// Movable nodes of the solved charts.
+    pub nodes_active: u64,
+    /// Smallest corner Jacobian over all tiles.
+    pub min_jacobian: f64,
+    /// Corner Jacobians <= 0 over all tiles.
+    pub folds: u64,
+    /// Bytes held for the asset.
+    pub bytes: u64,
+    /// Wall-clock milliseconds of the last solve, less measuring.
+    pub total_ms: f32,
+    /// True if the time budget ended a tile's solve early.
+    pub truncated: bool,
+}

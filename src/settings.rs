@@ -1,0 +1,177 @@
+//! What a host may set: per device, per tile, per solve.
+
+use std::fmt;
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+
+/// Which backend a device runs on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backend {
+    /// A hardware GPU if there is one, the CPU otherwise; [`crate::DeviceInfo::reason`] says why.
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// A GPU; never falls back.
+    Gpu,
+}
+
+/// How important a log line is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LogLevel {
+    /// Something the host may want to show: clipped faces, overlaps.
+    Warning,
+    /// What was chosen and why.
+    Info,
+}
+
+/// A host's log function; called on the thread that called into vrtm, with no lock held.
+pub type LogFn = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
+
+/// What a device is made from. The default is: choose the backend, all cores, no budget, no log.
+#[derive(Clone, Default)]
+pub struct DeviceSettings {
+    /// Which backend.
+    pub backend: Backend,
+    /// Which adapter, for [`Backend::Gpu`].
+    pub adapter: u32,
+    /// CPU threads per solve; 0 = one per core.
+    pub threads: u32,
+    /// Most bytes that all assets of the device may hold together; 0 = no limit.
+    pub memory_budget: u64,
+    /// Where warnings go; `None` = nowhere.
+    pub log: Option<LogFn>,
+}
+
+impl fmt::Debug for DeviceSettings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("DeviceSettings")
+            .field("backend", &self.backend)
+            .field("adapter", &self.adapter)
+            .field("threads", &self.threads)
+            .field("memory_budget", &self.memory_budget)
+            .field("log", &self.log.is_some())
+            .finish()
+    }
+}
+
+/// Texels that faces of different charts, or two layers of one chart, share.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Overlap {
+    /// They do not move, so nothing gets worse.
+    #[default]
+    Fixed,
+    /// The chart with the first face owns them: for mirrored halves that deform alike.
+    FirstFace,
+}
+
+/// A tile's settings. All have a working default; a change rebuilds only what depends on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TileSettings {
+    /// Cells of the grid in u and v; 0 = the rigidity map's size. Rounded up to a multiple of 16, at most 16384.
+    pub grid: [u32; 2],
+    /// Smoothness λ of elastic material, >= 0.
+    pub smoothness: f32,
+    /// Smoothness λ0 of all material, > 0: keeps every node's problem well-posed.
+    pub smoothness_floor: f32,
+    /// Orientation preservation κ, >= 0 (the paper's section 4.2).
+    pub orientation: f32,
+    /// Room β, >= 0: weight of the penalty on cells that lose their area.
+    pub room: f32,
+    /// Room threshold τ, 0..1: the corner Jacobian under which the penalty starts.
+    pub room_threshold: f32,
+    /// Who owns overlapped texels.
+    pub overlap: Overlap,
+}
+
+impl Default for TileSettings {
+    fn default() -> Self {
+        TileSettings {
+            grid: [0, 0],
+            smoothness: 0.05,
+            smoothness_floor: 0.0005,
+            orientation: 0.0,
+            room: 0.3,
+            room_threshold: 0.4,
+            overlap: Overlap::Fixed,
+        }
+    }
+}
+
+impl TileSettings {
+    pub(crate) fn check(&self) -> Result<()> {
+        let bad = |name: &str, value: f32, range: &str| {
+            Err(Error::argument(format!("settings.{name}: {value} is not {range}")))
+        };
+        let not_negative = |v: f32| (0.0..=1e6).contains(&v);
+        if !not_negative(self.smoothness) {
+            return bad("smoothness", self.smoothness, "in 0..1e6");
+        }
+        if !(1e-6..=1e6).contains(&self.smoothness_floor) {
+            return bad("smoothness_floor", self.smoothness_floor, "in 1e-6..1e6");
+        }
+        if !not_negative(self.orientation) {
+            return bad("orientation", self.orientation, "in 0..1e6");
+        }
+        if !not_negative(self.room) {
+            return bad("room", self.room, "in 0..1e6");
+        }
+        if !(0.0..=1.0).contains(&self.room_threshold) {
+            return bad("room_threshold", self.room_threshold, "in 0..1");
+        }
+        if self.grid.iter().any(|&n| n > MAX_GRID) {
+            let [nx, ny] = self.grid;
+            return Err(Error::argument(format!("settings.grid: {nx}x{ny} is over {MAX_GRID} cells a side")));
+        }
+        Ok(())
+    }
+}
+
+/// Most cells on a side of a tile's grid.
+pub const MAX_GRID: u32 = 16384;
+
+/// How much work a solve does per level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// Relaxation only.
+    Draft,
+    /// Few sweeps and one correction per level.
+    #[default]
+    Normal,
+    /// More sweeps, and corrections until little is left to gain.
+    High,
+}
+
+/// Options of one solve.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SolveOptions {
+    /// How much work.
+    pub quality: Quality,
+    /// Start from the previous result instead of the identity: faster on small changes, but the result then
+    /// depends on the order of frames.
+    pub warm: bool,
+    /// Stop correcting a chart when a correction gains less than this share of its energy; 0 = the quality's own.
+    pub tolerance: f32,
+    /// Cap on corrections per level; 0 = the quality's own.
+    pub max_corrections: u32,
+    /// Stop after about this many milliseconds with the best state so far; 0 = no limit.
+    pub time_budget_ms: f32,
+    /// Also measure the strain on the mesh (slow, f64): fills [`crate::TileReport::strain`].
+    pub measure: bool,
+}
+
+impl SolveOptions {
+    pub(crate) fn check(&self) -> Result<()> {
+        if !(0.0..1.0).contains(&self.tolerance) {
+            return Err(Error::argument(format!("options.tolerance: {} is not in 0..1", self.tolerance)));
+        }
+        if !(self.time_budget_ms >= 0.0 && self.time_budget_ms.is_finite()) {
+            return Err(Error::argument(format!(
+                "options.time_budget_ms: {} is not a finite, non-negative number",
+                self.time_budget_ms
+            )));
+        }
+        Ok(())
+    }
+}

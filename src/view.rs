@@ -1,0 +1,141 @@
+//! Views of a host's vertex arrays: any byte stride, f32 or f64, read without alignment.
+
+use crate::error::{Error, Result};
+
+/// The number format of one component of a host's array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scalar {
+    /// 32-bit float.
+    F32,
+    /// 64-bit float.
+    F64,
+}
+
+impl Scalar {
+    /// Bytes of one component.
+    pub fn size(self) -> usize {
+        match self {
+            Scalar::F32 => 4,
+            Scalar::F64 => 8,
+        }
+    }
+}
+
+/// `count` elements of `components` scalars, each `stride` bytes after the one before it.
+#[derive(Clone, Copy, Debug)]
+pub struct Strided<'a> {
+    bytes: &'a [u8],
+    scalar: Scalar,
+    components: usize,
+    count: usize,
+    stride: usize,
+}
+
+impl<'a> Strided<'a> {
+    /// A view of raw bytes. `name` is the argument's name, for messages. `stride` 0 means tightly packed.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if the stride is smaller than an element or the bytes do not hold `count` elements.
+    pub fn new(
+        name: &str,
+        bytes: &'a [u8],
+        scalar: Scalar,
+        components: usize,
+        count: usize,
+        stride: usize,
+    ) -> Result<Strided<'a>> {
+        let element = scalar.size() * components;
+        let stride = if stride == 0 { element } else { stride };
+        if stride < element {
+            return Err(Error::argument(format!(
+                "{name}: stride is {stride} bytes, smaller than an element ({element} bytes)"
+            )));
+        }
+        let needed = count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(element));
+        match needed {
+            Some(needed) if needed <= bytes.len() => {}
+            _ => {
+                return Err(Error::argument(format!(
+                    "{name}: {count} elements with stride {stride} do not fit into {} bytes",
+                    bytes.len()
+                )));
+            }
+        }
+        Ok(Strided { bytes, scalar, components, count, stride })
+    }
+
+    /// Packed f32 triples: positions.
+    pub fn from_f32x3(values: &'a [[f32; 3]]) -> Strided<'a> {
+        let bytes = as_bytes(values);
+        Strided { bytes, scalar: Scalar::F32, components: 3, count: values.len(), stride: 12 }
+    }
+
+    /// Packed f64 triples: positions.
+    pub fn from_f64x3(values: &'a [[f64; 3]]) -> Strided<'a> {
+        let bytes = as_bytes(values);
+        Strided { bytes, scalar: Scalar::F64, components: 3, count: values.len(), stride: 24 }
+    }
+
+    /// Packed f32 values.
+    pub fn from_f32(values: &'a [f32]) -> Strided<'a> {
+        Strided {
+            bytes: as_bytes(values),
+            scalar: Scalar::F32,
+            components: 1,
+            count: values.len(),
+            stride: 4,
+        }
+    }
+
+    /// Number of elements.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// True if there is no element.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Components per element.
+    pub fn components(&self) -> usize {
+        self.components
+    }
+
+    /// Component `c` of element `i`, as f64 (exact for f32).
+    ///
+    /// # Panics
+    /// If `i` or `c` is out of range.
+    pub fn get(&self, i: usize, c: usize) -> f64 {
+        assert!(i < self.count && c < self.components);
+        let at = i * self.stride + c * self.scalar.size();
+        match self.scalar {
+            Scalar::F32 => f32::from_ne_bytes(self.bytes[at..at + 4].try_into().unwrap()).into(),
+            Scalar::F64 => f64::from_ne_bytes(self.bytes[at..at + 8].try_into().unwrap()),
+        }
+    }
+
+    /// The first three components of element `i`.
+    pub fn get3(&self, i: usize) -> [f64; 3] {
+        [self.get(i, 0), self.get(i, 1), self.get(i, 2)]
+    }
+
+    /// Errors with the index of the first component that is not finite.
+    pub(crate) fn check_finite(&self, name: &str) -> Result<()> {
+        for i in 0..self.count {
+            for c in 0..self.components {
+                let value = self.get(i, c);
+                if !value.is_finite() {
+                    return Err(Error::argument(format!("{name}[{i}]: component {c} is {value}")));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The bytes of plain numbers.
+fn as_bytes<T: Copy>(values: &[T]) -> &[u8] {
+    // SAFETY: only called with arrays of f32 or f64, which have no padding; any byte may be read as u8.
+    unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), std::mem::size_of_val(values)) }
+}
