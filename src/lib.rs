@@ -8,9 +8,11 @@
 mod asset;
 mod device;
 mod error;
+mod exact;
 mod half;
 pub mod image;
 mod mesh;
+mod reference;
 mod report;
 mod settings;
 mod tile;

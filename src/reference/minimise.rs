@@ -1,0 +1,227 @@
+//! Gauss-Newton to the minimum of one chart's energy.
+//!
+//! Where there is no room the bound on J is active at the minimum. It is then approached from inside by a barrier
+//! whose strength μ falls: at a minimum with the barrier its gradient is that of E minus multipliers >= 0 times the
+//! gradients of the active J, so its norm is that of E's gradient projected onto the bounds.
+
+use super::Options;
+use super::chart::{ChartProblem, DIM};
+use super::energy::{BOUND, Shape};
+use super::linear::{Multigrid, Stencil};
+use super::step::State;
+use crate::exact::{Locator, Surface};
+
+/// What became of one chart.
+pub(super) struct Descent {
+    pub u: Vec<[f64; 2]>,
+    pub energy: f64,
+    /// Norm of the (projected) gradient at the end and at the identity.
+    pub gradient: f64,
+    pub initial_gradient: f64,
+    pub corrections: usize,
+    pub converged: bool,
+}
+
+/// Shares of the way from the rest metric to the pose's, for a start from the identity.
+const STAGES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+
+/// Strengths of the barrier.
+const BARRIERS: [f64; 4] = [1e-3, 1e-4, 1e-5, 1e-6];
+
+/// Nested minimisation of one chart.
+pub(super) struct Minimiser<'a> {
+    pub chart: ChartProblem,
+    pub locator: &'a Locator,
+    /// The surface at a share of the way from rest to pose.
+    pub surface: &'a dyn Fn(f64) -> Surface<DIM>,
+    pub options: Options,
+}
+
+impl Minimiser<'_> {
+    /// Descends from `start`, and from the identity if there is none or if asked; the lower one wins.
+    pub fn run(mut self, start: Option<Vec<[f64; 2]>>) -> Descent {
+        let identity = vec![[0.0; 2]; self.chart.movable.len()];
+        let mut grid = Multigrid::new(self.chart.nx, self.chart.ny, &self.chart.movable);
+        let last = (self.surface)(1.0);
+        let shape = Shape { locator: self.locator, surface: &last };
+        let samples = self.chart.samples(&shape, &identity);
+        let initial_gradient = norm(&self.chart.gradient(&shape, &identity, &samples, None));
+        let mut best = Descent {
+            energy: self.chart.energy(&identity, &samples),
+            u: identity.clone(),
+            gradient: initial_gradient,
+            initial_gradient,
+            corrections: 0,
+            converged: initial_gradient == 0.0,
+        };
+        let mut corrections = 0;
+        let mut keep = |found: Descent| {
+            corrections += found.corrections;
+            if found.energy < best.energy {
+                best = found;
+            }
+            best.corrections = corrections;
+        };
+        if let Some(start) = start.as_ref().filter(|s| s.iter().flatten().all(|x| x.is_finite())) {
+            keep(self.descend(&mut grid, &shape, self.inside(start), initial_gradient));
+        }
+        if start.is_none() || self.options.identity_too {
+            let mut u = identity;
+            for t in STAGES {
+                let surface = (self.surface)(t);
+                let shape = Shape { locator: self.locator, surface: &surface };
+                if t < 1.0 {
+                    self.chart.law.barrier = BARRIERS[1];
+                    let mut state = self.chart.state(&shape, u);
+                    self.newton(&mut grid, &shape, &mut state, 0.0, 4);
+                    u = state.u;
+                } else {
+                    let found = self.descend(&mut grid, &shape, u, initial_gradient);
+                    keep(found);
+                    break;
+                }
+            }
+        }
+        best
+    }
+
+    /// A warp that is strictly inside the bounds: `start`, mixed with as little of the identity as it takes.
+    fn inside(&self, start: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let mut share = 0.0;
+        loop {
+            let u: Vec<[f64; 2]> = start.iter().map(|u| u.map(|x| x * (1.0 - share))).collect();
+            if share >= 1.0 || self.chart.min_jacobian(&u) > BOUND + 1e-6 {
+                return u;
+            }
+            share = (share * 2.0).clamp(1e-5, 1.0);
+        }
+    }
+
+    /// Follows the barrier down, then polishes E itself.
+    fn descend(&mut self, grid: &mut Multigrid, shape: &Shape, u: Vec<[f64; 2]>, initial: f64) -> Descent {
+        let mut state = self.chart.state(shape, u);
+        let mut corrections = 0;
+        let (mut gradient, mut converged) = (0.0, false);
+        for (k, &barrier) in BARRIERS.iter().enumerate() {
+            self.chart.law.barrier = barrier;
+            state.energy = self.chart.energy(&state.u, &state.samples);
+            let last = k + 1 == BARRIERS.len();
+            let share = if last { 1.0 } else { 0.1 };
+            let most = if last { self.options.max_corrections } else { self.options.max_corrections / 4 };
+            let found = self.newton(grid, shape, &mut state, initial / share, most);
+            corrections += found.corrections;
+            (gradient, converged) = (found.gradient, found.converged);
+            // Far from the bound the barrier is 0, and all strengths are the same problem.
+            if self.chart.min_jacobian(&state.u) > BOUND + 0.1 {
+                if last || converged {
+                    break;
+                }
+            }
+        }
+        self.chart.law.barrier = 0.0;
+        let energy = self.chart.energy(&state.u, &state.samples);
+        Descent { u: state.u, energy, gradient, initial_gradient: initial, corrections, converged }
+    }
+
+    /// Newton steps and sweeps in turn until the gradient is small, or until both stand still: on a surface of
+    /// triangles E has kinks, and a minimum on a kink has no small gradient.
+    fn newton(
+        &self,
+        grid: &mut Multigrid,
+        shape: &Shape,
+        state: &mut State,
+        initial: f64,
+        most: usize,
+    ) -> Outcome {
+        let chart = &self.chart;
+        let goal = self.options.tolerance * initial;
+        let mut damping = 0.0;
+        let mut stalled = 0;
+        let mut out = Outcome { gradient: f64::INFINITY, corrections: 0, converged: false };
+        loop {
+            let gradient = chart.gradient(shape, &state.u, &state.samples, Some(grid.matrix()));
+            out.gradient = norm(&gradient);
+            if out.gradient <= goal || stalled >= 3 {
+                out.converged = true;
+                return out;
+            }
+            if out.corrections >= most {
+                return out;
+            }
+            damp(grid.matrix(), &chart.nodes, damping);
+            grid.prepare();
+            let minus: Vec<[f64; 2]> = gradient.iter().map(|g| g.map(|x| -x)).collect();
+            let (mut step, its) = grid.solve(&minus, 1e-3, 60);
+            chart.limit(&state.u, &mut step);
+            out.corrections += 1;
+            let before = state.energy;
+            let taken = self.search(shape, state, &step);
+            damping = match taken {
+                a if a >= 1.0 => damping * 0.25,
+                a if a > 0.2 => damping,
+                _ => (damping * 4.0f64).max(1e-3),
+            };
+            if damping < 1e-5 {
+                damping = 0.0;
+            }
+            let mid = state.energy;
+            chart.sweep(shape, state, false);
+            chart.sweep(shape, state, true);
+            if std::env::var_os("VRTM_TRACE").is_some() {
+                eprintln!(
+                    "  mu {:.0e} {:3} E {:.9e} newton {:.2e} sweeps {:.2e} g {:.2e} its {its} a {taken} damp {damping:.1e} minJ {:.4}",
+                    chart.law.barrier,
+                    out.corrections,
+                    state.energy,
+                    before - mid,
+                    mid - state.energy,
+                    out.gradient,
+                    chart.min_jacobian(&state.u)
+                );
+            }
+            let gain = before - state.energy;
+            stalled = if gain <= self.options.stall * state.energy { stalled + 1 } else { 0 };
+        }
+    }
+
+    /// Takes as much of a step as lowers the energy; gives the share taken.
+    fn search(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) -> f64 {
+        let mut share = 1.0;
+        for _ in 0..8 {
+            let u: Vec<[f64; 2]> = state
+                .u
+                .iter()
+                .zip(step)
+                .map(|(u, s)| [u[0] + share * s[0], u[1] + share * s[1]])
+                .collect();
+            if self.chart.min_jacobian(&u) > BOUND {
+                let trial = self.chart.state(shape, u);
+                if trial.energy < state.energy {
+                    *state = trial;
+                    return share;
+                }
+            }
+            share *= 0.5;
+        }
+        0.0
+    }
+}
+
+struct Outcome {
+    gradient: f64,
+    corrections: usize,
+    converged: bool,
+}
+
+/// Levenberg-Marquardt, relative to the diagonal blocks.
+fn damp(matrix: &mut [Stencil], nodes: &[u32], damping: f64) {
+    if damping > 0.0 {
+        for &n in nodes {
+            matrix[n as usize][4].iter_mut().for_each(|x| *x *= 1.0 + damping);
+        }
+    }
+}
+
+fn norm(g: &[[f64; 2]]) -> f64 {
+    g.iter().flatten().map(|x| x * x).sum::<f64>().sqrt()
+}
