@@ -80,10 +80,9 @@ impl<'a> Problem<'a> {
         pose: &'a [[f64; 3]],
     ) -> Result<Problem<'a>> {
         let count = mesh.tiles.len();
-        let tile = mesh
-            .tiles
-            .get(tile_index)
-            .ok_or_else(|| Error::argument(format!("tile: {tile_index} is out of range, there are {count}")))?;
+        let tile = mesh.tiles.get(tile_index).ok_or_else(|| {
+            Error::argument(format!("tile: {tile_index} is out of range, there are {count}"))
+        })?;
         if pose.len() != mesh.rest.len() {
             let message = format!("pose: {} positions, but the mesh has {}", pose.len(), mesh.rest.len());
             return Err(Error::argument(message));
@@ -141,8 +140,7 @@ impl<'a> Problem<'a> {
             let Some(chart) = self.chart(c) else { continue };
             let start = start.map(|u| self.window(&chart, u));
             let (origin, width, nodes) = (chart.origin, chart.width(), chart.nodes.clone());
-            let minimiser =
-                Minimiser { chart, locator: &self.locator, surface: &surface, options: *options };
+            let minimiser = Minimiser { chart, locator: &self.locator, surface: &surface, options: *options };
             let found = minimiser.run(start);
             for n in nodes {
                 let n = n as usize;

@@ -14,7 +14,7 @@ use crate::settings::TileSettings;
 pub(super) const BOUND: f64 = 0.02;
 
 /// The barrier begins at this distance from the bound: a warp with room never feels it.
-const BARRIER_WIDTH: f64 = 0.1;
+pub(super) const BARRIER_WIDTH: f64 = 0.1;
 
 /// An edge (a, b) of the 8-connected grid, kind as in `EDGES`.
 pub(super) struct Edge {

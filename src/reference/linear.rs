@@ -59,8 +59,8 @@ impl Multigrid {
             let mut coarse = vec![false; (cx + 1) * (cy + 1)];
             for j in 1..cy {
                 for i in 1..cx {
-                    coarse[j * (cx + 1) + i] = (0..9)
-                        .all(|k| movable[(2 * j + k / 3 - 1) * width + 2 * i + k % 3 - 1]);
+                    coarse[j * (cx + 1) + i] =
+                        (0..9).all(|k| movable[(2 * j + k / 3 - 1) * width + 2 * i + k % 3 - 1]);
                 }
             }
             if !coarse.contains(&true) {

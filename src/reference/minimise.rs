@@ -6,7 +6,7 @@
 
 use super::Options;
 use super::chart::{ChartProblem, DIM};
-use super::energy::{BOUND, Shape};
+use super::energy::{BARRIER_WIDTH, BOUND, Shape};
 use super::linear::{Multigrid, Stencil};
 use super::step::State;
 use crate::exact::{Locator, Surface};
@@ -54,6 +54,11 @@ impl Minimiser<'_> {
             corrections: 0,
             converged: initial_gradient == 0.0,
         };
+        // An isometric pose: what is left is rounding.
+        if best.energy <= 1e-20 * self.chart.edges.len() as f64 {
+            best.converged = true;
+            return best;
+        }
         let mut corrections = 0;
         let mut keep = |found: Descent| {
             corrections += found.corrections;
@@ -73,7 +78,12 @@ impl Minimiser<'_> {
                 if t < 1.0 {
                     self.chart.law.barrier = BARRIERS[1];
                     let mut state = self.chart.state(&shape, u);
-                    self.newton(&mut grid, &shape, &mut state, 0.0, 4);
+                    self.newton(
+                        &mut grid,
+                        &shape,
+                        &mut state,
+                        &Goal { gradient: 1e-3 * initial_gradient, stall: 1e-3, most: 8 },
+                    );
                     u = state.u;
                 } else {
                     let found = self.descend(&mut grid, &shape, u, initial_gradient);
@@ -103,20 +113,21 @@ impl Minimiser<'_> {
         let mut corrections = 0;
         let (mut gradient, mut converged) = (0.0, false);
         for (k, &barrier) in BARRIERS.iter().enumerate() {
+            let last = k + 1 == BARRIERS.len();
+            // Far from the bound the barrier is 0, and all strengths are the same problem.
+            if k > 0 && !last && self.chart.min_jacobian(&state.u) > BOUND + BARRIER_WIDTH {
+                continue;
+            }
             self.chart.law.barrier = barrier;
             state.energy = self.chart.energy(&state.u, &state.samples);
-            let last = k + 1 == BARRIERS.len();
-            let share = if last { 1.0 } else { 0.1 };
-            let most = if last { self.options.max_corrections } else { self.options.max_corrections / 4 };
-            let found = self.newton(grid, shape, &mut state, initial / share, most);
+            let found = if last {
+                self.newton(grid, shape, &mut state, &self.options.goal(initial))
+            } else {
+                let most = self.options.max_corrections / 4;
+                self.newton(grid, shape, &mut state, &Goal { gradient: 1e-3 * initial, stall: 1e-4, most })
+            };
             corrections += found.corrections;
             (gradient, converged) = (found.gradient, found.converged);
-            // Far from the bound the barrier is 0, and all strengths are the same problem.
-            if self.chart.min_jacobian(&state.u) > BOUND + 0.1 {
-                if last || converged {
-                    break;
-                }
-            }
         }
         self.chart.law.barrier = 0.0;
         let energy = self.chart.energy(&state.u, &state.samples);
@@ -125,27 +136,20 @@ impl Minimiser<'_> {
 
     /// Newton steps and sweeps in turn until the gradient is small, or until both stand still: on a surface of
     /// triangles E has kinks, and a minimum on a kink has no small gradient.
-    fn newton(
-        &self,
-        grid: &mut Multigrid,
-        shape: &Shape,
-        state: &mut State,
-        initial: f64,
-        most: usize,
-    ) -> Outcome {
+    fn newton(&self, grid: &mut Multigrid, shape: &Shape, state: &mut State, goal: &Goal) -> Outcome {
         let chart = &self.chart;
-        let goal = self.options.tolerance * initial;
+        let mut last = state.u.clone();
         let mut damping = 0.0;
         let mut stalled = 0;
         let mut out = Outcome { gradient: f64::INFINITY, corrections: 0, converged: false };
         loop {
             let gradient = chart.gradient(shape, &state.u, &state.samples, Some(grid.matrix()));
             out.gradient = norm(&gradient);
-            if out.gradient <= goal || stalled >= 3 {
+            if out.gradient <= goal.gradient || stalled >= 3 {
                 out.converged = true;
                 return out;
             }
-            if out.corrections >= most {
+            if out.corrections >= goal.most {
                 return out;
             }
             damp(grid.matrix(), &chart.nodes, damping);
@@ -165,45 +169,80 @@ impl Minimiser<'_> {
                 damping = 0.0;
             }
             let mid = state.energy;
-            chart.sweep(shape, state, false);
-            chart.sweep(shape, state, true);
+            chart.sweep(shape, state, out.corrections % 2 == 0);
+            let swept = state.energy;
+            let whole: Vec<[f64; 2]> =
+                state.u.iter().zip(&last).map(|(u, l)| [u[0] - l[0], u[1] - l[1]]).collect();
+            last.copy_from_slice(&state.u);
+            let further = self.extrapolate(shape, state, &whole);
             if std::env::var_os("VRTM_TRACE").is_some() {
                 eprintln!(
-                    "  mu {:.0e} {:3} E {:.9e} newton {:.2e} sweeps {:.2e} g {:.2e} its {its} a {taken} damp {damping:.1e} minJ {:.4}",
+                    "  mu {:.0e} {:3} E {:.9e} newton {:.2e} sweeps {:.2e} extra {:.2e} {further} g {:.2e} its {its} a {taken} damp {damping:.1e} minJ {:.4}",
                     chart.law.barrier,
                     out.corrections,
                     state.energy,
                     before - mid,
-                    mid - state.energy,
+                    mid - swept,
+                    swept - state.energy,
                     out.gradient,
                     chart.min_jacobian(&state.u)
                 );
             }
             let gain = before - state.energy;
-            stalled = if gain <= self.options.stall * state.energy { stalled + 1 } else { 0 };
+            stalled = if gain <= goal.stall * state.energy { stalled + 1 } else { 0 };
         }
+    }
+
+    /// Goes on along what the last correction and sweep did together, further and further while the energy falls. The
+    /// part of the curvature that Gauss-Newton leaves out is negative where a crowd buckles: there it steps too short
+    /// in the same direction again and again.
+    fn extrapolate(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) -> f64 {
+        let mut sum = 0.0;
+        let mut share = 0.5;
+        while share < 100.0 {
+            let Some(trial) = self.trial(shape, state, step, share) else { break };
+            *state = trial;
+            sum += share;
+            share *= 2.0;
+        }
+        sum
+    }
+
+    /// The state after a share of a step, if it is inside the bounds and lower.
+    fn trial(&self, shape: &Shape, state: &State, step: &[[f64; 2]], share: f64) -> Option<State> {
+        let moved = |(u, s): (&[f64; 2], &[f64; 2])| [u[0] + share * s[0], u[1] + share * s[1]];
+        let u: Vec<[f64; 2]> = state.u.iter().zip(step).map(moved).collect();
+        if self.chart.min_jacobian(&u) <= BOUND {
+            return None;
+        }
+        let trial = self.chart.state(shape, u);
+        (trial.energy < state.energy).then_some(trial)
     }
 
     /// Takes as much of a step as lowers the energy; gives the share taken.
     fn search(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) -> f64 {
         let mut share = 1.0;
         for _ in 0..8 {
-            let u: Vec<[f64; 2]> = state
-                .u
-                .iter()
-                .zip(step)
-                .map(|(u, s)| [u[0] + share * s[0], u[1] + share * s[1]])
-                .collect();
-            if self.chart.min_jacobian(&u) > BOUND {
-                let trial = self.chart.state(shape, u);
-                if trial.energy < state.energy {
-                    *state = trial;
-                    return share;
-                }
+            if let Some(trial) = self.trial(shape, state, step, share) {
+                *state = trial;
+                return share;
             }
             share *= 0.5;
         }
         0.0
+    }
+}
+
+/// When a descent ends.
+struct Goal {
+    gradient: f64,
+    stall: f64,
+    most: usize,
+}
+
+impl Options {
+    fn goal(&self, initial: f64) -> Goal {
+        Goal { gradient: self.tolerance * initial, stall: self.stall, most: self.max_corrections }
     }
 }
 
