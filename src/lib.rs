@@ -11,6 +11,7 @@ mod error;
 mod exact;
 mod half;
 pub mod image;
+mod measure;
 mod mesh;
 mod reference;
 mod report;

@@ -28,13 +28,14 @@ pub(crate) struct Options {
     pub stall: f64,
     /// Cap on the corrections of a chart, per strength of the barrier.
     pub max_corrections: usize,
-    /// Where a start is given, descend from the identity as well, and keep the lower result, chart by chart.
-    pub identity_too: bool,
+    /// Descend from the start, if there is one, from the identity by way of intermediate poses, and from the identity
+    /// at once; keep the lowest result, chart by chart. Crowded charts have many minima, a few per mille apart.
+    pub thorough: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { tolerance: 1e-6, stall: 1e-7, max_corrections: 100, identity_too: false }
+        Options { tolerance: 1e-6, stall: 1e-7, max_corrections: 100, thorough: false }
     }
 }
 
@@ -184,4 +185,4 @@ fn mix(rest: [f64; 3], pose: [f64; 3], t: f64) -> [f64; DIM] {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -107,8 +107,8 @@ impl Multigrid {
         }
     }
 
-    /// Solves A x = b until the residual is `tolerance` of b, or for `most` iterations; gives x and the iterations.
-    pub fn solve(&mut self, b: &[[f64; 2]], tolerance: f64, most: usize) -> (Vec<[f64; 2]>, usize) {
+    /// Solves A x = b until the residual is `tolerance` of b, or for `most` iterations.
+    pub fn solve(&mut self, b: &[[f64; 2]], tolerance: f64, most: usize) -> Vec<[f64; 2]> {
         let dot = |x: &[[f64; 2]], y: &[[f64; 2]]| -> f64 {
             x.iter().zip(y).map(|(x, y)| x[0] * y[0] + x[1] * y[1]).sum()
         };
@@ -118,14 +118,14 @@ impl Multigrid {
         let mut z = self.cycle(&r);
         let mut p = z.clone();
         let mut rz = dot(&r, &z);
-        for iteration in 0..most {
+        for _ in 0..most {
             if dot(&r, &r).sqrt() <= goal || rz <= 0.0 {
-                return (x, iteration);
+                return x;
             }
             let q = self.levels[0].apply(&p);
             let curvature = dot(&p, &q);
             if curvature <= 0.0 {
-                return (x, iteration);
+                return x;
             }
             let alpha = rz / curvature;
             for n in 0..x.len() {
@@ -142,7 +142,7 @@ impl Multigrid {
                 *p = [z[0] + beta * p[0], z[1] + beta * p[1]];
             }
         }
-        (x, most)
+        x
     }
 
     /// One symmetric V(2,2) cycle for A z = r from 0.

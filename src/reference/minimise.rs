@@ -23,10 +23,11 @@ pub(super) struct Descent {
 }
 
 /// Shares of the way from the rest metric to the pose's, for a start from the identity.
-const STAGES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+const STAGES: [f64; 3] = [0.25, 0.5, 0.75];
 
-/// Strengths of the barrier.
-const BARRIERS: [f64; 4] = [1e-3, 1e-4, 1e-5, 1e-6];
+/// Strengths of the barrier, the first at least.
+const FIRST_BARRIER: f64 = 1e-3;
+const LAST_BARRIER: f64 = 1.1e-6;
 
 /// Nested minimisation of one chart.
 pub(super) struct Minimiser<'a> {
@@ -38,7 +39,7 @@ pub(super) struct Minimiser<'a> {
 }
 
 impl Minimiser<'_> {
-    /// Descends from `start`, and from the identity if there is none or if asked; the lower one wins.
+    /// Descends from `start`, or from the identity if there is none; from all starts if asked. The lowest wins.
     pub fn run(mut self, start: Option<Vec<[f64; 2]>>) -> Descent {
         let identity = vec![[0.0; 2]; self.chart.movable.len()];
         let mut grid = Multigrid::new(self.chart.nx, self.chart.ny, &self.chart.movable);
@@ -70,29 +71,28 @@ impl Minimiser<'_> {
         if let Some(start) = start.as_ref().filter(|s| s.iter().flatten().all(|x| x.is_finite())) {
             keep(self.descend(&mut grid, &shape, self.inside(start), initial_gradient));
         }
-        if start.is_none() || self.options.identity_too {
-            let mut u = identity;
-            for t in STAGES {
-                let surface = (self.surface)(t);
-                let shape = Shape { locator: self.locator, surface: &surface };
-                if t < 1.0 {
-                    self.chart.law.barrier = BARRIERS[1];
-                    let mut state = self.chart.state(&shape, u);
-                    self.newton(
-                        &mut grid,
-                        &shape,
-                        &mut state,
-                        &Goal { gradient: 1e-3 * initial_gradient, stall: 1e-3, most: 8 },
-                    );
-                    u = state.u;
-                } else {
-                    let found = self.descend(&mut grid, &shape, u, initial_gradient);
-                    keep(found);
-                    break;
-                }
-            }
+        if start.is_none() || self.options.thorough {
+            let eased = self.ease(&mut grid, initial_gradient, identity.clone());
+            keep(self.descend(&mut grid, &shape, eased, initial_gradient));
+        }
+        if self.options.thorough {
+            keep(self.descend(&mut grid, &shape, identity, initial_gradient));
         }
         best
+    }
+
+    /// Follows the minimum from the rest metric towards the pose's: an exact minimum of a crowded chart depends on the
+    /// way to it, and a sudden pose drives nodes into the bound that do not belong there.
+    fn ease(&mut self, grid: &mut Multigrid, initial: f64, mut u: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+        for t in STAGES {
+            let surface = (self.surface)(t);
+            let shape = Shape { locator: self.locator, surface: &surface };
+            self.chart.law.barrier = FIRST_BARRIER;
+            let mut state = self.chart.state(&shape, u);
+            self.newton(grid, &shape, &mut state, &Goal { gradient: 1e-3 * initial, stall: 1e-3, most: 8 });
+            u = state.u;
+        }
+        u
     }
 
     /// A warp that is strictly inside the bounds: `start`, mixed with as little of the identity as it takes.
@@ -111,23 +111,26 @@ impl Minimiser<'_> {
     fn descend(&mut self, grid: &mut Multigrid, shape: &Shape, u: Vec<[f64; 2]>, initial: f64) -> Descent {
         let mut state = self.chart.state(shape, u);
         let mut corrections = 0;
-        let (mut gradient, mut converged) = (0.0, false);
-        for (k, &barrier) in BARRIERS.iter().enumerate() {
-            let last = k + 1 == BARRIERS.len();
-            // Far from the bound the barrier is 0, and all strengths are the same problem.
-            if k > 0 && !last && self.chart.min_jacobian(&state.u) > BOUND + BARRIER_WIDTH {
-                continue;
-            }
-            self.chart.law.barrier = barrier;
+        let (gradient, converged);
+        // Weaker than the forces of the start, a barrier would let nodes jam right at the bound.
+        let typical = state.energy / self.chart.nodes.len() as f64;
+        let mut barrier = FIRST_BARRIER.max(0.1 * typical).min(1.0);
+        loop {
+            let last = barrier <= LAST_BARRIER;
+            self.chart.law.barrier = barrier.max(LAST_BARRIER);
             state.energy = self.chart.energy(&state.u, &state.samples);
-            let found = if last {
-                self.newton(grid, shape, &mut state, &self.options.goal(initial))
-            } else {
-                let most = self.options.max_corrections / 4;
-                self.newton(grid, shape, &mut state, &Goal { gradient: 1e-3 * initial, stall: 1e-4, most })
-            };
+            let loose =
+                Goal { gradient: 1e-3 * initial, stall: 1e-3, most: self.options.max_corrections.min(10) };
+            let goal = if last { self.options.goal(initial) } else { loose };
+            let found = self.newton(grid, shape, &mut state, &goal);
             corrections += found.corrections;
-            (gradient, converged) = (found.gradient, found.converged);
+            if last {
+                (gradient, converged) = (found.gradient, found.converged);
+                break;
+            }
+            // Far from the bound the barrier is 0, and all strengths are the same problem.
+            let room = self.chart.min_jacobian(&state.u) > BOUND + BARRIER_WIDTH;
+            barrier *= if room { LAST_BARRIER } else { 0.1 };
         }
         self.chart.law.barrier = 0.0;
         let energy = self.chart.energy(&state.u, &state.samples);
@@ -155,7 +158,7 @@ impl Minimiser<'_> {
             damp(grid.matrix(), &chart.nodes, damping);
             grid.prepare();
             let minus: Vec<[f64; 2]> = gradient.iter().map(|g| g.map(|x| -x)).collect();
-            let (mut step, its) = grid.solve(&minus, 1e-3, 60);
+            let mut step = grid.solve(&minus, 1e-3, 60);
             chart.limit(&state.u, &mut step);
             out.corrections += 1;
             let before = state.energy;
@@ -168,26 +171,11 @@ impl Minimiser<'_> {
             if damping < 1e-5 {
                 damping = 0.0;
             }
-            let mid = state.energy;
             chart.sweep(shape, state, out.corrections % 2 == 0);
-            let swept = state.energy;
             let whole: Vec<[f64; 2]> =
                 state.u.iter().zip(&last).map(|(u, l)| [u[0] - l[0], u[1] - l[1]]).collect();
             last.copy_from_slice(&state.u);
-            let further = self.extrapolate(shape, state, &whole);
-            if std::env::var_os("VRTM_TRACE").is_some() {
-                eprintln!(
-                    "  mu {:.0e} {:3} E {:.9e} newton {:.2e} sweeps {:.2e} extra {:.2e} {further} g {:.2e} its {its} a {taken} damp {damping:.1e} minJ {:.4}",
-                    chart.law.barrier,
-                    out.corrections,
-                    state.energy,
-                    before - mid,
-                    mid - swept,
-                    swept - state.energy,
-                    out.gradient,
-                    chart.min_jacobian(&state.u)
-                );
-            }
+            self.extrapolate(shape, state, &whole);
             let gain = before - state.energy;
             stalled = if gain <= goal.stall * state.energy { stalled + 1 } else { 0 };
         }
@@ -196,16 +184,12 @@ impl Minimiser<'_> {
     /// Goes on along what the last correction and sweep did together, further and further while the energy falls. The
     /// part of the curvature that Gauss-Newton leaves out is negative where a crowd buckles: there it steps too short
     /// in the same direction again and again.
-    fn extrapolate(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) -> f64 {
-        let mut sum = 0.0;
+    fn extrapolate(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) {
         let mut share = 0.5;
-        while share < 100.0 {
-            let Some(trial) = self.trial(shape, state, step, share) else { break };
+        while let Some(trial) = self.trial(shape, state, step, share) {
             *state = trial;
-            sum += share;
             share *= 2.0;
         }
-        sum
     }
 
     /// The state after a share of a step, if it is inside the bounds and lower.

@@ -64,7 +64,7 @@ fn bench() {
     let n: usize = std::env::var("N").ok().and_then(|n| n.parse().ok()).unwrap_or(128);
     let only = std::env::var("SCENE").ok();
     type Pose = fn(f64, f64) -> [f64; 3];
-    let scenes: [(&str, Pose); 7] = [
+    let scenes: [(&str, Pose); 9] = [
         ("bulge", |u, v| {
             let r2 = (u - 0.5).powi(2) + (v - 0.5).powi(2);
             [u, v, 0.5 * (-r2 / 0.03).exp()]
@@ -78,6 +78,8 @@ fn bench() {
         ("squash70", |u, v| [0.7 * u, v, 0.0]),
         ("squash40", |u, v| [0.4 * u, v, 0.0]),
         ("torus", torus),
+        ("squash20", |u, v| [0.2 * u, v, 0.0]),
+        ("squash10", |u, v| [0.1 * u, v, 0.0]),
         ("same", flat),
     ];
     for (name, pose) in scenes {
