@@ -35,7 +35,7 @@ pub(crate) struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Options { tolerance: 1e-6, stall: 1e-7, max_corrections: 100, thorough: false }
+        Options { tolerance: 1e-6, stall: 3e-7, max_corrections: 100, thorough: false }
     }
 }
 

@@ -120,7 +120,7 @@ impl Minimiser<'_> {
             self.chart.law.barrier = barrier.max(LAST_BARRIER);
             state.energy = self.chart.energy(&state.u, &state.samples);
             let loose =
-                Goal { gradient: 1e-3 * initial, stall: 1e-3, most: self.options.max_corrections.min(10) };
+                Goal { gradient: 1e-3 * initial, stall: 1e-4, most: self.options.max_corrections.min(20) };
             let goal = if last { self.options.goal(initial) } else { loose };
             let found = self.newton(grid, shape, &mut state, &goal);
             corrections += found.corrections;
@@ -130,7 +130,7 @@ impl Minimiser<'_> {
             }
             // Far from the bound the barrier is 0, and all strengths are the same problem.
             let room = self.chart.min_jacobian(&state.u) > BOUND + BARRIER_WIDTH;
-            barrier *= if room { LAST_BARRIER } else { 0.1 };
+            barrier *= if room { LAST_BARRIER } else { 0.25 };
         }
         self.chart.law.barrier = 0.0;
         let energy = self.chart.energy(&state.u, &state.samples);
@@ -158,7 +158,7 @@ impl Minimiser<'_> {
             damp(grid.matrix(), &chart.nodes, damping);
             grid.prepare();
             let minus: Vec<[f64; 2]> = gradient.iter().map(|g| g.map(|x| -x)).collect();
-            let mut step = grid.solve(&minus, 1e-3, 60);
+            let mut step = grid.solve(&minus, 1e-3, 150);
             chart.limit(&state.u, &mut step);
             out.corrections += 1;
             let before = state.energy;
@@ -176,6 +176,17 @@ impl Minimiser<'_> {
                 state.u.iter().zip(&last).map(|(u, l)| [u[0] - l[0], u[1] - l[1]]).collect();
             last.copy_from_slice(&state.u);
             self.extrapolate(shape, state, &whole);
+            if std::env::var_os("VRTM_TRACE").is_some() {
+                eprintln!(
+                    "  mu {:.0e} {:3} E {:.9e} gain {:.2e} g {:.2e} a {taken} damp {damping:.1e} minJ {:.5}",
+                    chart.law.barrier,
+                    out.corrections,
+                    state.energy,
+                    before - state.energy,
+                    out.gradient,
+                    chart.min_jacobian(&state.u)
+                );
+            }
             let gain = before - state.energy;
             stalled = if gain <= goal.stall * state.energy { stalled + 1 } else { 0 };
         }
