@@ -62,12 +62,11 @@ pub(crate) struct Minimum {
 pub(crate) struct Problem<'a> {
     nx: usize,
     ny: usize,
-    maps: TileMaps,
-    nodes: crate::tile::pyramid::NodeMaps,
     mesh: &'a Mesh,
     tile: &'a TileMesh,
     locator: Locator,
-    rest: Surface<DIM>,
+    /// Of charts in which something moves.
+    charts: Vec<Option<ChartProblem>>,
     pose: &'a [[f64; 3]],
 }
 
@@ -95,7 +94,8 @@ impl<'a> Problem<'a> {
         let (nx, ny) = (coverage.nx, coverage.ny);
         let locator = Locator::new(tile, nx, ny, coverage.triangle);
         let rest = Surface::new(tile, &locator, |v| mix(mesh.rest[v], pose[v], 0.0));
-        Ok(Problem { nx, ny, maps: maps.clone(), nodes, mesh, tile, locator, rest, pose })
+        let charts = chart::problems(tile.charts.len(), &nodes, &locator, &rest, &maps.settings);
+        Ok(Problem { nx, ny, mesh, tile, locator, charts, pose })
     }
 
     /// Cells of the grid.
@@ -110,23 +110,20 @@ impl<'a> Problem<'a> {
 
     /// E of one chart; 0 for a chart that nothing moves.
     pub fn energy_of_chart(&self, chart: usize, u: &[[f64; 2]]) -> f64 {
-        let Some(problem) = self.chart(chart) else { return 0.0 };
+        let Some(problem) = &self.charts[chart] else { return 0.0 };
         let surface = self.surface(1.0);
         let shape = Shape { locator: &self.locator, surface: &surface };
-        problem.state(&shape, self.window(&problem, u)).energy
+        problem.state(&shape, self.window(problem, u)).energy
     }
 
     /// The smallest corner Jacobian of all charts' cells; 1 if nothing moves.
     pub fn min_jacobian(&self, u: &[[f64; 2]]) -> f64 {
-        (0..self.tile.charts.len())
-            .filter_map(|c| self.chart(c))
-            .map(|p| p.min_jacobian(&self.window(&p, u)))
-            .fold(f64::INFINITY, f64::min)
-            .min(1.0)
+        let charts = self.charts.iter().flatten();
+        charts.map(|p| p.min_jacobian(&self.window(p, u))).fold(f64::INFINITY, f64::min).min(1.0)
     }
 
     /// The minimum that descent reaches from `start`, or else from the identity.
-    pub fn minimise(&self, start: Option<&[[f64; 2]]>, options: &Options) -> Minimum {
+    pub fn minimise(&mut self, start: Option<&[[f64; 2]]>, options: &Options) -> Minimum {
         let mut out = Minimum {
             u: vec![[0.0; 2]; (self.nx + 1) * (self.ny + 1)],
             energy: 0.0,
@@ -136,17 +133,17 @@ impl<'a> Problem<'a> {
             corrections: 0,
             converged: true,
         };
-        let surface = |t: f64| self.surface(t);
-        for c in 0..self.tile.charts.len() {
-            let Some(chart) = self.chart(c) else { continue };
+        for c in 0..self.charts.len() {
+            let Some(chart) = self.charts[c].take() else { continue };
+            let surface = |t: f64| self.surface(t);
             let start = start.map(|u| self.window(&chart, u));
-            let (origin, width, nodes) = (chart.origin, chart.width(), chart.nodes.clone());
-            let minimiser = Minimiser { chart, locator: &self.locator, surface: &surface, options: *options };
+            let mut minimiser =
+                Minimiser { chart, locator: &self.locator, surface: &surface, options: *options };
             let found = minimiser.run(start);
-            for n in nodes {
-                let n = n as usize;
-                let at = (origin[1] + n / width) * (self.nx + 1) + origin[0] + n % width;
-                out.u[at] = found.u[n];
+            let chart = minimiser.chart;
+            for &n in &chart.nodes {
+                let [i, j] = chart.node(n as usize);
+                out.u[j * (self.nx + 1) + i] = found.u[n as usize];
             }
             out.energy += found.energy;
             out.per_chart[c] = found.energy;
@@ -154,12 +151,9 @@ impl<'a> Problem<'a> {
             out.initial_gradient_norm = out.initial_gradient_norm.hypot(found.initial_gradient);
             out.corrections += found.corrections;
             out.converged &= found.converged;
+            self.charts[c] = Some(chart);
         }
         out
-    }
-
-    fn chart(&self, chart: usize) -> Option<ChartProblem> {
-        ChartProblem::new(chart as u32, &self.nodes, &self.locator, &self.rest, &self.maps.settings)
     }
 
     fn surface(&self, t: f64) -> Surface<DIM> {
@@ -168,13 +162,11 @@ impl<'a> Problem<'a> {
 
     /// A chart's window of a dense warp, its fixed nodes at 0.
     fn window(&self, chart: &ChartProblem, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let width = chart.width();
-        (0..chart.movable.len())
-            .map(|n| {
-                let at = (chart.origin[1] + n / width) * (self.nx + 1) + chart.origin[0] + n % width;
-                if chart.movable[n] { u[at] } else { [0.0; 2] }
-            })
-            .collect()
+        let at = |n: usize| {
+            let [i, j] = chart.node(n);
+            u[j * (self.nx + 1) + i]
+        };
+        (0..chart.movable.len()).map(|n| if chart.movable[n] { at(n) } else { [0.0; 2] }).collect()
     }
 }
 

@@ -18,9 +18,8 @@ const FLOOR_SHARE: f64 = 0.05;
 
 /// A chart's window: the bounding box of its movable nodes and one node more, so that its rim is fixed.
 pub(super) struct ChartProblem {
-    pub chart: u32,
     /// The window's lower corner in the tile's grid.
-    pub origin: [usize; 2],
+    origin: [usize; 2],
     /// Cells of the window.
     pub nx: usize,
     pub ny: usize,
@@ -39,24 +38,37 @@ pub(super) struct ChartProblem {
     pub law: Law,
 }
 
+/// The problems of all charts; none for a chart in which nothing moves.
+pub(super) fn problems(
+    charts: usize,
+    maps: &NodeMaps,
+    locator: &Locator,
+    rest: &Surface<DIM>,
+    settings: &TileSettings,
+) -> Vec<Option<ChartProblem>> {
+    let mut boxes: Vec<Option<[[usize; 2]; 2]>> = vec![None; charts];
+    for (n, &chart) in maps.chart.iter().enumerate().filter(|(_, c)| **c != NONE) {
+        let at = [n % (maps.nx + 1), n / (maps.nx + 1)];
+        let [low, high] = boxes[chart as usize].get_or_insert([at, at]);
+        for axis in 0..2 {
+            low[axis] = low[axis].min(at[axis]);
+            high[axis] = high[axis].max(at[axis]);
+        }
+    }
+    let problem =
+        |(c, b): (usize, Option<_>)| b.map(|b| ChartProblem::new(c as u32, b, maps, locator, rest, settings));
+    boxes.into_iter().enumerate().map(problem).collect()
+}
+
 impl ChartProblem {
-    pub fn new(
+    fn new(
         chart: u32,
+        [low, high]: [[usize; 2]; 2],
         maps: &NodeMaps,
         locator: &Locator,
         rest: &Surface<DIM>,
         settings: &TileSettings,
-    ) -> Option<ChartProblem> {
-        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
-        for (n, _) in maps.chart.iter().enumerate().filter(|(_, c)| **c == chart) {
-            for (axis, x) in [n % (maps.nx + 1), n / (maps.nx + 1)].into_iter().enumerate() {
-                low[axis] = low[axis].min(x);
-                high[axis] = high[axis].max(x);
-            }
-        }
-        if low[0] == usize::MAX {
-            return None;
-        }
+    ) -> ChartProblem {
         let origin = low.map(|x| x - 1);
         let [nx, ny] = [0, 1].map(|axis| high[axis] + 1 - origin[axis]);
         let width = nx + 1;
@@ -72,7 +84,6 @@ impl ChartProblem {
         let home: Vec<u32> =
             (0..size).map(|n| locator.under(origin[0] + n % width, origin[1] + n / width)).collect();
         let mut problem = ChartProblem {
-            chart,
             origin,
             nx,
             ny,
@@ -87,16 +98,21 @@ impl ChartProblem {
         };
         problem.list_edges(rest, settings, |n| f64::from(maps.rigidity[global(n)]));
         problem.list_cells();
-        Some(problem)
+        problem
     }
 
     pub fn width(&self) -> usize {
         self.nx + 1
     }
 
+    /// A node (i, j) of the tile's grid, from its number in the window.
+    pub fn node(&self, n: usize) -> [usize; 2] {
+        [self.origin[0] + n % self.width(), self.origin[1] + n / self.width()]
+    }
+
     /// A node's place in the tile's grid, in cells.
     pub fn place(&self, n: usize) -> [f64; 2] {
-        [(self.origin[0] + n % self.width()) as f64, (self.origin[1] + n / self.width()) as f64]
+        self.node(n).map(|x| x as f64)
     }
 
     fn list_edges(&mut self, rest: &Surface<DIM>, settings: &TileSettings, rigidity: impl Fn(usize) -> f64) {

@@ -40,7 +40,7 @@ pub(super) struct Minimiser<'a> {
 
 impl Minimiser<'_> {
     /// Descends from `start`, or from the identity if there is none; from all starts if asked. The lowest wins.
-    pub fn run(mut self, start: Option<Vec<[f64; 2]>>) -> Descent {
+    pub fn run(&mut self, start: Option<Vec<[f64; 2]>>) -> Descent {
         let identity = vec![[0.0; 2]; self.chart.movable.len()];
         let mut grid = Multigrid::new(self.chart.nx, self.chart.ny, &self.chart.movable);
         let last = (self.surface)(1.0);
@@ -60,6 +60,7 @@ impl Minimiser<'_> {
             best.converged = true;
             return best;
         }
+        let energy_before = best.energy;
         let mut corrections = 0;
         let mut keep = |found: Descent| {
             corrections += found.corrections;
@@ -69,14 +70,18 @@ impl Minimiser<'_> {
             best.corrections = corrections;
         };
         if let Some(start) = start.as_ref().filter(|s| s.iter().flatten().all(|x| x.is_finite())) {
-            keep(self.descend(&mut grid, &shape, self.inside(start), initial_gradient));
+            let inside = self.inside(start);
+            keep(self.descend(&mut grid, &shape, inside, FIRST_BARRIER, initial_gradient));
         }
         if start.is_none() || self.options.thorough {
             let eased = self.ease(&mut grid, initial_gradient, identity.clone());
-            keep(self.descend(&mut grid, &shape, eased, initial_gradient));
+            keep(self.descend(&mut grid, &shape, eased, FIRST_BARRIER, initial_gradient));
         }
         if self.options.thorough {
-            keep(self.descend(&mut grid, &shape, identity, initial_gradient));
+            // Weaker than the forces of the start, a barrier would let nodes jam right at the bound.
+            let typical = energy_before / self.chart.nodes.len() as f64;
+            let barrier = FIRST_BARRIER.max(0.1 * typical).min(1.0);
+            keep(self.descend(&mut grid, &shape, identity, barrier, initial_gradient));
         }
         best
     }
@@ -108,13 +113,17 @@ impl Minimiser<'_> {
     }
 
     /// Follows the barrier down, then polishes E itself.
-    fn descend(&mut self, grid: &mut Multigrid, shape: &Shape, u: Vec<[f64; 2]>, initial: f64) -> Descent {
+    fn descend(
+        &mut self,
+        grid: &mut Multigrid,
+        shape: &Shape,
+        u: Vec<[f64; 2]>,
+        mut barrier: f64,
+        initial: f64,
+    ) -> Descent {
         let mut state = self.chart.state(shape, u);
         let mut corrections = 0;
         let (gradient, converged);
-        // Weaker than the forces of the start, a barrier would let nodes jam right at the bound.
-        let typical = state.energy / self.chart.nodes.len() as f64;
-        let mut barrier = FIRST_BARRIER.max(0.1 * typical).min(1.0);
         loop {
             let last = barrier <= LAST_BARRIER;
             self.chart.law.barrier = barrier.max(LAST_BARRIER);
