@@ -95,11 +95,11 @@ impl Locator {
         for _ in 0..1000 {
             let triangle = &self.triangles[t as usize];
             let l = triangle.barycentrics(at);
-            let mut order = [0, 1, 2];
-            order.sort_unstable_by(|&a, &b| l[a].total_cmp(&l[b]));
-            if l[order[0]] >= -SLACK {
+            if l.iter().all(|&l| l >= -SLACK) {
                 return Some(t);
             }
+            let mut order = [0, 1, 2];
+            order.sort_unstable_by(|&a, &b| l[a].total_cmp(&l[b]));
             let beyond = |k: usize| l[k] < -SLACK && triangle.neighbours[k] != NONE;
             let &k = order.iter().find(|&&k| beyond(k))?;
             t = triangle.neighbours[k];

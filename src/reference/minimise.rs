@@ -185,17 +185,6 @@ impl Minimiser<'_> {
                 state.u.iter().zip(&last).map(|(u, l)| [u[0] - l[0], u[1] - l[1]]).collect();
             last.copy_from_slice(&state.u);
             self.extrapolate(shape, state, &whole);
-            if std::env::var_os("VRTM_TRACE").is_some() {
-                eprintln!(
-                    "  mu {:.0e} {:3} E {:.9e} gain {:.2e} g {:.2e} a {taken} damp {damping:.1e} minJ {:.5}",
-                    chart.law.barrier,
-                    out.corrections,
-                    state.energy,
-                    before - state.energy,
-                    out.gradient,
-                    chart.min_jacobian(&state.u)
-                );
-            }
             let gain = before - state.energy;
             stalled = if gain <= goal.stall * state.energy { stalled + 1 } else { 0 };
         }
