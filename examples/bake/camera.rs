@@ -35,8 +35,13 @@ impl Camera {
     /// Pixel coordinates (y down) and depth (larger = nearer).
     pub fn project(&self, p: [f32; 3], width: f64, height: f64) -> [f64; 3] {
         let [x, y, z] = self.view(p);
-        let scale = (width / self.half[0]).min(height / self.half[1]) / 2.0;
+        let scale = self.scale(width, height);
         [width / 2.0 + (x - self.centre[0]) * scale, height / 2.0 - (y - self.centre[1]) * scale, z]
+    }
+
+    /// Pixels per unit of length.
+    pub fn scale(&self, width: f64, height: f64) -> f64 {
+        (width / self.half[0]).min(height / self.half[1]) / 2.0
     }
 
     /// Height over width of what is seen.

@@ -21,6 +21,7 @@ pub struct Font {
 
 pub const TITLE: Font = Font { weight: FontWeight::Bold, height: RasterHeight::Size24 };
 pub const HEADING: Font = Font { weight: FontWeight::Bold, height: RasterHeight::Size20 };
+pub const LARGE: Font = Font { weight: FontWeight::Regular, height: RasterHeight::Size20 };
 pub const TEXT: Font = Font { weight: FontWeight::Regular, height: RasterHeight::Size16 };
 
 impl Font {

@@ -9,16 +9,19 @@ const SKIN: Colour = [0.115, 0.042, 0.030];
 const LINES: Colour = [0.30, 0.135, 0.095];
 const STUD: Colour = [0.90, 0.62, 0.24];
 const RIM: Colour = [0.018, 0.008, 0.006];
-/// Cells of the UV grid on the skin, per tile and side.
-const GRID: f32 = 32.0;
+/// Pixels that a cell of the UV grid on the skin spans, about.
+const CELL: f32 = 26.0;
+/// Half of the width of an outline and of a grid line, in pixels.
+const OUTLINE_WIDTH: f32 = 1.4;
+const LINE_WIDTH: f32 = 0.55;
 /// Rigidity at which a feature's outline lies: low, so that features that are half rigid have one too.
 const OUTLINE: f32 = 0.28;
 
 pub struct Material {
     /// The rigidity, smoothed a little: outlines of an 8-bit mask would be staircases otherwise.
     rigidity: Option<Field<1>>,
-    /// Half of an outline's width, in texels.
-    outline: f32,
+    /// Pixels of the sheet that the tile's side would span: lines are as wide on every mesh.
+    pixels: f32,
 }
 
 impl Material {
@@ -31,8 +34,12 @@ impl Material {
             }
             Field { width, height, data: values.into_iter().map(|v| [v]).collect() }
         });
-        let outline = rigidity.as_ref().map_or(1.0, |r| 1.25 * (r.width as f32 / 1024.0).max(1.0));
-        Material { rigidity, outline }
+        Material { rigidity, pixels: 512.0 }
+    }
+
+    /// Tells how many pixels of the sheet the tile's side spans, about.
+    pub fn set_scale(&mut self, pixels: f32) {
+        self.pixels = pixels.clamp(64.0, 65536.0);
     }
 
     /// Rigidity at a UV, smoothed.
@@ -42,9 +49,10 @@ impl Material {
 
     /// Colour at a UV.
     pub fn colour(&self, uv: [f32; 2]) -> Colour {
+        let cells = (self.pixels / CELL).log2().round().exp2();
         let line = |x: f32| {
-            let distance = ((x * GRID).fract() - 0.5).abs();
-            step(0.46, 0.49, distance)
+            let distance = (0.5 - ((x * cells).fract().abs() - 0.5).abs()) * self.pixels / cells;
+            1.0 - step(0.5 * LINE_WIDTH, 1.5 * LINE_WIDTH, distance)
         };
         let mut colour = mix(SKIN, LINES, line(uv[0]).max(line(uv[1])));
         let Some(map) = &self.rigidity else { return colour };
@@ -62,8 +70,10 @@ impl Material {
         let stud = mix(SKIN, STUD, 0.35 + 0.65 * r).map(|c| c * relief);
         colour = mix(colour, stud, step(OUTLINE - 0.05, OUTLINE + 0.05, r));
         if steep > 1e-4 {
-            let distance = (r - OUTLINE).abs() / steep;
-            colour = mix(RIM, colour, step(0.6 * self.outline, 1.4 * self.outline, distance));
+            // To the outline, in pixels; at least a texel wide, or the filter above would show.
+            let distance = (r - OUTLINE).abs() / steep * self.pixels / map.width as f32;
+            let width = OUTLINE_WIDTH.max(0.4 * self.pixels / map.width as f32);
+            colour = mix(RIM, colour, step(0.6 * width, 1.4 * width, distance));
         }
         colour
     }

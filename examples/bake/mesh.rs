@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use crate::camera::{cross, dot};
+
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
     pub rest: Vec<[f32; 3]>,
@@ -19,6 +21,22 @@ pub struct Triangle {
     /// UV corners as indexed by the mesh: triangles that share them hang together.
     pub corners: [u32; 3],
     pub udim: u32,
+}
+
+impl Triangle {
+    /// Area in UV.
+    pub fn uv_area(&self) -> f64 {
+        let [a, b, c] = self.uvs;
+        0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
+    }
+
+    /// Area on the surface.
+    pub fn area(&self, positions: &[[f32; 3]]) -> f64 {
+        let [a, b, c] = self.vertices.map(|v| positions[v as usize].map(f64::from));
+        let edge = |p: [f64; 3]| [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
+        let normal = cross(edge(b), edge(c));
+        0.5 * dot(normal, normal).sqrt()
+    }
 }
 
 impl Mesh {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use obj::{LoadConfig, ObjData};
+use obj::{LoadConfig, ObjData, ObjError};
 
 use crate::failure::{Failure, Result, read};
 use crate::mesh::Mesh;
@@ -44,12 +44,29 @@ pub fn load_positions(path: &Path) -> Result<Vec<[f32; 3]>> {
 fn load(path: &Path) -> Result<ObjData> {
     let bytes = read(path)?;
     let config = LoadConfig { strict: false, ..LoadConfig::default() };
-    let data = ObjData::load_buf_with_config(bytes.as_slice(), config).map_err(|e| Failure::file(path, e))?;
+    let data = ObjData::load_buf_with_config(bytes.as_slice(), config)
+        .map_err(|error| Failure::file(path, explain(&error)))?;
     if data.position.is_empty() {
         return Err(Failure::file(path, "no vertices (v); is it an OBJ file?"));
     }
     check_finite(path, "v", &data.position)?;
     Ok(data)
+}
+
+/// The reader counts lines from 0, editors from 1.
+fn explain(error: &ObjError) -> String {
+    match error {
+        ObjError::MalformedFaceGroup { line_number, group } => {
+            format!("line {}: '{group}' is not a face corner", line_number + 1)
+        }
+        ObjError::ArgumentListFailure { line_number, list } => {
+            format!("line {}: cannot read {list}", line_number + 1)
+        }
+        ObjError::ZeroVertexNumber { line_number } => {
+            format!("line {}: index 0, but they start at 1", line_number + 1)
+        }
+        other => other.to_string(),
+    }
 }
 
 fn check_finite<const N: usize>(path: &Path, name: &str, values: &[[f32; N]]) -> Result<()> {

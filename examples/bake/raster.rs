@@ -28,7 +28,6 @@ impl Hit {
 /// A rasterised pose, `SUPER` times as large as its picture.
 pub struct Samples {
     pub width: usize,
-    pub height: usize,
     pub hits: Vec<Hit>,
 }
 
@@ -93,7 +92,7 @@ pub fn rasterise(
             }
         }
     }
-    Samples { width, height, hits }
+    Samples { width, hits }
 }
 
 /// Smooth vertex normals in view space, weighted by area; and the sign of the enclosed volume, which tells whether

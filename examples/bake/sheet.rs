@@ -3,7 +3,7 @@
 use vrtm::TileReport;
 
 use crate::camera::Camera;
-use crate::canvas::{Canvas, HEADING, TEXT, TITLE};
+use crate::canvas::{Canvas, HEADING, LARGE, TEXT, TITLE};
 use crate::figures;
 use crate::maps::{Field, Map};
 use crate::material::{Colour, Material, mix, step};
@@ -16,6 +16,8 @@ const GAP: usize = 20;
 const MARGIN: usize = 28;
 const BAR: usize = 64;
 const LABEL: usize = 34;
+/// Side of the picture of a texture.
+const THUMB: usize = 300;
 const PAPER: Colour = [0.80, 0.80, 0.78];
 const INK: Colour = [0.012, 0.012, 0.016];
 /// What is not rigid, under the strain's colours.
@@ -62,7 +64,7 @@ impl<'a> Stage<'a> {
         triangles.retain(|t| udims.contains(&t.udim));
         let index = |t: &Triangle| udims.iter().position(|&udim| udim == t.udim).expect("retained");
         let owners: Vec<usize> = triangles.iter().map(index).collect();
-        let materials: Vec<Material> = tiles.iter().map(|tile| Material::new(tile.1)).collect();
+        let mut materials: Vec<Material> = tiles.iter().map(|tile| Material::new(tile.1)).collect();
         let rigid = triangles.iter().zip(&owners).map(|(t, &tile)| {
             let centre = [0, 1].map(|k| (t.uvs.iter().map(|uv| uv[k]).sum::<f64>() / 3.0) as f32);
             let points = t.uvs.map(|uv| uv.map(|x| x as f32)).into_iter().chain([centre]);
@@ -72,8 +74,18 @@ impl<'a> Stage<'a> {
         let all: Vec<&[[f32; 3]]> =
             std::iter::once(mesh.rest.as_slice()).chain(poses.iter().copied()).collect();
         let camera = Camera::choose(&triangles, &rigid, &all, args.view, args.up);
-        let height = (COLUMN as f64 * camera.aspect()).clamp(0.62 * COLUMN as f64, 1.15 * COLUMN as f64);
+        let height = (COLUMN as f64 * camera.aspect()).clamp(0.74 * COLUMN as f64, 1.15 * COLUMN as f64);
         let size = [COLUMN, height as usize];
+        let scale = camera.scale(size[0] as f64, size[1] as f64);
+        for (tile, material) in materials.iter_mut().enumerate() {
+            let own = triangles.iter().zip(&owners).filter(|(_, owner)| **owner == tile);
+            let (texture, surface) = own.fold((0.0, 0.0), |(texture, surface), (t, _)| {
+                (texture + t.uv_area(), surface + t.area(&mesh.rest))
+            });
+            if texture > 0.0 {
+                material.set_scale((scale * (surface / texture).sqrt()) as f32);
+            }
+        }
         let rest = rasterise(&triangles, &mesh.rest, &camera, size[0], size[1]);
         let charts = strain::charts(&triangles, mesh.uvs.len());
         Stage { mesh, triangles, charts, udims, materials, tiles: owners, camera, size, rest, threads }
@@ -106,18 +118,34 @@ impl<'a> Stage<'a> {
                 canvas.text([column(i), y - LABEL + 4], w, HEADING, INK, label);
             }
         }
-        self.picture(&mut canvas, [column(0), top], &self.rest, painted);
-        self.picture(&mut canvas, [column(1), top], &posed, painted);
-        self.picture(&mut canvas, [column(2), top], &posed, |tile, uv| painted(tile, redirected(tile, uv)));
-        self.picture(&mut canvas, [column(1), below], &posed, |tile, uv| {
-            strained(&strains[tile].before, tile, uv)
+        self.picture(&mut canvas, [column(0), top], &self.rest, |tile, hit| {
+            light(painted(tile, hit.uv), hit)
         });
-        self.picture(&mut canvas, [column(2), below], &posed, |tile, uv| {
-            strained(&strains[tile].after, tile, redirected(tile, uv))
+        self.picture(&mut canvas, [column(1), top], &posed, |tile, hit| light(painted(tile, hit.uv), hit));
+        self.picture(&mut canvas, [column(2), top], &posed, |tile, hit| {
+            light(painted(tile, redirected(tile, hit.uv)), hit)
+        });
+        self.picture(&mut canvas, [column(1), below], &posed, |tile, hit| {
+            soft_light(strained(&strains[tile].before, tile, hit.uv), hit)
+        });
+        self.picture(&mut canvas, [column(2), below], &posed, |tile, hit| {
+            soft_light(strained(&strains[tile].after, tile, redirected(tile, hit.uv)), hit)
         });
         let reports: Vec<TileReport> = results.iter().map(|r| r.report).collect();
-        for (i, line) in figures::lines(&reports).iter().enumerate() {
-            canvas.text([column(0), below + 4 + 20 * i], w, TEXT, INK, line);
+        let lines = figures::lines(&reports);
+        let (font, step) = if results.len() == 1 { (LARGE, 24) } else { (TEXT, 20) };
+        for (i, line) in lines.iter().enumerate() {
+            canvas.text([column(0), below + 4 + step * i], w, font, INK, line);
+        }
+        if results.len() == 1 {
+            let left = column(0) + w - THUMB;
+            texture(&mut canvas, [left, below + 8], "texture as it is looked up", |uv| {
+                painted(0, redirected(0, uv))
+            });
+            let second = THUMB + 40;
+            if 2 * second < h - 60 {
+                texture(&mut canvas, [left, below + 8 + second], "texture as painted", |uv| painted(0, uv));
+            }
         }
         legend(&mut canvas, [column(0), below + h - 44]);
         canvas.finish()
@@ -136,7 +164,7 @@ impl<'a> Stage<'a> {
         canvas: &mut Canvas,
         at: [usize; 2],
         samples: &Samples,
-        texture: impl Fn(usize, [f32; 2]) -> Colour + Sync,
+        shade: impl Fn(usize, &Hit) -> Colour + Sync,
     ) {
         let [w, h] = self.size;
         let mut picture = vec![PAPER; w * h];
@@ -149,7 +177,7 @@ impl<'a> Stage<'a> {
                     let colour = if hit.triangle == Hit::NOTHING {
                         PAPER
                     } else {
-                        light(texture(self.tiles[hit.triangle as usize], hit.uv), hit)
+                        shade(self.tiles[hit.triangle as usize], hit)
                     };
                     sum = [0, 1, 2].map(|c| sum[c] + colour[c] / (SUPER * SUPER) as f32);
                 }
@@ -170,6 +198,14 @@ impl<'a> Stage<'a> {
             canvas.put(at[0] + i % w, at[1] + i / w, colour);
         }
     }
+}
+
+/// Flat enough for a colour to be read off, round enough for a shape to be seen.
+fn soft_light(colour: Colour, hit: &Hit) -> Colour {
+    let [x, y, z] = hit.normal;
+    let key = (-0.45 * x + 0.55 * y + 0.70 * z).max(0.0);
+    let strength = (0.68 + 0.32 * key) * if hit.inside { 0.7 } else { 1.0 };
+    colour.map(|c| c * strength)
 }
 
 /// The redirected UV. The map's deltas are interpolated: they are zero at a chart's border and smooth inside.
@@ -200,6 +236,21 @@ fn strain_colour([stretch, squeeze]: [f32; 2]) -> Colour {
 
 fn mix_channel(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
+}
+
+/// A tile's texture, flat.
+fn texture(canvas: &mut Canvas, at: [usize; 2], label: &str, colour: impl Fn([f32; 2]) -> Colour) {
+    let side = (THUMB * SUPER) as f32;
+    canvas.rectangle(at, [THUMB, THUMB], |x, y| {
+        let mut sum = [0.0; 3];
+        for k in 0..SUPER * SUPER {
+            let shift = |i: usize| (i as f32 - 0.5) / side;
+            let part = colour([x + shift(k % SUPER), 1.0 - y - shift(k / SUPER)]);
+            sum = [0, 1, 2].map(|c| sum[c] + part[c] / (SUPER * SUPER) as f32);
+        }
+        sum
+    });
+    canvas.text([at[0], at[1] + THUMB + 6], THUMB, TEXT, INK, label);
 }
 
 fn legend(canvas: &mut Canvas, at: [usize; 2]) {

@@ -60,7 +60,7 @@ pub fn measure(
         if p.chart != q.chart || length <= 0.0 {
             return;
         }
-        let mut add = |field: &mut Field<3>, posed: f64| {
+        let add = |field: &mut Field<3>, posed: f64| {
             let strain = (posed / length - 1.0) as f32;
             for i in [a, b] {
                 let [stretch, squeeze, _] = field.data[i];

@@ -39,7 +39,7 @@ pub fn torus() -> Scene {
         let (sin_a, cos_a) = sin_cos((x - 0.5) * 2.2);
         let (sin_b, cos_b) = sin_cos((y - 0.5) * 4.4);
         let radius = large + small * cos_b;
-        [radius * sin_a, small * sin_b, radius * cos_a]
+        [0.5 + radius * sin_a, 0.5 + small * sin_b, radius * cos_a - large]
     })
 }
 
