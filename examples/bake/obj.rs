@@ -43,7 +43,7 @@ pub fn load_positions(path: &Path) -> Result<Vec<[f32; 3]>> {
 
 fn load(path: &Path) -> Result<ObjData> {
     let bytes = read(path)?;
-    let config = LoadConfig { strict: false, ..LoadConfig::default() };
+    let config = LoadConfig { strict: false };
     let data = ObjData::load_buf_with_config(bytes.as_slice(), config)
         .map_err(|error| Failure::file(path, explain(&error)))?;
     if data.position.is_empty() {

@@ -191,6 +191,8 @@ pub fn progress(frames: usize) -> indicatif::ProgressBar {
         return indicatif::ProgressBar::hidden();
     }
     let style = indicatif::ProgressStyle::with_template("{wide_bar} frame {pos}/{len}, {msg} [{eta} left]");
+    // A failure's line should not share its line with half a bar.
     indicatif::ProgressBar::new(frames as u64)
+        .with_finish(indicatif::ProgressFinish::AndClear)
         .with_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()))
 }

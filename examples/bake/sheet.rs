@@ -24,6 +24,7 @@ const INK: Colour = [0.012, 0.012, 0.016];
 const QUIET: Colour = [0.16, 0.16, 0.165];
 const STRETCH: Colour = [0.72, 0.015, 0.020];
 const SQUEEZE: Colour = [0.020, 0.085, 0.72];
+const SHEAR: Colour = [0.24, 0.015, 0.40];
 /// Strain at which the colour is full.
 const FULL: f32 = 0.30;
 
@@ -229,13 +230,7 @@ fn light(colour: Colour, hit: &Hit) -> Colour {
 /// White without strain, red where stretched, blue where squeezed, violet where both (sheared).
 fn strain_colour([stretch, squeeze]: [f32; 2]) -> Colour {
     let (a, b) = ((stretch / FULL).min(1.0), (squeeze / FULL).min(1.0));
-    let white = [0.92; 3];
-    [0, 1, 2]
-        .map(|c| white[c] * mix_channel(1.0, STRETCH[c] / 0.92, a) * mix_channel(1.0, SQUEEZE[c] / 0.92, b))
-}
-
-fn mix_channel(a: f32, b: f32, t: f32) -> f32 {
-    a + (b - a) * t
+    mix(mix([0.92; 3], STRETCH, a), mix(SQUEEZE, SHEAR, a), b)
 }
 
 /// A tile's texture, flat.
@@ -254,14 +249,15 @@ fn texture(canvas: &mut Canvas, at: [usize; 2], label: &str, colour: impl Fn([f3
 }
 
 fn legend(canvas: &mut Canvas, at: [usize; 2]) {
-    let bar = [360, 18];
+    let (bar, swatch) = ([360, 18], [at[0] + 400, at[1]]);
     canvas.rectangle(at, bar, |x, _| {
         let strain = (2.0 * x - 1.0) * FULL;
         strain_colour([strain.max(0.0), (-strain).max(0.0)])
     });
-    let texts = [(0, "-30 %"), (bar[0] / 2 - 4, "0"), (bar[0] - 40, "+30 %"), (bar[0] + 24, "both: violet")];
+    canvas.rectangle(swatch, [36, 18], |x, _| strain_colour([x * FULL, x * FULL]));
+    let texts =
+        [(0, "-30 % squeezed"), (176, "0"), (232, "stretched +30 %"), (swatch[0] - at[0], "both (sheared)")];
     for (x, text) in texts {
-        canvas.text([at[0] + x, at[1] + 22], 200, TEXT, INK, text);
+        canvas.text([at[0] + x, at[1] + 22], 240, TEXT, INK, text);
     }
-    canvas.text([at[0] + bar[0] + 24, at[1]], 200, TEXT, INK, "squeezed, stretched");
 }
