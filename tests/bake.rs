@@ -166,6 +166,34 @@ fn the_report_has_every_figure() {
     }
 }
 
+/// The assets lie beside the checkout where they are present at all.
+#[test]
+fn real_assets_bake() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/assets");
+    if !assets.is_dir() {
+        println!("skipped: no {}", assets.display());
+        return;
+    }
+    for name in names(&assets) {
+        let asset = assets.join(&name);
+        if !asset.join("asset.json").is_file() {
+            continue;
+        }
+        let out = folder(&format!("asset_{name}"));
+        succeed(&["--asset", text(&asset), "--size", "128", "--frames", "1", "--out", text(&out)]);
+        let report = report(&out);
+        assert_eq!(report["scene"]["name"], name);
+        let tiles = report["frames"][0]["tiles"].as_array().expect("tiles");
+        assert_eq!(names(&out).len(), 2 * tiles.len() + 2, "{name}");
+        for tile in tiles {
+            let strain = &tile["strain"];
+            println!("{name} {}: {} -> {}", tile["udim"], strain["before"]["rms"], strain["after"]["rms"]);
+            assert_eq!(tile["folds"], 0, "{name}");
+            assert!(tile["min_jacobian"].as_f64().is_some_and(|j| j > 0.0), "{name}");
+        }
+    }
+}
+
 /// Two quads side by side on two tiles, lifted in the pose; UVs indexed apart from the vertices.
 struct Files {
     folder: PathBuf,
@@ -320,10 +348,12 @@ fn bad_assets_are_refused() {
     refuse(&arguments, &out, "asset.json", "");
     fs::write(base.join("asset.json"), "{ \"name\": ").expect("a file");
     refuse(&arguments, &out, "asset.json", "EOF");
-    fs::write(base.join("asset.json"), "{ \"rigidity\": { \"1001\": 7 } }").expect("a file");
+    fs::write(base.join("asset.json"), "{ \"rigidity\": { \"1001\": 7 }, \"frames\": 1 }").expect("a file");
     fs::write(base.join("rest.obj"), REST).expect("a file");
     fs::write(base.join("frames.f32"), floats(&[0.0; 6 * 3])).expect("a file");
     refuse(&arguments, &out, "asset.json", "rigidity");
+    fs::write(base.join("asset.json"), "{ \"frames\": 2 }").expect("a file");
+    refuse(&arguments, &out, "frames.f32", "1 frames, but asset.json says 2");
 }
 
 #[test]

@@ -119,7 +119,12 @@ fn asset(folder: &Path) -> Result<Source> {
     let rest = folder.join("rest.obj");
     let mesh = obj::load_mesh(&rest)?;
     let mut frames = Vec::new();
-    load_f32(&folder.join("frames.f32"), mesh.rest.len(), &mut frames)?;
+    let poses = folder.join("frames.f32");
+    load_f32(&poses, mesh.rest.len(), &mut frames)?;
+    // A file that was cut between two frames still divides evenly.
+    if let Some(count) = json["frames"].as_u64().filter(|&count| count != frames.len() as u64) {
+        return Err(Failure::file(&poses, format!("{} frames, but asset.json says {count}", frames.len())));
+    }
     for frame in &mut frames {
         frame.note = json["frame_notes"][frame.number - 1].as_str().unwrap_or_default().into();
     }

@@ -11,17 +11,17 @@ const MARGIN: f64 = 0.02;
 
 /// Squashed in x to `share` of its width.
 pub fn squash(share: f64) -> Scene {
-    sheet("squash", discs(6), |[x, y, z]| [0.5 + (x - 0.5) * share, y, z])
+    sheet("squash", "squashed in x", discs(6), |[x, y, z]| [0.5 + (x - 0.5) * share, y, z])
 }
 
 /// Blown up in the middle.
 pub fn bulge() -> Scene {
-    sheet("bulge", discs(6), |[x, y, _]| [x, y, 0.30 * around_centre(x, y, 0.45)])
+    sheet("bulge", "blown up in the middle", discs(6), |[x, y, _]| [x, y, 0.30 * around_centre(x, y, 0.45)])
 }
 
 /// Drawn together toward the centre, in the plane.
 pub fn pinch() -> Scene {
-    sheet("pinch", discs(6), |[x, y, z]| {
+    sheet("pinch", "drawn toward the centre", discs(6), |[x, y, z]| {
         let factor = 1.0 - 0.40 * around_centre(x, y, 0.48);
         [0.5 + (x - 0.5) * factor, 0.5 + (y - 0.5) * factor, z]
     })
@@ -29,12 +29,12 @@ pub fn pinch() -> Scene {
 
 /// Sheared in x by `k` per unit of y.
 pub fn shear(k: f64) -> Scene {
-    sheet("shear", discs(6), move |[x, y, z]| [x + k * (y - 0.5), y, z])
+    sheet("shear", "sheared in x", discs(6), move |[x, y, z]| [x + k * (y - 0.5), y, z])
 }
 
 /// Rolled to a part of a torus: crowded with discs, squashed on its inside, stretched on its outside.
 pub fn torus() -> Scene {
-    sheet("torus", discs(9), |[x, y, _]| {
+    sheet("torus", "rolled to a part of a torus", discs(9), |[x, y, _]| {
         let (large, small) = (0.42, 0.22);
         let (sin_a, cos_a) = sin_cos((x - 0.5) * 2.2);
         let (sin_b, cos_b) = sin_cos((y - 0.5) * 4.4);
@@ -49,7 +49,7 @@ pub fn strips(share: f64) -> Scene {
     for i in 0..4 {
         canvas.tile([0.125 + 0.25 * f64::from(i), 0.5], [0.0625, 0.6], 0.0, 0.0, 0.0, 1.0);
     }
-    sheet("strips", canvas, move |[x, y, z]| [0.5 + (x - 0.5) * share, y, z])
+    sheet("strips", "squashed across the stripes", canvas, move |[x, y, z]| [0.5 + (x - 0.5) * share, y, z])
 }
 
 /// One of each.
@@ -74,7 +74,7 @@ fn discs(n: u32) -> Canvas {
     canvas
 }
 
-fn sheet(name: &'static str, canvas: Canvas, pose: impl Fn(Point) -> Point) -> Scene {
+fn sheet(name: &'static str, note: &'static str, canvas: Canvas, pose: impl Fn(Point) -> Point) -> Scene {
     let mut mesh = Builder::default();
     let at = |share: f64| MARGIN + (1.0 - 2.0 * MARGIN) * share;
     for j in 0..=CELLS {
@@ -84,5 +84,5 @@ fn sheet(name: &'static str, canvas: Canvas, pose: impl Fn(Point) -> Point) -> S
     }
     mesh.chart(CELLS, CELLS, |i, j| (j * (CELLS + 1) + i) as u32, |s, t| [at(s), at(t)]);
     let poses = vec![deform(&mesh.points, pose)];
-    Scene { notes: vec![name], poses, tiles: vec![canvas.finish(1001)], ..mesh.scene(name) }
+    Scene { notes: vec![note], poses, tiles: vec![canvas.finish(1001)], ..mesh.scene(name) }
 }
