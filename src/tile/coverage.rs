@@ -1,0 +1,122 @@
+//! Node -> triangle coverage of a tile's grid, and the cells that lie wholly inside one chart.
+
+use crate::mesh::{NONE, TileMesh};
+use crate::settings::Overlap;
+
+use super::fill::Fill;
+
+/// What covers the nodes of an nx by ny grid. Node (i, j) lies at UV (i / nx, j / ny) and is entry
+/// `j * (nx + 1) + i`.
+#[derive(Clone, Debug)]
+pub(crate) struct Coverage {
+    pub nx: usize,
+    pub ny: usize,
+    /// The triangle under each node, or `NONE`.
+    pub triangle: Vec<u32>,
+    /// True for nodes all of whose four cells lie inside one chart (and in the tile).
+    pub interior: Vec<bool>,
+    /// Share of the covered nodes that more than one layer covers.
+    pub overlap: f32,
+}
+
+/// A cell that borders of more than one chart cross.
+const SEVERAL: u32 = NONE - 1;
+
+impl Coverage {
+    /// Covers the grid. Where layers overlap, the lowest triangle owns a node (triangles are sorted by chart, charts
+    /// by first face); with `Overlap::Fixed` such nodes are not interior.
+    pub fn new(mesh: &TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverage {
+        let width = nx + 1;
+        let mut triangle = vec![NONE; width * (ny + 1)];
+        let mut layered = vec![false; triangle.len()];
+        // Nodes exactly on an edge that the fill rule gives to nobody: the chart's lower and right rim.
+        let mut rim = Vec::new();
+        for (t, source) in mesh.triangles.iter().enumerate() {
+            let corners = source.uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
+            Fill::new(corners).visit(width, ny + 1, |i, j, inside| {
+                let node = j * width + i;
+                match (inside, triangle[node]) {
+                    (true, NONE) => triangle[node] = t as u32,
+                    (true, _) => layered[node] = true,
+                    (false, _) => rim.push((node, t as u32)),
+                }
+            });
+        }
+        for (node, t) in rim {
+            if triangle[node] == NONE {
+                triangle[node] = t;
+            }
+        }
+        let borders = borders(mesh, nx, ny);
+        let charts = mesh.chart_of_triangles();
+        let chart_of = |node: usize| {
+            let t = triangle[node];
+            if t == NONE { NONE } else { charts[t as usize] }
+        };
+        let inside = |i: usize, j: usize| {
+            let corners = [j * width + i, j * width + i + 1, (j + 1) * width + i, (j + 1) * width + i + 1];
+            let chart = chart_of(corners[0]);
+            let border = borders[j * nx + i];
+            let crossed = match overlap {
+                Overlap::Fixed => border != NONE || corners.iter().any(|&c| layered[c]),
+                Overlap::FirstFace => border == chart || border == SEVERAL,
+            };
+            chart != NONE && !crossed && corners[1..].iter().all(|&c| chart_of(c) == chart)
+        };
+        let mut cells = vec![false; nx * ny];
+        for j in 0..ny {
+            for i in 0..nx {
+                cells[j * nx + i] = inside(i, j);
+            }
+        }
+        let mut interior = vec![false; triangle.len()];
+        for j in 1..ny {
+            for i in 1..nx {
+                let cell = |di: usize, dj: usize| cells[(j - dj) * nx + i - di];
+                interior[j * width + i] = cell(0, 0) && cell(1, 0) && cell(0, 1) && cell(1, 1);
+            }
+        }
+        let covered = triangle.iter().filter(|&&t| t != NONE).count().max(1);
+        let shared = layered.iter().filter(|&&l| l).count();
+        Coverage { nx, ny, triangle, interior, overlap: shared as f32 / covered as f32 }
+    }
+}
+
+/// Per cell, the chart whose border crosses its open interior, `SEVERAL`, or `NONE`.
+fn borders(mesh: &TileMesh, nx: usize, ny: usize) -> Vec<u32> {
+    let mut cells = vec![NONE; nx * ny];
+    for (c, chart) in mesh.charts.iter().enumerate() {
+        for t in &mesh.triangles[chart.triangles.clone()] {
+            for k in 0..3 {
+                if t.neighbours[k] == NONE {
+                    let [a, b] = [t.uv[(k + 1) % 3], t.uv[(k + 2) % 3]]
+                        .map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
+                    cells_of_segment(a, b, nx, ny, |cell| {
+                        let owner = &mut cells[cell];
+                        *owner = if *owner == NONE || *owner == c as u32 { c as u32 } else { SEVERAL };
+                    });
+                }
+            }
+        }
+    }
+    cells
+}
+
+/// Calls `f` for each cell whose open interior the segment crosses.
+fn cells_of_segment(a: [f64; 2], b: [f64; 2], nx: usize, ny: usize, mut f: impl FnMut(usize)) {
+    let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
+    let first = a[1].floor().max(0.0);
+    let last = (b[1].ceil() - 1.0).min(ny as f64 - 1.0);
+    let mut row = first;
+    while row <= last {
+        let at = |y: f64| a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1])).clamp(0.0, 1.0);
+        let (x0, x1) = (at(row.max(a[1])), at((row + 1.0).min(b[1])));
+        let mut x = x0.min(x1).floor().max(0.0);
+        let end = (x0.max(x1).ceil() - 1.0).min(nx as f64 - 1.0);
+        while x <= end {
+            f(row as usize * nx + x as usize);
+            x += 1.0;
+        }
+        row += 1.0;
+    }
+}
