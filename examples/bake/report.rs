@@ -169,7 +169,7 @@ impl Table {
                 100.0 * s.harm,
                 100.0 * s.help
             ),
-            None => format!("{:<52}", "nothing rigid"),
+            None => format!("{:<52}", "nothing to measure"),
         };
         self.0.push(format!(
             "{frame:>5}  {}  {grid:>8}  {strain}  {:.3}  {:5.0} {:7}",

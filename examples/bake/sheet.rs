@@ -143,7 +143,7 @@ impl<'a> Stage<'a> {
             texture(&mut canvas, [left, below + 8], "texture as it is looked up", |uv| {
                 painted(0, redirected(0, uv))
             });
-            let second = THUMB + 40;
+            let second = THUMB + 32;
             if 2 * second < h - 60 {
                 texture(&mut canvas, [left, below + 8 + second], "texture as painted", |uv| painted(0, uv));
             }
