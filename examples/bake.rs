@@ -78,8 +78,8 @@ fn run(args: &Args) -> Result<()> {
     let mut frames = Vec::new();
     let mut table = report::Table::new();
     let mut staging = Staging::new(&args.out)?;
-    let bar = report::progress(source.frames.len());
-    for frame in &source.frames {
+    let bar = report::progress(source.chosen.len());
+    for frame in source.chosen.iter().map(|&index| &source.frames[index]) {
         let number = format!("{:04}", frame.number);
         bar.set_message(format!("solving {number}"));
         let results = bake.frame(frame, args)?;

@@ -19,8 +19,11 @@ pub struct Source {
     /// The mesh's file, for messages.
     pub origin: String,
     pub mesh: Mesh,
-    /// The frames to bake.
+    /// All frames there are: the sheet's camera looks at all of them, so that frames that are baked one by one
+    /// (on a farm) can be compared.
     pub frames: Vec<Frame>,
+    /// Indices of the frames to bake.
+    pub chosen: Vec<usize>,
     /// Per UDIM number.
     pub maps: BTreeMap<u32, TileMaps>,
     /// Author, licence and source of an asset, for the report.
@@ -58,16 +61,18 @@ impl Source {
     }
 
     fn choose_frames(&mut self, args: &Args) -> Result<()> {
-        let Some(wanted) = &args.frames else { return Ok(()) };
         let count = self.frames.len();
-        let mut all: BTreeMap<usize, Frame> = self.frames.drain(..).map(|f| (f.number, f)).collect();
-        for number in &wanted.0 {
-            let frame = all.remove(number);
-            self.frames.push(frame.ok_or_else(|| {
-                Failure::named(&format!("--frames {number}"), format!("{} has {count} frames", self.name))
-            })?);
+        self.chosen = match &args.frames {
+            Some(wanted) => wanted.0.iter().map(|number| number - 1).collect(),
+            None => (0..count).collect(),
+        };
+        match self.chosen.iter().find(|&&index| index >= count) {
+            Some(index) => {
+                let argument = format!("--frames {}", index + 1);
+                Err(Failure::named(&argument, format!("{} has {count} frames", self.name)))
+            }
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 
@@ -108,6 +113,7 @@ fn scene(name: &str) -> Result<Source> {
         origin: name.into(),
         mesh: Mesh { rest, face_counts, indices, uvs, uv_indices },
         frames: frames.collect(),
+        chosen: Vec::new(),
         maps: maps.collect(),
         credits: Value::Null,
     })
@@ -148,6 +154,7 @@ fn asset(folder: &Path) -> Result<Source> {
         origin: rest.display().to_string(),
         mesh,
         frames,
+        chosen: Vec::new(),
         maps,
         credits: credits.iter().map(|&key| (key.to_string(), json[key].clone())).collect(),
     })
@@ -183,6 +190,7 @@ fn files(rest: &Path, args: &Args) -> Result<Source> {
         origin: rest.display().to_string(),
         mesh,
         frames,
+        chosen: Vec::new(),
         maps,
         credits: Value::Null,
     })

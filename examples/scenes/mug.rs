@@ -59,7 +59,8 @@ fn handle(mesh: &mut Builder) {
     for j in 0..=along {
         let (sin, cos) = sin_cos(TAU * (0.5 * j as f64 / along as f64 - 0.25));
         for i in 0..around {
-            let (s, c) = sin_cos(TAU * i as f64 / around as f64);
+            // The seam runs along the inside of the bow.
+            let (s, c) = sin_cos(TAU * (i as f64 / around as f64 + 0.5));
             // Wide across, flat along the bow, as a hand likes it.
             let bow = 0.82 + 0.11 * c;
             mesh.point([0.93 + 0.85 * bow * cos, 1.3 + bow * sin, 0.19 * s]);
@@ -122,9 +123,9 @@ fn paint() -> Canvas {
         }
     }
     for i in 0..14 {
-        for t in [0.25, 0.75] {
+        for (t, radius) in [(0.22, 0.0085), (0.5, 0.0115), (0.78, 0.0085)] {
             let [u, v] = rect(HANDLE, (f64::from(i) + 0.5) / 14.0, t);
-            canvas.disc([u, v], 0.0085, soft, 1.0);
+            canvas.disc([u, v], radius, soft, 1.0);
         }
     }
     for i in 0..12 {
