@@ -8,6 +8,8 @@
 mod asset;
 mod device;
 mod error;
+#[doc(hidden)]
+pub mod ffi;
 mod half;
 pub mod image;
 mod mesh;
