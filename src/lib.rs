@@ -15,6 +15,7 @@ pub mod image;
 mod mesh;
 mod report;
 mod settings;
+mod tile;
 pub mod view;
 
 pub use asset::{Asset, Fetch, FetchKind};

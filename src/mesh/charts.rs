@@ -1,0 +1,98 @@
+//! Triangles of one tile -> charts: who is whose neighbour in UV, and which pieces hang together.
+
+use super::{Chart, NONE, RawTriangle, TileMesh, Triangle};
+
+/// Two triangles are neighbours if they, and no third, share a UV edge and lie on opposite sides of it: where a
+/// mirrored half is folded onto the other one, or where three meet, there is a border.
+pub(super) fn build(udim: u32, raw: &[RawTriangle]) -> TileMesh {
+    let neighbours = neighbours(raw);
+    let chart_of = components(&neighbours);
+    let chart_count = chart_of.iter().max().map_or(0, |&c| c + 1) as usize;
+    // A stable sort keeps the order of faces inside a chart.
+    let mut order: Vec<u32> = (0..raw.len() as u32).collect();
+    order.sort_by_key(|&t| chart_of[t as usize]);
+    let mut place = vec![NONE; raw.len()];
+    for (new, &old) in order.iter().enumerate() {
+        place[old as usize] = new as u32;
+    }
+    let mut charts = Vec::with_capacity(chart_count);
+    let mut triangles = Vec::with_capacity(raw.len());
+    let mut rest = &order[..];
+    for chart in 0..chart_count as u32 {
+        let count = rest.partition_point(|&t| chart_of[t as usize] == chart);
+        let (members, others) = rest.split_at(count);
+        rest = others;
+        let mut vertices: Vec<u32> = members.iter().flat_map(|&t| raw[t as usize].vertices).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let start = triangles.len();
+        for &t in members {
+            let source = &raw[t as usize];
+            triangles.push(Triangle {
+                local: source.vertices.map(|v| vertices.partition_point(|&w| w < v) as u32),
+                uv: source.uv,
+                neighbours: neighbours[t as usize].map(|n| if n == NONE { NONE } else { place[n as usize] }),
+            });
+        }
+        charts.push(Chart { triangles: start..triangles.len(), vertices });
+    }
+    TileMesh { udim, triangles, charts }
+}
+
+/// Per triangle, its neighbour across the edge opposite to each corner.
+fn neighbours(raw: &[RawTriangle]) -> Vec<[u32; 3]> {
+    // (edge as sorted pair, triangle, corner opposite to it), sorted, so that sharers of an edge are adjacent.
+    let mut edges: Vec<(u32, u32, u32, u8)> = Vec::with_capacity(raw.len() * 3);
+    for (t, triangle) in raw.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (triangle.welded[(k + 1) % 3], triangle.welded[(k + 2) % 3]);
+            edges.push((a.min(b), a.max(b), t as u32, k as u8));
+        }
+    }
+    edges.sort_unstable();
+    let mut neighbours = vec![[NONE; 3]; raw.len()];
+    for sharers in edges.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
+        if let [(_, _, t, k), (_, _, s, j)] = *sharers
+            && side(&raw[t as usize], k) * side(&raw[s as usize], j) < 0.0
+        {
+            neighbours[t as usize][k as usize] = s;
+            neighbours[s as usize][j as usize] = t;
+        }
+    }
+    neighbours
+}
+
+/// On which side of its edge (taken from the lower to the higher welded corner) a triangle's corner `k` lies.
+fn side(triangle: &RawTriangle, k: u8) -> f64 {
+    let k = k as usize;
+    let (mut a, mut b) = ((k + 1) % 3, (k + 2) % 3);
+    if triangle.welded[a] > triangle.welded[b] {
+        (a, b) = (b, a);
+    }
+    let [a, b, c] = [a, b, k].map(|i| triangle.uv[i]);
+    ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).signum()
+}
+
+/// Per triangle, the number of its connected component; components are numbered by their first triangle.
+fn components(neighbours: &[[u32; 3]]) -> Vec<u32> {
+    let mut component = vec![NONE; neighbours.len()];
+    let mut count = 0;
+    let mut stack = Vec::new();
+    for seed in 0..neighbours.len() {
+        if component[seed] != NONE {
+            continue;
+        }
+        component[seed] = count;
+        stack.push(seed as u32);
+        while let Some(t) = stack.pop() {
+            for &n in neighbours[t as usize].iter().filter(|&&n| n != NONE) {
+                if component[n as usize] == NONE {
+                    component[n as usize] = count;
+                    stack.push(n);
+                }
+            }
+        }
+        count += 1;
+    }
+    component
+}

@@ -1,0 +1,341 @@
+//! Metrics on the coarser levels, and rest lengths on all of them (DESIGN: arc length on coarse levels, exact chords
+//! on the finest).
+
+use super::blocks::{Block, NODES, Plane, SIDE, slot};
+use super::halo::{self, WINDOW_NODES, Window, place};
+use super::{EDGES, FLOOR_SHARE, Grid, Level};
+use crate::mesh::{Mesh, NONE, TileMesh};
+
+/// For each node of level 1, the triangles in its dual cell with their shares of its covered area.
+#[derive(Debug, Default)]
+pub struct Gather {
+    /// Per block and slot, the first entry; one more at the end.
+    starts: Vec<u32>,
+    entries: Vec<(u32, f32)>,
+}
+
+/// Level 1's dual cells are 2 by 2 level-0 cells.
+const DUAL_AREA: f64 = 4.0;
+
+impl Gather {
+    /// Clips the triangles to the dual cells of level 1, and sets that level's coverage.
+    pub(super) fn new(tile: &TileMesh, nx: usize, ny: usize, level: &Level) -> (Gather, Vec<Plane>) {
+        let mut parts: Vec<(u32, u32, f32)> = Vec::new();
+        for (c, chart) in tile.charts.iter().enumerate() {
+            if level.blocks.of_chart[c].is_empty() {
+                continue;
+            }
+            for t in chart.triangles.clone() {
+                let corners = tile.triangles[t].uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
+                each_dual_cell(&corners, level.nx, level.ny, |i, j| {
+                    let b = level.blocks.find(c as u32, i as i64 / SIDE as i64, j as i64 / SIDE as i64);
+                    if b != NONE {
+                        let area = area_in_box(&corners, [2.0 * i as f64 - 1.0, 2.0 * j as f64 - 1.0]);
+                        if area > 0.0 {
+                            let node = b * NODES as u32 + slot(i % SIDE, j % SIDE) as u32;
+                            parts.push((node, t as u32, area as f32));
+                        }
+                    }
+                });
+            }
+        }
+        parts.sort_by_key(|p| p.0);
+        let nodes = level.blocks.list.len() * NODES;
+        let mut starts = vec![0u32; nodes + 1];
+        let mut coverage = vec![[0.0f32; NODES]; level.blocks.list.len()];
+        let mut entries = Vec::with_capacity(parts.len());
+        let mut rest = &parts[..];
+        for node in 0..nodes {
+            let count = rest.iter().take_while(|p| p.0 as usize == node).count();
+            let (own, others) = rest.split_at(count);
+            rest = others;
+            let sum: f32 = own.iter().map(|p| p.2).sum();
+            coverage[node / NODES][node % NODES] = (sum / DUAL_AREA as f32).min(1.0);
+            entries.extend(own.iter().map(|p| (p.1, p.2 / sum)));
+            starts[node + 1] = entries.len() as u32;
+        }
+        (Gather { starts, entries }, coverage)
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        self.starts.len() * 4 + self.entries.len() * 8
+    }
+
+    /// Metrics (E, F, G) of one block of level 1, per level-1 cell squared, from those of the triangles per level-0
+    /// cell squared.
+    pub fn block(&self, b: usize, triangles: &[[f32; 3]], out: &mut [Plane; 3]) {
+        for s in 0..NODES {
+            let node = b * NODES + s;
+            let mut sum = [0.0f32; 3];
+            for &(t, share) in &self.entries[self.starts[node] as usize..self.starts[node + 1] as usize] {
+                for (x, m) in sum.iter_mut().zip(triangles[t as usize]) {
+                    *x += share * m;
+                }
+            }
+            for (plane, x) in out.iter_mut().zip(sum) {
+                plane[s] = 4.0 * x;
+            }
+        }
+    }
+}
+
+/// Calls `f` for each node of level 1 whose dual cell meets the triangle's bounding box.
+fn each_dual_cell(corners: &[[f64; 2]; 3], nx: usize, ny: usize, mut f: impl FnMut(usize, usize)) {
+    let range = |axis: usize, cells: usize| {
+        let values = corners.map(|c| c[axis]);
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let first = ((low + 1.0) * 0.5).floor().max(0.0);
+        let last = ((high + 1.0) * 0.5).floor().min(cells as f64);
+        (first as usize, if last < first { None } else { Some(last as usize) })
+    };
+    if let ((i0, Some(i1)), (j0, Some(j1))) = (range(0, nx), range(1, ny)) {
+        for j in j0..=j1 {
+            for i in i0..=i1 {
+                f(i, j);
+            }
+        }
+    }
+}
+
+/// Area of a triangle inside the box of side 2 at `low`: Sutherland-Hodgman clipping.
+fn area_in_box(corners: &[[f64; 2]; 3], low: [f64; 2]) -> f64 {
+    let mut polygon: Vec<[f64; 2]> = corners.to_vec();
+    let mut clipped = Vec::with_capacity(8);
+    for (axis, sign, bound) in
+        [(0, 1.0, low[0]), (0, -1.0, -low[0] - 2.0), (1, 1.0, low[1]), (1, -1.0, -low[1] - 2.0)]
+    {
+        clipped.clear();
+        for (k, &b) in polygon.iter().enumerate() {
+            let a = polygon[(k + polygon.len() - 1) % polygon.len()];
+            let (da, db) = (sign * a[axis] - bound, sign * b[axis] - bound);
+            if (da < 0.0) != (db < 0.0) {
+                let s = da / (da - db);
+                clipped.push([a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])]);
+            }
+            if db >= 0.0 {
+                clipped.push(b);
+            }
+        }
+        std::mem::swap(&mut polygon, &mut clipped);
+        if polygon.len() < 3 {
+            return 0.0;
+        }
+    }
+    let twice: f64 = (0..polygon.len())
+        .map(|k| {
+            let (a, b) = (polygon[k], polygon[(k + 1) % polygon.len()]);
+            (a[0] - low[0]) * (b[1] - low[1]) - (a[1] - low[1]) * (b[0] - low[0])
+        })
+        .sum();
+    0.5 * twice.abs()
+}
+
+/// Coverage-weighted 3x3 Gaussian of the finer level's metrics, for one block; per cell squared of this level.
+pub fn restrict_block(level: &Level, finer: &Level, fine: &[[Plane; 3]], b: usize, out: &mut [Plane; 3]) {
+    *out = [[0.0; NODES]; 3];
+    let mut weights = [0.0f32; WINDOW_NODES];
+    let mut window = [0.0f32; WINDOW_NODES];
+    for (quarter, &child) in level.children[b].iter().enumerate() {
+        if child == NONE {
+            continue;
+        }
+        let around = &finer.blocks.around[child as usize];
+        halo::load(around, 0.0, |b| &finer.coverage[b], &mut weights);
+        for (c, plane) in out.iter_mut().enumerate() {
+            halo::load(around, 0.0, |b| &fine[b][c], &mut window);
+            each_coarse_node(quarter, |s, i, j| {
+                let (sum, weight) = gaussian(&window, &weights, i, j);
+                plane[s] = if weight > 0.0 { 4.0 * sum / weight } else { 0.0 };
+            });
+        }
+    }
+}
+
+/// Coverage of one block from the finer level's: its 3x3 Gaussian.
+fn restrict_coverage(level: &Level, finer: &Level, b: usize) -> Plane {
+    let mut out = [0.0; NODES];
+    let mut window = [0.0f32; WINDOW_NODES];
+    for (quarter, &child) in level.children[b].iter().enumerate() {
+        if child != NONE {
+            halo::load(&finer.blocks.around[child as usize], 0.0, |b| &finer.coverage[b], &mut window);
+            each_coarse_node(quarter, |s, i, j| out[s] = gaussian(&window, &[1.0; WINDOW_NODES], i, j).0);
+        }
+    }
+    out
+}
+
+/// Calls `f(slot, i, j)` for the 8x8 nodes of a quarter of a block; (i, j) is the node's place in the window of the
+/// finer block that it lies in.
+fn each_coarse_node(quarter: usize, mut f: impl FnMut(usize, usize, usize)) {
+    for j in 0..SIDE / 2 {
+        for i in 0..SIDE / 2 {
+            f(slot(i + quarter % 2 * 8, j + quarter / 2 * 8), 2 * i + 1, 2 * j + 1);
+        }
+    }
+}
+
+/// Weighted sum and sum of weights over 3x3 nodes, with the Gaussian's 1-2-1.
+fn gaussian(values: &Window, weights: &Window, i: usize, j: usize) -> (f32, f32) {
+    let mut sums = (0.0, 0.0);
+    for dj in 0..3 {
+        for di in 0..3 {
+            let at = place(i + di - 1, j + dj - 1);
+            let kernel = [0.25, 0.5, 0.25][di] * [0.25, 0.5, 0.25][dj];
+            sums.0 += kernel * weights[at] * values[at];
+            sums.1 += kernel * weights[at];
+        }
+    }
+    sums
+}
+
+/// Squared length of an offset under the mean of two metrics.
+fn length2(a: [f32; 3], b: [f32; 3], d: [f32; 2]) -> f32 {
+    let [e, f, g] = [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]));
+    d[0] * d[0] * e + 2.0 * d[0] * d[1] * f + d[1] * d[1] * g
+}
+
+/// Sets the rest lengths, their floors and the coverages of all levels.
+pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
+    let scales: Vec<f64> = grid.rest.charts.iter().map(|c| c.scale).collect();
+    let [nx, ny] = [grid.levels[0].nx, grid.levels[0].ny];
+    for b in 0..grid.levels[0].blocks.list.len() {
+        let scale = scales[grid.levels[0].blocks.list[b].chart as usize];
+        let lengths = chords(grid, mesh, tile, [nx as f64, ny as f64], b, scale);
+        grid.levels[0].rest_length[b] = lengths;
+    }
+    let medians: Vec<f32> = (0..tile.charts.len()).map(|c| median_length(&grid.levels[0], c)).collect();
+    let triangle = grid.pose_triangles(tile, &grid.rest);
+    let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collect();
+    drop(triangle);
+    let mut metrics: Vec<[Plane; 3]> = Vec::new();
+    for k in 0..grid.levels.len() {
+        // A level-k edge is 2^k times as long.
+        grid.levels[k].floor = medians.iter().map(|m| FLOOR_SHARE * m * (1u32 << k) as f32).collect();
+        if k == 0 {
+            continue;
+        }
+        let (finer, level) = grid.levels.split_at_mut(k);
+        let (finer, level) = (&finer[k - 1], &mut level[0]);
+        let mut next = vec![[[0.0; NODES]; 3]; level.blocks.list.len()];
+        if k > 1 {
+            level.coverage =
+                (0..level.blocks.list.len()).map(|b| restrict_coverage(level, finer, b)).collect();
+        }
+        for (b, out) in next.iter_mut().enumerate() {
+            match k {
+                1 => grid.gather.block(b, &triangles, out),
+                _ => restrict_block(level, finer, &metrics, b, out),
+            }
+        }
+        metrics = next;
+        for b in 0..level.blocks.list.len() {
+            level.rest_length[b] = arc_lengths(&level.blocks.around[b], &metrics);
+        }
+    }
+}
+
+/// Rest lengths of a block's edges on a coarser level.
+fn arc_lengths(around: &[u32; 9], metrics: &[[Plane; 3]]) -> [Plane; 4] {
+    let mut windows = [[0.0f32; WINDOW_NODES]; 3];
+    for (c, window) in windows.iter_mut().enumerate() {
+        halo::load(around, 0.0, |b| &metrics[b][c], window);
+    }
+    let metric = |at: usize| windows.each_ref().map(|w| w[at]);
+    edges(|i, j, (di, dj)| {
+        let other = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
+        length2(metric(place(i + 1, j + 1)), metric(other), [di as f32, dj as f32]).max(0.0).sqrt()
+    })
+}
+
+/// One value per node and owned edge of a block.
+fn edges(f: impl Fn(usize, usize, (i64, i64)) -> f32) -> [Plane; 4] {
+    std::array::from_fn(|e| {
+        let mut plane = [0.0; NODES];
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                plane[slot(i, j)] = f(i, j, EDGES[e]);
+            }
+        }
+        plane
+    })
+}
+
+/// Exact rest lengths of a block's edges on the finest level, in f64 from the mesh itself; inside one triangle from
+/// its edge vectors.
+fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, scale: f64) -> [Plane; 4] {
+    let level = &grid.levels[0];
+    let Block { x, y, chart, .. } = level.blocks.list[b];
+    let mut triangles = [NONE; WINDOW_NODES];
+    halo::load(&level.blocks.around[b], NONE, |b| &grid.triangle[b], &mut triangles);
+    let vertices = &tile.charts[chart as usize].vertices;
+    // Position relative to the triangle's first corner, that corner, and the tangents.
+    let sample = |i: usize, j: usize| {
+        let t = triangles[place(i, j)];
+        if t == NONE || grid.chart_of[t as usize] != chart {
+            return None;
+        }
+        let source = &tile.triangles[t as usize];
+        let [a, b, c] = source.uv.map(|uv| [uv[0] * cells[0], uv[1] * cells[1]]);
+        let [p, q, r] = source.local.map(|v| mesh.rest[vertices[v as usize] as usize]);
+        let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+        let det = e1[0] * e2[1] - e1[1] * e2[0];
+        let bary =
+            move |d: [f64; 2]| [(d[0] * e2[1] - d[1] * e2[0]) / det, (d[1] * e1[0] - d[0] * e1[1]) / det];
+        let along = move |d: [f64; 2]| {
+            let [l1, l2] = bary(d);
+            std::array::from_fn::<f64, 3, _>(|k| l1 * (q[k] - p[k]) + l2 * (r[k] - p[k]))
+        };
+        let node = [(x as usize * SIDE + i) as f64 - 1.0 - a[0], (y as usize * SIDE + j) as f64 - 1.0 - a[1]];
+        Some((t, p, along(node), along))
+    };
+    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    edges(|i, j, (di, dj)| {
+        let other = ((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
+        let length = match (sample(i + 1, j + 1), sample(other.0, other.1)) {
+            (Some((s, _, _, along)), Some((t, ..))) if s == t => norm(along([di as f64, dj as f64])),
+            (Some((_, p, v, _)), Some((_, q, w, _))) => {
+                norm(std::array::from_fn(|k| (q[k] - p[k]) + (w[k] - v[k])))
+            }
+            // Not inside the chart: no movable node has this edge.
+            _ => 0.0,
+        };
+        (length * scale) as f32
+    })
+}
+
+/// Median of the rest lengths of a chart's axis-parallel edges at movable nodes.
+fn median_length(level: &Level, chart: usize) -> f32 {
+    let mut lengths: Vec<f32> = Vec::new();
+    for b in level.blocks.of_chart[chart].clone() {
+        for s in 0..NODES {
+            if level.movable[b][s] != 0 {
+                lengths.extend([level.rest_length[b][0][s], level.rest_length[b][1][s]]);
+            }
+        }
+    }
+    if lengths.is_empty() {
+        return 0.0;
+    }
+    let middle = lengths.len() / 2;
+    *lengths.select_nth_unstable_by(middle, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clipped_areas_add_up_to_the_triangle() {
+        let corners = [[1.3, 2.1], [9.7, 3.2], [4.4, 11.9]];
+        let mut sum = 0.0;
+        each_dual_cell(&corners, 10, 10, |i, j| {
+            sum += area_in_box(&corners, [2.0 * i as f64 - 1.0, 2.0 * j as f64 - 1.0]);
+        });
+        let exact: f64 = 0.5 * (8.4 * 9.8 - 1.1 * 3.1);
+        assert!((sum - exact).abs() < 1e-9, "{sum} {exact}");
+        assert_eq!(area_in_box(&[[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]], [1.0, 1.0]), 4.0);
+        assert_eq!(area_in_box(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [5.0, 5.0]), 0.0);
+    }
+}
