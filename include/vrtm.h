@@ -161,7 +161,25 @@ const char *vrtm_last_error(void);
 
 /* ---- Handles ---- */
 
+// A device: where assets are solved. Made by vrtm_device_create, ended by vrtm_device_destroy. Zero is no device.
+typedef struct vrtm_device {
+    // Opaque.
+    uint64_t id;
+} vrtm_device;
 
+// An asset: one mesh with its tiles, their maps, settings and results. Made by vrtm_asset_create, ended by
+// vrtm_asset_destroy. Zero is no asset.
+typedef struct vrtm_asset {
+    // Opaque.
+    uint64_t id;
+} vrtm_asset;
+
+// A tile: one UDIM unit square of an asset. It belongs to the asset and ends with it; there is nothing to destroy.
+// Handles of the same tile are equal. Zero is no tile.
+typedef struct vrtm_tile {
+    // Opaque.
+    uint64_t id;
+} vrtm_tile;
 
 /* ---- Arrays and images ---- */
 
@@ -173,6 +191,69 @@ typedef int32_t vrtm_pixel_format;
 
 // Which end of a tile the first row of an image is.
 typedef int32_t vrtm_origin;
+
+// A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). How many components
+// an element has follows from the use: 3 for positions (a fourth, as in Maya's double4, is skipped by the stride), 2
+// for UV pairs, 1 for single values. The data need not be aligned. It is read during the call only.
+typedef struct vrtm_array {
+    // sizeof(vrtm_array); set by vrtm_array_init().
+    uint32_t struct_size;
+    // VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
+    vrtm_scalar format;
+    // The first component of the first element.
+    const void *data;
+    // Number of elements (not of components or bytes).
+    size_t count;
+    // Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
+    size_t stride;
+} vrtm_array;
+
+// An input image with one channel: a rigidity map or a warp mask. It covers its tile whole; texel (x, y) from the
+// corner (0, 0) has its centre at u = (x + 0.5) / width, v = (y + 0.5) / height. Start from vrtm_image_init(). To
+// use one channel of several, point `data` at it and set `pixel_stride`. The data is copied before the call returns.
+typedef struct vrtm_image {
+    // sizeof(vrtm_image); set by vrtm_image_init().
+    uint32_t struct_size;
+    // One of VRTM_PIXEL_: F32 (0, the default), F16, U16, U8.
+    vrtm_pixel_format format;
+    // The first texel of the first row. Need not be aligned.
+    const void *data;
+    // Texels in u, at least 1.
+    uint32_t width;
+    // Texels in v, at least 1.
+    uint32_t height;
+    // Bytes from one texel to the next; 0 = tightly packed.
+    size_t pixel_stride;
+    // Bytes from one row to the next; 0 = tightly packed.
+    size_t row_stride;
+    // VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
+    vrtm_origin origin;
+    // Zero.
+    uint32_t reserved;
+} vrtm_image;
+
+// An output image with two channels (u, v) in the caller's memory. Start from vrtm_image_out_init(). Any size will
+// do; the first two channels of each texel are written, and the bytes that a stride skips are left as they are.
+typedef struct vrtm_image_out {
+    // sizeof(vrtm_image_out); set by vrtm_image_out_init().
+    uint32_t struct_size;
+    // VRTM_PIXEL_F32 (0, the default) or, where the kind of output allows it, VRTM_PIXEL_F16.
+    vrtm_pixel_format format;
+    // Where the first texel of the first row goes. Need not be aligned.
+    void *data;
+    // Texels in u, at least 1.
+    uint32_t width;
+    // Texels in v, at least 1.
+    uint32_t height;
+    // Bytes from one texel to the next; 0 = tightly packed (8 for f32, 4 for f16).
+    size_t pixel_stride;
+    // Bytes from one row to the next; 0 = tightly packed.
+    size_t row_stride;
+    // VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
+    vrtm_origin origin;
+    // Zero.
+    uint32_t reserved;
+} vrtm_image_out;
 
 // 32-bit float; the default.
 #define VRTM_SCALAR_F32 0
@@ -529,6 +610,18 @@ vrtm_status vrtm_tile_get_settings(vrtm_tile tile,
 
 // What a fetch writes: two channels (u, v) per texel.
 typedef int32_t vrtm_fetch_kind;
+
+// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
+typedef struct vrtm_fetch {
+    // sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
+    uint32_t struct_size;
+    // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP.
+    vrtm_fetch_kind kind;
+    // A tile of the asset. Required.
+    vrtm_tile tile;
+    // Where to write. Required.
+    const vrtm_image_out *image;
+} vrtm_fetch;
 
 // The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
 // the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds
