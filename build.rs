@@ -2,6 +2,7 @@
 //! that a function stands beside its structs. `include/vrtm.h` is a committed copy: a build never writes into the source
 //! tree, which may be read-only, and `tests/header.rs` fails when the two differ.
 
+use std::collections::HashMap;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -46,10 +47,36 @@ fn write_header() -> Result<(), String> {
         if header.matches(&place).count() != 1 {
             return Err(format!("{}: {place} must stand there once", template.display()));
         }
-        header = header.replace(&place, plain_types(&section).trim());
+        header = header.replace(&place, constants_below_their_type(&plain_types(&section), &source)?.trim());
     }
     let path = Path::new(&variable("OUT_DIR")?).join("vrtm.h");
     std::fs::write(&path, header).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// cbindgen writes all constants of a typedef'd type at the end: each belongs right below its type.
+fn constants_below_their_type(section: &str, source: &Path) -> Result<String, String> {
+    let text = std::fs::read_to_string(source).map_err(|error| format!("{}: {error}", source.display()))?;
+    let types: HashMap<&str, &str> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("pub const ")?.split_once(": "))
+        .filter_map(|(name, rest)| Some((name, rest.split_once(' ')?.0)))
+        .filter(|(_, of)| of.starts_with("vrtm_"))
+        .collect();
+    let type_of = |paragraph: &str| {
+        let (_, line) = paragraph.rsplit_once('\n')?;
+        types.get(line.strip_prefix("#define ")?.split(' ').next()?).copied()
+    };
+    let (constants, others): (Vec<_>, Vec<_>) =
+        section.trim().split("\n\n").partition(|paragraph| type_of(paragraph).is_some());
+    let mut ordered = Vec::new();
+    for paragraph in others {
+        ordered.push(paragraph);
+        if let Some((_, name)) = paragraph.rsplit_once("typedef int32_t ") {
+            let name = name.trim_end_matches(';');
+            ordered.extend(constants.iter().filter(|constant| type_of(constant) == Some(name)));
+        }
+    }
+    Ok(ordered.join("\n\n"))
 }
 
 /// cbindgen leaves out a type that no function of the same file uses, unless it is asked for.

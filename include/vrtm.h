@@ -186,11 +186,35 @@ typedef struct vrtm_tile {
 // The number format of an array's components.
 typedef int32_t vrtm_scalar;
 
+// 32-bit float; the default.
+#define VRTM_SCALAR_F32 0
+
+// 64-bit float.
+#define VRTM_SCALAR_F64 1
+
 // The number format of an image's channels.
 typedef int32_t vrtm_pixel_format;
 
+// 32-bit float; the default.
+#define VRTM_PIXEL_F32 0
+
+// 16-bit float (IEEE half).
+#define VRTM_PIXEL_F16 1
+
+// 16-bit integer, 0..65535 for 0..1. Inputs only.
+#define VRTM_PIXEL_U16 2
+
+// 8-bit integer, 0..255 for 0..1. Inputs only.
+#define VRTM_PIXEL_U8 3
+
 // Which end of a tile the first row of an image is.
 typedef int32_t vrtm_origin;
+
+// The first row is at v = 1, as in image files; the default.
+#define VRTM_ORIGIN_TOP 0
+
+// The first row is at v = 0, as in OpenGL textures.
+#define VRTM_ORIGIN_BOTTOM 1
 
 // A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). How many components
 // an element has follows from the use: 3 for positions (a fourth, as in Maya's double4, is skipped by the stride), 2
@@ -255,37 +279,28 @@ typedef struct vrtm_image_out {
     uint32_t reserved;
 } vrtm_image_out;
 
-// 32-bit float; the default.
-#define VRTM_SCALAR_F32 0
-
-// 64-bit float.
-#define VRTM_SCALAR_F64 1
-
-// 32-bit float; the default.
-#define VRTM_PIXEL_F32 0
-
-// 16-bit float (IEEE half).
-#define VRTM_PIXEL_F16 1
-
-// 16-bit integer, 0..65535 for 0..1. Inputs only.
-#define VRTM_PIXEL_U16 2
-
-// 8-bit integer, 0..255 for 0..1. Inputs only.
-#define VRTM_PIXEL_U8 3
-
-// The first row is at v = 1, as in image files; the default.
-#define VRTM_ORIGIN_TOP 0
-
-// The first row is at v = 0, as in OpenGL textures.
-#define VRTM_ORIGIN_BOTTOM 1
-
 /* ---- Device ---- */
 
 // Where assets are solved.
 typedef int32_t vrtm_backend;
 
+// A hardware GPU if there is one, the CPU otherwise; the default. vrtm_device_info says why.
+#define VRTM_BACKEND_AUTO 0
+
+// The CPU.
+#define VRTM_BACKEND_CPU 1
+
+// A GPU; never falls back to the CPU. VRTM_ERROR_UNSUPPORTED in this version.
+#define VRTM_BACKEND_GPU 2
+
 // How important a log line is.
 typedef int32_t vrtm_log_level;
+
+// Something to show to the artist: clipped faces, overlapping charts.
+#define VRTM_LOG_WARNING 1
+
+// What was chosen and why.
+#define VRTM_LOG_INFO 2
 
 // A host's log function. It is called on the thread that called into vrtm, during that call; several threads may be
 // in it at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
@@ -343,21 +358,6 @@ typedef struct vrtm_adapter_data {
     // The adapter's name, UTF-8.
     char name[128];
 } vrtm_adapter_data;
-
-// A hardware GPU if there is one, the CPU otherwise; the default. vrtm_device_info says why.
-#define VRTM_BACKEND_AUTO 0
-
-// The CPU.
-#define VRTM_BACKEND_CPU 1
-
-// A GPU; never falls back to the CPU. VRTM_ERROR_UNSUPPORTED in this version.
-#define VRTM_BACKEND_GPU 2
-
-// Something to show to the artist: clipped faces, overlapping charts.
-#define VRTM_LOG_WARNING 1
-
-// What was chosen and why.
-#define VRTM_LOG_INFO 2
 
 // Makes a device. `desc` may be null, which means all defaults. `*device` is the caller's to destroy.
 //
@@ -525,6 +525,12 @@ typedef struct vrtm_tile_data {
 // Who owns texels that faces of different charts, or two layers of one chart, share.
 typedef int32_t vrtm_overlap;
 
+// They do not move, so that nothing gets worse; the default.
+#define VRTM_OVERLAP_FIXED 0
+
+// The chart with the first face owns them: for mirrored halves that deform alike.
+#define VRTM_OVERLAP_FIRST_FACE 1
+
 // A tile's settings; zero in a field means its default. Start from vrtm_tile_settings_init().
 typedef struct vrtm_tile_settings {
     // sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
@@ -549,12 +555,6 @@ typedef struct vrtm_tile_settings {
     // Zero.
     uint32_t reserved;
 } vrtm_tile_settings;
-
-// They do not move, so that nothing gets worse; the default.
-#define VRTM_OVERLAP_FIXED 0
-
-// The chart with the first face owns them: for mirrored halves that deform alike.
-#define VRTM_OVERLAP_FIRST_FACE 1
 
 // Says what is known of a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.
@@ -611,18 +611,6 @@ vrtm_status vrtm_tile_get_settings(vrtm_tile tile,
 // What a fetch writes: two channels (u, v) per texel.
 typedef int32_t vrtm_fetch_kind;
 
-// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
-typedef struct vrtm_fetch {
-    // sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
-    uint32_t struct_size;
-    // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP.
-    vrtm_fetch_kind kind;
-    // A tile of the asset. Required.
-    vrtm_tile tile;
-    // Where to write. Required.
-    const vrtm_image_out *image;
-} vrtm_fetch;
-
 // The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
 // the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds
 // ((x + 0.5) / width, (y + 0.5) / height). f32 only.
@@ -635,6 +623,18 @@ typedef struct vrtm_fetch {
 // absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
 // size plus one in both directions the texels are the grid's nodes, any other size interpolates. f32 only.
 #define VRTM_FETCH_WARP 2
+
+// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
+typedef struct vrtm_fetch {
+    // sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
+    uint32_t struct_size;
+    // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP.
+    vrtm_fetch_kind kind;
+    // A tile of the asset. Required.
+    vrtm_tile tile;
+    // Where to write. Required.
+    const vrtm_image_out *image;
+} vrtm_fetch;
 
 // Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
 //
@@ -662,6 +662,15 @@ vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
 // How much work a solve does on each level of its grid.
 typedef int32_t vrtm_quality;
 
+// Few sweeps and one correction; the default.
+#define VRTM_QUALITY_NORMAL 0
+
+// Relaxation only: a preview.
+#define VRTM_QUALITY_DRAFT 1
+
+// More sweeps, and corrections until little is left to gain.
+#define VRTM_QUALITY_HIGH 2
+
 // Options of one solve; zero in a field means its default. Start from vrtm_solve_options_init().
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
@@ -684,15 +693,6 @@ typedef struct vrtm_solve_options {
     // Zero.
     uint32_t reserved;
 } vrtm_solve_options;
-
-// Few sweeps and one correction; the default.
-#define VRTM_QUALITY_NORMAL 0
-
-// Relaxation only: a preview.
-#define VRTM_QUALITY_DRAFT 1
-
-// More sweeps, and corrections until little is left to gain.
-#define VRTM_QUALITY_HIGH 2
 
 // Solves every tile for a pose; returns when that is done. `positions` are the deformed positions of all vertices (3
 // components, as many and in the same order as at rest). `options` may be null: all defaults. On any error the last

@@ -4,8 +4,9 @@ use super::desc::{self, Out, Place, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_device, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
-use super::types::{strided, vrtm_array};
+use super::types::{check_reserved, strided, vrtm_array};
 use crate::asset::Asset;
+use crate::error::Error;
 use crate::mesh::{MeshSource, UvSource};
 
 /// A mesh at rest. Start from vrtm_mesh_desc_init(). All arrays are copied before the call returns.
@@ -91,7 +92,7 @@ unsafe fn optional<'a>(pointer: *const u32, count: usize, name: &str) -> Outcome
 }
 
 unsafe fn mesh<'a>(desc: &vrtm_mesh_desc) -> Outcome<MeshSource<'a>> {
-    super::types::check_reserved(desc.reserved, "desc")?;
+    check_reserved(desc.reserved, "desc")?;
     // SAFETY: all of these are the host's pointers, valid during the call.
     unsafe {
         let positions = strided(desc.positions, 3, "desc.positions")?;
@@ -119,6 +120,16 @@ unsafe fn mesh<'a>(desc: &vrtm_mesh_desc) -> Outcome<MeshSource<'a>> {
     }
 }
 
+/// The core speaks of `uvs.u` and `uvs.indices`, which have other names here.
+fn in_c_words(error: Error, pairs: bool) -> Error {
+    let message = error
+        .message
+        .replace("uvs.indices", "uv_indices")
+        .replace("uvs.u", if pairs { "uvs" } else { "u" })
+        .replace("uvs.v", "v");
+    Error { message: format!("desc.{message}"), ..error }
+}
+
 /// Makes an asset from a mesh. `*asset` is the caller's to destroy; it may outlive `device`.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the array and the index, for null, an
@@ -135,7 +146,7 @@ pub unsafe extern "C" fn vrtm_asset_create(
         let device = handle::device(device)?;
         // SAFETY: the host's pointers, valid during the call.
         let mesh = unsafe { mesh(&desc::read(desc, "desc")?) }?;
-        let asset = Asset::new(&device, &mesh)?;
+        let asset = Asset::new(&device, &mesh).map_err(|error| in_c_words(error, mesh.uvs.v.is_none()))?;
         out.write(handle::add_asset(asset)?);
         Ok(())
     })
