@@ -13,7 +13,7 @@ mod desc;
 pub mod device;
 pub mod fetch;
 mod guard;
-mod handle;
+pub mod handle;
 pub mod report;
 pub mod solve;
 pub mod status;

@@ -106,7 +106,7 @@ static inline void sheet_pose(const sheet *s, int frame, double (*points)[4])
     }
 }
 
-static inline vrtm_array sheet_positions(const double (*points)[4])
+static inline vrtm_array sheet_positions(const void *points)
 {
     vrtm_array a = vrtm_array_init();
     a.format = VRTM_SCALAR_F64;
