@@ -130,7 +130,7 @@ impl Host {
 
     fn image(&mut self) -> vrtm_image {
         for texel in &mut self.texels {
-            *texel = if self.random.0.count_ones() % 2 == 0 { 1.0 } else { 0.0 };
+            *texel = if self.random.0.count_ones().is_multiple_of(2) { 1.0 } else { 0.0 };
             self.random.0 = self.random.0.rotate_left(7).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         }
         if self.random.one_in(20) {
@@ -260,7 +260,7 @@ impl Host {
                 }
                 2 if self.random.one_in(3) => vrtm_device_destroy(self.device()),
                 3 if self.random.one_in(2) => vrtm_asset_destroy(self.asset()),
-                2 | 3 | 4 => self.create_asset(),
+                2..=4 => self.create_asset(),
                 5 => {
                     let mut info = sized::<vrtm_asset_data>();
                     vrtm_asset_info(self.asset(), &mut info)
