@@ -226,8 +226,12 @@ pub(super) fn is_tile_of(tile: vrtm_tile, asset: vrtm_asset) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::guard::guard;
+    use super::super::status::VRTM_ERROR_INTERNAL;
     use super::*;
+    use crate::mesh::{MeshSource, UvSource};
     use crate::settings::DeviceSettings;
+    use crate::view::{Scalar, Strided};
 
     fn new_device() -> vrtm_device {
         add_device(Device::new(&DeviceSettings::default()).unwrap()).unwrap()
@@ -258,6 +262,45 @@ mod tests {
         assert!(asset(vrtm_asset { id: living.id }).is_err());
         assert!(tile("tile", vrtm_tile { id: living.id }).is_err());
         assert!(remove_device(living).is_ok());
+    }
+
+    fn triangle() -> SharedAsset {
+        let device = Device::new(&DeviceSettings::default()).unwrap();
+        let uvs = [0.0f32, 0.0, 1.0, 0.0, 0.0, 1.0].map(f32::to_ne_bytes);
+        let uvs = Strided::new("uvs", uvs.as_flattened(), Scalar::F32, 2, 3, 0).unwrap();
+        let mesh = MeshSource {
+            positions: Strided::from_f32x3(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+            face_counts: None,
+            indices: &[0, 1, 2],
+            uvs: UvSource { u: uvs, v: None, indices: None },
+        };
+        SharedAsset::new(Asset::new(&device, &mesh).unwrap())
+    }
+
+    #[test]
+    fn an_asset_in_use_is_busy_and_never_waits() {
+        let asset = triangle();
+        let inner = asset.write(|_| {
+            assert_eq!(asset.read(|_| Ok(())).unwrap_err().status, VRTM_ERROR_BUSY);
+            Ok(asset.write(|_| Ok(())).unwrap_err().status)
+        });
+        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
+        // Readers do not hinder each other, but a writer waits for none of them.
+        let inner = asset.read(|_| {
+            assert!(asset.read(|_| Ok(())).is_ok());
+            Ok(asset.write(|_| Ok(())).unwrap_err().status)
+        });
+        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
+        assert!(asset.write(|_| Ok(())).is_ok());
+    }
+
+    #[test]
+    fn an_asset_survives_a_panic() {
+        let asset = triangle();
+        let status = guard("vrtm_test", || asset.write(|_| -> Outcome<()> { panic!("in the middle") }));
+        assert_eq!(status, VRTM_ERROR_INTERNAL);
+        assert_eq!(asset.read(|asset| Ok(asset.tile_count())).unwrap(), 1);
+        assert!(asset.write(|asset| Ok(asset.set_rigidity(0, None)?)).is_ok());
     }
 
     #[test]
