@@ -2,9 +2,9 @@
 
 use std::any::Any;
 use std::cell::Cell;
-use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
-use std::sync::Once;
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Once, OnceLock};
 
 use super::status::{
     Outcome, VRTM_ERROR_INTERNAL, VRTM_OK, set_last_error, set_panic_place, take_panic_place, vrtm_status,
@@ -74,18 +74,26 @@ impl Drop for Inside {
 fn silence_panics() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        let others = take_hook();
-        set_hook(Box::new(move |info| {
-            let worker = || IN_FLIGHT.load(Ordering::Relaxed) > 0 && std::thread::current().name().is_none();
-            if DEPTH.with(Cell::get) > 0 {
-                if let Some(location) = info.location() {
-                    set_panic_place(location);
-                }
-            } else if !worker() {
-                others(info);
-            }
-        }));
+        let _ = OTHERS.set(take_hook());
+        // A function, not a closure that holds the other hook: that would need memory, which unloading leaves behind.
+        set_hook(Box::new(keep_or_pass_on));
     });
+}
+
+/// The hook that was there before.
+static OTHERS: OnceLock<Hook> = OnceLock::new();
+
+type Hook = Box<dyn Fn(&PanicHookInfo<'_>) + Sync + Send>;
+
+fn keep_or_pass_on(info: &PanicHookInfo<'_>) {
+    let worker = || IN_FLIGHT.load(Ordering::Relaxed) > 0 && std::thread::current().name().is_none();
+    if DEPTH.with(Cell::get) > 0 {
+        if let Some(location) = info.location() {
+            set_panic_place(location);
+        }
+    } else if let Some(others) = OTHERS.get().filter(|_| !worker()) {
+        others(info);
+    }
 }
 
 #[cfg(test)]

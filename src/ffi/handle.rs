@@ -74,7 +74,6 @@ struct Table<T> {
 
 struct Entries<T> {
     next: u64,
-    // A tree frees its memory as it empties: nothing is left behind when the library is unloaded.
     live: BTreeMap<u64, Arc<T>>,
 }
 
@@ -109,7 +108,13 @@ impl<T> Table<T> {
     }
 
     fn remove(&self, serial: u64) -> Option<Arc<T>> {
-        self.lock().live.remove(&serial)
+        let mut entries = self.lock();
+        let removed = entries.live.remove(&serial);
+        if entries.live.is_empty() {
+            // An emptied tree keeps its root, which unloading the library would leave behind.
+            entries.live = BTreeMap::new();
+        }
+        removed
     }
 }
 
