@@ -5,18 +5,20 @@
 //! become a grid with movable nodes and active blocks (`tile`), `solve` runs the schedule over a backend's
 //! stages (`cpu`), and [`Asset`] hands out the redirection map, the warp, corner UVs and reports.
 
+pub mod view;
+pub mod image;
+mod half;
+mod mesh;
+mod tile;
+mod solve;
+mod cpu;
 mod asset;
 mod device;
+mod settings;
+mod report;
 mod error;
 #[doc(hidden)]
 pub mod ffi;
-mod half;
-pub mod image;
-mod mesh;
-mod report;
-mod settings;
-mod tile;
-pub mod view;
 
 pub use asset::{Asset, Fetch, FetchKind};
 pub use device::{Device, adapters};
