@@ -261,7 +261,7 @@ typedef struct vrtm_image {
 typedef struct vrtm_image_out {
     // sizeof(vrtm_image_out); set by vrtm_image_out_init().
     uint32_t struct_size;
-    // VRTM_PIXEL_F32 (0, the default) or, where the kind of output allows it, VRTM_PIXEL_F16.
+    // VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
     vrtm_pixel_format format;
     // Where the first texel of the first row goes. Need not be aligned.
     void *data;
@@ -537,8 +537,8 @@ typedef struct vrtm_tile_settings {
     uint32_t struct_size;
     // VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
     vrtm_overlap overlap;
-    // Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width. Rounded up to a multiple of
-    // 16, at most 16384.
+    // Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
+    // map. Rounded up to a multiple of 16, at most 16384.
     uint32_t grid_width;
     // Cells of the grid in v, likewise.
     uint32_t grid_height;
@@ -584,13 +584,13 @@ vrtm_status vrtm_tile_set_mask(vrtm_tile tile,
                                const vrtm_image *mask);
 
 // Sets the rigidity of all tiles from one value per vertex (1 component, as many as vertices, 0..1), linear over each
-// triangle. Null takes it away. A tile's grid then has the size in its settings.
+// triangle. Null takes it away. A tile's grid then has the size in its settings, or 1024 x 1024.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 // value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_asset_set_vertex_rigidity(vrtm_asset asset,
-                                           const vrtm_array *values);
+                                           const vrtm_array *rigidity);
 
 // Sets a tile's settings. Null: all defaults.
 //
@@ -613,15 +613,15 @@ typedef int32_t vrtm_fetch_kind;
 
 // The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
 // the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds
-// ((x + 0.5) / width, (y + 0.5) / height). f32 only.
+// ((x + 0.5) / width, (y + 0.5) / height). Take f32: from 1024 texels on, f16 cannot tell neighbours apart.
 #define VRTM_FETCH_REDIRECTION 0
 
-// The same less the texel centre itself: what to add to a UV; 0 where nothing moves. f32 or f16.
+// The same less the texel centre itself: what to add to a UV; 0 where nothing moves. Good in f16 too.
 #define VRTM_FETCH_REDIRECTION_DELTA 1
 
 // The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
 // absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
-// size plus one in both directions the texels are the grid's nodes, any other size interpolates. f32 only.
+// size plus one in both directions the texels are the grid's nodes, any other size interpolates. Take f32.
 #define VRTM_FETCH_WARP 2
 
 // One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
@@ -638,8 +638,8 @@ typedef struct vrtm_fetch {
 
 // Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for a format
-// that the kind does not have; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
+// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
 // or an unknown value; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written.
 VRTM_API
 vrtm_status vrtm_tile_fetch(vrtm_tile tile,

@@ -205,7 +205,7 @@ public:
         return Tile(tile);
     }
 
-    void set_vertex_rigidity(const vrtm_array *values) { check(vrtm_asset_set_vertex_rigidity(handle_, values)); }
+    void set_vertex_rigidity(const vrtm_array *rigidity) { check(vrtm_asset_set_vertex_rigidity(handle_, rigidity)); }
 
     void solve(const vrtm_array &positions, const vrtm_solve_options *options = nullptr)
     {

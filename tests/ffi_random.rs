@@ -218,6 +218,12 @@ impl Host {
                 // SAFETY: as above.
                 if unsafe { vrtm_asset_tile(asset, index, &mut tile) } == VRTM_OK {
                     self.tiles.push(tile.id);
+                    // The default grid is 1024 x 1024 where there is no map: too slow for thousands of calls.
+                    let mut settings = sized::<vrtm_tile_settings>();
+                    settings.grid_width = 16;
+                    settings.grid_height = 16;
+                    // SAFETY: as above.
+                    unsafe { vrtm_tile_set_settings(tile, &settings) };
                 }
             }
         }
@@ -290,8 +296,8 @@ impl Host {
                 17 | 18 => {
                     let mut settings = sized::<vrtm_tile_settings>();
                     settings.overlap = self.odd(0, &[1, 2, -1]);
-                    settings.grid_width = self.odd(0, &[1, 16, 33, 20000]);
-                    settings.grid_height = self.odd(0, &[1, 16, 33, 20000]);
+                    settings.grid_width = self.odd(16, &[1, 16, 33, 20000]);
+                    settings.grid_height = self.odd(16, &[1, 16, 33, 20000]);
                     settings.smoothness = self.odd(0.0, &[VRTM_OFF, 1.0, f32::NAN]);
                     settings.smoothness_floor = self.odd(0.0, &[VRTM_OFF, 1.0, f32::NAN]);
                     settings.orientation = self.odd(0.0, &[0.1, -3.0]);

@@ -13,13 +13,13 @@ use crate::asset::FetchKind;
 pub type vrtm_fetch_kind = i32;
 /// The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
 /// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds
-/// ((x + 0.5) / width, (y + 0.5) / height). f32 only.
+/// ((x + 0.5) / width, (y + 0.5) / height). Take f32: from 1024 texels on, f16 cannot tell neighbours apart.
 pub const VRTM_FETCH_REDIRECTION: vrtm_fetch_kind = 0;
-/// The same less the texel centre itself: what to add to a UV; 0 where nothing moves. f32 or f16.
+/// The same less the texel centre itself: what to add to a UV; 0 where nothing moves. Good in f16 too.
 pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
 /// The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
 /// absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
-/// size plus one in both directions the texels are the grid's nodes, any other size interpolates. f32 only.
+/// size plus one in both directions the texels are the grid's nodes, any other size interpolates. Take f32.
 pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
 
 /// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
@@ -111,8 +111,8 @@ fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
 
 /// Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for a format
-/// that the kind does not have; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
+/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
 /// or an unknown value; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch(

@@ -47,8 +47,8 @@ pub struct vrtm_tile_settings {
     pub struct_size: u32,
     /// VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
     pub overlap: vrtm_overlap,
-    /// Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width. Rounded up to a multiple of
-    /// 16, at most 16384.
+    /// Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
+    /// map. Rounded up to a multiple of 16, at most 16384.
     pub grid_width: u32,
     /// Cells of the grid in v, likewise.
     pub grid_height: u32,
@@ -174,22 +174,22 @@ pub unsafe extern "C" fn vrtm_tile_set_mask(tile: vrtm_tile, mask: *const vrtm_i
 }
 
 /// Sets the rigidity of all tiles from one value per vertex (1 component, as many as vertices, 0..1), linear over each
-/// triangle. Null takes it away. A tile's grid then has the size in its settings.
+/// triangle. Null takes it away. A tile's grid then has the size in its settings, or 1024 x 1024.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 /// value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_set_vertex_rigidity(
     asset: vrtm_asset,
-    values: *const vrtm_array,
+    rigidity: *const vrtm_array,
 ) -> vrtm_status {
     guard("vrtm_asset_set_vertex_rigidity", || {
         let asset = handle::asset(asset)?;
-        let values = if values.is_null() {
+        let values = if rigidity.is_null() {
             None
         } else {
             // SAFETY: the host's pointer, valid during the call.
-            Some(unsafe { strided(values, 1, "values") }?)
+            Some(unsafe { strided(rigidity, 1, "rigidity") }?)
         };
         asset.write(|asset| Ok(asset.set_vertex_rigidity(values)?))
     })

@@ -84,7 +84,7 @@ pub struct vrtm_image {
 pub struct vrtm_image_out {
     /// sizeof(vrtm_image_out); set by vrtm_image_out_init().
     pub struct_size: u32,
-    /// VRTM_PIXEL_F32 (0, the default) or, where the kind of output allows it, VRTM_PIXEL_F16.
+    /// VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
     pub format: vrtm_pixel_format,
     /// Where the first texel of the first row goes. Need not be aligned.
     pub data: *mut c_void,
