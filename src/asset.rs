@@ -123,7 +123,9 @@ impl Asset {
         let rigidity = match values {
             Some(values) => {
                 self.check_vertices("rigidity", &values, 1)?;
-                Rigidity::Vertices((0..values.len()).map(|v| (values.get(v, 0) as f32).clamp(0.0, 1.0)).collect())
+                Rigidity::Vertices(
+                    (0..values.len()).map(|v| (values.get(v, 0) as f32).clamp(0.0, 1.0)).collect(),
+                )
             }
             None => Rigidity::None,
         };
@@ -205,7 +207,13 @@ impl Asset {
         })
     }
 
-    fn fetch_with(&mut self, team: &Team, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
+    fn fetch_with(
+        &mut self,
+        team: &Team,
+        tile: usize,
+        kind: FetchKind,
+        image: &mut ImageViewMut,
+    ) -> Result<()> {
         let solved = self.tiles[tile].solved.as_mut().ok_or_else(not_solved)?;
         let start = Instant::now();
         fetch::write(team, solved, kind, image);
@@ -245,7 +253,8 @@ impl Asset {
     /// `NotSolved` before the first solve.
     pub fn report(&self) -> Result<AssetReport> {
         let total_ms = self.solved_ms.ok_or_else(not_solved)?;
-        let mut report = AssetReport { tiles: self.tiles.len() as u32, min_jacobian: 1.0, total_ms, ..Default::default() };
+        let mut report =
+            AssetReport { tiles: self.tiles.len() as u32, min_jacobian: 1.0, total_ms, ..Default::default() };
         for solved in self.solved()? {
             let tile = &solved.report;
             report.tiles_active += u32::from(tile.charts_active > 0);

@@ -11,12 +11,12 @@ mod surface;
 mod team;
 
 use std::cell::RefCell;
-use std::sync::{Arc, Weak};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Weak};
 
 use crate::mesh::{NONE, TileMesh};
 use crate::settings::TileSettings;
-use crate::solve::Stages;
+use crate::solve::{Correction, Stages};
 use crate::tile::blocks::{NODES, Plane, SIDE, node_at, slot};
 use crate::tile::pose::{Pose, PoseTriangle};
 use crate::tile::{Grid, metric};
@@ -116,7 +116,8 @@ impl Memory {
     /// Bytes that `new` takes for a grid.
     pub fn bytes_for(grid: &Grid) -> u64 {
         let plane = NODES * 4;
-        let levels: usize = grid.levels.iter().map(|level| level.blocks.list.len() * (2 + 3 + 3) * plane).sum();
+        let levels: usize =
+            grid.levels.iter().map(|level| level.blocks.list.len() * (2 + 3 + 3) * plane).sum();
         // The finest level has triangles where the others have metrics.
         let finest = grid.levels[0].blocks.list.len() * 2 * plane;
         let triangles = grid.triangles.len() * (size_of::<PoseTriangle>() + 12);
@@ -411,18 +412,11 @@ impl Stages for Run<'_> {
     }
 
     fn relax(&mut self, level: usize, sweeps: u32) {
-        let grid = &self.grid.levels[level];
-        let nodes: u64 = self.work[level]
-            .active
-            .iter()
-            .map(|&b| grid.movable[b as usize].iter().map(|&m| u64::from(m)).sum::<u64>())
-            .sum();
-        self.node_updates.fetch_add(nodes * u64::from(sweeps), Ordering::Relaxed);
-        self.with_surface(level, Relax { level, sweeps });
+        self.relax_level(level, sweeps);
     }
 
-    fn correct(&mut self, level: usize, correction: u32, tolerance: f32) {
-        self.correct_level(level, correction, tolerance);
+    fn correct(&mut self, level: usize, correction: &Correction) {
+        self.correct_level(level, correction);
     }
 
     fn certify(&mut self) {
@@ -457,6 +451,14 @@ impl Stages for Run<'_> {
 }
 
 impl Run<'_> {
+    fn relax_level(&mut self, level: usize, sweeps: u32) {
+        let grid = &self.grid.levels[level];
+        let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
+        let nodes: u64 = self.work[level].active.iter().map(movable).sum();
+        self.node_updates.fetch_add(nodes * u64::from(sweeps), Ordering::Relaxed);
+        self.with_surface(level, Relax { level, sweeps });
+    }
+
     fn energy_before(&mut self) {
         let energies = self.energies(0);
         for (outcome, energy) in self.outcome.iter_mut().zip(energies) {
@@ -476,7 +478,8 @@ unsafe fn refresh_chords(surface: Chords, state: State, b: usize) {
     let (u, value, triangle) = unsafe { (state.u.get(b), state.value.get_mut(b), state.triangle.get_mut(b)) };
     for s in 0..NODES {
         let (i, j) = node_at(s);
-        let (i, j) = (i64::from(block.x) * SIDE as i64 + i as i64, i64::from(block.y) * SIDE as i64 + j as i64);
+        let (i, j) =
+            (i64::from(block.x) * SIDE as i64 + i as i64, i64::from(block.y) * SIDE as i64 + j as i64);
         let d = [u[0][s], u[1][s]];
         let rest = surface.grid.triangle[b][s];
         let sample = if level.movable[b][s] == 0 {

@@ -23,12 +23,22 @@ pub(crate) trait Stages {
     fn prolong(&mut self, level: usize);
     /// Block descent.
     fn relax(&mut self, level: usize, sweeps: u32);
-    /// One Gauss-Newton step for all nodes of a level, accepted chart by chart; charts whose last correction on this
-    /// level gained less than `tolerance` of their energy sit it out.
-    fn correct(&mut self, level: usize, correction: u32, tolerance: f32);
+    /// One Gauss-Newton step for all nodes of a level, relaxed and then accepted chart by chart.
+    fn correct(&mut self, level: usize, correction: &Correction);
     /// Energies, corner Jacobians in f64, and the fallback: a chart that is folded or no better than the identity
     /// becomes the identity.
     fn certify(&mut self);
+}
+
+/// One correction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Correction {
+    /// The first one on its level: all charts take part again.
+    pub first: bool,
+    /// Sweeps after the step.
+    pub sweeps: u32,
+    /// A chart that gains less than this share of its energy sits out the level's further corrections.
+    pub tolerance: f32,
 }
 
 /// How much work to do.
@@ -36,7 +46,7 @@ pub(crate) trait Stages {
 pub(crate) struct Plan {
     /// Sweeps before and after each correction.
     pub sweeps: u32,
-    /// Corrections on the two finest levels and on the others.
+    /// Corrections on the finest level and on the others.
     pub corrections: [u32; 2],
     pub tolerance: f32,
     pub warm: bool,
@@ -47,8 +57,8 @@ impl Plan {
     pub fn new(options: &SolveOptions) -> Plan {
         let (sweeps, corrections, tolerance) = match options.quality {
             Quality::Draft => (4, [0, 0], 0.0),
-            Quality::Normal => (2, [1, 1], 0.0),
-            Quality::High => (4, [2, 4], 1e-6),
+            Quality::Normal => (2, [2, 1], 0.0),
+            Quality::High => (4, [4, 2], 1e-6),
         };
         let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
         Plan {
@@ -89,19 +99,21 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool) -> Outcome 
                 stages.identity(level);
             }
         });
-        let corrections = plan.corrections[usize::from(level > 1)];
-        for correction in 0..=corrections {
+        for step in 0..=plan.corrections[usize::from(level > 0)] {
             // Past the budget only prolongation is left: the state so far becomes the result.
             if plan.budget.is_some_and(|budget| start.elapsed() > budget) {
                 outcome.truncated = true;
                 break;
             }
-            if correction > 0 {
-                timed(&mut times.correct, || stages.correct(level, correction - 1, plan.tolerance));
+            outcome.sweeps += plan.sweeps;
+            if step == 0 {
+                timed(&mut times.relax, || stages.relax(level, plan.sweeps));
+            } else {
+                let correction =
+                    Correction { first: step == 1, sweeps: plan.sweeps, tolerance: plan.tolerance };
+                timed(&mut times.correct, || stages.correct(level, &correction));
                 outcome.corrections += 1;
             }
-            timed(&mut times.relax, || stages.relax(level, plan.sweeps));
-            outcome.sweeps += plan.sweeps;
         }
     }
     timed(&mut times.certify, || stages.certify());

@@ -123,7 +123,8 @@ pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut 
     let canvas = AtomicPtr::new(out.as_mut_ptr());
     let count = out.len().min(mesh.corners.len());
     team.run(count.div_ceil(CHUNK), |k| {
-        for (c, corner) in mesh.corners.iter().enumerate().take(((k + 1) * CHUNK).min(count)).skip(k * CHUNK) {
+        for (c, corner) in mesh.corners.iter().enumerate().take(((k + 1) * CHUNK).min(count)).skip(k * CHUNK)
+        {
             let mut uv = corner.uv;
             if corner.tile != NONE && corner.chart != NONE {
                 let solved = tiles[corner.tile as usize];

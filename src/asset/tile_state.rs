@@ -53,8 +53,8 @@ impl TileState {
     pub fn set_maps(&mut self, change: impl FnOnce(&mut TileMaps)) {
         let before = self.maps.clone();
         change(&mut self.maps);
-        let resized =
-            before.grid_size() != self.maps.grid_size() || before.settings.overlap != self.maps.settings.overlap;
+        let resized = before.grid_size() != self.maps.grid_size()
+            || before.settings.overlap != self.maps.settings.overlap;
         if resized {
             self.coverage = None;
         }
@@ -108,12 +108,15 @@ impl TileState {
         let last = self.solved.as_ref().filter(|solved| Arc::ptr_eq(&solved.grid, &grid));
         let state: Vec<ChartState> = (0..source.charts.len())
             .map(|c| {
-                if grid.movable[c] == 0 || grid.levels[0].floor[c] == 0.0 || pose.is_isometric(&grid.rest, source, c) {
+                if grid.movable[c] == 0
+                    || grid.levels[0].floor[c] == 0.0
+                    || pose.is_isometric(&grid.rest, source, c)
+                {
                     return ChartState::Identity;
                 }
-                let same = last.and_then(|solved| solved.inputs[c].as_ref()).is_some_and(|input| {
-                    input.plan == *plan && input.pose == pose.charts[c]
-                });
+                let same = last
+                    .and_then(|solved| solved.inputs[c].as_ref())
+                    .is_some_and(|input| input.plan == *plan && input.pose == pose.charts[c]);
                 if same { ChartState::Reused } else { ChartState::Active }
             })
             .collect();
@@ -141,7 +144,13 @@ impl TileState {
         if any {
             self.allocate(device, &grid, source.udim)?;
             if let Some(memory) = &mut self.memory {
-                let input = Input { grid: &grid, mesh: source, pose: &pose, settings: &self.maps.settings, charts: &charts };
+                let input = Input {
+                    grid: &grid,
+                    mesh: source,
+                    pose: &pose,
+                    settings: &self.maps.settings,
+                    charts: &charts,
+                };
                 let mut run = Run::new(team, &input, memory, &mut u);
                 let done = solve::run(&mut run, plan, warm);
                 for (c, active) in charts.iter().enumerate() {
@@ -170,8 +179,9 @@ impl TileState {
         report.charts_active = count(ChartState::Active);
         report.charts_reused = count(ChartState::Reused);
         report.charts_identity = count(ChartState::Identity);
-        report.charts_fallback =
-            (0..charts.len()).filter(|&c| state[c] != ChartState::Identity && outcome[c].fallback).count() as u32;
+        report.charts_fallback = (0..charts.len())
+            .filter(|&c| state[c] != ChartState::Identity && outcome[c].fallback)
+            .count() as u32;
         report.blocks = report.grid.map(|n| (n as usize + 1).div_ceil(SIDE) as u64).iter().product();
         report.nodes_active = (0..charts.len()).filter(|&c| charts[c]).map(|c| grid.movable[c]).sum();
         report.times.maps = self.build_ms;

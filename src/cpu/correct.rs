@@ -7,6 +7,7 @@ mod cut;
 mod galerkin;
 mod multigrid;
 
+use crate::solve::Correction;
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::halo::WINDOW_NODES;
@@ -89,14 +90,14 @@ impl Systems {
 }
 
 /// Iterations of conjugate gradients: more gain less than the next correction does.
-const ITERATIONS: usize = 3;
+const ITERATIONS: usize = 6;
 
 /// Parts of the step that are tried until the energy falls.
 const TRIALS: [f32; 3] = [1.0, 0.5, 0.25];
 
 impl Run<'_> {
-    pub(super) fn correct_level(&mut self, level: usize, correction: u32, tolerance: f32) {
-        if correction == 0 {
+    pub(super) fn correct_level(&mut self, level: usize, plan: &Correction) {
+        if plan.first {
             self.memory.systems.done.fill(false);
         }
         let mut systems = std::mem::take(&mut self.memory.systems);
@@ -104,7 +105,8 @@ impl Run<'_> {
         for (work, grid) in self.work.iter_mut().zip(&self.grid.levels) {
             work.retain(|b| !systems.done[grid.blocks.list[b as usize].chart as usize]);
         }
-        let before = self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
+        let before =
+            self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
         let coarsest = systems.levels.len() - 1;
         for k in level..coarsest {
             let (finer, coarser) = systems.levels.split_at_mut(k + 1);
@@ -112,7 +114,7 @@ impl Run<'_> {
         }
         self.conjugate_gradients(&mut systems.levels, level);
         cut::shares(self, level, &mut systems.levels[level]);
-        self.step(&mut systems, level, &before, tolerance);
+        self.step(&mut systems, level, &before, plan);
         self.memory.systems = systems;
         self.work = work;
     }
@@ -168,17 +170,20 @@ impl Run<'_> {
         }
     }
 
-    /// Takes the step chart by chart where it lowers the energy, or half, or a quarter of it, or none.
-    fn step(&mut self, systems: &mut Systems, level: usize, before: &[f64], tolerance: f32) {
+    /// Takes the step chart by chart, and relaxes; where that has not lowered the energy, half of the step, or a
+    /// quarter, or none. Relaxing comes first because the step errs most where the surface has kinks: a rough error,
+    /// which a sweep mends, and which would otherwise hold back the whole chart.
+    fn step(&mut self, systems: &mut Systems, level: usize, before: &[f64], plan: &Correction) {
         let system = &mut systems.levels[level];
-        let mut open: Vec<bool> = (0..self.charts.len()).map(|c| self.charts[c] && !systems.done[c]).collect();
         for &b in &self.work[level].active {
             system.t[b as usize] = self.memory.levels[level].u[b as usize];
         }
-        let active = std::mem::take(&mut self.work[level].active);
+        let list = &self.grid.levels[level].blocks.list;
+        let mut open: Vec<bool> =
+            (0..self.charts.len()).map(|c| self.charts[c] && !systems.done[c]).collect();
         for (n, part) in TRIALS.into_iter().chain([0.0]).enumerate() {
-            let chart_of = |b: u32| self.grid.levels[level].blocks.list[b as usize].chart as usize;
-            let blocks: Vec<u32> = active.iter().copied().filter(|&b| open[chart_of(b)]).collect();
+            self.work[level].retain(|b| open[list[b as usize].chart as usize]);
+            let blocks = self.work[level].active.clone();
             if blocks.is_empty() {
                 break;
             }
@@ -195,24 +200,16 @@ impl Run<'_> {
                 }
             });
             self.refresh(level, &blocks);
-            if n == TRIALS.len() {
-                break;
-            }
-            self.work[level].active = blocks;
+            self.relax_level(level, plan.sweeps);
             let energies = self.energies(level);
-            self.work[level].active.clear();
             for c in 0..open.len() {
-                // A comparison with NaN is false: not accepted.
-                if open[c] && energies[c] < before[c] {
+                // A comparison with NaN is false: not accepted. The last trial is relaxation alone.
+                if open[c] && (energies[c] < before[c] || n == TRIALS.len()) {
                     open[c] = false;
-                    systems.done[c] = before[c] - energies[c] <= f64::from(tolerance) * before[c];
+                    systems.done[c] = !(before[c] - energies[c] > f64::from(plan.tolerance) * before[c]);
                 }
             }
         }
-        for (done, open) in systems.done.iter_mut().zip(open) {
-            *done |= open;
-        }
-        self.work[level].active = active;
     }
 
     /// Per chart, the dot product of two vectors of a level, in a fixed order.

@@ -74,7 +74,11 @@ fn triangle(
         let d = [x as f64 - a[0], y as f64 - a[1]];
         let l1 = (d[0] * e2[1] - d[1] * e2[0]) * inverse;
         let l2 = (e1[0] * d[1] - e1[1] * d[0]) * inverse;
-        put(x, y, [0, 1].map(|k| rest[0][k] + l1 * (rest[1][k] - rest[0][k]) + l2 * (rest[2][k] - rest[0][k])));
+        put(
+            x,
+            y,
+            [0, 1].map(|k| rest[0][k] + l1 * (rest[1][k] - rest[0][k]) + l2 * (rest[2][k] - rest[0][k])),
+        );
     });
 }
 
@@ -94,7 +98,8 @@ pub(crate) fn point(level: &Level, u: &[[Plane; 2]], chart: u32, c: [f64; 2]) ->
     let cell = |p: [f64; 2]| [p[0].floor() as i64, p[1].floor() as i64];
     let at = |i: i64, j: i64| displacement(level, u, chart, i, j);
     let home = cell(c);
-    let still = [(0, 0), (1, 0), (0, 1), (1, 1)].iter().all(|&(di, dj)| at(home[0] + di, home[1] + dj) == [0.0; 2]);
+    let still =
+        [(0, 0), (1, 0), (0, 1), (1, 1)].iter().all(|&(di, dj)| at(home[0] + di, home[1] + dj) == [0.0; 2]);
     if still {
         return c;
     }
@@ -138,7 +143,8 @@ fn in_cell(at: &impl Fn(i64, i64) -> [f64; 2], i: i64, j: i64, c: [f64; 2]) -> O
     let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
     [[0, 1, 2], [0, 2, 3]].into_iter().find_map(|k| {
         let [(ra, a), (rb, b), (rc, cc)] = k.map(|k| corners[k]);
-        let (e1, e2, d) = ([b[0] - a[0], b[1] - a[1]], [cc[0] - a[0], cc[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+        let (e1, e2, d) =
+            ([b[0] - a[0], b[1] - a[1]], [cc[0] - a[0], cc[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
         let det = e1[0] * e2[1] - e1[1] * e2[0];
         let l1 = (d[0] * e2[1] - d[1] * e2[0]) / det;
         let l2 = (e1[0] * d[1] - e1[1] * d[0]) / det;

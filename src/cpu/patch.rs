@@ -211,7 +211,14 @@ impl Patch {
     /// Samples the surface for a row at displacements `u`; lanes that do not move keep what they have. The mask says
     /// where there is a sample.
     #[inline(always)]
-    pub fn sample<S: Surface>(&self, surface: S, row: Row, here: &Place, u: &[V; 2], lanes: &Mask) -> (Place, Mask) {
+    pub fn sample<S: Surface>(
+        &self,
+        surface: S,
+        row: Row,
+        here: &Place,
+        u: &[V; 2],
+        lanes: &Mask,
+    ) -> (Place, Mask) {
         let mut there = Place { u: *u, ..*here };
         let mut found = *lanes;
         for k in 0..LANES {
@@ -247,10 +254,7 @@ impl Patch {
             at: n,
             value: [0, 1, 2].map(|c| V::load(&self.value[c], n)),
             same: Mask::equal(&self.triangle, n, &p.triangle),
-            d: [
-                (V::load(&self.u[0], n) - p.u[0]) + di as f32,
-                (V::load(&self.u[1], n) - p.u[1]) + dj as f32,
-            ],
+            d: [(V::load(&self.u[0], n) - p.u[0]) + di as f32, (V::load(&self.u[1], n) - p.u[1]) + dj as f32],
             length,
             inverse: V::ONE / length.max(V::splat(self.floor)),
             weight,
@@ -330,10 +334,7 @@ impl Patch {
         for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
             let to = |di: i64, dj: i64| {
                 let n = row.at(di, dj);
-                [
-                    (V::load(&self.u[0], n) - p.u[0]) + di as f32,
-                    (V::load(&self.u[1], n) - p.u[1]) + dj as f32,
-                ]
+                [(V::load(&self.u[0], n) - p.u[0]) + di as f32, (V::load(&self.u[1], n) - p.u[1]) + dj as f32]
             };
             let (a, b, c) = (to(sx, 0), to(0, sy), to(sx, sy));
             let sign = (sx * sy) as f32;

@@ -3,6 +3,7 @@
 
 use super::super::lanes::{LANES, V};
 use super::super::patch::{NEIGHBOURS, Patch, QUADRANTS, Weights};
+use super::super::relax::MIN_JACOBIAN;
 use super::super::surface::Slopes;
 use super::*;
 use crate::tile::blocks::SIDE;
@@ -60,8 +61,14 @@ fn block<S: Surface>(patch: &Patch, surface: S, weights: &Weights, rows: &mut Ro
     for row in all_rows() {
         let p = patch.here(row);
         let own = V::ZERO.lt(V::load_u8(&patch.movable, row.at(0, 0)));
-        let local = patch.local::<S>(row, &p, weights);
+        let mut local = patch.local::<S>(row, &p, weights);
         let s = row.slot();
+        for (jacobian, slope) in &local.corners {
+            let wall = wall(*jacobian);
+            local.matrix[0] += wall * slope[0] * slope[0];
+            local.matrix[1] += wall * slope[0] * slope[1];
+            local.matrix[2] += wall * slope[1] * slope[1];
+        }
         for c in 0..3 {
             // Fixed nodes get the identity, so that nothing divides by zero.
             let identity = if c == 1 { V::ZERO } else { V::ONE };
@@ -113,15 +120,21 @@ fn block<S: Surface>(patch: &Patch, surface: S, weights: &Weights, rows: &mut Ro
     }
 }
 
+/// Under this corner Jacobian the step meets a wall, ...
+const WALL_JACOBIAN: f32 = 2.5 * MIN_JACOBIAN;
+/// ... of this weight in the step's system (not in the energy): where the bound on J is active, the step slides along it
+/// instead of being cut by it.
+const WALL: f32 = 10.0;
+
+/// The wall's weight at a corner.
+#[inline(always)]
+fn wall(jacobian: V) -> V {
+    jacobian.lt(V::splat(WALL_JACOBIAN)).select(V::splat(WALL), V::ZERO)
+}
+
 /// The room term's part of the pairs of a row's nodes with their neighbours, row-major.
-fn corner_pairs(
-    patch: &Patch,
-    row: Row,
-    p: &super::super::patch::Place,
-    weights: &Weights,
-) -> [[V; 4]; 8] {
+fn corner_pairs(patch: &Patch, row: Row, p: &super::super::patch::Place, weights: &Weights) -> [[V; 4]; 8] {
     let mut pairs = [[V::ZERO; 4]; 8];
-    let threshold = V::splat(weights.room_threshold);
     for &(sx, sy) in &QUADRANTS {
         let to = |di: i64, dj: i64| {
             let n = row.at(di, dj);
@@ -129,14 +142,14 @@ fn corner_pairs(
         };
         let (a, b, c) = (to(sx, 0), to(0, sy), to(sx, sy));
         let sign = (sx * sy) as f32;
-        let index = |di: i64, dj: i64| {
-            NEIGHBOURS.iter().position(|n| (n.0, n.1) == (di, dj)).unwrap_or_default()
-        };
+        let index =
+            |di: i64, dj: i64| NEIGHBOURS.iter().position(|n| (n.0, n.1) == (di, dj)).unwrap_or_default();
         let (ka, kb, kc) = (index(sx, 0), index(0, sy), index(sx, sy));
         // J = sign (a x b): dJ/dp = sign (a_y - b_y, b_x - a_x), dJ/da = sign (b_y, -b_x), dJ/db = sign (-a_y, a_x).
         for (k, l, a, b) in [(ka, kb, &a, &b), (ka, kc, &a, &c), (kc, kb, &c, &b)] {
             let jacobian = (a[0] * b[1] - a[1] * b[0]) * sign;
-            let beta = jacobian.lt(threshold).select(V::splat(weights.room), V::ZERO);
+            let room = jacobian.lt(V::splat(weights.room_threshold)).select(V::splat(weights.room), V::ZERO);
+            let beta = room + wall(jacobian);
             let own = [a[1] - b[1], b[0] - a[0]];
             let first = [b[1], -b[0]];
             let second = [-a[1], a[0]];

@@ -123,12 +123,7 @@ fn gather(around: &[u32; 9], rows: &[Rows], wide: &mut [[f32; WIDE_NODES]; 19]) 
 }
 
 /// The 8x8 coarse nodes over one fine block, a row of eight at a time.
-fn quarter_rows(
-    wide: &[[f32; WIDE_NODES]; 19],
-    movable: &Window<u8>,
-    quarter: usize,
-    out: &mut Rows,
-) {
+fn quarter_rows(wide: &[[f32; WIDE_NODES]; 19], movable: &Window<u8>, quarter: usize, out: &mut Rows) {
     let (x, y) = (quarter % 2 * LANES, quarter / 2 * LANES);
     for j in 0..LANES {
         for (entry, terms) in terms().into_iter().enumerate() {
