@@ -44,6 +44,8 @@ static void *use(void *unused)
     vrtm_image rigidity = sheet_rigidity(&s);
     vrtm_image_out image = vrtm_image_out_init();
     vrtm_array positions = sheet_positions(pose);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    options.quality = VRTM_QUALITY_DRAFT;
     sheet_describe(&s, &d);
     sheet_pose(&s, 4, pose);
     image.data = map;
@@ -55,7 +57,7 @@ static void *use(void *unused)
     if (api.vrtm_device_create(NULL, &device) != VRTM_OK || api.vrtm_asset_create(device, &d.mesh, &asset) != VRTM_OK ||
         api.vrtm_asset_tile(asset, 0, &fetch.tile) != VRTM_OK ||
         api.vrtm_tile_set_rigidity(fetch.tile, &rigidity) != VRTM_OK ||
-        api.vrtm_asset_redirect(asset, &positions, NULL, &fetch, 1) != VRTM_OK ||
+        api.vrtm_asset_redirect(asset, &positions, &options, &fetch, 1) != VRTM_OK ||
         api.vrtm_asset_destroy(asset) != VRTM_OK || api.vrtm_device_destroy(device) != VRTM_OK) {
         static char message[600];
         snprintf(message, sizeof message, "%s", api.vrtm_last_error());
