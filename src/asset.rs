@@ -1,6 +1,7 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
 mod fetch;
+mod inspect;
 mod tile_state;
 
 use std::time::Instant;
@@ -16,6 +17,7 @@ use crate::solve::Plan;
 use crate::tile::Rigidity;
 use crate::view::Strided;
 pub use fetch::FetchKind;
+pub use inspect::ReferenceMinimum;
 use tile_state::{Solved, TileState};
 
 /// One output of [`Asset::redirect`].
@@ -200,6 +202,9 @@ impl Asset {
                 state.solved = Some(result);
             }
             self.solved_ms = Some(start.elapsed().as_secs_f32() * 1000.0);
+            if options.measure {
+                self.measure(positions);
+            }
             for fetch in fetches {
                 self.fetch_with(team, fetch.tile, fetch.kind, &mut fetch.image)?;
             }

@@ -1,0 +1,166 @@
+//! The surface map f: UV -> object space, exactly on the triangles and in f64: what the reference solver and the
+//! strain on the mesh rest on. It shares no numbers with the solver's own f32 surface.
+
+use crate::mesh::{NONE, TileMesh};
+
+/// Barycentrics down to this count as inside: a point on an edge belongs to either side.
+const SLACK: f64 = 1e-12;
+
+/// A triangle in the UV plane, in cells.
+#[derive(Clone, Copy, Debug)]
+struct UvTriangle {
+    origin: [f64; 2],
+    /// Rows that take an offset from `origin` to the barycentrics of corners 1 and 2.
+    barycentric: [[f64; 2]; 2],
+    neighbours: [u32; 3],
+}
+
+impl UvTriangle {
+    fn barycentrics(&self, at: [f64; 2]) -> [f64; 3] {
+        let d = [at[0] - self.origin[0], at[1] - self.origin[1]];
+        let [l1, l2] = self.barycentric.map(|row| row[0] * d[0] + row[1] * d[1]);
+        [1.0 - l1 - l2, l1, l2]
+    }
+}
+
+/// Finds the triangle under any point of a chart.
+#[derive(Clone, Debug)]
+pub(crate) struct Locator {
+    nx: usize,
+    ny: usize,
+    triangles: Vec<UvTriangle>,
+    chart_of: Vec<u32>,
+    /// The triangle under each node of the grid, or `NONE`.
+    under: Vec<u32>,
+}
+
+impl Locator {
+    /// `under` is the triangle under each of the (nx + 1) x (ny + 1) nodes.
+    pub fn new(tile: &TileMesh, nx: usize, ny: usize, under: Vec<u32>) -> Locator {
+        let triangles = tile
+            .triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
+                let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+                let det = e1[0] * e2[1] - e1[1] * e2[0];
+                UvTriangle {
+                    origin: a,
+                    barycentric: [[e2[1] / det, -e2[0] / det], [-e1[1] / det, e1[0] / det]],
+                    neighbours: t.neighbours,
+                }
+            })
+            .collect();
+        Locator { nx, ny, triangles, chart_of: tile.chart_of_triangles(), under }
+    }
+
+    /// The triangle under node (i, j) at rest, or `NONE`.
+    pub fn under(&self, i: usize, j: usize) -> u32 {
+        self.under[j * (self.nx + 1) + i]
+    }
+
+    /// The chart of a triangle.
+    pub fn chart_of(&self, triangle: u32) -> u32 {
+        self.chart_of[triangle as usize]
+    }
+
+    /// The triangle of the chart of `home` under a point given in cells. The walk starts under the nearest node. A
+    /// walk can be stopped by the border of a chart that is not convex; it then starts again from the other corners
+    /// of the point's cell and from `home`, and at last all triangles are searched for the one that contains the
+    /// point best (a point on the border may lie outside all of them by rounding).
+    pub fn find(&self, at: [f64; 2], home: u32) -> u32 {
+        let chart = self.chart_of[home as usize];
+        let clamp = |x: f64, n: usize| x.clamp(0.0, n as f64) as usize;
+        let start = |x: f64, y: f64| {
+            let t = self.under(clamp(x, self.nx), clamp(y, self.ny));
+            (t != NONE && self.chart_of[t as usize] == chart).then_some(t)
+        };
+        let nearest = start(at[0].round(), at[1].round()).unwrap_or(home);
+        if let Some(t) = self.walk(nearest, at) {
+            return t;
+        }
+        let (x, y) = (at[0].floor(), at[1].floor());
+        for corner in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
+            if let Some(t) = start(corner.0, corner.1).and_then(|t| self.walk(t, at)) {
+                return t;
+            }
+        }
+        self.walk(home, at).unwrap_or_else(|| self.search(chart, at))
+    }
+
+    /// Crosses the edge that the point lies furthest beyond, until it lies beyond none.
+    fn walk(&self, start: u32, at: [f64; 2]) -> Option<u32> {
+        let mut t = start;
+        // Such a walk can go round in circles in badly shaped triangles.
+        for _ in 0..1000 {
+            let triangle = &self.triangles[t as usize];
+            let l = triangle.barycentrics(at);
+            let mut order = [0, 1, 2];
+            order.sort_unstable_by(|&a, &b| l[a].total_cmp(&l[b]));
+            if l[order[0]] >= -SLACK {
+                return Some(t);
+            }
+            let beyond = |k: usize| l[k] < -SLACK && triangle.neighbours[k] != NONE;
+            let &k = order.iter().find(|&&k| beyond(k))?;
+            t = triangle.neighbours[k];
+        }
+        None
+    }
+
+    fn search(&self, chart: u32, at: [f64; 2]) -> u32 {
+        let depth = |t: usize| self.triangles[t].barycentrics(at).into_iter().fold(f64::INFINITY, f64::min);
+        let first = self.chart_of.partition_point(|&c| c < chart);
+        let end = self.chart_of.partition_point(|&c| c <= chart);
+        (first..end).max_by(|&s, &t| depth(s).total_cmp(&depth(t))).map_or(NONE, |t| t as u32)
+    }
+}
+
+/// f in D dimensions: affine on each triangle, relative to the first vertex of its chart, so that a mesh far away
+/// from the origin loses no digits.
+#[derive(Clone, Debug)]
+pub(crate) struct Surface<const D: usize> {
+    triangles: Vec<Affine<D>>,
+}
+
+/// f(at) = value + (at - origin) . tangent, with `at` in cells.
+#[derive(Clone, Copy, Debug)]
+struct Affine<const D: usize> {
+    origin: [f64; 2],
+    value: [f64; D],
+    tangent: [[f64; D]; 2],
+}
+
+impl<const D: usize> Surface<D> {
+    /// `position` gives a mesh vertex in object space.
+    pub fn new(tile: &TileMesh, locator: &Locator, position: impl Fn(usize) -> [f64; D]) -> Surface<D> {
+        let mut triangles = Vec::with_capacity(tile.triangles.len());
+        for chart in &tile.charts {
+            let base = position(chart.vertices[0] as usize);
+            for t in chart.triangles.clone() {
+                let [p, q, r] =
+                    tile.triangles[t].local.map(|v| position(chart.vertices[v as usize] as usize));
+                let uv = &locator.triangles[t];
+                let tangent = [0, 1].map(|axis| {
+                    std::array::from_fn(|k| {
+                        (q[k] - p[k]) * uv.barycentric[0][axis] + (r[k] - p[k]) * uv.barycentric[1][axis]
+                    })
+                });
+                let value = std::array::from_fn(|k| p[k] - base[k]);
+                triangles.push(Affine { origin: uv.origin, value, tangent });
+            }
+        }
+        Surface { triangles }
+    }
+
+    /// f at a point of a triangle.
+    pub fn at(&self, triangle: u32, at: [f64; 2]) -> [f64; D] {
+        let t = &self.triangles[triangle as usize];
+        let d = [at[0] - t.origin[0], at[1] - t.origin[1]];
+        std::array::from_fn(|k| t.value[k] + d[0] * t.tangent[0][k] + d[1] * t.tangent[1][k])
+    }
+
+    /// df/dx and df/dy on a triangle, per cell.
+    pub fn tangent(&self, triangle: u32) -> &[[f64; D]; 2] {
+        &self.triangles[triangle as usize].tangent
+    }
+}

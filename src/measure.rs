@@ -1,0 +1,173 @@
+//! Strain on the mesh itself (DESIGN 12): what an artist sees, never the solver's own quantities.
+//!
+//! A segment that is painted into the texture from node a to node b lies on the surface from W(a) to W(b). Its
+//! strain is its chord in the pose over its chord at rest, less 1; both ends are located in the triangles exactly.
+
+use crate::exact::{Locator, Surface};
+use crate::mesh::{Mesh, NONE};
+use crate::report::{Strain, StrainReport};
+use crate::tile::EDGES;
+use crate::tile::coverage::Coverage;
+use crate::tile::pyramid::NodeMaps;
+
+/// Edges count if both ends are more rigid than this.
+const RIGID: f32 = 0.5;
+/// Edges with an end this near (in cells, along the farther axis) to a chart border count as border edges.
+const BORDER: usize = 10;
+/// A rise of |strain| that is harm, a fall that is help.
+const HARM: f64 = 0.25;
+const HELP: f64 = 0.10;
+
+/// Measures a warp of one tile. `u` gives the displacement of node (i, j) in cells; `pose` has one position per
+/// vertex. Both ends of an edge that counts are covered by one chart: one of them can move.
+pub(crate) fn measure(
+    mesh: &Mesh,
+    tile_index: usize,
+    coverage: &Coverage,
+    maps: &NodeMaps,
+    pose: &[[f64; 3]],
+    u: &dyn Fn(usize, usize) -> [f32; 2],
+) -> StrainReport {
+    let tile = &mesh.tiles[tile_index];
+    let (nx, ny) = (coverage.nx, coverage.ny);
+    let width = nx + 1;
+    let locator = Locator::new(tile, nx, ny, coverage.triangle.clone());
+    let rest = Surface::new(tile, &locator, |v| mesh.rest[v]);
+    let posed = Surface::new(tile, &locator, |v| pose[v]);
+    let near_border = near_border(coverage);
+    let rigid = |n: usize| maps.rigidity[n] > RIGID && coverage.triangle[n] != NONE;
+    let mut ends = vec![End::default(); width * (ny + 1)];
+    for (n, end) in ends.iter_mut().enumerate().filter(|(n, _)| rigid(*n)) {
+        let (i, j) = (n % width, n / width);
+        let (at, home) = ([i as f64, j as f64], coverage.triangle[n]);
+        let shift = u(i, j).map(f64::from);
+        let warped = [at[0] + shift[0], at[1] + shift[1]];
+        *end = End {
+            rest: rest.at(home, at),
+            before: posed.at(home, at),
+            after: posed.at(locator.find(warped, home), warped),
+        };
+    }
+    let mut edges = Edges::default();
+    for a in (0..ends.len()).filter(|&a| rigid(a)) {
+        for (di, dj) in EDGES {
+            let (i, j) = ((a % width) as i64 + di, (a / width) as i64 + dj);
+            if i < 0 || i > nx as i64 || j > ny as i64 {
+                continue;
+            }
+            let b = j as usize * width + i as usize;
+            if !rigid(b) || (maps.chart[a] == NONE && maps.chart[b] == NONE) {
+                continue;
+            }
+            let length = distance(&ends[a].rest, &ends[b].rest);
+            if length > 0.0 {
+                let before = (distance(&ends[a].before, &ends[b].before) / length - 1.0).abs();
+                let after = (distance(&ends[a].after, &ends[b].after) / length - 1.0).abs();
+                edges.add(before, after, near_border[a] || near_border[b]);
+            }
+        }
+    }
+    edges.report()
+}
+
+/// A node on the surface at rest, in the pose without and with the warp.
+#[derive(Clone, Copy, Default)]
+struct End {
+    rest: [f64; 3],
+    before: [f64; 3],
+    after: [f64; 3],
+}
+
+#[derive(Default)]
+struct Edges {
+    before: Vec<f64>,
+    after: Vec<f64>,
+    border: Vec<bool>,
+    harmed: u64,
+    helped: u64,
+}
+
+impl Edges {
+    fn add(&mut self, before: f64, after: f64, border: bool) {
+        self.harmed += u64::from(after - before > HARM);
+        self.helped += u64::from(before - after > HELP);
+        self.before.push(before);
+        self.after.push(after);
+        self.border.push(border);
+    }
+
+    fn report(mut self) -> StrainReport {
+        let count = self.before.len();
+        let share = |n: u64| if count > 0 { (n as f64 / count as f64) as f32 } else { 0.0 };
+        StrainReport {
+            edges: count as u64,
+            harm: share(self.harmed),
+            help: share(self.helped),
+            before: statistics(&mut self.before, &self.border),
+            after: statistics(&mut self.after, &self.border),
+        }
+    }
+}
+
+/// Statistics of magnitudes; reorders them.
+fn statistics(values: &mut [f64], border: &[bool]) -> Strain {
+    if values.is_empty() {
+        return Strain::default();
+    }
+    let rms = |which: &dyn Fn(bool) -> bool| {
+        let chosen = || values.iter().zip(border).filter(|(_, b)| which(**b)).map(|(v, _)| v);
+        let count = chosen().count().max(1);
+        (chosen().map(|v| v * v).sum::<f64>() / count as f64).sqrt() as f32
+    };
+    let (all, near, far) = (rms(&|_| true), rms(&|b| b), rms(&|b| !b));
+    // The smallest value that is not exceeded by more than the rest.
+    let mut quantile = |q: f64| {
+        let at = ((q * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1;
+        *values.select_nth_unstable_by(at, f64::total_cmp).1 as f32
+    };
+    Strain {
+        rms: all,
+        median: quantile(0.5),
+        p95: quantile(0.95),
+        p99: quantile(0.99),
+        max: quantile(1.0),
+        border_rms: near,
+        interior_rms: far,
+    }
+}
+
+/// Per node: is there, within `BORDER` nodes along both axes, one that is not inside a chart? (Between the insides of
+/// two charts there is always such a node.) A running count along rows, then along columns.
+fn near_border(coverage: &Coverage) -> Vec<bool> {
+    let (width, height) = (coverage.nx + 1, coverage.ny + 1);
+    let mut near: Vec<bool> = coverage.interior.iter().map(|inside| !inside).collect();
+    let mut line = Vec::new();
+    for j in 0..height {
+        dilate(&mut near, j * width, 1, width, &mut line);
+    }
+    for i in 0..width {
+        dilate(&mut near, i, width, height, &mut line);
+    }
+    near
+}
+
+/// Widens the true values of one row or column by `BORDER` on both sides.
+fn dilate(values: &mut [bool], first: usize, stride: usize, count: usize, line: &mut Vec<bool>) {
+    line.clear();
+    line.extend((0..count).map(|k| values[first + k * stride]));
+    let mut inside: usize = line[..BORDER.min(count)].iter().filter(|&&b| b).count();
+    for k in 0..count {
+        inside += usize::from(line.get(k + BORDER).is_some_and(|&b| b));
+        if k > BORDER {
+            inside -= usize::from(line[k - BORDER - 1]);
+        }
+        values[first + k * stride] = inside > 0;
+    }
+}
+
+fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests;

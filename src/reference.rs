@@ -1,0 +1,190 @@
+//! The slow, plain solver: the finest-level energy of DESIGN 5 with exact chords, in f64, on one thread, brought to
+//! its minimum. It is the oracle that the solver is measured against, and shares no numerical code with it.
+//!
+//! Warps are dense: node (i, j) of the tile's (nx + 1) x (ny + 1) nodes is entry `j * (nx + 1) + i`, displacements are
+//! in cells.
+
+mod chart;
+mod energy;
+mod linear;
+mod minimise;
+mod step;
+
+use crate::error::{Error, Result};
+use crate::exact::{Locator, Surface};
+use crate::mesh::{Mesh, TileMesh};
+use crate::tile::coverage::Coverage;
+use crate::tile::{TileMaps, node_maps};
+use chart::{ChartProblem, DIM};
+use energy::Shape;
+use minimise::Minimiser;
+
+/// When to stop, and where to start.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Options {
+    /// A chart has converged when its gradient's norm is this share of that at the identity ...
+    pub tolerance: f64,
+    /// ... or when three corrections with their sweeps in a row each gain no more than this share of its energy: on
+    /// triangles the energy has kinks, and the gradient need not vanish at a minimum.
+    pub stall: f64,
+    /// Cap on the corrections of a chart, per strength of the barrier.
+    pub max_corrections: usize,
+    /// Descend from the start, if there is one, from the identity by way of intermediate poses, and from the identity
+    /// at once; keep the lowest result, chart by chart. Crowded charts have many minima, a few per mille apart.
+    pub thorough: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options { tolerance: 1e-6, stall: 1e-7, max_corrections: 100, thorough: false }
+    }
+}
+
+/// A minimum.
+#[derive(Clone, Debug)]
+pub(crate) struct Minimum {
+    /// The warp.
+    pub u: Vec<[f64; 2]>,
+    /// Its energy, over all charts.
+    pub energy: f64,
+    /// Energy of each chart of the tile; 0 for charts that nothing moves.
+    pub per_chart: Vec<f64>,
+    /// Norm of the gradient over all charts, projected onto the active bounds.
+    pub gradient_norm: f64,
+    /// The same at the identity.
+    pub initial_gradient_norm: f64,
+    /// Gauss-Newton steps, over all charts.
+    pub corrections: usize,
+    /// True if every chart converged.
+    pub converged: bool,
+}
+
+/// A tile with its maps and a pose.
+pub(crate) struct Problem<'a> {
+    nx: usize,
+    ny: usize,
+    maps: TileMaps,
+    nodes: crate::tile::pyramid::NodeMaps,
+    mesh: &'a Mesh,
+    tile: &'a TileMesh,
+    locator: Locator,
+    rest: Surface<DIM>,
+    pose: &'a [[f64; 3]],
+}
+
+impl<'a> Problem<'a> {
+    /// # Errors
+    /// `InvalidArgument` if there is no such tile, or unless `pose` has one finite position per vertex.
+    pub fn new(
+        mesh: &'a Mesh,
+        tile_index: usize,
+        maps: &TileMaps,
+        pose: &'a [[f64; 3]],
+    ) -> Result<Problem<'a>> {
+        let count = mesh.tiles.len();
+        let tile = mesh.tiles.get(tile_index).ok_or_else(|| {
+            Error::argument(format!("tile: {tile_index} is out of range, there are {count}"))
+        })?;
+        if pose.len() != mesh.rest.len() {
+            let message = format!("pose: {} positions, but the mesh has {}", pose.len(), mesh.rest.len());
+            return Err(Error::argument(message));
+        }
+        if let Some(v) = pose.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+            return Err(Error::argument(format!("pose[{v}]: not finite")));
+        }
+        let [nx, ny] = maps.grid_size();
+        let coverage = Coverage::new(tile, nx, ny, maps.settings.overlap);
+        let nodes = node_maps(mesh, tile, maps, &coverage);
+        let locator = Locator::new(tile, nx, ny, coverage.triangle);
+        let rest = Surface::new(tile, &locator, |v| mix(mesh.rest[v], pose[v], 0.0));
+        Ok(Problem { nx, ny, maps: maps.clone(), nodes, mesh, tile, locator, rest, pose })
+    }
+
+    /// Cells of the grid.
+    pub fn grid(&self) -> [usize; 2] {
+        [self.nx, self.ny]
+    }
+
+    /// E of a warp.
+    pub fn energy(&self, u: &[[f64; 2]]) -> f64 {
+        (0..self.tile.charts.len()).map(|c| self.energy_of_chart(c, u)).sum()
+    }
+
+    /// E of one chart; 0 for a chart that nothing moves.
+    pub fn energy_of_chart(&self, chart: usize, u: &[[f64; 2]]) -> f64 {
+        let Some(problem) = self.chart(chart) else { return 0.0 };
+        let surface = self.surface(1.0);
+        let shape = Shape { locator: &self.locator, surface: &surface };
+        problem.state(&shape, self.window(&problem, u)).energy
+    }
+
+    /// The smallest corner Jacobian of all charts' cells; 1 if nothing moves.
+    pub fn min_jacobian(&self, u: &[[f64; 2]]) -> f64 {
+        (0..self.tile.charts.len())
+            .filter_map(|c| self.chart(c))
+            .map(|p| p.min_jacobian(&self.window(&p, u)))
+            .fold(f64::INFINITY, f64::min)
+            .min(1.0)
+    }
+
+    /// The minimum that descent reaches from `start`, or else from the identity.
+    pub fn minimise(&self, start: Option<&[[f64; 2]]>, options: &Options) -> Minimum {
+        let mut out = Minimum {
+            u: vec![[0.0; 2]; (self.nx + 1) * (self.ny + 1)],
+            energy: 0.0,
+            per_chart: vec![0.0; self.tile.charts.len()],
+            gradient_norm: 0.0,
+            initial_gradient_norm: 0.0,
+            corrections: 0,
+            converged: true,
+        };
+        let surface = |t: f64| self.surface(t);
+        for c in 0..self.tile.charts.len() {
+            let Some(chart) = self.chart(c) else { continue };
+            let start = start.map(|u| self.window(&chart, u));
+            let (origin, width, nodes) = (chart.origin, chart.width(), chart.nodes.clone());
+            let minimiser = Minimiser { chart, locator: &self.locator, surface: &surface, options: *options };
+            let found = minimiser.run(start);
+            for n in nodes {
+                let n = n as usize;
+                let at = (origin[1] + n / width) * (self.nx + 1) + origin[0] + n % width;
+                out.u[at] = found.u[n];
+            }
+            out.energy += found.energy;
+            out.per_chart[c] = found.energy;
+            out.gradient_norm = out.gradient_norm.hypot(found.gradient);
+            out.initial_gradient_norm = out.initial_gradient_norm.hypot(found.initial_gradient);
+            out.corrections += found.corrections;
+            out.converged &= found.converged;
+        }
+        out
+    }
+
+    fn chart(&self, chart: usize) -> Option<ChartProblem> {
+        ChartProblem::new(chart as u32, &self.nodes, &self.locator, &self.rest, &self.maps.settings)
+    }
+
+    fn surface(&self, t: f64) -> Surface<DIM> {
+        Surface::new(self.tile, &self.locator, |v| mix(self.mesh.rest[v], self.pose[v], t))
+    }
+
+    /// A chart's window of a dense warp, its fixed nodes at 0.
+    fn window(&self, chart: &ChartProblem, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let width = chart.width();
+        (0..chart.movable.len())
+            .map(|n| {
+                let at = (chart.origin[1] + n / width) * (self.nx + 1) + chart.origin[0] + n % width;
+                if chart.movable[n] { u[at] } else { [0.0; 2] }
+            })
+            .collect()
+    }
+}
+
+/// The vertex of the surface whose metric is (1 - t) G_rest + t G_pose.
+fn mix(rest: [f64; 3], pose: [f64; 3], t: f64) -> [f64; DIM] {
+    let (r, p) = ((1.0 - t).sqrt(), t.sqrt());
+    [r * rest[0], r * rest[1], r * rest[2], p * pose[0], p * pose[1], p * pose[2]]
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -1,0 +1,195 @@
+//! One chart as a problem of its own: its window of the grid, its edges and cells.
+
+use super::energy::{Edge, Law};
+use super::linear::neighbour;
+use crate::exact::{Locator, Surface};
+use crate::mesh::NONE;
+use crate::settings::TileSettings;
+use crate::tile::EDGES;
+use crate::tile::pyramid::NodeMaps;
+
+/// Dimensions in which chords are measured. The surface that the solver sees on its way from rest to a pose is
+/// (sqrt(1 - t) f_rest, sqrt(t) f_pose) in six dimensions: its metric is (1 - t) G_rest + t G_pose, which neither
+/// collapses half-way through a twist nor changes under a rigid motion, as blended positions would.
+pub(super) const DIM: usize = 6;
+
+/// rest length l is floored at this share of the median.
+const FLOOR_SHARE: f64 = 0.05;
+
+/// A chart's window: the bounding box of its movable nodes and one node more, so that its rim is fixed.
+pub(super) struct ChartProblem {
+    pub chart: u32,
+    /// The window's lower corner in the tile's grid.
+    pub origin: [usize; 2],
+    /// Cells of the window.
+    pub nx: usize,
+    pub ny: usize,
+    pub movable: Vec<bool>,
+    /// Movable nodes, in order.
+    pub nodes: Vec<u32>,
+    /// Movable nodes and their neighbours: those whose positions matter.
+    pub touched: Vec<u32>,
+    /// The triangle under each touched node at rest.
+    pub home: Vec<u32>,
+    pub edges: Vec<Edge>,
+    /// Per node, the numbers of its 8 edges, or `NONE`; only movable nodes have all.
+    pub edges_of: Vec<[u32; 8]>,
+    /// Per cell with a corner that counts, its lower-left node.
+    pub cells: Vec<u32>,
+    pub law: Law,
+}
+
+impl ChartProblem {
+    pub fn new(
+        chart: u32,
+        maps: &NodeMaps,
+        locator: &Locator,
+        rest: &Surface<DIM>,
+        settings: &TileSettings,
+    ) -> Option<ChartProblem> {
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        for (n, _) in maps.chart.iter().enumerate().filter(|(_, c)| **c == chart) {
+            for (axis, x) in [n % (maps.nx + 1), n / (maps.nx + 1)].into_iter().enumerate() {
+                low[axis] = low[axis].min(x);
+                high[axis] = high[axis].max(x);
+            }
+        }
+        if low[0] == usize::MAX {
+            return None;
+        }
+        let origin = low.map(|x| x - 1);
+        let [nx, ny] = [0, 1].map(|axis| high[axis] + 1 - origin[axis]);
+        let width = nx + 1;
+        let size = width * (ny + 1);
+        let global = |n: usize| (origin[1] + n / width) * (maps.nx + 1) + origin[0] + n % width;
+        let movable: Vec<bool> = (0..size).map(|n| maps.chart[global(n)] == chart).collect();
+        let nodes: Vec<u32> = (0..size as u32).filter(|&n| movable[n as usize]).collect();
+        let mut near = vec![false; size];
+        for &n in &nodes {
+            (0..9).for_each(|k| near[neighbour(n as usize, k, width)] = true);
+        }
+        let touched: Vec<u32> = (0..size as u32).filter(|&n| near[n as usize]).collect();
+        let home: Vec<u32> =
+            (0..size).map(|n| locator.under(origin[0] + n % width, origin[1] + n / width)).collect();
+        let mut problem = ChartProblem {
+            chart,
+            origin,
+            nx,
+            ny,
+            movable,
+            nodes,
+            touched,
+            home,
+            edges: Vec::new(),
+            edges_of: vec![[NONE; 8]; size],
+            cells: Vec::new(),
+            law: Law::new(settings),
+        };
+        problem.list_edges(rest, settings, |n| f64::from(maps.rigidity[global(n)]));
+        problem.list_cells();
+        Some(problem)
+    }
+
+    pub fn width(&self) -> usize {
+        self.nx + 1
+    }
+
+    /// A node's place in the tile's grid, in cells.
+    pub fn place(&self, n: usize) -> [f64; 2] {
+        [(self.origin[0] + n % self.width()) as f64, (self.origin[1] + n / self.width()) as f64]
+    }
+
+    fn list_edges(&mut self, rest: &Surface<DIM>, settings: &TileSettings, rigidity: impl Fn(usize) -> f64) {
+        let width = self.width();
+        let mut axis_parallel = Vec::new();
+        for &a in &self.touched {
+            for (kind, (di, dj)) in EDGES.into_iter().enumerate() {
+                let b = i64::from(a) + dj * width as i64 + di;
+                let (a, b) = (a as usize, b as usize);
+                if !(self.movable[a] || self.movable.get(b).is_some_and(|&m| m)) {
+                    continue;
+                }
+                let (p, q) = (rest.at(self.home[a], self.place(a)), rest.at(self.home[b], self.place(b)));
+                let length = p.iter().zip(&q).map(|(p, q)| (q - p).powi(2)).sum::<f64>().sqrt();
+                if kind < 2 && self.movable[a] {
+                    axis_parallel.push(length);
+                }
+                let weight = rigidity(a).max(rigidity(b));
+                let d2 = (di * di + dj * dj) as f64;
+                let (lambda, floor) = (f64::from(settings.smoothness), f64::from(settings.smoothness_floor));
+                let id = self.edges.len() as u32;
+                self.edges_of[a][kind] = id;
+                self.edges_of[b][kind + 4] = id;
+                self.edges.push(Edge {
+                    a: a as u32,
+                    b: b as u32,
+                    weight,
+                    smooth: (lambda * (1.0 - weight) + floor) / d2,
+                    orientation: f64::from(settings.orientation) / d2,
+                    normal: [-dj as f64 / d2.sqrt(), di as f64 / d2.sqrt()],
+                    length,
+                    inverse: 0.0,
+                });
+            }
+        }
+        axis_parallel.sort_by(f64::total_cmp);
+        let floor = FLOOR_SHARE * axis_parallel[axis_parallel.len() / 2];
+        for edge in &mut self.edges {
+            let l = edge.length.max(floor);
+            // A chart that is one point at rest has no strain to speak of.
+            edge.inverse = if l > 0.0 { 1.0 / l } else { 0.0 };
+        }
+    }
+
+    fn list_cells(&mut self) {
+        for j in 0..self.ny {
+            for i in 0..self.nx {
+                let n = j * self.width() + i;
+                if self.corners(n).any(|c| self.counts(c)) {
+                    self.cells.push(n as u32);
+                }
+            }
+        }
+    }
+
+    /// The four corners of the cell whose lower-left node is `n`: the corner node, its neighbour along x, its
+    /// neighbour along y, and the sign that makes J = 1 at rest.
+    pub fn corners(&self, n: usize) -> impl Iterator<Item = Corner> + use<> {
+        let width = self.width();
+        (0..4).map(move |k| {
+            let (a, b) = (k % 2, k / 2);
+            let at = |a: usize, b: usize| n + a + b * width;
+            let sign = if a == b { 1.0 } else { -1.0 };
+            Corner { nodes: [at(a, b), at(1 - a, b), at(a, 1 - b)], sign }
+        })
+    }
+
+    /// True if a corner has a part in the energy.
+    pub fn counts(&self, corner: Corner) -> bool {
+        corner.nodes.iter().any(|&n| self.movable[n])
+    }
+}
+
+/// A corner of a cell.
+#[derive(Clone, Copy)]
+pub(super) struct Corner {
+    pub nodes: [usize; 3],
+    sign: f64,
+}
+
+impl Corner {
+    /// J and its gradient with respect to the three nodes, from their displacements. At rest the two sides are
+    /// (+-1, 0) and (0, +-1).
+    pub fn jacobian(&self, u: [[f64; 2]; 3], rest: [[f64; 2]; 2]) -> (f64, [[f64; 2]; 3]) {
+        let side = |k: usize| [rest[k][0] + u[k + 1][0] - u[0][0], rest[k][1] + u[k + 1][1] - u[0][1]];
+        let (p, q, s) = (side(0), side(1), self.sign);
+        let (x, y) = ([s * q[1], -s * q[0]], [-s * p[1], s * p[0]]);
+        (s * (p[0] * q[1] - p[1] * q[0]), [[-x[0] - y[0], -x[1] - y[1]], x, y])
+    }
+
+    /// The two sides at rest.
+    pub fn rest(&self) -> [[f64; 2]; 2] {
+        let [c, x, y] = self.nodes;
+        [[if x > c { 1.0 } else { -1.0 }, 0.0], [0.0, if y > c { 1.0 } else { -1.0 }]]
+    }
+}

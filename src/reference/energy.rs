@@ -1,0 +1,313 @@
+//! E of a chart (DESIGN 5), its exact gradient, and its Gauss-Newton system.
+//!
+//! With v = f(W_b) - f(W_a), L = |v|, v^ = v/L and T = df/dW at each end, an edge's distortion w (L - l)²/l² has
+//!   dE/dv  = 2w (L - l)/l² v^                 so each end is pulled along its own tangent plane: ± T'(dE/dv)
+//!   d²E/dv² = 2w/l² [v^v^' + (1 - l/L)(I - v^v^')]
+//! of which the second part, the curvature of a chord under tension, is kept where it is positive.
+
+use super::chart::{ChartProblem, DIM};
+use super::linear::Stencil;
+use crate::exact::{Locator, Surface};
+use crate::settings::TileSettings;
+
+/// No corner Jacobian of a result is less.
+pub(super) const BOUND: f64 = 0.02;
+
+/// The barrier begins at this distance from the bound: a warp with room never feels it.
+pub(super) const BARRIER_WIDTH: f64 = 0.1;
+
+/// An edge (a, b) of the 8-connected grid, kind as in `EDGES`.
+pub(super) struct Edge {
+    pub a: u32,
+    pub b: u32,
+    /// w = max(R_a, R_b).
+    pub weight: f64,
+    /// (λ(1-w) + λ0) / |d0|².
+    pub smooth: f64,
+    /// κ / |d0|².
+    pub orientation: f64,
+    /// n0.
+    pub normal: [f64; 2],
+    /// l.
+    pub length: f64,
+    /// 1 / max(l, floor).
+    pub inverse: f64,
+}
+
+/// What the room term makes of a corner Jacobian, with the barrier that the solver adds on its way.
+#[derive(Clone, Copy)]
+pub(super) struct Law {
+    room: f64,
+    threshold: f64,
+    /// Strength μ of the barrier; 0 for E itself.
+    pub barrier: f64,
+}
+
+impl Law {
+    pub fn new(settings: &TileSettings) -> Law {
+        Law { room: f64::from(settings.room), threshold: f64::from(settings.room_threshold), barrier: 0.0 }
+    }
+
+    /// Value, first and (positive part of the) second derivative with respect to J.
+    ///
+    /// The barrier is that of Li et al., "Incremental Potential Contact" (2020), eq. 6: -(s - 1)² ln s with
+    /// s = (J - ε) / width, twice differentiable, and exactly 0 from s = 1 on.
+    fn of(&self, j: f64) -> (f64, f64, f64) {
+        let lack = (self.threshold - j).max(0.0);
+        let mut value = (self.room * lack * lack, -2.0 * self.room * lack, 0.0);
+        if lack > 0.0 {
+            value.2 = 2.0 * self.room;
+        }
+        let s = (j - BOUND) / BARRIER_WIDTH;
+        if self.barrier > 0.0 && s < 1.0 {
+            if s <= 0.0 {
+                return (f64::INFINITY, 0.0, 0.0);
+            }
+            let ln = s.ln();
+            value.0 -= self.barrier * (s - 1.0).powi(2) * ln;
+            value.1 -= self.barrier * (2.0 * (s - 1.0) * ln + (s - 1.0).powi(2) / s) / BARRIER_WIDTH;
+            let second = -2.0 * ln - 3.0 + 2.0 / s + 1.0 / (s * s);
+            value.2 += self.barrier * second / (BARRIER_WIDTH * BARRIER_WIDTH);
+        }
+        value
+    }
+}
+
+/// A node on the surface.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Sample {
+    pub triangle: u32,
+    pub position: [f64; DIM],
+}
+
+/// The surface that lengths are measured on, with the means to find a point on it.
+pub(super) struct Shape<'a> {
+    pub locator: &'a Locator,
+    pub surface: &'a Surface<DIM>,
+}
+
+/// First and second derivative of an edge.
+struct EdgeLaw {
+    /// dE/dv.
+    force: [f64; DIM],
+    unit: [f64; DIM],
+    along: f64,
+    across: f64,
+}
+
+impl ChartProblem {
+    /// The surface under node `n` displaced by `u`.
+    pub fn sample(&self, shape: &Shape, n: usize, u: [f64; 2]) -> Sample {
+        let place = self.place(n);
+        let at = [place[0] + u[0], place[1] + u[1]];
+        let triangle = shape.locator.find(at, self.home[n]);
+        Sample { triangle, position: shape.surface.at(triangle, at) }
+    }
+
+    /// The surface under all nodes that matter.
+    pub fn samples(&self, shape: &Shape, u: &[[f64; 2]]) -> Vec<Sample> {
+        let mut samples = vec![Sample::default(); u.len()];
+        for &n in &self.touched {
+            samples[n as usize] = self.sample(shape, n as usize, u[n as usize]);
+        }
+        samples
+    }
+
+    /// The energy of one edge.
+    fn edge_value(&self, edge: &Edge, p: &[f64; DIM], q: &[f64; DIM], u: [f64; 2]) -> f64 {
+        let length = (0..DIM).map(|k| (q[k] - p[k]).powi(2)).sum::<f64>().sqrt();
+        let strain = (length - edge.length) * edge.inverse;
+        let turn = edge.normal[0] * u[0] + edge.normal[1] * u[1];
+        edge.weight * strain * strain
+            + edge.smooth * (u[0] * u[0] + u[1] * u[1])
+            + edge.orientation * turn * turn
+    }
+
+    fn edge_law(&self, edge: &Edge, p: &[f64; DIM], q: &[f64; DIM]) -> EdgeLaw {
+        let v: [f64; DIM] = std::array::from_fn(|k| q[k] - p[k]);
+        let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let unit = if length > 0.0 { v.map(|x| x / length) } else { [0.0; DIM] };
+        let along = 2.0 * edge.weight * edge.inverse * edge.inverse;
+        let force = unit.map(|x| along * (length - edge.length) * x);
+        let across = if length > edge.length { along * (1.0 - edge.length / length) } else { 0.0 };
+        EdgeLaw { force, unit, along, across }
+    }
+
+    /// E, with the barrier if there is one.
+    pub fn energy(&self, u: &[[f64; 2]], samples: &[Sample]) -> f64 {
+        let mut sum = 0.0;
+        for edge in &self.edges {
+            let (a, b) = (edge.a as usize, edge.b as usize);
+            let d = [u[b][0] - u[a][0], u[b][1] - u[a][1]];
+            sum += self.edge_value(edge, &samples[a].position, &samples[b].position, d);
+        }
+        self.each_jacobian(u, |j| sum += self.law.of(j).0);
+        sum
+    }
+
+    /// Calls `f` with every corner Jacobian that counts.
+    pub fn each_jacobian(&self, u: &[[f64; 2]], mut f: impl FnMut(f64)) {
+        for &cell in &self.cells {
+            for corner in self.corners(cell as usize).filter(|&c| self.counts(c)) {
+                f(corner.jacobian(corner.nodes.map(|n| u[n]), corner.rest()).0);
+            }
+        }
+    }
+
+    /// The gradient of E, and (if asked) its Gauss-Newton matrix.
+    pub fn gradient(
+        &self,
+        shape: &Shape,
+        u: &[[f64; 2]],
+        samples: &[Sample],
+        mut matrix: Option<&mut Vec<Stencil>>,
+    ) -> Vec<[f64; 2]> {
+        let mut gradient = vec![[0.0; 2]; u.len()];
+        if let Some(matrix) = &mut matrix {
+            matrix.fill([[0.0; 4]; 9]);
+        }
+        for edge in &self.edges {
+            let ends = [edge.a as usize, edge.b as usize];
+            let law = self.edge_law(edge, &samples[ends[0]].position, &samples[ends[1]].position);
+            let tangents = ends.map(|n| shape.surface.tangent(samples[n].triangle));
+            let d = [0, 1].map(|c| u[ends[1]][c] - u[ends[0]][c]);
+            let soft = edge.soft();
+            let pull = [0, 1].map(|c| soft[c][0] * d[0] + soft[c][1] * d[1]);
+            // T'v^ of both ends.
+            let slope = tangents.map(|t| [dot(&t[0], &law.unit), dot(&t[1], &law.unit)]);
+            for (p, sign) in [(0, -1.0), (1, 1.0)] {
+                for c in 0..2 {
+                    gradient[ends[p]][c] += sign * (dot(&tangents[p][c], &law.force) + pull[c]);
+                }
+                let Some(matrix) = &mut matrix else { continue };
+                for q in 0..2 {
+                    if !(self.movable[ends[p]] && self.movable[ends[q]]) {
+                        continue;
+                    }
+                    let block = &mut matrix[ends[p]][self.stencil_index(ends[p], ends[q])];
+                    let sign = if p == q { 1.0 } else { -1.0 };
+                    for (r, soft) in soft.iter().enumerate() {
+                        for c in 0..2 {
+                            let mut x = soft[c] + (law.along - law.across) * slope[p][r] * slope[q][c];
+                            if law.across > 0.0 {
+                                x += law.across * dot(&tangents[p][r], &tangents[q][c]);
+                            }
+                            block[r * 2 + c] += sign * x;
+                        }
+                    }
+                }
+            }
+        }
+        for &cell in &self.cells {
+            for corner in self.corners(cell as usize).filter(|&c| self.counts(c)) {
+                let (j, slopes) = corner.jacobian(corner.nodes.map(|n| u[n]), corner.rest());
+                let (_, first, second) = self.law.of(j);
+                if first == 0.0 {
+                    continue;
+                }
+                for (&n, s) in corner.nodes.iter().zip(&slopes) {
+                    gradient[n] = [gradient[n][0] + first * s[0], gradient[n][1] + first * s[1]];
+                    let Some(matrix) = &mut matrix else { continue };
+                    for (&m, t) in corner.nodes.iter().zip(&slopes) {
+                        if self.movable[n] && self.movable[m] {
+                            let block = &mut matrix[n][self.stencil_index(n, m)];
+                            for k in 0..4 {
+                                block[k] += second * s[k / 2] * t[k % 2];
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        for (g, &movable) in gradient.iter_mut().zip(&self.movable) {
+            if !movable {
+                *g = [0.0; 2];
+            }
+        }
+        gradient
+    }
+
+    /// Energy of all edges and corners of one movable node.
+    pub fn node_energy(&self, samples: &[Sample], u: &[[f64; 2]], n: usize, at: [f64; 2], s: &Sample) -> f64 {
+        let mut sum = 0.0;
+        for &e in &self.edges_of[n] {
+            let edge = &self.edges[e as usize];
+            let other = edge.other(n);
+            let (p, q) = (&s.position, &samples[other].position);
+            sum += self.edge_value(edge, p, q, [at[0] - u[other][0], at[1] - u[other][1]]);
+        }
+        for corner in self.corners_of(n) {
+            let nodes = corner.nodes.map(|m| if m == n { at } else { u[m] });
+            sum += self.law.of(corner.jacobian(nodes, corner.rest()).0).0;
+        }
+        sum
+    }
+
+    /// Gradient and 2x2 matrix of one movable node.
+    pub fn node_system(
+        &self,
+        shape: &Shape,
+        samples: &[Sample],
+        u: &[[f64; 2]],
+        n: usize,
+    ) -> ([f64; 2], [f64; 4]) {
+        let (mut g, mut h) = ([0.0; 2], [0.0; 4]);
+        let t = shape.surface.tangent(samples[n].triangle);
+        for &e in &self.edges_of[n] {
+            let edge = &self.edges[e as usize];
+            let other = edge.other(n);
+            let law = self.edge_law(edge, &samples[other].position, &samples[n].position);
+            let d = [u[n][0] - u[other][0], u[n][1] - u[other][1]];
+            let soft = edge.soft();
+            let slope = [dot(&t[0], &law.unit), dot(&t[1], &law.unit)];
+            for r in 0..2 {
+                g[r] += dot(&t[r], &law.force) + soft[r][0] * d[0] + soft[r][1] * d[1];
+                for c in 0..2 {
+                    h[r * 2 + c] += soft[r][c]
+                        + (law.along - law.across) * slope[r] * slope[c]
+                        + law.across * dot(&t[r], &t[c]);
+                }
+            }
+        }
+        for corner in self.corners_of(n) {
+            let (j, slopes) = corner.jacobian(corner.nodes.map(|m| u[m]), corner.rest());
+            let (_, first, second) = self.law.of(j);
+            let s = slopes[corner.nodes.iter().position(|&m| m == n).unwrap_or(0)];
+            g = [g[0] + first * s[0], g[1] + first * s[1]];
+            for k in 0..4 {
+                h[k] += second * s[k / 2] * s[k % 2];
+            }
+        }
+        (g, h)
+    }
+
+    /// The 12 corners that move with a node.
+    pub fn corners_of(&self, n: usize) -> impl Iterator<Item = super::chart::Corner> + '_ {
+        let width = self.width();
+        [n - width - 1, n - width, n - 1, n]
+            .into_iter()
+            .flat_map(|cell| self.corners(cell))
+            .filter(move |c| c.nodes.contains(&n))
+    }
+
+    fn stencil_index(&self, n: usize, m: usize) -> usize {
+        let width = self.width();
+        (m / width + 1 - n / width) * 3 + m % width + 1 - n % width
+    }
+}
+
+impl Edge {
+    fn other(&self, n: usize) -> usize {
+        if self.a as usize == n { self.b as usize } else { self.a as usize }
+    }
+
+    /// Second derivative of the smoothness and orientation terms with respect to d.
+    fn soft(&self) -> [[f64; 2]; 2] {
+        let (s, o, n) = (2.0 * self.smooth, 2.0 * self.orientation, self.normal);
+        [[s + o * n[0] * n[0], o * n[0] * n[1]], [o * n[0] * n[1], s + o * n[1] * n[1]]]
+    }
+}
+
+fn dot(a: &[f64; DIM], b: &[f64; DIM]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

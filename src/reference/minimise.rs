@@ -1,0 +1,250 @@
+//! Gauss-Newton to the minimum of one chart's energy.
+//!
+//! Where there is no room the bound on J is active at the minimum. It is then approached from inside by a barrier
+//! whose strength μ falls: at a minimum with the barrier its gradient is that of E minus multipliers >= 0 times the
+//! gradients of the active J, so its norm is that of E's gradient projected onto the bounds.
+
+use super::Options;
+use super::chart::{ChartProblem, DIM};
+use super::energy::{BARRIER_WIDTH, BOUND, Shape};
+use super::linear::{Multigrid, Stencil};
+use super::step::State;
+use crate::exact::{Locator, Surface};
+
+/// What became of one chart.
+pub(super) struct Descent {
+    pub u: Vec<[f64; 2]>,
+    pub energy: f64,
+    /// Norm of the (projected) gradient at the end and at the identity.
+    pub gradient: f64,
+    pub initial_gradient: f64,
+    pub corrections: usize,
+    pub converged: bool,
+}
+
+/// Shares of the way from the rest metric to the pose's, for a start from the identity.
+const STAGES: [f64; 3] = [0.25, 0.5, 0.75];
+
+/// Strengths of the barrier, the first at least.
+const FIRST_BARRIER: f64 = 1e-3;
+const LAST_BARRIER: f64 = 1.1e-6;
+
+/// Nested minimisation of one chart.
+pub(super) struct Minimiser<'a> {
+    pub chart: ChartProblem,
+    pub locator: &'a Locator,
+    /// The surface at a share of the way from rest to pose.
+    pub surface: &'a dyn Fn(f64) -> Surface<DIM>,
+    pub options: Options,
+}
+
+impl Minimiser<'_> {
+    /// Descends from `start`, or from the identity if there is none; from all starts if asked. The lowest wins.
+    pub fn run(mut self, start: Option<Vec<[f64; 2]>>) -> Descent {
+        let identity = vec![[0.0; 2]; self.chart.movable.len()];
+        let mut grid = Multigrid::new(self.chart.nx, self.chart.ny, &self.chart.movable);
+        let last = (self.surface)(1.0);
+        let shape = Shape { locator: self.locator, surface: &last };
+        let samples = self.chart.samples(&shape, &identity);
+        let initial_gradient = norm(&self.chart.gradient(&shape, &identity, &samples, None));
+        let mut best = Descent {
+            energy: self.chart.energy(&identity, &samples),
+            u: identity.clone(),
+            gradient: initial_gradient,
+            initial_gradient,
+            corrections: 0,
+            converged: initial_gradient == 0.0,
+        };
+        // An isometric pose: what is left is rounding.
+        if best.energy <= 1e-20 * self.chart.edges.len() as f64 {
+            best.converged = true;
+            return best;
+        }
+        let mut corrections = 0;
+        let mut keep = |found: Descent| {
+            corrections += found.corrections;
+            if found.energy < best.energy {
+                best = found;
+            }
+            best.corrections = corrections;
+        };
+        if let Some(start) = start.as_ref().filter(|s| s.iter().flatten().all(|x| x.is_finite())) {
+            keep(self.descend(&mut grid, &shape, self.inside(start), initial_gradient));
+        }
+        if start.is_none() || self.options.thorough {
+            let eased = self.ease(&mut grid, initial_gradient, identity.clone());
+            keep(self.descend(&mut grid, &shape, eased, initial_gradient));
+        }
+        if self.options.thorough {
+            keep(self.descend(&mut grid, &shape, identity, initial_gradient));
+        }
+        best
+    }
+
+    /// Follows the minimum from the rest metric towards the pose's: an exact minimum of a crowded chart depends on the
+    /// way to it, and a sudden pose drives nodes into the bound that do not belong there.
+    fn ease(&mut self, grid: &mut Multigrid, initial: f64, mut u: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+        for t in STAGES {
+            let surface = (self.surface)(t);
+            let shape = Shape { locator: self.locator, surface: &surface };
+            self.chart.law.barrier = FIRST_BARRIER;
+            let mut state = self.chart.state(&shape, u);
+            self.newton(grid, &shape, &mut state, &Goal { gradient: 1e-3 * initial, stall: 1e-3, most: 8 });
+            u = state.u;
+        }
+        u
+    }
+
+    /// A warp that is strictly inside the bounds: `start`, mixed with as little of the identity as it takes.
+    fn inside(&self, start: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let mut share = 0.0;
+        loop {
+            let u: Vec<[f64; 2]> = start.iter().map(|u| u.map(|x| x * (1.0 - share))).collect();
+            if share >= 1.0 || self.chart.min_jacobian(&u) > BOUND + 1e-6 {
+                return u;
+            }
+            share = (share * 2.0).clamp(1e-5, 1.0);
+        }
+    }
+
+    /// Follows the barrier down, then polishes E itself.
+    fn descend(&mut self, grid: &mut Multigrid, shape: &Shape, u: Vec<[f64; 2]>, initial: f64) -> Descent {
+        let mut state = self.chart.state(shape, u);
+        let mut corrections = 0;
+        let (gradient, converged);
+        // Weaker than the forces of the start, a barrier would let nodes jam right at the bound.
+        let typical = state.energy / self.chart.nodes.len() as f64;
+        let mut barrier = FIRST_BARRIER.max(0.1 * typical).min(1.0);
+        loop {
+            let last = barrier <= LAST_BARRIER;
+            self.chart.law.barrier = barrier.max(LAST_BARRIER);
+            state.energy = self.chart.energy(&state.u, &state.samples);
+            let loose =
+                Goal { gradient: 1e-3 * initial, stall: 1e-3, most: self.options.max_corrections.min(10) };
+            let goal = if last { self.options.goal(initial) } else { loose };
+            let found = self.newton(grid, shape, &mut state, &goal);
+            corrections += found.corrections;
+            if last {
+                (gradient, converged) = (found.gradient, found.converged);
+                break;
+            }
+            // Far from the bound the barrier is 0, and all strengths are the same problem.
+            let room = self.chart.min_jacobian(&state.u) > BOUND + BARRIER_WIDTH;
+            barrier *= if room { LAST_BARRIER } else { 0.1 };
+        }
+        self.chart.law.barrier = 0.0;
+        let energy = self.chart.energy(&state.u, &state.samples);
+        Descent { u: state.u, energy, gradient, initial_gradient: initial, corrections, converged }
+    }
+
+    /// Newton steps and sweeps in turn until the gradient is small, or until both stand still: on a surface of
+    /// triangles E has kinks, and a minimum on a kink has no small gradient.
+    fn newton(&self, grid: &mut Multigrid, shape: &Shape, state: &mut State, goal: &Goal) -> Outcome {
+        let chart = &self.chart;
+        let mut last = state.u.clone();
+        let mut damping = 0.0;
+        let mut stalled = 0;
+        let mut out = Outcome { gradient: f64::INFINITY, corrections: 0, converged: false };
+        loop {
+            let gradient = chart.gradient(shape, &state.u, &state.samples, Some(grid.matrix()));
+            out.gradient = norm(&gradient);
+            if out.gradient <= goal.gradient || stalled >= 3 {
+                out.converged = true;
+                return out;
+            }
+            if out.corrections >= goal.most {
+                return out;
+            }
+            damp(grid.matrix(), &chart.nodes, damping);
+            grid.prepare();
+            let minus: Vec<[f64; 2]> = gradient.iter().map(|g| g.map(|x| -x)).collect();
+            let mut step = grid.solve(&minus, 1e-3, 60);
+            chart.limit(&state.u, &mut step);
+            out.corrections += 1;
+            let before = state.energy;
+            let taken = self.search(shape, state, &step);
+            damping = match taken {
+                a if a >= 1.0 => damping * 0.25,
+                a if a > 0.2 => damping,
+                _ => (damping * 4.0f64).max(1e-3),
+            };
+            if damping < 1e-5 {
+                damping = 0.0;
+            }
+            chart.sweep(shape, state, out.corrections % 2 == 0);
+            let whole: Vec<[f64; 2]> =
+                state.u.iter().zip(&last).map(|(u, l)| [u[0] - l[0], u[1] - l[1]]).collect();
+            last.copy_from_slice(&state.u);
+            self.extrapolate(shape, state, &whole);
+            let gain = before - state.energy;
+            stalled = if gain <= goal.stall * state.energy { stalled + 1 } else { 0 };
+        }
+    }
+
+    /// Goes on along what the last correction and sweep did together, further and further while the energy falls. The
+    /// part of the curvature that Gauss-Newton leaves out is negative where a crowd buckles: there it steps too short
+    /// in the same direction again and again.
+    fn extrapolate(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) {
+        let mut share = 0.5;
+        while let Some(trial) = self.trial(shape, state, step, share) {
+            *state = trial;
+            share *= 2.0;
+        }
+    }
+
+    /// The state after a share of a step, if it is inside the bounds and lower.
+    fn trial(&self, shape: &Shape, state: &State, step: &[[f64; 2]], share: f64) -> Option<State> {
+        let moved = |(u, s): (&[f64; 2], &[f64; 2])| [u[0] + share * s[0], u[1] + share * s[1]];
+        let u: Vec<[f64; 2]> = state.u.iter().zip(step).map(moved).collect();
+        if self.chart.min_jacobian(&u) <= BOUND {
+            return None;
+        }
+        let trial = self.chart.state(shape, u);
+        (trial.energy < state.energy).then_some(trial)
+    }
+
+    /// Takes as much of a step as lowers the energy; gives the share taken.
+    fn search(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) -> f64 {
+        let mut share = 1.0;
+        for _ in 0..8 {
+            if let Some(trial) = self.trial(shape, state, step, share) {
+                *state = trial;
+                return share;
+            }
+            share *= 0.5;
+        }
+        0.0
+    }
+}
+
+/// When a descent ends.
+struct Goal {
+    gradient: f64,
+    stall: f64,
+    most: usize,
+}
+
+impl Options {
+    fn goal(&self, initial: f64) -> Goal {
+        Goal { gradient: self.tolerance * initial, stall: self.stall, most: self.max_corrections }
+    }
+}
+
+struct Outcome {
+    gradient: f64,
+    corrections: usize,
+    converged: bool,
+}
+
+/// Levenberg-Marquardt, relative to the diagonal blocks.
+fn damp(matrix: &mut [Stencil], nodes: &[u32], damping: f64) {
+    if damping > 0.0 {
+        for &n in nodes {
+            matrix[n as usize][4].iter_mut().for_each(|x| *x *= 1.0 + damping);
+        }
+    }
+}
+
+fn norm(g: &[[f64; 2]]) -> f64 {
+    g.iter().flatten().map(|x| x * x).sum::<f64>().sqrt()
+}

@@ -1,0 +1,117 @@
+//! Steps that keep every corner Jacobian above the bound: of one node, and of all nodes at once.
+
+use super::chart::ChartProblem;
+use super::energy::{BOUND, Sample, Shape};
+use super::linear::{inverse, times};
+
+/// A step takes at most this share of the way to the bound, so that the barrier stays finite.
+const SHARE: f64 = 0.9;
+
+/// A warp on its way down.
+pub(super) struct State {
+    pub u: Vec<[f64; 2]>,
+    pub samples: Vec<Sample>,
+    pub energy: f64,
+}
+
+impl ChartProblem {
+    /// The state of a warp.
+    pub fn state(&self, shape: &Shape, u: Vec<[f64; 2]>) -> State {
+        let samples = self.samples(shape, &u);
+        let energy = self.energy(&u, &samples);
+        State { u, samples, energy }
+    }
+
+    /// Smallest corner Jacobian that counts; infinite if none does.
+    pub fn min_jacobian(&self, u: &[[f64; 2]]) -> f64 {
+        let mut least = f64::INFINITY;
+        self.each_jacobian(u, |j| least = least.min(j));
+        least
+    }
+
+    /// Every node in turn takes its own Newton step, cut by the bound and accepted only if its own energy falls.
+    pub fn sweep(&self, shape: &Shape, state: &mut State, backward: bool) {
+        let count = self.nodes.len();
+        for k in 0..count {
+            let n = self.nodes[if backward { count - 1 - k } else { k }] as usize;
+            self.relax(shape, state, n);
+        }
+        state.energy = self.energy(&state.u, &state.samples);
+    }
+
+    fn relax(&self, shape: &Shape, state: &mut State, n: usize) {
+        let (g, h) = self.node_system(shape, &state.samples, &state.u, n);
+        let step = times(&inverse(&h), g).map(|x| -x);
+        if step == [0.0; 2] {
+            return;
+        }
+        // J is affine in one node: J + a (slope . step) >= bound.
+        let mut scale: f64 = 1.0;
+        for corner in self.corners_of(n) {
+            let (j, slopes) = corner.jacobian(corner.nodes.map(|m| state.u[m]), corner.rest());
+            let at = corner.nodes.iter().position(|&m| m == n).unwrap_or(0);
+            let fall = -(slopes[at][0] * step[0] + slopes[at][1] * step[1]);
+            if fall > 0.0 {
+                scale = scale.min(SHARE * (j - BOUND).max(0.0) / fall);
+            }
+        }
+        let old = self.node_energy(&state.samples, &state.u, n, state.u[n], &state.samples[n]);
+        for _ in 0..6 {
+            let at = [state.u[n][0] + scale * step[0], state.u[n][1] + scale * step[1]];
+            let sample = self.sample(shape, n, at);
+            if self.node_energy(&state.samples, &state.u, n, at, &sample) < old {
+                state.u[n] = at;
+                state.samples[n] = sample;
+                return;
+            }
+            scale *= 0.5;
+        }
+    }
+
+    /// Scales a step of all nodes: it is halved around cells that it would carry too far, and the factors fall off
+    /// smoothly, so that a crowded corner does not hold up the rest of the chart.
+    pub fn limit(&self, u: &[[f64; 2]], step: &mut [[f64; 2]]) {
+        let mut factor = vec![1.0f64; u.len()];
+        // Thirty halvings make any step vanish; the line search has the last word.
+        for _ in 0..30 {
+            let mut crossed = false;
+            for &cell in &self.cells {
+                for corner in self.corners(cell as usize).filter(|&c| self.counts(c)) {
+                    let moved = corner.nodes.map(|n| {
+                        let f = factor[n];
+                        [u[n][0] + f * step[n][0], u[n][1] + f * step[n][1]]
+                    });
+                    let before = corner.jacobian(corner.nodes.map(|n| u[n]), corner.rest()).0;
+                    let after = corner.jacobian(moved, corner.rest()).0;
+                    if after - BOUND < (1.0 - SHARE) * (before - BOUND).min(0.1) {
+                        crossed = true;
+                        for n in corner.nodes {
+                            factor[n] *= 0.7;
+                        }
+                    }
+                }
+            }
+            if !crossed {
+                break;
+            }
+            self.smooth(&mut factor);
+        }
+        for (s, f) in step.iter_mut().zip(&factor) {
+            *s = [s[0] * f, s[1] * f];
+        }
+    }
+
+    /// No factor exceeds a neighbour's by more than a tenth.
+    fn smooth(&self, factor: &mut [f64]) {
+        let width = self.width();
+        let mut lower = |n: usize, m: usize| factor[n] = factor[n].min(factor[m] + 0.1);
+        for &n in &self.nodes {
+            let n = n as usize;
+            [n - 1, n - width - 1, n - width, n - width + 1].into_iter().for_each(|m| lower(n, m));
+        }
+        for &n in self.nodes.iter().rev() {
+            let n = n as usize;
+            [n + 1, n + width - 1, n + width, n + width + 1].into_iter().for_each(|m| lower(n, m));
+        }
+    }
+}
