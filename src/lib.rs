@@ -21,6 +21,8 @@ mod device;
 mod settings;
 mod report;
 mod error;
+#[doc(hidden)]
+pub mod ffi;
 
 pub use asset::{Asset, Fetch, FetchKind, ReferenceMinimum};
 pub use device::{Device, adapters};

@@ -53,13 +53,18 @@ impl Team {
             return f(&team);
         }
         std::thread::scope(|scope| {
-            for _ in 1..team.threads {
-                // A helper that cannot be started is no error: the others do its work.
-                let _ = std::thread::Builder::new().spawn_scoped(scope, || team.help());
-            }
+            // A helper that cannot be started is no error: the others do its work.
+            let helpers: Vec<_> = (1..team.threads)
+                .filter_map(|_| std::thread::Builder::new().spawn_scoped(scope, || team.help()).ok())
+                .collect();
             let result = catch_unwind(AssertUnwindSafe(|| f(&team)));
             team.quit.store(true, Ordering::SeqCst);
             team.wake();
+            // A scope waits for what its threads run, not for their ends, which are this library's code as well: a
+            // host may unload it right after the call.
+            for helper in helpers {
+                let _ = helper.join();
+            }
             result.unwrap_or_else(|panic| resume_unwind(panic))
         })
     }

@@ -18,7 +18,14 @@ const fn wide_place(i: usize, j: usize) -> usize {
     ((j & 1) * 2 + (i & 1)) * (WIDE_NODES / 4) + (j >> 1) * (WIDE / 2) + (i >> 1)
 }
 
+/// The terms of one entry. A plain array: a vector in a static would be left behind when the library is unloaded.
+struct Terms {
+    list: [Term; 81],
+    count: usize,
+}
+
 /// One term of a coarse entry: `factor` times a fine 2x2 block that is stored at an offset from the coarse node.
+#[derive(Clone, Copy, Default)]
 struct Term {
     /// Offset of the fine node that stores it, from the fine node at the coarse one.
     di: i64,
@@ -30,13 +37,13 @@ struct Term {
 }
 
 /// The terms of the five stored entries of a coarse row: the four owned edges, then the diagonal.
-fn terms() -> &'static [Vec<Term>; 5] {
-    static TERMS: OnceLock<[Vec<Term>; 5]> = OnceLock::new();
-    TERMS.get_or_init(|| {
+fn terms() -> [&'static [Term]; 5] {
+    static TERMS: OnceLock<[Terms; 5]> = OnceLock::new();
+    let all = TERMS.get_or_init(|| {
         let hat = |d: i64| [1.0f32, 0.5].get(d.unsigned_abs() as usize).copied().unwrap_or(0.0);
         std::array::from_fn(|entry| {
             let (ci, cj) = if entry < 4 { EDGES[entry] } else { (0, 0) };
-            let mut terms = Vec::new();
+            let mut terms = Terms { list: [Term::default(); 81], count: 0 };
             for fj in -1i64..=1 {
                 for fi in -1i64..=1 {
                     let own = hat(fi) * hat(fj);
@@ -44,7 +51,8 @@ fn terms() -> &'static [Vec<Term>; 5] {
                         let factor = own * hat(gi - 2 * ci) * hat(gj - 2 * cj);
                         if factor > 0.0 {
                             let (di, dj) = if theirs { (gi, gj) } else { (fi, fj) };
-                            terms.push(Term { di, dj, edge, transposed: theirs, factor });
+                            terms.list[terms.count] = Term { di, dj, edge, transposed: theirs, factor };
+                            terms.count += 1;
                         }
                     };
                     add(fi, fj, 4, false);
@@ -55,7 +63,8 @@ fn terms() -> &'static [Vec<Term>; 5] {
             }
             terms
         })
-    })
+    });
+    all.each_ref().map(|terms| &terms.list[..terms.count])
 }
 
 /// Builds the rows of level `finer + 1` from those of `finer`.
@@ -117,7 +126,7 @@ fn gather(around: &[u32; 9], rows: &[Rows], wide: &mut [[f32; WIDE_NODES]; 19]) 
 fn quarter_rows(wide: &[[f32; WIDE_NODES]; 19], movable: &Window<u8>, quarter: usize, out: &mut Rows) {
     let (x, y) = (quarter % 2 * LANES, quarter / 2 * LANES);
     for j in 0..LANES {
-        for (entry, terms) in terms().iter().enumerate() {
+        for (entry, terms) in terms().into_iter().enumerate() {
             let mut sum = [V::ZERO; 4];
             for term in terms {
                 let at = wide_place((2 + term.di) as usize, (2 * j as i64 + 2 + term.dj) as usize);
