@@ -1,24 +1,24 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
-use crate::device::Device;
-use crate::error::Result;
-use crate::image::{ImageView, ImageViewMut};
-use crate::mesh::MeshSource;
-use crate::report::{AssetInfo, AssetReport, TileInfo, TileReport};
-use crate::settings::{SolveOptions, TileSettings};
-use crate::view::Strided;
+mod fetch;
+mod inspect;
+mod tile_state;
 
-/// What a fetch writes: two channels (u, v) per texel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FetchKind {
-    /// Inverse warp at texel centres, absolute within the tile (0..1); f32 only.
-    Redirection,
-    /// The same less the texel centre itself; f32 or f16.
-    RedirectionDelta,
-    /// The warp itself at the nodes, absolute within the tile; (nx+1) x (ny+1) texels give the nodes exactly,
-    /// any other size its bilinear interpolation from corner to corner; f32 only.
-    Warp,
-}
+use std::time::Instant;
+
+use crate::cpu::Team;
+use crate::device::Device;
+use crate::error::{Error, ErrorKind, Result};
+use crate::image::{ImageView, ImageViewMut};
+use crate::mesh::{Mesh, MeshSource};
+use crate::report::{AssetInfo, AssetReport, TileInfo, TileReport};
+use crate::settings::{LogLevel, SolveOptions, TileSettings};
+use crate::solve::Plan;
+use crate::tile::Rigidity;
+use crate::view::Strided;
+pub use fetch::FetchKind;
+pub use inspect::ReferenceMinimum;
+use tile_state::{Solved, TileState};
 
 /// One output of [`Asset::redirect`].
 #[derive(Debug)]
@@ -35,6 +35,10 @@ pub struct Fetch<'a> {
 #[derive(Debug)]
 pub struct Asset {
     device: Device,
+    mesh: Mesh,
+    tiles: Vec<TileState>,
+    /// Wall-clock milliseconds of the last good solve.
+    solved_ms: Option<f32>,
 }
 
 impl Asset {
@@ -43,9 +47,20 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` naming the array and the index: an index out of range, a value that is not finite, counts
     /// that do not add up, an empty mesh.
-    pub fn new(device: &Device, mesh: &MeshSource) -> Result<Asset> {
-        let _ = mesh;
-        Ok(Asset { device: device.clone() })
+    pub fn new(device: &Device, source: &MeshSource) -> Result<Asset> {
+        let mesh = Mesh::new(source)?;
+        let AssetInfo { clipped_faces, faces_outside, degenerate_triangles, .. } = mesh.info;
+        for (count, what) in [
+            (clipped_faces, "faces reach out of their tile and are clipped to it"),
+            (faces_outside, "faces lie in no UDIM tile and are left out"),
+            (degenerate_triangles, "triangles without UV area are left out"),
+        ] {
+            if count > 0 {
+                device.log(LogLevel::Warning, &format!("mesh: {count} {what}"));
+            }
+        }
+        let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
+        Ok(Asset { device: device.clone(), mesh, tiles, solved_ms: None })
     }
 
     /// The device it was made on.
@@ -55,27 +70,26 @@ impl Asset {
 
     /// What was read.
     pub fn info(&self) -> AssetInfo {
-        todo!()
+        self.mesh.info
     }
 
     /// Number of tiles; tiles are indexed from 0 in the order of their UDIM numbers.
     pub fn tile_count(&self) -> usize {
-        todo!()
+        self.tiles.len()
     }
 
     /// Index of the tile with this UDIM number.
     pub fn find_tile(&self, udim: u32) -> Option<usize> {
-        let _ = udim;
-        todo!()
+        self.mesh.tiles.iter().position(|tile| tile.udim == udim)
     }
 
-    /// What is known of a tile.
+    /// What is known of a tile. Builds its grid if a map or setting changed.
     ///
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range; so for every function that takes a tile.
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
-        let _ = tile;
-        todo!()
+        self.check_tile(tile)?;
+        Ok(self.tiles[tile].info(&self.device, &self.mesh, tile))
     }
 
     /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` takes it away (the tile is then the identity).
@@ -83,8 +97,13 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_rigidity(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        let _ = (tile, image);
-        todo!()
+        self.check_tile(tile)?;
+        let rigidity = match image {
+            Some(image) => Rigidity::Map(image.to_map("rigidity")?),
+            None => Rigidity::None,
+        };
+        self.tiles[tile].set_maps(|maps| maps.rigidity = rigidity);
+        Ok(())
     }
 
     /// Sets a tile's warp mask: texels under 0.5 do not move; `None` = all may.
@@ -92,17 +111,30 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_mask(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        let _ = (tile, image);
-        todo!()
+        self.check_tile(tile)?;
+        let mask = image.map(|image| image.to_map("mask")).transpose()?;
+        self.tiles[tile].set_maps(|maps| maps.mask = mask);
+        Ok(())
     }
 
-    /// Sets the rigidity of all tiles from one value per vertex (linear over each triangle).
+    /// Sets the rigidity of all tiles from one value per vertex (linear over each triangle); `None` takes it away.
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_rigidity(&mut self, values: Option<Strided>) -> Result<()> {
-        let _ = values;
-        todo!()
+        let rigidity = match values {
+            Some(values) => {
+                self.check_vertices("rigidity", &values, 1)?;
+                Rigidity::Vertices(
+                    (0..values.len()).map(|v| (values.get(v, 0) as f32).clamp(0.0, 1.0)).collect(),
+                )
+            }
+            None => Rigidity::None,
+        };
+        for tile in &mut self.tiles {
+            tile.set_maps(|maps| maps.rigidity = rigidity.clone());
+        }
+        Ok(())
     }
 
     /// Sets a tile's settings.
@@ -110,14 +142,19 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` naming the field.
     pub fn set_settings(&mut self, tile: usize, settings: &TileSettings) -> Result<()> {
-        let _ = (tile, settings);
-        todo!()
+        self.check_tile(tile)?;
+        settings.check()?;
+        self.tiles[tile].set_maps(|maps| maps.settings = *settings);
+        Ok(())
     }
 
     /// A tile's settings.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if `tile` is out of range.
     pub fn settings(&self, tile: usize) -> Result<TileSettings> {
-        let _ = tile;
-        todo!()
+        self.check_tile(tile)?;
+        Ok(self.tiles[tile].maps.settings)
     }
 
     /// Solves every tile for a pose.
@@ -126,17 +163,16 @@ impl Asset {
     /// `InvalidArgument` for a wrong count or a position that is not finite; `OutOfMemory`. The last good result
     /// stays.
     pub fn solve(&mut self, positions: Strided, options: &SolveOptions) -> Result<()> {
-        let _ = (positions, options);
-        todo!()
+        self.redirect(positions, options, &mut [])
     }
 
     /// Writes one output of the last solve.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve; `Unsupported` for a format that the kind does not have.
+    /// `NotSolved` before the first solve.
     pub fn fetch(&mut self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
-        let _ = (tile, kind, image);
-        todo!()
+        self.check_tile(tile)?;
+        Team::with(self.device.threads(), |team| self.fetch_with(team, tile, kind, image))
     }
 
     /// Solves and fetches in one call: all arguments are checked before anything is written.
@@ -149,8 +185,45 @@ impl Asset {
         options: &SolveOptions,
         fetches: &mut [Fetch],
     ) -> Result<()> {
-        let _ = (positions, options, fetches);
-        todo!()
+        self.check_vertices("positions", &positions, 3)?;
+        options.check()?;
+        for fetch in fetches.iter() {
+            self.check_tile(fetch.tile)?;
+        }
+        let start = Instant::now();
+        let plan = Plan::new(options);
+        Team::with(self.device.threads(), |team| {
+            let mut results = Vec::with_capacity(self.tiles.len());
+            for (tile, state) in self.tiles.iter_mut().enumerate() {
+                let position = |v: u32| positions.get3(v as usize);
+                results.push(state.solve(team, &self.device, &self.mesh, tile, position, &plan)?);
+            }
+            for (state, result) in self.tiles.iter_mut().zip(results) {
+                state.solved = Some(result);
+            }
+            self.solved_ms = Some(start.elapsed().as_secs_f32() * 1000.0);
+            if options.measure {
+                self.measure(positions);
+            }
+            for fetch in fetches {
+                self.fetch_with(team, fetch.tile, fetch.kind, &mut fetch.image)?;
+            }
+            Ok(())
+        })
+    }
+
+    fn fetch_with(
+        &mut self,
+        team: &Team,
+        tile: usize,
+        kind: FetchKind,
+        image: &mut ImageViewMut,
+    ) -> Result<()> {
+        let solved = self.tiles[tile].solved.as_mut().ok_or_else(not_solved)?;
+        let start = Instant::now();
+        fetch::write(team, solved, kind, image);
+        solved.report.times.invert = start.elapsed().as_secs_f32() * 1000.0;
+        Ok(())
     }
 
     /// Redirected UV of every face corner of the mesh, in corner order, with the tile's offset added.
@@ -158,8 +231,16 @@ impl Asset {
     /// # Errors
     /// `NotSolved`; `InvalidArgument` unless there is one element per corner.
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
-        let _ = out;
-        todo!()
+        if out.len() != self.mesh.corners.len() {
+            return Err(Error::argument(format!(
+                "uvs: {} elements, but the mesh has {} corners",
+                out.len(),
+                self.mesh.corners.len()
+            )));
+        }
+        let tiles = self.solved()?;
+        Team::with(self.device.threads(), |team| fetch::corner_uvs(team, &self.mesh, &tiles, out));
+        Ok(())
     }
 
     /// A tile's last solve.
@@ -167,8 +248,8 @@ impl Asset {
     /// # Errors
     /// `NotSolved` before the first solve.
     pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
-        let _ = tile;
-        todo!()
+        self.check_tile(tile)?;
+        self.tiles[tile].solved.as_ref().map(|solved| solved.report).ok_or_else(not_solved)
     }
 
     /// The last solve over all tiles.
@@ -176,6 +257,58 @@ impl Asset {
     /// # Errors
     /// `NotSolved` before the first solve.
     pub fn report(&self) -> Result<AssetReport> {
-        todo!()
+        let total_ms = self.solved_ms.ok_or_else(not_solved)?;
+        let mut report =
+            AssetReport { tiles: self.tiles.len() as u32, min_jacobian: 1.0, total_ms, ..Default::default() };
+        for solved in self.solved()? {
+            let tile = &solved.report;
+            report.tiles_active += u32::from(tile.charts_active > 0);
+            report.charts_active += tile.charts_active;
+            report.charts_reused += tile.charts_reused;
+            report.charts_identity += tile.charts_identity;
+            report.nodes_active += tile.nodes_active;
+            report.min_jacobian = report.min_jacobian.min(tile.min_jacobian);
+            report.folds += tile.folds;
+            report.bytes += tile.bytes;
+            report.truncated |= tile.truncated;
+        }
+        Ok(report)
     }
+
+    fn solved(&self) -> Result<Vec<&Solved>> {
+        self.tiles.iter().map(|tile| tile.solved.as_ref().ok_or_else(not_solved)).collect()
+    }
+
+    fn check_tile(&self, tile: usize) -> Result<()> {
+        if tile < self.tiles.len() {
+            return Ok(());
+        }
+        Err(Error::argument(format!("tile: index {tile} is out of range, there are {}", self.tiles.len())))
+    }
+
+    fn check_vertices(&self, name: &str, values: &Strided, components: usize) -> Result<()> {
+        if values.components() != components {
+            return Err(Error::argument(format!("{name}: {components} components are needed")));
+        }
+        if values.len() != self.mesh.rest.len() {
+            return Err(Error::argument(format!(
+                "{name}: {} elements, but the mesh has {} vertices",
+                values.len(),
+                self.mesh.rest.len()
+            )));
+        }
+        values.check_finite(name)
+    }
+}
+
+impl Drop for Asset {
+    fn drop(&mut self) {
+        for tile in &mut self.tiles {
+            tile.release(&self.device);
+        }
+    }
+}
+
+fn not_solved() -> Error {
+    Error::new(ErrorKind::NotSolved, "the asset has no result yet: solve first")
 }

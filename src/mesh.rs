@@ -74,10 +74,14 @@ impl TileMesh {
     }
 }
 
-/// Where a face corner's UV is: in which tile of `Mesh::tiles` (or `NONE`), and where in that tile.
+/// Where a face corner's UV is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corner {
+    /// Its tile in `Mesh::tiles`, or `NONE`.
     pub tile: u32,
+    /// Its chart in that tile, or `NONE` where no triangle was kept.
+    pub chart: u32,
+    /// As given.
     pub uv: [f32; 2],
 }
 
@@ -93,6 +97,7 @@ pub(crate) struct Mesh {
 
 /// A triangle on its way into a tile: mesh vertices, welded UV corners, UVs.
 struct RawTriangle {
+    corners: [u32; 3],
     vertices: [u32; 3],
     welded: [u32; 3],
     uv: [[f64; 2]; 3],
@@ -119,7 +124,7 @@ impl Mesh {
             let polygon: Vec<[f32; 2]> = face.clone().map(|c| uvs(c)).collect();
             let Some((udim, origin)) = tile_of(&polygon) else {
                 info.faces_outside += 1;
-                corners.extend(polygon.iter().map(|&uv| Corner { tile: NONE, uv }));
+                corners.extend(polygon.iter().map(|&uv| Corner { tile: NONE, chart: NONE, uv }));
                 udims.extend(face.map(|_| NONE));
                 continue;
             };
@@ -130,7 +135,7 @@ impl Mesh {
             if local.iter().flatten().any(|x| !(0.0..=1.0).contains(x)) {
                 info.clipped_faces += 1;
             }
-            corners.extend(polygon.iter().map(|&uv| Corner { tile: NONE, uv }));
+            corners.extend(polygon.iter().map(|&uv| Corner { tile: NONE, chart: NONE, uv }));
             udims.extend(face.clone().map(|_| udim));
             let welded: Vec<u32> =
                 face.clone().map(|c| weld.id(&rest[source.indices[c] as usize], &uvs(c))).collect();
@@ -141,17 +146,23 @@ impl Mesh {
                     continue;
                 }
                 triangles.push(RawTriangle {
+                    corners: [a, b, c].map(|k| (face.start + k) as u32),
                     vertices: [a, b, c].map(|k| source.indices[face.start + k]),
                     welded: [a, b, c].map(|k| welded[k]),
                     uv: [a, b, c].map(|k| local[k]),
                 });
             }
         }
-        let tiles: Vec<TileMesh> = raw
-            .into_iter()
-            .filter(|(_, triangles)| !triangles.is_empty())
-            .map(|(udim, triangles)| charts::build(udim, &triangles))
-            .collect();
+        let mut tiles: Vec<TileMesh> = Vec::new();
+        for (udim, triangles) in raw.into_iter().filter(|(_, triangles)| !triangles.is_empty()) {
+            let (tile, chart_of) = charts::build(udim, &triangles);
+            for (triangle, chart) in triangles.iter().zip(chart_of) {
+                for corner in triangle.corners {
+                    corners[corner as usize].chart = chart;
+                }
+            }
+            tiles.push(tile);
+        }
         for (corner, udim) in corners.iter_mut().zip(udims) {
             corner.tile = tiles.iter().position(|tile| tile.udim == udim).map_or(NONE, |i| i as u32);
         }

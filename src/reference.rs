@@ -13,6 +13,7 @@ mod step;
 use crate::error::{Error, Result};
 use crate::exact::{Locator, Surface};
 use crate::mesh::{Mesh, TileMesh};
+use crate::tile::coverage::Coverage;
 use crate::tile::{TileMaps, node_maps};
 use chart::{ChartProblem, DIM};
 use energy::Shape;
@@ -90,8 +91,9 @@ impl<'a> Problem<'a> {
         if let Some(v) = pose.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
             return Err(Error::argument(format!("pose[{v}]: not finite")));
         }
-        let (coverage, nodes) = node_maps(mesh, tile, maps)?;
-        let (nx, ny) = (coverage.nx, coverage.ny);
+        let [nx, ny] = maps.grid_size();
+        let coverage = Coverage::new(tile, nx, ny, maps.settings.overlap);
+        let nodes = node_maps(mesh, tile, maps, &coverage);
         let locator = Locator::new(tile, nx, ny, coverage.triangle);
         let rest = Surface::new(tile, &locator, |v| mix(mesh.rest[v], pose[v], 0.0));
         let charts = chart::problems(tile.charts.len(), &nodes, &locator, &rest, &maps.settings);

@@ -2,12 +2,12 @@
 
 pub(crate) mod blocks;
 pub(crate) mod coverage;
+pub(crate) mod fill;
 pub(crate) mod halo;
 pub(crate) mod metric;
 pub(crate) mod pose;
 pub(crate) mod pyramid;
 
-use crate::error::{Error, Result};
 use crate::image::Map;
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::settings::{MAX_GRID, TileSettings};
@@ -118,8 +118,8 @@ const FLOOR_SHARE: f32 = 0.05;
 
 impl Grid {
     /// Builds a tile's grid.
-    pub(crate) fn new(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> Result<Grid> {
-        let (coverage, finest) = node_maps(mesh, tile, maps)?;
+    pub(crate) fn new(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps, coverage: &Coverage) -> Grid {
+        let finest = node_maps(mesh, tile, maps, coverage);
         let charts = tile.charts.len();
         let (nx, ny) = (coverage.nx, coverage.ny);
         let mut movable = vec![0u64; charts];
@@ -145,7 +145,7 @@ impl Grid {
         let overlap = coverage.overlap;
         let mut grid = Grid { levels, triangles, chart_of, triangle, gather, movable, overlap, rest };
         metric::rest_lengths(&mut grid, mesh, tile);
-        Ok(grid)
+        grid
     }
 
     /// The triangles of a pose.
@@ -227,21 +227,15 @@ fn planes<T: Copy + Default>(level: &Level, f: impl Fn(usize, usize) -> T) -> Ve
     level.blocks.list.iter().map(|b| plane(level, b, &f)).collect()
 }
 
-/// The finest level's maps: what covers the nodes, what may move, how rigid it is. Charts in which nothing is rigid
-/// are fixed: their best warp is the identity.
-pub(crate) fn node_maps(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> Result<(Coverage, NodeMaps)> {
-    let [nx, ny] = maps.grid_size();
+/// The finest level's maps: what may move, how rigid it is. Charts in which nothing is rigid are fixed: their best warp
+/// is the identity.
+pub(crate) fn node_maps(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps, coverage: &Coverage) -> NodeMaps {
+    let (nx, ny) = (coverage.nx, coverage.ny);
     let nodes = (nx + 1) * (ny + 1);
-    let mut probe: Vec<[u64; 3]> = Vec::new();
-    probe.try_reserve(nodes).map_err(|_| {
-        Error::new(crate::ErrorKind::OutOfMemory, format!("grid: no memory for {nx}x{ny} cells"))
-    })?;
-    drop(probe);
-    let coverage = Coverage::new(tile, nx, ny, maps.settings.overlap);
     let rigidity = match &maps.rigidity {
         Rigidity::None => vec![0.0; nodes],
         Rigidity::Map(map) => map.to_nodes(nx, ny),
-        Rigidity::Vertices(values) => vertex_rigidity(mesh, tile, &coverage, values),
+        Rigidity::Vertices(values) => vertex_rigidity(mesh, tile, coverage, values),
     };
     let free = maps.mask.as_ref().map(|mask| mask.to_free_nodes(nx, ny));
     let chart_of = tile.chart_of_triangles();
@@ -267,7 +261,7 @@ pub(crate) fn node_maps(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> Result
             *c = NONE;
         }
     }
-    Ok((coverage, NodeMaps { nx, ny, rigidity, chart }))
+    NodeMaps { nx, ny, rigidity, chart }
 }
 
 /// Rigidity per vertex, linear over the triangle under each node; 0 where there is none.

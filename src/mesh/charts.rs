@@ -4,7 +4,9 @@ use super::{Chart, NONE, RawTriangle, TileMesh, Triangle};
 
 /// Two triangles are neighbours if they, and no third, share a UV edge and lie on opposite sides of it: where a
 /// mirrored half is folded onto the other one, or where three meet, there is a border.
-pub(super) fn build(udim: u32, raw: &[RawTriangle]) -> TileMesh {
+///
+/// Also gives the chart of each triangle as it came.
+pub(super) fn build(udim: u32, raw: &[RawTriangle]) -> (TileMesh, Vec<u32>) {
     let neighbours = neighbours(raw);
     let chart_of = components(&neighbours);
     let chart_count = chart_of.iter().max().map_or(0, |&c| c + 1) as usize;
@@ -36,7 +38,7 @@ pub(super) fn build(udim: u32, raw: &[RawTriangle]) -> TileMesh {
         }
         charts.push(Chart { triangles: start..triangles.len(), vertices });
     }
-    TileMesh { udim, triangles, charts }
+    (TileMesh { udim, triangles, charts }, chart_of)
 }
 
 /// Per triangle, its neighbour across the edge opposite to each corner.

@@ -3,6 +3,8 @@
 use crate::mesh::{NONE, TileMesh};
 use crate::settings::Overlap;
 
+use super::fill::Fill;
+
 /// What covers the nodes of an nx by ny grid. Node (i, j) lies at UV (i / nx, j / ny) and is entry
 /// `j * (nx + 1) + i`.
 #[derive(Clone, Debug)]
@@ -31,7 +33,7 @@ impl Coverage {
         let mut rim = Vec::new();
         for (t, source) in mesh.triangles.iter().enumerate() {
             let corners = source.uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
-            Fill::new(corners).visit(nx, ny, |i, j, inside| {
+            Fill::new(corners).visit(width, ny + 1, |i, j, inside| {
                 let node = j * width + i;
                 match (inside, triangle[node]) {
                     (true, NONE) => triangle[node] = t as u32,
@@ -77,85 +79,6 @@ impl Coverage {
         let covered = triangle.iter().filter(|&&t| t != NONE).count().max(1);
         let shared = layered.iter().filter(|&&l| l).count();
         Coverage { nx, ny, triangle, interior, overlap: shared as f32 / covered as f32 }
-    }
-}
-
-/// Point-in-triangle over grid nodes with a top-left rule. An edge is always evaluated from its lower to its higher
-/// end, so two triangles that share it see the same number and a node falls to exactly one of them.
-struct Fill {
-    corners: [[f64; 2]; 3],
-    /// +1 or -1: the winding.
-    sign: f64,
-}
-
-impl Fill {
-    fn new(corners: [[f64; 2]; 3]) -> Fill {
-        let [a, b, c] = corners;
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-        Fill { corners, sign: if area < 0.0 { -1.0 } else { 1.0 } }
-    }
-
-    /// Calls `f(i, j, true)` for nodes inside by the rule, `f(i, j, false)` for other nodes of the closed triangle.
-    fn visit(&self, nx: usize, ny: usize, mut f: impl FnMut(usize, usize, bool)) {
-        let ys = self.corners.map(|c| c[1]);
-        let low = ys.iter().copied().fold(f64::INFINITY, f64::min).ceil().max(0.0);
-        let high = ys.iter().copied().fold(f64::NEG_INFINITY, f64::max).floor().min(ny as f64);
-        let mut y = low;
-        while y <= high {
-            let (left, right) = self.span(y);
-            let first = (left - 1e-6).ceil().max(0.0);
-            let last = (right + 1e-6).floor().min(nx as f64);
-            let mut x = first;
-            while x <= last {
-                if let Some(inside) = self.contains(x, y) {
-                    f(x as usize, y as usize, inside);
-                }
-                x += 1.0;
-            }
-            y += 1.0;
-        }
-    }
-
-    /// The triangle's extent on a row.
-    fn span(&self, y: f64) -> (f64, f64) {
-        let mut span = (f64::INFINITY, f64::NEG_INFINITY);
-        for k in 0..3 {
-            let (a, b) = (self.corners[k], self.corners[(k + 1) % 3]);
-            if (a[1] < y && b[1] < y) || (a[1] > y && b[1] > y) {
-                continue;
-            }
-            let xs = if a[1] == b[1] {
-                [a[0], b[0]]
-            } else {
-                let x = a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1]));
-                [x, x]
-            };
-            span = (span.0.min(xs[0]).min(xs[1]), span.1.max(xs[0]).max(xs[1]));
-        }
-        span
-    }
-
-    /// `Some(true)` inside by the rule, `Some(false)` on an edge that is not ours, `None` outside.
-    fn contains(&self, x: f64, y: f64) -> Option<bool> {
-        let mut ours = true;
-        for k in 0..3 {
-            let (mut a, mut b) = (self.corners[k], self.corners[(k + 1) % 3]);
-            let mut sign = self.sign;
-            if (a[1], a[0]) > (b[1], b[0]) {
-                (a, b) = (b, a);
-                sign = -sign;
-            }
-            let side = sign * ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]));
-            if side < 0.0 {
-                return None;
-            }
-            if side == 0.0 {
-                // From low to high with the inside on its left: a right edge, or (horizontal) a lower one.
-                let first = if a[1] == b[1] { sign > 0.0 } else { sign < 0.0 };
-                ours &= first;
-            }
-        }
-        Some(ours)
     }
 }
 

@@ -1,0 +1,99 @@
+//! Writes the C header from `src/ffi` into OUT_DIR: one section per file, put into the template `src/ffi/vrtm.h.in`, so
+//! that a function stands beside its structs. `include/vrtm.h` is a committed copy: a build never writes into the source
+//! tree, which may be read-only, and `tests/header.rs` fails when the two differ.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::process::ExitCode;
+
+const SECTIONS: [&str; 9] =
+    ["status", "handle", "types", "device", "asset", "tile", "fetch", "solve", "report"];
+
+fn main() -> ExitCode {
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=cbindgen.toml");
+    println!("cargo:rerun-if-changed=src/ffi");
+    match write_header() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("vrtm.h: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn write_header() -> Result<(), String> {
+    let variable =
+        |name| std::env::var_os(name).ok_or_else(|| format!("{name} is not set: run this in cargo"));
+    let root = variable("CARGO_MANIFEST_DIR")?;
+    let root = Path::new(&root);
+    let config = cbindgen::Config::from_file(root.join("cbindgen.toml"))?;
+    let template = root.join("src/ffi/vrtm.h.in");
+    let mut header =
+        std::fs::read_to_string(&template).map_err(|error| format!("{}: {error}", template.display()))?;
+    for name in SECTIONS {
+        let source = root.join(format!("src/ffi/{name}.rs"));
+        let mut config = config.clone();
+        config.export.include = public_types(&source)?;
+        let bindings = cbindgen::Builder::new()
+            .with_config(config)
+            .with_src(&source)
+            .generate()
+            .map_err(|error| format!("{}: {error}", source.display()))?;
+        let mut section = Vec::new();
+        bindings.write(&mut section);
+        let section = String::from_utf8(section).map_err(|error| error.to_string())?;
+        let place = format!("@{name}@");
+        if header.matches(&place).count() != 1 {
+            return Err(format!("{}: {place} must stand there once", template.display()));
+        }
+        header = header.replace(&place, constants_below_their_type(&plain_types(&section), &source)?.trim());
+    }
+    let path = Path::new(&variable("OUT_DIR")?).join("vrtm.h");
+    std::fs::write(&path, header).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// cbindgen writes all constants of a typedef'd type at the end: each belongs right below its type.
+fn constants_below_their_type(section: &str, source: &Path) -> Result<String, String> {
+    let text = std::fs::read_to_string(source).map_err(|error| format!("{}: {error}", source.display()))?;
+    let types: HashMap<&str, &str> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("pub const ")?.split_once(": "))
+        .filter_map(|(name, rest)| Some((name, rest.split_once(' ')?.0)))
+        .filter(|(_, of)| of.starts_with("vrtm_"))
+        .collect();
+    let type_of = |paragraph: &str| {
+        let (_, line) = paragraph.rsplit_once('\n')?;
+        types.get(line.strip_prefix("#define ")?.split(' ').next()?).copied()
+    };
+    let (constants, others): (Vec<_>, Vec<_>) =
+        section.trim().split("\n\n").partition(|paragraph| type_of(paragraph).is_some());
+    let mut ordered = Vec::new();
+    for paragraph in others {
+        ordered.push(paragraph);
+        if let Some((_, name)) = paragraph.rsplit_once("typedef int32_t ") {
+            let name = name.trim_end_matches(';');
+            ordered.extend(constants.iter().filter(|constant| type_of(constant) == Some(name)));
+        }
+    }
+    Ok(ordered.join("\n\n"))
+}
+
+/// cbindgen leaves out a type that no function of the same file uses, unless it is asked for.
+fn public_types(source: &Path) -> Result<Vec<String>, String> {
+    let text = std::fs::read_to_string(source).map_err(|error| format!("{}: {error}", source.display()))?;
+    let names = text.lines().filter_map(|line| {
+        let item = line.strip_prefix("pub struct ").or_else(|| line.strip_prefix("pub type "))?;
+        item.split([' ', '{']).next().map(str::to_owned)
+    });
+    Ok(names.collect())
+}
+
+/// cbindgen writes `struct vrtm_x` for types of the same file and `vrtm_x` for others: always the latter.
+fn plain_types(section: &str) -> String {
+    let lines = section.lines().map(|line| match line.starts_with("typedef struct") {
+        true => line.to_owned(),
+        false => line.replace("struct vrtm_", "vrtm_"),
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}

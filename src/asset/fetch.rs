@@ -1,0 +1,145 @@
+//! What a tile's last result is written as.
+
+use std::sync::atomic::{AtomicPtr, Ordering};
+
+use crate::cpu::{Team, invert};
+use crate::half;
+use crate::image::{ImageLayout, ImageViewMut, PixelFormat};
+use crate::mesh::{Mesh, NONE};
+use crate::tile::blocks::{SIDE, slot};
+
+use super::tile_state::Solved;
+
+/// What a fetch writes: two channels (u, v) per texel, f32 or f16.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FetchKind {
+    /// Inverse warp at texel centres, absolute within the tile (0..1). f16 holds less than a texel from 1024 on.
+    Redirection,
+    /// The same less the texel centre itself, in UV.
+    RedirectionDelta,
+    /// The warp itself at the nodes, absolute within the tile; (nx+1) x (ny+1) texels give the nodes exactly, any
+    /// other size its bilinear interpolation from corner to corner.
+    Warp,
+}
+
+/// Texels of an image that several threads write, each its own.
+struct Canvas {
+    pixels: AtomicPtr<u8>,
+    layout: ImageLayout,
+}
+
+impl Canvas {
+    fn new(image: &mut ImageViewMut) -> Canvas {
+        Canvas { pixels: AtomicPtr::new(image.as_mut_ptr()), layout: image.layout }
+    }
+
+    /// Writes one texel; row 0 is at v = 0.
+    fn put(&self, x: usize, y: usize, uv: [f64; 2]) {
+        assert!(x < self.layout.width as usize && y < self.layout.height as usize);
+        let at = self.layout.offset(x, y);
+        // SAFETY: `ImageViewMut` checked that every texel of the layout lies in its bytes. Two threads never write one
+        // texel: rows are kept apart, and a certified warp covers each texel once.
+        unsafe {
+            let to = self.pixels.load(Ordering::Relaxed).add(at);
+            match self.layout.format {
+                PixelFormat::F16 => {
+                    let pair = uv.map(|x| half::from_f32(x as f32));
+                    to.cast::<[u16; 2]>().write_unaligned(pair);
+                }
+                _ => to.cast::<[f32; 2]>().write_unaligned(uv.map(|x| x as f32)),
+            }
+        }
+    }
+}
+
+/// Writes `kind` of a result.
+pub(super) fn write(team: &Team, solved: &Solved, kind: FetchKind, image: &mut ImageViewMut) {
+    let size = [image.layout.width as usize, image.layout.height as usize];
+    let canvas = Canvas::new(image);
+    let level = &solved.grid.levels[0];
+    let cells = [level.nx as f64, level.ny as f64];
+    match kind {
+        FetchKind::Redirection | FetchKind::RedirectionDelta => {
+            let delta = kind == FetchKind::RedirectionDelta;
+            let centre = |x: usize, axis: usize| (x as f64 + 0.5) / size[axis] as f64;
+            team.run(size[1], |y| {
+                for x in 0..size[0] {
+                    canvas.put(x, y, if delta { [0.0; 2] } else { [centre(x, 0), centre(y, 1)] });
+                }
+            });
+            invert::texels(team, &solved.grid, &solved.u, size, |x, y, p| {
+                let uv = [p[0] / cells[0], p[1] / cells[1]];
+                let uv = if delta { [uv[0] - centre(x, 0), uv[1] - centre(y, 1)] } else { uv };
+                canvas.put(x, y, uv);
+            });
+        }
+        FetchKind::Warp => {
+            let nodes = dense(solved);
+            let width = level.nx + 1;
+            team.run(size[1], |y| {
+                for x in 0..size[0] {
+                    let [(i, s), (j, t)] = [(x, 0), (y, 1)].map(|(k, axis)| {
+                        let last = (size[axis] - 1).max(1) as f64;
+                        let at = k as f64 * cells[axis] / last;
+                        let cell = at.floor().min(cells[axis] - 1.0);
+                        (cell as usize, at - cell)
+                    });
+                    let u = |di: usize, dj: usize, k: usize| f64::from(nodes[(j + dj) * width + i + di][k]);
+                    let uv = [(i, s, 0), (j, t, 1)].map(|(cell, along, k)| {
+                        let low = u(0, 0, k) + s * (u(1, 0, k) - u(0, 0, k));
+                        let high = u(0, 1, k) + s * (u(1, 1, k) - u(0, 1, k));
+                        (cell as f64 + along + low + t * (high - low)) / cells[k]
+                    });
+                    canvas.put(x, y, uv);
+                }
+            });
+        }
+    }
+}
+
+/// Displacements of all nodes of the tile, row by row from v = 0.
+pub(super) fn dense(solved: &Solved) -> Vec<[f32; 2]> {
+    let level = &solved.grid.levels[0];
+    let width = level.nx + 1;
+    let mut nodes = vec![[0.0f32; 2]; width * (level.ny + 1)];
+    for (b, block) in level.blocks.list.iter().enumerate().filter(|(_, block)| block.active) {
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                let (x, y) = (block.x as usize * SIDE + i, block.y as usize * SIDE + j);
+                let s = slot(i, j);
+                // Where charts share a block, each has its own movable nodes.
+                if level.movable[b][s] != 0 && x <= level.nx && y <= level.ny {
+                    nodes[y * width + x] = [solved.u[b][0][s], solved.u[b][1][s]];
+                }
+            }
+        }
+    }
+    nodes
+}
+
+/// Redirected UVs of all face corners.
+pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut [[f32; 2]]) {
+    const CHUNK: usize = 64;
+    let canvas = AtomicPtr::new(out.as_mut_ptr());
+    let count = out.len().min(mesh.corners.len());
+    team.run(count.div_ceil(CHUNK), |k| {
+        for (c, corner) in mesh.corners.iter().enumerate().take(((k + 1) * CHUNK).min(count)).skip(k * CHUNK)
+        {
+            let mut uv = corner.uv;
+            if corner.tile != NONE && corner.chart != NONE {
+                let solved = tiles[corner.tile as usize];
+                let level = &solved.grid.levels[0];
+                let tile = mesh.tiles[corner.tile as usize].udim - 1001;
+                let origin = [f64::from(tile % 10), f64::from(tile / 10)];
+                let cells = [level.nx as f64, level.ny as f64];
+                let c = [0, 1].map(|k| (f64::from(corner.uv[k]) - origin[k]) * cells[k]);
+                let p = invert::point(level, &solved.u, corner.chart, c);
+                if p != c {
+                    uv = [0, 1].map(|k| (p[k] / cells[k] + origin[k]) as f32);
+                }
+            }
+            // SAFETY: each item writes its own corners, all within `out`.
+            unsafe { canvas.load(Ordering::Relaxed).add(c).write(uv) };
+        }
+    });
+}

@@ -1,0 +1,248 @@
+//! One tile of an asset: its maps, its grid (built when needed), its solver's memory, and its last good result.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::cpu::{ChartResult, Input, Memory, Run, Team};
+use crate::device::Device;
+use crate::error::Result;
+use crate::mesh::Mesh;
+use crate::report::{TileInfo, TileReport};
+use crate::settings::LogLevel;
+use crate::solve::{self, Plan};
+use crate::tile::blocks::{NODES, Plane, SIDE};
+use crate::tile::coverage::Coverage;
+use crate::tile::pose::{ChartPose, Pose};
+use crate::tile::{Grid, TileMaps};
+
+/// A tile's last good solve.
+#[derive(Debug)]
+pub(super) struct Solved {
+    /// The grid it was solved on, which may be older than the maps.
+    pub grid: Arc<Grid>,
+    /// Per block of the finest level: displacements in cells.
+    pub u: Vec<[Plane; 2]>,
+    /// What each chart's result was computed from; `None` where it is not a function of its inputs.
+    inputs: Vec<Option<ChartInput>>,
+    outcome: Vec<ChartResult>,
+    pub report: TileReport,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct ChartInput {
+    pose: ChartPose,
+    plan: Plan,
+}
+
+/// One tile of an asset.
+#[derive(Debug, Default)]
+pub(super) struct TileState {
+    pub maps: TileMaps,
+    coverage: Option<Coverage>,
+    grid: Option<Arc<Grid>>,
+    memory: Option<Memory>,
+    pub solved: Option<Solved>,
+    /// What the device's books say.
+    booked: u64,
+    /// Milliseconds of the last grid build, until reported.
+    build_ms: f32,
+}
+
+impl TileState {
+    /// Takes new maps or settings; the grid is rebuilt at the next solve if it depends on what changed.
+    pub fn set_maps(&mut self, change: impl FnOnce(&mut TileMaps)) {
+        let before = self.maps.clone();
+        change(&mut self.maps);
+        let resized = before.grid_size() != self.maps.grid_size()
+            || before.settings.overlap != self.maps.settings.overlap;
+        if resized {
+            self.coverage = None;
+        }
+        if resized || before.rigidity != self.maps.rigidity || before.mask != self.maps.mask {
+            self.grid = None;
+        } else if before.settings != self.maps.settings
+            && let Some(solved) = &mut self.solved
+        {
+            // Same grid, other weights: nothing can be reused.
+            solved.inputs.fill(None);
+        }
+    }
+
+    /// The tile's grid, built if need be.
+    pub fn grid(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> Arc<Grid> {
+        if let Some(grid) = &self.grid {
+            return grid.clone();
+        }
+        let start = Instant::now();
+        let source = &mesh.tiles[tile];
+        let coverage = self.coverage.get_or_insert_with(|| {
+            let [nx, ny] = self.maps.grid_size();
+            Coverage::new(source, nx, ny, self.maps.settings.overlap)
+        });
+        let grid = Arc::new(Grid::new(mesh, source, &self.maps, coverage));
+        if grid.overlap > 0.0 {
+            let share = 100.0 * grid.overlap;
+            device.log(LogLevel::Warning, &format!("tile {}: {share:.2} % of it is overlapped", source.udim));
+        }
+        self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
+        self.grid = Some(grid.clone());
+        grid
+    }
+
+    /// Solves the tile for a pose. Nothing of `solved` changes: the caller puts the result there when all tiles have
+    /// theirs.
+    pub fn solve(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        position: impl Fn(u32) -> [f64; 3],
+        plan: &Plan,
+    ) -> Result<Solved> {
+        let start = Instant::now();
+        self.build_ms = 0.0;
+        let grid = self.grid(device, mesh, tile);
+        let source = &mesh.tiles[tile];
+        let pose = Pose::new(source, position, Some(&grid.rest));
+        let last = self.solved.as_ref().filter(|solved| Arc::ptr_eq(&solved.grid, &grid));
+        let state: Vec<ChartState> = (0..source.charts.len())
+            .map(|c| {
+                if grid.movable[c] == 0
+                    || grid.levels[0].floor[c] == 0.0
+                    || pose.is_isometric(&grid.rest, source, c)
+                {
+                    return ChartState::Identity;
+                }
+                let same = last
+                    .and_then(|solved| solved.inputs[c].as_ref())
+                    .is_some_and(|input| input.plan == *plan && input.pose == pose.charts[c]);
+                if same { ChartState::Reused } else { ChartState::Active }
+            })
+            .collect();
+        let reused: Vec<Option<ChartInput>> = (0..state.len())
+            .map(|c| last.filter(|_| state[c] == ChartState::Reused).and_then(|last| last.inputs[c].clone()))
+            .collect();
+        let charts: Vec<bool> = state.iter().map(|&s| s == ChartState::Active).collect();
+        let any = charts.contains(&true);
+
+        let (mut u, mut outcome, warm) = match last {
+            Some(last) => (last.u.clone(), last.outcome.clone(), plan.warm),
+            None => {
+                let blocks = grid.levels[0].blocks.list.len();
+                (vec![[[0.0; NODES]; 2]; blocks], vec![ChartResult::default(); charts.len()], false)
+            }
+        };
+        for (c, state) in state.iter().enumerate() {
+            if *state == ChartState::Identity {
+                u[grid.levels[0].blocks.of_chart[c].clone()].fill([[0.0; NODES]; 2]);
+                outcome[c] = ChartResult { min_jacobian: 1.0, ..ChartResult::default() };
+            }
+        }
+
+        let mut report = TileReport::default();
+        if any {
+            self.allocate(device, &grid, source.udim)?;
+            if let Some(memory) = &mut self.memory {
+                let input = Input {
+                    grid: &grid,
+                    mesh: source,
+                    pose: &pose,
+                    settings: &self.maps.settings,
+                    charts: &charts,
+                };
+                let mut run = Run::new(team, &input, memory, &mut u);
+                let done = solve::run(&mut run, plan, warm);
+                for (c, active) in charts.iter().enumerate() {
+                    if *active {
+                        outcome[c] = run.outcome[c];
+                    }
+                }
+                report.times = done.times;
+                report.sweeps = done.sweeps;
+                report.corrections = done.corrections;
+                report.truncated = done.truncated;
+                report.node_updates = run.node_updates();
+                report.blocks_active = run.blocks_active();
+                report.levels = grid.levels.len() as u32;
+            }
+        }
+        let count = |wanted: ChartState| state.iter().filter(|&&s| s == wanted).count() as u32;
+        report.udim = source.udim;
+        report.grid = [grid.levels[0].nx as u32, grid.levels[0].ny as u32];
+        report.energy_before = outcome.iter().map(|o| o.energy_before).sum();
+        report.energy = outcome.iter().map(|o| o.energy).sum();
+        report.min_jacobian = outcome.iter().map(|o| o.min_jacobian).fold(1.0, f64::min);
+        report.folds = outcome.iter().map(|o| o.folds).sum();
+        report.max_displacement = outcome.iter().map(|o| o.max_displacement).fold(0.0, f32::max);
+        report.charts = charts.len() as u32;
+        report.charts_active = count(ChartState::Active);
+        report.charts_reused = count(ChartState::Reused);
+        report.charts_identity = count(ChartState::Identity);
+        report.charts_fallback = (0..charts.len())
+            .filter(|&c| state[c] != ChartState::Identity && outcome[c].fallback)
+            .count() as u32;
+        report.blocks = report.grid.map(|n| (n as usize + 1).div_ceil(SIDE) as u64).iter().product();
+        report.nodes_active = (0..charts.len()).filter(|&c| charts[c]).map(|c| grid.movable[c]).sum();
+        report.times.maps = self.build_ms;
+        let inputs = pose
+            .charts
+            .into_iter()
+            .zip(reused)
+            .map(|(pose, reused)| match reused {
+                Some(input) => Some(input),
+                // A warm or truncated result depends on more than its inputs.
+                None => (!plan.warm && !report.truncated).then_some(ChartInput { pose, plan: *plan }),
+            })
+            .collect();
+        report.bytes = self.bytes(&grid) + (u.len() * size_of::<[Plane; 2]>()) as u64;
+        report.times.total = start.elapsed().as_secs_f32() * 1000.0;
+        Ok(Solved { grid, u, inputs, outcome, report })
+    }
+
+    /// The solver's memory for a grid, booked before it is taken.
+    fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, udim: u32) -> Result<()> {
+        let fits = self.memory.as_ref().is_some_and(|memory| memory.is_for(grid));
+        if !fits {
+            let needed = Memory::bytes_for(grid) + grid.bytes();
+            device.rebook(self.booked, needed, &format!("tile {udim}"))?;
+            self.booked = needed;
+            // The old memory goes before the new one comes.
+            self.memory = None;
+            self.memory = Some(Memory::new(grid));
+        }
+        Ok(())
+    }
+
+    fn bytes(&self, grid: &Grid) -> u64 {
+        let coverage = self.coverage.as_ref().map_or(0, |c| c.triangle.len() as u64 * 5);
+        grid.bytes() + coverage + self.memory.as_ref().map_or(0, |_| Memory::bytes_for(grid))
+    }
+
+    /// What is known of the tile before a solve.
+    pub fn info(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> TileInfo {
+        let grid = self.grid(device, mesh, tile);
+        let source = &mesh.tiles[tile];
+        TileInfo {
+            udim: source.udim,
+            charts: source.charts.len() as u32,
+            triangles: source.triangles.len() as u64,
+            grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
+            movable_nodes: grid.movable.iter().sum(),
+            overlap: grid.overlap,
+        }
+    }
+
+    /// Gives the memory's share of the device's budget back.
+    pub fn release(&mut self, device: &Device) {
+        let _ = device.rebook(self.booked, 0, "");
+        self.booked = 0;
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum ChartState {
+    Active,
+    Reused,
+    Identity,
+}

@@ -1,0 +1,252 @@
+//! correct: one Gauss-Newton step for all nodes of a level at once. The 9-point system of 2x2 blocks is solved by
+//! conjugate gradients around a Galerkin V-cycle, the step is cut where cells would fold, and each chart takes it only
+//! if its energy falls.
+
+mod assemble;
+mod cut;
+mod galerkin;
+mod multigrid;
+
+use crate::solve::Correction;
+use crate::tile::Grid;
+use crate::tile::blocks::{NODES, Plane};
+use crate::tile::halo::WINDOW_NODES;
+
+use super::lanes::V;
+use super::patch::{Row, State};
+use super::surface::Surface;
+use super::team::Shared;
+use super::{Run, SurfaceFn, with_patch};
+
+/// One block's rows of the system. Symmetric: each pair of nodes is stored once, with the node that owns the edge;
+/// pairs with the ring are stored here too, so that a block's rows need no other block's.
+#[derive(Debug)]
+struct Rows {
+    /// (xx, xy, yy) per node.
+    diagonal: [Plane; 3],
+    /// Per owned edge (p, n), the 2x2 block between p (row) and n (column), row-major; at p's place in the window.
+    pair: [[f32; WINDOW_NODES]; 16],
+}
+
+impl Default for Rows {
+    fn default() -> Self {
+        Rows { diagonal: [[0.0; NODES]; 3], pair: [[0.0; WINDOW_NODES]; 16] }
+    }
+}
+
+/// The system of one level and the vectors that the solution needs.
+#[derive(Debug, Default)]
+struct System {
+    rows: Vec<Rows>,
+    /// Right-hand side, then residual.
+    r: Vec<[Plane; 2]>,
+    /// The preconditioner's result; also A p, which is needed while it is not.
+    z: Vec<[Plane; 2]>,
+    /// Residual inside the V-cycle; then the state before the step.
+    t: Vec<[Plane; 2]>,
+    /// Search direction.
+    p: Vec<[Plane; 2]>,
+    /// Solution: the step.
+    x: Vec<[Plane; 2]>,
+    /// Share of the step that a node takes.
+    share: Vec<Plane>,
+}
+
+/// The systems of all levels.
+#[derive(Debug, Default)]
+pub(super) struct Systems {
+    levels: Vec<System>,
+    /// Per chart: true if the last correction on this level gained too little to try again.
+    done: Vec<bool>,
+}
+
+impl Systems {
+    pub fn new(grid: &Grid) -> Systems {
+        let zero = |n: usize| vec![[[0.0f32; NODES]; 2]; n];
+        let levels = grid
+            .levels
+            .iter()
+            .map(|level| {
+                let n = level.blocks.list.len();
+                System {
+                    rows: (0..n).map(|_| Rows::default()).collect(),
+                    r: zero(n),
+                    z: zero(n),
+                    t: zero(n),
+                    p: zero(n),
+                    x: zero(n),
+                    share: vec![[1.0; NODES]; n],
+                }
+            })
+            .collect();
+        Systems { levels, done: vec![false; grid.movable.len()] }
+    }
+
+    /// Bytes that `new` takes.
+    pub fn bytes_for(grid: &Grid) -> u64 {
+        let block = size_of::<Rows>() + (5 * 2 + 1) * NODES * 4;
+        grid.levels.iter().map(|level| (level.blocks.list.len() * block) as u64).sum()
+    }
+}
+
+/// Iterations of conjugate gradients: more gain less than the next correction does.
+const ITERATIONS: usize = 6;
+
+/// Parts of the step that are tried until the energy falls.
+const TRIALS: [f32; 3] = [1.0, 0.5, 0.25];
+
+impl Run<'_> {
+    pub(super) fn correct_level(&mut self, level: usize, plan: &Correction) {
+        if plan.first {
+            self.memory.systems.done.fill(false);
+        }
+        let mut systems = std::mem::take(&mut self.memory.systems);
+        let work = self.work.clone();
+        for (work, grid) in self.work.iter_mut().zip(&self.grid.levels) {
+            work.retain(|b| !systems.done[grid.blocks.list[b as usize].chart as usize]);
+        }
+        let before =
+            self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
+        let coarsest = systems.levels.len() - 1;
+        for k in level..coarsest {
+            let (finer, coarser) = systems.levels.split_at_mut(k + 1);
+            galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
+        }
+        self.conjugate_gradients(&mut systems.levels, level);
+        cut::shares(self, level, &mut systems.levels[level]);
+        self.step(&mut systems, level, &before, plan);
+        self.memory.systems = systems;
+        self.work = work;
+    }
+
+    /// Solves the level's system for `x`, chart by chart: the charts only share the passes over memory.
+    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize) {
+        let charts = self.charts.len();
+        let mut rz = vec![0.0f64; charts];
+        for iteration in 0..ITERATIONS {
+            multigrid::cycle(self, systems, level);
+            let system = &mut systems[level];
+            let next = self.dots(level, &system.r, &system.z);
+            let beta: Vec<f32> = (0..charts)
+                .map(|c| if iteration > 0 && rz[c] > 0.0 { (next[c] / rz[c]) as f32 } else { 0.0 })
+                .collect();
+            rz = next;
+            let (p, z) = (Shared::new(&mut system.p), Shared::new(&mut system.z));
+            self.each_block(level, |b, c| {
+                // SAFETY: each item has its own block.
+                let (p, z) = unsafe { (p.get_mut(b), z.get(b)) };
+                for k in 0..2 {
+                    for s in 0..NODES {
+                        p[k][s] = if iteration > 0 { z[k][s] + beta[c] * p[k][s] } else { z[k][s] };
+                    }
+                }
+            });
+            multigrid::multiply(self, level, &system.rows, &system.p, &mut system.z);
+            let curvature = self.dots(level, &system.p, &system.z);
+            let alpha: Vec<f32> = (0..charts)
+                .map(|c| {
+                    let alpha = (rz[c] / curvature[c]) as f32;
+                    // Nothing left to solve, or not a number: no step.
+                    if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
+                })
+                .collect();
+            let (x, r, p, z) = (
+                Shared::new(&mut system.x),
+                Shared::new(&mut system.r),
+                Shared::new(&mut system.p),
+                Shared::new(&mut system.z),
+            );
+            self.each_block(level, |b, c| {
+                // SAFETY: each item has its own block.
+                let (x, r, p, z) = unsafe { (x.get_mut(b), r.get_mut(b), p.get(b), z.get(b)) };
+                for k in 0..2 {
+                    for s in 0..NODES {
+                        let step = alpha[c] * p[k][s];
+                        x[k][s] = if iteration > 0 { x[k][s] + step } else { step };
+                        r[k][s] -= alpha[c] * z[k][s];
+                    }
+                }
+            });
+        }
+    }
+
+    /// Takes the step chart by chart, and relaxes; where that has not lowered the energy, half of the step, or a
+    /// quarter, or none. Relaxing comes first because the step errs most where the surface has kinks: a rough error,
+    /// which a sweep mends, and which would otherwise hold back the whole chart.
+    fn step(&mut self, systems: &mut Systems, level: usize, before: &[f64], plan: &Correction) {
+        let system = &mut systems.levels[level];
+        for &b in &self.work[level].active {
+            system.t[b as usize] = self.memory.levels[level].u[b as usize];
+        }
+        let list = &self.grid.levels[level].blocks.list;
+        let mut open: Vec<bool> =
+            (0..self.charts.len()).map(|c| self.charts[c] && !systems.done[c]).collect();
+        for (n, part) in TRIALS.into_iter().chain([0.0]).enumerate() {
+            self.work[level].retain(|b| open[list[b as usize].chart as usize]);
+            let blocks = self.work[level].active.clone();
+            if blocks.is_empty() {
+                break;
+            }
+            let u = Shared::new(&mut self.memory.levels[level].u);
+            self.team.run(blocks.len(), |k| {
+                let b = blocks[k] as usize;
+                let (from, step, share) = (&system.t[b], &system.x[b], &system.share[b]);
+                // SAFETY: each item has its own block.
+                let u = unsafe { u.get_mut(b) };
+                for c in 0..2 {
+                    for s in 0..NODES {
+                        u[c][s] = from[c][s] + part * share[s] * step[c][s];
+                    }
+                }
+            });
+            self.refresh(level, &blocks);
+            self.relax_level(level, plan.sweeps);
+            let energies = self.energies(level);
+            for c in 0..open.len() {
+                // A comparison with NaN is false: not accepted. The last trial is relaxation alone.
+                if open[c] && (energies[c] < before[c] || n == TRIALS.len()) {
+                    open[c] = false;
+                    systems.done[c] = !(before[c] - energies[c] > f64::from(plan.tolerance) * before[c]);
+                }
+            }
+        }
+    }
+
+    /// Per chart, the dot product of two vectors of a level, in a fixed order.
+    fn dots(&self, level: usize, a: &[[Plane; 2]], b: &[[Plane; 2]]) -> Vec<f64> {
+        let blocks = &self.work[level].active;
+        let mut sums = vec![0.0f64; blocks.len()];
+        let shared = Shared::new(&mut sums);
+        self.team.run(blocks.len(), |k| {
+            let (a, b) = (&a[blocks[k] as usize], &b[blocks[k] as usize]);
+            let mut sum = V::ZERO;
+            for c in 0..2 {
+                for s in (0..NODES).step_by(8) {
+                    sum += V::load(&a[c], s) * V::load(&b[c], s);
+                }
+            }
+            // SAFETY: each item has its own sum.
+            unsafe { *shared.get_mut(k) = f64::from(sum.sum()) };
+        });
+        let mut dots = vec![0.0; self.charts.len()];
+        for (sum, &b) in sums.iter().zip(blocks) {
+            dots[self.grid.levels[level].blocks.list[b as usize].chart as usize] += sum;
+        }
+        dots
+    }
+
+    /// Calls `f(block, chart)` for all active blocks of a level.
+    fn each_block(&self, level: usize, f: impl Fn(usize, usize) + Sync) {
+        let blocks = &self.work[level].active;
+        let list = &self.grid.levels[level].blocks.list;
+        self.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
+            f(b, list[b].chart as usize);
+        });
+    }
+}
+
+/// All rows of a block.
+fn all_rows() -> impl Iterator<Item = Row> {
+    (0..4).flat_map(Row::of_colour)
+}

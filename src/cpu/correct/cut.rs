@@ -1,0 +1,139 @@
+//! The step's local share: 1 where the whole step keeps every corner Jacobian at ε or more, halved around corners that
+//! would fall under it, and falling off smoothly around those.
+
+use super::super::lanes::{LANES, V};
+use super::super::relax::MIN_JACOBIAN;
+use super::*;
+use crate::tile::blocks::SIDE;
+use crate::tile::halo::{self, Window, place};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Rounds of halving.
+const HALVINGS: usize = 8;
+/// Rounds in all: after the halvings, nodes around cells that still fold stay where they are. A chart that is not
+/// free of folds then is refused by its energy.
+const ROUNDS: usize = 16;
+
+/// Sets `share` so that u + share x has no corner under ε.
+pub fn shares(run: &mut Run, level: usize, system: &mut System) {
+    let grid = &run.grid.levels[level];
+    let u = &run.memory.levels[level].u;
+    let share = Shared::new(&mut system.share);
+    let mark = Shared::new(&mut system.z);
+    let x = &system.x;
+    for &b in &run.work[level].stored {
+        // SAFETY: nothing else runs.
+        unsafe {
+            *share.get_mut(b as usize) = [1.0; NODES];
+            *mark.get_mut(b as usize) = [[1.0; NODES]; 2];
+        }
+    }
+    for round in 0..ROUNDS {
+        let folds = AtomicBool::new(false);
+        // Marks: per node, 0 if a cell that it belongs to would fall under ε.
+        run.each_block(level, |b, _| {
+            let mut windows = [[0.0f32; WINDOW_NODES]; 2];
+            let mut step: Window = [0.0; WINDOW_NODES];
+            let mut shares: Window = [1.0; WINDOW_NODES];
+            // SAFETY: shares are only read, and each item has its own marks.
+            let mark = unsafe {
+                halo::load(&grid.blocks.around[b], 1.0, |b| share.get(b), &mut shares);
+                &mut mark.get_mut(b)[0]
+            };
+            let around = super::multigrid::masked(grid, b);
+            for c in 0..2 {
+                halo::load(&grid.blocks.around[b], 0.0, |b| &u[b][c], &mut windows[c]);
+                // Blocks without movable nodes have no step.
+                halo::load(&around, 0.0, |b| &x[b][c], &mut step);
+                for at in 0..WINDOW_NODES {
+                    windows[c][at] += shares[at] * step[at];
+                }
+            }
+            *mark = [1.0; NODES];
+            let mut any = false;
+            for row in all_rows() {
+                let worst = worst_corner(&windows, row);
+                for k in 0..LANES {
+                    // What is not a number is no Jacobian either.
+                    if !(worst.0[k] >= MIN_JACOBIAN) {
+                        mark[row.slot() + k] = 0.0;
+                        any = true;
+                    }
+                }
+            }
+            if any {
+                folds.store(true, Ordering::Relaxed);
+            }
+        });
+        if !folds.load(Ordering::Relaxed) {
+            return;
+        }
+        let factor = if round < HALVINGS { 0.5 } else { 0.0 };
+        run.each_block(level, |b, _| {
+            let mut marks: Window = [1.0; WINDOW_NODES];
+            // SAFETY: marks are only read, and each item has its own shares.
+            let (share, mark) = unsafe {
+                halo::load(&grid.blocks.around[b], 1.0, |b| &mark.get(b)[0], &mut marks);
+                (share.get_mut(b), &mark.get(b)[0])
+            };
+            for j in 0..SIDE {
+                for i in 0..SIDE {
+                    let s = crate::tile::blocks::slot(i, j);
+                    let near = (0..3).any(|dj| (0..3).any(|di| marks[place(i + di, j + dj)] == 0.0));
+                    if mark[s] == 0.0 || near {
+                        share[s] *= factor;
+                    }
+                }
+            }
+        });
+        smooth_falloff(run, level, share, mark);
+    }
+}
+
+/// A share exceeds its neighbours' by at most this: a step that changes abruptly folds by itself.
+const FALLOFF: f32 = 0.125;
+
+/// One pass of share <= min(neighbours) + FALLOFF, through the second mark plane.
+fn smooth_falloff(run: &Run, level: usize, share: Shared<Plane>, mark: Shared<[Plane; 2]>) {
+    let grid = &run.grid.levels[level];
+    for _ in 0..2 {
+        run.each_block(level, |b, _| {
+            let mut shares: Window = [1.0; WINDOW_NODES];
+            // SAFETY: shares are only read, and each item has its own second mark plane.
+            let out = unsafe {
+                halo::load(&grid.blocks.around[b], 1.0, |b| share.get(b), &mut shares);
+                &mut mark.get_mut(b)[1]
+            };
+            for row in all_rows() {
+                let own = V::load(&shares, row.at(0, 0));
+                let mut low = V::ONE;
+                for (di, dj, ..) in super::super::patch::NEIGHBOURS {
+                    low = low.min(V::load(&shares, row.at(di, dj)));
+                }
+                own.min(low + FALLOFF).store(out, row.slot());
+            }
+        });
+        run.each_block(level, |b, _| {
+            // SAFETY: each item has its own block.
+            unsafe { *share.get_mut(b) = mark.get(b)[1] };
+        });
+    }
+}
+
+/// The smallest of the twelve corner Jacobians that a row's nodes touch.
+#[inline(always)]
+fn worst_corner(w: &[Window; 2], row: Row) -> V {
+    let mut worst = V::splat(f32::MAX);
+    let p = [0, 1].map(|c| V::load(&w[c], row.at(0, 0)));
+    for &(sx, sy) in &super::super::patch::QUADRANTS {
+        let to = |di: i64, dj: i64| {
+            let n = row.at(di, dj);
+            [(V::load(&w[0], n) - p[0]) + di as f32, (V::load(&w[1], n) - p[1]) + dj as f32]
+        };
+        let (a, b, c) = (to(sx, 0), to(0, sy), to(sx, sy));
+        for (a, b) in [(&a, &b), (&a, &c), (&c, &b)] {
+            worst = ((a[0] * b[1] - a[1] * b[0]) * (sx * sy) as f32).min(worst);
+        }
+    }
+    worst
+}

@@ -1,0 +1,194 @@
+//! The coarser level's system: Pᵀ A P with bilinear P, again 9-point and symmetric.
+
+use std::sync::OnceLock;
+
+use super::super::lanes::{LANES, V};
+use super::super::patch::NEIGHBOURS;
+use super::*;
+use crate::mesh::NONE;
+use crate::tile::EDGES;
+use crate::tile::blocks::{SIDE, slot};
+use crate::tile::halo::{self, Window, place};
+
+/// Nodes -2..=17 of a fine block on each side, as four colour planes of 10x10.
+const WIDE: usize = SIDE + 4;
+const WIDE_NODES: usize = WIDE * WIDE;
+
+const fn wide_place(i: usize, j: usize) -> usize {
+    ((j & 1) * 2 + (i & 1)) * (WIDE_NODES / 4) + (j >> 1) * (WIDE / 2) + (i >> 1)
+}
+
+/// The terms of one entry. A plain array: a vector in a static would be left behind when the library is unloaded.
+struct Terms {
+    list: [Term; 81],
+    count: usize,
+}
+
+/// One term of a coarse entry: `factor` times a fine 2x2 block that is stored at an offset from the coarse node.
+#[derive(Clone, Copy, Default)]
+struct Term {
+    /// Offset of the fine node that stores it, from the fine node at the coarse one.
+    di: i64,
+    dj: i64,
+    /// Owned edge, or 4 for the diagonal.
+    edge: usize,
+    transposed: bool,
+    factor: f32,
+}
+
+/// The terms of the five stored entries of a coarse row: the four owned edges, then the diagonal.
+fn terms() -> [&'static [Term]; 5] {
+    static TERMS: OnceLock<[Terms; 5]> = OnceLock::new();
+    let all = TERMS.get_or_init(|| {
+        let hat = |d: i64| [1.0f32, 0.5].get(d.unsigned_abs() as usize).copied().unwrap_or(0.0);
+        std::array::from_fn(|entry| {
+            let (ci, cj) = if entry < 4 { EDGES[entry] } else { (0, 0) };
+            let mut terms = Terms { list: [Term::default(); 81], count: 0 };
+            for fj in -1i64..=1 {
+                for fi in -1i64..=1 {
+                    let own = hat(fi) * hat(fj);
+                    let mut add = |gi: i64, gj: i64, edge, theirs| {
+                        let factor = own * hat(gi - 2 * ci) * hat(gj - 2 * cj);
+                        if factor > 0.0 {
+                            let (di, dj) = if theirs { (gi, gj) } else { (fi, fj) };
+                            terms.list[terms.count] = Term { di, dj, edge, transposed: theirs, factor };
+                            terms.count += 1;
+                        }
+                    };
+                    add(fi, fj, 4, false);
+                    for &(di, dj, e, theirs) in &NEIGHBOURS {
+                        add(fi + di, fj + dj, e, theirs);
+                    }
+                }
+            }
+            terms
+        })
+    });
+    all.each_ref().map(|terms| &terms.list[..terms.count])
+}
+
+/// Builds the rows of level `finer + 1` from those of `finer`.
+pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
+    let (fine_level, level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
+    let rows = Shared::new(&mut coarse.rows);
+    // First each block's own nodes, then the copies of the pairs that lie on its ring.
+    run.each_block(finer + 1, |b, _| {
+        // SAFETY: each item has its own block.
+        let out = unsafe { rows.get_mut(b) };
+        *out = Rows::default();
+        let mut wide: Box<[[f32; WIDE_NODES]; 19]> = Box::new([[0.0; WIDE_NODES]; 19]);
+        let mut movable = [0; WINDOW_NODES];
+        halo::load(&level.blocks.around[b], 0, |b| &level.movable[b], &mut movable);
+        for (quarter, &child) in level.children[b].iter().enumerate() {
+            if child != NONE && fine_level.blocks.list[child as usize].active {
+                gather(&super::multigrid::masked(fine_level, child as usize), &fine.rows, &mut wide);
+                quarter_rows(&wide, &movable, quarter, out);
+            }
+        }
+        for s in 0..NODES {
+            if level.movable[b][s] == 0 {
+                out.diagonal[0][s] = 1.0;
+                out.diagonal[2][s] = 1.0;
+            }
+        }
+    });
+    run.each_block(finer + 1, |b, _| {
+        // SAFETY: items write places on the ring, which no item reads, and read own places, which none writes.
+        unsafe { copy_ring(rows, &super::multigrid::masked(level, b)) };
+    });
+}
+
+/// Copies the rows of a fine block and its surroundings side by side: pairs (16), then diagonals (3).
+fn gather(around: &[u32; 9], rows: &[Rows], wide: &mut [[f32; WIDE_NODES]; 19]) {
+    for j in 0..WIDE {
+        for i in 0..WIDE {
+            let (bi, bj) = ((i + SIDE - 2) / SIDE, (j + SIDE - 2) / SIDE);
+            let (x, y) = ((i + SIDE - 2) % SIDE, (j + SIDE - 2) % SIDE);
+            let b = around[bj * 3 + bi];
+            let to = wide_place(i, j);
+            if b == NONE {
+                wide.iter_mut().for_each(|w| w[to] = 0.0);
+                continue;
+            }
+            let rows = &rows[b as usize];
+            let from = place(x + 1, y + 1);
+            for k in 0..16 {
+                wide[k][to] = rows.pair[k][from];
+            }
+            for k in 0..3 {
+                wide[16 + k][to] = rows.diagonal[k][slot(x, y)];
+            }
+        }
+    }
+}
+
+/// The 8x8 coarse nodes over one fine block, a row of eight at a time.
+fn quarter_rows(wide: &[[f32; WIDE_NODES]; 19], movable: &Window<u8>, quarter: usize, out: &mut Rows) {
+    let (x, y) = (quarter % 2 * LANES, quarter / 2 * LANES);
+    for j in 0..LANES {
+        for (entry, terms) in terms().into_iter().enumerate() {
+            let mut sum = [V::ZERO; 4];
+            for term in terms {
+                let at = wide_place((2 + term.di) as usize, (2 * j as i64 + 2 + term.dj) as usize);
+                let block = if term.edge == 4 {
+                    [16, 17, 17, 18]
+                } else {
+                    let k = 4 * term.edge;
+                    if term.transposed { [k, k + 2, k + 1, k + 3] } else { [k, k + 1, k + 2, k + 3] }
+                };
+                for c in 0..4 {
+                    sum[c] += V::load(&wide[block[c]], at) * term.factor;
+                }
+            }
+            for lane in 0..LANES {
+                let (i, j) = (x + lane, y + j);
+                let (di, dj) = if entry < 4 { EDGES[entry] } else { (0, 0) };
+                // Only pairs of movable nodes: the others take no part.
+                let far = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
+                if movable[place(i + 1, j + 1)] == 0 || movable[far] == 0 {
+                    continue;
+                }
+                if entry == 4 {
+                    for (c, from) in [0, 1, 3].into_iter().enumerate() {
+                        out.diagonal[c][slot(i, j)] = sum[from].0[lane];
+                    }
+                } else {
+                    for c in 0..4 {
+                        out.pair[4 * entry + c][place(i + 1, j + 1)] = sum[c].0[lane];
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Copies the pairs between a block and its ring that the ring's nodes own.
+///
+/// # Safety
+/// No item writes the own nodes' places of any block now, nor the ring of this one.
+unsafe fn copy_ring(rows: Shared<Rows>, around: &[u32; 9]) {
+    let b = around[4] as usize;
+    let copy = |i: usize, j: usize, e: usize| {
+        let (bi, bj) = ((i + SIDE - 1) / SIDE, (j + SIDE - 1) / SIDE);
+        let (x, y) = ((i + SIDE - 1) % SIDE, (j + SIDE - 1) % SIDE);
+        let from = around[bj * 3 + bi];
+        for c in 4 * e..4 * e + 4 {
+            let value = if from == NONE {
+                0.0
+            } else {
+                // SAFETY: the caller's promise.
+                unsafe { rows.get(from as usize).pair[c][place(x + 1, y + 1)] }
+            };
+            // SAFETY: the caller's promise.
+            unsafe { rows.get_mut(b).pair[c][place(i, j)] = value };
+        }
+    };
+    for k in 0..SIDE + 2 {
+        for e in 0..4 {
+            // West, south (corners in both: the same value twice), east; no node of the north owns a pair with the block.
+            copy(0, k, e);
+            copy(k, 0, e);
+            copy(17, k, e);
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! invert: W⁻¹ at texel centres (the paper's eq. 9). Each warped cell is two triangles, its diagonal from (0,0) to
+//! (1,1); the texel centres inside get the barycentric interpolation of the cell's rest corners. A fill rule that both
+//! sides of an edge evaluate on the same numbers gives each centre to exactly one triangle.
+
+use crate::tile::blocks::{NODES, Plane, SIDE};
+use crate::tile::fill::Fill;
+use crate::tile::halo::{self, WINDOW_NODES, Window, place};
+use crate::tile::{Grid, Level};
+
+use super::team::Team;
+
+/// Calls `put(x, y, p)` for the texels, rows from v = 0 upward, of a width by height image whose centre W moved: p is
+/// W⁻¹ in cells. The other texels are where they were. No texel comes twice if the warp is free of folds.
+pub(crate) fn texels(
+    team: &Team,
+    grid: &Grid,
+    u: &[[Plane; 2]],
+    size: [usize; 2],
+    put: impl Fn(usize, usize, [f64; 2]) + Sync,
+) {
+    let level = &grid.levels[0];
+    let scale = [size[0] as f64 / level.nx as f64, size[1] as f64 / level.ny as f64];
+    team.run(level.blocks.list.len(), |b| {
+        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
+        if !load(level, u, b, &mut windows) {
+            return;
+        }
+        let block = &level.blocks.list[b];
+        let (x, y) = (block.x as usize * SIDE, block.y as usize * SIDE);
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(di, dj)| {
+                    let at = place(i + 1 + di, j + 1 + dj);
+                    ([x + i + di, y + j + dj], [windows[0][at], windows[1][at]])
+                });
+                if corners.iter().all(|c| c.1 == [0.0; 2]) {
+                    continue;
+                }
+                for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
+                    let rest = [a, b, c].map(|k| corners[k].0.map(|n| n as f64));
+                    let warped = [a, b, c].map(|k| {
+                        let (node, u) = corners[k];
+                        // The same numbers in every cell that has this node.
+                        [0, 1].map(|axis| (node[axis] as f64 + f64::from(u[axis])) * scale[axis] - 0.5)
+                    });
+                    triangle(&rest, warped, size, &put);
+                }
+            }
+        }
+    });
+}
+
+/// Loads a block's displacements; false if all of them are 0.
+fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) -> bool {
+    for (c, window) in windows.iter_mut().enumerate() {
+        halo::load(&level.blocks.around[b], 0.0, |b| &u[b][c], window);
+    }
+    windows.iter().flatten().any(|&x| x != 0.0)
+}
+
+fn triangle(
+    rest: &[[f64; 2]; 3],
+    warped: [[f64; 2]; 3],
+    size: [usize; 2],
+    put: &impl Fn(usize, usize, [f64; 2]),
+) {
+    let [a, b, c] = warped;
+    let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+    let inverse = 1.0 / (e1[0] * e2[1] - e1[1] * e2[0]);
+    Fill::new(warped).visit(size[0], size[1], |x, y, inside| {
+        if !inside {
+            return;
+        }
+        let d = [x as f64 - a[0], y as f64 - a[1]];
+        let l1 = (d[0] * e2[1] - d[1] * e2[0]) * inverse;
+        let l2 = (e1[0] * d[1] - e1[1] * d[0]) * inverse;
+        put(
+            x,
+            y,
+            [0, 1].map(|k| rest[0][k] + l1 * (rest[1][k] - rest[0][k]) + l2 * (rest[2][k] - rest[0][k])),
+        );
+    });
+}
+
+/// Displacement of a chart's node; 0 where nothing is stored.
+fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> [f64; 2] {
+    let b = level.blocks.find(chart, i >> 4, j >> 4);
+    if b == crate::mesh::NONE {
+        return [0.0; 2];
+    }
+    let s = crate::tile::blocks::slot(i as usize % SIDE, j as usize % SIDE);
+    debug_assert!(s < NODES);
+    u[b as usize].each_ref().map(|plane| f64::from(plane[s]))
+}
+
+/// W⁻¹ at one point of a chart, in cells.
+pub(crate) fn point(level: &Level, u: &[[Plane; 2]], chart: u32, c: [f64; 2]) -> [f64; 2] {
+    let cell = |p: [f64; 2]| [p[0].floor() as i64, p[1].floor() as i64];
+    let at = |i: i64, j: i64| displacement(level, u, chart, i, j);
+    let home = cell(c);
+    let still =
+        [(0, 0), (1, 0), (0, 1), (1, 1)].iter().all(|&(di, dj)| at(home[0] + di, home[1] + dj) == [0.0; 2]);
+    if still {
+        return c;
+    }
+    // A few rounds of p = c - u(p) come close to the right cell; from there it is searched for in growing rings.
+    let mut guess = c;
+    for _ in 0..8 {
+        let [i, j] = cell(guess);
+        let (s, t) = (guess[0] - i as f64, guess[1] - j as f64);
+        let (u00, u10, u01, u11) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
+        guess = [0, 1].map(|k| {
+            let low = u00[k] + s * (u10[k] - u00[k]);
+            let high = u01[k] + s * (u11[k] - u01[k]);
+            c[k] - (low + t * (high - low))
+        });
+    }
+    let [gi, gj] = cell(guess);
+    // Farther than this nothing can have moved.
+    let reach = level.nx.max(level.ny) as i64;
+    for ring in 0..reach {
+        for j in gj - ring..=gj + ring {
+            let step = if (j - gj).abs() == ring { 1 } else { 2 * ring.max(1) };
+            let mut i = gi - ring;
+            while i <= gi + ring {
+                if let Some(p) = in_cell(&at, i, j, c) {
+                    return p;
+                }
+                i += step;
+            }
+        }
+    }
+    c
+}
+
+/// W⁻¹ at `c` if it lies in cell (i, j).
+fn in_cell(at: &impl Fn(i64, i64) -> [f64; 2], i: i64, j: i64, c: [f64; 2]) -> Option<[f64; 2]> {
+    let corner = |di: i64, dj: i64| {
+        let d = at(i + di, j + dj);
+        let rest = [(i + di) as f64, (j + dj) as f64];
+        (rest, [rest[0] + d[0], rest[1] + d[1]])
+    };
+    let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+    [[0, 1, 2], [0, 2, 3]].into_iter().find_map(|k| {
+        let [(ra, a), (rb, b), (rc, cc)] = k.map(|k| corners[k]);
+        let (e1, e2, d) =
+            ([b[0] - a[0], b[1] - a[1]], [cc[0] - a[0], cc[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
+        let det = e1[0] * e2[1] - e1[1] * e2[0];
+        let l1 = (d[0] * e2[1] - d[1] * e2[0]) / det;
+        let l2 = (e1[0] * d[1] - e1[1] * d[0]) / det;
+        let inside = l1 >= -1e-9 && l2 >= -1e-9 && l1 + l2 <= 1.0 + 1e-9;
+        inside.then(|| [0, 1].map(|k| ra[k] + l1 * (rb[k] - ra[k]) + l2 * (rc[k] - ra[k])))
+    })
+}

@@ -1,0 +1,137 @@
+//! relax: block descent. Each node takes its own 2x2 Gauss-Newton step with its neighbours fixed, cut so that no corner
+//! Jacobian falls under ε, and only if its own energy falls.
+//!
+//! Blocks of one block colour (x & 1, y & 1) do not touch: they run in parallel, each with all four node colours inside,
+//! its ring frozen; the bits do not depend on the order.
+
+use crate::tile::Level;
+
+use super::lanes::{LANES, Mask, V};
+use super::patch::{Local, Patch, Row, State, Weights};
+use super::surface::Surface;
+
+/// Corner Jacobians of a result are at least this.
+pub const MIN_JACOBIAN: f32 = 0.02;
+
+/// A node's step per sweep, in cells, at most: the linear model is not to be trusted further.
+const MAX_STEP: f32 = 2.0;
+
+/// One sweep over block `b`.
+///
+/// # Safety
+/// No other item touches this block, or writes one around it, now.
+pub unsafe fn sweep<S: Surface>(
+    patch: &mut Patch,
+    level: &Level,
+    state: State,
+    surface: S,
+    weights: &Weights,
+    b: usize,
+    sweeps: usize,
+) {
+    // SAFETY: the caller's promise.
+    unsafe { patch.load(level, state, surface, b) };
+    for _ in 0..sweeps {
+        for colour in 0..4 {
+            Row::of_colour(colour).for_each(|row| step(patch, surface, weights, row));
+        }
+    }
+    // SAFETY: the caller's promise.
+    unsafe { store::<S>(patch, state, b) };
+}
+
+/// Writes a block's own nodes back.
+///
+/// # Safety
+/// No other item touches this block now.
+unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
+    // SAFETY: the caller's promise.
+    let (u, value) = unsafe { (state.u.get_mut(b), state.value.get_mut(b)) };
+    for row in (0..4).flat_map(Row::of_colour) {
+        let (at, s) = (row.at(0, 0), row.slot());
+        for c in 0..2 {
+            u[c][s..s + LANES].copy_from_slice(&patch.u[c][at..at + LANES]);
+        }
+        for c in 0..3 {
+            value[c][s..s + LANES].copy_from_slice(&patch.value[c][at..at + LANES]);
+        }
+    }
+    if S::CHORDS {
+        // SAFETY: the caller's promise.
+        let triangle = unsafe { state.triangle.get_mut(b) };
+        for row in (0..4).flat_map(Row::of_colour) {
+            let (at, s) = (row.at(0, 0), row.slot());
+            triangle[s..s + LANES].copy_from_slice(&patch.triangle[at..at + LANES]);
+        }
+    }
+}
+
+/// One row's step.
+#[inline(always)]
+fn step<S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row) {
+    let at = row.at(0, 0);
+    let mut lanes = Mask([0; LANES]);
+    let mut any = 0;
+    for k in 0..LANES {
+        lanes.0[k] = if patch.movable[at + k] != 0 { u32::MAX } else { 0 };
+        any |= lanes.0[k];
+    }
+    if any == 0 {
+        return;
+    }
+    let here = patch.here(row);
+    let local = patch.local::<S>(row, &here, weights);
+    let mut delta = newton_step(&local);
+    // The second try has half the step, for lanes whose first one did not lower their energy.
+    for _ in 0..2 {
+        let u = [0, 1].map(|c| lanes.select(here.u[c] + delta[c], here.u[c]));
+        let (there, found) = patch.sample(surface, row, &here, &u, &lanes);
+        let energy = patch.energy::<S>(row, &there, weights);
+        let mut left = 0;
+        for k in 0..LANES {
+            if lanes.0[k] == 0 {
+                continue;
+            }
+            if found.0[k] != 0 && energy.0[k] <= local.energy.0[k] {
+                let s = row.slot() + k;
+                for c in 0..2 {
+                    patch.u[c][at + k] = there.u[c].0[k];
+                }
+                for c in 0..3 {
+                    patch.value[c][at + k] = there.value[c].0[k];
+                }
+                for c in 0..6 {
+                    patch.slope[c][s] = there.slope[c].0[k];
+                }
+                patch.triangle[at + k] = there.triangle[k];
+                lanes.0[k] = 0;
+            } else {
+                left |= u32::MAX;
+            }
+        }
+        if left == 0 {
+            return;
+        }
+        delta = delta.map(|d| d * 0.5);
+    }
+}
+
+/// -H⁻¹ g, cut to the trusted length and to J >= ε at every corner.
+#[inline(always)]
+fn newton_step(local: &Local) -> [V; 2] {
+    let ([gx, gy], [xx, xy, yy]) = (local.gradient, local.matrix);
+    let inverse = V::ONE / (xx * yy - xy * xy);
+    let mut delta = [(xy * gy - yy * gx) * inverse, (xy * gx - xx * gy) * inverse];
+    // This also turns what is not a number into a step, which the energy then has to approve.
+    delta = delta.map(|d| d.max(V::splat(-MAX_STEP)).min(V::splat(MAX_STEP)));
+    let mut share = V::ONE;
+    for (jacobian, slope) in &local.corners {
+        let change = slope[0] * delta[0] + slope[1] * delta[1];
+        let margin = (*jacobian - V::splat(MIN_JACOBIAN)).max(V::ZERO);
+        // Only corners that shrink limit the step.
+        let limit = change.lt(V::ZERO).select(margin / -change, V::ONE);
+        share = share.min(limit);
+    }
+    // A hair less, against rounding.
+    delta.map(|d| d * share * 0.999)
+}

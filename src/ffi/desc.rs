@@ -1,0 +1,233 @@
+//! Pointers of a host become checked Rust values: structs that may grow, arrays, bytes.
+
+use std::mem::{MaybeUninit, align_of, size_of};
+use std::ptr;
+
+use super::status::{Failure, Outcome};
+
+/// A struct of the C API that may grow at its end.
+///
+/// # Safety
+/// `#[repr(C)]`, first field `struct_size: u32`, and all zeros is a valid value.
+pub(super) unsafe trait Sized32: Copy {
+    /// `sizeof` in the first version that had the struct: no host passes less.
+    const FIRST: usize;
+    /// Its name in C, for messages.
+    const NAME: &'static str;
+}
+
+/// No struct will come near this; a larger `struct_size` is uninitialised memory.
+const LARGEST: usize = 4096;
+
+fn checked_size<T: Sized32>(pointer: *const T, name: &str) -> Outcome<usize> {
+    check_pointer(pointer, name)?;
+    // SAFETY: not null, aligned; the host vouches for at least the first field (head of the header).
+    let size = unsafe { pointer.cast::<u32>().read() } as usize;
+    if size < T::FIRST || size > LARGEST {
+        return Err(Failure::argument(format!(
+            "{name}.struct_size is {size}, but {} has {} bytes: start from {}_init()",
+            T::NAME,
+            size_of::<T>(),
+            T::NAME
+        )));
+    }
+    Ok(size)
+}
+
+fn check_pointer<T>(pointer: *const T, name: &str) -> Outcome<()> {
+    if pointer.is_null() {
+        return Err(Failure::argument(format!("{name} is null")));
+    }
+    if !pointer.is_aligned() {
+        return Err(Failure::argument(format!("{name} is not aligned to {} bytes", align_of::<T>())));
+    }
+    Ok(())
+}
+
+/// Reads a host's struct: fields that it does not have are zero, fields that this library does not have must be.
+pub(super) unsafe fn read<T: Sized32>(pointer: *const T, name: &str) -> Outcome<T> {
+    let size = checked_size(pointer, name)?;
+    let known = size.min(size_of::<T>());
+    let mut value = MaybeUninit::<T>::zeroed();
+    // SAFETY: the host's struct has `size` bytes; zeroed and overwritten in part it is a valid T (trait contract).
+    let value = unsafe {
+        ptr::copy_nonoverlapping(pointer.cast::<u8>(), value.as_mut_ptr().cast::<u8>(), known);
+        value.assume_init()
+    };
+    for at in known..size {
+        // SAFETY: inside the host's struct.
+        if unsafe { pointer.cast::<u8>().add(at).read() } != 0 {
+            return Err(Failure::unsupported(format!(
+                "{name}: a field after the first {known} bytes is set, which this version of the library does not have"
+            )));
+        }
+    }
+    Ok(value)
+}
+
+/// Like [`read`]; null gives all zeros, which means the defaults.
+pub(super) unsafe fn read_or_default<T: Sized32>(pointer: *const T, name: &str) -> Outcome<T> {
+    if pointer.is_null() {
+        // SAFETY: all zeros is a valid value (trait contract).
+        return Ok(unsafe { MaybeUninit::zeroed().assume_init() });
+    }
+    // SAFETY: passed on.
+    unsafe { read(pointer, name) }
+}
+
+/// A host's struct that is to be filled: checked before the work, written after it.
+pub(super) struct Out<T> {
+    pointer: *mut T,
+    size: usize,
+}
+
+impl<T: Sized32> Out<T> {
+    pub fn new(pointer: *mut T, name: &str) -> Outcome<Out<T>> {
+        let size = checked_size(pointer.cast_const(), name)?;
+        Ok(Out { pointer, size })
+    }
+
+    /// Writes the fields that the host has; `struct_size` stays the host's, fields beyond ours become zero.
+    pub fn write(self, value: T) {
+        let skip = size_of::<u32>();
+        let known = self.size.min(size_of::<T>());
+        // SAFETY: the host's struct has `size` bytes, checked in `new` to hold `struct_size`.
+        unsafe {
+            let to = self.pointer.cast::<u8>();
+            ptr::copy_nonoverlapping(
+                ptr::from_ref(&value).cast::<u8>().add(skip),
+                to.add(skip),
+                known - skip,
+            );
+            ptr::write_bytes(to.add(known), 0, self.size - known);
+        }
+    }
+}
+
+/// A place for one plain value, such as a handle or a count.
+pub(super) struct Place<T>(*mut T);
+
+impl<T: Copy> Place<T> {
+    pub fn new(pointer: *mut T, name: &str) -> Outcome<Place<T>> {
+        check_pointer(pointer.cast_const(), name)?;
+        Ok(Place(pointer))
+    }
+
+    pub fn write(self, value: T) {
+        // SAFETY: not null and aligned; the host vouches for the memory.
+        unsafe { self.0.write(value) }
+    }
+}
+
+fn check_span<T>(pointer: *const T, count: usize, name: &str) -> Outcome<()> {
+    check_pointer(pointer, name)?;
+    let bytes = count.checked_mul(size_of::<T>()).filter(|&n| n <= isize::MAX as usize);
+    match bytes.and_then(|bytes| pointer.addr().checked_add(bytes)) {
+        Some(_) => Ok(()),
+        None => Err(Failure::argument(format!("{name}: {count} elements exceed the address space"))),
+    }
+}
+
+/// A host's array of plain numbers.
+pub(super) unsafe fn slice<'a, T: Copy>(pointer: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
+    check_span(pointer, count, name)?;
+    // SAFETY: not null, aligned, within the address space; the host vouches for `count` elements during the call.
+    Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
+}
+
+/// A host's array of plain numbers that is to be written.
+pub(super) unsafe fn slice_mut<'a, T: Copy>(
+    pointer: *mut T,
+    count: usize,
+    name: &str,
+) -> Outcome<&'a mut [T]> {
+    check_span(pointer, count, name)?;
+    // SAFETY: as in `slice`, and no other thread touches the memory during the call.
+    Ok(unsafe { std::slice::from_raw_parts_mut(pointer, count) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::status::{VRTM_ERROR_INVALID_ARGUMENT, VRTM_ERROR_UNSUPPORTED};
+    use super::*;
+
+    /// The struct as this library knows it, as an older host has it, and as a newer one.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    struct Now {
+        struct_size: u32,
+        a: u32,
+        b: u32,
+    }
+
+    #[repr(C)]
+    #[derive(Clone, Copy)]
+    struct Newer {
+        now: Now,
+        c: u32,
+    }
+
+    // SAFETY: plain numbers.
+    unsafe impl Sized32 for Now {
+        const FIRST: usize = 8;
+        const NAME: &'static str = "vrtm_now";
+    }
+
+    const _: () = assert!(std::mem::offset_of!(Now, struct_size) == 0);
+
+    fn read_now(value: &Now) -> Outcome<Now> {
+        // SAFETY: a living struct; the tests keep `struct_size` within it.
+        unsafe { read(value, "desc") }
+    }
+
+    #[test]
+    fn an_older_host_s_missing_fields_are_zero() {
+        let old = Now { struct_size: 8, a: 1, b: 99 };
+        assert_eq!(read_now(&old).unwrap(), Now { struct_size: 8, a: 1, b: 0 });
+    }
+
+    #[test]
+    fn a_newer_host_s_fields_must_be_zero() {
+        let mut new = Newer { now: Now { struct_size: 16, a: 1, b: 2 }, c: 0 };
+        let pointer = ptr::from_ref(&new).cast::<Now>();
+        // SAFETY: a living struct of 16 bytes.
+        assert_eq!(unsafe { read(pointer, "desc") }.unwrap(), new.now);
+        new.c = 1;
+        let pointer = ptr::from_ref(&new).cast::<Now>();
+        // SAFETY: as above.
+        assert_eq!(unsafe { read(pointer, "desc") }.unwrap_err().status, VRTM_ERROR_UNSUPPORTED);
+    }
+
+    #[test]
+    fn other_sizes_and_bad_pointers_are_refused_by_name() {
+        for struct_size in [0, 4, 7, 4097, u32::MAX] {
+            let failure = read_now(&Now { struct_size, a: 0, b: 0 }).unwrap_err();
+            assert_eq!(failure.status, VRTM_ERROR_INVALID_ARGUMENT);
+            assert!(failure.message.starts_with("desc.struct_size is"), "{}", failure.message);
+        }
+        // SAFETY: neither pointer is read.
+        let null = unsafe { read(ptr::null::<Now>(), "desc") }.unwrap_err();
+        assert_eq!(null.message, "desc is null");
+        let odd = unsafe { read(ptr::without_provenance::<Now>(6), "desc") }.unwrap_err();
+        assert!(odd.message.contains("aligned"), "{}", odd.message);
+    }
+
+    #[test]
+    fn outputs_fill_what_the_host_has() {
+        let value = Now { struct_size: 0, a: 5, b: 6 };
+        let mut old = Now { struct_size: 8, a: 0, b: 77 };
+        Out::new(&mut old, "info").unwrap().write(value);
+        assert_eq!(old, Now { struct_size: 8, a: 5, b: 77 });
+        let mut new = Newer { now: Now { struct_size: 16, a: 0, b: 0 }, c: 9 };
+        Out::new(ptr::from_mut(&mut new).cast::<Now>(), "info").unwrap().write(value);
+        assert_eq!((new.now, new.c), (Now { struct_size: 16, a: 5, b: 6 }, 0));
+    }
+
+    #[test]
+    fn arrays_larger_than_the_address_space_are_refused() {
+        let one = 1u32;
+        // SAFETY: the array is not read.
+        let failure = unsafe { slice(&one, usize::MAX, "desc.indices") }.unwrap_err();
+        assert!(failure.message.starts_with("desc.indices: "), "{}", failure.message);
+    }
+}

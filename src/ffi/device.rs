@@ -1,0 +1,241 @@
+//! Devices and adapters.
+
+use std::ffi::{CString, c_char, c_void};
+use std::sync::Arc;
+
+use super::desc::{self, Out, Place, Sized32};
+use super::guard::guard;
+use super::handle::{self, vrtm_device};
+use super::status::{Failure, Outcome, chars, vrtm_status};
+use crate::device::{Device, adapters};
+use crate::settings::{Backend, DeviceSettings, LogFn, LogLevel};
+
+/// Where assets are solved.
+pub type vrtm_backend = i32;
+/// A hardware GPU if there is one, the CPU otherwise; the default. vrtm_device_info says why.
+pub const VRTM_BACKEND_AUTO: vrtm_backend = 0;
+/// The CPU.
+pub const VRTM_BACKEND_CPU: vrtm_backend = 1;
+/// A GPU; never falls back to the CPU. VRTM_ERROR_UNSUPPORTED in this version.
+pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
+
+/// How important a log line is.
+pub type vrtm_log_level = i32;
+/// Something to show to the artist: clipped faces, overlapping charts.
+pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
+/// What was chosen and why.
+pub const VRTM_LOG_INFO: vrtm_log_level = 2;
+
+/// A host's log function. It is called on the thread that called into vrtm, during that call; several threads may be
+/// in it at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
+/// functions; those that use the asset of the call it was called from give VRTM_ERROR_BUSY. It must return
+/// normally: no exception, no longjmp.
+pub type vrtm_log_fn =
+    Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
+
+/// What a device is made from. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
+/// memory budget, no log.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_device_desc {
+    /// sizeof(vrtm_device_desc); set by vrtm_device_desc_init().
+    pub struct_size: u32,
+    /// One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu)
+    /// overrides it, for support.
+    pub backend: vrtm_backend,
+    /// Which GPU, 0 <= adapter < vrtm_adapter_count. Ignored by the CPU.
+    pub adapter: u32,
+    /// CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
+    /// environment variable VRTM_THREADS overrides it.
+    pub threads: u32,
+    /// Most bytes that all assets of the device may hold together; 0 = no limit. A call that would exceed it gives
+    /// VRTM_ERROR_OUT_OF_MEMORY.
+    pub memory_budget: u64,
+    /// Where messages go; null (the default) = nowhere. The function and `log_user` must stay valid until the device
+    /// and all of its assets are destroyed.
+    pub log: vrtm_log_fn,
+    /// Passed to `log` as it is.
+    pub log_user: *mut c_void,
+}
+
+/// What a device turned out to be. Start from vrtm_device_data_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_device_data {
+    /// sizeof(vrtm_device_data); set by vrtm_device_data_init().
+    pub struct_size: u32,
+    /// The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
+    pub backend: vrtm_backend,
+    /// Threads per solve (CPU).
+    pub threads: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Bytes that all assets of the device hold now.
+    pub bytes_held: u64,
+    /// The processor's or adapter's name, UTF-8.
+    pub name: [c_char; 128],
+    /// Why this backend was chosen, in a sentence, UTF-8.
+    pub reason: [c_char; 256],
+}
+
+/// A GPU that a device can be made on. Start from vrtm_adapter_data_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_adapter_data {
+    /// sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
+    pub struct_size: u32,
+    /// 1 for an adapter that is emulated on the CPU: VRTM_BACKEND_AUTO never takes it.
+    pub software: u32,
+    /// The adapter's name, UTF-8.
+    pub name: [c_char; 128],
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function. So for the other two.
+unsafe impl Sized32 for vrtm_device_desc {
+    const FIRST: usize = size_of::<vrtm_device_desc>();
+    const NAME: &'static str = "vrtm_device_desc";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_device_data {
+    const FIRST: usize = size_of::<vrtm_device_data>();
+    const NAME: &'static str = "vrtm_device_data";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_adapter_data {
+    const FIRST: usize = size_of::<vrtm_adapter_data>();
+    const NAME: &'static str = "vrtm_adapter_data";
+}
+
+/// A host's log function and its user data.
+struct HostLog {
+    call: unsafe extern "C" fn(*mut c_void, vrtm_log_level, *const c_char),
+    user: *mut c_void,
+}
+
+// SAFETY: the header tells the host that its function is called from any thread that calls into vrtm.
+unsafe impl Send for HostLog {}
+// SAFETY: as above.
+unsafe impl Sync for HostLog {}
+
+impl HostLog {
+    fn write(&self, level: LogLevel, message: &str) {
+        let line: String =
+            message.chars().map(|c| if matches!(c, '\0' | '\n' | '\r') { ' ' } else { c }).collect();
+        let level = match level {
+            LogLevel::Warning => VRTM_LOG_WARNING,
+            LogLevel::Info => VRTM_LOG_INFO,
+        };
+        if let Ok(line) = CString::new(line) {
+            // SAFETY: the host vouches for the function and for its user data.
+            unsafe { (self.call)(self.user, level, line.as_ptr()) }
+        }
+    }
+}
+
+fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
+    let backend = match desc.backend {
+        VRTM_BACKEND_AUTO => Backend::Auto,
+        VRTM_BACKEND_CPU => Backend::Cpu,
+        VRTM_BACKEND_GPU => Backend::Gpu,
+        other => return Err(Failure::argument(format!("desc.backend is {other}, no VRTM_BACKEND_ value"))),
+    };
+    let log = desc.log.map(|call| {
+        let host = HostLog { call, user: desc.log_user };
+        Arc::new(move |level: LogLevel, message: &str| host.write(level, message)) as LogFn
+    });
+    Ok(DeviceSettings {
+        backend,
+        adapter: desc.adapter,
+        threads: desc.threads,
+        memory_budget: desc.memory_budget,
+        log,
+    })
+}
+
+/// Makes a device. `desc` may be null, which means all defaults. `*device` is the caller's to destroy.
+///
+/// Errors: VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU (this version has the CPU backend only);
+/// VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, more than 1024 threads, or an environment variable
+/// VRTM_DEVICE or VRTM_THREADS that cannot be read.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_device_create(
+    desc: *const vrtm_device_desc,
+    device: *mut vrtm_device,
+) -> vrtm_status {
+    guard("vrtm_device_create", || {
+        let out = Place::new(device, "device")?;
+        // SAFETY: the host's pointer.
+        let desc = unsafe { desc::read_or_default(desc, "desc") }?;
+        let device = Device::new(&settings(&desc)?)?;
+        out.write(handle::add_device(device)?);
+        Ok(())
+    })
+}
+
+/// Says what a device is, why, and how much memory its assets hold.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_device_info(device: vrtm_device, info: *mut vrtm_device_data) -> vrtm_status {
+    guard("vrtm_device_info", || {
+        let out = Out::new(info, "info")?;
+        let info = handle::device(device)?.info();
+        out.write(vrtm_device_data {
+            struct_size: 0,
+            backend: match info.backend {
+                Backend::Auto => VRTM_BACKEND_AUTO,
+                Backend::Cpu => VRTM_BACKEND_CPU,
+                Backend::Gpu => VRTM_BACKEND_GPU,
+            },
+            threads: info.threads,
+            reserved: 0,
+            bytes_held: info.bytes_held,
+            name: chars(&info.name),
+            reason: chars(&info.reason),
+        });
+        Ok(())
+    })
+}
+
+/// Ends a device's handle. Assets that were made on it keep what they need and go on working until they are
+/// destroyed themselves, in any order; so does the log function.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_device_destroy(device: vrtm_device) -> vrtm_status {
+    guard("vrtm_device_destroy", || handle::remove_device(device))
+}
+
+/// Number of GPUs that a device can be made on; 0 in this version.
+///
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
+    guard("vrtm_adapter_count", || {
+        let out = Place::new(count, "count")?;
+        out.write(u32::try_from(adapters().len()).unwrap_or(u32::MAX));
+        Ok(())
+    })
+}
+
+/// Describes adapter `index`, 0 <= index < vrtm_adapter_count.
+///
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_adapter_info(index: u32, info: *mut vrtm_adapter_data) -> vrtm_status {
+    guard("vrtm_adapter_info", || {
+        let out = Out::new(info, "info")?;
+        let all = adapters();
+        let adapter = all.get(index as usize).ok_or_else(|| {
+            Failure::argument(format!("index is {index}, but there are {} adapters", all.len()))
+        })?;
+        out.write(vrtm_adapter_data {
+            struct_size: 0,
+            software: u32::from(adapter.software),
+            name: chars(&adapter.name),
+        });
+        Ok(())
+    })
+}

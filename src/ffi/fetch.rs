@@ -1,0 +1,156 @@
+//! Reading results into the host's memory.
+
+use std::ops::Range;
+
+use super::desc::{self, Sized32};
+use super::guard::guard;
+use super::handle::{self, vrtm_asset, vrtm_tile};
+use super::status::{Failure, Outcome, vrtm_status};
+use super::types::{Target, vrtm_image_out};
+use crate::asset::FetchKind;
+
+/// What a fetch writes: two channels (u, v) per texel.
+pub type vrtm_fetch_kind = i32;
+/// The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
+/// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds
+/// ((x + 0.5) / width, (y + 0.5) / height). Take f32: from 1024 texels on, f16 cannot tell neighbours apart.
+pub const VRTM_FETCH_REDIRECTION: vrtm_fetch_kind = 0;
+/// The same less the texel centre itself: what to add to a UV; 0 where nothing moves. Good in f16 too.
+pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
+/// The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
+/// absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
+/// size plus one in both directions the texels are the grid's nodes, any other size interpolates. Take f32.
+pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
+
+/// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_fetch {
+    /// sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
+    pub struct_size: u32,
+    /// One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP.
+    pub kind: vrtm_fetch_kind,
+    /// A tile of the asset. Required.
+    pub tile: vrtm_tile,
+    /// Where to write. Required.
+    pub image: *const vrtm_image_out,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers and a raw pointer.
+unsafe impl Sized32 for vrtm_fetch {
+    const FIRST: usize = size_of::<vrtm_fetch>();
+    const NAME: &'static str = "vrtm_fetch";
+}
+
+fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind> {
+    match kind {
+        VRTM_FETCH_REDIRECTION => Ok(FetchKind::Redirection),
+        VRTM_FETCH_REDIRECTION_DELTA => Ok(FetchKind::RedirectionDelta),
+        VRTM_FETCH_WARP => Ok(FetchKind::Warp),
+        other => Err(Failure::argument(format!("{name} is {other}, no VRTM_FETCH_ value"))),
+    }
+}
+
+/// A checked fetch: the image's name for messages, the tile's index, what, and where to.
+pub(super) type Wanted = (String, usize, FetchKind, Target);
+
+/// Reads a host's array of fetches for `asset`, and checks that no two outputs share a byte, nor any with `input`.
+pub(super) unsafe fn targets(
+    asset: vrtm_asset,
+    fetches: *const vrtm_fetch,
+    count: usize,
+    input: Range<usize>,
+) -> Outcome<Vec<Wanted>> {
+    let mut all = Vec::new();
+    if count == 0 {
+        return Ok(all);
+    }
+    // SAFETY: the host vouches for `count` structs, as far apart as the first one's struct_size says.
+    let stride = unsafe { desc::read(fetches, "fetches") }?.struct_size;
+    for index in 0..count {
+        let name = format!("fetches[{index}]");
+        let at = index.checked_mul(stride as usize).and_then(|n| fetches.addr().checked_add(n));
+        let at =
+            at.ok_or_else(|| Failure::argument(format!("count is {count}: exceeds the address space")))?;
+        // SAFETY: as above.
+        let fetch = unsafe { desc::read(fetches.with_addr(at), &name) }?;
+        if fetch.struct_size != stride {
+            return Err(Failure::argument(format!(
+                "{name}.struct_size is {}, but that of fetches[0] is {stride}",
+                fetch.struct_size
+            )));
+        }
+        let (_, tile) = handle::tile(&format!("{name}.tile"), fetch.tile)?;
+        if !handle::is_tile_of(fetch.tile, asset) {
+            return Err(Failure::argument(format!("{name}.tile belongs to another asset")));
+        }
+        let kind = fetch_kind(fetch.kind, &format!("{name}.kind"))?;
+        let image = format!("{name}.image");
+        // SAFETY: the host's pointer.
+        let target = unsafe { Target::read(fetch.image, &image) }?;
+        all.push((image, tile, kind, target));
+    }
+    check_apart(&all, input)?;
+    Ok(all)
+}
+
+/// Two mutable views of the same bytes would be undefined behaviour: they are an error instead.
+fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
+    let mut spans: Vec<_> = all.iter().map(|(name, _, _, target)| (target.span(), name.as_str())).collect();
+    spans.push((input, "positions"));
+    spans.sort_by_key(|(span, _)| span.start);
+    for pair in spans.windows(2) {
+        if let [(first, a), (second, b)] = pair
+            && second.start < first.end
+        {
+            return Err(Failure::argument(format!("{a} and {b} overlap in memory")));
+        }
+    }
+    Ok(())
+}
+
+/// Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
+/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
+/// or an unknown value; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_fetch(
+    tile: vrtm_tile,
+    kind: vrtm_fetch_kind,
+    image: *const vrtm_image_out,
+) -> vrtm_status {
+    guard("vrtm_tile_fetch", || {
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let kind = fetch_kind(kind, "kind")?;
+        // SAFETY: the host's pointer, valid during the call.
+        let target = unsafe { Target::read(image, "image") }?;
+        // SAFETY: the host vouches for the memory, and this is the only view of it.
+        let mut view = unsafe { target.view("image") }?;
+        asset.write(|asset| Ok(asset.fetch(tile, kind, &mut view)?))
+    })
+}
+
+/// Writes the redirected UV of every face corner of the mesh: `count` pairs (u, v), in corner order, with the tile's
+/// offset added as in the mesh's own UVs. For hosts that set UVs instead of reading a map. `count` is the number of
+/// corners, vrtm_asset_data.corners; `uvs` has room for 2 * count floats.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
+/// `uvs` is null or `count` is not the number of corners; VRTM_ERROR_BUSY. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
+    asset: vrtm_asset,
+    uvs: *mut f32,
+    count: usize,
+) -> vrtm_status {
+    guard("vrtm_asset_fetch_corner_uvs", || {
+        let asset = handle::asset(asset)?;
+        let corners = asset.info.corners;
+        if count as u64 != corners {
+            return Err(Failure::argument(format!("count is {count}, but the mesh has {corners} corners")));
+        }
+        // SAFETY: the host vouches for `count` pairs during the call.
+        let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
+        asset.read(|asset| Ok(asset.corner_uvs(out)?))
+    })
+}

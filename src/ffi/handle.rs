@@ -1,0 +1,336 @@
+//! Handles: plain numbers that are checked on every use, so that a wrong one is an error and never a wild pointer.
+//!
+//! An object's serial number is never given out twice, which makes a stale handle impossible to mistake for a
+//! living one. Serials start at a random number, so that handles of another copy of the library fail as well.
+//!
+//! ```text
+//! bit 63..60  kind
+//!     59..40  index of the tile, in tile handles
+//!     39..0   serial number of the device or asset
+//! ```
+
+use std::collections::BTreeMap;
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, TryLockError};
+
+use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, VRTM_ERROR_OUT_OF_MEMORY};
+use crate::asset::Asset;
+use crate::device::Device;
+use crate::report::AssetInfo;
+
+/// A device: where assets are solved. Made by vrtm_device_create, ended by vrtm_device_destroy. Zero is no device.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_device {
+    /// Opaque.
+    pub id: u64,
+}
+
+/// An asset: one mesh with its tiles, their maps, settings and results. Made by vrtm_asset_create, ended by
+/// vrtm_asset_destroy. Zero is no asset.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_asset {
+    /// Opaque.
+    pub id: u64,
+}
+
+/// A tile: one UDIM unit square of an asset. It belongs to the asset and ends with it; there is nothing to destroy.
+/// Handles of the same tile are equal. Zero is no tile.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_tile {
+    /// Opaque.
+    pub id: u64,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Device = 1,
+    Asset = 2,
+    Tile = 3,
+}
+
+const SERIAL_BITS: u32 = 40;
+const TILE_BITS: u32 = 20;
+/// Tiles that a handle can tell apart.
+const MAX_TILES: usize = 1 << TILE_BITS;
+
+fn pack(kind: Kind, serial: u64, tile: usize) -> u64 {
+    (kind as u64) << (SERIAL_BITS + TILE_BITS) | (tile as u64) << SERIAL_BITS | serial
+}
+
+/// Serial and tile index, if the handle is of that kind.
+fn unpack(kind: Kind, id: u64) -> Option<(u64, usize)> {
+    let serial = id & ((1 << SERIAL_BITS) - 1);
+    let tile = (id >> SERIAL_BITS) as usize & (MAX_TILES - 1);
+    (pack(kind, serial, tile) == id && (kind == Kind::Tile || tile == 0)).then_some((serial, tile))
+}
+
+/// All living objects of one kind. The lock is held for a look-up only, never while an object works or ends.
+struct Table<T> {
+    entries: Mutex<Entries<T>>,
+}
+
+struct Entries<T> {
+    next: u64,
+    live: BTreeMap<u64, Arc<T>>,
+}
+
+impl<T> Table<T> {
+    const fn new() -> Table<T> {
+        Table { entries: Mutex::new(Entries { next: 0, live: BTreeMap::new() }) }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Entries<T>> {
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn insert(&self, value: T) -> Outcome<u64> {
+        let value = Arc::new(value);
+        let mut entries = self.lock();
+        if entries.next == 0 {
+            let random = RandomState::new().build_hasher().finish();
+            entries.next = 1 + (random & ((1 << (SERIAL_BITS - 2)) - 1));
+        }
+        let serial = entries.next;
+        if serial >> SERIAL_BITS != 0 {
+            let message = "all handles of this process are used up".to_owned();
+            return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
+        }
+        entries.next += 1;
+        entries.live.insert(serial, value);
+        Ok(serial)
+    }
+
+    fn get(&self, serial: u64) -> Option<Arc<T>> {
+        self.lock().live.get(&serial).cloned()
+    }
+
+    fn remove(&self, serial: u64) -> Option<Arc<T>> {
+        let mut entries = self.lock();
+        let removed = entries.live.remove(&serial);
+        if entries.live.is_empty() {
+            // An emptied tree keeps its root, which unloading the library would leave behind.
+            entries.live = BTreeMap::new();
+        }
+        removed
+    }
+}
+
+static DEVICES: Table<Device> = Table::new();
+static ASSETS: Table<SharedAsset> = Table::new();
+
+/// An asset as threads share it: what never changes beside what calls take turns at.
+#[derive(Debug)]
+pub(super) struct SharedAsset {
+    /// Read from the mesh; can be asked for during a solve.
+    pub info: AssetInfo,
+    tiles: usize,
+    asset: RwLock<Asset>,
+}
+
+impl SharedAsset {
+    pub fn new(asset: Asset) -> SharedAsset {
+        SharedAsset { info: asset.info(), tiles: asset.tile_count(), asset: RwLock::new(asset) }
+    }
+
+    pub fn tile_count(&self) -> usize {
+        self.tiles
+    }
+
+    /// For calls that only read; they do not get into each other's way.
+    pub fn read<R>(&self, body: impl FnOnce(&Asset) -> Outcome<R>) -> Outcome<R> {
+        match self.asset.try_read() {
+            Ok(asset) => body(&asset),
+            Err(TryLockError::Poisoned(poisoned)) => body(&poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => Err(busy()),
+        }
+    }
+
+    /// For calls that solve, or change or build anything. Nothing ever waits: a callback that calls back into the
+    /// asset would wait for itself.
+    pub fn write<R>(&self, body: impl FnOnce(&mut Asset) -> Outcome<R>) -> Outcome<R> {
+        match self.asset.try_write() {
+            Ok(mut asset) => body(&mut asset),
+            Err(TryLockError::Poisoned(poisoned)) => body(&mut poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => Err(busy()),
+        }
+    }
+}
+
+fn busy() -> Failure {
+    let message = "another call is using the asset".to_owned();
+    Failure { status: VRTM_ERROR_BUSY, message }
+}
+
+fn gone(argument: &str, kind: &str, id: u64) -> Failure {
+    Failure::handle(match id {
+        0 => format!("{argument}: the handle is zero"),
+        _ => format!("{argument}: the handle {id:#x} is no living {kind}"),
+    })
+}
+
+pub(super) fn add_device(device: Device) -> Outcome<vrtm_device> {
+    Ok(vrtm_device { id: pack(Kind::Device, DEVICES.insert(device)?, 0) })
+}
+
+pub(super) fn device(handle: vrtm_device) -> Outcome<Arc<Device>> {
+    unpack(Kind::Device, handle.id)
+        .and_then(|(serial, _)| DEVICES.get(serial))
+        .ok_or_else(|| gone("device", "device", handle.id))
+}
+
+pub(super) fn remove_device(handle: vrtm_device) -> Outcome<()> {
+    unpack(Kind::Device, handle.id)
+        .and_then(|(serial, _)| DEVICES.remove(serial))
+        .map(drop)
+        .ok_or_else(|| gone("device", "device", handle.id))
+}
+
+pub(super) fn add_asset(asset: Asset) -> Outcome<vrtm_asset> {
+    let shared = SharedAsset::new(asset);
+    if shared.tiles > MAX_TILES {
+        return Err(Failure::unsupported(format!("desc.uvs: {} tiles are over {MAX_TILES}", shared.tiles)));
+    }
+    Ok(vrtm_asset { id: pack(Kind::Asset, ASSETS.insert(shared)?, 0) })
+}
+
+pub(super) fn asset(handle: vrtm_asset) -> Outcome<Arc<SharedAsset>> {
+    unpack(Kind::Asset, handle.id)
+        .and_then(|(serial, _)| ASSETS.get(serial))
+        .ok_or_else(|| gone("asset", "asset", handle.id))
+}
+
+pub(super) fn remove_asset(handle: vrtm_asset) -> Outcome<()> {
+    unpack(Kind::Asset, handle.id)
+        .and_then(|(serial, _)| ASSETS.remove(serial))
+        .map(drop)
+        .ok_or_else(|| gone("asset", "asset", handle.id))
+}
+
+/// The handle of a tile of a living asset.
+pub(super) fn tile_handle(asset: vrtm_asset, tile: usize) -> vrtm_tile {
+    let serial = asset.id & ((1 << SERIAL_BITS) - 1);
+    vrtm_tile { id: pack(Kind::Tile, serial, tile) }
+}
+
+/// A tile's asset and its index in it. `argument` is the C argument's name.
+pub(super) fn tile(argument: &str, handle: vrtm_tile) -> Outcome<(Arc<SharedAsset>, usize)> {
+    unpack(Kind::Tile, handle.id)
+        .and_then(|(serial, tile)| Some((ASSETS.get(serial)?, tile)))
+        .filter(|(asset, tile)| *tile < asset.tiles)
+        .ok_or_else(|| gone(argument, "tile", handle.id))
+}
+
+/// True if both belong to the same asset.
+pub(super) fn is_tile_of(tile: vrtm_tile, asset: vrtm_asset) -> bool {
+    let mask = (1 << SERIAL_BITS) - 1;
+    tile.id & mask == asset.id & mask
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::guard::guard;
+    use super::super::status::VRTM_ERROR_INTERNAL;
+    use super::*;
+    use crate::mesh::{MeshSource, UvSource};
+    use crate::settings::DeviceSettings;
+    use crate::view::{Scalar, Strided};
+
+    fn new_device() -> vrtm_device {
+        add_device(Device::new(&DeviceSettings::default()).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_handle_lives_from_insert_to_remove() {
+        let handle = new_device();
+        assert!(device(handle).is_ok());
+        assert!(remove_device(handle).is_ok());
+        assert!(device(handle).is_err());
+        assert!(remove_device(handle).is_err());
+        // The next one never looks like an old one.
+        let next = new_device();
+        assert_ne!(next, handle);
+        assert!(device(handle).is_err());
+        assert!(remove_device(next).is_ok());
+    }
+
+    #[test]
+    fn zero_foreign_and_garbage_handles_are_refused_by_name() {
+        let living = new_device();
+        for id in [0, 1, living.id + 1, living.id ^ (1 << 63), living.id | (1 << SERIAL_BITS), u64::MAX] {
+            let failure = device(vrtm_device { id }).unwrap_err();
+            assert!(failure.message.starts_with("device: the handle"), "{}", failure.message);
+        }
+        // A device's number is no asset's and no tile's.
+        assert!(asset(vrtm_asset { id: living.id }).is_err());
+        assert!(tile("tile", vrtm_tile { id: living.id }).is_err());
+        assert!(remove_device(living).is_ok());
+    }
+
+    fn triangle() -> SharedAsset {
+        let device = Device::new(&DeviceSettings::default()).unwrap();
+        let uvs = [0.0f32, 0.0, 1.0, 0.0, 0.0, 1.0].map(f32::to_ne_bytes);
+        let uvs = Strided::new("uvs", uvs.as_flattened(), Scalar::F32, 2, 3, 0).unwrap();
+        let mesh = MeshSource {
+            positions: Strided::from_f32x3(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+            face_counts: None,
+            indices: &[0, 1, 2],
+            uvs: UvSource { u: uvs, v: None, indices: None },
+        };
+        SharedAsset::new(Asset::new(&device, &mesh).unwrap())
+    }
+
+    #[test]
+    fn an_asset_in_use_is_busy_and_never_waits() {
+        let asset = triangle();
+        let inner = asset.write(|_| {
+            assert_eq!(asset.read(|_| Ok(())).unwrap_err().status, VRTM_ERROR_BUSY);
+            Ok(asset.write(|_| Ok(())).unwrap_err().status)
+        });
+        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
+        // Readers do not hinder each other, but a writer waits for none of them.
+        let inner = asset.read(|_| {
+            assert!(asset.read(|_| Ok(())).is_ok());
+            Ok(asset.write(|_| Ok(())).unwrap_err().status)
+        });
+        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
+        assert!(asset.write(|_| Ok(())).is_ok());
+    }
+
+    #[test]
+    fn an_asset_survives_a_panic() {
+        let asset = triangle();
+        let status = guard("vrtm_test", || asset.write(|_| -> Outcome<()> { panic!("in the middle") }));
+        assert_eq!(status, VRTM_ERROR_INTERNAL);
+        assert_eq!(asset.read(|asset| Ok(asset.tile_count())).unwrap(), 1);
+        assert!(asset.write(|asset| Ok(asset.set_rigidity(0, None)?)).is_ok());
+    }
+
+    #[test]
+    fn handles_are_given_out_once_by_many_threads() {
+        let table: Table<u32> = Table::new();
+        let serials = std::thread::scope(|scope| {
+            let workers: Vec<_> = (0..4)
+                .map(|_| {
+                    scope.spawn(|| {
+                        let mut mine = Vec::new();
+                        for i in 0..1000 {
+                            let serial = table.insert(i).unwrap();
+                            if i % 2 == 0 {
+                                assert_eq!(*table.remove(serial).unwrap(), i);
+                            }
+                            mine.push(serial);
+                        }
+                        mine
+                    })
+                })
+                .collect();
+            workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect::<Vec<_>>()
+        });
+        let distinct: std::collections::BTreeSet<_> = serials.iter().collect();
+        assert_eq!(distinct.len(), serials.len());
+        assert_eq!(table.lock().live.len(), 2000);
+    }
+}

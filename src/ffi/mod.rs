@@ -1,0 +1,21 @@
+//! The C API: guard, check, delegate. No maths here.
+//!
+//! Every exported function runs in [`guard::guard`], which keeps panics in and turns a failure into a status and
+//! a message for the calling thread. Handles are looked up in [`handle`], structs that may grow are read and
+//! written by [`desc`]. The types and doc comments of these files are the C header (`include/vrtm.h`), so they
+//! speak to a C programmer; functions must not come from macros, which cbindgen does not see.
+
+#![allow(non_camel_case_types)] // The names are those of the C header.
+#![allow(clippy::missing_safety_doc)] // The contract of all pointers stands once, at the head of the header.
+
+pub mod asset;
+mod desc;
+pub mod device;
+pub mod fetch;
+mod guard;
+pub mod handle;
+pub mod report;
+pub mod solve;
+pub mod status;
+pub mod tile;
+pub mod types;

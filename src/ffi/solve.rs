@@ -1,0 +1,127 @@
+//! Solving, and the one call of a host's compute().
+
+use super::desc::{self, Sized32};
+use super::fetch::{targets, vrtm_fetch};
+use super::guard::guard;
+use super::handle::{self, vrtm_asset};
+use super::status::{Failure, Outcome, vrtm_status};
+use super::types::{check_reserved, flag, strided, strided_and_span, vrtm_array};
+use crate::asset::Fetch;
+use crate::settings::{Quality, SolveOptions};
+
+/// How much work a solve does on each level of its grid.
+pub type vrtm_quality = i32;
+/// Few sweeps and one correction; the default.
+pub const VRTM_QUALITY_NORMAL: vrtm_quality = 0;
+/// Relaxation only: a preview.
+pub const VRTM_QUALITY_DRAFT: vrtm_quality = 1;
+/// More sweeps, and corrections until little is left to gain.
+pub const VRTM_QUALITY_HIGH: vrtm_quality = 2;
+
+/// Options of one solve; zero in a field means its default. Start from vrtm_solve_options_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_solve_options {
+    /// sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
+    pub struct_size: u32,
+    /// VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH.
+    pub quality: vrtm_quality,
+    /// 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
+    /// the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
+    pub warm: u32,
+    /// Most corrections per level; 0 = the quality's own.
+    pub max_corrections: u32,
+    /// A chart is done when a correction gains less than this share of its energy, 0 <= tolerance < 1; 0 = the
+    /// quality's own.
+    pub tolerance: f32,
+    /// Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
+    /// depends on the speed of the machine.
+    pub time_budget_ms: f32,
+    /// 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
+    pub measure: u32,
+    /// Zero.
+    pub reserved: u32,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers.
+unsafe impl Sized32 for vrtm_solve_options {
+    const FIRST: usize = size_of::<vrtm_solve_options>();
+    const NAME: &'static str = "vrtm_solve_options";
+}
+
+unsafe fn options(pointer: *const vrtm_solve_options) -> Outcome<SolveOptions> {
+    // SAFETY: the host's pointer.
+    let from = unsafe { desc::read_or_default(pointer, "options") }?;
+    check_reserved(from.reserved, "options")?;
+    Ok(SolveOptions {
+        quality: match from.quality {
+            VRTM_QUALITY_NORMAL => Quality::Normal,
+            VRTM_QUALITY_DRAFT => Quality::Draft,
+            VRTM_QUALITY_HIGH => Quality::High,
+            other => {
+                return Err(Failure::argument(format!("options.quality is {other}, no VRTM_QUALITY_ value")));
+            }
+        },
+        warm: flag(from.warm, "options.warm")?,
+        tolerance: from.tolerance,
+        max_corrections: from.max_corrections,
+        time_budget_ms: from.time_budget_ms,
+        measure: flag(from.measure, "options.measure")?,
+    })
+}
+
+/// Solves every tile for a pose; returns when that is done. `positions` are the deformed positions of all vertices (3
+/// components, as many and in the same order as at rest). `options` may be null: all defaults. On any error the last
+/// good result stays readable.
+///
+/// The result is the same bit for bit for any number of threads and on any machine, unless options->warm or
+/// options->time_budget_ms is set. Charts whose inputs have not changed keep their result at no cost.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the vertex, for null, a wrong
+/// count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_BUSY;
+/// VRTM_ERROR_OUT_OF_MEMORY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_solve(
+    asset: vrtm_asset,
+    positions: *const vrtm_array,
+    options: *const vrtm_solve_options,
+) -> vrtm_status {
+    guard("vrtm_asset_solve", || {
+        let asset = handle::asset(asset)?;
+        // SAFETY: the host's pointers, valid during the call.
+        let (positions, options) = unsafe { (strided(positions, 3, "positions")?, self::options(options)?) };
+        asset.write(|asset| Ok(asset.solve(positions, &options)?))
+    })
+}
+
+/// Solves every tile for a pose and writes `count` outputs, in one call: what a host's compute() needs for a frame. As
+/// vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are checked before
+/// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. The images must not
+/// overlap in memory, neither each other nor the positions.
+///
+/// Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile of another asset and
+/// for images that overlap. On any error no image is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_redirect(
+    asset: vrtm_asset,
+    positions: *const vrtm_array,
+    options: *const vrtm_solve_options,
+    fetches: *const vrtm_fetch,
+    count: usize,
+) -> vrtm_status {
+    guard("vrtm_asset_redirect", || {
+        let shared = handle::asset(asset)?;
+        // SAFETY: the host's pointers, valid during the call.
+        let (view, options) =
+            unsafe { (strided_and_span(positions, 3, "positions")?, self::options(options)?) };
+        let (positions, span) = view;
+        // SAFETY: as above; `targets` checks that no two of the images share a byte, nor do they with the positions.
+        let targets = unsafe { targets(asset, fetches, count, span) }?;
+        let mut wanted = Vec::with_capacity(targets.len());
+        for (name, tile, kind, target) in &targets {
+            // SAFETY: the host vouches for the memory, and no other view shares it.
+            wanted.push(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
+        }
+        shared.write(|asset| Ok(asset.redirect(positions, &options, &mut wanted)?))
+    })
+}

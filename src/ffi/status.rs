@@ -1,0 +1,222 @@
+//! Version, status values and the message of a thread's last failure.
+
+use std::cell::{Cell, UnsafeCell};
+use std::ffi::{CStr, c_char};
+use std::fmt::{self, Write};
+
+use crate::error::{Error, ErrorKind};
+
+/// Major version of this header: functions and structs of another major version do not fit.
+pub const VRTM_VERSION_MAJOR: u32 = 0;
+/// Minor version of this header: a higher one adds functions and fields.
+pub const VRTM_VERSION_MINOR: u32 = 1;
+/// Patch version of this header.
+pub const VRTM_VERSION_PATCH: u32 = 0;
+/// Version of this header as one number, to compare with vrtm_version().
+pub const VRTM_VERSION: u32 = VRTM_VERSION_MAJOR * 1000000 + VRTM_VERSION_MINOR * 1000 + VRTM_VERSION_PATCH;
+
+/// What a call came to: VRTM_OK or one of the VRTM_ERROR_ values. The values are never renumbered; later versions
+/// may add some, so treat any value but VRTM_OK as a failure.
+pub type vrtm_status = i32;
+
+/// The call did all of what it says.
+pub const VRTM_OK: vrtm_status = 0;
+/// An argument is null, out of its range, of a wrong size, or holds a NaN or an infinity.
+pub const VRTM_ERROR_INVALID_ARGUMENT: vrtm_status = 1;
+/// A handle is zero, destroyed, of another kind, or was never given out.
+pub const VRTM_ERROR_INVALID_HANDLE: vrtm_status = 2;
+/// The backend, format or combination is not available in this build or on this machine.
+pub const VRTM_ERROR_UNSUPPORTED: vrtm_status = 3;
+/// The memory, or the device's memory budget, does not suffice.
+pub const VRTM_ERROR_OUT_OF_MEMORY: vrtm_status = 4;
+/// There is no result to read: solve first.
+pub const VRTM_ERROR_NOT_SOLVED: vrtm_status = 5;
+/// Another call is using the asset; try again when it has returned.
+pub const VRTM_ERROR_BUSY: vrtm_status = 6;
+/// The GPU went away. Make a new device and new assets.
+pub const VRTM_ERROR_DEVICE_LOST: vrtm_status = 7;
+/// A defect of the library; please report the message. The asset keeps its last good result.
+pub const VRTM_ERROR_INTERNAL: vrtm_status = 8;
+
+/// The version of the library that is loaded, as one number: major * 1000000 + minor * 1000 + patch. Compare it with
+/// VRTM_VERSION, the version of the header. Never fails.
+#[unsafe(no_mangle)]
+pub extern "C" fn vrtm_version() -> u32 {
+    VRTM_VERSION
+}
+
+/// The name of a status, such as "VRTM_ERROR_BUSY"; "unknown status" for any other value. The string is static and
+/// not to be freed. Never fails. It is valid until the library is unloaded.
+#[unsafe(no_mangle)]
+pub extern "C" fn vrtm_status_string(status: vrtm_status) -> *const c_char {
+    let name: &'static CStr = match status {
+        VRTM_OK => c"VRTM_OK",
+        VRTM_ERROR_INVALID_ARGUMENT => c"VRTM_ERROR_INVALID_ARGUMENT",
+        VRTM_ERROR_INVALID_HANDLE => c"VRTM_ERROR_INVALID_HANDLE",
+        VRTM_ERROR_UNSUPPORTED => c"VRTM_ERROR_UNSUPPORTED",
+        VRTM_ERROR_OUT_OF_MEMORY => c"VRTM_ERROR_OUT_OF_MEMORY",
+        VRTM_ERROR_NOT_SOLVED => c"VRTM_ERROR_NOT_SOLVED",
+        VRTM_ERROR_BUSY => c"VRTM_ERROR_BUSY",
+        VRTM_ERROR_DEVICE_LOST => c"VRTM_ERROR_DEVICE_LOST",
+        VRTM_ERROR_INTERNAL => c"VRTM_ERROR_INTERNAL",
+        _ => c"unknown status",
+    };
+    name.as_ptr()
+}
+
+/// What went wrong in the last call of this thread that failed: one UTF-8 line of at most 511 bytes with the
+/// function and the argument, as in "vrtm_asset_create: desc.indices is null"; "" if none has failed. A call that
+/// succeeds leaves it alone. The string belongs to the library and to the calling thread, and is valid until that
+/// thread's next failing call or its end. Never fails.
+#[unsafe(no_mangle)]
+pub extern "C" fn vrtm_last_error() -> *const c_char {
+    LAST_ERROR.try_with(|text| text.get().cast_const().cast()).unwrap_or(c"".as_ptr())
+}
+
+/// Why a call failed; becomes the status and the thread's message.
+#[derive(Debug)]
+pub(super) struct Failure {
+    pub status: vrtm_status,
+    pub message: String,
+}
+
+impl Failure {
+    pub fn argument(message: impl Into<String>) -> Failure {
+        Failure { status: VRTM_ERROR_INVALID_ARGUMENT, message: message.into() }
+    }
+
+    pub fn handle(message: impl Into<String>) -> Failure {
+        Failure { status: VRTM_ERROR_INVALID_HANDLE, message: message.into() }
+    }
+
+    pub fn unsupported(message: impl Into<String>) -> Failure {
+        Failure { status: VRTM_ERROR_UNSUPPORTED, message: message.into() }
+    }
+}
+
+impl From<Error> for Failure {
+    fn from(error: Error) -> Failure {
+        let status = match error.kind {
+            ErrorKind::InvalidArgument => VRTM_ERROR_INVALID_ARGUMENT,
+            ErrorKind::Unsupported => VRTM_ERROR_UNSUPPORTED,
+            ErrorKind::OutOfMemory => VRTM_ERROR_OUT_OF_MEMORY,
+            ErrorKind::NotSolved => VRTM_ERROR_NOT_SOLVED,
+            ErrorKind::Internal => VRTM_ERROR_INTERNAL,
+        };
+        Failure { status, message: error.message }
+    }
+}
+
+/// What the functions of this API return inside.
+pub(super) type Outcome<T> = Result<T, Failure>;
+
+const MESSAGE_BYTES: usize = 512;
+const PLACE_BYTES: usize = 128;
+
+// Plain bytes, initialised at compile time: no destructor is registered with the thread, which would keep the
+// library from being unloaded or run after it was.
+thread_local! {
+    static LAST_ERROR: UnsafeCell<[u8; MESSAGE_BYTES]> = const { UnsafeCell::new([0; MESSAGE_BYTES]) };
+    static PANIC_PLACE: Cell<Line<PLACE_BYTES>> = const { Cell::new(Line::new()) };
+}
+
+/// Keeps a message for [`vrtm_last_error`].
+pub(super) fn set_last_error(function: &str, message: impl fmt::Display) {
+    let mut line = Line::<MESSAGE_BYTES>::new();
+    // A line that is full is cut: that is no failure.
+    let _ = write!(line, "{function}: {message}");
+    // SAFETY: the storage belongs to this thread, and no reference into it is ever made.
+    let _ = LAST_ERROR.try_with(|text| unsafe { text.get().write(line.bytes) });
+}
+
+/// Keeps where a panic of this thread came from, until the guard takes it.
+pub(super) fn set_panic_place(place: impl fmt::Display) {
+    let mut line = Line::new();
+    let _ = write!(line, "{place}");
+    let _ = PANIC_PLACE.try_with(|kept| kept.set(line));
+}
+
+/// Where this thread's last panic came from.
+pub(super) fn take_panic_place() -> Line<PLACE_BYTES> {
+    PANIC_PLACE.try_with(|kept| kept.replace(Line::new())).unwrap_or(Line::new())
+}
+
+/// A zero-terminated line of text in place: messages must not need memory when memory is what is short.
+#[derive(Clone, Copy)]
+pub(super) struct Line<const N: usize> {
+    bytes: [u8; N],
+    length: usize,
+}
+
+impl<const N: usize> Line<N> {
+    pub const fn new() -> Line<N> {
+        Line { bytes: [0; N], length: 0 }
+    }
+
+    pub fn as_str(&self) -> &str {
+        std::str::from_utf8(&self.bytes[..self.length]).unwrap_or("")
+    }
+
+    /// The text as a C array.
+    pub fn as_chars(&self) -> [c_char; N] {
+        self.bytes.map(|byte| byte as c_char)
+    }
+}
+
+impl<const N: usize> Write for Line<N> {
+    /// Cuts at a character's border; a zero or a line break inside the text becomes a space.
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for character in text.chars() {
+            let character = if matches!(character, '\0' | '\n' | '\r') { ' ' } else { character };
+            let end = self.length + character.len_utf8();
+            if end >= N {
+                return Err(fmt::Error);
+            }
+            character.encode_utf8(&mut self.bytes[self.length..end]);
+            self.length = end;
+        }
+        Ok(())
+    }
+}
+
+/// `text` as a C array of a struct that a host gets.
+pub(super) fn chars<const N: usize>(text: &str) -> [c_char; N] {
+    let mut line = Line::<N>::new();
+    let _ = line.write_str(text);
+    line.as_chars()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn last_error() -> String {
+        // SAFETY: the function returns this thread's zero-terminated line.
+        unsafe { CStr::from_ptr(vrtm_last_error()) }.to_str().unwrap().to_owned()
+    }
+
+    #[test]
+    fn the_version_is_the_package_s() {
+        let version = format!("{VRTM_VERSION_MAJOR}.{VRTM_VERSION_MINOR}.{VRTM_VERSION_PATCH}");
+        assert_eq!(version, env!("CARGO_PKG_VERSION"));
+    }
+
+    #[test]
+    fn a_message_is_kept_per_thread_and_cut_at_a_character() {
+        assert_eq!(last_error(), "");
+        set_last_error("f", "é".repeat(400));
+        assert_eq!(last_error().len(), 3 + 508);
+        std::thread::spawn(|| assert_eq!(last_error(), "")).join().unwrap();
+        set_last_error("f", "one\nline");
+        assert_eq!(last_error(), "f: one line");
+    }
+
+    #[test]
+    fn every_status_has_a_name() {
+        for status in VRTM_OK..=VRTM_ERROR_INTERNAL {
+            // SAFETY: the function returns static strings.
+            let name = unsafe { CStr::from_ptr(vrtm_status_string(status)) };
+            assert!(name.to_str().unwrap().starts_with("VRTM_"), "{status}");
+        }
+    }
+}

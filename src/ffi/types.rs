@@ -1,0 +1,272 @@
+//! Structs and constants that several functions share.
+
+use std::ffi::c_void;
+use std::ops::Range;
+
+use super::desc::{self, Sized32};
+use super::status::{Failure, Outcome};
+use crate::image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
+use crate::view::{Scalar, Strided};
+
+/// The number format of an array's components.
+pub type vrtm_scalar = i32;
+/// 32-bit float; the default.
+pub const VRTM_SCALAR_F32: vrtm_scalar = 0;
+/// 64-bit float.
+pub const VRTM_SCALAR_F64: vrtm_scalar = 1;
+
+/// A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). How many components
+/// an element has follows from the use: 3 for positions (a fourth, as in Maya's double4, is skipped by the stride), 2
+/// for UV pairs, 1 for single values. The data need not be aligned. It is read during the call only.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_array {
+    /// sizeof(vrtm_array); set by vrtm_array_init().
+    pub struct_size: u32,
+    /// VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
+    pub format: vrtm_scalar,
+    /// The first component of the first element.
+    pub data: *const c_void,
+    /// Number of elements (not of components or bytes).
+    pub count: usize,
+    /// Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
+    pub stride: usize,
+}
+
+/// The number format of an image's channels.
+pub type vrtm_pixel_format = i32;
+/// 32-bit float; the default.
+pub const VRTM_PIXEL_F32: vrtm_pixel_format = 0;
+/// 16-bit float (IEEE half).
+pub const VRTM_PIXEL_F16: vrtm_pixel_format = 1;
+/// 16-bit integer, 0..65535 for 0..1. Inputs only.
+pub const VRTM_PIXEL_U16: vrtm_pixel_format = 2;
+/// 8-bit integer, 0..255 for 0..1. Inputs only.
+pub const VRTM_PIXEL_U8: vrtm_pixel_format = 3;
+
+/// Which end of a tile the first row of an image is.
+pub type vrtm_origin = i32;
+/// The first row is at v = 1, as in image files; the default.
+pub const VRTM_ORIGIN_TOP: vrtm_origin = 0;
+/// The first row is at v = 0, as in OpenGL textures.
+pub const VRTM_ORIGIN_BOTTOM: vrtm_origin = 1;
+
+/// An input image with one channel: a rigidity map or a warp mask. It covers its tile whole; texel (x, y) from the
+/// corner (0, 0) has its centre at u = (x + 0.5) / width, v = (y + 0.5) / height. Start from vrtm_image_init(). To
+/// use one channel of several, point `data` at it and set `pixel_stride`. The data is copied before the call returns.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_image {
+    /// sizeof(vrtm_image); set by vrtm_image_init().
+    pub struct_size: u32,
+    /// One of VRTM_PIXEL_: F32 (0, the default), F16, U16, U8.
+    pub format: vrtm_pixel_format,
+    /// The first texel of the first row. Need not be aligned.
+    pub data: *const c_void,
+    /// Texels in u, at least 1.
+    pub width: u32,
+    /// Texels in v, at least 1.
+    pub height: u32,
+    /// Bytes from one texel to the next; 0 = tightly packed.
+    pub pixel_stride: usize,
+    /// Bytes from one row to the next; 0 = tightly packed.
+    pub row_stride: usize,
+    /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
+    pub origin: vrtm_origin,
+    /// Zero.
+    pub reserved: u32,
+}
+
+/// An output image with two channels (u, v) in the caller's memory. Start from vrtm_image_out_init(). Any size will
+/// do; the first two channels of each texel are written, and the bytes that a stride skips are left as they are.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_image_out {
+    /// sizeof(vrtm_image_out); set by vrtm_image_out_init().
+    pub struct_size: u32,
+    /// VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
+    pub format: vrtm_pixel_format,
+    /// Where the first texel of the first row goes. Need not be aligned.
+    pub data: *mut c_void,
+    /// Texels in u, at least 1.
+    pub width: u32,
+    /// Texels in v, at least 1.
+    pub height: u32,
+    /// Bytes from one texel to the next; 0 = tightly packed (8 for f32, 4 for f16).
+    pub pixel_stride: usize,
+    /// Bytes from one row to the next; 0 = tightly packed.
+    pub row_stride: usize,
+    /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
+    pub origin: vrtm_origin,
+    /// Zero.
+    pub reserved: u32,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers and raw pointers. So for the other two.
+unsafe impl Sized32 for vrtm_array {
+    const FIRST: usize = size_of::<vrtm_array>();
+    const NAME: &'static str = "vrtm_array";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_image {
+    const FIRST: usize = size_of::<vrtm_image>();
+    const NAME: &'static str = "vrtm_image";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_image_out {
+    const FIRST: usize = size_of::<vrtm_image_out>();
+    const NAME: &'static str = "vrtm_image_out";
+}
+
+/// A 0/1 field of a struct.
+pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
+    match value {
+        0 => Ok(false),
+        1 => Ok(true),
+        _ => Err(Failure::argument(format!("{name} is {value}, neither 0 nor 1"))),
+    }
+}
+
+pub(super) fn check_reserved(value: u32, name: &str) -> Outcome<()> {
+    match value {
+        0 => Ok(()),
+        _ => Err(Failure::argument(format!("{name}.reserved is {value}, not 0"))),
+    }
+}
+
+/// A host's array as a view; the host vouches for the memory that the array spans.
+pub(super) unsafe fn strided<'a>(
+    array: *const vrtm_array,
+    components: usize,
+    name: &str,
+) -> Outcome<Strided<'a>> {
+    // SAFETY: passed on.
+    unsafe { strided_and_span(array, components, name) }.map(|(view, _)| view)
+}
+
+/// The same with the addresses that it spans.
+pub(super) unsafe fn strided_and_span<'a>(
+    array: *const vrtm_array,
+    components: usize,
+    name: &str,
+) -> Outcome<(Strided<'a>, Range<usize>)> {
+    // SAFETY: the host's pointer.
+    let array = unsafe { desc::read(array, name) }?;
+    let scalar = match array.format {
+        VRTM_SCALAR_F32 => Scalar::F32,
+        VRTM_SCALAR_F64 => Scalar::F64,
+        other => return Err(Failure::argument(format!("{name}.format is {other}, no VRTM_SCALAR_ value"))),
+    };
+    if array.data.is_null() {
+        return Err(Failure::argument(format!("{name}.data is null")));
+    }
+    if array.count == 0 {
+        return Err(Failure::argument(format!("{name}.count is 0")));
+    }
+    let element = scalar.size() * components;
+    let stride = if array.stride == 0 { element } else { array.stride };
+    if stride < element {
+        return Err(Failure::argument(format!(
+            "{name}.stride is {stride} bytes, smaller than an element ({element} bytes)"
+        )));
+    }
+    let bytes =
+        (array.count - 1).checked_mul(stride).and_then(|n| n.checked_add(element)).ok_or_else(|| {
+            Failure::argument(format!("{name}.count: {} elements exceed the address space", array.count))
+        })?;
+    // SAFETY: the host vouches for `count` elements.
+    let bytes = unsafe { desc::slice(array.data.cast::<u8>(), bytes, name) }?;
+    let start = bytes.as_ptr().addr();
+    let view = Strided::new(name, bytes, scalar, components, array.count, stride)?;
+    Ok((view, start..start + bytes.len()))
+}
+
+fn layout(
+    format: vrtm_pixel_format,
+    size: [u32; 2],
+    strides: [usize; 2],
+    origin: vrtm_origin,
+    name: &str,
+) -> Outcome<ImageLayout> {
+    let format = match format {
+        VRTM_PIXEL_F32 => PixelFormat::F32,
+        VRTM_PIXEL_F16 => PixelFormat::F16,
+        VRTM_PIXEL_U16 => PixelFormat::U16,
+        VRTM_PIXEL_U8 => PixelFormat::U8,
+        other => return Err(Failure::argument(format!("{name}.format is {other}, no VRTM_PIXEL_ value"))),
+    };
+    let origin = match origin {
+        VRTM_ORIGIN_TOP => Origin::Top,
+        VRTM_ORIGIN_BOTTOM => Origin::Bottom,
+        other => return Err(Failure::argument(format!("{name}.origin is {other}, no VRTM_ORIGIN_ value"))),
+    };
+    let [width, height] = size;
+    let [pixel_stride, row_stride] = strides;
+    Ok(ImageLayout { width, height, format, pixel_stride, row_stride, origin })
+}
+
+/// A host's map as a view; null is `None`.
+pub(super) unsafe fn image_or_none<'a>(
+    image: *const vrtm_image,
+    name: &str,
+) -> Outcome<Option<ImageView<'a>>> {
+    if image.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the host's pointer.
+    let image = unsafe { desc::read(image, name) }?;
+    check_reserved(image.reserved, name)?;
+    if image.data.is_null() {
+        return Err(Failure::argument(format!("{name}.data is null")));
+    }
+    let size = [image.width, image.height];
+    let mut layout = layout(image.format, size, [image.pixel_stride, image.row_stride], image.origin, name)?;
+    let bytes = layout.resolve(name, 1)?;
+    // SAFETY: the host vouches for the memory that the layout spans.
+    let bytes = unsafe { desc::slice(image.data.cast::<u8>(), bytes, name) }?;
+    Ok(Some(ImageView::new(name, bytes, layout)?))
+}
+
+/// An output image that was checked, but is no reference yet: several may be alive at once.
+pub(super) struct Target {
+    data: *mut u8,
+    bytes: usize,
+    layout: ImageLayout,
+}
+
+impl Target {
+    pub unsafe fn read(image: *const vrtm_image_out, name: &str) -> Outcome<Target> {
+        // SAFETY: the host's pointer.
+        let image = unsafe { desc::read(image, name) }?;
+        check_reserved(image.reserved, name)?;
+        if image.data.is_null() {
+            return Err(Failure::argument(format!("{name}.data is null")));
+        }
+        let size = [image.width, image.height];
+        let strides = [image.pixel_stride, image.row_stride];
+        let mut layout = layout(image.format, size, strides, image.origin, name)?;
+        if !matches!(layout.format, PixelFormat::F32 | PixelFormat::F16) {
+            return Err(Failure::unsupported(format!("{name}.format must be f32 or f16 for an output")));
+        }
+        let bytes = layout.resolve(name, 2)?;
+        let data = image.data.cast::<u8>();
+        if data.addr().checked_add(bytes).is_none() {
+            return Err(Failure::argument(format!("{name}: {bytes} bytes exceed the address space")));
+        }
+        Ok(Target { data, bytes, layout })
+    }
+
+    /// Addresses from the first byte to the one after the last.
+    pub fn span(&self) -> Range<usize> {
+        self.data.addr()..self.data.addr() + self.bytes
+    }
+
+    /// The image to write to. No other view of the same memory may be alive.
+    pub unsafe fn view<'a>(&self, name: &str) -> Outcome<ImageViewMut<'a>> {
+        // SAFETY: the host vouches for the memory that the layout spans.
+        let bytes = unsafe { desc::slice_mut(self.data, self.bytes, name) }?;
+        Ok(ImageViewMut::new(name, bytes, self.layout)?)
+    }
+}

@@ -1,0 +1,128 @@
+//! The schedule of a solve, written once over the stages that a backend implements:
+//! surface -> pyramid -> (prolong -> relax -> correct) per level, coarsest first -> certify.
+
+use std::time::{Duration, Instant};
+
+use crate::report::StageTimes;
+use crate::settings::{Quality, SolveOptions};
+
+/// The stages of a backend, for one tile and the charts that it was given to solve. No stage hands back what the
+/// schedule would need to decide on: a GPU runs the whole of it without a readback.
+pub(crate) trait Stages {
+    /// Levels of the grid; 0 is the finest.
+    fn levels(&self) -> usize;
+    /// Pose triangles and their metrics.
+    fn surface(&mut self);
+    /// Pose metrics on all coarser levels.
+    fn pyramid(&mut self);
+    /// Sets a level to the identity.
+    fn identity(&mut self, level: usize);
+    /// Sets level 0 to the previous result.
+    fn previous(&mut self);
+    /// Displacements of a level from the next coarser one.
+    fn prolong(&mut self, level: usize);
+    /// Block descent.
+    fn relax(&mut self, level: usize, sweeps: u32);
+    /// One Gauss-Newton step for all nodes of a level, relaxed and then accepted chart by chart.
+    fn correct(&mut self, level: usize, correction: &Correction);
+    /// Energies, corner Jacobians in f64, and the fallback: a chart that is folded or no better than the identity
+    /// becomes the identity.
+    fn certify(&mut self);
+}
+
+/// One correction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Correction {
+    /// The first one on its level: all charts take part again.
+    pub first: bool,
+    /// Sweeps after the step.
+    pub sweeps: u32,
+    /// A chart that gains less than this share of its energy sits out the level's further corrections.
+    pub tolerance: f32,
+}
+
+/// How much work to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Plan {
+    /// Sweeps before and after each correction.
+    pub sweeps: u32,
+    /// Corrections on the finest level and on the others.
+    pub corrections: [u32; 2],
+    pub tolerance: f32,
+    pub warm: bool,
+    pub budget: Option<Duration>,
+}
+
+impl Plan {
+    pub fn new(options: &SolveOptions) -> Plan {
+        let (sweeps, corrections, tolerance) = match options.quality {
+            Quality::Draft => (4, [0, 0], 0.0),
+            Quality::Normal => (2, [2, 1], 0.0),
+            Quality::High => (4, [4, 2], 1e-6),
+        };
+        let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
+        Plan {
+            sweeps,
+            corrections: corrections.map(cap),
+            tolerance: if options.tolerance > 0.0 { options.tolerance } else { tolerance },
+            warm: options.warm,
+            budget: (options.time_budget_ms > 0.0)
+                .then(|| Duration::from_secs_f32(options.time_budget_ms / 1000.0)),
+        }
+    }
+}
+
+/// What the schedule did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Outcome {
+    pub times: StageTimes,
+    pub sweeps: u32,
+    pub corrections: u32,
+    pub truncated: bool,
+}
+
+/// Runs the schedule.
+pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool) -> Outcome {
+    let start = Instant::now();
+    let mut outcome = Outcome::default();
+    let mut times = StageTimes::default();
+    timed(&mut times.surface, || stages.surface());
+    timed(&mut times.pyramid, || stages.pyramid());
+    let coarsest = if warm { 0 } else { stages.levels() - 1 };
+    for level in (0..=coarsest).rev() {
+        timed(&mut times.prolong, || {
+            if level < coarsest {
+                stages.prolong(level);
+            } else if warm {
+                stages.previous();
+            } else {
+                stages.identity(level);
+            }
+        });
+        for step in 0..=plan.corrections[usize::from(level > 0)] {
+            // Past the budget only prolongation is left: the state so far becomes the result.
+            if plan.budget.is_some_and(|budget| start.elapsed() > budget) {
+                outcome.truncated = true;
+                break;
+            }
+            outcome.sweeps += plan.sweeps;
+            if step == 0 {
+                timed(&mut times.relax, || stages.relax(level, plan.sweeps));
+            } else {
+                let correction =
+                    Correction { first: step == 1, sweeps: plan.sweeps, tolerance: plan.tolerance };
+                timed(&mut times.correct, || stages.correct(level, &correction));
+                outcome.corrections += 1;
+            }
+        }
+    }
+    timed(&mut times.certify, || stages.certify());
+    outcome.times = times;
+    outcome
+}
+
+fn timed(sum: &mut f32, f: impl FnOnce()) {
+    let start = Instant::now();
+    f();
+    *sum += start.elapsed().as_secs_f32() * 1000.0;
+}

@@ -1,0 +1,81 @@
+//! Which integer points lie in a triangle: nodes under UV triangles, texel centres under warped cells.
+
+/// Integer points in a triangle, with a top-left rule. An edge is always evaluated from its lower to its higher
+/// end, so two triangles that share it see the same number and a node falls to exactly one of them.
+pub struct Fill {
+    corners: [[f64; 2]; 3],
+    /// +1 or -1: the winding.
+    sign: f64,
+}
+
+impl Fill {
+    pub fn new(corners: [[f64; 2]; 3]) -> Fill {
+        let [a, b, c] = corners;
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        Fill { corners, sign: if area < 0.0 { -1.0 } else { 1.0 } }
+    }
+
+    /// Calls `f(i, j, true)` for points of 0..width x 0..height inside by the rule, `f(i, j, false)` for other points of
+    /// the closed triangle.
+    pub fn visit(&self, width: usize, height: usize, mut f: impl FnMut(usize, usize, bool)) {
+        let ys = self.corners.map(|c| c[1]);
+        let low = ys.iter().copied().fold(f64::INFINITY, f64::min).ceil().max(0.0);
+        let high = ys.iter().copied().fold(f64::NEG_INFINITY, f64::max).floor().min(height as f64 - 1.0);
+        let mut y = low;
+        while y <= high {
+            let (left, right) = self.span(y);
+            let first = (left - 1e-6).ceil().max(0.0);
+            let last = (right + 1e-6).floor().min(width as f64 - 1.0);
+            let mut x = first;
+            while x <= last {
+                if let Some(inside) = self.contains(x, y) {
+                    f(x as usize, y as usize, inside);
+                }
+                x += 1.0;
+            }
+            y += 1.0;
+        }
+    }
+
+    /// The triangle's extent on a row.
+    fn span(&self, y: f64) -> (f64, f64) {
+        let mut span = (f64::INFINITY, f64::NEG_INFINITY);
+        for k in 0..3 {
+            let (a, b) = (self.corners[k], self.corners[(k + 1) % 3]);
+            if (a[1] < y && b[1] < y) || (a[1] > y && b[1] > y) {
+                continue;
+            }
+            let xs = if a[1] == b[1] {
+                [a[0], b[0]]
+            } else {
+                let x = a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1]));
+                [x, x]
+            };
+            span = (span.0.min(xs[0]).min(xs[1]), span.1.max(xs[0]).max(xs[1]));
+        }
+        span
+    }
+
+    /// `Some(true)` inside by the rule, `Some(false)` on an edge that is not ours, `None` outside.
+    fn contains(&self, x: f64, y: f64) -> Option<bool> {
+        let mut ours = true;
+        for k in 0..3 {
+            let (mut a, mut b) = (self.corners[k], self.corners[(k + 1) % 3]);
+            let mut sign = self.sign;
+            if (a[1], a[0]) > (b[1], b[0]) {
+                (a, b) = (b, a);
+                sign = -sign;
+            }
+            let side = sign * ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]));
+            if side < 0.0 {
+                return None;
+            }
+            if side == 0.0 {
+                // From low to high with the inside on its left: a right edge, or (horizontal) a lower one.
+                let first = if a[1] == b[1] { sign > 0.0 } else { sign < 0.0 };
+                ours &= first;
+            }
+        }
+        Some(ours)
+    }
+}

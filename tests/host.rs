@@ -1,0 +1,135 @@
+//! Runs the library inside other people's programs: C and C++ hosts, compiled with the system's compilers, linked to
+//! the built library. Each prints a line per case; a FAIL or a bad exit code fails the test.
+
+#![cfg(unix)] // The hosts use threads and dlopen as POSIX has them; the link line is that of ELF and Mach-O.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+mod host_tools;
+use host_tools::{compiler, library, root, scratch};
+
+fn text(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Compiles `source` with warnings as errors and links it to the library, unless it loads that itself.
+fn build(source: &Path, linked: bool) -> PathBuf {
+    let name = source.file_stem().unwrap().to_string_lossy().into_owned();
+    let program = scratch().join(format!("host_{name}"));
+    let (language, standard) = match source.extension() {
+        Some(extension) if extension == "cpp" => ("cpp", "-std=c++17"),
+        _ => ("c", "-std=c11"),
+    };
+    let mut command = Command::new(compiler(language));
+    command
+        .args([standard, "-O1", "-g", "-Wall", "-Wextra", "-pedantic", "-Werror", "-pthread"])
+        .arg("-I")
+        .arg(root().join("include"))
+        .arg("-I")
+        .arg(root().join("tests/host"))
+        .arg(source)
+        .arg("-o")
+        .arg(&program);
+    if linked {
+        let library = library();
+        let folder = library.parent().unwrap().display();
+        command.arg(format!("-L{folder}")).arg("-lvrtm").arg(format!("-Wl,-rpath,{folder}"));
+    }
+    command.args(["-lm", "-ldl"]);
+    let output = command.output().unwrap_or_else(|error| panic!("{:?}: {error}", compiler(language)));
+    assert!(output.status.success(), "{command:?}:\n{}", text(&output));
+    program
+}
+
+/// Runs a program and shows what it says; the settings of the machine must not change what it does.
+fn run(program: &Path, arguments: &[&Path]) -> String {
+    let output = Command::new(program)
+        .args(arguments)
+        .env_remove("VRTM_DEVICE")
+        .env_remove("VRTM_THREADS")
+        .output()
+        .unwrap_or_else(|error| panic!("{}: {error}", program.display()));
+    let said = text(&output);
+    println!("{said}");
+    assert!(output.status.success(), "{}: {}\n{said}", program.display(), output.status);
+    // The library itself prints nothing.
+    assert!(output.stderr.is_empty(), "stderr: {}", String::from_utf8_lossy(&output.stderr));
+    said
+}
+
+fn run_host(file: &str, at_least: usize) {
+    let program = build(&root().join("tests/host").join(file), true);
+    let said = run(&program, &[]);
+    let foreign = said.lines().find(|line| !line.starts_with("ok   ") && *line != "0 failed");
+    assert!(foreign.is_none(), "{file} did not print {foreign:?}: the library must not either");
+    let cases = said.lines().count() - 1;
+    assert!(cases >= at_least, "{file}: only {cases} cases ran");
+}
+
+#[test]
+fn smoke() {
+    run_host("smoke.c", 50);
+}
+
+#[test]
+fn misuse() {
+    run_host("misuse.c", 150);
+}
+
+#[test]
+fn deformer() {
+    run_host("deformer.cpp", 15);
+}
+
+#[test]
+fn unload() {
+    let program = build(&root().join("tests/host/unload.c"), false);
+    let said = run(&program, &[&library()]);
+    assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= 16);
+}
+
+#[test]
+fn the_readme_s_example_runs() {
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let block = readme.split_once("\n```c\n").and_then(|(_, rest)| rest.split_once("\n```\n"));
+    let block = block.expect("README.md has no block that starts with ```c").0;
+    let file = std::fs::read_to_string(root().join("tests/host/readme.c")).unwrap();
+    assert!(block.trim() == file.trim(), "the C block of README.md is not tests/host/readme.c");
+    let program = build(&root().join("tests/host/readme.c"), true);
+    let said = run(&program, &[]);
+    let numbers: Vec<f32> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    assert!(numbers.len() == 2 && numbers.iter().all(|n| (0.0..=1.0).contains(n)), "{said}");
+}
+
+/// Every access checked and all memory given back, where valgrind is installed; other machines skip this and say so.
+fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
+    if Command::new("valgrind").arg("--version").output().is_err() {
+        println!("skipped: valgrind is not installed");
+        return;
+    }
+    // A copy, as the plain run may be building the same program.
+    let source = scratch().join(format!("checked_{file}"));
+    std::fs::copy(root().join("tests/host").join(file), &source).unwrap();
+    let output = Command::new("valgrind")
+        .args(["--quiet", "--error-exitcode=9", "--leak-check=full"])
+        // "Possibly lost" is the standard library's record of the main thread, which lives as long as that does.
+        .args(["--show-leak-kinds=definite", "--errors-for-leak-kinds=definite"])
+        .arg(build(&source, linked))
+        .args(arguments)
+        .env_remove("VRTM_DEVICE")
+        .env_remove("VRTM_THREADS")
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+}
+
+#[test]
+fn misuse_under_valgrind() {
+    run_under_valgrind("misuse.c", true, &[]);
+}
+
+#[test]
+fn unload_under_valgrind() {
+    run_under_valgrind("unload.c", false, &[&library()]);
+}

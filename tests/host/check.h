@@ -1,0 +1,152 @@
+/* What the C and C++ hosts share: one line per case, a small mesh, a pose, and maps. */
+
+#ifndef CHECK_H
+#define CHECK_H
+
+#include "vrtm.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int failures;
+
+static inline int check_that(int good, const char *name, const char *detail)
+{
+    if (good) {
+        printf("ok   %s\n", name);
+    } else {
+        printf("FAIL %s (%s)\n", name, detail);
+        failures += 1;
+    }
+    fflush(stdout);
+    return good;
+}
+
+/* The call succeeds. */
+static inline int succeeds(const char *name, vrtm_status status)
+{
+    return check_that(status == VRTM_OK, name, status == VRTM_OK ? "" : vrtm_last_error());
+}
+
+/* The call fails with this status, and the message holds `text`. */
+static inline int fails(const char *name, vrtm_status status, vrtm_status wanted, const char *text)
+{
+    char detail[700];
+    snprintf(detail, sizeof detail, "%s: %s", vrtm_status_string(status), vrtm_last_error());
+    return check_that(status == wanted && strstr(vrtm_last_error(), text) != NULL, name, detail);
+}
+
+static inline int finish(void)
+{
+    printf("%d failed\n", failures);
+    return failures == 0 ? 0 : 1;
+}
+
+/* A square sheet of SIDE x SIDE quads in one chart, with one UV per vertex. */
+enum {
+    SIDE = 12,
+    VERTICES = (SIDE + 1) * (SIDE + 1),
+    FACES = SIDE * SIDE,
+    CORNERS = 4 * FACES,
+    MAP = 64
+};
+
+typedef struct sheet {
+    double points[VERTICES][4]; /* as Maya hands them over: the fourth is 1 */
+    float uvs[VERTICES][2];
+    uint32_t counts[FACES];
+    uint32_t indices[CORNERS];
+    uint8_t rigidity[MAP][MAP]; /* a few discs, first row on top */
+} sheet;
+
+static inline void sheet_make(sheet *s)
+{
+    for (int j = 0; j <= SIDE; ++j) {
+        for (int i = 0; i <= SIDE; ++i) {
+            const int k = j * (SIDE + 1) + i;
+            const double u = (double)i / SIDE, v = (double)j / SIDE;
+            s->points[k][0] = 10 * u;
+            s->points[k][1] = 10 * v;
+            s->points[k][2] = 0;
+            s->points[k][3] = 1;
+            s->uvs[k][0] = (float)(0.05 + 0.9 * u);
+            s->uvs[k][1] = (float)(0.05 + 0.9 * v);
+        }
+    }
+    for (int j = 0; j < SIDE; ++j) {
+        for (int i = 0; i < SIDE; ++i) {
+            const uint32_t a = (uint32_t)(j * (SIDE + 1) + i), face = (uint32_t)(j * SIDE + i);
+            s->counts[face] = 4;
+            s->indices[4 * face] = a;
+            s->indices[4 * face + 1] = a + 1;
+            s->indices[4 * face + 2] = a + SIDE + 2;
+            s->indices[4 * face + 3] = a + SIDE + 1;
+        }
+    }
+    for (int y = 0; y < MAP; ++y) {
+        for (int x = 0; x < MAP; ++x) {
+            const double dx = fmod(x + 0.5, 16) - 8, dy = fmod(y + 0.5, 16) - 8;
+            s->rigidity[y][x] = dx * dx + dy * dy < 25 ? 255 : 0;
+        }
+    }
+}
+
+/* Frame 0 is the rest pose; others push a bulge through the sheet that moves with the frame. */
+static inline void sheet_pose(const sheet *s, int frame, double (*points)[4])
+{
+    for (int k = 0; k < VERTICES; ++k) {
+        const double dx = s->points[k][0] - 3 - 0.4 * frame, dy = s->points[k][1] - 5;
+        const double lift = frame == 0 ? 0 : exp(-(dx * dx + dy * dy) / 4);
+        points[k][0] = s->points[k][0] * (1 + 0.02 * frame);
+        points[k][1] = s->points[k][1];
+        points[k][2] = 2.5 * lift;
+        points[k][3] = 1;
+    }
+}
+
+static inline vrtm_array sheet_positions(const void *points)
+{
+    vrtm_array a = vrtm_array_init();
+    a.format = VRTM_SCALAR_F64;
+    a.data = points;
+    a.count = VERTICES;
+    a.stride = 4 * sizeof(double);
+    return a;
+}
+
+/* The descriptor's arrays must live on: the caller keeps them. */
+typedef struct sheet_desc {
+    vrtm_array positions, uvs;
+    vrtm_mesh_desc mesh;
+} sheet_desc;
+
+static inline void sheet_describe(const sheet *s, sheet_desc *d)
+{
+    d->positions = sheet_positions(s->points);
+    d->uvs = vrtm_array_init();
+    d->uvs.data = s->uvs;
+    d->uvs.count = VERTICES;
+    d->mesh = vrtm_mesh_desc_init();
+    d->mesh.positions = &d->positions;
+    d->mesh.face_counts = s->counts;
+    d->mesh.face_count = FACES;
+    d->mesh.indices = s->indices;
+    d->mesh.index_count = CORNERS;
+    d->mesh.uvs = &d->uvs;
+    d->mesh.uv_indices = s->indices;
+    d->mesh.uv_index_count = CORNERS;
+}
+
+static inline vrtm_image sheet_rigidity(const sheet *s)
+{
+    vrtm_image image = vrtm_image_init();
+    image.format = VRTM_PIXEL_U8;
+    image.data = s->rigidity;
+    image.width = MAP;
+    image.height = MAP;
+    return image;
+}
+
+#endif

@@ -1,0 +1,388 @@
+/*
+ * The misuse ladder: every wrong call gets its status and a message that names the argument, and writes nothing.
+ *
+ * Each step below spoils one field of a good call, makes the call, and mends the field again.
+ */
+
+#include "check.h"
+
+#define BAD VRTM_ERROR_INVALID_ARGUMENT
+#define GONE VRTM_ERROR_INVALID_HANDLE
+
+/* Sets `field` for the time of the step. */
+#define WITH(type, field, value, step)   \
+    do {                                 \
+        const type kept_ = (field);      \
+        (field) = (value);               \
+        step;                            \
+        (field) = kept_;                 \
+    } while (0)
+
+static sheet s;
+static sheet_desc d;
+static vrtm_device device;
+static vrtm_asset asset;
+static vrtm_tile tile;
+
+static void versions_of_structs(void)
+{
+    vrtm_device other = {77};
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    WITH(uint32_t, desc.struct_size, 0,
+         fails("struct_size 0", vrtm_device_create(&desc, &other), BAD, "desc.struct_size is 0"));
+    WITH(uint32_t, desc.struct_size, 4,
+         fails("struct_size 4", vrtm_device_create(&desc, &other), BAD, "desc.struct_size is 4"));
+    WITH(uint32_t, desc.struct_size, UINT32_MAX,
+         fails("struct_size of garbage", vrtm_device_create(&desc, &other), BAD, "desc.struct_size"));
+    struct {
+        vrtm_device_desc known;
+        uint64_t later;
+    } newer = {vrtm_device_desc_init(), 0};
+    newer.known.struct_size = sizeof newer;
+    newer.later = 1;
+    fails("a newer struct with an unknown field", vrtm_device_create(&newer.known, &other), VRTM_ERROR_UNSUPPORTED,
+          "desc: a field after");
+    check_that(other.id == 77, "no device was written", "");
+    newer.later = 0;
+    succeeds("a newer struct without", vrtm_device_create(&newer.known, &other));
+    succeeds("its end", vrtm_device_destroy(other));
+    vrtm_device_data info = vrtm_device_data_init();
+    info.struct_size = 12;
+    fails("an output's struct_size", vrtm_device_info(device, &info), BAD, "info.struct_size is 12");
+    check_that(info.threads == 0, "no info was written", "");
+}
+
+static void devices(void)
+{
+    vrtm_device other = {77};
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    fails("no place for the device", vrtm_device_create(NULL, NULL), BAD, "vrtm_device_create: device is null");
+    WITH(vrtm_backend, desc.backend, VRTM_BACKEND_GPU,
+         fails("gpu", vrtm_device_create(&desc, &other), VRTM_ERROR_UNSUPPORTED, "backend"));
+    WITH(vrtm_backend, desc.backend, 9,
+         fails("backend 9", vrtm_device_create(&desc, &other), BAD, "desc.backend is 9"));
+    WITH(uint32_t, desc.threads, 5000,
+         fails("5000 threads", vrtm_device_create(&desc, &other), BAD, "threads"));
+    check_that(other.id == 77, "no device was written", "");
+    fails("no place for the count", vrtm_adapter_count(NULL), BAD, "count is null");
+    vrtm_adapter_data adapter = vrtm_adapter_data_init();
+    fails("adapter 0 of none", vrtm_adapter_info(0, &adapter), BAD, "index is 0");
+    fails("no place for the info", vrtm_device_info(device, NULL), BAD, "info is null");
+    vrtm_device_data info = vrtm_device_data_init();
+    fails("device zero", vrtm_device_info((vrtm_device){0}, &info), GONE, "device: the handle is zero");
+    fails("a device from nowhere", vrtm_device_info((vrtm_device){12345}, &info), GONE, "device");
+    fails("an asset as a device", vrtm_device_info((vrtm_device){asset.id}, &info), GONE, "device");
+    fails("destroy device zero", vrtm_device_destroy((vrtm_device){0}), GONE, "device");
+    succeeds("a second device", vrtm_device_create(&desc, &other));
+    succeeds("its end", vrtm_device_destroy(other));
+    fails("destroyed twice", vrtm_device_destroy(other), GONE, "device");
+    fails("a stale device", vrtm_device_info(other, &info), GONE, "device");
+    fails("an asset on a stale device", vrtm_asset_create(other, &d.mesh, &asset), GONE, "device");
+}
+
+static void bad_mesh(const char *name, const char *text)
+{
+    vrtm_asset other = {77};
+    fails(name, vrtm_asset_create(device, &d.mesh, &other), BAD, text);
+    if (other.id != 77) {
+        check_that(0, name, "a handle was written");
+    }
+}
+
+static void meshes(void)
+{
+    const double nan = NAN, inf = INFINITY;
+    fails("no place for the asset", vrtm_asset_create(device, &d.mesh, NULL), BAD, "asset is null");
+    vrtm_asset other = {77};
+    fails("no desc", vrtm_asset_create(device, NULL, &other), BAD, "desc is null");
+    WITH(uint32_t, d.mesh.struct_size, 8, bad_mesh("a mesh's struct_size", "desc.struct_size is 8"));
+    WITH(uint32_t, d.mesh.reserved, 1, bad_mesh("reserved", "desc.reserved"));
+    typedef const vrtm_array *array;
+    typedef const uint32_t *numbers;
+    WITH(array, d.mesh.positions, NULL, bad_mesh("no positions", "desc.positions is null"));
+    typedef const void *data;
+    WITH(data, d.positions.data, NULL, bad_mesh("no position data", "desc.positions.data is null"));
+    WITH(size_t, d.positions.count, 0, bad_mesh("no vertices", "desc.positions.count is 0"));
+    WITH(size_t, d.positions.count, SIZE_MAX / 2, bad_mesh("vertices beyond memory", "desc.positions.count"));
+    WITH(size_t, d.positions.stride, 23, bad_mesh("a short stride", "desc.positions.stride is 23"));
+    WITH(vrtm_scalar, d.positions.format, 7, bad_mesh("scalar 7", "desc.positions.format is 7"));
+    WITH(uint32_t, d.positions.struct_size, 1, bad_mesh("an array's struct_size", "desc.positions.struct_size"));
+    WITH(double, s.points[5][1], nan, bad_mesh("a NaN position", "desc.positions[5]"));
+    WITH(double, s.points[6][2], inf, bad_mesh("an infinite position", "desc.positions[6]"));
+    WITH(numbers, d.mesh.indices, NULL, bad_mesh("no indices", "desc.indices is null"));
+    WITH(size_t, d.mesh.index_count, 0, bad_mesh("zero indices", "indices"));
+    WITH(size_t, d.mesh.index_count, SIZE_MAX, bad_mesh("indices beyond memory", "desc.indices"));
+    WITH(numbers, d.mesh.indices, (numbers)((const char *)s.indices + 1),
+         bad_mesh("indices off their alignment", "desc.indices is not aligned"));
+    WITH(uint32_t, s.indices[9], VERTICES, bad_mesh("a vertex out of range", "desc.indices[9]"));
+    WITH(uint32_t, s.counts[3], 2, bad_mesh("a face of two corners", "desc.face_counts[3]"));
+    WITH(uint32_t, s.counts[3], 5, bad_mesh("counts that do not add up", "desc.face_counts"));
+    WITH(size_t, d.mesh.face_count, FACES - 1, bad_mesh("a face too few", "desc.face_counts"));
+    WITH(array, d.mesh.uvs, NULL, bad_mesh("no uvs", "desc.uvs is null"));
+    WITH(array, d.mesh.u, &d.uvs, bad_mesh("uvs twice", "desc.uvs is given"));
+    WITH(float, s.uvs[7][1], NAN, bad_mesh("a NaN uv", "desc.uvs[7]"));
+    WITH(size_t, d.uvs.stride, 4, bad_mesh("a short uv stride", "desc.uvs.stride is 4"));
+    WITH(size_t, d.mesh.uv_index_count, 3, bad_mesh("uv indices too few", "desc.uv_indices"));
+    WITH(numbers, d.mesh.uv_indices, NULL, bad_mesh("a uv per corner, but too few", "desc.uvs"));
+    {
+        uint32_t spoilt[CORNERS];
+        memcpy(spoilt, s.indices, sizeof spoilt);
+        spoilt[11] = 1000000;
+        WITH(numbers, d.mesh.uv_indices, spoilt, bad_mesh("a uv out of range", "desc.uv_indices[11]"));
+    }
+    vrtm_array u = d.uvs, v = d.uvs;
+    u.stride = v.stride = 8;
+    v.data = &s.uvs[0][1];
+    v.count -= 1;
+    d.mesh.uvs = NULL;
+    d.mesh.u = &u;
+    bad_mesh("u without v", "desc.v is null");
+    d.mesh.v = &v;
+    bad_mesh("u longer than v", "desc.v");
+    v.count += 1;
+    WITH(float, s.uvs[8][1], INFINITY, bad_mesh("an infinite v", "desc.v[8]"));
+    succeeds("u and v apart", vrtm_asset_create(device, &d.mesh, &other));
+    succeeds("its end", vrtm_asset_destroy(other));
+    d.mesh.u = d.mesh.v = NULL;
+    d.mesh.uvs = &d.uvs;
+}
+
+static void handles(void)
+{
+    vrtm_asset_data info = vrtm_asset_data_init();
+    vrtm_tile other = {77};
+    uint32_t count = 77;
+    fails("asset zero", vrtm_asset_info((vrtm_asset){0}, &info), GONE, "asset: the handle is zero");
+    fails("a device as an asset", vrtm_asset_info((vrtm_asset){device.id}, &info), GONE, "asset");
+    fails("a tile as an asset", vrtm_asset_info((vrtm_asset){tile.id}, &info), GONE, "asset");
+    fails("an asset as a tile", vrtm_tile_set_mask((vrtm_tile){asset.id}, NULL), GONE, "tile");
+    fails("a tile from nowhere", vrtm_tile_set_mask((vrtm_tile){tile.id + (1ull << 40)}, NULL), GONE, "tile");
+    fails("tile zero", vrtm_tile_set_mask((vrtm_tile){0}, NULL), GONE, "tile: the handle is zero");
+    fails("no place for the info", vrtm_asset_info(asset, NULL), BAD, "info is null");
+    fails("no place for the count", vrtm_asset_tile_count(asset, NULL), BAD, "count is null");
+    fails("no place for the tile", vrtm_asset_tile(asset, 0, NULL), BAD, "tile is null");
+    fails("tile 1 of one", vrtm_asset_tile(asset, 1, &other), BAD, "index is 1");
+    fails("tile UINT32_MAX", vrtm_asset_tile(asset, UINT32_MAX, &other), BAD, "index");
+    fails("tile 1002", vrtm_asset_find_tile(asset, 1002, &other), BAD, "udim");
+    fails("a count of asset zero", vrtm_asset_tile_count((vrtm_asset){0}, &count), GONE, "asset");
+    check_that(other.id == 77 && count == 77 && info.faces == 0, "nothing was written", "");
+
+    vrtm_asset second;
+    vrtm_image rigidity = sheet_rigidity(&s);
+    succeeds("a second asset", vrtm_asset_create(device, &d.mesh, &second));
+    succeeds("its tile", vrtm_asset_tile(second, 0, &other));
+    succeeds("its end", vrtm_asset_destroy(second));
+    fails("destroyed twice", vrtm_asset_destroy(second), GONE, "asset");
+    fails("a stale asset", vrtm_asset_info(second, &info), GONE, "asset");
+    fails("a tile whose asset is gone", vrtm_tile_set_rigidity(other, &rigidity), GONE, "tile");
+    vrtm_asset third;
+    succeeds("a third asset", vrtm_asset_create(device, &d.mesh, &third));
+    fails("the old tile is not the third's", vrtm_tile_set_rigidity(other, &rigidity), GONE, "tile");
+    succeeds("its end", vrtm_asset_destroy(third));
+}
+
+static void bad_map(const char *name, const vrtm_image *image, const char *text)
+{
+    char message[64];
+    fails(name, vrtm_tile_set_rigidity(tile, image), BAD, text);
+    snprintf(message, sizeof message, "%s (mask)", name);
+    fails(message, vrtm_tile_set_mask(tile, image), BAD, strchr(text, '.') != NULL ? strchr(text, '.') : "mask");
+}
+
+static void maps(void)
+{
+    typedef const void *data;
+    vrtm_image image = sheet_rigidity(&s);
+    WITH(uint32_t, image.struct_size, 3, bad_map("an image's struct_size", &image, "rigidity.struct_size is 3"));
+    WITH(data, image.data, NULL, bad_map("no image data", &image, "rigidity.data is null"));
+    WITH(uint32_t, image.width, 0, bad_map("no width", &image, "rigidity"));
+    WITH(uint32_t, image.height, 0, bad_map("no height", &image, "rigidity"));
+    WITH(vrtm_pixel_format, image.format, 4, bad_map("pixel format 4", &image, "rigidity.format is 4"));
+    WITH(vrtm_pixel_format, image.format, -1, bad_map("pixel format -1", &image, "rigidity.format is -1"));
+    WITH(vrtm_origin, image.origin, 2, bad_map("origin 2", &image, "rigidity.origin is 2"));
+    WITH(size_t, image.row_stride, MAP - 1, bad_map("a short row stride", &image, "rigidity: row_stride"));
+    WITH(size_t, image.row_stride, SIZE_MAX, bad_map("a row stride beyond memory", &image, "rigidity"));
+    WITH(uint32_t, image.reserved, 1, bad_map("reserved", &image, "rigidity.reserved"));
+    static float values[4][4];
+    values[2][1] = NAN;
+    image.data = values;
+    image.format = VRTM_PIXEL_F32;
+    image.width = image.height = 4;
+    bad_map("a NaN texel", &image, "rigidity: texel (1, 2)");
+    WITH(size_t, image.pixel_stride, 3, bad_map("a short pixel stride", &image, "rigidity: pixel_stride"));
+
+    static float rigid[VERTICES];
+    vrtm_array array = vrtm_array_init();
+    array.data = rigid;
+    array.count = VERTICES - 1;
+    fails("a value per vertex, but one", vrtm_asset_set_vertex_rigidity(asset, &array), BAD, "rigidity");
+    array.count = VERTICES;
+    rigid[VERTICES - 1] = NAN;
+    fails("a NaN value", vrtm_asset_set_vertex_rigidity(asset, &array), BAD, "rigidity[168]");
+    WITH(data, array.data, NULL,
+         fails("no values", vrtm_asset_set_vertex_rigidity(asset, &array), BAD, "rigidity.data is null"));
+
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    WITH(float, settings.room, -2,
+         fails("room -2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room"));
+    WITH(float, settings.smoothness, NAN,
+         fails("smoothness NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness"));
+    WITH(float, settings.smoothness_floor, VRTM_OFF,
+         fails("no floor", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness_floor"));
+    WITH(float, settings.room_threshold, 2,
+         fails("threshold 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room_threshold"));
+    WITH(uint32_t, settings.grid_width, 20000,
+         fails("a grid too large", vrtm_tile_set_settings(tile, &settings), BAD, "settings.grid"));
+    WITH(vrtm_overlap, settings.overlap, 5,
+         fails("overlap 5", vrtm_tile_set_settings(tile, &settings), BAD, "settings.overlap is 5"));
+    fails("no place for settings", vrtm_tile_get_settings(tile, NULL), BAD, "settings is null");
+}
+
+static float map[2 * MAP * MAP], before[2 * MAP * MAP], uvs[2 * CORNERS];
+
+static void before_a_solve(void)
+{
+    vrtm_image_out image = vrtm_image_out_init();
+    image.data = map;
+    image.width = image.height = MAP;
+    memset(map, 0x5A, sizeof map);
+    memset(uvs, 0x5A, sizeof uvs);
+    memcpy(before, map, sizeof before);
+    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    vrtm_asset_report_data whole = vrtm_asset_report_data_init();
+    fails("fetch before solve", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_NOT_SOLVED, "");
+    fails("corner uvs before solve", vrtm_asset_fetch_corner_uvs(asset, uvs, CORNERS), VRTM_ERROR_NOT_SOLVED, "");
+    fails("tile report before solve", vrtm_tile_report(tile, &report), VRTM_ERROR_NOT_SOLVED, "");
+    fails("asset report before solve", vrtm_asset_report(asset, &whole), VRTM_ERROR_NOT_SOLVED, "");
+    check_that(memcmp(map, before, sizeof map) == 0 && memcmp(uvs, map, sizeof uvs / 2) == 0 && report.udim == 0 &&
+                   whole.tiles == 0,
+               "nothing was written", "");
+}
+
+static void bad_fetch(const char *name, vrtm_fetch_kind kind, const vrtm_image_out *image, vrtm_status status,
+                      const char *text)
+{
+    memset(map, 0x5A, sizeof map);
+    fails(name, vrtm_tile_fetch(tile, kind, image), status, text);
+    for (size_t i = 0; i < sizeof map; ++i) {
+        if (((const unsigned char *)map)[i] != 0x5A) {
+            check_that(0, name, "the image was written");
+            break;
+        }
+    }
+}
+
+static void solves_and_fetches(void)
+{
+    static double pose[VERTICES][4];
+    typedef const void *data;
+    typedef void *room;
+    typedef const vrtm_image_out *target;
+    sheet_pose(&s, 3, pose);
+    vrtm_array positions = sheet_positions(pose);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_image_out image = vrtm_image_out_init();
+    image.data = map;
+    image.width = image.height = MAP;
+    succeeds("a good solve", vrtm_asset_solve(asset, &positions, &options));
+    succeeds("a good fetch", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    memcpy(before, map, sizeof map);
+
+    fails("no positions", vrtm_asset_solve(asset, NULL, NULL), BAD, "positions is null");
+    WITH(data, positions.data, NULL,
+         fails("no position data", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.data is null"));
+    WITH(size_t, positions.count, VERTICES - 1,
+         fails("a vertex too few", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions"));
+    WITH(size_t, positions.stride, 8,
+         fails("a short stride", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.stride is 8"));
+    WITH(double, pose[42][1], NAN,
+         fails("a NaN position", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions[42]"));
+    WITH(double, pose[43][0], -INFINITY,
+         fails("an infinite position", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions[43]"));
+    WITH(vrtm_quality, options.quality, 3,
+         fails("quality 3", vrtm_asset_solve(asset, &positions, &options), BAD, "options.quality is 3"));
+    WITH(uint32_t, options.warm, 2,
+         fails("warm 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.warm is 2"));
+    WITH(float, options.tolerance, 1,
+         fails("tolerance 1", vrtm_asset_solve(asset, &positions, &options), BAD, "options.tolerance"));
+    WITH(float, options.time_budget_ms, NAN,
+         fails("a NaN budget", vrtm_asset_solve(asset, &positions, &options), BAD, "options.time_budget_ms"));
+    WITH(uint32_t, options.struct_size, 2,
+         fails("options' struct_size", vrtm_asset_solve(asset, &positions, &options), BAD, "options.struct_size"));
+
+    const vrtm_fetch_kind redirection = VRTM_FETCH_REDIRECTION;
+    bad_fetch("no image", redirection, NULL, BAD, "image is null");
+    bad_fetch("kind 3", 3, &image, BAD, "kind is 3");
+    WITH(room, image.data, NULL, bad_fetch("no image data", redirection, &image, BAD, "image.data is null"));
+    WITH(uint32_t, image.width, 0, bad_fetch("no width", redirection, &image, BAD, "image"));
+    WITH(size_t, image.pixel_stride, 7, bad_fetch("a short pixel stride", redirection, &image, BAD, "pixel_stride"));
+    WITH(size_t, image.row_stride, 8, bad_fetch("a short row stride", redirection, &image, BAD, "row_stride"));
+    WITH(vrtm_pixel_format, image.format, VRTM_PIXEL_U8,
+         bad_fetch("an 8-bit output", redirection, &image, VRTM_ERROR_UNSUPPORTED, "image.format"));
+    WITH(vrtm_pixel_format, image.format, 8,
+         bad_fetch("pixel format 8", redirection, &image, BAD, "image.format is 8"));
+    fails("a corner too few", vrtm_asset_fetch_corner_uvs(asset, uvs, CORNERS - 1), BAD, "count is 575");
+    fails("no place for corner uvs", vrtm_asset_fetch_corner_uvs(asset, NULL, CORNERS), BAD, "uvs is null");
+    fails("no place for the report", vrtm_tile_report(tile, NULL), BAD, "report is null");
+    fails("no place for the asset's report", vrtm_asset_report(asset, NULL), BAD, "report is null");
+
+    vrtm_asset second;
+    vrtm_tile foreign;
+    succeeds("a second asset", vrtm_asset_create(device, &d.mesh, &second));
+    succeeds("its tile", vrtm_asset_tile(second, 0, &foreign));
+    vrtm_fetch fetches[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
+    vrtm_image_out other = image;
+    static float elsewhere[2 * MAP * MAP];
+    other.data = elsewhere;
+    fetches[0].tile = fetches[1].tile = tile;
+    fetches[0].image = &image;
+    fetches[1].image = &other;
+    memset(map, 0x5A, sizeof map);
+#define REDIRECT() vrtm_asset_redirect(asset, &positions, NULL, fetches, 2)
+    fails("no fetches", vrtm_asset_redirect(asset, &positions, NULL, NULL, 2), BAD, "fetches is null");
+    WITH(vrtm_tile, fetches[1].tile, foreign, fails("another asset's tile", REDIRECT(), BAD, "fetches[1].tile"));
+    WITH(vrtm_tile, fetches[1].tile, (vrtm_tile){0}, fails("no tile", REDIRECT(), GONE, "fetches[1].tile"));
+    WITH(target, fetches[1].image, NULL, fails("no image", REDIRECT(), BAD, "fetches[1].image is null"));
+    WITH(vrtm_fetch_kind, fetches[1].kind, 6, fails("kind 6", REDIRECT(), BAD, "fetches[1].kind is 6"));
+    WITH(uint32_t, fetches[1].struct_size, 4, fails("a fetch's size", REDIRECT(), BAD, "fetches[1].struct_size"));
+    WITH(room, other.data, map + 8, fails("images that overlap", REDIRECT(), BAD, "overlap"));
+    WITH(room, other.data, (char *)pose + 8, fails("an image over the input", REDIRECT(), BAD, "positions"));
+    WITH(vrtm_pixel_format, other.format, VRTM_PIXEL_U16,
+         fails("the last is unsupported", REDIRECT(), VRTM_ERROR_UNSUPPORTED, "fetches[1]"));
+    WITH(double, pose[44][0], NAN, fails("a NaN position", REDIRECT(), BAD, "positions[44]"));
+    WITH(size_t, positions.count, 1, fails("a wrong count", REDIRECT(), BAD, "positions"));
+    int kept = elsewhere[0] == 0;
+    for (size_t i = 0; i < sizeof map; ++i) {
+        kept &= ((const unsigned char *)map)[i] == 0x5A;
+    }
+    check_that(kept, "no image was written", "");
+    succeeds("its end", vrtm_asset_destroy(second));
+
+    succeeds("fetch after all that", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    check_that(memcmp(map, before, sizeof map) == 0, "the last good result is still there", "");
+}
+
+int main(void)
+{
+    sheet_make(&s);
+    sheet_describe(&s, &d);
+    vrtm_image rigidity = sheet_rigidity(&s);
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    desc.threads = 1; /* other hosts have more; this one runs under valgrind, where they crawl */
+    if (!succeeds("device", vrtm_device_create(&desc, &device)) ||
+        !succeeds("asset", vrtm_asset_create(device, &d.mesh, &asset)) ||
+        !succeeds("tile", vrtm_asset_tile(asset, 0, &tile)) ||
+        !succeeds("rigidity", vrtm_tile_set_rigidity(tile, &rigidity))) {
+        return finish();
+    }
+    versions_of_structs();
+    devices();
+    meshes();
+    handles();
+    maps();
+    before_a_solve();
+    solves_and_fetches();
+    succeeds("the asset's end", vrtm_asset_destroy(asset));
+    succeeds("the device's end", vrtm_device_destroy(device));
+    return finish();
+}

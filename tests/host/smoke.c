@@ -1,0 +1,196 @@
+/* Everything once, as a host would: device, asset, maps, settings, solve, fetch, reports. */
+
+#include "check.h"
+
+static int log_lines;
+
+static void count_lines(void *user, vrtm_log_level level, const char *message)
+{
+    (void)level;
+    *(int *)user += message[0] != 0;
+}
+
+/* The largest distance of a redirection map from the identity, in texels. */
+static double distance_from_identity(const float *map, int size, int bottom_up)
+{
+    double most = 0;
+    for (int y = 0; y < size; ++y) {
+        for (int x = 0; x < size; ++x) {
+            const int row = bottom_up ? y : size - 1 - y;
+            const double du = map[2 * (y * size + x)] * size - (x + 0.5);
+            const double dv = map[2 * (y * size + x) + 1] * size - (row + 0.5);
+            most = fmax(most, fmax(fabs(du), fabs(dv)));
+        }
+    }
+    return most;
+}
+
+int main(void)
+{
+    static sheet s;
+    static double pose[VERTICES][4];
+    static float map[2 * MAP * MAP], again[2 * MAP * MAP], warp[2 * (MAP + 1) * (MAP + 1)], corners[2 * CORNERS];
+    static uint16_t delta[2 * MAP * MAP];
+    sheet_make(&s);
+
+    check_that(vrtm_version() == VRTM_VERSION, "the library has the header's version", "");
+    check_that(strcmp(vrtm_last_error(), "") == 0, "no error at first", vrtm_last_error());
+    check_that(strcmp(vrtm_status_string(VRTM_ERROR_BUSY), "VRTM_ERROR_BUSY") == 0, "a status has a name", "");
+
+    vrtm_device_desc device_desc = vrtm_device_desc_init();
+    device_desc.log = count_lines;
+    device_desc.log_user = &log_lines;
+    vrtm_device device;
+    succeeds("device_create", vrtm_device_create(&device_desc, &device));
+    check_that(log_lines > 0, "the log function was called", "");
+    vrtm_device_data device_data = vrtm_device_data_init();
+    succeeds("device_info", vrtm_device_info(device, &device_data));
+    check_that(device_data.backend == VRTM_BACKEND_CPU && device_data.threads > 0, "auto takes the CPU", "");
+    check_that(strstr(device_data.reason, "auto") != NULL, "and says why", device_data.reason);
+    uint32_t count = 99;
+    succeeds("adapter_count", vrtm_adapter_count(&count));
+    check_that(count == 0, "there are no adapters", "");
+
+    sheet_desc d;
+    sheet_describe(&s, &d);
+    vrtm_asset asset;
+    if (!succeeds("asset_create", vrtm_asset_create(device, &d.mesh, &asset))) {
+        return finish();
+    }
+    vrtm_asset_data asset_data = vrtm_asset_data_init();
+    succeeds("asset_info", vrtm_asset_info(asset, &asset_data));
+    check_that(asset_data.vertices == VERTICES && asset_data.faces == FACES && asset_data.corners == CORNERS &&
+                   asset_data.triangles == 2 * FACES && asset_data.tiles == 1 && asset_data.charts == 1,
+               "asset_info says what was given", "");
+    succeeds("tile_count", vrtm_asset_tile_count(asset, &count));
+    check_that(count == 1, "one tile", "");
+    vrtm_tile tile, found;
+    succeeds("asset_tile", vrtm_asset_tile(asset, 0, &tile));
+    succeeds("find_tile", vrtm_asset_find_tile(asset, 1001, &found));
+    check_that(tile.id == found.id, "both find the same tile", "");
+
+    vrtm_image rigidity = sheet_rigidity(&s);
+    succeeds("set_rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    succeeds("set_mask to none", vrtm_tile_set_mask(tile, NULL));
+    vrtm_tile_data tile_data = vrtm_tile_data_init();
+    succeeds("tile_info", vrtm_tile_info(tile, &tile_data));
+    check_that(tile_data.udim == 1001 && tile_data.grid_width == MAP && tile_data.grid_height == MAP &&
+                   tile_data.movable_nodes > 0 && tile_data.charts == 1,
+               "tile_info says what was given", "");
+
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    succeeds("get_settings", vrtm_tile_get_settings(tile, &settings));
+    check_that(settings.smoothness > 0.04f && settings.room > 0.2f && settings.struct_size == sizeof settings,
+               "get_settings fills the defaults in", "");
+    settings.room = VRTM_OFF;
+    settings.smoothness = 0.1f;
+    succeeds("set_settings", vrtm_tile_set_settings(tile, &settings));
+    vrtm_tile_settings back = vrtm_tile_settings_init();
+    succeeds("get_settings again", vrtm_tile_get_settings(tile, &back));
+    check_that(memcmp(&settings, &back, sizeof back) == 0, "settings come back as they were set", "");
+    succeeds("set_settings to the defaults", vrtm_tile_set_settings(tile, NULL));
+
+    sheet_pose(&s, 5, pose);
+    vrtm_array positions = sheet_positions(pose);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    options.measure = 1;
+    succeeds("solve", vrtm_asset_solve(asset, &positions, &options));
+
+    vrtm_image_out image = vrtm_image_out_init();
+    image.data = map;
+    image.width = MAP;
+    image.height = MAP;
+    succeeds("fetch redirection", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    const double moved = distance_from_identity(map, MAP, 0);
+    char text[64];
+    snprintf(text, sizeof text, "%g texels", moved);
+    check_that(moved > 0.1 && moved < 32, "the redirection moves texels", text);
+    image.data = again;
+    image.origin = VRTM_ORIGIN_BOTTOM;
+    succeeds("fetch bottom up", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    int same = 1;
+    for (int y = 0; y < MAP; ++y) {
+        same &= memcmp(map + 2 * MAP * y, again + 2 * MAP * (MAP - 1 - y), 2 * MAP * sizeof(float)) == 0;
+    }
+    check_that(same, "the origin turns the rows over", "");
+    image.origin = VRTM_ORIGIN_TOP;
+    image.data = delta;
+    image.format = VRTM_PIXEL_F16;
+    succeeds("fetch delta as f16", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION_DELTA, &image));
+    image.data = warp;
+    image.format = VRTM_PIXEL_F32;
+    image.width = image.height = MAP + 1;
+    succeeds("fetch warp at the nodes", vrtm_tile_fetch(tile, VRTM_FETCH_WARP, &image));
+    check_that(warp[0] == 0 && warp[1] == 1 && warp[2 * MAP] == 1, "the warp keeps the tile's corners", "");
+
+    /* A wider image: its texels' other bytes and the rows' ends stay as they are. */
+    static uint8_t wide[MAP][16 * MAP + 8];
+    memset(wide, 0xAB, sizeof wide);
+    image.data = wide;
+    image.width = image.height = MAP;
+    image.pixel_stride = 16;
+    image.row_stride = sizeof wide[0];
+    succeeds("fetch with strides", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    int kept = 1;
+    same = 1;
+    for (int y = 0; y < MAP; ++y) {
+        for (int x = 0; x < MAP; ++x) {
+            same &= memcmp(&wide[y][16 * x], map + 2 * (MAP * y + x), 8) == 0;
+            kept &= wide[y][16 * x + 8] == 0xAB && wide[y][16 * x + 15] == 0xAB;
+        }
+        kept &= wide[y][16 * MAP] == 0xAB && wide[y][16 * MAP + 7] == 0xAB;
+    }
+    check_that(same, "strides give the same texels", "");
+    check_that(kept, "skipped bytes are left alone", "");
+
+    succeeds("fetch_corner_uvs", vrtm_asset_fetch_corner_uvs(asset, corners, CORNERS));
+    check_that(fabsf(corners[0] - 0.05f) < 1e-4f && fabsf(corners[1] - 0.05f) < 1e-4f,
+               "a corner on the border keeps its UV", "");
+
+    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    succeeds("tile_report", vrtm_tile_report(tile, &report));
+    check_that(report.udim == 1001 && report.folds == 0 && report.min_jacobian > 0 && report.charts_active == 1 &&
+                   report.energy < report.energy_before,
+               "the report certifies the result", "");
+    check_that(report.measured == 1 && report.edges > 0 && report.after.rms < report.before.rms,
+               "strain was measured and fell", "");
+    vrtm_asset_report_data whole = vrtm_asset_report_data_init();
+    succeeds("asset_report", vrtm_asset_report(asset, &whole));
+    check_that(whole.tiles == 1 && whole.tiles_active == 1 && whole.bytes > 0, "the asset's report adds up", "");
+
+    /* The one call of a compute(): the same bits. */
+    memset(again, 0, sizeof again);
+    vrtm_image_out first = vrtm_image_out_init(), second = first;
+    first.data = again;
+    first.width = first.height = MAP;
+    second.data = warp;
+    second.width = second.height = MAP + 1;
+    vrtm_fetch fetches[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
+    fetches[0].tile = fetches[1].tile = tile;
+    fetches[0].image = &first;
+    fetches[1].image = &second;
+    fetches[1].kind = VRTM_FETCH_WARP;
+    succeeds("redirect", vrtm_asset_redirect(asset, &positions, NULL, fetches, 2));
+    check_that(memcmp(map, again, sizeof map) == 0, "redirect gives the same bits", "");
+
+    sheet_pose(&s, 0, pose);
+    succeeds("redirect at rest", vrtm_asset_redirect(asset, &positions, NULL, fetches, 1));
+    snprintf(text, sizeof text, "%g texels", distance_from_identity(again, MAP, 0));
+    check_that(distance_from_identity(again, MAP, 0) < 1e-4, "the rest pose is the identity", text);
+
+    float values[VERTICES];
+    for (int k = 0; k < VERTICES; ++k) {
+        values[k] = k % 7 == 0 ? 1.0f : 0.0f;
+    }
+    vrtm_array rigid = vrtm_array_init();
+    rigid.data = values;
+    rigid.count = VERTICES;
+    succeeds("set_vertex_rigidity", vrtm_asset_set_vertex_rigidity(asset, &rigid));
+    succeeds("set_vertex_rigidity to none", vrtm_asset_set_vertex_rigidity(asset, NULL));
+
+    /* The asset outlives its device. */
+    succeeds("device_destroy", vrtm_device_destroy(device));
+    succeeds("solve after the device's end", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("asset_destroy", vrtm_asset_destroy(asset));
+    return finish();
+}

@@ -1,0 +1,106 @@
+/*
+ * The library is loaded, used and unloaded twice, as when a host's plug-in is. Its path is the program's argument.
+ *
+ * The solve runs on a thread that ends before the unload, and on the main thread in the last round: a thread that used
+ * the library and lives on may keep it in memory, but must not be harmed.
+ */
+
+#define _GNU_SOURCE
+#include "check.h"
+
+#include <dlfcn.h>
+#include <pthread.h>
+
+#define FUNCTIONS(X)           \
+    X(vrtm_version)            \
+    X(vrtm_last_error)         \
+    X(vrtm_device_create)      \
+    X(vrtm_device_destroy)     \
+    X(vrtm_asset_create)       \
+    X(vrtm_asset_tile)         \
+    X(vrtm_asset_destroy)      \
+    X(vrtm_tile_set_rigidity)  \
+    X(vrtm_asset_redirect)
+
+#define MEMBER(name) __typeof__(&name) name;
+
+static struct {
+    FUNCTIONS(MEMBER)
+} api;
+
+static sheet s;
+static float map[2 * MAP * MAP];
+static vrtm_device stale;
+
+/* Returns null, or what went wrong. */
+static void *use(void *unused)
+{
+    (void)unused;
+    static double pose[VERTICES][4];
+    sheet_desc d;
+    vrtm_device device;
+    vrtm_asset asset;
+    vrtm_fetch fetch = vrtm_fetch_init();
+    vrtm_image rigidity = sheet_rigidity(&s);
+    vrtm_image_out image = vrtm_image_out_init();
+    vrtm_array positions = sheet_positions(pose);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    options.quality = VRTM_QUALITY_DRAFT;
+    sheet_describe(&s, &d);
+    sheet_pose(&s, 4, pose);
+    image.data = map;
+    image.width = image.height = MAP;
+    fetch.image = &image;
+    if (stale.id != 0 && api.vrtm_device_destroy(stale) != VRTM_ERROR_INVALID_HANDLE) {
+        return (void *)"a handle of the unloaded library was accepted";
+    }
+    if (api.vrtm_device_create(NULL, &device) != VRTM_OK || api.vrtm_asset_create(device, &d.mesh, &asset) != VRTM_OK ||
+        api.vrtm_asset_tile(asset, 0, &fetch.tile) != VRTM_OK ||
+        api.vrtm_tile_set_rigidity(fetch.tile, &rigidity) != VRTM_OK ||
+        api.vrtm_asset_redirect(asset, &positions, &options, &fetch, 1) != VRTM_OK ||
+        api.vrtm_asset_destroy(asset) != VRTM_OK || api.vrtm_device_destroy(device) != VRTM_OK) {
+        static char message[600];
+        snprintf(message, sizeof message, "%s", api.vrtm_last_error());
+        return message;
+    }
+    stale = device;
+    return NULL;
+}
+
+int main(int count, char **arguments)
+{
+    static float first[2 * MAP * MAP];
+    sheet_make(&s);
+    for (int round = 0; round < 3; ++round) {
+        void *library = count > 1 ? dlopen(arguments[1], RTLD_NOW | RTLD_LOCAL) : NULL;
+        if (!check_that(library != NULL, "load", count > 1 ? dlerror() : "the library's path is missing")) {
+            return finish();
+        }
+#define LOOK_UP(name) *(void **)&api.name = dlsym(library, #name);
+        FUNCTIONS(LOOK_UP)
+        check_that(api.vrtm_version() == VRTM_VERSION, "version", "");
+        const char *wrong = NULL;
+        if (round < 2) {
+            pthread_t thread;
+            void *result = (void *)"no thread";
+            if (pthread_create(&thread, NULL, use, NULL) == 0) {
+                pthread_join(thread, &result);
+            }
+            wrong = result;
+        } else {
+            wrong = use(NULL);
+        }
+        check_that(wrong == NULL, round < 2 ? "solve on a thread" : "solve on the main thread",
+                   wrong != NULL ? wrong : "");
+        check_that(dlclose(library) == 0, "unload", "");
+        if (round < 2) {
+            check_that(dlopen(arguments[1], RTLD_NOW | RTLD_NOLOAD) == NULL, "it is gone from memory", "still there");
+        }
+        if (round == 0) {
+            memcpy(first, map, sizeof first);
+        } else {
+            check_that(memcmp(first, map, sizeof first) == 0, "the same bits as before", "");
+        }
+    }
+    return finish();
+}

@@ -1,0 +1,32 @@
+//! What the tests that speak C share: the built library, the system's compilers, a place for what they make.
+
+#![allow(dead_code)] // Each test program uses a part of it.
+
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+/// The repository.
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// A folder for compiled programs.
+pub fn scratch() -> &'static Path {
+    Path::new(env!("CARGO_TARGET_TMPDIR"))
+}
+
+/// The library as a host links it. Cargo builds it together with the rlib that this test is linked to, into the same
+/// folder, so it is never older than the test (a copy further up may be: only `cargo build` renews that one).
+pub fn library() -> PathBuf {
+    let name = format!("{}vrtm{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
+    let test = std::env::current_exe().unwrap();
+    let path = test.parent().unwrap().join(name);
+    assert!(path.is_file(), "{} is not there: it is built by `cargo test`", path.display());
+    path
+}
+
+/// The system's compiler for "c" or "cpp"; CC and CXX override it.
+pub fn compiler(language: &str) -> OsString {
+    let (variable, default) = if language == "c" { ("CC", "cc") } else { ("CXX", "c++") };
+    std::env::var_os(variable).unwrap_or_else(|| default.into())
+}
