@@ -63,11 +63,24 @@ pub(crate) fn measure(
             if length > 0.0 {
                 let before = (distance(&ends[a].before, &ends[b].before) / length - 1.0).abs();
                 let after = (distance(&ends[a].after, &ends[b].after) / length - 1.0).abs();
-                edges.add(before, after, near_border[a] || near_border[b]);
+                let place = Where {
+                    border: near_border[a] || near_border[b],
+                    free: maps.chart[a] != NONE && maps.chart[b] != NONE,
+                };
+                edges.add(before, after, place);
             }
         }
     }
     edges.report()
+}
+
+/// Where an edge lies.
+#[derive(Clone, Copy)]
+struct Where {
+    /// Near a chart's border.
+    border: bool,
+    /// Both of its ends may move.
+    free: bool,
 }
 
 /// A node on the surface at rest, in the pose without and with the warp.
@@ -82,18 +95,18 @@ struct End {
 struct Edges {
     before: Vec<f64>,
     after: Vec<f64>,
-    border: Vec<bool>,
+    place: Vec<Where>,
     harmed: u64,
     helped: u64,
 }
 
 impl Edges {
-    fn add(&mut self, before: f64, after: f64, border: bool) {
+    fn add(&mut self, before: f64, after: f64, place: Where) {
         self.harmed += u64::from(after - before > HARM);
         self.helped += u64::from(before - after > HELP);
         self.before.push(before);
         self.after.push(after);
-        self.border.push(border);
+        self.place.push(place);
     }
 
     fn report(mut self) -> StrainReport {
@@ -103,23 +116,24 @@ impl Edges {
             edges: count as u64,
             harm: share(self.harmed),
             help: share(self.helped),
-            before: statistics(&mut self.before, &self.border),
-            after: statistics(&mut self.after, &self.border),
+            before: statistics(&mut self.before, &self.place),
+            after: statistics(&mut self.after, &self.place),
         }
     }
 }
 
 /// Statistics of magnitudes; reorders them.
-fn statistics(values: &mut [f64], border: &[bool]) -> Strain {
+fn statistics(values: &mut [f64], places: &[Where]) -> Strain {
     if values.is_empty() {
         return Strain::default();
     }
-    let rms = |which: &dyn Fn(bool) -> bool| {
-        let chosen = || values.iter().zip(border).filter(|(_, b)| which(**b)).map(|(v, _)| v);
+    let rms = |which: &dyn Fn(&Where) -> bool| {
+        let chosen = || values.iter().zip(places).filter(|(_, place)| which(place)).map(|(v, _)| v);
         let count = chosen().count().max(1);
         (chosen().map(|v| v * v).sum::<f64>() / count as f64).sqrt() as f32
     };
-    let (all, near, far) = (rms(&|_| true), rms(&|b| b), rms(&|b| !b));
+    let (all, near, far) = (rms(&|_| true), rms(&|place| place.border), rms(&|place| !place.border));
+    let free = rms(&|place| place.free);
     // The smallest value that is not exceeded by more than the rest.
     let mut quantile = |q: f64| {
         let at = ((q * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1;
@@ -133,6 +147,7 @@ fn statistics(values: &mut [f64], border: &[bool]) -> Strain {
         max: quantile(1.0),
         border_rms: near,
         interior_rms: far,
+        free_rms: free,
     }
 }
 

@@ -106,6 +106,8 @@ pub struct Strain {
     pub border_rms: f32,
     /// RMS over the other edges.
     pub interior_rms: f32,
+    /// RMS over the edges of which both ends may move.
+    pub free_rms: f32,
 }
 
 /// Strain on the mesh itself, over grid edges with rigidity over 0.5 at both ends that are not both fixed.

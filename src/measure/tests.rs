@@ -1,7 +1,7 @@
 use super::*;
 use crate::reference::tests::{discs, maps, posed, sheet};
 use crate::settings::TileSettings;
-use crate::tile::node_maps;
+use crate::tile::{TileMaps, node_maps};
 
 fn flat(u: f64, v: f64) -> [f64; 3] {
     [u, v, 0.0]

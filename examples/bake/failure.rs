@@ -1,0 +1,26 @@
+//! What ends the program: one line that names a file (or argument) and the reason.
+
+use std::fmt;
+use std::path::Path;
+
+#[derive(Debug)]
+pub struct Failure(pub String);
+
+pub type Result<T> = std::result::Result<T, Failure>;
+
+impl Failure {
+    pub fn file(path: &Path, reason: impl fmt::Display) -> Failure {
+        Failure::named(&path.display().to_string(), reason)
+    }
+
+    pub fn named(subject: &str, reason: impl fmt::Display) -> Failure {
+        // Whatever a library says, it is one line here.
+        let reason = reason.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        Failure(format!("{subject}: {reason}"))
+    }
+}
+
+/// Reads a file whole.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|e| Failure::file(path, e))
+}

@@ -1,0 +1,110 @@
+//! The texture of the sheet, made from the rigidity map: studs on dark skin with a fine UV grid.
+
+use crate::maps::{Field, Map};
+
+/// Linear RGB.
+pub type Colour = [f32; 3];
+
+const SKIN: Colour = [0.115, 0.042, 0.030];
+const LINES: Colour = [0.30, 0.135, 0.095];
+const STUD: Colour = [0.90, 0.62, 0.24];
+const RIM: Colour = [0.018, 0.008, 0.006];
+/// Pixels that a cell of the UV grid on the skin spans, about.
+const CELL: f32 = 26.0;
+/// Half of the width of an outline and of a grid line, in pixels.
+const OUTLINE_WIDTH: f32 = 1.4;
+const LINE_WIDTH: f32 = 0.55;
+/// Rigidity at which a feature's outline lies: low, so that features that are half rigid have one too.
+const OUTLINE: f32 = 0.28;
+
+pub struct Material {
+    /// The rigidity, smoothed a little: outlines of an 8-bit mask would be staircases otherwise.
+    rigidity: Option<Field<1>>,
+    /// Pixels of the sheet that the tile's side would span: lines are as wide on every mesh.
+    pixels: f32,
+}
+
+impl Material {
+    pub fn new(map: Option<&Map>) -> Material {
+        let rigidity = map.map(|map| {
+            let (width, height) = (map.width as usize, map.height as usize);
+            let mut values = map.values();
+            for _ in 0..2 {
+                smooth(&mut values, width, height);
+            }
+            Field { width, height, data: values.into_iter().map(|v| [v]).collect() }
+        });
+        Material { rigidity, pixels: 512.0 }
+    }
+
+    /// Tells how many pixels of the sheet the tile's side spans, about.
+    pub fn set_scale(&mut self, pixels: f32) {
+        self.pixels = pixels.clamp(64.0, 65536.0);
+    }
+
+    /// Rigidity at a UV, smoothed.
+    pub fn rigidity(&self, uv: [f32; 2]) -> f32 {
+        self.rigidity.as_ref().map_or(0.0, |map| map.sample(uv)[0])
+    }
+
+    /// Colour at a UV.
+    pub fn colour(&self, uv: [f32; 2]) -> Colour {
+        let cells = (self.pixels / CELL).log2().round().exp2();
+        let line = |x: f32| {
+            let distance = (0.5 - ((x * cells).fract().abs() - 0.5).abs()) * self.pixels / cells;
+            1.0 - step(0.5 * LINE_WIDTH, 1.5 * LINE_WIDTH, distance)
+        };
+        let mut colour = mix(SKIN, LINES, line(uv[0]).max(line(uv[1])));
+        let Some(map) = &self.rigidity else { return colour };
+        let r = map.sample(uv)[0];
+        let texel = [1.0 / map.width as f32, 1.0 / map.height as f32];
+        let along = |du: f32, dv: f32| map.sample([uv[0] + du, uv[1] + dv])[0];
+        // Rigidity per texel, toward u and v.
+        let slope = [
+            0.5 * (along(texel[0], 0.0) - along(-texel[0], 0.0)),
+            0.5 * (along(0.0, texel[1]) - along(0.0, -texel[1])),
+        ];
+        let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+        // Lit from the texture's upper left, the rim of a stud makes it look raised.
+        let relief = 1.0 + 0.9 * (0.6 * slope[0] - 0.8 * slope[1]);
+        let stud = mix(SKIN, STUD, 0.35 + 0.65 * r).map(|c| c * relief);
+        colour = mix(colour, stud, step(OUTLINE - 0.05, OUTLINE + 0.05, r));
+        if steep > 1e-4 {
+            // To the outline, in pixels; at least a texel wide, or the filter above would show.
+            let distance = (r - OUTLINE).abs() / steep * self.pixels / map.width as f32;
+            let width = OUTLINE_WIDTH.max(0.4 * self.pixels / map.width as f32);
+            colour = mix(RIM, colour, step(0.6 * width, 1.4 * width, distance));
+        }
+        colour
+    }
+}
+
+/// One pass of the binomial filter 1-2-1, in both directions.
+fn smooth(values: &mut [f32], width: usize, height: usize) {
+    let pass = |values: &mut [f32], count: usize, stride: usize, start: usize| {
+        let mut before = values[start];
+        for i in 0..count {
+            let at = start + i * stride;
+            let after = values[if i + 1 < count { at + stride } else { at }];
+            let here = values[at];
+            values[at] = 0.25 * before + 0.5 * here + 0.25 * after;
+            before = here;
+        }
+    };
+    for y in 0..height {
+        pass(values, width, 1, y * width);
+    }
+    for x in 0..width {
+        pass(values, height, width, x);
+    }
+}
+
+pub fn mix(a: Colour, b: Colour, t: f32) -> Colour {
+    [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * t)
+}
+
+/// 0 below `a`, 1 above `b`, smooth between.
+pub fn step(a: f32, b: f32, x: f32) -> f32 {
+    let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}

@@ -1,0 +1,198 @@
+//! report.json: what was baked, how, and every figure of every solve.
+
+use std::io::IsTerminal;
+
+use serde_json::{Value, json};
+use vrtm::{AssetInfo, AssetReport, DeviceInfo, Strain, StrainReport, TileInfo, TileReport};
+
+use crate::args::Args;
+use crate::source::Source;
+
+/// What is known before the first frame.
+pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInfo) -> Value {
+    json!({
+        "program": { "name": "bake", "version": env!("CARGO_PKG_VERSION") },
+        "scene": { "name": source.name, "mesh": source.origin, "credits": source.credits },
+        "settings": {
+            "quality": format!("{:?}", args.quality).to_lowercase(),
+            "size": args.size,
+        },
+        "device": {
+            "backend": format!("{:?}", device.backend).to_lowercase(),
+            "name": device.name,
+            "reason": device.reason,
+            "threads": device.threads,
+            "bytes_held": device.bytes_held,
+        },
+        "asset": {
+            "vertices": info.vertices,
+            "faces": info.faces,
+            "corners": info.corners,
+            "triangles": info.triangles,
+            "tiles": info.tiles,
+            "charts": info.charts,
+            "degenerate_triangles": info.degenerate_triangles,
+            "clipped_faces": info.clipped_faces,
+            "faces_outside": info.faces_outside,
+        },
+    })
+}
+
+/// What is known of a tile before the first frame.
+pub fn tile(
+    info: &TileInfo,
+    settings: &vrtm::TileSettings,
+    rigidity: Option<&str>,
+    mask: Option<&str>,
+) -> Value {
+    json!({
+        "udim": info.udim,
+        "rigidity": rigidity,
+        "mask": mask,
+        "charts": info.charts,
+        "triangles": info.triangles,
+        "grid": info.grid,
+        "movable_nodes": info.movable_nodes,
+        "overlap": info.overlap,
+        "settings": {
+            "smoothness": settings.smoothness,
+            "smoothness_floor": settings.smoothness_floor,
+            "orientation": settings.orientation,
+            "room": settings.room,
+            "room_threshold": settings.room_threshold,
+            "overlap": format!("{:?}", settings.overlap).to_lowercase(),
+        },
+    })
+}
+
+pub fn frame(number: usize, note: &str, asset: &AssetReport, tiles: &[TileReport]) -> Value {
+    json!({
+        "frame": number,
+        "note": note,
+        "tiles": tiles.iter().map(solve).collect::<Vec<_>>(),
+        "asset": {
+            "tiles": asset.tiles,
+            "tiles_active": asset.tiles_active,
+            "charts_active": asset.charts_active,
+            "charts_reused": asset.charts_reused,
+            "charts_identity": asset.charts_identity,
+            "nodes_active": asset.nodes_active,
+            "min_jacobian": asset.min_jacobian,
+            "folds": asset.folds,
+            "bytes": asset.bytes,
+            "total_ms": asset.total_ms,
+            "truncated": asset.truncated,
+        },
+    })
+}
+
+fn solve(r: &TileReport) -> Value {
+    let t = &r.times;
+    json!({
+        "udim": r.udim,
+        "grid": r.grid,
+        "energy_before": r.energy_before,
+        "energy": r.energy,
+        "min_jacobian": r.min_jacobian,
+        "folds": r.folds,
+        "max_displacement": r.max_displacement,
+        "charts": r.charts,
+        "charts_active": r.charts_active,
+        "charts_reused": r.charts_reused,
+        "charts_identity": r.charts_identity,
+        "charts_fallback": r.charts_fallback,
+        "blocks_active": r.blocks_active,
+        "blocks": r.blocks,
+        "nodes_active": r.nodes_active,
+        "levels": r.levels,
+        "sweeps": r.sweeps,
+        "corrections": r.corrections,
+        "node_updates": r.node_updates,
+        "bytes": r.bytes,
+        "truncated": r.truncated,
+        "ms": {
+            "surface": t.surface,
+            "maps": t.maps,
+            "pyramid": t.pyramid,
+            "prolong": t.prolong,
+            "relax": t.relax,
+            "correct": t.correct,
+            "certify": t.certify,
+            "invert": t.invert,
+            "total": t.total,
+        },
+        "strain": r.strain.as_ref().map(strains),
+    })
+}
+
+fn strains(s: &StrainReport) -> Value {
+    json!({
+        "edges": s.edges,
+        "before": strain(&s.before),
+        "after": strain(&s.after),
+        "harm": s.harm,
+        "help": s.help,
+    })
+}
+
+fn strain(s: &Strain) -> Value {
+    json!({
+        "rms": s.rms,
+        "median": s.median,
+        "p95": s.p95,
+        "p99": s.p99,
+        "max": s.max,
+        "border_rms": s.border_rms,
+        "interior_rms": s.interior_rms,
+    })
+}
+
+/// The summary at the end: a line per frame and tile.
+pub struct Table(Vec<String>);
+
+impl Table {
+    pub fn new() -> Table {
+        let titles =
+            "frame  tile      grid  strain RMS        95 %             harm %  help %  min J     ms   nodes";
+        Table(vec![titles.into()])
+    }
+
+    pub fn add(&mut self, frame: usize, r: &TileReport) {
+        let grid = format!("{}x{}", r.grid[0], r.grid[1]);
+        let strain = match r.strain.as_ref().filter(|s| s.edges > 0) {
+            Some(s) => format!(
+                "{:.4} -> {:.4}  {:.4} -> {:.4}  {:6.3}  {:6.2}",
+                s.before.rms,
+                s.after.rms,
+                s.before.p95,
+                s.after.p95,
+                100.0 * s.harm,
+                100.0 * s.help
+            ),
+            None => format!("{:<52}", "nothing to measure"),
+        };
+        self.0.push(format!(
+            "{frame:>5}  {}  {grid:>8}  {strain}  {:.3}  {:5.0} {:7}",
+            r.udim, r.min_jacobian, r.times.total, r.nodes_active
+        ));
+    }
+
+    pub fn print(&self) {
+        let text = self.0.join("\n");
+        // A reader that hangs up early (`bake | head`) is no failure of the bake.
+        use std::io::Write;
+        let _ = writeln!(std::io::stdout(), "{text}");
+    }
+}
+
+/// A progress bar on a terminal; silent elsewhere.
+pub fn progress(frames: usize) -> indicatif::ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return indicatif::ProgressBar::hidden();
+    }
+    let style = indicatif::ProgressStyle::with_template("{wide_bar} frame {pos}/{len}, {msg} [{eta} left]");
+    // A failure's line should not share its line with half a bar.
+    indicatif::ProgressBar::new(frames as u64)
+        .with_finish(indicatif::ProgressFinish::AndClear)
+        .with_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()))
+}
