@@ -10,9 +10,8 @@ mod relax;
 mod surface;
 mod team;
 
-use std::cell::RefCell;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use crate::mesh::{NONE, TileMesh};
 use crate::settings::TileSettings;
@@ -146,19 +145,23 @@ pub(crate) struct Run<'a> {
     /// Per chart; of those that were solved.
     pub outcome: Vec<ChartResult>,
     node_updates: AtomicU64,
+    patches: Patches,
 }
 
-thread_local! {
-    /// A thread's window onto the block that it works on.
-    static PATCH: RefCell<Option<Box<Patch>>> = const { RefCell::new(None) };
-}
+/// Patches that are not in use: each thread takes one while it works on a block.
+#[derive(Debug, Default)]
+struct Patches(Mutex<Vec<Box<Patch>>>);
 
-/// Calls `f` with this thread's patch.
-fn with_patch<R>(f: impl FnOnce(&mut Patch) -> R) -> R {
-    let mut patch = PATCH.with(|p| p.borrow_mut().take()).unwrap_or_else(Patch::zeroed);
-    let result = f(&mut patch);
-    PATCH.with(|p| *p.borrow_mut() = Some(patch));
-    result
+impl Patches {
+    /// Calls `f` with a patch of its own.
+    fn with<R>(&self, f: impl FnOnce(&mut Patch) -> R) -> R {
+        let pool = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = pool().pop();
+        let mut patch = free.unwrap_or_else(Patch::zeroed);
+        let result = f(&mut patch);
+        pool().push(patch);
+        result
+    }
 }
 
 /// What a run works with.
@@ -207,6 +210,7 @@ impl<'a> Run<'a> {
             result,
             outcome: vec![ChartResult::default(); charts.len()],
             node_updates: AtomicU64::new(0),
+            patches: Patches::default(),
         }
     }
 
@@ -289,7 +293,7 @@ impl SurfaceFn<Vec<f64>> for Energies {
         let shared = Shared::new(&mut sums);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            let sum = with_patch(|patch| {
+            let sum = run.patches.with(|patch| {
                 // SAFETY: nothing is written to the state now.
                 unsafe { patch.load(level, state, surface, b) };
                 patch.block_energy::<S>(&run.weights)
@@ -316,7 +320,7 @@ impl SurfaceFn<()> for Relax {
         for _ in 0..self.sweeps {
             run.each_colour(self.level, false, |b| {
                 // SAFETY: blocks of one colour do not touch.
-                with_patch(|patch| unsafe {
+                run.patches.with(|patch| unsafe {
                     relax::sweep(patch, level, state, surface, &run.weights, b, 1);
                 });
             });

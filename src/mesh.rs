@@ -226,9 +226,9 @@ fn check<'a>(source: &MeshSource<'a>) -> Result<impl Fn(usize) -> [f32; 2] + use
         }
         _ => {}
     }
-    uvs.u.check_finite("uvs.u")?;
+    uvs.u.check_f32("uvs.u")?;
     if let Some(v) = uvs.v {
-        v.check_finite("uvs.v")?;
+        v.check_f32("uvs.v")?;
     }
     match uvs.indices {
         Some(uv_indices) => {

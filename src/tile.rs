@@ -41,15 +41,17 @@ pub(crate) struct TileMaps {
     pub settings: TileSettings,
 }
 
-/// Grid of a tile whose size nothing sets: vertex rigidity without a map.
-const DEFAULT_GRID: u32 = 1024;
+/// Grid of a tile whose rigidity comes from the vertices, if no setting gives its size.
+const VERTEX_GRID: usize = 1024;
 
 impl TileMaps {
     /// Cells of the grid: the settings', or the rigidity map's size, rounded up to a multiple of 16.
     pub fn grid_size(&self) -> [usize; 2] {
         let default = match &self.rigidity {
             Rigidity::Map(map) => [map.width, map.height],
-            _ => [DEFAULT_GRID as usize; 2],
+            Rigidity::Vertices(_) => [VERTEX_GRID; 2],
+            // Nothing will move: the smallest grid says so at no cost.
+            Rigidity::None => [SIDE; 2],
         };
         std::array::from_fn(|axis| {
             let n = match self.settings.grid[axis] {

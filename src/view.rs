@@ -122,10 +122,19 @@ impl<'a> Strided<'a> {
 
     /// Errors with the index of the first component that is not finite.
     pub(crate) fn check_finite(&self, name: &str) -> Result<()> {
+        self.check(name, f64::is_finite)
+    }
+
+    /// The same, for values that will be kept as f32.
+    pub(crate) fn check_f32(&self, name: &str) -> Result<()> {
+        self.check(name, |value| (value as f32).is_finite())
+    }
+
+    fn check(&self, name: &str, good: impl Fn(f64) -> bool) -> Result<()> {
         for i in 0..self.count {
             for c in 0..self.components {
                 let value = self.get(i, c);
-                if !value.is_finite() {
+                if !good(value) {
                     return Err(Error::argument(format!("{name}[{i}]: component {c} is {value}")));
                 }
             }

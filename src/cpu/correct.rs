@@ -16,7 +16,7 @@ use super::lanes::V;
 use super::patch::{Row, State};
 use super::surface::Surface;
 use super::team::Shared;
-use super::{Run, SurfaceFn, with_patch};
+use super::{Run, SurfaceFn};
 
 /// One block's rows of the system. Symmetric: each pair of nodes is stored once, with the node that owns the edge;
 /// pairs with the ring are stored here too, so that a block's rows need no other block's.

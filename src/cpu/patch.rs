@@ -59,6 +59,7 @@ pub struct State {
 }
 
 /// A block with its ring.
+#[derive(Debug)]
 pub struct Patch {
     pub block: usize,
     /// The block's first node.

@@ -165,9 +165,9 @@ mod tests {
 
     #[test]
     fn charts_that_meet_in_a_block_have_a_copy_each() {
-        let blocks = Blocks::new(16, 16, 2, |i, _| match i {
-            2..=5 => 0,
-            8..=11 => 1,
+        let blocks = Blocks::new(16, 16, 2, |i, j| match (i, j) {
+            (2..=5, 2..=13) => 0,
+            (8..=11, 2..=13) => 1,
             _ => NONE,
         });
         assert_eq!(blocks.list.len(), 2);

@@ -24,7 +24,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         let (rows, r) = (Shared::new(&mut self.system.rows), Shared::new(&mut self.system.r));
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            let sum = with_patch(|patch| {
+            let sum = run.patches.with(|patch| {
                 // SAFETY: nothing writes the state now, and each item has its own rows.
                 unsafe {
                     patch.load(level, state, surface, b);
