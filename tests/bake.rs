@@ -154,7 +154,7 @@ fn the_report_has_every_figure() {
                 assert!(tile["ms"][key].is_number(), "ms.{key}");
             }
             for side in ["before", "after"] {
-                for key in ["rms", "median", "p95", "p99", "max", "border_rms", "interior_rms"] {
+                for key in ["rms", "median", "p95", "p99", "max", "border_rms", "interior_rms", "free_rms"] {
                     assert!(tile["strain"][side][key].is_number(), "strain.{side}.{key}");
                 }
             }

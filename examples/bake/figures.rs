@@ -12,7 +12,7 @@ fn strain(report: &TileReport, f: impl Fn(&vrtm::StrainReport) -> String) -> Str
     report.strain.as_ref().filter(|s| s.edges > 0).map_or("-".into(), f)
 }
 
-const FIGURES: [Figure; 16] = [
+const FIGURES: [Figure; 17] = [
     ("grid", |r| format!("{}x{}", r.grid[0], r.grid[1])),
     ("strain RMS, before", |r| strain(r, |s| format!("{:.4}", s.before.rms))),
     ("            after", |r| strain(r, |s| format!("{:.4}", s.after.rms))),
@@ -21,6 +21,7 @@ const FIGURES: [Figure; 16] = [
     ("       max, before", |r| strain(r, |s| format!("{:.3}", s.before.max))),
     ("            after", |r| strain(r, |s| format!("{:.3}", s.after.max))),
     ("near borders, after", |r| strain(r, |s| format!("{:.4}", s.after.border_rms))),
+    ("free nodes, after", |r| strain(r, |s| format!("{:.4}", s.after.free_rms))),
     ("elsewhere, after", |r| strain(r, |s| format!("{:.4}", s.after.interior_rms))),
     ("helped", |r| strain(r, |s| format!("{:.2} %", 100.0 * s.help))),
     ("harmed", |r| strain(r, |s| format!("{:.3} %", 100.0 * s.harm))),

@@ -144,6 +144,7 @@ fn strain(s: &Strain) -> Value {
         "max": s.max,
         "border_rms": s.border_rms,
         "interior_rms": s.interior_rms,
+        "free_rms": s.free_rms,
     })
 }
 

@@ -134,7 +134,7 @@ impl<'a> Stage<'a> {
         });
         let reports: Vec<TileReport> = results.iter().map(|r| r.report).collect();
         let lines = figures::lines(&reports);
-        let (font, step) = if results.len() == 1 { (LARGE, 24) } else { (TEXT, 20) };
+        let (font, step) = if results.len() == 1 { (LARGE, 23) } else { (TEXT, 20) };
         for (i, line) in lines.iter().enumerate() {
             canvas.text([column(0), below + 4 + step * i], w, font, INK, line);
         }

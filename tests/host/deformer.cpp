@@ -7,6 +7,7 @@
 #include "vrtm.hpp"
 
 #include <atomic>
+#include <cmath>
 #include <cstring>
 #include <memory>
 #include <thread>
@@ -194,7 +195,6 @@ void one_node_twice(const vrtm::Device &device, const sheet &mesh, const std::ve
 }
 
 struct Nested {
-    vrtm_asset asset;
     vrtm_tile tile;
     std::atomic<int> calls{0}, refused{0};
 };
@@ -214,8 +214,13 @@ void call_back(void *user, vrtm_log_level, const char *)
     }
 }
 
-void callbacks(const sheet &mesh)
+void callbacks(const sheet &flat)
 {
+    /* Folded over in UV: the overlap is worth a warning, from inside the call that finds it. */
+    sheet mesh = flat;
+    for (float(&uv)[2] : mesh.uvs) {
+        uv[0] = std::fmin(uv[0], 1 - uv[0]);
+    }
     Nested nested{};
     vrtm_device_desc desc = vrtm_device_desc_init();
     desc.log = call_back;
@@ -224,12 +229,13 @@ void callbacks(const sheet &mesh)
     sheet_desc d;
     sheet_describe(&mesh, &d);
     vrtm::Asset asset(device, d.mesh);
-    nested.asset = asset.handle();
     nested.tile = asset.find_tile(1001).handle();
     const vrtm_image rigidity = sheet_rigidity(&mesh);
     vrtm::Tile(nested.tile).set_rigidity(&rigidity);
     asset.solve(sheet_positions(mesh.points));
     check_that(nested.calls > 0, "a log function may call back", "");
+    check_that(nested.refused > 0, "and finds the asset busy", "");
+    check_that(vrtm::Tile(nested.tile).info().overlap > 0, "which it is no longer then", "");
 }
 
 void raii(const vrtm::Device &device, const sheet &mesh)
