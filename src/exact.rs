@@ -59,11 +59,6 @@ impl Locator {
         self.under[j * (self.nx + 1) + i]
     }
 
-    /// The chart of a triangle.
-    pub fn chart_of(&self, triangle: u32) -> u32 {
-        self.chart_of[triangle as usize]
-    }
-
     /// The triangle of the chart of `home` under a point given in cells. The walk starts under the nearest node. A
     /// walk can be stopped by the border of a chart that is not convex; it then starts again from the other corners
     /// of the point's cell and from `home`, and at last all triangles are searched for the one that contains the

@@ -100,11 +100,6 @@ impl<'a> Problem<'a> {
         Ok(Problem { nx, ny, mesh, tile, locator, charts, pose })
     }
 
-    /// Cells of the grid.
-    pub fn grid(&self) -> [usize; 2] {
-        [self.nx, self.ny]
-    }
-
     /// E of a warp.
     pub fn energy(&self, u: &[[f64; 2]]) -> f64 {
         (0..self.tile.charts.len()).map(|c| self.energy_of_chart(c, u)).sum()

@@ -15,6 +15,8 @@ pub struct ReferenceMinimum {
     pub u: Vec<[f64; 2]>,
     /// The energy there.
     pub energy: f64,
+    /// The smallest corner Jacobian: over 0.02, up to rounding.
+    pub min_jacobian: f64,
     /// True if the gradient vanished, or nothing more was gained.
     pub converged: bool,
 }
@@ -71,9 +73,11 @@ impl Asset {
     ) -> Result<ReferenceMinimum> {
         self.check_tile(tile)?;
         let pose = gather(positions);
-        let problem = Problem::new(&self.mesh, tile, &self.tiles[tile].maps, &pose)?;
+        let mut problem = Problem::new(&self.mesh, tile, &self.tiles[tile].maps, &pose)?;
         let minimum = problem.minimise(start, &Options { thorough, ..Options::default() });
-        Ok(ReferenceMinimum { u: minimum.u, energy: minimum.energy, converged: minimum.converged })
+        let min_jacobian = problem.min_jacobian(&minimum.u);
+        let crate::reference::Minimum { u, energy, converged, .. } = minimum;
+        Ok(ReferenceMinimum { u, energy, min_jacobian, converged })
     }
 }
 

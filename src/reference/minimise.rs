@@ -180,7 +180,7 @@ impl Minimiser<'_> {
             if damping < 1e-5 {
                 damping = 0.0;
             }
-            chart.sweep(shape, state, out.corrections % 2 == 0);
+            chart.sweep(shape, state, out.corrections.is_multiple_of(2));
             let whole: Vec<[f64; 2]> =
                 state.u.iter().zip(&last).map(|(u, l)| [u[0] - l[0], u[1] - l[1]]).collect();
             last.copy_from_slice(&state.u);

@@ -242,7 +242,8 @@ fn strips_meet_their_closed_form() {
             ..maps(n, settings, soft)
         };
         let mut problem = Problem::new(&mesh, 0, &maps, &pose).unwrap();
-        let nodes = node_maps(&mesh, &mesh.tiles[0], &maps).unwrap().1;
+        let coverage = Coverage::new(&mesh.tiles[0], n, 64, maps.settings.overlap);
+        let nodes = node_maps(&mesh, &mesh.tiles[0], &maps, &coverage);
         let rigidity = |i: usize| f64::from(nodes.rigidity[32 * (n + 1) + i]);
         let minimum = problem.minimise(None, &Options::default());
         // Edges of the 63 rows that move; what the vertical and diagonal edges add is far below.
