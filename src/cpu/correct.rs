@@ -90,7 +90,7 @@ impl Systems {
 }
 
 /// Iterations of conjugate gradients: more gain less than the next correction does.
-const ITERATIONS: usize = 6;
+const ITERATIONS: usize = 4;
 
 /// Parts of the step that are tried until the energy falls.
 const TRIALS: [f32; 3] = [1.0, 0.5, 0.25];
@@ -228,11 +228,7 @@ impl Run<'_> {
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = f64::from(sum.sum()) };
         });
-        let mut dots = vec![0.0; self.charts.len()];
-        for (sum, &b) in sums.iter().zip(blocks) {
-            dots[self.grid.levels[level].blocks.list[b as usize].chart as usize] += sum;
-        }
-        dots
+        self.per_chart(level, &sums)
     }
 
     /// Calls `f(block, chart)` for all active blocks of a level.
