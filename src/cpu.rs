@@ -10,6 +10,7 @@ mod relax;
 mod surface;
 mod team;
 
+use std::marker::PhantomData;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -19,8 +20,10 @@ use crate::solve::{Correction, Stages};
 use crate::tile::blocks::{NODES, Plane, SIDE, node_at, slot};
 use crate::tile::pose::{Pose, PoseTriangle};
 use crate::tile::{Grid, metric};
+use certify::Certificate;
 use correct::Systems;
-use patch::{Patch, State, Weights};
+use lanes::wide;
+use patch::{BlockEnergy, Patch, State, Weights};
 use surface::{Chords, Metrics, Surface};
 use team::Shared;
 pub(crate) use team::Team;
@@ -296,7 +299,7 @@ impl SurfaceFn<Vec<f64>> for Energies {
             let sum = run.patches.with(|patch| {
                 // SAFETY: nothing is written to the state now.
                 unsafe { patch.load(level, state, surface, b) };
-                patch.block_energy::<S>(&run.weights)
+                wide(BlockEnergy { patch, weights: &run.weights, surface: PhantomData::<S> })
             });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
@@ -319,9 +322,9 @@ impl SurfaceFn<()> for Relax {
         let level = &run.grid.levels[self.level];
         for _ in 0..self.sweeps {
             run.each_colour(self.level, false, |b| {
-                // SAFETY: blocks of one colour do not touch.
-                run.patches.with(|patch| unsafe {
-                    relax::sweep(patch, level, state, surface, &run.weights, b, 1);
+                // Blocks of one colour do not touch.
+                run.patches.with(|patch| {
+                    wide(relax::Sweep { patch, level, state, surface, weights: &run.weights, b });
                 });
             });
         }
@@ -425,11 +428,12 @@ impl Stages for Run<'_> {
 
     fn certify(&mut self) {
         let energies = self.energies(0);
+        let certificates = self.certificates();
         for c in 0..self.charts.len() {
             if !self.charts[c] {
                 continue;
             }
-            let certificate = certify::chart(&self.grid.levels[0], &self.memory.levels[0].u, c);
+            let certificate = &certificates[c];
             let outcome = &mut self.outcome[c];
             outcome.energy = energies[c];
             outcome.min_jacobian = certificate.min_jacobian;
@@ -455,6 +459,24 @@ impl Stages for Run<'_> {
 }
 
 impl Run<'_> {
+    /// Per chart, what its corners say.
+    fn certificates(&self) -> Vec<Certificate> {
+        let blocks = &self.work[0].active;
+        let level = &self.grid.levels[0];
+        let u = &self.memory.levels[0].u;
+        let mut parts = vec![Certificate::default(); blocks.len()];
+        let shared = Shared::new(&mut parts);
+        self.team.run(blocks.len(), |k| {
+            // SAFETY: each item has its own certificate.
+            unsafe { *shared.get_mut(k) = certify::block(level, u, blocks[k] as usize) };
+        });
+        let mut certificates = vec![Certificate::default(); self.charts.len()];
+        for (part, &b) in parts.iter().zip(blocks) {
+            certificates[level.blocks.list[b as usize].chart as usize].add(part);
+        }
+        certificates
+    }
+
     fn relax_level(&mut self, level: usize, sweeps: u32) {
         let grid = &self.grid.levels[level];
         let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();

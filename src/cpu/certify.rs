@@ -5,7 +5,7 @@ use crate::tile::Level;
 use crate::tile::blocks::Plane;
 use crate::tile::halo::{self, WINDOW_NODES, place};
 
-/// What the corners of one chart say.
+/// What the corners of a chart, or of a part of it, say.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Certificate {
     pub min_jacobian: f64,
@@ -13,49 +13,65 @@ pub(crate) struct Certificate {
     pub max_displacement: f32,
 }
 
-/// Checks a chart's cells that have a movable corner; the others are at rest, J = 1.
-pub(crate) fn chart(level: &Level, u: &[[Plane; 2]], chart: usize) -> Certificate {
-    let mut certificate = Certificate { min_jacobian: 1.0, folds: 0, max_displacement: 0.0 };
+impl Default for Certificate {
+    /// That of the identity.
+    fn default() -> Self {
+        Certificate { min_jacobian: 1.0, folds: 0, max_displacement: 0.0 }
+    }
+}
+
+impl Certificate {
+    /// Takes another part in. What is not a number must not pass for small, nor for large.
+    pub fn add(&mut self, other: &Certificate) {
+        self.jacobian(other.min_jacobian);
+        self.folds += other.folds;
+        self.displacement(other.max_displacement);
+    }
+
+    fn jacobian(&mut self, x: f64) {
+        if x.is_nan() || x < self.min_jacobian {
+            self.min_jacobian = x;
+        }
+    }
+
+    fn displacement(&mut self, x: f32) {
+        if x.is_nan() || x > self.max_displacement {
+            self.max_displacement = x;
+        }
+    }
+}
+
+/// Checks the cells of an active block that have a movable corner; others are at rest, J = 1.
+pub(crate) fn block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
+    let mut certificate = Certificate::default();
     let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-    for b in level.blocks.of_chart[chart].clone() {
-        if !level.blocks.list[b].active {
-            continue;
-        }
-        for (c, window) in windows.iter_mut().enumerate() {
-            halo::load(&level.blocks.around[b], 0.0, |b| &u[b][c], window);
-            for x in &u[b][c] {
-                // NaN must not pass for small.
-                if !(x.abs() <= certificate.max_displacement) {
-                    certificate.max_displacement = x.abs();
-                }
+    for (c, window) in windows.iter_mut().enumerate() {
+        halo::load(&level.blocks.around[b], 0.0, |b| &u[b][c], window);
+        u[b][c].iter().for_each(|x| certificate.displacement(x.abs()));
+    }
+    let is_active = |k: usize| {
+        let b = level.blocks.around[b][k];
+        b != NONE && level.blocks.list[b as usize].active
+    };
+    // Cells from (-1, -1) to (15, 15); one on the rim is left to the block that holds its lower left node, if that
+    // block is checked too.
+    for j in 0..17 {
+        for i in 0..17 {
+            let holder = if j == 0 { 0 } else { 3 } + usize::from(i > 0);
+            if holder != 4 && is_active(holder) {
+                continue;
             }
-        }
-        let is_active = |k: usize| {
-            let b = level.blocks.around[b][k];
-            b != NONE && level.blocks.list[b as usize].active
-        };
-        // Cells from (-1, -1) to (15, 15); one on the rim is left to the block that holds its lower left node, if that
-        // block is checked too.
-        for j in 0..17 {
-            for i in 0..17 {
-                let holder = if j == 0 { 0 } else { 3 } + usize::from(i > 0);
-                if holder != 4 && is_active(holder) {
-                    continue;
-                }
-                let w = |di: usize, dj: usize| {
-                    let at = place(i + di, j + dj);
-                    [di as f64 + f64::from(windows[0][at]), dj as f64 + f64::from(windows[1][at])]
-                };
-                let (a, b, c, d) = (w(0, 0), w(1, 0), w(0, 1), w(1, 1));
-                let cross = |o: [f64; 2], p: [f64; 2], q: [f64; 2]| {
-                    (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
-                };
-                for jacobian in [cross(a, b, c), cross(b, d, a), cross(d, c, b), cross(c, a, d)] {
-                    if !(jacobian >= certificate.min_jacobian) {
-                        certificate.min_jacobian = jacobian;
-                    }
-                    certificate.folds += u64::from(!(jacobian > 0.0));
-                }
+            let w = |di: usize, dj: usize| {
+                let at = place(i + di, j + dj);
+                [di as f64 + f64::from(windows[0][at]), dj as f64 + f64::from(windows[1][at])]
+            };
+            let (a, b, c, d) = (w(0, 0), w(1, 0), w(0, 1), w(1, 1));
+            let cross = |o: [f64; 2], p: [f64; 2], q: [f64; 2]| {
+                (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
+            };
+            for jacobian in [cross(a, b, c), cross(b, d, a), cross(d, c, b), cross(c, a, d)] {
+                certificate.jacobian(jacobian);
+                certificate.folds += u64::from(jacobian.is_nan() || jacobian <= 0.0);
             }
         }
     }

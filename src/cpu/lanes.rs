@@ -12,6 +12,38 @@ pub const LANES: usize = 8;
 #[repr(C, align(32))]
 pub struct V(pub [f32; LANES]);
 
+/// Work on a block, whose `run` is to be inlined (always) so that it can be compiled for several processors.
+pub trait Kernel {
+    type Output;
+    fn run(self) -> Self::Output;
+}
+
+/// Runs a kernel that was compiled for the widest vectors that this processor has. Every level gives the same bits: none
+/// of them fuses a multiplication with an addition.
+#[inline(always)]
+pub fn wide<K: Kernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        unsafe fn avx2<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run()
+        }
+        if std::arch::is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has it.
+            return unsafe { avx2(kernel) };
+        }
+    }
+    kernel.run()
+}
+
+/// An array of the values of an expression for each of some numbers. Unlike `map`, it leaves no call behind.
+macro_rules! each {
+    ([$($n:literal),*], |$k:ident| $value:expr) => {
+        [$({ let $k: usize = $n; $value }),*]
+    };
+}
+pub(crate) use each;
+
 /// Eight truth values.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]

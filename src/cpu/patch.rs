@@ -1,12 +1,14 @@
 //! One block's problem, gathered for work: the energy of DESIGN 5 seen from one row of eight nodes of one colour.
 
+use std::marker::PhantomData;
+
 use crate::mesh::NONE;
 use crate::settings::TileSettings;
 use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window, place};
 
-use super::lanes::{LANES, Mask, V};
+use super::lanes::{Kernel, LANES, Mask, V, each};
 use super::relax::MIN_JACOBIAN;
 use super::surface::{Sample, Slopes, Surface};
 use super::team::Shared;
@@ -150,6 +152,7 @@ impl Patch {
     ///
     /// # Safety
     /// No other item writes this block or one around it now.
+    #[inline(always)]
     pub unsafe fn load<S: Surface>(&mut self, level: &Level, state: State, surface: S, b: usize) {
         let around = &level.blocks.around[b];
         let block = &level.blocks.list[b];
@@ -202,9 +205,9 @@ impl Patch {
         let mut triangle = [NONE; LANES];
         triangle.copy_from_slice(&self.triangle[at..at + LANES]);
         Place {
-            u: [0, 1].map(|c| V::load(&self.u[c], at)),
-            value: [0, 1, 2].map(|c| V::load(&self.value[c], at)),
-            slope: [0, 1, 2, 3, 4, 5].map(|c| V::load(&self.slope[c], s)),
+            u: each!([0, 1], |c| V::load(&self.u[c], at)),
+            value: each!([0, 1, 2], |c| V::load(&self.value[c], at)),
+            slope: each!([0, 1, 2, 3, 4, 5], |c| V::load(&self.slope[c], s)),
             triangle,
         }
     }
@@ -253,7 +256,7 @@ impl Patch {
         let weight = V::load(&self.rigidity, row.at(0, 0)).max(V::load(&self.rigidity, n));
         Edge {
             at: n,
-            value: [0, 1, 2].map(|c| V::load(&self.value[c], n)),
+            value: each!([0, 1, 2], |c| V::load(&self.value[c], n)),
             same: Mask::equal(&self.triangle, n, &p.triangle),
             d: [(V::load(&self.u[0], n) - p.u[0]) + di as f32, (V::load(&self.u[1], n) - p.u[1]) + dj as f32],
             length,
@@ -273,7 +276,7 @@ impl Patch {
             let length = S::length(&p.value, &p.slope, &edge.value, edge.same, &edge.d);
             energy += edge.energy(k, length, weights);
         }
-        for corner in self.corners(row, p) {
+        for corner in &self.corners(row, p) {
             energy += room(corner.0, weights);
         }
         energy
@@ -408,30 +411,42 @@ impl Edge {
     }
 }
 
-impl Patch {
-    /// The block's share of its chart's energy: an edge or corner between several movable nodes is shared among them.
-    pub fn block_energy<S: Surface>(&self, weights: &Weights) -> f64 {
+/// A block's share of its chart's energy: an edge or corner between several movable nodes is shared among them.
+pub struct BlockEnergy<'a, S> {
+    pub patch: &'a Patch,
+    pub weights: &'a Weights,
+    pub surface: PhantomData<S>,
+}
+
+impl<S: Surface> Kernel for BlockEnergy<'_, S> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let BlockEnergy { patch, weights, .. } = self;
         let mut sum = V::ZERO;
         let mut worst = V::ONE;
         for row in (0..4).flat_map(Row::of_colour) {
-            let p = self.here(row);
+            let p = patch.here(row);
             let at = row.at(0, 0);
-            let movable = |di, dj| V::load_u8(&self.movable, row.at(di, dj));
+            let movable = |di, dj| V::load_u8(&patch.movable, row.at(di, dj));
             let mut energy = V::ZERO;
             for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
-                let edge = self.edge(row, &p, k);
+                let edge = patch.edge(row, &p, k);
                 let length = S::length(&p.value, &p.slope, &edge.value, edge.same, &edge.d);
                 energy += (V::ONE - movable(di, dj) * 0.5) * edge.energy(k, length, weights);
             }
-            let corners = self.corners(row, &p);
+            let corners = patch.corners(row, &p);
             for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
                 let (a, b, c) = (movable(sx, 0), movable(0, sy), movable(sx, sy));
-                for (k, others) in [a + b, a + c, b + c].into_iter().enumerate() {
-                    energy += room(corners[3 * q + k].0, weights) / (others + 1.0);
-                    worst = corners[3 * q + k].0.min(worst);
+                let others = [a + b, a + c, b + c];
+                for k in 0..3 {
+                    let jacobian = corners[3 * q + k].0;
+                    energy += room(jacobian, weights) / (others[k] + 1.0);
+                    worst = jacobian.min(worst);
                 }
             }
-            let own = V::load_u8(&self.movable, at);
+            let own = V::load_u8(&patch.movable, at);
             // Fixed lanes may hold anything, even what is not a number.
             sum += V::ZERO.lt(own).select(energy, V::ZERO);
         }

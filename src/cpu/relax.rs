@@ -6,7 +6,7 @@
 
 use crate::tile::Level;
 
-use super::lanes::{LANES, Mask, V};
+use super::lanes::{Kernel, LANES, Mask, V, each};
 use super::patch::{Local, Patch, Row, State, Weights};
 use super::surface::Surface;
 
@@ -16,34 +16,39 @@ pub const MIN_JACOBIAN: f32 = 0.02;
 /// A node's step per sweep, in cells, at most: the linear model is not to be trusted further.
 const MAX_STEP: f32 = 2.0;
 
-/// One sweep over block `b`.
-///
-/// # Safety
-/// No other item touches this block, or writes one around it, now.
-pub unsafe fn sweep<S: Surface>(
-    patch: &mut Patch,
-    level: &Level,
-    state: State,
-    surface: S,
-    weights: &Weights,
-    b: usize,
-    sweeps: usize,
-) {
-    // SAFETY: the caller's promise.
-    unsafe { patch.load(level, state, surface, b) };
-    for _ in 0..sweeps {
+/// One sweep over block `b`. No other item may touch this block, or write one around it, meanwhile.
+pub struct Sweep<'a, S> {
+    pub patch: &'a mut Patch,
+    pub level: &'a Level,
+    pub state: State,
+    pub surface: S,
+    pub weights: &'a Weights,
+    pub b: usize,
+}
+
+impl<S: Surface> Kernel for Sweep<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Sweep { patch, level, state, surface, weights, b } = self;
+        // SAFETY: no other item touches the block, or writes one around it.
+        unsafe { patch.load(level, state, surface, b) };
         for colour in 0..4 {
-            Row::of_colour(colour).for_each(|row| step(patch, surface, weights, row));
+            for row in Row::of_colour(colour) {
+                step(patch, surface, weights, row);
+            }
         }
+        // SAFETY: as above.
+        unsafe { store::<S>(patch, state, b) };
     }
-    // SAFETY: the caller's promise.
-    unsafe { store::<S>(patch, state, b) };
 }
 
 /// Writes a block's own nodes back.
 ///
 /// # Safety
 /// No other item touches this block now.
+#[inline(always)]
 unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
     // SAFETY: the caller's promise.
     let (u, value) = unsafe { (state.u.get_mut(b), state.value.get_mut(b)) };
@@ -84,7 +89,7 @@ fn step<S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row) 
     let mut delta = newton_step(&local);
     // The second try has half the step, for lanes whose first one did not lower their energy.
     for _ in 0..2 {
-        let u = [0, 1].map(|c| lanes.select(here.u[c] + delta[c], here.u[c]));
+        let u = each!([0, 1], |c| lanes.select(here.u[c] + delta[c], here.u[c]));
         let (there, found) = patch.sample(surface, row, &here, &u, &lanes);
         let energy = patch.energy::<S>(row, &there, weights);
         let mut left = 0;
@@ -112,7 +117,7 @@ fn step<S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row) 
         if left == 0 {
             return;
         }
-        delta = delta.map(|d| d * 0.5);
+        delta = [delta[0] * 0.5, delta[1] * 0.5];
     }
 }
 
@@ -123,7 +128,7 @@ fn newton_step(local: &Local) -> [V; 2] {
     let inverse = V::ONE / (xx * yy - xy * xy);
     let mut delta = [(xy * gy - yy * gx) * inverse, (xy * gx - xx * gy) * inverse];
     // This also turns what is not a number into a step, which the energy then has to approve.
-    delta = delta.map(|d| d.max(V::splat(-MAX_STEP)).min(V::splat(MAX_STEP)));
+    delta = each!([0, 1], |c| delta[c].max(V::splat(-MAX_STEP)).min(V::splat(MAX_STEP)));
     let mut share = V::ONE;
     for (jacobian, slope) in &local.corners {
         let change = slope[0] * delta[0] + slope[1] * delta[1];
@@ -133,5 +138,5 @@ fn newton_step(local: &Local) -> [V; 2] {
         share = share.min(limit);
     }
     // A hair less, against rounding.
-    delta.map(|d| d * share * 0.999)
+    each!([0, 1], |c| delta[c] * share * 0.999)
 }

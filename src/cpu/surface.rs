@@ -5,7 +5,7 @@ use crate::tile::blocks::{Plane, SIDE, slot};
 use crate::tile::pose::PoseTriangle;
 use crate::tile::{Grid, Level};
 
-use super::lanes::{Mask, V};
+use super::lanes::{Mask, V, each};
 
 /// What an edge needs to know of one of its ends.
 /// Finest level: `value` = position, `slope` = df/dx and df/dy. Coarser: `value` = (E, F, G), `slope` = its d/dx, d/dy.
@@ -115,7 +115,7 @@ impl Surface for Chords<'_> {
     #[inline(always)]
     fn far_gradient(chord: &Chord, slope_n: &Slopes) -> [V; 2] {
         let c = &chord.along;
-        [0, 3].map(|k| {
+        each!([0, 3], |k| {
             (slope_n[k] * c[0] + slope_n[k + 1] * c[1] + slope_n[k + 2] * c[2]) * chord.inverse_length
         })
     }
@@ -124,7 +124,7 @@ impl Surface for Chords<'_> {
 /// The chord itself: from the triangle's tangents where both ends lie on one, the difference of positions elsewhere.
 #[inline(always)]
 fn chord(p: &[V; 3], slope: &Slopes, n: &[V; 3], same: Mask, d: &[V; 2]) -> [V; 3] {
-    [0, 1, 2].map(|k| same.select(slope[k] * d[0] + slope[k + 3] * d[1], n[k] - p[k]))
+    each!([0, 1, 2], |k| same.select(slope[k] * d[0] + slope[k + 3] * d[1], n[k] - p[k]))
 }
 
 impl Chords<'_> {
@@ -177,7 +177,7 @@ impl Chords<'_> {
         let pose = &self.triangles[t as usize];
         let [x, y] = &pose.tangent;
         Sample {
-            value: [0, 1, 2].map(|k| pose.origin[k] + (x[k] * d[0] + y[k] * d[1])),
+            value: each!([0, 1, 2], |k| pose.origin[k] + (x[k] * d[0] + y[k] * d[1])),
             slope: [x[0], x[1], x[2], y[0], y[1], y[2]],
             triangle: t,
         }
@@ -219,14 +219,14 @@ impl Surface for Metrics<'_> {
 
     #[inline(always)]
     fn length(p: &[V; 3], _slope: &Slopes, n: &[V; 3], _same: Mask, d: &[V; 2]) -> V {
-        let g = [0, 1, 2].map(|k| (p[k] + n[k]) * 0.5);
+        let g = each!([0, 1, 2], |k| (p[k] + n[k]) * 0.5);
         let along = [g[0] * d[0] + g[1] * d[1], g[1] * d[0] + g[2] * d[1]];
         ((along[0] * d[0] + along[1] * d[1]).max(V::ZERO) + TINY).sqrt()
     }
 
     #[inline(always)]
     fn gradient(p: &[V; 3], slope: &Slopes, n: &[V; 3], _same: Mask, d: &[V; 2]) -> (V, [V; 2], Chord) {
-        let g = [0, 1, 2].map(|k| (p[k] + n[k]) * 0.5);
+        let g = each!([0, 1, 2], |k| (p[k] + n[k]) * 0.5);
         let along = [g[0] * d[0] + g[1] * d[1], g[1] * d[0] + g[2] * d[1], V::ZERO];
         let length = ((along[0] * d[0] + along[1] * d[1]).max(V::ZERO) + TINY).sqrt();
         let kept = Chord { along, d: *d, inverse_length: V::ONE / length };
@@ -238,7 +238,7 @@ impl Surface for Metrics<'_> {
     #[inline(always)]
     fn far_gradient(chord: &Chord, slope_n: &Slopes) -> [V; 2] {
         let own = half_change(chord, slope_n);
-        [0, 1].map(|k| (own[k] + chord.along[k]) * chord.inverse_length)
+        each!([0, 1], |k| (own[k] + chord.along[k]) * chord.inverse_length)
     }
 }
 
@@ -247,5 +247,5 @@ impl Surface for Metrics<'_> {
 fn half_change(chord: &Chord, slope: &Slopes) -> [V; 2] {
     let [x, y] = chord.d;
     let (xx, xy, yy) = (x * x, x * y * 2.0, y * y);
-    [0, 3].map(|k| (slope[k] * xx + slope[k + 1] * xy + slope[k + 2] * yy) * 0.25)
+    each!([0, 3], |k| (slope[k] * xx + slope[k + 1] * xy + slope[k + 2] * yy) * 0.25)
 }

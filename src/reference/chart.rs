@@ -13,7 +13,7 @@ use crate::tile::pyramid::NodeMaps;
 /// collapses half-way through a twist nor changes under a rigid motion, as blended positions would.
 pub(super) const DIM: usize = 6;
 
-/// rest length l is floored at this share of the median.
+/// rest length l is floored at this share of the median (of the shorter direction's, on anisotropic charts).
 const FLOOR_SHARE: f64 = 0.05;
 
 /// A chart's window: the bounding box of its movable nodes and one node more, so that its rim is fixed.
@@ -117,7 +117,7 @@ impl ChartProblem {
 
     fn list_edges(&mut self, rest: &Surface<DIM>, settings: &TileSettings, rigidity: impl Fn(usize) -> f64) {
         let width = self.width();
-        let mut axis_parallel = Vec::new();
+        let mut axis_parallel: [Vec<f64>; 2] = Default::default();
         for &a in &self.touched {
             for (kind, (di, dj)) in EDGES.into_iter().enumerate() {
                 let b = i64::from(a) + dj * width as i64 + di;
@@ -128,7 +128,7 @@ impl ChartProblem {
                 let (p, q) = (rest.at(self.home[a], self.place(a)), rest.at(self.home[b], self.place(b)));
                 let length = p.iter().zip(&q).map(|(p, q)| (q - p).powi(2)).sum::<f64>().sqrt();
                 if kind < 2 && self.movable[a] {
-                    axis_parallel.push(length);
+                    axis_parallel[kind].push(length);
                 }
                 let weight = rigidity(a).max(rigidity(b));
                 let d2 = (di * di + dj * dj) as f64;
@@ -148,8 +148,11 @@ impl ChartProblem {
                 });
             }
         }
-        axis_parallel.sort_by(f64::total_cmp);
-        let floor = FLOOR_SHARE * axis_parallel[axis_parallel.len() / 2];
+        let median = axis_parallel.map(|mut lengths| {
+            lengths.sort_by(f64::total_cmp);
+            lengths[lengths.len() / 2]
+        });
+        let floor = FLOOR_SHARE * median[0].min(median[1]);
         for edge in &mut self.edges {
             let l = edge.length.max(floor);
             // A chart that is one point at rest has no strain to speak of.

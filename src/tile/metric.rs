@@ -305,21 +305,19 @@ fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, 
     })
 }
 
-/// Median of the rest lengths of a chart's axis-parallel edges at movable nodes.
+/// Median rest length of a chart's east and of its north edges at movable nodes, whichever is shorter: on anisotropic
+/// charts the longer one would drown all edges of the other direction.
 fn median_length(level: &Level, chart: usize) -> f32 {
-    let mut lengths: Vec<f32> = Vec::new();
-    for b in level.blocks.of_chart[chart].clone() {
-        for s in 0..NODES {
-            if level.movable[b][s] != 0 {
-                lengths.extend([level.rest_length[b][0][s], level.rest_length[b][1][s]]);
-            }
+    let median = |edge: usize| {
+        let mut lengths: Vec<f32> = Vec::new();
+        for b in level.blocks.of_chart[chart].clone() {
+            let movable = level.movable[b].iter().zip(&level.rest_length[b][edge]).filter(|(m, _)| **m != 0);
+            lengths.extend(movable.map(|(_, length)| length));
         }
-    }
-    if lengths.is_empty() {
-        return 0.0;
-    }
-    let middle = lengths.len() / 2;
-    *lengths.select_nth_unstable_by(middle, f32::total_cmp).1
+        let middle = lengths.len() / 2;
+        if lengths.is_empty() { 0.0 } else { *lengths.select_nth_unstable_by(middle, f32::total_cmp).1 }
+    };
+    median(0).min(median(1))
 }
 
 #[cfg(test)]

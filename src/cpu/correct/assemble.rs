@@ -1,8 +1,10 @@
 //! The Gauss-Newton system of a level: for each pair of neighbours, the sum of w/l² g_p g_nᵀ over what depends on
 //! both; the right-hand side is minus the gradient (halves of the derivatives on both sides).
 
-use super::super::lanes::{LANES, V};
-use super::super::patch::{NEIGHBOURS, Patch, QUADRANTS, Weights};
+use std::marker::PhantomData;
+
+use super::super::lanes::{Kernel, LANES, V, each, wide};
+use super::super::patch::{BlockEnergy, NEIGHBOURS, Patch, QUADRANTS, Weights};
 use super::super::relax::MIN_JACOBIAN;
 use super::super::surface::Slopes;
 use super::*;
@@ -26,11 +28,12 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
             let b = blocks[k] as usize;
             let sum = run.patches.with(|patch| {
                 // SAFETY: nothing writes the state now, and each item has its own rows.
-                unsafe {
+                let (rows, r) = unsafe {
                     patch.load(level, state, surface, b);
-                    block(patch, surface, &run.weights, rows.get_mut(b), r.get_mut(b));
-                }
-                patch.block_energy::<S>(&run.weights)
+                    (rows.get_mut(b), r.get_mut(b))
+                };
+                wide(BlockRows { patch, surface, weights: &run.weights, rows, r });
+                wide(BlockEnergy { patch, weights: &run.weights, surface: PhantomData::<S> })
             });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
@@ -43,6 +46,25 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
     }
 }
 
+/// One block's rows.
+struct BlockRows<'a, S> {
+    patch: &'a Patch,
+    surface: S,
+    weights: &'a Weights,
+    rows: &'a mut Rows,
+    r: &'a mut [Plane; 2],
+}
+
+impl<S: Surface> Kernel for BlockRows<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        block(self.patch, self.surface, self.weights, self.rows, self.r);
+    }
+}
+
+#[inline(always)]
 fn block<S: Surface>(patch: &Patch, surface: S, weights: &Weights, rows: &mut Rows, r: &mut [Plane; 2]) {
     // Slopes at all nodes of the window: the far end of an edge pulls along its own tangent plane.
     let mut slopes: [Window; 6] = [[0.0; WINDOW_NODES]; 6];
@@ -81,7 +103,7 @@ fn block<S: Surface>(patch: &Patch, surface: S, weights: &Weights, rows: &mut Ro
         for (k, &(di, dj, e, theirs)) in NEIGHBOURS.iter().enumerate() {
             let edge = patch.edge(row, &p, k);
             let (_, near, chord) = S::gradient(&p.value, &p.slope, &edge.value, edge.same, &edge.d);
-            let slope_n: Slopes = std::array::from_fn(|c| V::load(&slopes[c], edge.at));
+            let slope_n: Slopes = each!([0, 1, 2, 3, 4, 5], |c| V::load(&slopes[c], edge.at));
             let far = S::far_gradient(&chord, &slope_n);
             let square = edge.weight * edge.inverse * edge.inverse;
             let smooth = edge.smoothness(weights);
@@ -133,6 +155,7 @@ fn wall(jacobian: V) -> V {
 }
 
 /// The room term's part of the pairs of a row's nodes with their neighbours, row-major.
+#[inline(always)]
 fn corner_pairs(patch: &Patch, row: Row, p: &super::super::patch::Place, weights: &Weights) -> [[V; 4]; 8] {
     let mut pairs = [[V::ZERO; 4]; 8];
     for &(sx, sy) in &QUADRANTS {

@@ -1,7 +1,7 @@
 //! The step's local share: 1 where the whole step keeps every corner Jacobian at ε or more, halved around corners that
 //! would fall under it, and falling off smoothly around those.
 
-use super::super::lanes::{LANES, V};
+use super::super::lanes::{LANES, V, each};
 use super::super::relax::MIN_JACOBIAN;
 use super::*;
 use crate::tile::blocks::SIDE;
@@ -124,7 +124,7 @@ fn smooth_falloff(run: &Run, level: usize, share: Shared<Plane>, mark: Shared<[P
 #[inline(always)]
 fn worst_corner(w: &[Window; 2], row: Row) -> V {
     let mut worst = V::splat(f32::MAX);
-    let p = [0, 1].map(|c| V::load(&w[c], row.at(0, 0)));
+    let p = each!([0, 1], |c| V::load(&w[c], row.at(0, 0)));
     for &(sx, sy) in &super::super::patch::QUADRANTS {
         let to = |di: i64, dj: i64| {
             let n = row.at(di, dj);

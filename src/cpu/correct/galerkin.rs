@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::super::lanes::{LANES, V};
+use super::super::lanes::{Kernel, LANES, V};
 use super::super::patch::NEIGHBOURS;
 use super::*;
 use crate::mesh::NONE;
@@ -82,7 +82,7 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
         for (quarter, &child) in level.children[b].iter().enumerate() {
             if child != NONE && fine_level.blocks.list[child as usize].active {
                 gather(&super::multigrid::masked(fine_level, child as usize), &fine.rows, &mut wide);
-                quarter_rows(&wide, &movable, quarter, out);
+                super::super::lanes::wide(QuarterRows { wide: &wide, movable: &movable, quarter, out });
             }
         }
         for s in 0..NODES {
@@ -123,6 +123,23 @@ fn gather(around: &[u32; 9], rows: &[Rows], wide: &mut [[f32; WIDE_NODES]; 19]) 
 }
 
 /// The 8x8 coarse nodes over one fine block, a row of eight at a time.
+struct QuarterRows<'a> {
+    wide: &'a [[f32; WIDE_NODES]; 19],
+    movable: &'a Window<u8>,
+    quarter: usize,
+    out: &'a mut Rows,
+}
+
+impl Kernel for QuarterRows<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        quarter_rows(self.wide, self.movable, self.quarter, self.out);
+    }
+}
+
+#[inline(always)]
 fn quarter_rows(wide: &[[f32; WIDE_NODES]; 19], movable: &Window<u8>, quarter: usize, out: &mut Rows) {
     let (x, y) = (quarter % 2 * LANES, quarter / 2 * LANES);
     for j in 0..LANES {

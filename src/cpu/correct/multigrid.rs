@@ -1,7 +1,7 @@
 //! The preconditioner: a V(2,2) cycle of four-colour block Gauss-Seidel. It runs backwards after the coarse correction,
 //! so that the whole cycle is symmetric, as conjugate gradients need.
 
-use super::super::lanes::V;
+use super::super::lanes::{Kernel, V, each, wide};
 use super::super::patch::NEIGHBOURS;
 use super::super::prolong;
 use super::*;
@@ -12,8 +12,8 @@ use crate::tile::halo::{self, Window, place};
 
 /// Sweeps on either side.
 const SWEEPS: usize = 2;
-/// Sweeps in each direction on the coarsest level, where a block or a few hold all of it.
-const COARSEST_SWEEPS: usize = 8;
+/// Rounds of them in each direction on the coarsest level, where a block or a few hold all of it.
+const COARSEST_ROUNDS: usize = 4;
 
 /// z = M⁻¹ r on `level`. Leaves `r` alone.
 pub fn cycle(run: &Run, systems: &mut [System], level: usize) {
@@ -26,8 +26,12 @@ pub fn cycle(run: &Run, systems: &mut [System], level: usize) {
             unsafe { *z.get_mut(b) = [[0.0; NODES]; 2] };
         });
         if k == coarsest {
-            smooth(run, k, system, false, COARSEST_SWEEPS);
-            smooth(run, k, system, true, COARSEST_SWEEPS);
+            for _ in 0..COARSEST_ROUNDS {
+                smooth(run, k, system, false, SWEEPS);
+            }
+            for _ in 0..COARSEST_ROUNDS {
+                smooth(run, k, system, true, SWEEPS);
+            }
         } else {
             smooth(run, k, system, false, SWEEPS);
             residual(run, k, system);
@@ -42,28 +46,50 @@ pub fn cycle(run: &Run, systems: &mut [System], level: usize) {
     }
 }
 
-/// Sweeps of z towards A z = r.
+/// Sweeps of z towards A z = r: all of them on a block while it is in the cache, its ring frozen.
 fn smooth(run: &Run, level: usize, system: &mut System, backwards: bool, sweeps: usize) {
     let grid = &run.grid.levels[level];
     let z = Shared::new(&mut system.z);
-    for _ in 0..sweeps {
-        run.each_colour(level, backwards, |b| {
-            let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-            // SAFETY: blocks of one colour do not touch.
-            unsafe {
-                load(grid, b, |b, c| &z.get(b)[c], &mut windows);
-                smooth_block(&system.rows[b], &system.r[b], backwards, &mut windows);
-                let z = z.get_mut(b);
-                for row in all_rows() {
-                    for c in 0..2 {
-                        V::load(&windows[c], row.at(0, 0)).store(&mut z[c], row.slot());
-                    }
+    run.each_colour(level, backwards, |b| {
+        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
+        // SAFETY: blocks of one colour do not touch.
+        unsafe { load(grid, b, |b, c| &z.get(b)[c], &mut windows) };
+        let (rows, r) = (&system.rows[b], &system.r[b]);
+        // SAFETY: as above.
+        let z = unsafe { z.get_mut(b) };
+        wide(SmoothBlock { rows, r, windows: &mut windows, backwards, sweeps, z });
+    });
+}
+
+/// Sweeps inside one block, its ring frozen.
+struct SmoothBlock<'a> {
+    rows: &'a Rows,
+    r: &'a [Plane; 2],
+    windows: &'a mut [Window; 2],
+    backwards: bool,
+    sweeps: usize,
+    z: &'a mut [Plane; 2],
+}
+
+impl Kernel for SmoothBlock<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for _ in 0..self.sweeps {
+            smooth_block(self.rows, self.r, self.backwards, self.windows);
+        }
+        for colour in 0..4 {
+            for row in Row::of_colour(colour) {
+                for c in 0..2 {
+                    V::load(&self.windows[c], row.at(0, 0)).store(&mut self.z[c], row.slot());
                 }
             }
-        });
+        }
     }
 }
 
+#[inline(always)]
 fn load<'a>(level: &Level, b: usize, plane: impl Fn(usize, usize) -> &'a Plane, windows: &mut [Window; 2]) {
     for (c, window) in windows.iter_mut().enumerate() {
         halo::load(&level.blocks.around[b], 0.0, |b| plane(b, c), window);
@@ -78,7 +104,7 @@ fn smooth_block(rows: &Rows, r: &[Plane; 2], backwards: bool, z: &mut [Window; 2
             let s = row.slot();
             let [ax, ay] = off_diagonal(rows, row, z);
             let (rx, ry) = (V::load(&r[0], s) - ax, V::load(&r[1], s) - ay);
-            let [xx, xy, yy] = [0, 1, 2].map(|c| V::load(&rows.diagonal[c], s));
+            let [xx, xy, yy] = each!([0, 1, 2], |c| V::load(&rows.diagonal[c], s));
             let inverse = V::ONE / (xx * yy - xy * xy);
             ((yy * rx - xy * ry) * inverse).store(&mut z[0], row.at(0, 0));
             ((xx * ry - xy * rx) * inverse).store(&mut z[1], row.at(0, 0));
@@ -93,7 +119,7 @@ fn off_diagonal(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
     for &(di, dj, e, theirs) in &NEIGHBOURS {
         let n = row.at(di, dj);
         let at = if theirs { n } else { row.at(0, 0) };
-        let [a, b, c, d] = [0, 1, 2, 3].map(|k| V::load(&rows.pair[4 * e + k], at));
+        let [a, b, c, d] = each!([0, 1, 2, 3], |k| V::load(&rows.pair[4 * e + k], at));
         let (b, c) = if theirs { (c, b) } else { (b, c) };
         let (x, y) = (V::load(&z[0], n), V::load(&z[1], n));
         sum[0] += a * x + b * y;
@@ -108,7 +134,7 @@ fn product(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
     let [ax, ay] = off_diagonal(rows, row, z);
     let (at, s) = (row.at(0, 0), row.slot());
     let (x, y) = (V::load(&z[0], at), V::load(&z[1], at));
-    let [xx, xy, yy] = [0, 1, 2].map(|c| V::load(&rows.diagonal[c], s));
+    let [xx, xy, yy] = each!([0, 1, 2], |c| V::load(&rows.diagonal[c], s));
     [ax + xx * x + xy * y, ay + xy * x + yy * y]
 }
 
@@ -121,11 +147,7 @@ pub fn multiply(run: &Run, level: usize, rows: &[Rows], v: &[[Plane; 2]], out: &
         load(grid, b, |b, c| &v[b][c], &mut windows);
         // SAFETY: each item has its own block.
         let out = unsafe { out.get_mut(b) };
-        for row in all_rows() {
-            let [x, y] = product(&rows[b], row, &windows);
-            x.store(&mut out[0], row.slot());
-            y.store(&mut out[1], row.slot());
-        }
+        wide(BlockProduct { rows: &rows[b], windows: &windows, out });
     });
 }
 
@@ -139,13 +161,35 @@ fn residual(run: &Run, level: usize, system: &mut System) {
         load(grid, b, |b, c| &z[b][c], &mut windows);
         // SAFETY: each item has its own block.
         let t = unsafe { t.get_mut(b) };
-        for row in all_rows() {
-            let s = row.slot();
-            let [x, y] = product(&rows[b], row, &windows);
-            (V::load(&r[b][0], s) - x).store(&mut t[0], s);
-            (V::load(&r[b][1], s) - y).store(&mut t[1], s);
+        wide(BlockProduct { rows: &rows[b], windows: &windows, out: t });
+        for c in 0..2 {
+            for s in 0..NODES {
+                t[c][s] = r[b][c][s] - t[c][s];
+            }
         }
     });
+}
+
+/// out = A v for one block.
+struct BlockProduct<'a> {
+    rows: &'a Rows,
+    windows: &'a [Window; 2],
+    out: &'a mut [Plane; 2],
+}
+
+impl Kernel for BlockProduct<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for colour in 0..4 {
+            for row in Row::of_colour(colour) {
+                let [x, y] = product(self.rows, row, self.windows);
+                x.store(&mut self.out[0], row.slot());
+                y.store(&mut self.out[1], row.slot());
+            }
+        }
+    }
 }
 
 /// The coarser level's right-hand side: Pᵀ t, at its movable nodes.
