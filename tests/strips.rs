@@ -52,8 +52,9 @@ fn strip(n: u32) -> Model {
     }
 }
 
-/// The middle row's energy: as solved, at the grid's minimum, at the continuum's.
+/// The middle row's energy: of the identity, as solved, at the grid's minimum, at the continuum's.
 struct Row {
+    before: f64,
     solved: f64,
     grid: f64,
     continuum: f64,
@@ -61,7 +62,7 @@ struct Row {
     off: f64,
 }
 
-fn solve(n: u32, quality: Quality, further: u32) -> Row {
+fn solve(n: u32, options: &SolveOptions) -> Row {
     let model = strip(n);
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
     // One texel per cell: a node's rigidity is the mean of the texels on both sides.
@@ -78,10 +79,7 @@ fn solve(n: u32, quality: Quality, further: u32) -> Row {
         ..TileSettings::default()
     };
     asset.set_settings(0, &settings).unwrap();
-    asset.solve(model.frame(1), &options(quality)).unwrap();
-    for _ in 0..further {
-        asset.solve(model.frame(1), &SolveOptions { warm: true, ..options(quality) }).unwrap();
-    }
+    asset.solve(model.frame(1), options).unwrap();
     let warp = Warp::of(&asset, 0);
     assert!(warp.min_jacobian() > 0.0);
 
@@ -94,28 +92,68 @@ fn solve(n: u32, quality: Quality, further: u32) -> Row {
     let total = f64::from(n) * (g(1.0) - 1.0);
     let sum: f64 = weights.iter().map(|w| 1.0 / w).sum();
     let length = |x: f64| f64::from(n) * g(x / f64::from(n));
+    let energy = |x: &[f64]| (0..count).map(|i| weights[i] * (x[i + 1] - x[i] - 1.0).powi(2)).sum::<f64>();
+    let before = energy(&(0..=count).map(|i| length(i as f64)).collect::<Vec<_>>());
     let middle: Vec<f64> = (0..=count).map(|i| length(warp.node(i, ROWS as usize / 2)[0])).collect();
-    let solved = (0..count).map(|i| weights[i] * (middle[i + 1] - middle[i] - 1.0).powi(2)).sum();
+    let solved = energy(&middle);
     let (mut exact, mut off) = (0.0, 0.0f64);
     for i in 0..count {
         exact += 1.0 + total / sum / weights[i];
         off = off.max((middle[i + 1] - exact).abs());
     }
-    Row { solved, grid: total * total / sum, continuum: total * total / (f64::from(n) * COMPLIANCE), off }
+    Row {
+        before,
+        solved,
+        grid: total * total / sum,
+        continuum: total * total / (f64::from(n) * COMPLIANCE),
+        off,
+    }
 }
+
+/// Corrections per level until little is left to gain: the chains of single rows are all but independent, so that
+/// the unknowns hang together a hundred times more along x than along y. That is as hard as it gets for a V-cycle that
+/// halves both axes, and one correction leaves more of the error than on cells that are about square.
+const PATIENT: SolveOptions = SolveOptions {
+    quality: Quality::High,
+    warm: false,
+    tolerance: 1e-7,
+    max_corrections: 30,
+    time_budget_ms: 0.0,
+    measure: false,
+};
 
 #[test]
 fn error_falls_with_the_grid() {
-    println!("   n   quality   E solved   grid's E*   E*        above grid's   error      off (cells)");
-    for (quality, further) in [(Quality::Normal, 0), (Quality::High, 0), (Quality::High,3), (Quality::High,10), (Quality::High,20)] {
-        let mut errors = Vec::new();
-        for n in [64, 128, 256, 512] {
-            let Row { solved, grid, continuum, off } = solve(n, quality, further);
-            let (gap, error) = (solved / grid - 1.0, solved / continuum - 1.0);
-            println!(
-                "{n:4}   {quality:?}   {solved:.3e}  {grid:.3e}  {continuum:.3e}  {gap:9.2e}   {error:9.2e}  {off:.4}"
-            );
-            errors.push((gap, error));
+    println!("   n   E solved   grid's E*  E*         above grid's  error     off (cells)");
+    let mut errors = Vec::new();
+    for n in [64, 128, 256, 512] {
+        let Row { solved, grid, continuum, off, .. } = solve(n, &PATIENT);
+        let (gap, error) = (solved / grid - 1.0, solved / continuum - 1.0);
+        println!("{n:4}   {solved:.3e}  {grid:.3e}  {continuum:.3e}  {gap:.2e}      {error:.2e}  {off:.4}");
+        // Nothing is below the minimum, but for the weak pull of the rows beside: 1 / 18² of a strain of 1/400.
+        assert!(gap > -1e-4 && gap < 4e-3, "{n}: {gap}");
+        // Shares of a cell over features of n / 4 cells.
+        assert!(off < 5e-5 * f64::from(n), "{n}: {off}");
+        errors.push(error);
+    }
+    // First order is a half each time; what the solver leaves above the grid's minimum does not fall, and is at most a
+    // third of the error on the finest grid.
+    for pair in errors.windows(2) {
+        assert!(pair[1] < 0.68 * pair[0], "{errors:?}");
+    }
+    assert!(errors[3] < 0.25 * errors[0], "{errors:?}");
+}
+
+#[test]
+fn ordinary_solves_come_close() {
+    // In the words of the gap test: (E - E*) / (E0 - E*) of the row. The bars of scenes with room, 0.1 % and 0.01 %, are
+    // missed for the reason given above; these bounds are what is reached.
+    for (quality, bound) in [(Quality::Normal, 1.2e-2), (Quality::High, 4e-3)] {
+        for n in [64, 256] {
+            let Row { before, solved, grid, .. } = solve(n, &options(quality));
+            let gap = (solved - grid) / (before - grid);
+            println!("{n:4} {quality:?}: gap {:.3} %", 100.0 * gap);
+            assert!(gap < bound, "{n} {quality:?}: {gap}");
         }
     }
 }

@@ -2,7 +2,7 @@
 //! the results that share no code with the library.
 
 // Each test uses a part of it.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
 
 mod files;
 #[path = "../../examples/scenes/mod.rs"]
@@ -18,7 +18,6 @@ use vrtm::{
 
 pub use files::assets;
 use scenes::Scene;
-#[allow(unused_imports)]
 pub use warp::Warp;
 
 /// A mesh at rest, its frames, and the maps of its tiles.
