@@ -63,7 +63,7 @@ impl Row {
         let own = own.map(|gap| 100.0 * gap);
         let kind = if *jacobian < CROWDED { "crowded" } else { "room" };
         println!(
-            "{name:19} {before:8.2} {minimum:8.3} | {normal:7.4} ({:7.4}) {:5.0} | {high:7.4} ({:7.4}) {:5.0} | \
+            "{name:19} {before:8.2} {minimum:8.3} | {normal:8.1e} ({:8.1e}) {:5.0} | {high:8.1e} ({:8.1e}) {:5.0} | \
              {jacobian:.4} {kind:7} {:5.1}",
             own[0],
             ms[0],
