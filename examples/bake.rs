@@ -40,7 +40,7 @@ use std::process::ExitCode;
 
 use serde_json::Value;
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageViewMut, MeshSource, PixelFormat, Scalar,
+    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageViewMut, MeshSource, PixelFormat,
     SolveOptions, Strided, UvSource,
 };
 
@@ -126,9 +126,7 @@ impl<'a> Bake<'a> {
     fn new(source: &'a Source, args: &Args, device: &Device) -> Result<Bake<'a>> {
         let mesh = &source.mesh;
         let mesh_failure = |e| Failure::named(&source.origin, e);
-        let uvs: &[f32] = mesh.uvs.as_flattened();
-        let bytes: Vec<u8> = uvs.iter().flat_map(|x| x.to_ne_bytes()).collect();
-        let uvs = Strided::new("uvs", &bytes, Scalar::F32, 2, mesh.uvs.len(), 0).map_err(mesh_failure)?;
+        let uvs = Strided::from_f32x2(&mesh.uvs);
         let mut asset = Asset::new(
             device,
             &MeshSource {

@@ -1,5 +1,8 @@
 //! The CPU backend: f32, displacements in cells, blocks of colour planes, the same bits for any number of threads.
 
+#![allow(clippy::needless_range_loop, reason = "index loops over several planes at once are what vectorises")]
+#![allow(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN must fail a check, not pass it")]
+
 pub(crate) mod certify;
 mod correct;
 pub(crate) mod invert;

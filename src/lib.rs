@@ -5,6 +5,51 @@
 //! become a grid with movable nodes and active blocks (`tile`), `solve` runs the schedule over a backend's
 //! stages (`cpu`), and [`Asset`] hands out the redirection map, the warp, corner UVs and reports. Beside that way stand
 //! `exact`, `measure` and `reference`: the f64 side that results are measured with.
+//!
+//! # Example
+//!
+//! Two squares side by side, of which one is stretched and the other squashed. What is painted into their middle is to
+//! keep its shape:
+//!
+//! ```
+//! use vrtm::{
+//!     Asset, Device, DeviceSettings, Fetch, FetchKind, ImageLayout, ImageView, ImageViewMut, MeshSource,
+//!     PixelFormat, SolveOptions, Strided, UvSource,
+//! };
+//!
+//! # fn main() -> vrtm::Result<()> {
+//! let rest = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0]];
+//! let uvs = rest.map(|[x, y, _]: [f32; 3]| [x / 2.0, y]);
+//! let corners = [0, 1, 4, 3, 1, 2, 5, 4];
+//!
+//! // Once per mesh: the device, the asset, its maps.
+//! let device = Device::new(&DeviceSettings::default())?;
+//! let mut asset = Asset::new(&device, &MeshSource {
+//!     positions: Strided::from_f32x3(&rest),
+//!     face_counts: Some(&[4, 4]),
+//!     indices: &corners,
+//!     uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+//! })?;
+//! let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
+//! let painted: Vec<u8> =
+//!     (0..32 * 32).map(|i| if (12..20).contains(&(i % 32)) && (12..20).contains(&(i / 32)) { 255 } else { 0 }).collect();
+//! asset.set_rigidity(tile, Some(ImageView::new("rigidity", &painted, ImageLayout::packed(32, 32, PixelFormat::U8))?))?;
+//!
+//! // Every frame: positions in, map out.
+//! let mut pose = rest;
+//! (pose[1][0], pose[4][0]) = (1.3, 1.3);
+//! let layout = ImageLayout::packed(32, 32, PixelFormat::F32);
+//! let mut map = vec![0; 32 * 32 * 8];
+//! let image = ImageViewMut::new("image", &mut map, layout)?;
+//! let fetch = Fetch { tile, kind: FetchKind::Redirection, image };
+//! asset.redirect(Strided::from_f32x3(&pose), &SolveOptions::default(), &mut [fetch])?;
+//!
+//! let report = asset.tile_report(tile)?;
+//! assert!(report.energy < report.energy_before);
+//! assert!(report.min_jacobian > 0.0, "the warp is one-to-one");
+//! # Ok(())
+//! # }
+//! ```
 
 pub mod view;
 pub mod image;

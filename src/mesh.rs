@@ -121,7 +121,7 @@ impl Mesh {
             let face = first..first + count;
             first += count;
             info.faces += 1;
-            let polygon: Vec<[f32; 2]> = face.clone().map(|c| uvs(c)).collect();
+            let polygon: Vec<[f32; 2]> = face.clone().map(&uvs).collect();
             let Some((udim, origin)) = tile_of(&polygon) else {
                 info.faces_outside += 1;
                 corners.extend(polygon.iter().map(|&uv| Corner { tile: NONE, chart: NONE, uv }));

@@ -76,6 +76,12 @@ impl<'a> Strided<'a> {
         Strided { bytes, scalar: Scalar::F64, components: 3, count: values.len(), stride: 24 }
     }
 
+    /// Packed f32 pairs: UVs.
+    pub fn from_f32x2(values: &'a [[f32; 2]]) -> Strided<'a> {
+        let bytes = as_bytes(values);
+        Strided { bytes, scalar: Scalar::F32, components: 2, count: values.len(), stride: 8 }
+    }
+
     /// Packed f32 values.
     pub fn from_f32(values: &'a [f32]) -> Strided<'a> {
         Strided {

@@ -90,7 +90,7 @@ impl Systems {
 }
 
 /// Iterations of conjugate gradients: more gain less than the next correction does.
-const ITERATIONS: usize = 6;
+const ITERATIONS: usize = 4;
 
 /// Parts of the step that are tried until the energy falls.
 const TRIALS: [f32; 3] = [1.0, 0.5, 0.25];

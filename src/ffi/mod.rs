@@ -1,12 +1,13 @@
 //! The C API: guard, check, delegate. No maths here.
 //!
-//! Every exported function runs in [`guard::guard`], which keeps panics in and turns a failure into a status and
-//! a message for the calling thread. Handles are looked up in [`handle`], structs that may grow are read and
-//! written by [`desc`]. The types and doc comments of these files are the C header (`include/vrtm.h`), so they
+//! Every exported function runs in `guard::guard`, which keeps panics in and turns a failure into a status and
+//! a message for the calling thread. Handles are looked up in `handle`, structs that may grow are read and
+//! written by `desc`. The types and doc comments of these files are the C header (`include/vrtm.h`), so they
 //! speak to a C programmer; functions must not come from macros, which cbindgen does not see.
 
 #![allow(non_camel_case_types)] // The names are those of the C header.
 #![allow(clippy::missing_safety_doc)] // The contract of all pointers stands once, at the head of the header.
+#![allow(rustdoc::broken_intra_doc_links)] // The comments are C: `indices[k]` there is an array's element.
 
 pub mod asset;
 mod desc;

@@ -21,12 +21,10 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
     let share = Shared::new(&mut system.share);
     let mark = Shared::new(&mut system.z);
     let x = &system.x;
-    for &b in &run.work[level].stored {
+    // Only active blocks are written: in the others, z has to stay 0 for the next cycle.
+    for &b in &run.work[level].active {
         // SAFETY: nothing else runs.
-        unsafe {
-            *share.get_mut(b as usize) = [1.0; NODES];
-            *mark.get_mut(b as usize) = [[1.0; NODES]; 2];
-        }
+        unsafe { *share.get_mut(b as usize) = [1.0; NODES] };
     }
     for round in 0..ROUNDS {
         let folds = AtomicBool::new(false);
@@ -35,12 +33,12 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
             let mut windows = [[0.0f32; WINDOW_NODES]; 2];
             let mut step: Window = [0.0; WINDOW_NODES];
             let mut shares: Window = [1.0; WINDOW_NODES];
+            let around = super::multigrid::masked(grid, b);
             // SAFETY: shares are only read, and each item has its own marks.
             let mark = unsafe {
-                halo::load(&grid.blocks.around[b], 1.0, |b| share.get(b), &mut shares);
+                halo::load(&around, 1.0, |b| share.get(b), &mut shares);
                 &mut mark.get_mut(b)[0]
             };
-            let around = super::multigrid::masked(grid, b);
             for c in 0..2 {
                 halo::load(&grid.blocks.around[b], 0.0, |b| &u[b][c], &mut windows[c]);
                 // Blocks without movable nodes have no step.
@@ -73,7 +71,7 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
             let mut marks: Window = [1.0; WINDOW_NODES];
             // SAFETY: marks are only read, and each item has its own shares.
             let (share, mark) = unsafe {
-                halo::load(&grid.blocks.around[b], 1.0, |b| &mark.get(b)[0], &mut marks);
+                halo::load(&super::multigrid::masked(grid, b), 1.0, |b| &mark.get(b)[0], &mut marks);
                 (share.get_mut(b), &mark.get(b)[0])
             };
             for j in 0..SIDE {
@@ -101,7 +99,7 @@ fn smooth_falloff(run: &Run, level: usize, share: Shared<Plane>, mark: Shared<[P
             let mut shares: Window = [1.0; WINDOW_NODES];
             // SAFETY: shares are only read, and each item has its own second mark plane.
             let out = unsafe {
-                halo::load(&grid.blocks.around[b], 1.0, |b| share.get(b), &mut shares);
+                halo::load(&super::multigrid::masked(grid, b), 1.0, |b| share.get(b), &mut shares);
                 &mut mark.get_mut(b)[1]
             };
             for row in all_rows() {

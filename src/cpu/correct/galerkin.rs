@@ -186,7 +186,7 @@ fn quarter_rows(wide: &[[f32; WIDE_NODES]; 19], movable: &Window<u8>, quarter: u
 unsafe fn copy_ring(rows: Shared<Rows>, around: &[u32; 9]) {
     let b = around[4] as usize;
     let copy = |i: usize, j: usize, e: usize| {
-        let (bi, bj) = ((i + SIDE - 1) / SIDE, (j + SIDE - 1) / SIDE);
+        let (bi, bj) = (i.div_ceil(SIDE), j.div_ceil(SIDE));
         let (x, y) = ((i + SIDE - 1) % SIDE, (j + SIDE - 1) % SIDE);
         let from = around[bj * 3 + bi];
         for c in 4 * e..4 * e + 4 {
