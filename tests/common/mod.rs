@@ -1,0 +1,187 @@
+//! What the tests of whole solves share: models made of scenes and asset folders, solving them, and plain f64 views of
+//! the results that share no code with the library.
+
+// Each test uses a part of it.
+#![allow(dead_code, unused_imports)]
+
+mod files;
+#[path = "../../examples/scenes/mod.rs"]
+pub mod scenes;
+mod warp;
+
+use std::panic::resume_unwind;
+
+use vrtm::{
+    Asset, Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MeshSource,
+    Origin, PixelFormat, Quality, SolveOptions, Strided, TileSettings, UvSource,
+};
+
+pub use files::assets;
+use scenes::Scene;
+pub use warp::Warp;
+
+/// A mesh at rest, its frames, and the maps of its tiles.
+#[derive(Clone, Debug, Default)]
+pub struct Model {
+    pub name: String,
+    pub rest: Vec<[f32; 3]>,
+    pub face_counts: Vec<u32>,
+    pub indices: Vec<u32>,
+    pub uvs: Vec<[f32; 2]>,
+    pub uv_indices: Vec<u32>,
+    pub frames: Vec<Vec<[f32; 3]>>,
+    pub maps: Vec<Maps>,
+}
+
+/// The maps of one tile: 8 bits, first row at v = 1.
+#[derive(Clone, Debug)]
+pub struct Maps {
+    pub udim: u32,
+    pub width: u32,
+    pub height: u32,
+    pub rigidity: Vec<u8>,
+    pub mask: Option<Vec<u8>>,
+}
+
+impl From<Scene> for Model {
+    fn from(scene: Scene) -> Model {
+        let Scene { name, rest, face_counts, indices, uvs, uv_indices, poses, tiles, .. } = scene;
+        let maps = tiles.into_iter().map(|t| Maps {
+            udim: t.udim,
+            width: t.width,
+            height: t.height,
+            rigidity: t.rigidity,
+            mask: t.mask,
+        });
+        let maps = maps.collect();
+        Model { name: name.into(), rest, face_counts, indices, uvs, uv_indices, frames: poses, maps }
+    }
+}
+
+impl Model {
+    /// The asset on a CPU device of so many threads (0 = one per core), every tile with a square grid of `grid` cells a
+    /// side.
+    pub fn asset(&self, threads: u32, grid: u32) -> Asset {
+        let mut asset = self.bare(threads, Strided::from_f32x3(&self.rest));
+        for maps in &self.maps {
+            let tile = asset.find_tile(maps.udim).expect("a tile of each map");
+            let image = |bytes| view(bytes, maps.width, maps.height);
+            asset.set_rigidity(tile, Some(image(&maps.rigidity))).unwrap();
+            asset.set_mask(tile, maps.mask.as_ref().map(|mask| image(mask))).unwrap();
+        }
+        set_grid(&mut asset, grid);
+        asset
+    }
+
+    /// The asset without maps, with other rest positions.
+    pub fn bare(&self, threads: u32, rest: Strided) -> Asset {
+        let settings = DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() };
+        let device = Device::new(&settings).unwrap();
+        let [u, v] = [0, 1].map(|k| self.uvs.iter().map(|uv| uv[k]).collect::<Vec<f32>>());
+        let uvs = UvSource {
+            u: Strided::from_f32(&u),
+            v: Some(Strided::from_f32(&v)),
+            indices: Some(&self.uv_indices),
+        };
+        let source =
+            MeshSource { positions: rest, face_counts: Some(&self.face_counts), indices: &self.indices, uvs };
+        Asset::new(&device, &source).unwrap()
+    }
+
+    /// A frame, numbered from 1.
+    pub fn frame(&self, number: usize) -> Strided<'_> {
+        Strided::from_f32x3(&self.frames[number - 1])
+    }
+
+    /// The vertices of faces for which `f` is true of all UVs.
+    pub fn vertices(&self, f: impl Fn([f32; 2]) -> bool) -> Vec<bool> {
+        let mut chosen = vec![false; self.rest.len()];
+        for face in self.faces() {
+            if face.clone().all(|c| f(self.uvs[self.uv_indices[c] as usize])) {
+                face.for_each(|c| chosen[self.indices[c] as usize] = true);
+            }
+        }
+        chosen
+    }
+
+    /// Each face's corners.
+    pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let mut end = 0;
+        self.face_counts.iter().map(move |&count| {
+            end += count as usize;
+            end - count as usize..end
+        })
+    }
+}
+
+/// The analytic scenes, each one frame.
+pub fn analytic() -> Vec<Model> {
+    scenes::analytic::all().into_iter().map(Model::from).collect()
+}
+
+/// A view of an 8-bit map whose first row is at v = 1.
+pub fn view(bytes: &[u8], width: u32, height: u32) -> ImageView<'_> {
+    ImageView::new("map", bytes, ImageLayout::packed(width, height, PixelFormat::U8)).unwrap()
+}
+
+/// Gives every tile a square grid.
+pub fn set_grid(asset: &mut Asset, grid: u32) {
+    for tile in 0..asset.tile_count() {
+        let settings = TileSettings { grid: [grid; 2], ..asset.settings(tile).unwrap() };
+        asset.set_settings(tile, &settings).unwrap();
+    }
+}
+
+/// Options of a quality.
+pub fn options(quality: Quality) -> SolveOptions {
+    SolveOptions { quality, ..SolveOptions::default() }
+}
+
+/// An output with two f32 channels, first row at v = 0. What the library does not write stays NaN.
+pub fn fetch(asset: &mut Asset, tile: usize, kind: FetchKind, size: [u32; 2]) -> Vec<[f32; 2]> {
+    let nan = f32::NAN.to_ne_bytes();
+    let mut bytes: Vec<u8> = nan.into_iter().cycle().take((size[0] * size[1]) as usize * 8).collect();
+    let layout =
+        ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(size[0], size[1], PixelFormat::F32) };
+    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
+    asset.fetch(tile, kind, &mut image).unwrap();
+    floats(&bytes)
+}
+
+/// Pairs of f32.
+pub fn floats(bytes: &[u8]) -> Vec<[f32; 2]> {
+    let float = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
+    bytes.chunks_exact(8).map(|b| [float(b), float(&b[4..])]).collect()
+}
+
+/// The bits of the displacements of all tiles.
+pub fn bits(asset: &Asset) -> Vec<[u32; 2]> {
+    (0..asset.tile_count())
+        .flat_map(|tile| asset.displacements(tile).unwrap())
+        .map(|u| u.map(f32::to_bits))
+        .collect()
+}
+
+/// Positions as f64.
+pub fn doubles(positions: &[[f32; 3]]) -> Vec<[f64; 3]> {
+    positions.iter().map(|p| p.map(f64::from)).collect()
+}
+
+/// Runs `job` on all items, on as many threads as there are cores; the results keep the items' order.
+pub fn on_all_cores<T: Sync, R: Send>(items: &[T], job: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let next = std::sync::atomic::AtomicUsize::new(0);
+    let mut results: Vec<(usize, R)> = std::thread::scope(|scope| {
+        let work = || {
+            let take = || next.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+            std::iter::repeat_with(take)
+                .take_while(|&k| k < items.len())
+                .map(|k| (k, job(&items[k])))
+                .collect::<Vec<_>>()
+        };
+        let threads: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+        threads.into_iter().flat_map(|t| t.join().unwrap_or_else(|panic| resume_unwind(panic))).collect()
+    });
+    results.sort_by_key(|(k, _)| *k);
+    results.into_iter().map(|(_, result)| result).collect()
+}

@@ -1,0 +1,79 @@
+//! A pose that is rest, or rest moved rigidly, changes nothing.
+
+use vrtm::{SolveOptions, Strided};
+
+use crate::common::{self, Model, Warp, bits, doubles};
+
+fn models() -> Vec<Model> {
+    use common::scenes::{arm, creature, mug_to_jug};
+    let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
+    models.extend(common::analytic());
+    models.extend(common::assets());
+    models
+}
+
+#[test]
+fn rest_is_the_identity_exactly() {
+    for model in models() {
+        let mut asset = model.asset(0, 256);
+        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        assert!(bits(&asset).iter().any(|u| *u != [0; 2]), "{} does not move", model.name);
+        asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
+        assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
+        let report = asset.report().unwrap();
+        assert_eq!((report.charts_active, report.nodes_active), (0, 0), "{}", model.name);
+    }
+}
+
+/// A rotation about a skew axis that is exact in no digit.
+fn turn(p: [f64; 3]) -> [f64; 3] {
+    let (s, c) = 0.83f64.sin_cos();
+    let p = [c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]];
+    let (s, c) = 2.1f64.sin_cos();
+    [p[0], c * p[1] - s * p[2], s * p[1] + c * p[2]]
+}
+
+#[test]
+fn rigid_motions_are_the_identity_even_far_away() {
+    for model in models() {
+        let rest = doubles(&model.rest);
+        let mut asset = model.asset(0, 256);
+        for distance in [0.0, 1.0, 1e6] {
+            let moved: Vec<_> = rest.iter().map(|&p| turn(p).map(|x| x + distance)).collect();
+            asset.solve(Strided::from_f64x3(&moved), &SolveOptions::default()).unwrap();
+            for tile in 0..asset.tile_count() {
+                let largest = Warp::of(&asset, tile).largest();
+                assert!(largest <= 1e-3, "{} {distance} away: {largest} cells", model.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn rest_far_away_is_as_good_as_near() {
+    // The whole asset 1e6 units off: f64 keeps nine digits of a unit there, which is what a solve starts from.
+    for model in models() {
+        let far = |points: &[[f32; 3]]| -> Vec<[f64; 3]> {
+            doubles(points).into_iter().map(|p| [p[0] + 1e6, p[1] - 1e6, p[2]]).collect()
+        };
+        let (rest, pose) = (far(&model.rest), far(&model.frames[0]));
+        let mut asset = model.bare(0, Strided::from_f64x3(&rest));
+        for maps in &model.maps {
+            let tile = asset.find_tile(maps.udim).unwrap();
+            let view = common::view(&maps.rigidity, maps.width, maps.height);
+            asset.set_rigidity(tile, Some(view)).unwrap();
+        }
+        common::set_grid(&mut asset, 256);
+        asset.solve(Strided::from_f64x3(&rest), &SolveOptions::default()).unwrap();
+        assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
+        asset.solve(Strided::from_f64x3(&pose), &SolveOptions::default()).unwrap();
+        let mut near = model.asset(0, 256);
+        near.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        for tile in 0..asset.tile_count() {
+            let [a, b] = [&asset, &near].map(|asset| asset.tile_report(tile).unwrap());
+            // Rounding may send a crowded chart to another minimum; its energy is then as low, to a per mille or so.
+            let slack = 0.005 * a.energy_before.max(b.energy_before);
+            assert!((a.energy - b.energy).abs() <= slack, "{}: {} {}", model.name, a.energy, b.energy);
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! Masks hold nodes, maps may change between frames, and rigidity is the same from vertices and from a map.
+
+use vrtm::{ImageLayout, ImageView, PixelFormat, SolveOptions, Strided, TileSettings};
+
+use crate::common::{self, Model, Warp, bits};
+
+const N: u32 = 256;
+
+/// A mask that holds the texels for which `f` is true.
+fn mask(f: impl Fn(u32, u32) -> bool) -> Vec<u8> {
+    (0..N * N).map(|k| if f(k % N, k / N) { 0 } else { 255 }).collect()
+}
+
+/// All masks are symmetric under a swap of top and bottom, or say nothing about it.
+fn masks() -> Vec<(&'static str, Vec<u8>)> {
+    let hole = |x: u32, y: u32, cx: f64, cy: f64, r: f64| (f64::from(x) - cx).hypot(f64::from(y) - cy) < r;
+    vec![
+        ("holes", mask(|x, y| hole(x, y, 90.0, 120.0, 25.0) || hole(x, y, 180.0, 60.0, 3.0))),
+        ("a line of one texel", mask(|x, _| x == 131)),
+        ("a curve", mask(|x, y| (f64::from(x) - 128.0 - 30.0 * (f64::from(y) / 25.0).sin()).abs() < 0.8)),
+        ("checkerboard of 16", mask(|x, y| (x / 16 + y / 16) % 2 == 0)),
+        ("checkerboard of 1", mask(|x, y| (x + y) % 2 == 0)),
+        ("everything", mask(|_, _| true)),
+    ]
+}
+
+#[test]
+fn masks_hold_their_nodes() {
+    let model = Model::from(common::scenes::analytic::shear(0.5));
+    for (name, mask) in masks() {
+        let mut asset = model.asset(0, N);
+        asset.set_mask(0, Some(common::view(&mask, N, N))).unwrap();
+        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        let warp = Warp::of(&asset, 0);
+        let width = N as usize + 1;
+        let mut moved = 0;
+        for (k, u) in warp.u.iter().enumerate() {
+            let (i, j) = (k % width, k / width);
+            // A node lies at the corner of four texels; the first row is at v = 1.
+            let texels = [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)];
+            let held = texels.iter().any(|&(x, y)| {
+                let inside = (1..width).contains(&x) && (1..width).contains(&y);
+                !inside || mask[(N as usize - y) * N as usize + x - 1] == 0
+            });
+            assert!(!held || *u == [0.0; 2], "{name}: node ({i}, {j})");
+            moved += usize::from(*u != [0.0; 2]);
+        }
+        assert!(warp.min_jacobian() > 0.0, "{name}");
+        let still = matches!(name, "checkerboard of 1" | "everything");
+        assert_eq!(moved == 0, still, "{name}: {moved} nodes moved");
+        let report = asset.tile_report(0).unwrap();
+        assert!(still || report.energy < report.energy_before, "{name}");
+    }
+}
+
+#[test]
+fn maps_and_settings_change_between_frames() {
+    let model = Model::from(common::scenes::mug_to_jug());
+    let (w, h) = (model.maps[0].width, model.maps[0].height);
+    let other: Vec<u8> = model.maps[0].rigidity.iter().map(|r| 255 - r).collect();
+    let (line, holes) = (masks()[1].1.clone(), masks()[0].1.clone());
+    let mut asset = model.asset(0, N);
+    let mut seen = vec![];
+    type Change<'a> = Box<dyn Fn(&mut vrtm::Asset) + 'a>;
+    let settings =
+        |asset: &mut vrtm::Asset, settings: TileSettings| asset.set_settings(0, &settings).unwrap();
+    let grid = TileSettings { grid: [N; 2], ..TileSettings::default() };
+    // Each sets all that it depends on, so that it can be done on a fresh asset too.
+    let changes: Vec<(&str, Change)> = vec![
+        ("as it was", Box::new(|_| {})),
+        ("mask", Box::new(|a| a.set_mask(0, Some(common::view(&line, N, N))).unwrap())),
+        ("another mask", Box::new(|a| a.set_mask(0, Some(common::view(&holes, N, N))).unwrap())),
+        ("no mask", Box::new(|a| a.set_mask(0, None).unwrap())),
+        ("rigidity", Box::new(|a| a.set_rigidity(0, Some(common::view(&other, w, h))).unwrap())),
+        (
+            "finer",
+            Box::new(|a| {
+                a.set_rigidity(0, Some(common::view(&other, w, h))).unwrap();
+                settings(a, TileSettings { grid: [320, 272], ..grid });
+            }),
+        ),
+        (
+            "smoother",
+            Box::new(|a| {
+                a.set_rigidity(0, Some(common::view(&other, w, h))).unwrap();
+                settings(a, TileSettings { smoothness: 0.2, room: 0.1, ..grid });
+            }),
+        ),
+        ("nothing rigid", Box::new(|a| a.set_rigidity(0, None).unwrap())),
+        (
+            "as at first",
+            Box::new(|a| {
+                settings(a, grid);
+                a.set_rigidity(0, Some(common::view(&model.maps[0].rigidity, w, h))).unwrap();
+            }),
+        ),
+    ];
+    for (name, change) in &changes {
+        let mut fresh = model.asset(0, N);
+        change(&mut fresh);
+        fresh.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        change(&mut asset);
+        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        // "nothing rigid" comes after another size.
+        let [now, expected] = [&asset, &fresh].map(bits);
+        let still = *name == "nothing rigid";
+        assert!(now == expected || (still && now.iter().all(|u| *u == [0; 2])), "{name}");
+        assert_eq!(still, expected.iter().all(|u| *u == [0; 2]), "{name}");
+        seen.push(expected);
+    }
+    assert!(seen[0] == seen[3] && seen[0] == seen[8], "the way back leads back");
+    let distinct: std::collections::HashSet<_> = seen.iter().collect();
+    assert_eq!(distinct.len(), seen.len() - 2, "each change shows");
+}
+
+#[test]
+fn vertex_rigidity_is_the_same_map_painted() {
+    // The sheet's x is its u; a ramp is linear over triangles and between texels, so both give nodes the same values.
+    let model = Model::from(common::scenes::analytic::bulge());
+    let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
+    let ramp: Vec<u8> =
+        (0..512 * 512).flat_map(|k| (((k % 512) as f32 + 0.5) / 512.0).to_ne_bytes()).collect();
+    let layout = ImageLayout::packed(512, 512, PixelFormat::F32);
+    let mut asset = model.asset(0, N);
+    asset.set_rigidity(0, Some(ImageView::new("map", &ramp, layout).unwrap())).unwrap();
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let painted = Warp::of(&asset, 0);
+    asset.set_vertex_rigidity(Some(Strided::from_f32(&values))).unwrap();
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let vertices = Warp::of(&asset, 0);
+    assert!(painted.largest() > 1.0);
+    // Rigidities differ by their rounding, 1e-7; on this sheet nothing is crowded, so the results hardly differ.
+    let difference = painted.u.iter().zip(&vertices.u).flat_map(|(a, b)| [a[0] - b[0], a[1] - b[1]]);
+    let largest = difference.fold(0.0f32, |m, x| m.max(x.abs()));
+    println!("vertices against map: {largest:e} cells of {}", painted.largest());
+    assert!(largest < 2e-3, "{largest}");
+}

@@ -1,0 +1,176 @@
+//! What is written agrees with itself: formats, row orders, strides, corner UVs, one call or two.
+
+use vrtm::{Asset, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions};
+
+use crate::common::{self, Model, Warp, fetch, floats};
+
+const KINDS: [FetchKind; 3] = [FetchKind::Redirection, FetchKind::RedirectionDelta, FetchKind::Warp];
+
+fn solved(model: &Model) -> Asset {
+    let mut asset = model.asset(0, 256);
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    asset
+}
+
+fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fill: u8) -> Vec<u8> {
+    let mut out = vec![fill; bytes];
+    asset.fetch(0, kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
+    out
+}
+
+/// A half float's value.
+fn half(bits: u16) -> f64 {
+    let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
+    let size = match exponent {
+        0 => fraction * 2f64.powi(-24),
+        31 => f64::NAN,
+        e => (1024.0 + fraction) * 2f64.powi(e - 25),
+    };
+    if bits >> 15 == 1 { -size } else { size }
+}
+
+#[test]
+fn delta_is_redirection_less_texel_centre() {
+    let mut asset = solved(&Model::from(common::scenes::mug_to_jug()));
+    let (width, height) = (200u32, 77u32);
+    let absolute = fetch(&mut asset, 0, FetchKind::Redirection, [width, height]);
+    let delta = fetch(&mut asset, 0, FetchKind::RedirectionDelta, [width, height]);
+    for (k, (a, d)) in absolute.iter().zip(&delta).enumerate() {
+        let centre = [k as u32 % width, k as u32 / width].map(|x| f64::from(x) + 0.5);
+        let centre = [centre[0] / f64::from(width), centre[1] / f64::from(height)];
+        for c in 0..2 {
+            // Both are rounded to f32 once: half an ulp of 1, and far less.
+            let off = f64::from(a[c]) - centre[c] - f64::from(d[c]);
+            assert!(off.abs() < 2.0 * f64::from(f32::EPSILON) / 4.0, "{k}: {off}");
+        }
+    }
+}
+
+#[test]
+fn half_floats_are_the_nearest_to_the_floats() {
+    let mut asset = solved(&Model::from(common::scenes::mug_to_jug()));
+    for kind in KINDS {
+        let layout = |format| ImageLayout::packed(256, 256, format);
+        let whole = floats(&raw(&mut asset, kind, layout(PixelFormat::F32), 256 * 256 * 8, 0));
+        let halves = raw(&mut asset, kind, layout(PixelFormat::F16), 256 * 256 * 4, 0);
+        let halves = halves.chunks_exact(2).map(|b| half(u16::from_ne_bytes([b[0], b[1]])));
+        let mut nonzero = 0;
+        for (&value, half) in whole.iter().flatten().zip(halves) {
+            // Half an ulp: 11 bits of precision, spacing 2^-24 below 2^-14.
+            let exponent = f64::from(value.abs()).log2().floor().max(-14.0);
+            let slack = 2f64.powi(exponent as i32 - 11);
+            assert!((f64::from(value) - half).abs() <= slack, "{kind:?}: {value} {half}");
+            nonzero += usize::from(half != 0.0);
+        }
+        assert!(nonzero > 1000, "{kind:?}");
+    }
+}
+
+#[test]
+fn the_origin_mirrors_rows() {
+    let mut asset = solved(&Model::from(common::scenes::mug_to_jug()));
+    let (width, height) = (100u32, 63u32);
+    let row = width as usize * 8;
+    for kind in KINDS {
+        let [top, bottom] = [Origin::Top, Origin::Bottom].map(|origin| {
+            let layout = ImageLayout { origin, ..ImageLayout::packed(width, height, PixelFormat::F32) };
+            raw(&mut asset, kind, layout, row * height as usize, 0)
+        });
+        assert!(top != bottom, "{kind:?}");
+        assert!(top.chunks_exact(row).rev().eq(bottom.chunks_exact(row)), "{kind:?}");
+    }
+    // v grows upward: with the origin at the bottom, so does it with the row.
+    let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(4, 64, PixelFormat::F32) };
+    let rows = floats(&raw(&mut asset, FetchKind::Redirection, layout, 4 * 64 * 8, 0));
+    assert!(rows[0][1] < 0.05 && rows[4 * 63][1] > 0.95);
+}
+
+#[test]
+fn strides_leave_the_bytes_between_alone() {
+    let mut asset = solved(&Model::from(common::scenes::mug_to_jug()));
+    for (format, size) in [(PixelFormat::F32, 8), (PixelFormat::F16, 4)] {
+        for kind in KINDS {
+            let (width, height) = (37usize, 41usize);
+            let packed = ImageLayout::packed(width as u32, height as u32, format);
+            let expected = raw(&mut asset, kind, packed, width * height * size, 0);
+            // Strides that no type has as its alignment.
+            let (pixel, line) = (size + 5, (size + 5) * width + 13);
+            let layout = ImageLayout { pixel_stride: pixel, row_stride: line, ..packed };
+            for fill in [0x5a, 0xa5] {
+                let out = raw(&mut asset, kind, layout, line * height + 99, fill);
+                for (at, &byte) in out.iter().enumerate() {
+                    let (y, along) = (at / line, at % line);
+                    let (x, within) = (along / pixel, along % pixel);
+                    let texel = y < height && x < width && within < size;
+                    let wanted = if texel { expected[(y * width + x) * size + within] } else { fill };
+                    assert_eq!(byte, wanted, "{kind:?}, {format:?}: byte {at}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn one_call_is_solve_and_fetch() {
+    let model = Model::from(common::scenes::arm());
+    let mut two = solved(&model);
+    let mut one = model.asset(0, 256);
+    let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(96, 96, PixelFormat::F32) };
+    let mut images = vec![vec![0u8; 96 * 96 * 8]; 6];
+    let outputs = [0, 1].into_iter().flat_map(|tile| KINDS.map(|kind| (tile, kind)));
+    let mut fetches: Vec<Fetch> = outputs
+        .zip(&mut images)
+        .map(|((tile, kind), bytes)| Fetch {
+            tile,
+            kind,
+            image: ImageViewMut::new("image", bytes, layout).unwrap(),
+        })
+        .collect();
+    one.redirect(model.frame(1), &SolveOptions::default(), &mut fetches).unwrap();
+    drop(fetches);
+    for (k, bytes) in images.iter().enumerate() {
+        assert_eq!(floats(bytes), fetch(&mut two, k / 3, KINDS[k % 3], [96, 96]), "output {k}");
+    }
+    // A tile that is not there: nothing is written, nothing is solved.
+    let before = images[0].clone();
+    let image = ImageViewMut::new("image", &mut images[0], layout).unwrap();
+    let mut fetches = [Fetch { tile: 2, kind: FetchKind::Warp, image }];
+    assert!(one.redirect(model.frame(2), &SolveOptions::default(), &mut fetches).is_err());
+    assert_eq!(images[0], before);
+    assert!(common::bits(&one) == common::bits(&two));
+}
+
+#[test]
+fn corner_uvs_are_the_inverse_of_the_warp() {
+    use common::scenes::{arm, creature, mug_to_jug};
+    let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
+    models.extend(common::assets());
+    for model in models {
+        let mut asset = solved(&model);
+        let mut uvs = vec![[f32::NAN; 2]; model.indices.len()];
+        asset.corner_uvs(&mut uvs).unwrap();
+        let (mut moved, mut worst) = (0, 0.0f64);
+        for face in model.faces() {
+            let uv = |c: usize| model.uvs[model.uv_indices[c] as usize];
+            let centre = |k: usize| face.clone().map(|c| uv(c)[k]).sum::<f32>() / face.len() as f32;
+            let origin = [0, 1].map(|k| centre(k).floor());
+            let udim = 1001 + origin[0] as u32 + 10 * origin[1] as u32;
+            let Some(tile) = asset.find_tile(udim) else { continue };
+            let n = f64::from(asset.tile_info(tile).unwrap().grid[0]);
+            let warp = Warp::of(&asset, tile);
+            for c in face.clone() {
+                let [p, q] =
+                    [uvs[c], uv(c)].map(|uv| [0, 1].map(|k| (f64::from(uv[k]) - f64::from(origin[k])) * n));
+                if q.iter().any(|x| !(0.0..=n).contains(x)) {
+                    continue;
+                }
+                let back = warp.at(p);
+                worst = worst.max((back[0] - q[0]).hypot(back[1] - q[1]));
+                moved += usize::from(uvs[c] != uv(c));
+            }
+        }
+        println!("{}: {moved} corners moved, {worst:.1e} cells off", model.name);
+        // UVs of 1 to 4 rounded to f32 are half of 2.4e-7 off: 3e-5 cells, times the stretch of W.
+        assert!(moved > 0 && worst < 1e-4, "{}: {worst} cells", model.name);
+    }
+}

@@ -1,0 +1,149 @@
+//! A frame's result depends on its inputs alone: not on threads, not on what was solved before, not on failed calls.
+
+use vrtm::{FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided};
+
+use crate::common::{self, Model, bits, fetch, options};
+
+fn models() -> Vec<Model> {
+    use common::scenes::{arm, creature, mug_to_jug};
+    let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
+    models.push(common::scenes::analytic::torus().into());
+    models.extend(common::assets());
+    models
+}
+
+#[test]
+fn any_number_of_threads() {
+    for model in models() {
+        for quality in [Quality::Normal, Quality::High] {
+            let solve = |threads: u32| {
+                let mut asset = model.asset(threads, 256);
+                asset.solve(model.frame(1), &options(quality)).unwrap();
+                let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [200, 200]);
+                let report = asset.tile_report(0).unwrap();
+                let redirection: Vec<_> = redirection.iter().map(|uv| uv.map(f32::to_bits)).collect();
+                (bits(&asset), redirection, report.energy.to_bits(), report.min_jacobian.to_bits())
+            };
+            let one = solve(1);
+            for threads in [2, 3, 7] {
+                assert!(one == solve(threads), "{}: {threads} threads, {quality:?}", model.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn any_order_of_frames() {
+    for model in models().iter().filter(|model| model.frames.len() > 1) {
+        let count = model.frames.len();
+        let alone: Vec<_> = (1..=count)
+            .map(|frame| {
+                let mut asset = model.asset(0, 256);
+                asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
+                bits(&asset)
+            })
+            .collect();
+        let mut asset = model.asset(0, 256);
+        // Backwards, then the first again, then the same twice.
+        for frame in (1..=count).rev().chain([1, 1]) {
+            asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
+            assert!(bits(&asset) == alone[frame - 1], "{} frame {frame}", model.name);
+        }
+        // Another quality, or a start from the last result, in between leaves no trace.
+        asset.solve(model.frame(count), &options(Quality::Draft)).unwrap();
+        asset.solve(model.frame(2), &SolveOptions { warm: true, ..SolveOptions::default() }).unwrap();
+        asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
+        assert!(bits(&asset) == alone[1], "{}", model.name);
+    }
+}
+
+#[test]
+fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives() {
+    // The creature's first leg alone moves on from frame 1; its other charts keep their results.
+    let mut creature = Model::from(common::scenes::creature());
+    let leg = creature.vertices(|uv| uv[0] < 0.22 && uv[1] < 0.28);
+    let others = creature.vertices(|uv| uv[0] >= 0.22 || uv[1] >= 0.28);
+    let mut next = creature.frames[0].clone();
+    for (v, p) in next.iter_mut().enumerate().filter(|(v, _)| leg[*v] && !others[*v]) {
+        p[1] = p[1] * 1.2 + 0.01 * (v % 2) as f32;
+    }
+    creature.frames.push(next);
+    // The arm's forearm is another tile than its upper arm.
+    let mut arm = Model::from(common::scenes::arm());
+    let upper = arm.vertices(|uv| uv[0] < 1.0);
+    let mut next = arm.frames[0].clone();
+    next.iter_mut().zip(&upper).filter(|(_, upper)| !*upper).for_each(|(p, _)| p[2] *= 1.3);
+    arm.frames.push(next);
+    for model in [creature, arm] {
+        let mut asset = model.asset(0, 256);
+        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        let before = asset.report().unwrap();
+        let first = bits(&asset);
+        asset.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
+        let report = asset.report().unwrap();
+        println!("{}: {} charts solved, {} reused", model.name, report.charts_active, report.charts_reused);
+        assert_eq!(report.charts_active, 1, "{}", model.name);
+        assert_eq!(report.charts_reused, before.charts_active - 1, "{}", model.name);
+        assert!(bits(&asset) != first, "{}", model.name);
+        let mut fresh = model.asset(0, 256);
+        fresh.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
+        assert!(bits(&asset) == bits(&fresh), "{}", model.name);
+        // What was reused has its energies in the report too.
+        for tile in 0..asset.tile_count() {
+            let [a, b] = [&asset, &fresh].map(|asset| asset.tile_report(tile).unwrap());
+            assert_eq!((a.energy_before, a.energy), (b.energy_before, b.energy), "{}", model.name);
+            assert_eq!((a.min_jacobian, a.folds), (b.min_jacobian, b.folds), "{}", model.name);
+        }
+        // A change of a setting is a change of the input.
+        let settings = vrtm::TileSettings { smoothness: 0.1, ..asset.settings(0).unwrap() };
+        asset.set_settings(0, &settings).unwrap();
+        asset.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
+        fresh.set_settings(0, &settings).unwrap();
+        fresh.solve(model.frame(model.frames.len()), &options(Quality::Draft)).unwrap();
+        fresh.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
+        assert!(bits(&asset) == bits(&fresh), "{}", model.name);
+        assert!(asset.tile_report(0).unwrap().charts_reused == 0, "{}", model.name);
+    }
+}
+
+#[test]
+fn a_failed_call_leaves_the_last_result() {
+    let model = Model::from(common::scenes::mug_to_jug());
+    let mut asset = model.asset(0, 256);
+    let nothing = asset.displacements(0);
+    assert!(nothing.is_err(), "there is no result before the first solve");
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let (result, report) = (bits(&asset), asset.tile_report(0).unwrap());
+    let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [128, 128]);
+    let mut corners = vec![[0.0; 2]; model.indices.len()];
+    asset.corner_uvs(&mut corners).unwrap();
+
+    for bad in [f32::NAN, f32::INFINITY] {
+        let mut pose = model.rest.clone();
+        pose[7][1] = bad;
+        let error = asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap_err();
+        assert!(error.message.contains("positions[7]"), "{}", error.message);
+    }
+    let short = Strided::from_f32x3(&model.rest[1..]);
+    assert!(asset.solve(short, &SolveOptions::default()).is_err());
+    let bad = SolveOptions { tolerance: f32::NAN, ..SolveOptions::default() };
+    assert!(asset.solve(model.frame(1), &bad).is_err());
+    let layout = ImageLayout::packed(2, 1, PixelFormat::F32);
+    let bytes: Vec<u8> = [0.5, f32::NAN].iter().flat_map(|x: &f32| x.to_ne_bytes()).collect();
+    assert!(asset.set_rigidity(0, Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
+    assert!(asset.set_mask(0, Some(ImageView::new("map", &bytes, layout).unwrap())).is_err());
+    assert!(asset.set_vertex_rigidity(Some(Strided::from_f32(&[f32::NAN]))).is_err());
+    assert!(asset.corner_uvs(&mut [[0.0; 2]]).is_err());
+
+    assert!(bits(&asset) == result);
+    let after = asset.tile_report(0).unwrap();
+    assert_eq!((after.energy, after.nodes_active), (report.energy, report.nodes_active));
+    assert_eq!(fetch(&mut asset, 0, FetchKind::Redirection, [128, 128]), redirection);
+    let mut again = vec![[0.0; 2]; model.indices.len()];
+    asset.corner_uvs(&mut again).unwrap();
+    assert_eq!(corners, again);
+    // And it is still what the next solve reuses.
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    assert_eq!(asset.tile_report(0).unwrap().charts_active, 0);
+    assert!(bits(&asset) == result);
+}

@@ -1,0 +1,159 @@
+//! Every warp: free of folds, fixed where it has to be, no worse than the identity, one-to-one and onto, and inverted
+//! by its redirection.
+
+use vrtm::{Asset, FetchKind, Quality};
+
+use crate::common::{self, Model, Warp, fetch, on_all_cores, options};
+use crate::fixed::fixed_nodes;
+
+/// One solve to look at.
+struct Case<'a> {
+    model: &'a Model,
+    grid: u32,
+    frames: Vec<usize>,
+    quality: Quality,
+}
+
+fn all_frames(model: &Model, grid: u32) -> Case<'_> {
+    Case { model, grid, frames: (1..=model.frames.len()).collect(), quality: Quality::Normal }
+}
+
+fn check(cases: &[Case]) {
+    let results = on_all_cores(cases, |case| {
+        let mut asset = case.model.asset(1, case.grid);
+        let fixed: Vec<Vec<bool>> = (0..asset.tile_count())
+            .map(|tile| fixed_nodes(case.model, asset.tile_info(tile).unwrap().udim, case.grid as usize))
+            .collect();
+        let mut worst = Worst::default();
+        for &frame in &case.frames {
+            asset.solve(case.model.frame(frame), &options(case.quality)).unwrap();
+            for (tile, fixed) in fixed.iter().enumerate() {
+                let name = format!("{} {frame}, tile {tile}, {}²", case.model.name, case.grid);
+                check_tile(&mut asset, tile, fixed, &name, &mut worst);
+            }
+        }
+        format!(
+            "{:12} {:5}²: {} frames, least J {:.4}, round trip {:.1e} texel",
+            case.model.name,
+            case.grid,
+            case.frames.len(),
+            worst.jacobian,
+            worst.round_trip
+        )
+    });
+    results.iter().for_each(|line| println!("{line}"));
+}
+
+struct Worst {
+    jacobian: f64,
+    round_trip: f64,
+}
+
+impl Default for Worst {
+    fn default() -> Worst {
+        Worst { jacobian: 1.0, round_trip: 0.0 }
+    }
+}
+
+fn check_tile(asset: &mut Asset, tile: usize, fixed: &[bool], name: &str, worst: &mut Worst) {
+    let warp = Warp::of(asset, tile);
+    let report = asset.tile_report(tile).unwrap();
+    // 1: no fold, and the certificate says the same of the same numbers.
+    let least = warp.min_jacobian();
+    assert!(least > 0.0 && report.folds == 0, "{name}: least J {least}, {} folds", report.folds);
+    assert!((least.min(1.0) - report.min_jacobian).abs() < 1e-9, "{name}: {least} {}", report.min_jacobian);
+    worst.jacobian = worst.jacobian.min(least);
+    // 2: fixed nodes.
+    for (k, u) in warp.u.iter().enumerate().filter(|(k, _)| fixed[*k]) {
+        assert_eq!(*u, [0.0; 2], "{name}: node ({}, {}) is fixed", k % (warp.nx + 1), k / (warp.nx + 1));
+    }
+    // 4: of E, this much can be seen from outside.
+    assert!(report.energy <= report.energy_before, "{name}: {} {}", report.energy_before, report.energy);
+    // The warp as it is fetched is the warp.
+    let nodes = fetch(asset, tile, FetchKind::Warp, [warp.nx as u32 + 1, warp.ny as u32 + 1]);
+    for (k, uv) in nodes.iter().enumerate() {
+        let p = warp.node(k % (warp.nx + 1), k / (warp.nx + 1));
+        let q = [f64::from(uv[0]) * warp.nx as f64, f64::from(uv[1]) * warp.ny as f64];
+        // UVs are rounded to f32: half an ulp of 1, in cells.
+        let slack = f64::from(f32::EPSILON) / 4.0 * 1.001 * warp.nx as f64;
+        assert!((p[0] - q[0]).abs() <= slack && (p[1] - q[1]).abs() <= slack, "{name}: {p:?} {q:?}");
+    }
+    // 6: onto, one-to-one, and inverted; as large as the grid, half of it, and nothing of the kind.
+    let (nx, ny) = (warp.nx as u32, warp.ny as u32);
+    for size in [[nx, ny], [nx / 2, ny / 2], [nx * 3 / 4 + 5, ny * 5 / 4 + 3]] {
+        let redirection = fetch(asset, tile, FetchKind::Redirection, size);
+        let size = size.map(|n| n as usize);
+        let count = warp.count(size);
+        let twice = count.iter().position(|&n| n != 1);
+        assert_eq!(twice, None, "{name}: texel of {size:?} not covered once");
+        for (k, uv) in redirection.iter().enumerate() {
+            let texel = [k % size[0], k / size[0]];
+            let p = [f64::from(uv[0]) * warp.nx as f64, f64::from(uv[1]) * warp.ny as f64];
+            assert!(p.iter().all(|x| x.is_finite()), "{name}: texel {texel:?} of {size:?} is not written");
+            let back = warp.at(p);
+            let cells = [warp.nx, warp.ny];
+            let off = [0, 1].map(|c| back[c] * size[c] as f64 / cells[c] as f64 - (texel[c] as f64 + 0.5));
+            let off = off[0].hypot(off[1]);
+            assert!(off <= 1e-3, "{name}: texel {texel:?} of {size:?} comes back {off} texels off");
+            worst.round_trip = worst.round_trip.max(off);
+        }
+    }
+}
+
+#[test]
+fn analytic_scenes() {
+    let models = common::analytic();
+    let sizes = [256, 512];
+    let mut cases: Vec<Case> =
+        models.iter().flat_map(|model| sizes.map(|grid| all_frames(model, grid))).collect();
+    let all = [Quality::Draft, Quality::High];
+    cases.extend(
+        models.iter().flat_map(|model| all.map(|quality| Case { quality, ..all_frames(model, 256) })),
+    );
+    check(&cases);
+}
+
+#[test]
+fn crushed_sheets() {
+    let models = [0.4, 0.1, 0.01].map(|share| Model::from(common::scenes::analytic::squash(share)));
+    check(&models.iter().map(|model| all_frames(model, 256)).collect::<Vec<_>>());
+}
+
+#[test]
+fn built_in_scenes() {
+    use common::scenes::{arm, creature, mug_to_jug};
+    let models = [mug_to_jug(), creature(), arm()].map(Model::from);
+    let sizes = [256, 512];
+    let cases: Vec<Case> =
+        models.iter().flat_map(|model| sizes.map(|grid| all_frames(model, grid))).collect();
+    check(&cases);
+}
+
+#[test]
+fn assets_at_256_all_frames() {
+    let models = common::assets();
+    check(&models.iter().map(|model| all_frames(model, 256)).collect::<Vec<_>>());
+}
+
+#[test]
+fn assets_at_512_two_frames() {
+    let models = common::assets();
+    check(
+        &models.iter().map(|model| Case { frames: vec![1, 4], ..all_frames(model, 512) }).collect::<Vec<_>>(),
+    );
+}
+
+#[test]
+fn assets_at_1024() {
+    let models = common::assets();
+    let chosen = [("mh_face", 1), ("mh_face", 6), ("spot", 2)];
+    let cases: Vec<Case> = chosen
+        .iter()
+        .filter_map(|&(name, frame)| {
+            let model = models.iter().find(|model| model.name == name)?;
+            Some(Case { frames: vec![frame], ..all_frames(model, 1024) })
+        })
+        .collect();
+    assert!(models.is_empty() || cases.len() == 3);
+    check(&cases);
+}
