@@ -290,7 +290,8 @@ fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, 
         let node = [(x as usize * SIDE + i) as f64 - 1.0 - a[0], (y as usize * SIDE + j) as f64 - 1.0 - a[1]];
         Some((t, p, along(node), along))
     };
-    let norm = |v: [f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // Scaled before it is squared: units of 1e300 must not overflow.
+    let norm = |v: [f64; 3]| v.iter().map(|x| (x * scale).powi(2)).sum::<f64>().sqrt();
     edges(|i, j, (di, dj)| {
         let other = ((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
         let length = match (sample(i + 1, j + 1), sample(other.0, other.1)) {
@@ -301,7 +302,7 @@ fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, 
             // Not inside the chart: no movable node has this edge.
             _ => 0.0,
         };
-        (length * scale) as f32
+        length as f32
     })
 }
 

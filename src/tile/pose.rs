@@ -2,6 +2,10 @@
 
 use crate::mesh::TileMesh;
 
+/// Farther out, in sizes of the chart at rest, a pose is not followed: squares of its lengths over rest lengths have to
+/// stay finite in f32.
+const FARTHEST: f64 = (1u32 << 20) as f64;
+
 /// Positions of one chart, relative to its own centre and in units of its own rest size, so that f32 suffices
 /// wherever and however large the mesh is.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,7 +47,9 @@ impl Pose {
                     .iter()
                     .map(|&v| {
                         let p = position(v);
-                        std::array::from_fn(|axis| ((p[axis] - centre[axis]) * scale) as f32)
+                        std::array::from_fn(|axis| {
+                            ((p[axis] - centre[axis]) * scale).clamp(-FARTHEST, FARTHEST) as f32
+                        })
                     })
                     .collect();
                 ChartPose { positions, scale }
@@ -77,13 +83,14 @@ impl Pose {
     }
 }
 
-/// 2^k with extent * 2^k in 0.5..1; 1 where there is no extent. Made from the exponent's bits: exact anywhere.
+/// 2^k with extent * 2^k in 0.5..1, or near it at the ends of f64; 1 where there is no extent. Made from the exponent's
+/// bits: exact anywhere.
 fn power_of_two_near_inverse(extent: f64) -> f64 {
-    if !extent.is_normal() {
+    if !extent.is_normal() && !extent.is_infinite() {
         return 1.0;
     }
     let exponent = (extent.to_bits() >> 52 & 0x7ff) as i64 - 1023;
-    f64::from_bits(((-exponent - 1).clamp(-1000, 1000) + 1023).unsigned_abs() << 52)
+    f64::from_bits(((-exponent - 1).clamp(-1022, 1022) + 1023).unsigned_abs() << 52)
 }
 
 /// A triangle of a pose: position at its first UV corner and the tangents along u and v, per level-0 cell.
