@@ -195,7 +195,9 @@ impl Run<'_> {
                 let u = unsafe { u.get_mut(b) };
                 for c in 0..2 {
                     for s in 0..NODES {
-                        u[c][s] = from[c][s] + part * share[s] * step[c][s];
+                        // No part of a step that is not a number is no step.
+                        let part = if part > 0.0 { part * share[s] * step[c][s] } else { 0.0 };
+                        u[c][s] = from[c][s] + part;
                     }
                 }
             });
