@@ -18,6 +18,9 @@ const BORDER: usize = 10;
 const HARM: f64 = 0.25;
 const HELP: f64 = 0.10;
 
+/// Strains count up to this: enough for any scene, and statistics stay finite in f32.
+const LARGEST: f64 = 1e12;
+
 /// Measures a warp of one tile. `u` gives the displacement of node (i, j) in cells; `pose` has one position per
 /// vertex. Both ends of an edge that counts are covered by one chart: one of them can move.
 pub(crate) fn measure(
@@ -61,8 +64,10 @@ pub(crate) fn measure(
             }
             let length = distance(&ends[a].rest, &ends[b].rest);
             if length > 0.0 {
-                let before = (distance(&ends[a].before, &ends[b].before) / length - 1.0).abs();
-                let after = (distance(&ends[a].after, &ends[b].after) / length - 1.0).abs();
+                // Not a number, for a pose at the ends of f64, becomes the largest too.
+                let strain = |p, q| (distance(p, q) / length - 1.0).abs().min(LARGEST);
+                let before = strain(&ends[a].before, &ends[b].before);
+                let after = strain(&ends[a].after, &ends[b].after);
                 let place = Where {
                     border: near_border[a] || near_border[b],
                     free: maps.chart[a] != NONE && maps.chart[b] != NONE,
@@ -181,7 +186,10 @@ fn dilate(values: &mut [bool], first: usize, stride: usize, count: usize, line: 
 }
 
 fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
+    let d: [f64; 3] = std::array::from_fn(|k| b[k] - a[k]);
+    // Units of 1e300 or 1e-300 must not overflow or vanish in the squares.
+    let largest = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if largest == 0.0 { 0.0 } else { largest * d.iter().map(|x| (x / largest).powi(2)).sum::<f64>().sqrt() }
 }
 
 #[cfg(test)]
