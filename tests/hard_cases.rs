@@ -135,6 +135,13 @@ impl Case {
             report.energy,
             report.energy_before
         );
+        if let Some(strain) = report.strain {
+            for s in [strain.before, strain.after] {
+                let all = [s.rms, s.median, s.p95, s.p99, s.max, s.border_rms, s.interior_rms, s.free_rms];
+                assert!(all.iter().all(|x| x.is_finite()), "strain {s:?}");
+            }
+            assert!(strain.harm.is_finite() && strain.help.is_finite(), "harm, help");
+        }
         assert!(report.max_displacement.is_finite(), "max_displacement {}", report.max_displacement);
     }
 

@@ -164,7 +164,7 @@ pub fn cases() -> Vec<Case> {
         sheet("turned inside out", Certified, |[x, y, z]| [1.0 - x * (1.0 + 0.3 * y), y, z]),
         sheet("stretched by 1000 in x", Certified, squash(1000.0)),
         sheet("scaled by 1e-20", Certified, |p| p.map(|x| x * 1e-20)),
-        sheet("scaled by 1e30", Certified, |p| p.map(|x| x * 1e30)),
+        sheet("scaled by 1e30", Gain(0.99), |p| p.map(|x| x * 1e30)),
         sheet("scaled by 1e300", Certified, |p| p.map(|x| x * 1e300)),
         sheet(
             "one vertex at 1e30",
@@ -174,6 +174,13 @@ pub fn cases() -> Vec<Case> {
         moved("rest and pose at 1e30", Gain(0.99), |p| p.map(|x| x * 1e30)),
         moved("rest and pose at 1e300", Gain(0.99), |p| p.map(|x| x * 1e300)),
         moved("rest and pose at 1e-300", Gain(0.99), |p| p.map(|x| x * 1e-300)),
+        moved("rest and pose at the ends of f64", Gain(0.99), |[x, y, z]| {
+            [10.0 * (x - 0.5) * 3.5e307, 10.0 * (y - 0.5) * 3.5e307, 3e307 * z]
+        }),
+        moved("rest and pose at 1e-320", Certified, |p| p.map(|x| x * 1e-320)),
+        moved("rest at 1e-300, pose at 1e300", Certified, |[x, y, z]| {
+            if z == 0.0 { [x, y, z].map(|x| x * 1e-300) } else { [x, y, z].map(|x| x * 1e300) }
+        }),
         moved("rest is a line", Certified, |[x, _, z]| [x, 0.5, z]),
         moved("rest and pose are a point", Near(0.0), |_| [0.5; 3]),
         moved("1e6 units from the origin", Gain(0.99), |p| p.map(|x| x + 1e6)),
@@ -181,9 +188,10 @@ pub fn cases() -> Vec<Case> {
         bulged("1:1000 in UV", Certified, |case| {
             case.uvs.iter_mut().for_each(|uv| uv[1] = 0.5 + (uv[1] - 0.5) * 1e-3)
         }),
-        bulged("1:1000 in UV, tall grid", Certified, |case| {
+        bulged("1:1000 in UV, tall grid", Gain(0.99), |case| {
             case.uvs.iter_mut().for_each(|uv| uv[0] = 0.5 + (uv[0] - 0.5) * 1e-3);
-            case.settings.grid = [1024, 16];
+            case.rigidity = Some(all(1.0));
+            case.settings.grid = [8192, 16];
         }),
         bulged("rest is a point, pose is not", Certified, |case| case.rest.fill([0.5; 3])),
         // UVs.
@@ -212,6 +220,26 @@ pub fn cases() -> Vec<Case> {
             for k in [40, 100, 150] {
                 case.uvs[k][0] += 0.12;
             }
+        }),
+        bulged("triangles shrinking to 1e-30", Gain(0.99), |case| {
+            // The first quad's corner, which lies on the tile's, is cut into a zigzag of triangles between the two axes,
+            // each a hundred-thousandth of the one before, but half as large in space.
+            case.uvs.iter_mut().for_each(|uv| *uv = uv.map(|x| x - MARGIN as f32));
+            case.triangles.splice(0..6, [1, 18, 17]);
+            let (mut x, mut y) = (1, 17);
+            for k in 1..7 {
+                let n = case.rest.len() as u32;
+                let (size, length) = (0.05 * 1e-5f32.powi(k), 0.05 * 0.5f64.powi(k));
+                case.triangles.extend([x, y, n, n, y, n + 1]);
+                case.uvs.extend([[size, 0.0], [0.0, size]]);
+                for points in [&mut case.rest, &mut case.poses[0]] {
+                    points.extend([[MARGIN + length, MARGIN, 0.0], [MARGIN, MARGIN + length, 0.0]]);
+                }
+                (x, y) = (n, n + 1);
+            }
+        }),
+        bulged("small triangles near 0 alone", Near(0.0), |case| {
+            case.uvs.iter_mut().for_each(|uv| *uv = uv.map(|x| x * 1e-38));
         }),
         bulged("checkerboard of windings", Certified, |case| {
             case.triangles = quads([16, 16], |i, j| (i + j) % 2 == 0)
@@ -290,6 +318,10 @@ pub fn cases() -> Vec<Case> {
         bulged("budget of 0.01 ms", Truncated, |case| case.options.time_budget_ms = 0.01),
         bulged("measured", Gain(0.99), |case| case.options.measure = true),
     ];
+    // Strain is measured, too, where numbers are at their ends.
+    for case in list.iter_mut().filter(|case| case.name.contains("e30") || case.name.contains("e-3")) {
+        case.options.measure = true;
+    }
     for texels in 1..=8 {
         list.push(charts(
             [
