@@ -26,7 +26,7 @@ pub enum LogLevel {
     Info,
 }
 
-/// A host's log function; called on the thread that called into vrtm, with no lock held.
+/// A host's log function; called on the thread that called into vrtm. The asset that the line is about is busy meanwhile.
 pub type LogFn = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
 
 /// What a device is made from. The default is: choose the backend, all cores, no budget, no log.
@@ -38,7 +38,8 @@ pub struct DeviceSettings {
     pub adapter: u32,
     /// CPU threads per solve; 0 = one per core.
     pub threads: u32,
-    /// Most bytes that all assets of the device may hold together; 0 = no limit.
+    /// Most bytes that the tiles of all assets of the device may hold together, while no call is under way: maps, grids,
+    /// solvers, results; 0 = no limit.
     pub memory_budget: u64,
     /// Where warnings go; `None` = nowhere.
     pub log: Option<LogFn>,
