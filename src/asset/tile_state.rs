@@ -143,7 +143,8 @@ impl TileState {
         let mut report = TileReport::default();
         if any {
             self.allocate(device, &grid, source.udim)?;
-            if let Some(memory) = &mut self.memory {
+            // Taken out for the time being: should a stage panic, the memory goes with it.
+            if let Some(mut memory) = self.memory.take() {
                 let input = Input {
                     grid: &grid,
                     mesh: source,
@@ -151,7 +152,7 @@ impl TileState {
                     settings: &self.maps.settings,
                     charts: &charts,
                 };
-                let mut run = Run::new(team, &input, memory, &mut u);
+                let mut run = Run::new(team, &input, &mut memory, &mut u);
                 let done = solve::run(&mut run, plan, warm);
                 for (c, active) in charts.iter().enumerate() {
                     if *active {
@@ -165,6 +166,7 @@ impl TileState {
                 report.node_updates = run.node_updates();
                 report.blocks_active = run.blocks_active();
                 report.levels = grid.levels.len() as u32;
+                self.memory = Some(memory);
             }
         }
         let count = |wanted: ChartState| state.iter().filter(|&&s| s == wanted).count() as u32;

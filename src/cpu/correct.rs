@@ -228,11 +228,7 @@ impl Run<'_> {
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = f64::from(sum.sum()) };
         });
-        let mut dots = vec![0.0; self.charts.len()];
-        for (sum, &b) in sums.iter().zip(blocks) {
-            dots[self.grid.levels[level].blocks.list[b as usize].chart as usize] += sum;
-        }
-        dots
+        self.per_chart(level, &sums)
     }
 
     /// Calls `f(block, chart)` for all active blocks of a level.

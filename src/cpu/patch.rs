@@ -1,15 +1,12 @@
 //! One block's problem, gathered for work: the energy of DESIGN 5 seen from one row of eight nodes of one colour.
 
-use std::marker::PhantomData;
-
 use crate::mesh::NONE;
 use crate::settings::TileSettings;
 use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window, place};
 
-use super::lanes::{Kernel, LANES, Mask, V, each};
-use super::relax::MIN_JACOBIAN;
+use super::lanes::{LANES, Mask, V, each};
 use super::surface::{Sample, Slopes, Surface};
 use super::team::Shared;
 
@@ -408,50 +405,5 @@ impl Edge {
             energy += off * off * (weights.orientation * self.shorter * self.shorter);
         }
         energy
-    }
-}
-
-/// A block's share of its chart's energy: an edge or corner between several movable nodes is shared among them.
-pub struct BlockEnergy<'a, S> {
-    pub patch: &'a Patch,
-    pub weights: &'a Weights,
-    pub surface: PhantomData<S>,
-}
-
-impl<S: Surface> Kernel for BlockEnergy<'_, S> {
-    type Output = f64;
-
-    #[inline(always)]
-    fn run(self) -> f64 {
-        let BlockEnergy { patch, weights, .. } = self;
-        let mut sum = V::ZERO;
-        let mut worst = V::ONE;
-        for row in (0..4).flat_map(Row::of_colour) {
-            let p = patch.here(row);
-            let at = row.at(0, 0);
-            let movable = |di, dj| V::load_u8(&patch.movable, row.at(di, dj));
-            let mut energy = V::ZERO;
-            for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
-                let edge = patch.edge(row, &p, k);
-                let length = S::length(&p.value, &p.slope, &edge.value, edge.same, &edge.d);
-                energy += (V::ONE - movable(di, dj) * 0.5) * edge.energy(k, length, weights);
-            }
-            let corners = patch.corners(row, &p);
-            for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
-                let (a, b, c) = (movable(sx, 0), movable(0, sy), movable(sx, sy));
-                let others = [a + b, a + c, b + c];
-                for k in 0..3 {
-                    let jacobian = corners[3 * q + k].0;
-                    energy += room(jacobian, weights) / (others[k] + 1.0);
-                    worst = jacobian.min(worst);
-                }
-            }
-            let own = V::load_u8(&patch.movable, at);
-            // Fixed lanes may hold anything, even what is not a number.
-            sum += V::ZERO.lt(own).select(energy, V::ZERO);
-        }
-        // A state with crushed cells is worth nothing, however low its energy.
-        let crushed = worst.0.iter().any(|&jacobian| jacobian < 0.5 * MIN_JACOBIAN);
-        if crushed { f64::INFINITY } else { f64::from(sum.sum()) }
     }
 }

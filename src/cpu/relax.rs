@@ -6,9 +6,10 @@
 
 use crate::tile::Level;
 
-use super::lanes::{Kernel, LANES, Mask, V, each};
+use super::lanes::{Kernel, LANES, Mask, V, each, wide};
 use super::patch::{Local, Patch, Row, State, Weights};
 use super::surface::Surface;
+use super::{Run, SurfaceFn};
 
 /// Corner Jacobians of a result are at least this.
 pub const MIN_JACOBIAN: f32 = 0.02;
@@ -16,14 +17,34 @@ pub const MIN_JACOBIAN: f32 = 0.02;
 /// A node's step per sweep, in cells, at most: the linear model is not to be trusted further.
 const MAX_STEP: f32 = 2.0;
 
+/// Sweeps over all blocks of a level.
+pub struct Relax {
+    pub level: usize,
+    pub sweeps: u32,
+}
+
+impl SurfaceFn<()> for Relax {
+    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
+        let level = &run.grid.levels[self.level];
+        for _ in 0..self.sweeps {
+            run.each_colour(self.level, false, |b| {
+                // Blocks of one colour do not touch.
+                run.patches.with(|patch| {
+                    wide(Sweep { patch, level, state, surface, weights: &run.weights, b });
+                });
+            });
+        }
+    }
+}
+
 /// One sweep over block `b`. No other item may touch this block, or write one around it, meanwhile.
-pub struct Sweep<'a, S> {
-    pub patch: &'a mut Patch,
-    pub level: &'a Level,
-    pub state: State,
-    pub surface: S,
-    pub weights: &'a Weights,
-    pub b: usize,
+struct Sweep<'a, S> {
+    patch: &'a mut Patch,
+    level: &'a Level,
+    state: State,
+    surface: S,
+    weights: &'a Weights,
+    b: usize,
 }
 
 impl<S: Surface> Kernel for Sweep<'_, S> {

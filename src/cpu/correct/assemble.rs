@@ -3,8 +3,9 @@
 
 use std::marker::PhantomData;
 
+use super::super::energy::BlockEnergy;
 use super::super::lanes::{Kernel, LANES, V, each, wide};
-use super::super::patch::{BlockEnergy, NEIGHBOURS, Patch, QUADRANTS, Weights};
+use super::super::patch::{NEIGHBOURS, Patch, QUADRANTS, Weights};
 use super::super::relax::MIN_JACOBIAN;
 use super::super::surface::Slopes;
 use super::*;
@@ -38,11 +39,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
         });
-        let mut energies = vec![0.0; run.charts.len()];
-        for (sum, &b) in sums.iter().zip(blocks) {
-            energies[level.blocks.list[b as usize].chart as usize] += sum;
-        }
-        energies
+        run.per_chart(self.level, &sums)
     }
 }
 
