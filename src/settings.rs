@@ -154,7 +154,7 @@ pub struct SolveOptions {
     pub warm: bool,
     /// Stop correcting a chart when a correction gains less than this share of its energy; 0 = the quality's own.
     pub tolerance: f32,
-    /// Cap on corrections per level; 0 = the quality's own.
+    /// Cap on corrections per level in place of the quality's own, at most 64; 0 = the quality's own.
     pub max_corrections: u32,
     /// Stop after about this many milliseconds with the best state so far; 0 = no limit.
     pub time_budget_ms: f32,
@@ -162,10 +162,19 @@ pub struct SolveOptions {
     pub measure: bool,
 }
 
+/// Most corrections per level: work is bounded.
+const MAX_CORRECTIONS: u32 = 64;
+
 impl SolveOptions {
     pub(crate) fn check(&self) -> Result<()> {
         if !(0.0..1.0).contains(&self.tolerance) {
             return Err(Error::argument(format!("options.tolerance: {} is not in 0..1", self.tolerance)));
+        }
+        if self.max_corrections > MAX_CORRECTIONS {
+            return Err(Error::argument(format!(
+                "options.max_corrections: {} is over {MAX_CORRECTIONS}",
+                self.max_corrections
+            )));
         }
         if !(self.time_budget_ms >= 0.0 && self.time_budget_ms.is_finite()) {
             return Err(Error::argument(format!(

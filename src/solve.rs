@@ -60,7 +60,7 @@ impl Plan {
             Quality::Normal => (2, [2, 1], 0.0),
             Quality::High => (4, [4, 2], 1e-6),
         };
-        let cap = |n: u32| if options.max_corrections > 0 { n.min(options.max_corrections) } else { n };
+        let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
         Plan {
             sweeps,
             corrections: corrections.map(cap),
