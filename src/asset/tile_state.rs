@@ -144,6 +144,7 @@ impl TileState {
 
     /// Solves the tile for a pose. Nothing of `solved` changes: the caller puts the result there when all tiles have
     /// theirs.
+    #[allow(clippy::too_many_arguments, reason = "one caller, and a struct for it would only rename them")]
     pub fn solve(
         &mut self,
         team: &Team,
