@@ -1,7 +1,7 @@
 //! Bakes redirection maps for a mesh and its poses, with a sheet to judge them by and a report.
 //!
 //! `cargo run --release --example bake` bakes a built-in scene into `out/`; `--help` tells the rest.
-//! What a host does with vrtm stands in [`Bake`]: make an asset, set its maps, solve a pose, fetch the results.
+//! What a host does with vrtm stands in `Bake`: make an asset, set its maps, solve a pose, fetch the results.
 
 #[path = "bake/args.rs"]
 mod args;

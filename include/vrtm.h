@@ -680,7 +680,7 @@ typedef struct vrtm_solve_options {
     // 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     // the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
     uint32_t warm;
-    // Most corrections per level; 0 = the quality's own.
+    // Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
     uint32_t max_corrections;
     // A chart is done when a correction gains less than this share of its energy, 0 <= tolerance < 1; 0 = the
     // quality's own.

@@ -89,7 +89,7 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range; so for every function that takes a tile.
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
         self.check_tile(tile)?;
-        Ok(self.tiles[tile].info(&self.device, &self.mesh, tile))
+        self.tiles[tile].info(&self.device, &self.mesh, tile)
     }
 
     /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` takes it away (the tile is then the identity).
@@ -196,7 +196,7 @@ impl Asset {
             let mut results = Vec::with_capacity(self.tiles.len());
             for (tile, state) in self.tiles.iter_mut().enumerate() {
                 let position = |v: u32| positions.get3(v as usize);
-                results.push(state.solve(team, &self.device, &self.mesh, tile, position, &plan)?);
+                results.push(state.solve(team, &self.device, &self.mesh, tile, position, &plan, start)?);
             }
             for (state, result) in self.tiles.iter_mut().zip(results) {
                 state.solved = Some(result);
@@ -276,6 +276,7 @@ impl Asset {
     }
 
     fn solved(&self) -> Result<Vec<&Solved>> {
+        self.solved_ms.ok_or_else(not_solved)?;
         self.tiles.iter().map(|tile| tile.solved.as_ref().ok_or_else(not_solved)).collect()
     }
 

@@ -163,8 +163,10 @@ impl Mesh {
             }
             tiles.push(tile);
         }
+        let index: HashMap<u32, u32> =
+            tiles.iter().enumerate().map(|(i, tile)| (tile.udim, i as u32)).collect();
         for (corner, udim) in corners.iter_mut().zip(udims) {
-            corner.tile = tiles.iter().position(|tile| tile.udim == udim).map_or(NONE, |i| i as u32);
+            corner.tile = index.get(&udim).copied().unwrap_or(NONE);
         }
         info.tiles = tiles.len() as u32;
         info.charts = tiles.iter().map(|tile| tile.charts.len() as u32).sum();

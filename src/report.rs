@@ -13,7 +13,7 @@ pub struct DeviceInfo {
     pub reason: String,
     /// Threads per solve (CPU).
     pub threads: u32,
-    /// Bytes that all assets of the device hold now.
+    /// Bytes that the tiles of all assets of the device hold now.
     pub bytes_held: u64,
 }
 
@@ -148,7 +148,7 @@ pub struct TileReport {
     pub charts_active: u32,
     /// Charts that kept their last result because none of their inputs changed.
     pub charts_reused: u32,
-    /// Charts that are the identity: nothing rigid, nothing movable, or a pose isometric to rest.
+    /// Charts that are the identity: nothing rigid, nothing movable, no extent at rest, or a pose isometric to rest.
     pub charts_identity: u32,
     /// Charts that fell back to the identity because nothing better was found.
     pub charts_fallback: u32,

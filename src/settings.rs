@@ -26,7 +26,7 @@ pub enum LogLevel {
     Info,
 }
 
-/// A host's log function; called on the thread that called into vrtm, with no lock held.
+/// A host's log function; called on the thread that called into vrtm. The asset that the line is about is busy meanwhile.
 pub type LogFn = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
 
 /// What a device is made from. The default is: choose the backend, all cores, no budget, no log.
@@ -38,7 +38,8 @@ pub struct DeviceSettings {
     pub adapter: u32,
     /// CPU threads per solve; 0 = one per core.
     pub threads: u32,
-    /// Most bytes that all assets of the device may hold together; 0 = no limit.
+    /// Most bytes that the tiles of all assets of the device may hold together, while no call is under way: maps, grids,
+    /// solvers, results; 0 = no limit.
     pub memory_budget: u64,
     /// Where warnings go; `None` = nowhere.
     pub log: Option<LogFn>,
@@ -153,7 +154,7 @@ pub struct SolveOptions {
     pub warm: bool,
     /// Stop correcting a chart when a correction gains less than this share of its energy; 0 = the quality's own.
     pub tolerance: f32,
-    /// Cap on corrections per level; 0 = the quality's own.
+    /// Cap on corrections per level in place of the quality's own, at most 64; 0 = the quality's own.
     pub max_corrections: u32,
     /// Stop after about this many milliseconds with the best state so far; 0 = no limit.
     pub time_budget_ms: f32,
@@ -161,10 +162,19 @@ pub struct SolveOptions {
     pub measure: bool,
 }
 
+/// Most corrections per level: work is bounded.
+const MAX_CORRECTIONS: u32 = 64;
+
 impl SolveOptions {
     pub(crate) fn check(&self) -> Result<()> {
         if !(0.0..1.0).contains(&self.tolerance) {
             return Err(Error::argument(format!("options.tolerance: {} is not in 0..1", self.tolerance)));
+        }
+        if self.max_corrections > MAX_CORRECTIONS {
+            return Err(Error::argument(format!(
+                "options.max_corrections: {} is over {MAX_CORRECTIONS}",
+                self.max_corrections
+            )));
         }
         if !(self.time_budget_ms >= 0.0 && self.time_budget_ms.is_finite()) {
             return Err(Error::argument(format!(

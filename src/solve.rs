@@ -66,8 +66,10 @@ impl Plan {
             corrections: corrections.map(cap),
             tolerance: if options.tolerance > 0.0 { options.tolerance } else { tolerance },
             warm: options.warm,
-            budget: (options.time_budget_ms > 0.0)
-                .then(|| Duration::from_secs_f32(options.time_budget_ms / 1000.0)),
+            // A budget beyond what a duration can hold is none.
+            budget: Some(options.time_budget_ms)
+                .filter(|&ms| ms > 0.0)
+                .and_then(|ms| Duration::try_from_secs_f32(ms / 1000.0).ok()),
         }
     }
 }
@@ -81,9 +83,8 @@ pub(crate) struct Outcome {
     pub truncated: bool,
 }
 
-/// Runs the schedule.
-pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool) -> Outcome {
-    let start = Instant::now();
+/// Runs the schedule. The plan's budget counts from `start`.
+pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Instant) -> Outcome {
     let mut outcome = Outcome::default();
     let mut times = StageTimes::default();
     timed(&mut times.surface, || stages.surface());

@@ -176,10 +176,11 @@ fn work_is_bounded() {
             // Before the first correction, and after each.
             let planned = sweeps * (1 + finest) + sweeps * (1 + others) * coarser;
             assert!(report.sweeps <= planned && report.sweeps > 0, "{quality:?}: {}", report.sweeps);
-            // Each level has at most a quarter of the movable nodes of the one below, all together a third.
+            // Relaxation follows each share of a step that is tried, three of them, and at last none. Each level has at
+            // most a quarter of the movable nodes of the one below, all coarser ones together a third.
             let nodes = report.nodes_active;
-            let most =
-                u64::from(sweeps * (1 + finest)) * nodes + u64::from(sweeps * (1 + others)) * nodes / 3;
+            let updates = |corrections: u32| u64::from(sweeps * (1 + 4 * corrections)) * nodes;
+            let most = updates(finest) + updates(others) / 3;
             println!(
                 "{} {quality:?}: {} levels, {} sweeps, {} corrections, {:.2} updates per node (at most {:.2})",
                 model.name,

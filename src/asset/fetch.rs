@@ -133,8 +133,10 @@ pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut 
                 let origin = [f64::from(tile % 10), f64::from(tile / 10)];
                 let cells = [level.nx as f64, level.ny as f64];
                 let c = [0, 1].map(|k| (f64::from(corner.uv[k]) - origin[k]) * cells[k]);
-                let p = invert::point(level, &solved.u, corner.chart, c);
-                if p != c {
+                let moved = solved
+                    .candidates(corner.chart)
+                    .find_map(|chart| invert::point(level, &solved.u, chart, c, solved.reach(chart)));
+                if let Some(p) = moved {
                     uv = [0, 1].map(|k| (p[k] / cells[k] + origin[k]) as f32);
                 }
             }

@@ -6,14 +6,15 @@ use std::time::Instant;
 use crate::cpu::{ChartResult, Input, Memory, Run, Team};
 use crate::device::Device;
 use crate::error::Result;
+use crate::image::Map;
 use crate::mesh::Mesh;
 use crate::report::{TileInfo, TileReport};
-use crate::settings::LogLevel;
+use crate::settings::{LogLevel, Overlap};
 use crate::solve::{self, Plan};
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::coverage::Coverage;
 use crate::tile::pose::{ChartPose, Pose};
-use crate::tile::{Grid, TileMaps};
+use crate::tile::{Grid, Rigidity, TileMaps};
 
 /// A tile's last good solve.
 #[derive(Debug)]
@@ -25,7 +26,27 @@ pub(super) struct Solved {
     /// What each chart's result was computed from; `None` where it is not a function of its inputs.
     inputs: Vec<Option<ChartInput>>,
     outcome: Vec<ChartResult>,
+    /// The setting that it was solved with.
+    overlap: Overlap,
     pub report: TileReport,
+}
+
+impl Solved {
+    /// Bytes of a result on a grid.
+    fn bytes_for(grid: &Grid) -> u64 {
+        (grid.levels[0].blocks.list.len() * size_of::<[Plane; 2]>()) as u64
+    }
+
+    /// Largest displacement of a chart, in cells.
+    pub fn reach(&self, chart: u32) -> f32 {
+        self.outcome[chart as usize].max_displacement
+    }
+
+    /// Charts whose warp may move a corner of `chart`: its own, and where the first face owns shared texels, any.
+    pub fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
+        let others = if self.overlap == Overlap::FirstFace { self.outcome.len() as u32 } else { 0 };
+        std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -69,9 +90,9 @@ impl TileState {
     }
 
     /// The tile's grid, built if need be.
-    pub fn grid(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> Arc<Grid> {
+    pub fn grid(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> Result<Arc<Grid>> {
         if let Some(grid) = &self.grid {
-            return grid.clone();
+            return Ok(grid.clone());
         }
         let start = Instant::now();
         let source = &mesh.tiles[tile];
@@ -85,12 +106,45 @@ impl TileState {
             device.log(LogLevel::Warning, &format!("tile {}: {share:.2} % of it is overlapped", source.udim));
         }
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
+        // The old grid's memory is of no more use.
+        self.memory = None;
         self.grid = Some(grid.clone());
-        grid
+        if let Err(error) = self.book(device, 0, source.udim) {
+            self.grid = None;
+            self.coverage = None;
+            return Err(error);
+        }
+        Ok(grid)
+    }
+
+    /// Books what is held, and `more` that is about to be taken.
+    fn book(&mut self, device: &Device, more: u64, udim: u32) -> Result<()> {
+        let held = self.held() + more;
+        device.rebook(self.booked, held, &format!("tile {udim}"))?;
+        self.booked = held;
+        Ok(())
+    }
+
+    /// Bytes of maps, coverage, grid, solver and result.
+    fn held(&self) -> u64 {
+        let map = |map: &Map| map.values.len() as u64 * 4;
+        let rigidity = match &self.maps.rigidity {
+            Rigidity::None => 0,
+            Rigidity::Map(image) => map(image),
+            Rigidity::Vertices(values) => values.len() as u64 * 4,
+        };
+        let coverage = self.coverage.as_ref().map_or(0, |c| c.triangle.len() as u64 * 5);
+        let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
+        let solver = match (&self.memory, &self.grid) {
+            (Some(_), Some(grid)) => Memory::bytes_for(grid),
+            _ => 0,
+        };
+        rigidity + self.maps.mask.as_ref().map_or(0, map) + coverage + grid + solver
     }
 
     /// Solves the tile for a pose. Nothing of `solved` changes: the caller puts the result there when all tiles have
     /// theirs.
+    #[allow(clippy::too_many_arguments, reason = "one caller, and a struct for it would only rename them")]
     pub fn solve(
         &mut self,
         team: &Team,
@@ -99,10 +153,10 @@ impl TileState {
         tile: usize,
         position: impl Fn(u32) -> [f64; 3],
         plan: &Plan,
+        called: Instant,
     ) -> Result<Solved> {
         let start = Instant::now();
-        self.build_ms = 0.0;
-        let grid = self.grid(device, mesh, tile);
+        let grid = self.grid(device, mesh, tile)?;
         let source = &mesh.tiles[tile];
         let pose = Pose::new(source, position, Some(&grid.rest));
         let last = self.solved.as_ref().filter(|solved| Arc::ptr_eq(&solved.grid, &grid));
@@ -153,7 +207,7 @@ impl TileState {
                     charts: &charts,
                 };
                 let mut run = Run::new(team, &input, &mut memory, &mut u);
-                let done = solve::run(&mut run, plan, warm);
+                let done = solve::run(&mut run, plan, warm, called);
                 for (c, active) in charts.iter().enumerate() {
                     if *active {
                         outcome[c] = run.outcome[c];
@@ -186,7 +240,7 @@ impl TileState {
             .count() as u32;
         report.blocks = report.grid.map(|n| (n as usize + 1).div_ceil(SIDE) as u64).iter().product();
         report.nodes_active = (0..charts.len()).filter(|&c| charts[c]).map(|c| grid.movable[c]).sum();
-        report.times.maps = self.build_ms;
+        report.times.maps = std::mem::take(&mut self.build_ms);
         let inputs = pose
             .charts
             .into_iter()
@@ -197,42 +251,36 @@ impl TileState {
                 None => (!plan.warm && !report.truncated).then_some(ChartInput { pose, plan: *plan }),
             })
             .collect();
-        report.bytes = self.bytes(&grid) + (u.len() * size_of::<[Plane; 2]>()) as u64;
+        report.bytes = self.held();
         report.times.total = start.elapsed().as_secs_f32() * 1000.0;
-        Ok(Solved { grid, u, inputs, outcome, report })
+        let overlap = self.maps.settings.overlap;
+        Ok(Solved { grid, u, inputs, outcome, overlap, report })
     }
 
     /// The solver's memory for a grid, booked before it is taken.
     fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, udim: u32) -> Result<()> {
         let fits = self.memory.as_ref().is_some_and(|memory| memory.is_for(grid));
         if !fits {
-            let needed = Memory::bytes_for(grid) + grid.bytes();
-            device.rebook(self.booked, needed, &format!("tile {udim}"))?;
-            self.booked = needed;
             // The old memory goes before the new one comes.
             self.memory = None;
+            self.book(device, Memory::bytes_for(grid), udim)?;
             self.memory = Some(Memory::new(grid));
         }
         Ok(())
     }
 
-    fn bytes(&self, grid: &Grid) -> u64 {
-        let coverage = self.coverage.as_ref().map_or(0, |c| c.triangle.len() as u64 * 5);
-        grid.bytes() + coverage + self.memory.as_ref().map_or(0, |_| Memory::bytes_for(grid))
-    }
-
     /// What is known of the tile before a solve.
-    pub fn info(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> TileInfo {
-        let grid = self.grid(device, mesh, tile);
+    pub fn info(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileInfo> {
+        let grid = self.grid(device, mesh, tile)?;
         let source = &mesh.tiles[tile];
-        TileInfo {
+        Ok(TileInfo {
             udim: source.udim,
             charts: source.charts.len() as u32,
             triangles: source.triangles.len() as u64,
             grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
             movable_nodes: grid.movable.iter().sum(),
             overlap: grid.overlap,
-        }
+        })
     }
 
     /// Gives the memory's share of the device's budget back.

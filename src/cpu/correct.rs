@@ -92,6 +92,9 @@ impl Systems {
 /// Iterations of conjugate gradients: more gain less than the next correction does.
 const ITERATIONS: usize = 4;
 
+/// No step is this long, in cells: more than the largest grid.
+const MAX_STEP: f32 = 32768.0;
+
 /// Parts of the step that are tried until the energy falls.
 const TRIALS: [f32; 3] = [1.0, 0.5, 0.25];
 
@@ -162,7 +165,9 @@ impl Run<'_> {
                 for k in 0..2 {
                     for s in 0..NODES {
                         let step = alpha[c] * p[k][s];
-                        x[k][s] = if iteration > 0 { x[k][s] + step } else { step };
+                        let sum = if iteration > 0 { x[k][s] + step } else { step };
+                        // A system that f32 cannot solve must not spoil the state.
+                        x[k][s] = if sum.abs() < MAX_STEP { sum } else { 0.0 };
                         r[k][s] -= alpha[c] * z[k][s];
                     }
                 }

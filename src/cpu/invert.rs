@@ -94,14 +94,22 @@ fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> 
 }
 
 /// W⁻¹ at one point of a chart, in cells.
-pub(crate) fn point(level: &Level, u: &[[Plane; 2]], chart: u32, c: [f64; 2]) -> [f64; 2] {
+///
+/// `None` where the chart's warp does not move it. `reach` is the chart's largest displacement.
+pub(crate) fn point(
+    level: &Level,
+    u: &[[Plane; 2]],
+    chart: u32,
+    c: [f64; 2],
+    reach: f32,
+) -> Option<[f64; 2]> {
     let cell = |p: [f64; 2]| [p[0].floor() as i64, p[1].floor() as i64];
     let at = |i: i64, j: i64| displacement(level, u, chart, i, j);
     let home = cell(c);
     let still =
         [(0, 0), (1, 0), (0, 1), (1, 1)].iter().all(|&(di, dj)| at(home[0] + di, home[1] + dj) == [0.0; 2]);
     if still {
-        return c;
+        return None;
     }
     // A few rounds of p = c - u(p) come close to the right cell; from there it is searched for in growing rings.
     let mut guess = c;
@@ -116,21 +124,22 @@ pub(crate) fn point(level: &Level, u: &[[Plane; 2]], chart: u32, c: [f64; 2]) ->
         });
     }
     let [gi, gj] = cell(guess);
-    // Farther than this nothing can have moved.
-    let reach = level.nx.max(level.ny) as i64;
-    for ring in 0..reach {
+    // The guess may be off by as much as the rounds moved it; the cell is no farther from c than nodes moved.
+    let reach = f64::from(reach).ceil() as i64 + 2;
+    let off = (gi - home[0]).abs().max((gj - home[1]).abs());
+    for ring in 0..=reach + off {
         for j in gj - ring..=gj + ring {
             let step = if (j - gj).abs() == ring { 1 } else { 2 * ring.max(1) };
             let mut i = gi - ring;
             while i <= gi + ring {
                 if let Some(p) = in_cell(&at, i, j, c) {
-                    return p;
+                    return Some(p);
                 }
                 i += step;
             }
         }
     }
-    c
+    None
 }
 
 /// W⁻¹ at `c` if it lies in cell (i, j).

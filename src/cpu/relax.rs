@@ -118,7 +118,9 @@ fn step<S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row) 
             if lanes.0[k] == 0 {
                 continue;
             }
-            if found.0[k] != 0 && energy.0[k] <= local.energy.0[k] {
+            // Two infinite energies say nothing about each other.
+            let lower = energy.0[k] <= local.energy.0[k] && energy.0[k] < f32::INFINITY;
+            if found.0[k] != 0 && lower {
                 let s = row.slot() + k;
                 for c in 0..2 {
                     patch.u[c][at + k] = there.u[c].0[k];

@@ -120,7 +120,9 @@ impl Stages for Run<'_> {
             outcome.folds = certificate.folds;
             outcome.max_displacement = certificate.max_displacement;
             // A comparison with NaN is false: then too, the identity.
-            let better = outcome.energy <= outcome.energy_before && certificate.folds == 0;
+            let better = outcome.energy <= outcome.energy_before
+                && outcome.energy.is_finite()
+                && certificate.folds == 0;
             if !better {
                 *outcome = ChartResult {
                     energy: outcome.energy_before,

@@ -188,6 +188,14 @@ impl<T> Shared<T> {
         Shared(slice.as_mut_ptr(), slice.len())
     }
 
+    /// For access to parts of an element, where items share elements but not those parts.
+    #[inline(always)]
+    pub fn pointer(self, i: usize) -> *mut T {
+        assert!(i < self.1);
+        // SAFETY: in bounds.
+        unsafe { self.0.add(i) }
+    }
+
     /// # Safety
     /// The slice is alive, and no other item writes the element now.
     #[inline(always)]

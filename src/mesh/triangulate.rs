@@ -29,7 +29,8 @@ pub fn polygon(uv: &[[f64; 2]]) -> Vec<[usize; 3]> {
                     && sign * cross(uv[c], uv[a], p) >= 0.0
             };
             sign * cross(uv[a], uv[b], uv[c]) > 0.0
-                && !left.iter().any(|&p| p != a && p != b && p != c && inside(uv[p]))
+                // A corner's own point may come twice: polygons with holes are given with bridges.
+                && !left.iter().any(|&p| ![uv[a], uv[b], uv[c]].contains(&uv[p]) && inside(uv[p]))
         };
         // Starting at 1 gives the fan; a polygon without any ear has no area worth an argument.
         let ear = (1..m).chain([0]).find(|&k| is_ear(k)).unwrap_or(1);

@@ -110,7 +110,8 @@ fn cells_of_segment(a: [f64; 2], b: [f64; 2], nx: usize, ny: usize, mut f: impl 
     let mut row = first;
     while row <= last {
         let at = |y: f64| a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1])).clamp(0.0, 1.0);
-        let (x0, x1) = (at(row.max(a[1])), at((row + 1.0).min(b[1])));
+        let level = a[1] == b[1];
+        let (x0, x1) = if level { (a[0], b[0]) } else { (at(row.max(a[1])), at((row + 1.0).min(b[1]))) };
         let mut x = x0.min(x1).floor().max(0.0);
         let end = (x0.max(x1).ceil() - 1.0).min(nx as f64 - 1.0);
         while x <= end {
@@ -118,5 +119,28 @@ fn cells_of_segment(a: [f64; 2], b: [f64; 2], nx: usize, ny: usize, mut f: impl 
             x += 1.0;
         }
         row += 1.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(a: [f64; 2], b: [f64; 2]) -> Vec<usize> {
+        let mut cells = Vec::new();
+        cells_of_segment(a, b, 8, 8, |cell| cells.push(cell));
+        cells
+    }
+
+    #[test]
+    fn a_border_crosses_the_cells_that_it_passes_through_and_no_others() {
+        assert_eq!(cells([1.5, 2.5], [4.5, 2.5]), [17, 18, 19, 20]);
+        assert_eq!(cells([4.5, 2.5], [1.5, 2.5]), [17, 18, 19, 20]);
+        // Along a line of nodes it is in no cell's interior.
+        assert_eq!(cells([1.5, 2.0], [4.5, 2.0]), [0usize; 0]);
+        assert_eq!(cells([3.0, 1.0], [3.0, 6.0]), [0usize; 0]);
+        assert_eq!(cells([3.5, 1.5], [3.5, 3.5]), [11, 19, 27]);
+        assert_eq!(cells([0.5, 0.5], [2.5, 2.5]), [0, 9, 18]);
+        assert_eq!(cells([-3.0, 0.5], [1.5, 0.5]), [0, 1]);
     }
 }

@@ -1,8 +1,8 @@
 //! Masks hold nodes, maps may change between frames, and rigidity is the same from vertices and from a map.
 
-use vrtm::{ImageLayout, ImageView, PixelFormat, SolveOptions, Strided, TileSettings};
+use vrtm::{ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings};
 
-use crate::common::{self, Model, Warp, bits};
+use crate::common::{self, Model, Warp, bits, options};
 
 const N: u32 = 256;
 
@@ -123,15 +123,17 @@ fn vertex_rigidity_is_the_same_map_painted() {
     let layout = ImageLayout::packed(512, 512, PixelFormat::F32);
     let mut asset = model.asset(0, N);
     asset.set_rigidity(0, Some(ImageView::new("map", &ramp, layout).unwrap())).unwrap();
-    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    asset.solve(model.frame(1), &options(Quality::High)).unwrap();
     let painted = Warp::of(&asset, 0);
     asset.set_vertex_rigidity(Some(Strided::from_f32(&values))).unwrap();
-    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    asset.solve(model.frame(1), &options(Quality::High)).unwrap();
     let vertices = Warp::of(&asset, 0);
     assert!(painted.largest() > 1.0);
-    // Rigidities differ by their rounding, 1e-7; on this sheet nothing is crowded, so the results hardly differ.
+    // Nodes differ by their rounding, 1e-7. Coarse levels blur the map across the sheet's border, where vertices give
+    // nothing: the way to the minimum is another one. `high` ends 1e-6 of the energy above it, which is about 1e-3 of
+    // the displacement.
     let difference = painted.u.iter().zip(&vertices.u).flat_map(|(a, b)| [a[0] - b[0], a[1] - b[1]]);
     let largest = difference.fold(0.0f32, |m, x| m.max(x.abs()));
     println!("vertices against map: {largest:e} cells of {}", painted.largest());
-    assert!(largest < 2e-3, "{largest}");
+    assert!(largest < 2e-3 * painted.largest(), "{largest}");
 }

@@ -165,12 +165,16 @@ fn corner_uvs_are_the_inverse_of_the_warp() {
                     continue;
                 }
                 let back = warp.at(p);
-                worst = worst.max((back[0] - q[0]).hypot(back[1] - q[1]));
+                // UVs are rounded to f32, in a tile far to the right to fewer digits after the point.
+                let ulp = f64::from(f32::EPSILON) * f64::from(uv(c)[0].max(uv(c)[1]).max(1.0)) * n;
+                let off = (back[0] - q[0]).hypot(back[1] - q[1]);
+                // W may stretch that by a few times.
+                assert!(off < 1e-4 + 2.0 * ulp, "{}: corner {c} is {off} cells off", model.name);
+                worst = worst.max(off);
                 moved += usize::from(uvs[c] != uv(c));
             }
         }
         println!("{}: {moved} corners moved, {worst:.1e} cells off", model.name);
-        // UVs of 1 to 4 rounded to f32 are half of 2.4e-7 off: 3e-5 cells, times the stretch of W.
-        assert!(moved > 0 && worst < 1e-4, "{}: {worst} cells", model.name);
+        assert!(moved > 0, "{}", model.name);
     }
 }

@@ -15,7 +15,9 @@ fn models() -> Vec<Model> {
 #[test]
 fn any_number_of_threads() {
     for model in models() {
-        for quality in [Quality::Normal, Quality::High] {
+        // `high` takes the same ways, more often.
+        let high = model.name == "mug_to_jug" || model.name == "fox";
+        for quality in [Quality::Normal, Quality::High].into_iter().take(1 + usize::from(high)) {
             let solve = |threads: u32| {
                 let mut asset = model.asset(threads, 256);
                 asset.solve(model.frame(1), &options(quality)).unwrap();
@@ -35,7 +37,8 @@ fn any_number_of_threads() {
 #[test]
 fn any_order_of_frames() {
     for model in models().iter().filter(|model| model.frames.len() > 1) {
-        let count = model.frames.len();
+        // Three frames tell as much as eight.
+        let count = model.frames.len().min(3);
         let alone: Vec<_> = (1..=count)
             .map(|frame| {
                 let mut asset = model.asset(0, 256);

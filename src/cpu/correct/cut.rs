@@ -6,7 +6,6 @@ use super::super::relax::MIN_JACOBIAN;
 use super::*;
 use crate::tile::blocks::SIDE;
 use crate::tile::halo::{self, Window, place};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rounds of halving.
 const HALVINGS: usize = 8;
@@ -26,10 +25,13 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
         // SAFETY: nothing else runs.
         unsafe { *share.get_mut(b as usize) = [1.0; NODES] };
     }
+    let mut blocks = run.work[level].active.clone();
     for round in 0..ROUNDS {
-        let folds = AtomicBool::new(false);
+        let mut folds = vec![false; blocks.len()];
+        let folds_of = Shared::new(&mut folds);
         // Marks: per node, 0 if a cell that it belongs to would fall under ε.
-        run.each_block(level, |b, _| {
+        run.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
             let mut windows = [[0.0f32; WINDOW_NODES]; 2];
             let mut step: Window = [0.0; WINDOW_NODES];
             let mut shares: Window = [1.0; WINDOW_NODES];
@@ -59,15 +61,22 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
                     }
                 }
             }
-            if any {
-                folds.store(true, Ordering::Relaxed);
-            }
+            // SAFETY: each item has its own flag.
+            unsafe { *folds_of.get_mut(k) = any };
         });
-        if !folds.load(Ordering::Relaxed) {
+        // Charts that are free of folds are done: what happens to the others must not touch them.
+        let mut open = vec![false; run.charts.len()];
+        let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
+        for (&b, _) in blocks.iter().zip(&folds).filter(|(_, fold)| **fold) {
+            open[chart_of(b)] = true;
+        }
+        blocks.retain(|&b| open[chart_of(b)]);
+        if blocks.is_empty() {
             return;
         }
         let factor = if round < HALVINGS { 0.5 } else { 0.0 };
-        run.each_block(level, |b, _| {
+        run.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
             let mut marks: Window = [1.0; WINDOW_NODES];
             // SAFETY: marks are only read, and each item has its own shares.
             let (share, mark) = unsafe {
@@ -84,7 +93,7 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
                 }
             }
         });
-        smooth_falloff(run, level, share, mark);
+        smooth_falloff(run, level, &blocks, share, mark);
     }
 }
 
@@ -92,10 +101,11 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
 const FALLOFF: f32 = 0.125;
 
 /// One pass of share <= min(neighbours) + FALLOFF, through the second mark plane.
-fn smooth_falloff(run: &Run, level: usize, share: Shared<Plane>, mark: Shared<[Plane; 2]>) {
+fn smooth_falloff(run: &Run, level: usize, blocks: &[u32], share: Shared<Plane>, mark: Shared<[Plane; 2]>) {
     let grid = &run.grid.levels[level];
     for _ in 0..2 {
-        run.each_block(level, |b, _| {
+        run.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
             let mut shares: Window = [1.0; WINDOW_NODES];
             // SAFETY: shares are only read, and each item has its own second mark plane.
             let out = unsafe {
@@ -111,7 +121,8 @@ fn smooth_falloff(run: &Run, level: usize, share: Shared<Plane>, mark: Shared<[P
                 own.min(low + FALLOFF).store(out, row.slot());
             }
         });
-        run.each_block(level, |b, _| {
+        run.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
             // SAFETY: each item has its own block.
             unsafe { *share.get_mut(b) = mark.get(b)[1] };
         });

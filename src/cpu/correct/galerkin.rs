@@ -190,14 +190,14 @@ unsafe fn copy_ring(rows: Shared<Rows>, around: &[u32; 9]) {
         let (x, y) = ((i + SIDE - 1) % SIDE, (j + SIDE - 1) % SIDE);
         let from = around[bj * 3 + bi];
         for c in 4 * e..4 * e + 4 {
-            let value = if from == NONE {
-                0.0
-            } else {
-                // SAFETY: the caller's promise.
-                unsafe { rows.get(from as usize).pair[c][place(x + 1, y + 1)] }
-            };
-            // SAFETY: the caller's promise.
-            unsafe { rows.get_mut(b).pair[c][place(i, j)] = value };
+            // SAFETY: the caller's promise; no reference to the whole of another item's rows is made.
+            unsafe {
+                let to = &raw mut (*rows.pointer(b)).pair[c][place(i, j)];
+                to.write(match from {
+                    NONE => 0.0,
+                    from => (&raw const (*rows.pointer(from as usize)).pair[c][place(x + 1, y + 1)]).read(),
+                });
+            }
         }
     };
     for k in 0..SIDE + 2 {
