@@ -160,9 +160,9 @@ pub struct TileReport {
     pub nodes_active: u64,
     /// Grid levels.
     pub levels: u32,
-    /// Relaxation sweeps, over all levels.
+    /// Relaxation sweeps of the schedule, over all levels (not those after parts of a step that were refused).
     pub sweeps: u32,
-    /// Corrections, over all levels.
+    /// Corrections of the schedule, over all levels; charts that gain too little sit out the last ones.
     pub corrections: u32,
     /// Node updates by relaxation, over all levels.
     pub node_updates: u64,

@@ -137,10 +137,10 @@ pub const MAX_GRID: u32 = 16384;
 pub enum Quality {
     /// Relaxation only.
     Draft,
-    /// Few sweeps and one correction per level.
+    /// Few sweeps, one correction per level and up to four on the finest, while they gain 0.3 % of a chart's energy.
     #[default]
     Normal,
-    /// More sweeps, and corrections until little is left to gain.
+    /// More sweeps, two corrections per level and up to twelve on the finest, while they gain 0.02 %.
     High,
 }
 

@@ -55,10 +55,11 @@ pub(crate) struct Plan {
 
 impl Plan {
     pub fn new(options: &SolveOptions) -> Plan {
+        // A chart with room is done after one or two corrections; the others go to crowded ones, which need them.
         let (sweeps, corrections, tolerance) = match options.quality {
             Quality::Draft => (4, [0, 0], 0.0),
-            Quality::Normal => (2, [2, 1], 0.0),
-            Quality::High => (4, [4, 2], 1e-6),
+            Quality::Normal => (2, [4, 1], 3e-3),
+            Quality::High => (4, [12, 2], 2e-4),
         };
         let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
         Plan {

@@ -73,9 +73,12 @@ fn a_tile_does_not_pay_for_another() {
 }
 
 #[test]
-fn nothing_active_holds_nothing() {
+fn nothing_active_takes_no_solver() {
     let model = Model::from(scenes::arm());
     let held = |asset: &Asset| asset.device().info().bytes_held;
+    let mut both = model.asset(0, 512);
+    both.solve(model.frame(2), &SolveOptions::default()).unwrap();
+    let full = held(&both);
     let asleep = |asset: &Asset, name: &str| {
         let report = asset.report().unwrap();
         assert_eq!((report.charts_active, report.nodes_active), (0, 0), "{name}");
@@ -84,7 +87,8 @@ fn nothing_active_holds_nothing() {
             let report = asset.tile_report(tile).unwrap();
             assert_eq!((report.sweeps, report.corrections, report.node_updates), (0, 0, 0), "{name}");
         }
-        assert_eq!(held(asset), 0, "{name}: the device's books");
+        // Maps, coverage and grid stay: about a fifth of what the solver's memory makes of it.
+        assert!(held(asset) < full * 3 / 10, "{name}: {} of {full} bytes", held(asset));
     };
     // Rest, as the first pose there is.
     let mut asset = model.asset(0, 512);
@@ -109,10 +113,8 @@ fn nothing_active_holds_nothing() {
     let half = held(&asset);
     let report = asset.report().unwrap();
     assert_eq!((report.tiles_active, report.charts_active), (1, 1));
-    let mut both = model.asset(0, 512);
-    both.solve(model.frame(2), &SolveOptions::default()).unwrap();
     // The two tiles' charts are of one size.
-    assert!(half > 0 && half < held(&both) * 6 / 10, "{half} {}", held(&both));
+    assert!(half > 0 && half < full * 6 / 10, "{half} of {full} bytes");
     // What was taken is given back.
     let device = both.device().clone();
     assert!(device.info().bytes_held > 0);
@@ -167,7 +169,7 @@ fn work_is_bounded() {
         let mut asset = model.asset(0, 256);
         // Sweeps at a time; corrections on the finest level, and on each of the others.
         for (quality, sweeps, [finest, others]) in
-            [(Quality::Draft, 4, [0, 0]), (Quality::Normal, 2, [2, 1]), (Quality::High, 4, [4, 2])]
+            [(Quality::Draft, 4, [0, 0]), (Quality::Normal, 2, [4, 1]), (Quality::High, 4, [12, 2])]
         {
             asset.solve(model.frame(1), &options(quality)).unwrap();
             let report = asset.tile_report(0).unwrap();
