@@ -110,9 +110,7 @@ fn solve(n: u32, options: &SolveOptions) -> Row {
     }
 }
 
-/// Corrections per level until little is left to gain: the chains of single rows are all but independent, so that
-/// the unknowns hang together a hundred times more along x than along y. That is as hard as it gets for a V-cycle that
-/// halves both axes, and one correction leaves more of the error than on cells that are about square.
+/// Corrections per level until nothing is left to gain: what is off then is the grid's share.
 const PATIENT: SolveOptions = SolveOptions {
     quality: Quality::High,
     warm: false,
@@ -131,24 +129,22 @@ fn error_falls_with_the_grid() {
         let (gap, error) = (solved / grid - 1.0, solved / continuum - 1.0);
         println!("{n:4}   {solved:.3e}  {grid:.3e}  {continuum:.3e}  {gap:.2e}      {error:.2e}  {off:.4}");
         // Nothing is below the minimum, but for the weak pull of the rows beside: 1 / 18² of a strain of 1/400.
-        assert!(gap > -1e-4 && gap < 4e-3, "{n}: {gap}");
+        assert!(gap > -1e-4 && gap < 2e-4, "{n}: {gap}");
         // Shares of a cell over features of n / 4 cells.
         assert!(off < 5e-5 * f64::from(n), "{n}: {off}");
         errors.push(error);
     }
-    // First order is a half each time; what the solver leaves above the grid's minimum does not fall, and is at most a
-    // third of the error on the finest grid.
+    // First order is a half each time; the solver leaves a few 1e-5 above the grid's minimum.
     for pair in errors.windows(2) {
-        assert!(pair[1] < 0.68 * pair[0], "{errors:?}");
+        assert!(pair[1] < 0.55 * pair[0], "{errors:?}");
     }
-    assert!(errors[3] < 0.25 * errors[0], "{errors:?}");
+    assert!(errors[3] < 0.14 * errors[0], "{errors:?}");
 }
 
 #[test]
 fn ordinary_solves_come_close() {
-    // In the words of the gap test: (E - E*) / (E0 - E*) of the row. The bars of scenes with room, 0.1 % and 0.01 %, are
-    // missed for the reason given above; these bounds are what is reached.
-    for (quality, bound) in [(Quality::Normal, 1.2e-2), (Quality::High, 4e-3)] {
+    // In the words of the gap test: (E - E*) / (E0 - E*) of the row, with the bars of scenes with room.
+    for (quality, bound) in [(Quality::Normal, 1e-3), (Quality::High, 1e-4)] {
         for n in [64, 256] {
             let Row { before, solved, grid, .. } = solve(n, &options(quality));
             let gap = (solved - grid) / (before - grid);
