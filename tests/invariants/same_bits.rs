@@ -150,3 +150,49 @@ fn a_failed_call_leaves_the_last_result() {
     assert_eq!(asset.tile_report(0).unwrap().charts_active, 0);
     assert!(bits(&asset) == result);
 }
+
+/// Two crowded sheets side by side in one tile, the right one in a pose of its own.
+fn pair(right: f64) -> Model {
+    let sheet = |share| Model::from(common::scenes::analytic::squash(share));
+    let (mut pair, right) = (sheet(0.4), sheet(right));
+    let (vertices, uvs) = (pair.rest.len() as u32, pair.uvs.len() as u32);
+    for uv in &mut pair.uvs {
+        uv[0] *= 0.5;
+    }
+    pair.uvs.extend(right.uvs.iter().map(|uv| [0.5 + 0.5 * uv[0], uv[1]]));
+    // Apart in space: they are no neighbours.
+    let aside = |p: &[f32; 3]| [p[0] + 2.0, p[1], p[2]];
+    pair.rest.extend(right.rest.iter().map(aside));
+    pair.frames[0].extend(right.frames[0].iter().map(aside));
+    pair.face_counts.extend(&right.face_counts);
+    pair.indices.extend(right.indices.iter().map(|v| v + vertices));
+    pair.uv_indices.extend(right.uv_indices.iter().map(|uv| uv + uvs));
+    let maps = &mut pair.maps[0];
+    let rows = maps.rigidity.chunks(maps.width as usize);
+    maps.rigidity = rows.flat_map(|row| [row, row].concat()).collect();
+    maps.width *= 2;
+    pair
+}
+
+#[test]
+fn a_crowded_chart_does_not_see_its_neighbour() {
+    const GRID: u32 = 256;
+    let left = |right: f64| {
+        let model = pair(right);
+        let mut asset = model.asset(0, GRID);
+        asset.solve(model.frame(1), &options(Quality::High)).unwrap();
+        let report = asset.tile_report(0).unwrap();
+        println!(
+            "right at {right}: {} charts solved, least J {:.4}",
+            report.charts_active, report.min_jacobian
+        );
+        let width = GRID as usize + 1;
+        let row = |row: &[[u32; 2]]| row[..width / 2].to_vec();
+        bits(&asset).chunks(width).flat_map(row).collect::<Vec<_>>()
+    };
+    let alone = left(1.0);
+    assert!(alone.iter().any(|u| *u != [0; 2]));
+    for right in [0.7, 0.1, 0.02] {
+        assert!(left(right) == alone, "the right sheet at {right} changed the left one");
+    }
+}
