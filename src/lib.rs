@@ -3,7 +3,7 @@
 //! The data flows through the modules in the order in which they stand here:
 //! a host's arrays ([`view`], [`image`]) become a validated mesh with tiles and charts (`mesh`), each tile's maps
 //! become a grid with movable nodes and active blocks (`tile`), `solve` runs the schedule over a backend's
-//! stages (`cpu`), and [`Asset`] hands out the redirection map, the warp, corner UVs and reports. Beside that way stand
+//! stages (`cpu`, `gpu`), and [`Asset`] hands out the redirection map, the warp, corner UVs and reports. Beside that way stand
 //! `exact`, `measure` and `reference`: the f64 side that results are measured with.
 //!
 //! # Example
@@ -58,6 +58,7 @@ mod mesh;
 mod tile;
 mod solve;
 mod cpu;
+mod gpu;
 mod exact;
 mod measure;
 mod reference;
