@@ -27,6 +27,7 @@ pub(crate) struct Context {
     pub queue: ManuallyDrop<wgpu::Queue>,
     pub adapter: wgpu::AdapterInfo,
     pub limits: wgpu::Limits,
+    pub options: Options,
     /// True if passes can be timed on the device.
     pub timestamps: bool,
     trouble: Arc<Trouble>,
@@ -121,7 +122,7 @@ impl Context {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| kept.keep(&error)));
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let queue = ManuallyDrop::new(queue);
-        Ok(Context { device, queue, adapter: adapter.get_info(), limits, timestamps, trouble })
+        Ok(Context { device, queue, adapter: adapter.get_info(), limits, options, timestamps, trouble })
     }
 
     /// `DeviceLost` if the GPU went away.
