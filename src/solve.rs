@@ -3,8 +3,32 @@
 
 use std::time::{Duration, Instant};
 
+use crate::mesh::TileMesh;
 use crate::report::StageTimes;
-use crate::settings::{Quality, SolveOptions};
+use crate::settings::{Quality, SolveOptions, TileSettings};
+use crate::tile::Grid;
+use crate::tile::pose::Pose;
+
+/// What a backend works with: one tile, one pose.
+pub(crate) struct Input<'a> {
+    pub grid: &'a Grid,
+    pub mesh: &'a TileMesh,
+    pub pose: &'a Pose,
+    pub settings: &'a TileSettings,
+    pub charts: &'a [bool],
+}
+
+/// What a chart's solve ended with.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct ChartResult {
+    pub energy_before: f64,
+    pub energy: f64,
+    pub min_jacobian: f64,
+    pub folds: u64,
+    pub max_displacement: f32,
+    /// True if the solve found nothing better than the identity.
+    pub fallback: bool,
+}
 
 /// The stages of a backend, for one tile and the charts that it was given to solve. No stage hands back what the
 /// schedule would need to decide on: a GPU runs the whole of it without a readback.

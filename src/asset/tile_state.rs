@@ -3,14 +3,14 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::cpu::{ChartResult, Input, Memory, Run, Team};
+use crate::cpu::{Memory, Run, Team};
 use crate::device::Device;
 use crate::error::Result;
 use crate::image::Map;
 use crate::mesh::Mesh;
 use crate::report::{TileInfo, TileReport};
 use crate::settings::{LogLevel, Overlap};
-use crate::solve::{self, Plan};
+use crate::solve::{self, ChartResult, Input, Plan};
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::coverage::Coverage;
 use crate::tile::pose::{ChartPose, Pose};
