@@ -52,6 +52,8 @@ pub(crate) trait Stages {
     /// Energies, corner Jacobians in f64, and the fallback: a chart that is folded or no better than the identity
     /// becomes the identity.
     fn certify(&mut self);
+    /// Waits until what was called has been done. Called before the clock is looked at, if there is a time budget.
+    fn settle(&mut self) {}
 }
 
 /// One correction.
@@ -126,6 +128,9 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
             }
         });
         for step in 0..=plan.corrections[usize::from(level > 0)] {
+            if plan.budget.is_some() {
+                stages.settle();
+            }
             // Past the budget only prolongation is left: the state so far becomes the result.
             if plan.budget.is_some_and(|budget| start.elapsed() > budget) {
                 outcome.truncated = true;

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use super::kernels::Pipelines;
 use crate::error::{Error, ErrorKind, Result};
 
 /// An open GPU.
@@ -13,6 +14,7 @@ pub(crate) struct Context {
     pub limits: wgpu::Limits,
     /// True if passes can be timed on the device.
     pub timestamps: bool,
+    pub pipelines: Pipelines,
     trouble: Arc<Trouble>,
 }
 
@@ -53,7 +55,8 @@ impl Context {
             errors.error.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
         }));
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
-        Ok(Context { device, queue, adapter: adapter.get_info(), limits, timestamps, trouble })
+        let pipelines = Pipelines::default();
+        Ok(Context { device, queue, adapter: adapter.get_info(), limits, timestamps, pipelines, trouble })
     }
 
     /// The first error since the last check.
