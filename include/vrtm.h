@@ -136,7 +136,8 @@ typedef int32_t vrtm_status;
 // Another call is using the asset; try again when it has returned.
 #define VRTM_ERROR_BUSY 6
 
-// The GPU went away. Make a new device and new assets.
+// The GPU went away: a driver reset, a crash, a removed adapter. From then on every call that uses the device or its
+// assets gives this, but for those that describe or destroy them. Destroy them, and make a new device and new assets.
 #define VRTM_ERROR_DEVICE_LOST 7
 
 // A defect of the library; please report the message. The asset keeps its last good result.
@@ -357,6 +358,10 @@ typedef struct vrtm_adapter_data {
     uint32_t software;
     // The adapter's name, UTF-8.
     char name[128];
+    // The driver's name and version, UTF-8.
+    char driver[128];
+    // The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
+    char api[16];
 } vrtm_adapter_data;
 
 // Makes a device. `desc` may be null, which means all defaults. `*device` is the caller's to destroy.

@@ -13,6 +13,8 @@ pub enum ErrorKind {
     OutOfMemory,
     /// There is no result to read yet: solve first.
     NotSolved,
+    /// The GPU went away: a driver reset, a crash, a removed adapter. Make a new device and new assets.
+    DeviceLost,
     /// A defect of the library; the asset keeps its last good result.
     Internal,
 }

@@ -1,15 +1,16 @@
 //! The GPU backend: the CPU's stages, twin by name, as compute shaders on wgpu.
 
+pub(crate) mod adapters;
 mod bands;
 pub(crate) mod context;
 mod correct;
 mod kernels;
 mod layout;
 mod memory;
-mod readback;
 mod recorder;
 mod results;
 mod stages;
+mod transfer;
 
 use std::sync::Arc;
 
@@ -22,11 +23,13 @@ use kernels::Kernel;
 use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, STATE_PLANES, VECTOR_PLANES};
 pub(crate) use memory::Memory;
 use memory::PLANE;
-use readback::read;
 use recorder::Recorder;
 use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
 use stages::{Charts, Decision};
+
+/// True once assets can be solved on a GPU: until then a device is made on the CPU only.
+pub(crate) const SOLVES: bool = true;
 
 /// One solve of one tile.
 pub(crate) struct Run<'a> {
@@ -148,7 +151,7 @@ impl<'a> Run<'a> {
         let (times, bytes) = self.recorder.finish();
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
-        let parts = read(&self.context, &[(&charts, 0..size), (&times, 0..bytes)])?;
+        let parts = self.context.read_all(&[(&charts, 0..size), (&times, 0..bytes)])?;
         let outcome = parts[0]
             .chunks_exact(size_of::<Chart>())
             .map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes)));

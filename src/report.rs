@@ -9,9 +9,9 @@ pub struct DeviceInfo {
     pub backend: Backend,
     /// The processor's or adapter's name.
     pub name: String,
-    /// Why this backend was chosen, in a sentence.
+    /// Why this backend was chosen, in a sentence; and if the GPU went away since, how.
     pub reason: String,
-    /// Threads per solve (CPU).
+    /// CPU threads per solve.
     pub threads: u32,
     /// Bytes that the tiles of all assets of the device hold now.
     pub bytes_held: u64,
@@ -22,7 +22,11 @@ pub struct DeviceInfo {
 pub struct AdapterInfo {
     /// The adapter's name.
     pub name: String,
-    /// True for an adapter that runs on the CPU.
+    /// The driver's name and version.
+    pub driver: String,
+    /// The graphics interface it is driven through: Vulkan, Direct3D 12 or Metal.
+    pub api: &'static str,
+    /// True for an adapter that is emulated on the CPU: [`Backend::Auto`] never takes it.
     pub software: bool,
 }
 

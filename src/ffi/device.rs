@@ -88,6 +88,10 @@ pub struct vrtm_adapter_data {
     pub software: u32,
     /// The adapter's name, UTF-8.
     pub name: [c_char; 128],
+    /// The driver's name and version, UTF-8.
+    pub driver: [c_char; 128],
+    /// The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
+    pub api: [c_char; 16],
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function. So for the other two.
@@ -229,12 +233,14 @@ pub unsafe extern "C" fn vrtm_adapter_info(index: u32, info: *mut vrtm_adapter_d
         let out = Out::new(info, "info")?;
         let all = adapters();
         let adapter = all.get(index as usize).ok_or_else(|| {
-            Failure::argument(format!("index is {index}, but there are {} adapters", all.len()))
+            Failure::argument(format!("index is {index}, but the number of adapters is {}", all.len()))
         })?;
         out.write(vrtm_adapter_data {
             struct_size: 0,
             software: u32::from(adapter.software),
             name: chars(&adapter.name),
+            driver: chars(&adapter.driver),
+            api: chars(adapter.api),
         });
         Ok(())
     })

@@ -22,6 +22,7 @@ static IN_FLIGHT: AtomicUsize = AtomicUsize::new(0);
 pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_status {
     silence_panics();
     let outcome = {
+        let _workers = InFlight::enter();
         let _inside = Inside::enter();
         // What a panic may leave half done is the asset behind its lock; a solve replaces its result at the end.
         catch_unwind(AssertUnwindSafe(body))
@@ -43,6 +44,15 @@ pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_stat
     }
 }
 
+/// Runs what may panic though it should not: code of others that has no other way to say that a GPU is lost. `Err`
+/// holds the panic's text and place; nothing is printed.
+pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
+    silence_panics();
+    let _inside = Inside::enter();
+    catch_unwind(AssertUnwindSafe(body))
+        .map_err(|panic| format!("{} ({})", panic_text(panic.as_ref()), take_panic_place().as_str()))
+}
+
 fn panic_text(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&'static str>()
@@ -51,11 +61,11 @@ fn panic_text(panic: &(dyn Any + Send)) -> &str {
         .unwrap_or("a panic without a message")
 }
 
+/// This thread's panics are kept.
 struct Inside;
 
 impl Inside {
     fn enter() -> Inside {
-        IN_FLIGHT.fetch_add(1, Ordering::Relaxed);
         DEPTH.with(|depth| depth.set(depth.get() + 1));
         Inside
     }
@@ -63,8 +73,23 @@ impl Inside {
 
 impl Drop for Inside {
     fn drop(&mut self) {
-        IN_FLIGHT.fetch_sub(1, Ordering::Relaxed);
         DEPTH.with(|depth| depth.set(depth.get() - 1));
+    }
+}
+
+/// So are those of workers, while there may be any.
+struct InFlight;
+
+impl InFlight {
+    fn enter() -> InFlight {
+        IN_FLIGHT.fetch_add(1, Ordering::Relaxed);
+        InFlight
+    }
+}
+
+impl Drop for InFlight {
+    fn drop(&mut self) {
+        IN_FLIGHT.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
@@ -115,6 +140,13 @@ mod tests {
         let message = last_error();
         assert!(message.starts_with("vrtm_test: internal error: index 7 is bad ("), "{message}");
         assert!(message.contains("guard.rs:"), "{message}");
+    }
+
+    #[test]
+    fn a_contained_panic_is_a_text_with_its_place() {
+        assert_eq!(contain(|| 7), Ok(7));
+        let text = contain(|| panic!("no {}", 8)).unwrap_err();
+        assert!(text.starts_with("no 8 (") && text.contains("guard.rs:"), "{text}");
     }
 
     #[test]

@@ -13,7 +13,7 @@ pub mod asset;
 mod desc;
 pub mod device;
 pub mod fetch;
-mod guard;
+pub(crate) mod guard;
 pub mod handle;
 pub mod report;
 pub mod solve;

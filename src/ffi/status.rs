@@ -33,7 +33,8 @@ pub const VRTM_ERROR_OUT_OF_MEMORY: vrtm_status = 4;
 pub const VRTM_ERROR_NOT_SOLVED: vrtm_status = 5;
 /// Another call is using the asset; try again when it has returned.
 pub const VRTM_ERROR_BUSY: vrtm_status = 6;
-/// The GPU went away. Make a new device and new assets.
+/// The GPU went away: a driver reset, a crash, a removed adapter. From then on every call that uses the device or its
+/// assets gives this, but for those that describe or destroy them. Destroy them, and make a new device and new assets.
 pub const VRTM_ERROR_DEVICE_LOST: vrtm_status = 7;
 /// A defect of the library; please report the message. The asset keeps its last good result.
 pub const VRTM_ERROR_INTERNAL: vrtm_status = 8;
@@ -101,6 +102,7 @@ impl From<Error> for Failure {
             ErrorKind::Unsupported => VRTM_ERROR_UNSUPPORTED,
             ErrorKind::OutOfMemory => VRTM_ERROR_OUT_OF_MEMORY,
             ErrorKind::NotSolved => VRTM_ERROR_NOT_SOLVED,
+            ErrorKind::DeviceLost => VRTM_ERROR_DEVICE_LOST,
             ErrorKind::Internal => VRTM_ERROR_INTERNAL,
         };
         Failure { status, message: error.message }

@@ -55,7 +55,7 @@ pub struct BandBuffers {
 #[derive(Debug)]
 pub(crate) struct Memory {
     grid: Weak<Grid>,
-    pub(super) context: Arc<Context>,
+    pub context: Arc<Context>,
     pub bands: Vec<Vec<Band>>,
     pub buffers: Vec<Vec<BandBuffers>>,
     /// Per level and band, for the charts of the last solve.
@@ -146,7 +146,7 @@ impl Memory {
             .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
             .collect();
         let charts = tile.charts.len() as u64;
-        let result = || ResultBuffers::new(context, &bands[0], &storage).map(Arc::new);
+        let result = || ResultBuffers::new(&bands[0], &storage).map(Arc::new);
         let memory = Memory {
             grid: Arc::downgrade(grid),
             triangles: upload("triangles", bytemuck::cast_slice(&triangles(grid)))?,

@@ -6,7 +6,6 @@ use super::bands::Band;
 use super::context::Context;
 use super::layout::RESULT_PLANES;
 use super::memory::PLANE;
-use super::readback::read;
 use crate::error::Result;
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
@@ -22,7 +21,6 @@ pub const RESULT_BLOCK: u64 = RESULT_PLANES as u64 * PLANE;
 
 impl ResultBuffers {
     pub fn new(
-        _context: &Context,
         bands: &[Band],
         storage: &impl Fn(&str, u64) -> Result<wgpu::Buffer>,
     ) -> Result<ResultBuffers> {
@@ -56,8 +54,8 @@ impl Displacements {
         let mut all = Vec::with_capacity(self.grid.levels[0].blocks.list.len());
         for (band, buffer) in &self.buffers.bands {
             let range = [band.own.start, band.own.end].map(|b| (b - band.held.start) as u64 * RESULT_BLOCK);
-            let bytes = read(&self.context, &[(buffer, range[0]..range[1])])?;
-            all.extend(bytes[0].chunks_exact(RESULT_BLOCK as usize).map(|block| {
+            let bytes = self.context.read(buffer, range[0]..range[1])?;
+            all.extend(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
                 let mut planes = [[0.0f32; NODES]; 2];
                 for (value, bytes) in planes.as_flattened_mut().iter_mut().zip(block.chunks_exact(4)) {
                     *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);

@@ -62,7 +62,12 @@ impl Model {
     /// The asset on a CPU device of so many threads (0 = one per core), every tile with a square grid of `grid` cells a
     /// side.
     pub fn asset(&self, threads: u32, grid: u32) -> Asset {
-        let mut asset = self.bare(threads, Strided::from_f32x3(&self.rest));
+        self.asset_on(&cpu(threads), grid)
+    }
+
+    /// The same on a device.
+    pub fn asset_on(&self, device: &Device, grid: u32) -> Asset {
+        let mut asset = self.bare_on(device, Strided::from_f32x3(&self.rest));
         for maps in &self.maps {
             let tile = asset.find_tile(maps.udim).expect("a tile of each map");
             let image = |bytes| view(bytes, maps.width, maps.height);
@@ -75,8 +80,11 @@ impl Model {
 
     /// The asset without maps, with other rest positions.
     pub fn bare(&self, threads: u32, rest: Strided) -> Asset {
-        let settings = DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() };
-        let device = Device::new(&settings).unwrap();
+        self.bare_on(&cpu(threads), rest)
+    }
+
+    /// The same on a device.
+    pub fn bare_on(&self, device: &Device, rest: Strided) -> Asset {
         let [u, v] = [0, 1].map(|k| self.uvs.iter().map(|uv| uv[k]).collect::<Vec<f32>>());
         let uvs = UvSource {
             u: Strided::from_f32(&u),
@@ -85,7 +93,7 @@ impl Model {
         };
         let source =
             MeshSource { positions: rest, face_counts: Some(&self.face_counts), indices: &self.indices, uvs };
-        Asset::new(&device, &source).unwrap()
+        Asset::new(device, &source).unwrap()
     }
 
     /// A frame, numbered from 1.
@@ -112,6 +120,11 @@ impl Model {
             end - count as usize..end
         })
     }
+}
+
+/// A CPU device of so many threads.
+pub fn cpu(threads: u32) -> Device {
+    Device::new(&DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() }).unwrap()
 }
 
 /// The analytic scenes, each one frame.

@@ -1,0 +1,119 @@
+//! The GPUs of this machine: Vulkan, Direct3D 12 and Metal, never GL, whose drivers have no place in render threads.
+
+use crate::ffi::guard::contain;
+use crate::report::AdapterInfo;
+
+const BACKENDS: wgpu::Backends =
+    wgpu::Backends::VULKAN.union(wgpu::Backends::DX12).union(wgpu::Backends::METAL);
+
+/// A GPU's memory is shared with the host and with other programs: what would take more than this share (in percent) of
+/// what the driver says is to be had fails with `OutOfMemory`, before the driver starts to page.
+const MEMORY_SHARE: u8 = 95;
+
+/// What was found: GPUs that can be used, and why others cannot.
+#[derive(Debug, Default)]
+pub(crate) struct Survey {
+    /// Hardware before software, discrete before integrated; otherwise in the drivers' order.
+    pub usable: Vec<wgpu::Adapter>,
+    /// Each with its reason.
+    pub unsuited: Vec<String>,
+}
+
+impl Survey {
+    /// Looks for GPUs. No driver, or a broken one, is an empty list.
+    pub fn new() -> Survey {
+        let all = contain(|| pollster::block_on(instance().enumerate_adapters(BACKENDS)));
+        let mut survey = Survey::default();
+        for adapter in all.unwrap_or_default() {
+            match unsuited(&adapter) {
+                Some(why) => survey.unsuited.push(format!("{}, {why}", adapter.get_info().name)),
+                None => survey.usable.push(adapter),
+            }
+        }
+        survey.usable.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+        survey
+    }
+
+    /// The GPU that `auto` takes.
+    pub fn hardware(&self) -> Option<&wgpu::Adapter> {
+        self.usable.first().filter(|adapter| !is_software(&adapter.get_info()))
+    }
+
+    /// What was found, for a message.
+    pub fn found(&self) -> String {
+        let usable = self.usable.iter().map(|adapter| {
+            let info = adapter.get_info();
+            if is_software(&info) { format!("{}, a software driver", info.name) } else { info.name }
+        });
+        let all: Vec<String> = usable.chain(self.unsuited.iter().cloned()).collect();
+        if all.is_empty() { "none".to_owned() } else { all.join("; ") }
+    }
+}
+
+/// The graphics interfaces that this build looks through.
+pub(crate) fn interfaces() -> String {
+    let built = BACKENDS & wgpu::Instance::enabled_backend_features();
+    let named = [
+        (wgpu::Backends::VULKAN, wgpu::Backend::Vulkan),
+        (wgpu::Backends::DX12, wgpu::Backend::Dx12),
+        (wgpu::Backends::METAL, wgpu::Backend::Metal),
+    ];
+    let names = named.into_iter().filter(|(bit, _)| built.contains(*bit)).map(|(_, backend)| api(backend));
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// What a host is told of an adapter.
+pub(crate) fn describe(info: &wgpu::AdapterInfo) -> AdapterInfo {
+    let driver = format!("{} {}", info.driver, info.driver_info);
+    AdapterInfo {
+        name: info.name.clone(),
+        driver: driver.trim().to_owned(),
+        api: api(info.backend),
+        software: is_software(info),
+    }
+}
+
+fn instance() -> wgpu::Instance {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = BACKENDS;
+    // No validation layers, which a debug build would load into the host; nor checks of indirect dispatches, which cost
+    // a dispatch each: the counts are ours.
+    descriptor.flags = wgpu::InstanceFlags::empty();
+    descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_SHARE);
+    wgpu::Instance::new(descriptor)
+}
+
+/// Why an adapter cannot be used.
+fn unsuited(adapter: &wgpu::Adapter) -> Option<&'static str> {
+    let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
+    if !adapter.get_downlevel_capabilities().flags.contains(compute) {
+        return Some("which has no compute shaders");
+    }
+    let enough = wgpu::Limits::defaults().check_limits(&adapter.limits());
+    (!enough).then_some("whose limits are under WebGPU's defaults")
+}
+
+/// Anything that does not say that it is hardware.
+pub(crate) fn is_software(info: &wgpu::AdapterInfo) -> bool {
+    rank(info.device_type) > 2
+}
+
+fn rank(kind: wgpu::DeviceType) -> u8 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        // A share of a hardware GPU, in a virtual machine.
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Cpu => 3,
+        wgpu::DeviceType::Other => 4,
+    }
+}
+
+fn api(backend: wgpu::Backend) -> &'static str {
+    match backend {
+        wgpu::Backend::Vulkan => "Vulkan",
+        wgpu::Backend::Dx12 => "Direct3D 12",
+        wgpu::Backend::Metal => "Metal",
+        wgpu::Backend::Noop | wgpu::Backend::Gl | wgpu::Backend::BrowserWebGpu => "unknown",
+    }
+}
