@@ -1,5 +1,6 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
+mod backend;
 mod fetch;
 mod inspect;
 mod tile_state;
@@ -205,7 +206,7 @@ impl Asset {
             }
             self.solved_ms = Some(start.elapsed().as_secs_f32() * 1000.0);
             if options.measure {
-                self.measure(positions);
+                self.measure(positions)?;
             }
             for fetch in fetches {
                 self.fetch_with(team, fetch.tile, fetch.kind, &mut fetch.image)?;
@@ -223,7 +224,7 @@ impl Asset {
     ) -> Result<()> {
         let solved = self.tiles[tile].solved.as_mut().ok_or_else(not_solved)?;
         let start = Instant::now();
-        fetch::write(team, solved, kind, image);
+        fetch::write(team, solved, kind, image)?;
         solved.report.times.invert = start.elapsed().as_secs_f32() * 1000.0;
         Ok(())
     }
@@ -241,8 +242,7 @@ impl Asset {
             )));
         }
         let tiles = self.solved()?;
-        Team::with(self.device.threads(), |team| fetch::corner_uvs(team, &self.mesh, &tiles, out));
-        Ok(())
+        Team::with(self.device.threads(), |team| fetch::corner_uvs(team, &self.mesh, &tiles, out))
     }
 
     /// A tile's last solve.
@@ -311,6 +311,10 @@ impl Drop for Asset {
     fn drop(&mut self) {
         for tile in &mut self.tiles {
             tile.release(&self.device);
+        }
+        self.tiles.clear();
+        if let Some(gpu) = self.device.gpu() {
+            gpu.reclaim();
         }
     }
 }

@@ -21,7 +21,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use crate::mesh::TileMesh;
-use crate::settings::TileSettings;
+use crate::solve::{ChartResult, Input};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
 use crate::tile::pose::Pose;
@@ -29,18 +29,6 @@ pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};
 use surface::{Chords, Metrics, Surface};
 pub(crate) use team::Team;
-
-/// What a chart's solve ended with.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct ChartResult {
-    pub energy_before: f64,
-    pub energy: f64,
-    pub min_jacobian: f64,
-    pub folds: u64,
-    pub max_displacement: f32,
-    /// True if the solve found nothing better than the identity.
-    pub fallback: bool,
-}
 
 /// Blocks of one level that take part in a solve.
 #[derive(Clone, Debug, Default)]
@@ -95,15 +83,6 @@ impl Patches {
         pool().push(patch);
         result
     }
-}
-
-/// What a run works with.
-pub(crate) struct Input<'a> {
-    pub grid: &'a Grid,
-    pub mesh: &'a TileMesh,
-    pub pose: &'a Pose,
-    pub settings: &'a TileSettings,
-    pub charts: &'a [bool],
 }
 
 impl<'a> Run<'a> {

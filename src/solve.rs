@@ -3,8 +3,32 @@
 
 use std::time::{Duration, Instant};
 
+use crate::mesh::TileMesh;
 use crate::report::StageTimes;
-use crate::settings::{Quality, SolveOptions};
+use crate::settings::{Quality, SolveOptions, TileSettings};
+use crate::tile::Grid;
+use crate::tile::pose::Pose;
+
+/// What a backend works with: one tile, one pose.
+pub(crate) struct Input<'a> {
+    pub grid: &'a Grid,
+    pub mesh: &'a TileMesh,
+    pub pose: &'a Pose,
+    pub settings: &'a TileSettings,
+    pub charts: &'a [bool],
+}
+
+/// What a chart's solve ended with.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct ChartResult {
+    pub energy_before: f64,
+    pub energy: f64,
+    pub min_jacobian: f64,
+    pub folds: u64,
+    pub max_displacement: f32,
+    /// True if the solve found nothing better than the identity.
+    pub fallback: bool,
+}
 
 /// The stages of a backend, for one tile and the charts that it was given to solve. No stage hands back what the
 /// schedule would need to decide on: a GPU runs the whole of it without a readback.
@@ -28,6 +52,8 @@ pub(crate) trait Stages {
     /// Energies, corner Jacobians in f64, and the fallback: a chart that is folded or no better than the identity
     /// becomes the identity.
     fn certify(&mut self);
+    /// Waits until what was called has been done. Called before the clock is looked at, if there is a time budget.
+    fn settle(&mut self) {}
 }
 
 /// One correction.
@@ -102,6 +128,9 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
             }
         });
         for step in 0..=plan.corrections[usize::from(level > 0)] {
+            if plan.budget.is_some() {
+                stages.settle();
+            }
             // Past the budget only prolongation is left: the state so far becomes the result.
             if plan.budget.is_some_and(|budget| start.elapsed() > budget) {
                 outcome.truncated = true;

@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicPtr, Ordering};
 
 use crate::cpu::{Team, invert};
+use crate::error::Result;
 use crate::half;
 use crate::image::{ImageLayout, ImageViewMut, PixelFormat};
 use crate::mesh::{Mesh, NONE};
@@ -53,7 +54,8 @@ impl Canvas {
 }
 
 /// Writes `kind` of a result.
-pub(super) fn write(team: &Team, solved: &Solved, kind: FetchKind, image: &mut ImageViewMut) {
+pub(super) fn write(team: &Team, solved: &Solved, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
+    let u = solved.warp.host()?;
     let size = [image.layout.width as usize, image.layout.height as usize];
     let canvas = Canvas::new(image);
     let level = &solved.grid.levels[0];
@@ -67,14 +69,14 @@ pub(super) fn write(team: &Team, solved: &Solved, kind: FetchKind, image: &mut I
                     canvas.put(x, y, if delta { [0.0; 2] } else { [centre(x, 0), centre(y, 1)] });
                 }
             });
-            invert::texels(team, &solved.grid, &solved.u, size, |x, y, p| {
+            invert::texels(team, &solved.grid, u, size, |x, y, p| {
                 let uv = [p[0] / cells[0], p[1] / cells[1]];
                 let uv = if delta { [uv[0] - centre(x, 0), uv[1] - centre(y, 1)] } else { uv };
                 canvas.put(x, y, uv);
             });
         }
         FetchKind::Warp => {
-            let nodes = dense(solved);
+            let nodes = dense(solved)?;
             let width = level.nx + 1;
             team.run(size[1], |y| {
                 for x in 0..size[0] {
@@ -95,10 +97,12 @@ pub(super) fn write(team: &Team, solved: &Solved, kind: FetchKind, image: &mut I
             });
         }
     }
+    Ok(())
 }
 
 /// Displacements of all nodes of the tile, row by row from v = 0.
-pub(super) fn dense(solved: &Solved) -> Vec<[f32; 2]> {
+pub(super) fn dense(solved: &Solved) -> Result<Vec<[f32; 2]>> {
+    let u = solved.warp.host()?;
     let level = &solved.grid.levels[0];
     let width = level.nx + 1;
     let mut nodes = vec![[0.0f32; 2]; width * (level.ny + 1)];
@@ -109,16 +113,17 @@ pub(super) fn dense(solved: &Solved) -> Vec<[f32; 2]> {
                 let s = slot(i, j);
                 // Where charts share a block, each has its own movable nodes.
                 if level.movable[b][s] != 0 && x <= level.nx && y <= level.ny {
-                    nodes[y * width + x] = [solved.u[b][0][s], solved.u[b][1][s]];
+                    nodes[y * width + x] = [u[b][0][s], u[b][1][s]];
                 }
             }
         }
     }
-    nodes
+    Ok(nodes)
 }
 
 /// Redirected UVs of all face corners.
-pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut [[f32; 2]]) {
+pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut [[f32; 2]]) -> Result<()> {
+    let warps: Vec<_> = tiles.iter().map(|solved| solved.warp.host()).collect::<Result<_>>()?;
     const CHUNK: usize = 64;
     let canvas = AtomicPtr::new(out.as_mut_ptr());
     let count = out.len().min(mesh.corners.len());
@@ -127,7 +132,7 @@ pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut 
         {
             let mut uv = corner.uv;
             if corner.tile != NONE && corner.chart != NONE {
-                let solved = tiles[corner.tile as usize];
+                let (solved, u) = (tiles[corner.tile as usize], warps[corner.tile as usize]);
                 let level = &solved.grid.levels[0];
                 let tile = mesh.tiles[corner.tile as usize].udim - 1001;
                 let origin = [f64::from(tile % 10), f64::from(tile / 10)];
@@ -135,7 +140,7 @@ pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut 
                 let c = [0, 1].map(|k| (f64::from(corner.uv[k]) - origin[k]) * cells[k]);
                 let moved = solved
                     .candidates(corner.chart)
-                    .find_map(|chart| invert::point(level, &solved.u, chart, c, solved.reach(chart)));
+                    .find_map(|chart| invert::point(level, u, chart, c, solved.reach(chart)));
                 if let Some(p) = moved {
                     uv = [0, 1].map(|k| (p[k] / cells[k] + origin[k]) as f32);
                 }
@@ -144,4 +149,5 @@ pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut 
             unsafe { canvas.load(Ordering::Relaxed).add(c).write(uv) };
         }
     });
+    Ok(())
 }

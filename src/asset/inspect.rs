@@ -23,7 +23,7 @@ pub struct ReferenceMinimum {
 
 impl Asset {
     /// Fills the strain of every tile's report.
-    pub(super) fn measure(&mut self, positions: Strided) {
+    pub(super) fn measure(&mut self, positions: Strided) -> Result<()> {
         let pose = gather(positions);
         for (tile, state) in self.tiles.iter_mut().enumerate() {
             let Some(solved) = &mut state.solved else { continue };
@@ -31,11 +31,12 @@ impl Asset {
             let level = &solved.grid.levels[0];
             let coverage = Coverage::new(mesh, level.nx, level.ny, state.maps.settings.overlap);
             let maps = node_maps(&self.mesh, mesh, &state.maps, &coverage);
-            let nodes = fetch::dense(solved);
+            let nodes = fetch::dense(solved)?;
             let width = level.nx + 1;
             let strain = measure(&self.mesh, tile, &coverage, &maps, &pose, &|i, j| nodes[j * width + i]);
             solved.report.strain = Some(strain);
         }
+        Ok(())
     }
 
     /// Displacements of the last result, in cells, row by row from v = 0, (nx + 1) x (ny + 1).
@@ -45,7 +46,7 @@ impl Asset {
     #[doc(hidden)]
     pub fn displacements(&self, tile: usize) -> Result<Vec<[f32; 2]>> {
         self.check_tile(tile)?;
-        self.tiles[tile].solved.as_ref().map(fetch::dense).ok_or_else(not_solved)
+        self.tiles[tile].solved.as_ref().ok_or_else(not_solved).and_then(fetch::dense)
     }
 
     /// The energy of a warp for a pose, in f64 by the reference.

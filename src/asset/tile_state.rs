@@ -3,26 +3,27 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::cpu::{ChartResult, Input, Memory, Run, Team};
+use crate::cpu::Team;
 use crate::device::Device;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::image::Map;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileInfo, TileReport};
 use crate::settings::{LogLevel, Overlap};
-use crate::solve::{self, Plan};
+use crate::solve::{ChartResult, Input, Plan};
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::coverage::Coverage;
 use crate::tile::pose::{ChartPose, Pose};
 use crate::tile::{Grid, Rigidity, TileMaps};
+
+use super::backend::{Memory, Warp};
 
 /// A tile's last good solve.
 #[derive(Debug)]
 pub(super) struct Solved {
     /// The grid it was solved on, which may be older than the maps.
     pub grid: Arc<Grid>,
-    /// Per block of the finest level: displacements in cells.
-    pub u: Vec<[Plane; 2]>,
+    pub warp: Arc<Warp>,
     /// What each chart's result was computed from; `None` where it is not a function of its inputs.
     inputs: Vec<Option<ChartInput>>,
     outcome: Vec<ChartResult>,
@@ -62,6 +63,8 @@ pub(super) struct TileState {
     coverage: Option<Coverage>,
     grid: Option<Arc<Grid>>,
     memory: Option<Memory>,
+    /// What the memory takes.
+    memory_bytes: u64,
     pub solved: Option<Solved>,
     /// What the device's books say.
     booked: u64,
@@ -108,6 +111,7 @@ impl TileState {
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
         // The old grid's memory is of no more use.
         self.memory = None;
+        self.memory_bytes = 0;
         self.grid = Some(grid.clone());
         if let Err(error) = self.book(device, 0, source.udim) {
             self.grid = None;
@@ -135,11 +139,7 @@ impl TileState {
         };
         let coverage = self.coverage.as_ref().map_or(0, |c| c.triangle.len() as u64 * 5);
         let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
-        let solver = match (&self.memory, &self.grid) {
-            (Some(_), Some(grid)) => Memory::bytes_for(grid),
-            _ => 0,
-        };
-        rigidity + self.maps.mask.as_ref().map_or(0, map) + coverage + grid + solver
+        rigidity + self.maps.mask.as_ref().map_or(0, map) + coverage + grid + self.memory_bytes
     }
 
     /// Solves the tile for a pose. Nothing of `solved` changes: the caller puts the result there when all tiles have
@@ -180,49 +180,43 @@ impl TileState {
         let charts: Vec<bool> = state.iter().map(|&s| s == ChartState::Active).collect();
         let any = charts.contains(&true);
 
-        let (mut u, mut outcome, warm) = match last {
-            Some(last) => (last.u.clone(), last.outcome.clone(), plan.warm),
-            None => {
-                let blocks = grid.levels[0].blocks.list.len();
-                (vec![[[0.0; NODES]; 2]; blocks], vec![ChartResult::default(); charts.len()], false)
-            }
-        };
-        for (c, state) in state.iter().enumerate() {
-            if *state == ChartState::Identity {
-                u[grid.levels[0].blocks.of_chart[c].clone()].fill([[0.0; NODES]; 2]);
-                outcome[c] = ChartResult { min_jacobian: 1.0, ..ChartResult::default() };
-            }
+        let mut outcome =
+            last.map_or_else(|| vec![ChartResult::default(); charts.len()], |last| last.outcome.clone());
+        // A chart that has become the identity takes its part of the last result along.
+        let mut unchanged = !any && last.is_some();
+        for (c, _) in state.iter().enumerate().filter(|(_, state)| **state == ChartState::Identity) {
+            unchanged &= outcome[c].max_displacement == 0.0;
+            outcome[c] = ChartResult { min_jacobian: 1.0, ..ChartResult::default() };
         }
 
         let mut report = TileReport::default();
-        if any {
-            self.allocate(device, &grid, source.udim)?;
+        let warp = if let (true, Some(last)) = (unchanged, last) {
+            last.warp.clone()
+        } else if !any && !state.contains(&ChartState::Reused) {
+            Arc::new(Warp::Host(vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()]))
+        } else {
+            let last = last.map(|last| last.warp.clone());
+            self.allocate(device, &grid, source)?;
             // Taken out for the time being: should a stage panic, the memory goes with it.
-            if let Some(mut memory) = self.memory.take() {
-                let input = Input {
-                    grid: &grid,
-                    mesh: source,
-                    pose: &pose,
-                    settings: &self.maps.settings,
-                    charts: &charts,
-                };
-                let mut run = Run::new(team, &input, &mut memory, &mut u);
-                let done = solve::run(&mut run, plan, warm, called);
-                for (c, active) in charts.iter().enumerate() {
-                    if *active {
-                        outcome[c] = run.outcome[c];
-                    }
-                }
-                report.times = done.times;
-                report.sweeps = done.sweeps;
-                report.corrections = done.corrections;
-                report.truncated = done.truncated;
-                report.node_updates = run.node_updates();
-                report.blocks_active = run.blocks_active();
-                report.levels = grid.levels.len() as u32;
-                self.memory = Some(memory);
+            let mut memory =
+                self.memory.take().ok_or_else(|| Error::new(ErrorKind::Internal, "no memory"))?;
+            let settings = &self.maps.settings;
+            let input = Input { grid: &grid, mesh: source, pose: &pose, settings, charts: &charts };
+            let keep: Vec<bool> = state.iter().map(|&s| s != ChartState::Identity).collect();
+            let ran = memory.run(team, &input, &grid, plan, called, last.as_deref(), &keep)?;
+            for c in (0..charts.len()).filter(|&c| charts[c]) {
+                outcome[c] = ran.charts[c];
             }
-        }
+            report.times = ran.outcome.times;
+            report.sweeps = ran.outcome.sweeps;
+            report.corrections = ran.outcome.corrections;
+            report.truncated = ran.outcome.truncated;
+            report.node_updates = ran.node_updates;
+            report.blocks_active = ran.blocks_active;
+            report.levels = grid.levels.len() as u32;
+            self.memory = Some(memory);
+            Arc::new(ran.warp)
+        };
         let count = |wanted: ChartState| state.iter().filter(|&&s| s == wanted).count() as u32;
         report.udim = source.udim;
         report.grid = [grid.levels[0].nx as u32, grid.levels[0].ny as u32];
@@ -254,17 +248,20 @@ impl TileState {
         report.bytes = self.held();
         report.times.total = start.elapsed().as_secs_f32() * 1000.0;
         let overlap = self.maps.settings.overlap;
-        Ok(Solved { grid, u, inputs, outcome, overlap, report })
+        Ok(Solved { grid, warp, inputs, outcome, overlap, report })
     }
 
     /// The solver's memory for a grid, booked before it is taken.
-    fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, udim: u32) -> Result<()> {
+    fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh) -> Result<()> {
         let fits = self.memory.as_ref().is_some_and(|memory| memory.is_for(grid));
         if !fits {
             // The old memory goes before the new one comes.
             self.memory = None;
-            self.book(device, Memory::bytes_for(grid), udim)?;
-            self.memory = Some(Memory::new(grid));
+            self.memory_bytes = 0;
+            let bytes = Memory::bytes_for(device, grid, tile)?;
+            self.book(device, bytes, tile.udim)?;
+            self.memory = Some(Memory::new(device, grid, tile)?);
+            self.memory_bytes = bytes;
         }
         Ok(())
     }

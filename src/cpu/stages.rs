@@ -2,14 +2,14 @@
 
 use std::sync::atomic::Ordering;
 
-use crate::solve::{Correction, Stages};
+use crate::solve::{ChartResult, Correction, Stages};
 use crate::tile::blocks::NODES;
 use crate::tile::metric;
 
 use super::certify::{self, Certificate};
 use super::relax::Relax;
 use super::team::Shared;
-use super::{ChartResult, Run, prolong};
+use super::{Run, prolong};
 
 impl Stages for Run<'_> {
     fn levels(&self) -> usize {

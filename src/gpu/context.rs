@@ -8,6 +8,7 @@ use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 
+use super::kernels::Pipelines;
 use crate::error::{Error, ErrorKind, Result};
 use crate::ffi::guard::contain;
 
@@ -30,6 +31,7 @@ pub(crate) struct Context {
     pub options: Options,
     /// True if passes can be timed on the device.
     pub timestamps: bool,
+    pub pipelines: Pipelines,
     trouble: Arc<Trouble>,
 }
 
@@ -122,7 +124,8 @@ impl Context {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| kept.keep(&error)));
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let queue = ManuallyDrop::new(queue);
-        Ok(Context { device, queue, adapter: adapter.get_info(), limits, options, timestamps, trouble })
+        let (adapter, pipelines) = (adapter.get_info(), Pipelines::default());
+        Ok(Context { device, queue, adapter, limits, options, timestamps, pipelines, trouble })
     }
 
     /// `DeviceLost` if the GPU went away.

@@ -7,22 +7,6 @@ use super::context::Context;
 use crate::error::{Error, ErrorKind, Result};
 
 impl Context {
-    /// Writes `bytes` at `offset` bytes into a buffer with the usage COPY_DST, before the next submission. Offset and
-    /// length are multiples of 4.
-    pub fn upload(&self, buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]) -> Result<()> {
-        if bytes.is_empty() {
-            return self.check();
-        }
-        self.contain(|| self.queue.write_buffer(buffer, offset, bytes))
-    }
-
-    /// Makes a buffer that holds `bytes`; their number is a multiple of 4.
-    pub fn filled(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
-        let buffer = self.buffer(label, bytes.len() as u64, usage | wgpu::BufferUsages::COPY_DST)?;
-        self.upload(&buffer, 0, bytes)?;
-        Ok(buffer)
-    }
-
     /// Makes a buffer that results are copied into and [`Context::mapped`] reads.
     pub fn staging(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
@@ -54,18 +38,36 @@ impl Context {
         unmapped.map(|()| outcome)
     }
 
-    /// Reads bytes of a buffer with the usage COPY_SRC; the range's ends are multiples of 4. For tests and small
-    /// results: what is read every frame has a staging buffer of its own.
+    /// Reads bytes of a buffer with the usage COPY_SRC; the range's ends are multiples of 4.
     pub fn read(&self, buffer: &wgpu::Buffer, range: Range<u64>) -> Result<Vec<u8>> {
-        let size = range.end.saturating_sub(range.start);
+        self.read_all(&[(buffer, range)]).map(|mut parts| parts.pop().unwrap_or_default())
+    }
+
+    /// The same for several buffers, in one copy and one mapping.
+    pub fn read_all(&self, wanted: &[(&wgpu::Buffer, Range<u64>)]) -> Result<Vec<Vec<u8>>> {
+        let size = wanted.iter().map(|(_, range)| range.end - range.start).sum();
         if size == 0 {
-            return self.check().map(|()| Vec::new());
+            return self.check().map(|()| vec![Vec::new(); wanted.len()]);
         }
         let staging = self.staging("readback", size)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("readback") };
         let mut encoder = self.device.create_command_encoder(&descriptor);
-        encoder.copy_buffer_to_buffer(buffer, range.start, &staging, 0, size);
+        let mut at = 0;
+        for (buffer, range) in wanted.iter().filter(|(_, range)| !range.is_empty()) {
+            encoder.copy_buffer_to_buffer(buffer, range.start, &staging, at, range.end - range.start);
+            at += range.end - range.start;
+        }
         self.submit([encoder])?;
-        self.mapped(&staging, size, <[u8]>::to_vec)
+        self.mapped(&staging, size, |bytes| {
+            let mut rest = bytes;
+            wanted
+                .iter()
+                .map(|(_, range)| {
+                    let (part, others) = rest.split_at((range.end - range.start) as usize);
+                    rest = others;
+                    part.to_vec()
+                })
+                .collect()
+        })
     }
 }

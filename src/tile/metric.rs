@@ -57,6 +57,13 @@ impl Gather {
         (Gather { starts, entries }, coverage)
     }
 
+    /// Per node of some blocks, its first entry (one more at the end), and these entries.
+    pub fn of_blocks(&self, blocks: std::ops::Range<usize>) -> (Vec<u32>, &[(u32, f32)]) {
+        let starts = &self.starts[blocks.start * NODES..=blocks.end * NODES];
+        let (first, end) = (starts[0], starts[starts.len() - 1]);
+        (starts.iter().map(|start| start - first).collect(), &self.entries[first as usize..end as usize])
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         self.starts.len() * 4 + self.entries.len() * 8

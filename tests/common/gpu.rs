@@ -1,6 +1,6 @@
 //! A device on a GPU, software or not, where there is one.
 
-use vrtm::{Backend, Device, DeviceSettings, ErrorKind, adapters};
+use vrtm::{Backend, Device, DeviceSettings, adapters};
 
 /// True if there is an adapter; where there is none, that is said plainly. With VRTM_REQUIRE_GPU=1 there must be one.
 pub fn has_gpu() -> bool {
@@ -18,12 +18,5 @@ pub fn gpu(settings: &DeviceSettings) -> Option<Device> {
     if !has_gpu() {
         return None;
     }
-    match Device::new(&DeviceSettings { backend: Backend::Gpu, ..settings.clone() }) {
-        // As long as the GPU's solver is not part of the build, adapters can be listed only.
-        Err(error) if error.kind == ErrorKind::Unsupported && error.message.contains("this build") => {
-            println!("skipped: {error}");
-            None
-        }
-        device => Some(device.unwrap()),
-    }
+    Some(Device::new(&DeviceSettings { backend: Backend::Gpu, ..settings.clone() }).unwrap())
 }

@@ -67,7 +67,7 @@ impl Model {
         self.asset_on(&cpu(threads), grid)
     }
 
-    /// The same on any device.
+    /// The same on a device.
     pub fn asset_on(&self, device: &Device, grid: u32) -> Asset {
         let mut asset = self.bare_on(device, Strided::from_f32x3(&self.rest));
         for maps in &self.maps {
@@ -85,7 +85,7 @@ impl Model {
         self.bare_on(&cpu(threads), rest)
     }
 
-    /// The same on any device.
+    /// The same on a device.
     pub fn bare_on(&self, device: &Device, rest: Strided) -> Asset {
         let [u, v] = [0, 1].map(|k| self.uvs.iter().map(|uv| uv[k]).collect::<Vec<f32>>());
         let uvs = UvSource {
@@ -124,7 +124,8 @@ impl Model {
     }
 }
 
-fn cpu(threads: u32) -> Device {
+/// A CPU device of so many threads.
+pub fn cpu(threads: u32) -> Device {
     Device::new(&DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() }).unwrap()
 }
 

@@ -1,0 +1,111 @@
+// What is decided chart by chart: sums over blocks, conjugate gradients' scalars, whether a correction counts. One
+// workgroup per chart; nothing is read back.
+
+/// Per level and chart: the range of its blocks in `partials`.
+@group(0) @binding(10) var<storage, read> ranges: array<vec2u>;
+
+var<workgroup> totals: array<vec4f, 64>;
+
+/// Sums a chart's partials: of y the smallest, of w the largest.
+fn total(c: u32, t: u32) -> vec4f {
+    let range = ranges[params.level * params.items + c];
+    var sum = vec4f(0.0, WORTHLESS, 0.0, 0.0);
+    for (var k = t; k < range.y; k += 64u) {
+        sum = add(sum, partials[range.x + k]);
+    }
+    totals[t] = sum;
+    workgroupBarrier();
+    for (var half = 32u; half > 0u; half /= 2u) {
+        if t < half {
+            totals[t] = add(totals[t], totals[t + half]);
+        }
+        workgroupBarrier();
+    }
+    return totals[0];
+}
+
+fn add(a: vec4f, b: vec4f) -> vec4f {
+    return vec4f(a.x + b.x, min(a.y, b.y), a.z + b.z, max(a.w, b.w));
+}
+
+/// What the total is for.
+const IDENTITY: u32 = 0u;
+const BEFORE: u32 = 1u;
+const DIRECTION: u32 = 2u;
+const FIRST_DIRECTION: u32 = 3u;
+const LENGTH_OF_STEP: u32 = 4u;
+const CUT: u32 = 5u;
+const TRIAL: u32 = 6u;
+const LAST_TRIAL: u32 = 7u;
+const ENERGY: u32 = 8u;
+const CERTIFICATE: u32 = 9u;
+
+@compute @workgroup_size(64)
+fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let c = group.y * SPREAD + group.x;
+    if c >= params.items {
+        return;
+    }
+    let sum = total(c, t);
+    if t > 0u || charts[c].working == 0u {
+        return;
+    }
+    switch params.mode {
+        case IDENTITY: {
+            charts[c].identity = sum.x;
+        }
+        case BEFORE: {
+            charts[c].before = sum.x;
+        }
+        case DIRECTION, FIRST_DIRECTION: {
+            let last = charts[c].rz;
+            charts[c].beta = select(0.0, sum.x / last, params.mode == DIRECTION && last > 0.0);
+            charts[c].rz = sum.x;
+        }
+        case LENGTH_OF_STEP: {
+            let alpha = charts[c].rz / select(1.0, sum.x, sum.x > 0.0);
+            // Nothing left to solve, or not a number: no step.
+            charts[c].alpha = select(0.0, alpha, sum.x > 0.0 && is_number(alpha));
+        }
+        case CUT: {
+            charts[c].working = u32(sum.x > 0.0);
+        }
+        case TRIAL, LAST_TRIAL: {
+            let before = charts[c].before;
+            // The last trial is relaxation alone.
+            if sum.x < before || params.mode == LAST_TRIAL {
+                charts[c].working = 0u;
+                charts[c].done = select(1u, 0u, before - sum.x > params.tolerance * before);
+            }
+        }
+        case ENERGY: {
+            charts[c].energy = sum.x;
+        }
+        case CERTIFICATE: {
+            charts[c].min_jacobian = min(sum.y, 1.0);
+            charts[c].folds = u32(sum.z);
+            charts[c].max_displacement = sum.w;
+            let energy = charts[c].energy;
+            let better = energy <= charts[c].identity && energy < WORTHLESS && is_number(energy) && sum.z == 0.0;
+            charts[c].fallback = u32(!better);
+        }
+        default: {}
+    }
+}
+
+const ALL: u32 = 0u;
+const FIRST_CORRECTION: u32 = 1u;
+const LATER_CORRECTION: u32 = 2u;
+
+/// Which charts the next stages work on.
+@compute @workgroup_size(64)
+fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let c = (group.y * SPREAD + group.x) * 64u + t;
+    if c >= params.items {
+        return;
+    }
+    if params.mode == FIRST_CORRECTION {
+        charts[c].done = 0u;
+    }
+    charts[c].working = charts[c].solve & select(1u, 1u - charts[c].done, params.mode != ALL);
+}

@@ -1,0 +1,92 @@
+// correct: the coarser level's system P' A P with bilinear P, again 9-point and symmetric. Each coarse node reads the
+// rows of 25 finer ones (76 bytes each) and writes 76 bytes.
+
+@group(0) @binding(10) var<storage, read> fine_blocks: array<Block>;
+@group(0) @binding(11) var<storage, read> fine_rows: array<f32>;
+
+fn hat(d: i32) -> f32 {
+    return select(select(0.0, 0.5, abs(d) == 1), 1.0, d == 0);
+}
+
+/// Place in `fine_rows` of the first plane of the node at f (relative to the fine block `child`), or NONE.
+fn fine_row(child: u32, f: vec2i) -> u32 {
+    let shifted = vec2u(f + 16);
+    let holder = fine_blocks[child].links[shifted.y / 16u * 3u + shifted.x / 16u];
+    if holder == NONE {
+        return NONE;
+    }
+    return row_at(holder, 0u, slot(shifted.x % 16u, shifted.y % 16u));
+}
+
+/// The 2x2 block between the fine nodes f (row) and f + offset(k) (column), row-major; k = 8: the diagonal.
+fn fine_entry(child: u32, f: vec2i, k: u32) -> vec4f {
+    if k == 8u {
+        let at = fine_row(child, f);
+        if at == NONE {
+            return vec4f();
+        }
+        let xy = fine_rows[at + NODES];
+        return vec4f(fine_rows[at], xy, xy, fine_rows[at + 2u * NODES]);
+    }
+    let theirs = k > 3u;
+    let at = fine_row(child, select(f, f + offset(k), theirs));
+    if at == NONE {
+        return vec4f();
+    }
+    let pair = at + (PAIR + 4u * (k & 3u)) * NODES;
+    let a = vec4f(fine_rows[pair], fine_rows[pair + NODES], fine_rows[pair + 2u * NODES], fine_rows[pair + 3u * NODES]);
+    return select(a, a.xzyw, theirs);
+}
+
+@compute @workgroup_size(64)
+fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose(group, t);
+    if b == NONE {
+        return;
+    }
+    for (var colour = 0u; colour < 4u; colour++) {
+        let s = own_slot(colour, t);
+        galerkin_node(b, node_of(s), s);
+    }
+}
+
+fn galerkin_node(b: u32, n: vec2u, s: u32) {
+    var sums: array<vec4f, 5>;
+    let child = blocks[b].children[n.y / 8u * 2u + n.x / 8u];
+    let moves = !is_fixed(b, s) && child != NONE;
+    if moves {
+        let centre = vec2i(2u * (n % 8u));
+        for (var i = 0u; i < 9u; i++) {
+            let f = vec2i(i32(i % 3u), i32(i / 3u)) - 1;
+            let own = hat(f.x) * hat(f.y);
+            for (var k = 0u; k < 9u; k++) {
+                var g = f;
+                if k < 8u {
+                    g += offset(k);
+                }
+                let a = own * fine_entry(child, centre + f, k);
+                for (var e = 0u; e < 5u; e++) {
+                    var c = vec2i();
+                    if e < 4u {
+                        c = 2 * offset(e);
+                    }
+                    sums[e] += hat(g.x - c.x) * hat(g.y - c.y) * a;
+                }
+            }
+        }
+    }
+    let at = row_at(b, 0u, s);
+    rows[at] = select(1.0, sums[4].x, moves);
+    rows[at + NODES] = select(0.0, sums[4].y, moves);
+    rows[at + 2u * NODES] = select(1.0, sums[4].w, moves);
+    for (var e = 0u; e < 4u; e++) {
+        // Only pairs of movable nodes.
+        let far = vec2u(vec2i(n) + offset(e) + 1);
+        let source = window_source(far);
+        let holder = blocks[b].links[source.x];
+        let both = moves && holder != NONE && !is_fixed(select(b, holder, holder != NONE), source.y);
+        for (var c = 0u; c < 4u; c++) {
+            rows[at + (PAIR + 4u * e + c) * NODES] = select(0.0, sums[e][c], both);
+        }
+    }
+}

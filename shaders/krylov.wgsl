@@ -1,0 +1,93 @@
+// correct: conjugate gradients around the V-cycle, chart by chart; their scalars stand in the charts. A dot product is
+// a sum per block here, and a sum per chart in control.wgsl.
+
+var<workgroup> sums: array<f32, 64>;
+
+/// Writes a block's sum of what its threads bring.
+fn write_sum(group: vec3u, t: u32, value: f32) {
+    sums[t] = value;
+    workgroupBarrier();
+    for (var half = 32u; half > 0u; half /= 2u) {
+        if t < half {
+            sums[t] += sums[t + half];
+        }
+        workgroupBarrier();
+    }
+    if t == 0u {
+        partials[params.partial + group.y * SPREAD + group.x] = vec4f(sums[0], 0.0, 0.0, 0.0);
+    }
+}
+
+/// r . z
+@compute @workgroup_size(64)
+fn residual_dot(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose(group, t);
+    if b == NONE {
+        return;
+    }
+    var sum = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let s = own_slot(k, t);
+        sum += dot(vector(b, R, s), vector(b, Z, s));
+    }
+    write_sum(group, t, sum);
+}
+
+/// p = z + beta p.
+@compute @workgroup_size(64)
+fn direction(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose(group, t);
+    if b == NONE {
+        return;
+    }
+    let beta = charts[blocks[b].chart].beta;
+    for (var k = 0u; k < 4u; k++) {
+        let s = own_slot(k, t);
+        var p = vector(b, Z, s);
+        if params.mode > 0u {
+            p += beta * vector(b, P, s);
+        }
+        set_vector(b, P, s, p);
+    }
+}
+
+/// z = A p, and p . A p.
+@compute @workgroup_size(64)
+fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose(group, t);
+    if b == NONE {
+        return;
+    }
+    load_vector(b, t, P, 15u);
+    var sum = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let s = own_slot(k, t);
+        let v = product(b, s);
+        set_vector(b, Z, s, v);
+        sum += dot(vector(b, P, s), v);
+    }
+    write_sum(group, t, sum);
+}
+
+/// No step is this long, in cells: more than the largest grid.
+const LONGEST: f32 = 32768.0;
+
+/// x += alpha p, r -= alpha A p.
+@compute @workgroup_size(64)
+fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose(group, t);
+    if b == NONE {
+        return;
+    }
+    let alpha = charts[blocks[b].chart].alpha;
+    for (var k = 0u; k < 4u; k++) {
+        let s = own_slot(k, t);
+        var x = alpha * vector(b, P, s);
+        if params.mode > 0u {
+            x += vector(b, X, s);
+        }
+        // A system that f32 cannot solve must not spoil the state.
+        set_vector(b, X, s, select(vec2f(), x, abs(x) < vec2f(LONGEST)));
+        set_vector(b, R, s, vector(b, R, s) - alpha * vector(b, Z, s));
+    }
+}

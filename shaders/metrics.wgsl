@@ -1,0 +1,82 @@
+// The surface of the coarser levels: metrics, bilinear between nodes, so that an edge has arc length (DESIGN 4).
+
+/// Per block: (E, F, G) of the pose, per cell squared of this level.
+@group(0) @binding(6) var<storage, read_write> metric: array<f32>;
+
+struct Sample {
+    found: bool,
+    value: vec3f,
+    slope_x: vec3f,
+    slope_y: vec3f,
+    triangle: u32,
+}
+
+fn metric_at(b: u32, s: u32) -> vec3f {
+    let at = b * 3u * NODES + s;
+    return vec3f(metric[at], metric[at + NODES], metric[at + 2u * NODES]);
+}
+
+fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
+    let whole = floor(u);
+    let part = u - whole;
+    let low = node + vec2i(whole);
+    var g: array<vec3f, 4>;
+    for (var k = 0u; k < 4u; k++) {
+        let at = low + vec2i(i32(k & 1u), i32(k >> 1u));
+        let holder = holding(b, at.x, at.y);
+        if holder == NONE {
+            return Sample(false, vec3f(), vec3f(), vec3f(), NONE);
+        }
+        g[k] = metric_at(holder, slot(u32(at.x & 15), u32(at.y & 15)));
+    }
+    let south = g[0] + part.x * (g[1] - g[0]);
+    let north = g[2] + part.x * (g[3] - g[2]);
+    let slope_x = (1.0 - part.y) * (g[1] - g[0]) + part.y * (g[3] - g[2]);
+    return Sample(true, south + part.y * (north - south), slope_x, north - south, NONE);
+}
+
+fn slopes(b: u32, node: vec2i, u: vec2f, t: u32) -> mat2x3f {
+    let sample = sample_surface(b, node, u, t);
+    return mat2x3f(sample.slope_x, sample.slope_y);
+}
+
+/// The sample of a node as it is set from outside.
+fn refreshed(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
+    if !fixed {
+        let sample = sample_surface(b, node, u, NONE);
+        if sample.found {
+            return sample;
+        }
+    }
+    return Sample(true, metric_at(b, s), vec3f(), vec3f(), NONE);
+}
+
+/// What the gradients at both ends of an edge share: the metric times d, L, 1 / L and d.
+struct Chord {
+    along: vec2f,
+    d: vec2f,
+    length: f32,
+    inverse: f32,
+}
+
+/// L = sqrt(d' (G_p + G_n) / 2 d).
+fn chord(value: vec3f, slope: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Chord {
+    let g = (value + other) * 0.5;
+    let along = vec2f(g.x * d.x + g.y * d.y, g.y * d.x + g.z * d.y);
+    let length = sqrt(max(dot(along, d), 0.0) + TINY);
+    return Chord(along, d, length, 1.0 / length);
+}
+
+/// An end's half of the metric's change along W: a quarter of d' dG/dx d and of d' dG/dy d.
+fn half_change(c: Chord, slope: mat2x3f) -> vec2f {
+    let squares = vec3f(c.d.x * c.d.x, 2.0 * c.d.x * c.d.y, c.d.y * c.d.y);
+    return vec2f(dot(slope[0], squares), dot(slope[1], squares)) * 0.25;
+}
+
+fn near_gradient(c: Chord, slope: mat2x3f) -> vec2f {
+    return (half_change(c, slope) - c.along) * c.inverse;
+}
+
+fn far_gradient(c: Chord, slope: mat2x3f) -> vec2f {
+    return (half_change(c, slope) + c.along) * c.inverse;
+}

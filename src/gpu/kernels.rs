@@ -1,0 +1,289 @@
+//! The table of compute kernels: which shader parts make each up, what it binds, and how many bytes it moves.
+
+use std::sync::OnceLock;
+
+use super::context::Context;
+use super::layout::{Chart, Params};
+
+/// What a kernel binds at one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Binding {
+    /// The dispatch's parameters, at a dynamic offset.
+    Params,
+    /// Read only.
+    Read(u32),
+    /// Read and written.
+    Write(u32),
+}
+
+impl Binding {
+    /// Its number in the shaders.
+    pub fn number(self) -> u32 {
+        match self {
+            Binding::Params => 0,
+            Binding::Read(n) | Binding::Write(n) => n,
+        }
+    }
+}
+
+/// Numbers of the bindings that are the same in all shaders.
+pub mod slot {
+    pub const CHARTS: u32 = 1;
+    pub const BLOCKS: u32 = 2;
+    pub const LISTS: u32 = 3;
+    pub const NODES: u32 = 4;
+    pub const STATE: u32 = 5;
+    /// Triangles on the finest level, metrics on the others.
+    pub const SURFACE: u32 = 6;
+    pub const ROWS: u32 = 7;
+    pub const VECTORS: u32 = 8;
+    pub const PARTIALS: u32 = 9;
+    /// From here on, each kernel's own.
+    pub const OWN: u32 = 10;
+}
+
+/// A kernel. Those that look at the surface come in two versions: one for chords, one for metrics.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kernel {
+    Surface,
+    Gather,
+    Pyramid,
+    IdentityChords,
+    IdentityMetrics,
+    Previous,
+    ProlongChords,
+    ProlongMetrics,
+    StepChords,
+    StepMetrics,
+    RelaxChords,
+    RelaxMetrics,
+    EnergyChords,
+    EnergyMetrics,
+    AssembleChords,
+    AssembleMetrics,
+    Galerkin,
+    Smooth,
+    Residual,
+    Restrict,
+    AddCoarse,
+    ResidualDot,
+    Direction,
+    Curvature,
+    Advance,
+    Mark,
+    Shrink,
+    Falloff,
+    Decide,
+    SelectCharts,
+    Certify,
+    Finish,
+}
+
+/// How a kernel is made.
+#[derive(Debug)]
+pub struct Source {
+    pub kernel: Kernel,
+    pub entry: &'static str,
+    /// Files of `shaders/`, after `common`.
+    pub parts: &'static [&'static str],
+    pub bindings: &'static [Binding],
+    /// Bytes that a node's work moves at least, each datum counted once.
+    pub bytes_per_node: u32,
+}
+
+use Binding::{Params as P, Read as R, Write as W};
+use slot::*;
+
+const CHORDS: [&str; 2] = ["triangle", "chords"];
+
+macro_rules! source {
+    ($kernel:ident, $entry:literal, [$($part:expr),*], [$($binding:expr),*], $bytes:literal) => {
+        Source {
+            kernel: Kernel::$kernel,
+            entry: $entry,
+            parts: &[$($part),*],
+            bindings: &[P, W(CHARTS), $($binding),*],
+            bytes_per_node: $bytes,
+        }
+    };
+}
+
+/// All kernels, in the order of the stages.
+#[rustfmt::skip]
+pub const SOURCES: [Source; 32] = [
+    source!(Surface, "surface", ["triangle", "surface"], [W(SURFACE), R(OWN), R(OWN + 1)], 0),
+    source!(Gather, "gather", ["triangle", "gather"],
+        [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), W(OWN + 2)], 52),
+    source!(Pyramid, "pyramid", ["metrics", "pyramid"],
+        [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), R(OWN + 2)], 76),
+    source!(IdentityChords, "identity", [CHORDS[0], CHORDS[1], "place"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 68),
+    source!(IdentityMetrics, "identity", ["metrics", "place"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 44),
+    source!(Previous, "previous", [CHORDS[0], CHORDS[1], "place"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(OWN)], 76),
+    source!(ProlongChords, "prolong", [CHORDS[0], CHORDS[1], "place", "prolong"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(OWN), R(OWN + 1)], 70),
+    source!(ProlongMetrics, "prolong", ["metrics", "place", "prolong"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(OWN), R(OWN + 1)], 46),
+    source!(StepChords, "step", [CHORDS[0], CHORDS[1], "place"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)], 88),
+    source!(StepMetrics, "step", ["metrics", "place"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)], 64),
+    source!(RelaxChords, "relax", [CHORDS[0], CHORDS[1], "patch", "relax"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 104),
+    source!(RelaxMetrics, "relax", ["metrics", "patch", "relax"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 80),
+    source!(EnergyChords, "energy", [CHORDS[0], CHORDS[1], "patch", "energy"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS)], 80),
+    source!(EnergyMetrics, "energy", ["metrics", "patch", "energy"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS)], 56),
+    source!(AssembleChords, "assemble", [CHORDS[0], CHORDS[1], "patch", "assemble"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 164),
+    source!(AssembleMetrics, "assemble", ["metrics", "patch", "assemble"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 140),
+    source!(Galerkin, "galerkin", ["galerkin"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(OWN), R(OWN + 1)], 380),
+    source!(Smooth, "smooth_z", ["multigrid"], [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 100),
+    source!(Residual, "residual", ["multigrid"], [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 100),
+    source!(Restrict, "restrict_residual", ["transfer"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(VECTORS), R(OWN), R(OWN + 1)], 44),
+    source!(AddCoarse, "add_coarse", ["transfer"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(VECTORS), R(OWN), R(OWN + 1)], 22),
+    source!(ResidualDot, "residual_dot", ["multigrid", "krylov"],
+        [R(BLOCKS), R(LISTS), W(VECTORS), W(PARTIALS)], 16),
+    source!(Direction, "direction", ["multigrid", "krylov"], [R(BLOCKS), R(LISTS), W(VECTORS)], 24),
+    source!(Curvature, "curvature", ["multigrid", "krylov"],
+        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS)], 92),
+    source!(Advance, "advance", ["multigrid", "krylov"], [R(BLOCKS), R(LISTS), W(VECTORS)], 48),
+    source!(Mark, "mark", ["cut"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS), W(PARTIALS)], 24),
+    source!(Shrink, "shrink", ["cut"], [R(BLOCKS), R(LISTS), W(VECTORS)], 12),
+    source!(Falloff, "falloff", ["cut"], [R(BLOCKS), R(LISTS), W(VECTORS)], 8),
+    source!(Decide, "decide", ["control"], [W(PARTIALS), R(OWN)], 0),
+    source!(SelectCharts, "select_charts", ["control"], [], 0),
+    source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
+    source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(OWN)], 16),
+];
+
+impl Kernel {
+    /// How it is made.
+    pub fn source(self) -> &'static Source {
+        const { assert!(SOURCES.len() == Kernel::Finish as usize + 1) };
+        &SOURCES[self as usize]
+    }
+}
+
+impl Source {
+    /// Its whole text.
+    pub fn text(&self) -> String {
+        std::iter::once("common").chain(self.parts.iter().copied()).map(part).collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// A file of `shaders/`.
+fn part(name: &str) -> &'static str {
+    macro_rules! files {
+        ($($name:literal),*) => {
+            match name {
+                $($name => include_str!(concat!("../../shaders/", $name, ".wgsl")),)*
+                _ => "",
+            }
+        };
+    }
+    files!(
+        "common",
+        "triangle",
+        "chords",
+        "metrics",
+        "surface",
+        "gather",
+        "pyramid",
+        "place",
+        "prolong",
+        "patch",
+        "relax",
+        "energy",
+        "assemble",
+        "galerkin",
+        "multigrid",
+        "transfer",
+        "krylov",
+        "cut",
+        "control",
+        "certify"
+    )
+}
+
+/// A kernel, ready to run.
+#[derive(Debug)]
+pub struct Pipeline {
+    pub pipeline: wgpu::ComputePipeline,
+    pub layout: wgpu::BindGroupLayout,
+}
+
+/// The kernels of a device, each made when it is first used.
+#[derive(Debug, Default)]
+pub struct Pipelines(OnceLock<Vec<OnceLock<Pipeline>>>);
+
+impl Pipelines {
+    /// A kernel's pipeline.
+    pub fn get(&self, context: &Context, kernel: Kernel) -> &Pipeline {
+        let all = self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collect());
+        all[kernel as usize].get_or_init(|| Pipeline::new(context, kernel.source()))
+    }
+}
+
+impl Pipeline {
+    fn new(context: &Context, source: &Source) -> Pipeline {
+        let device = &context.device;
+        let label = Some(source.entry);
+        let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collect();
+        let layout =
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label,
+            source: wgpu::ShaderSource::Wgsl(source.text().into()),
+        });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(source.entry),
+            // All of it is written before it is read.
+            compilation_options: wgpu::PipelineCompilationOptions {
+                zero_initialize_workgroup_memory: false,
+                ..Default::default()
+            },
+            cache: None,
+        });
+        Pipeline { pipeline, layout }
+    }
+}
+
+fn layout_entry(binding: Binding) -> wgpu::BindGroupLayoutEntry {
+    let ty = match binding {
+        Binding::Params => wgpu::BufferBindingType::Uniform,
+        Binding::Read(_) => wgpu::BufferBindingType::Storage { read_only: true },
+        Binding::Write(_) => wgpu::BufferBindingType::Storage { read_only: false },
+    };
+    let size = match binding {
+        Binding::Params => size_of::<Params>(),
+        Binding::Write(slot::CHARTS) => size_of::<Chart>(),
+        _ => 0,
+    };
+    wgpu::BindGroupLayoutEntry {
+        binding: binding.number(),
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty,
+            has_dynamic_offset: binding == Binding::Params,
+            min_binding_size: std::num::NonZeroU64::new(size as u64),
+        },
+        count: None,
+    }
+}

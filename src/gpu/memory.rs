@@ -1,0 +1,410 @@
+//! The memory of one tile's solver on the GPU: constants that are uploaded once per grid, and what a solve changes.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Weak};
+
+use super::bands::{Band, bands};
+use super::context::Context;
+use super::kernels::{Binding, Kernel, slot};
+use super::layout::{
+    Block, Chart, METRIC_PLANES, NODE_PLANES, Params, RESULT_PLANES, ROW_PLANES, STATE_PLANES, Triangle,
+    VECTOR_PLANES,
+};
+use super::recorder::Recording;
+use super::results::ResultBuffers;
+use crate::error::{Error, ErrorKind, Result};
+use crate::mesh::{NONE, TileMesh};
+use crate::tile::blocks::NODES;
+use crate::tile::{Grid, Level};
+
+/// Bytes of a plane.
+pub const PLANE: u64 = NODES as u64 * 4;
+
+/// Lists of a band's blocks (places in its buffers), as ranges of one buffer: (first, count).
+#[derive(Clone, Debug, Default)]
+pub struct Lists {
+    /// Blocks with movable nodes, by block colour.
+    pub colours: [(u32, u32); 4],
+    /// The same in storage order.
+    pub active: (u32, u32),
+    /// These and the ones that are stored for their neighbours' sake.
+    pub stored: (u32, u32),
+    /// The parts of `active` and of `stored` whose children are in each band of the next finer level.
+    pub active_over: Vec<(u32, u32)>,
+    pub stored_over: Vec<(u32, u32)>,
+    /// Place of the first active block's sum among the level's.
+    pub partial: u32,
+}
+
+/// One band's buffers.
+#[derive(Debug)]
+pub struct BandBuffers {
+    pub blocks: wgpu::Buffer,
+    pub lists: wgpu::Buffer,
+    pub nodes: wgpu::Buffer,
+    pub state: wgpu::Buffer,
+    /// Coarser levels only.
+    pub metric: Option<wgpu::Buffer>,
+    pub rows: wgpu::Buffer,
+    pub vectors: wgpu::Buffer,
+    /// Level 1 only: the entries of its gather.
+    pub gather: Option<[wgpu::Buffer; 2]>,
+}
+
+/// The memory of one tile's solver, kept between solves.
+#[derive(Debug)]
+pub(crate) struct Memory {
+    grid: Weak<Grid>,
+    pub context: Arc<Context>,
+    pub bands: Vec<Vec<Band>>,
+    pub buffers: Vec<Vec<BandBuffers>>,
+    /// Per level and band, for the charts of the last solve.
+    pub lists: Vec<Vec<Lists>>,
+    listed: Option<Vec<bool>>,
+    pub triangles: wgpu::Buffer,
+    pub corners: wgpu::Buffer,
+    pub positions: wgpu::Buffer,
+    pub charts: wgpu::Buffer,
+    pub ranges: wgpu::Buffer,
+    pub partials: wgpu::Buffer,
+    pub recording: Recording,
+    /// First vertex of each chart in `positions`.
+    pub first_vertex: Vec<u32>,
+    /// Two results: the last one and the next.
+    results: [Arc<ResultBuffers>; 2],
+    /// Bind groups that were made, by kernel, band and the kernel's own buffers.
+    pub groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), wgpu::BindGroup>,
+}
+
+/// Most bytes per block in one buffer.
+const LARGEST: u64 = ROW_PLANES as u64 * PLANE;
+
+fn capacity(context: &Context) -> usize {
+    let limits = &context.limits;
+    (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / LARGEST) as usize
+}
+
+impl Memory {
+    /// Allocates for a grid, and uploads what does not depend on the pose.
+    pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
+        use wgpu::BufferUsages as Usage;
+        let bands = bands(&grid.levels, capacity(context))?;
+        let storage = |label: &str, bytes: u64| {
+            let limit = context.limits.max_storage_buffer_binding_size.min(context.limits.max_buffer_size);
+            if bytes > limit {
+                let message = format!("{label}: {bytes} bytes, but the GPU binds at most {limit}");
+                return Err(Error::new(ErrorKind::Unsupported, message));
+            }
+            context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
+        };
+        let upload = |label: &str, bytes: &[u8]| {
+            let buffer = storage(label, bytes.len() as u64)?;
+            context.queue.write_buffer(&buffer, 0, bytes);
+            Ok::<_, Error>(buffer)
+        };
+        let mut buffers = Vec::with_capacity(bands.len());
+        for (k, level) in grid.levels.iter().enumerate() {
+            let mut of_level = Vec::with_capacity(bands[k].len());
+            for band in &bands[k] {
+                let count = band.held.len() as u64;
+                let planes = |n: usize| count * n as u64 * PLANE;
+                let gather = match k {
+                    1 => {
+                        let (starts, entries) = grid.gather.of_blocks(band.held.clone());
+                        let entries: Vec<[u32; 2]> =
+                            entries.iter().map(|&(t, share)| [t, share.to_bits()]).collect();
+                        Some([
+                            upload("gather", bytemuck::cast_slice(&starts))?,
+                            upload("gather", bytemuck::cast_slice(&entries))?,
+                        ])
+                    }
+                    _ => None,
+                };
+                of_level.push(BandBuffers {
+                    blocks: upload("blocks", bytemuck::cast_slice(&band_blocks(grid, &bands, k, band)))?,
+                    lists: storage("lists", list_bytes(count))?,
+                    nodes: upload("nodes", bytemuck::cast_slice(&constants(grid, level, k, band)))?,
+                    state: storage("state", planes(STATE_PLANES))?,
+                    metric: (k > 0).then(|| storage("metric", planes(METRIC_PLANES))).transpose()?,
+                    rows: storage("rows", planes(ROW_PLANES))?,
+                    vectors: storage("vectors", planes(VECTOR_PLANES))?,
+                    gather,
+                });
+            }
+            buffers.push(of_level);
+        }
+        let mut first_vertex = Vec::with_capacity(tile.charts.len());
+        let mut vertices = 0u32;
+        for chart in &tile.charts {
+            first_vertex.push(vertices);
+            vertices += chart.vertices.len() as u32;
+        }
+        let corners: Vec<u32> = tile
+            .triangles
+            .iter()
+            .zip(&grid.chart_of)
+            .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
+            .collect();
+        let charts = tile.charts.len() as u64;
+        let result = || ResultBuffers::new(&bands[0], &storage).map(Arc::new);
+        let memory = Memory {
+            grid: Arc::downgrade(grid),
+            triangles: upload("triangles", bytemuck::cast_slice(&triangles(grid)))?,
+            corners: upload("corners", bytemuck::cast_slice(&corners))?,
+            positions: storage("positions", u64::from(vertices) * 12)?,
+            charts: storage("charts", charts * size_of::<Chart>() as u64)?,
+            ranges: storage("ranges", charts * grid.levels.len() as u64 * 8)?,
+            partials: storage("partials", grid.levels[0].blocks.list.len() as u64 * 16)?,
+            recording: Recording::new(context)?,
+            first_vertex,
+            results: [result()?, result()?],
+            lists: Vec::new(),
+            listed: None,
+            groups: HashMap::new(),
+            context: context.clone(),
+            bands,
+            buffers,
+        };
+        context.check()?;
+        Ok(memory)
+    }
+
+    /// Bytes that `new` takes for a grid.
+    pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
+        let bands = bands(&grid.levels, capacity(context))?;
+        let mut bytes = Recording::BYTES;
+        for (k, bands) in bands.iter().enumerate() {
+            for band in bands {
+                let count = band.held.len() as u64;
+                let planes = NODE_PLANES + STATE_PLANES + ROW_PLANES + VECTOR_PLANES;
+                let other = if k == 0 { 2 * RESULT_PLANES } else { METRIC_PLANES };
+                bytes +=
+                    count * ((planes + other) as u64 * PLANE + size_of::<Block>() as u64) + list_bytes(count);
+            }
+        }
+        let vertices: usize = tile.charts.iter().map(|chart| chart.vertices.len()).sum();
+        bytes += (tile.triangles.len() * (size_of::<Triangle>() + 12) + vertices * 12) as u64;
+        bytes += (tile.charts.len() * (size_of::<Chart>() + 8 * grid.levels.len())) as u64;
+        Ok(bytes + grid.gather.bytes() as u64 + grid.levels[0].blocks.list.len() as u64 * 16)
+    }
+
+    /// True if this is the memory of a grid.
+    pub fn is_for(&self, grid: &Arc<Grid>) -> bool {
+        self.grid.upgrade().is_some_and(|own| Arc::ptr_eq(&own, grid))
+    }
+
+    /// Buffers for a result that nothing else holds.
+    pub fn free_result(&mut self) -> Result<Arc<ResultBuffers>> {
+        if let Some(free) = self.results.iter().find(|result| Arc::strong_count(result) == 1) {
+            return Ok(free.clone());
+        }
+        Err(Error::new(ErrorKind::Internal, "both results are in use"))
+    }
+
+    /// Makes the lists of the charts that a solve works on.
+    pub fn list(&mut self, grid: &Grid, charts: &[bool]) {
+        if self.listed.as_deref() == Some(charts) {
+            return;
+        }
+        self.lists.clear();
+        let mut ranges: Vec<[u32; 2]> = Vec::new();
+        for (k, level) in grid.levels.iter().enumerate() {
+            let mut of_level = Vec::with_capacity(self.bands[k].len());
+            let mut sums = 0;
+            let mut of_chart = vec![[0u32; 2]; charts.len()];
+            for (band, buffers) in self.bands[k].iter().zip(&self.buffers[k]) {
+                let finer = k.checked_sub(1).map(|k| (&grid.levels[k], &self.bands[k][band.below.clone()]));
+                let (lists, all) = band_lists(level, band, finer, charts, sums);
+                for b in active(level, band, charts) {
+                    let range = &mut of_chart[level.blocks.list[b].chart as usize];
+                    range[0] = if range[1] == 0 { sums } else { range[0] };
+                    range[1] += 1;
+                    sums += 1;
+                }
+                self.context.queue.write_buffer(&buffers.lists, 0, bytemuck::cast_slice(&all));
+                of_level.push(lists);
+            }
+            ranges.extend(of_chart);
+            self.lists.push(of_level);
+        }
+        self.context.queue.write_buffer(&self.ranges, 0, bytemuck::cast_slice(&ranges));
+        self.listed = Some(charts.to_vec());
+    }
+
+    /// The bind group of a kernel: `at` is the band (level, index), `own` the kernel's own buffers.
+    pub fn group(
+        &self,
+        kernel: Kernel,
+        layout: &wgpu::BindGroupLayout,
+        at: [usize; 2],
+        own: &[wgpu::Buffer],
+    ) -> wgpu::BindGroup {
+        let band = &self.buffers[at[0]][at[1]];
+        let entries: Vec<_> = kernel
+            .source()
+            .bindings
+            .iter()
+            .map(|binding| {
+                let buffer = match binding.number() {
+                    slot::CHARTS => &self.charts,
+                    slot::BLOCKS => &band.blocks,
+                    slot::LISTS => &band.lists,
+                    slot::NODES => &band.nodes,
+                    slot::STATE => &band.state,
+                    // The first steps of the pyramid look at triangles, whatever the level.
+                    slot::SURFACE if kernel == Kernel::Gather => &self.triangles,
+                    slot::SURFACE => band.metric.as_ref().unwrap_or(&self.triangles),
+                    slot::ROWS => &band.rows,
+                    slot::VECTORS => &band.vectors,
+                    slot::PARTIALS => &self.partials,
+                    0 => &self.recording.params,
+                    n => &own[(n - slot::OWN) as usize],
+                };
+                let resource = match binding {
+                    Binding::Params => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                        buffer,
+                        offset: 0,
+                        size: std::num::NonZeroU64::new(size_of::<Params>() as u64),
+                    }),
+                    _ => buffer.as_entire_binding(),
+                };
+                wgpu::BindGroupEntry { binding: binding.number(), resource }
+            })
+            .collect();
+        self.context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(kernel.source().entry),
+            layout,
+            entries: &entries,
+        })
+    }
+}
+
+/// Bytes of the lists of a band of `count` blocks.
+fn list_bytes(count: u64) -> u64 {
+    (3 * count * 4).max(16)
+}
+
+/// The active blocks that a band owns, of some charts.
+fn active<'a>(level: &'a Level, band: &Band, charts: &'a [bool]) -> impl Iterator<Item = usize> + 'a {
+    stored(level, band, charts).filter(|&b| level.blocks.list[b].active)
+}
+
+fn stored<'a>(level: &'a Level, band: &Band, charts: &'a [bool]) -> impl Iterator<Item = usize> + 'a {
+    band.own.clone().filter(|&b| charts[level.blocks.list[b].chart as usize])
+}
+
+/// A band's lists, and all of them one after the other.
+fn band_lists(
+    level: &Level,
+    band: &Band,
+    finer: Option<(&Level, &[Band])>,
+    charts: &[bool],
+    partial: u32,
+) -> (Lists, Vec<u32>) {
+    let list = &level.blocks.list;
+    let mut lists = Lists { partial, ..Lists::default() };
+    let mut all: Vec<u32> = Vec::new();
+    let mut add = |blocks: &mut dyn Iterator<Item = usize>| {
+        let first = all.len() as u32;
+        all.extend(blocks.map(|b| band.place(b as u32)));
+        (first, all.len() as u32 - first)
+    };
+    for (colour, range) in lists.colours.iter_mut().enumerate() {
+        let of_colour = |&b: &usize| (list[b].y % 2 * 2 + list[b].x % 2) as usize == colour;
+        *range = add(&mut active(level, band, charts).filter(of_colour));
+    }
+    lists.active = add(&mut active(level, band, charts));
+    lists.stored = add(&mut stored(level, band, charts));
+    if let Some((finer, below)) = finer {
+        // A finer band has the children of whole rows.
+        let starts: Vec<_> = below.iter().map(|band| &finer.blocks.list[band.own.start]).collect();
+        let of = |b: usize| {
+            let key = (list[b].chart, list[b].y);
+            starts.partition_point(|first| (first.chart, first.y / 2) <= key).max(1) - 1
+        };
+        let over = |all: &mut dyn Iterator<Item = usize>, first: u32| {
+            let mut ranges = vec![(first, 0u32); below.len()];
+            let mut at = first;
+            for b in all {
+                let range = &mut ranges[of(b)];
+                range.0 = if range.1 == 0 { at } else { range.0 };
+                range.1 += 1;
+                at += 1;
+            }
+            ranges
+        };
+        lists.active_over = over(&mut active(level, band, charts), lists.active.0);
+        lists.stored_over = over(&mut stored(level, band, charts), lists.stored.0);
+    }
+    (lists, all)
+}
+
+/// The blocks of a band, as the shaders see them.
+fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<Block> {
+    let level = &grid.levels[k];
+    let list = &level.blocks.list;
+    let above = bands.get(k + 1).map(|bands| &bands[band.above]);
+    let below = k.checked_sub(1).map(|k| &bands[k][band.below.clone()]);
+    band.held
+        .clone()
+        .map(|b| {
+            let block = &list[b];
+            let around = level.blocks.around[b];
+            let links = around.map(|b| if b != NONE && list[b as usize].active { b } else { NONE });
+            let children = level.children[b].map(|child| {
+                let band =
+                    below.and_then(|bands| bands.iter().find(|band| band.own.contains(&(child as usize))));
+                band.map_or(NONE, |band| band.place(child))
+            });
+            let chart = level.blocks.of_chart[block.chart as usize].clone();
+            let (first, end) = (chart.start.max(band.held.start), chart.end.min(band.held.end));
+            Block {
+                around: around.map(|b| band.place(b)),
+                links: links.map(|b| band.place(b)),
+                chart: block.chart,
+                x: block.x,
+                y: block.y,
+                moves: u32::from(block.active),
+                parent: above.map_or(NONE, |above| above.place(level.parent[b])),
+                children,
+                chart_first: (first - band.held.start) as u32,
+                chart_count: (end - first) as u32,
+            }
+        })
+        .collect()
+}
+
+/// What the nodes of a band's blocks have for good.
+fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
+    let mut all = Vec::with_capacity(band.held.len() * NODE_PLANES * NODES);
+    for b in band.held.clone() {
+        let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
+        all.extend(rigidity.map(|(r, &movable)| r.abs().to_bits() | u32::from(movable == 0) << 31));
+        for plane in &level.rest_length[b] {
+            all.extend(plane.iter().map(|length| length.to_bits()));
+        }
+        if k == 0 {
+            all.extend(grid.triangle[b]);
+        } else {
+            all.extend(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
+        }
+    }
+    all
+}
+
+fn triangles(grid: &Grid) -> Vec<Triangle> {
+    grid.triangles
+        .iter()
+        .zip(&grid.chart_of)
+        .map(|(t, &chart)| {
+            let [[a, b], [c, d]] = t.barycentric;
+            Triangle {
+                corner: t.origin,
+                barycentric: [a, b, c, d],
+                neighbours: t.neighbours,
+                chart,
+                pose: [0.0; 9],
+            }
+        })
+        .collect()
+}

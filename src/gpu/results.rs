@@ -1,0 +1,68 @@
+//! A result on the GPU: displacements per block of the finest level, read into host memory when somebody asks.
+
+use std::sync::{Arc, OnceLock};
+
+use super::bands::Band;
+use super::context::Context;
+use super::layout::RESULT_PLANES;
+use super::memory::PLANE;
+use crate::error::Result;
+use crate::tile::Grid;
+use crate::tile::blocks::{NODES, Plane};
+
+/// The buffers of a result, band by band.
+#[derive(Debug)]
+pub(crate) struct ResultBuffers {
+    pub bands: Vec<(Band, wgpu::Buffer)>,
+}
+
+/// Bytes of a block's displacements.
+pub const RESULT_BLOCK: u64 = RESULT_PLANES as u64 * PLANE;
+
+impl ResultBuffers {
+    pub fn new(
+        bands: &[Band],
+        storage: &impl Fn(&str, u64) -> Result<wgpu::Buffer>,
+    ) -> Result<ResultBuffers> {
+        let bands = bands
+            .iter()
+            .map(|band| Ok((band.clone(), storage("result", band.held.len() as u64 * RESULT_BLOCK)?)))
+            .collect::<Result<_>>()?;
+        Ok(ResultBuffers { bands })
+    }
+}
+
+/// A result.
+#[derive(Debug)]
+pub(crate) struct Displacements {
+    pub context: Arc<Context>,
+    pub grid: Arc<Grid>,
+    pub buffers: Arc<ResultBuffers>,
+    host: OnceLock<Vec<[Plane; 2]>>,
+}
+
+impl Displacements {
+    pub fn new(context: Arc<Context>, grid: Arc<Grid>, buffers: Arc<ResultBuffers>) -> Displacements {
+        Displacements { context, grid, buffers, host: OnceLock::new() }
+    }
+
+    /// Per block of the finest level.
+    pub fn host(&self) -> Result<&[[Plane; 2]]> {
+        if let Some(host) = self.host.get() {
+            return Ok(host);
+        }
+        let mut all = Vec::with_capacity(self.grid.levels[0].blocks.list.len());
+        for (band, buffer) in &self.buffers.bands {
+            let range = [band.own.start, band.own.end].map(|b| (b - band.held.start) as u64 * RESULT_BLOCK);
+            let bytes = self.context.read(buffer, range[0]..range[1])?;
+            all.extend(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
+                let mut planes = [[0.0f32; NODES]; 2];
+                for (value, bytes) in planes.as_flattened_mut().iter_mut().zip(block.chunks_exact(4)) {
+                    *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+                }
+                planes
+            }));
+        }
+        Ok(self.host.get_or_init(|| all))
+    }
+}

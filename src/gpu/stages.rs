@@ -1,0 +1,165 @@
+//! The stages, as the schedule calls them: each records its dispatches, and nothing is read back before the end.
+
+use super::Run;
+use super::kernels::Kernel;
+use super::layout::{Params, THREADS};
+use crate::solve::{Correction, Stages};
+
+/// What a chart's sum decides; the numbers are `shaders/control.wgsl`'s.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Decision {
+    Identity = 0,
+    Before = 1,
+    Direction = 2,
+    FirstDirection = 3,
+    LengthOfStep = 4,
+    Cut = 5,
+    Trial = 6,
+    LastTrial = 7,
+    Energy = 8,
+    Certificate = 9,
+}
+
+/// Which charts the next kernels work on; the numbers are `shaders/control.wgsl`'s.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Charts {
+    All = 0,
+    FirstCorrection = 1,
+    LaterCorrection = 2,
+}
+
+/// Stages, as times are told apart; the order of `StageTimes`.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Stage {
+    Surface,
+    Pyramid,
+    Prolong,
+    Relax,
+    Correct,
+    Certify,
+}
+
+impl Stages for Run<'_> {
+    fn levels(&self) -> usize {
+        self.grid.levels.len()
+    }
+
+    fn surface(&mut self) {
+        self.recorder.stage(Stage::Surface as usize);
+        self.select(Charts::All);
+        let items = self.grid.triangles.len() as u32;
+        let params = Params { items, ..self.params };
+        let own = [self.memory.corners.clone(), self.memory.positions.clone()];
+        self.dispatch(Kernel::Surface, [0, 0], &own, &params, items.div_ceil(THREADS));
+    }
+
+    fn pyramid(&mut self) {
+        self.recorder.stage(Stage::Pyramid as usize);
+        for k in 1..self.grid.levels.len() {
+            for band in 0..self.memory.bands[k].len() {
+                let to = self.memory.buffers[k][band].metric.clone();
+                if let Some([starts, entries]) = self.memory.buffers[k][band].gather.clone() {
+                    let own: Vec<_> = [starts, entries].into_iter().chain(to).collect();
+                    let stored = self.memory.lists[k][band].stored;
+                    self.run_list(Kernel::Gather, [k, band], &own, stored, self.params);
+                    continue;
+                }
+                for (n, below) in self.memory.bands[k][band].below.clone().enumerate() {
+                    let fine = &self.memory.buffers[k - 1][below];
+                    let own: Vec<_> = [fine.blocks.clone(), fine.nodes.clone()]
+                        .into_iter()
+                        .chain(fine.metric.clone())
+                        .collect();
+                    let over = self.memory.lists[k][band].stored_over[n];
+                    self.run_list(Kernel::Pyramid, [k, band], &own, over, self.params);
+                }
+            }
+            self.exchange(k, super::Shared::Metric);
+        }
+    }
+
+    fn identity(&mut self, level: usize) {
+        self.recorder.stage(Stage::Prolong as usize);
+        let kernel = if level == 0 { Kernel::IdentityChords } else { Kernel::IdentityMetrics };
+        for band in 0..self.memory.bands[level].len() {
+            let stored = self.memory.lists[level][band].stored;
+            self.run_list(kernel, [level, band], &[], stored, self.at_level(level));
+        }
+        self.exchange(level, super::Shared::State);
+        if level == 0 {
+            self.energy(0, Decision::Identity, 0.0);
+        }
+    }
+
+    fn previous(&mut self) {
+        self.identity(0);
+        let Some(last) = self.last.clone() else { return };
+        for band in 0..self.memory.bands[0].len() {
+            let own = [last.bands[band].1.clone()];
+            let active = self.memory.lists[0][band].active;
+            self.run_list(Kernel::Previous, [0, band], &own, active, self.at_level(0));
+        }
+        self.exchange(0, super::Shared::State);
+    }
+
+    fn prolong(&mut self, level: usize) {
+        // Fixed nodes, and the identity's energy, first.
+        self.identity(level);
+        let kernel = if level == 0 { Kernel::ProlongChords } else { Kernel::ProlongMetrics };
+        for band in 0..self.memory.bands[level].len() {
+            let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].above];
+            let own = [coarse.blocks.clone(), coarse.state.clone()];
+            let active = self.memory.lists[level][band].active;
+            self.run_list(kernel, [level, band], &own, active, self.at_level(level));
+        }
+        self.exchange(level, super::Shared::State);
+    }
+
+    fn relax(&mut self, level: usize, sweeps: u32) {
+        self.recorder.stage(Stage::Relax as usize);
+        self.relax_level(level, sweeps);
+    }
+
+    fn correct(&mut self, level: usize, correction: &Correction) {
+        self.recorder.stage(Stage::Correct as usize);
+        self.correct_level(level, correction);
+    }
+
+    fn certify(&mut self) {
+        self.recorder.stage(Stage::Certify as usize);
+        self.energy(0, Decision::Energy, 0.0);
+        self.reduce(Kernel::Certify, 0, self.at_level(0), Decision::Certificate);
+        for band in 0..self.memory.bands[0].len() {
+            let own = [self.result.bands[band].1.clone()];
+            let stored = self.memory.lists[0][band].stored;
+            self.run_list(Kernel::Finish, [0, band], &own, stored, self.params);
+        }
+        self.exchange(0, super::Shared::Result);
+    }
+
+    fn settle(&mut self) {
+        self.recorder.flush();
+        // A failure shows at the end.
+        let _ = self.context.wait();
+    }
+}
+
+impl Run<'_> {
+    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32) {
+        let nodes: u64 =
+            self.charts.iter().zip(&self.grid.movable).filter(|(solve, _)| **solve).map(|(_, n)| n).sum();
+        // Of coarser levels, as if each had a quarter of the nodes.
+        self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
+        let kernel = if level == 0 { Kernel::RelaxChords } else { Kernel::RelaxMetrics };
+        for _ in 0..sweeps {
+            self.each_colour(kernel, level, false, self.at_level(level), super::Shared::State);
+        }
+    }
+
+    /// A level's energy, chart by chart, and what it decides.
+    pub(super) fn energy(&mut self, level: usize, decision: Decision, tolerance: f32) {
+        let kernel = if level == 0 { Kernel::EnergyChords } else { Kernel::EnergyMetrics };
+        let params = Params { tolerance, ..self.at_level(level) };
+        self.reduce(kernel, level, params, decision);
+    }
+}
