@@ -2,6 +2,7 @@
 
 pub(crate) mod adapters;
 mod bands;
+mod clock;
 pub(crate) mod context;
 mod correct;
 mod kernels;
@@ -15,7 +16,6 @@ mod transfer;
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::report::StageTimes;
 use crate::solve::{ChartResult, Input};
 use crate::tile::Grid;
 use context::Context;
@@ -24,6 +24,7 @@ use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, STATE_PLANES, VECTOR_PLAN
 pub(crate) use memory::Memory;
 use memory::PLANE;
 use recorder::Recorder;
+pub(crate) use recorder::Tally;
 use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
 use stages::{Charts, Decision};
@@ -44,8 +45,6 @@ pub(crate) struct Run<'a> {
     last: Option<Arc<ResultBuffers>>,
     result: Arc<ResultBuffers>,
     node_updates: u64,
-    /// Bytes that the dispatches move at least.
-    bytes_moved: u64,
 }
 
 /// What a solve gives when all of it has run.
@@ -54,19 +53,8 @@ pub(crate) struct Finished {
     /// Per chart; of those that were solved.
     pub outcome: Vec<ChartResult>,
     pub result: Arc<ResultBuffers>,
-    /// Measured on the GPU; `None` if it has no timestamps.
-    pub times: Option<StageTimes>,
     pub node_updates: u64,
-    pub work: Work,
-}
-
-/// What a solve had the GPU do.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Work {
-    pub dispatches: u64,
-    pub submissions: u64,
-    /// Bytes that the dispatches move at least, each datum counted once per dispatch.
-    pub bytes: u64,
+    pub tally: Tally,
 }
 
 /// Which of a band's buffers its neighbours have copies of.
@@ -111,18 +99,7 @@ impl<'a> Run<'a> {
         };
         let result = memory.free_result()?;
         let recorder = Recorder::new(context.clone(), memory.recording.clone());
-        let mut run = Run {
-            context,
-            grid,
-            memory,
-            recorder,
-            charts,
-            params,
-            last,
-            result,
-            node_updates: 0,
-            bytes_moved: 0,
-        };
+        let mut run = Run { context, grid, memory, recorder, charts, params, last, result, node_updates: 0 };
         run.begin(keep);
         Ok(run)
     }
@@ -148,33 +125,22 @@ impl<'a> Run<'a> {
 
     /// Waits for all of it, and reads what it came to.
     pub fn finish(mut self) -> Result<Finished> {
-        let (times, bytes) = self.recorder.finish();
+        let times = self.recorder.finish();
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
-        let parts = self.context.read_all(&[(&charts, 0..size), (&times, 0..bytes)])?;
-        let outcome = parts[0]
-            .chunks_exact(size_of::<Chart>())
-            .map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes)));
+        let wanted: Vec<_> = [(&charts, 0..size)]
+            .into_iter()
+            .chain(times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes)))
+            .collect();
+        let parts = self.context.read_all(&wanted)?;
+        let (tally, recording) = self.recorder.close(&parts[1..].concat());
+        self.memory.recording = recording;
+        let records = parts[0].chunks_exact(size_of::<Chart>());
         Ok(Finished {
-            outcome: outcome.collect(),
-            result: self.result.clone(),
-            times: self.recorder.times(&parts[1]).map(
-                |[surface, pyramid, prolong, relax, correct, certify, _]| StageTimes {
-                    surface,
-                    pyramid,
-                    prolong,
-                    relax,
-                    correct,
-                    certify,
-                    ..StageTimes::default()
-                },
-            ),
+            outcome: records.map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes))).collect(),
+            result: self.result,
             node_updates: self.node_updates,
-            work: Work {
-                dispatches: self.recorder.dispatches,
-                submissions: self.recorder.submissions,
-                bytes: self.bytes_moved,
-            },
+            tally,
         })
     }
 
@@ -214,7 +180,7 @@ impl<'a> Run<'a> {
                 group
             }
         };
-        self.recorder.dispatch(&pipeline.pipeline, &group, params, workgroups);
+        self.recorder.dispatch(kernel, &pipeline.pipeline, &group, params, workgroups);
     }
 
     /// Runs a kernel on a list of a band's blocks.
@@ -226,7 +192,6 @@ impl<'a> Run<'a> {
         (first, count): (u32, u32),
         params: Params,
     ) {
-        self.bytes_moved += u64::from(kernel.source().bytes_per_node) * u64::from(count) * 256;
         self.dispatch(kernel, at, own, &Params { first, count, ..params }, count);
     }
 

@@ -128,7 +128,7 @@ impl Run<'_> {
             self.exchange(level, Shared::Vectors);
             let part = if round < HALVINGS { 0.5 } else { 0.0 };
             self.each_active(Kernel::Shrink, level, Params { part, ..self.params }, Some(Shared::Vectors));
-            for mode in [0, 1, 0, 1] {
+            for mode in [0, 1] {
                 let params = Params { mode, ..self.params };
                 self.each_active(Kernel::Falloff, level, params, Some(Shared::Vectors));
             }
