@@ -5,6 +5,7 @@ mod bands;
 mod clock;
 pub(crate) mod context;
 mod correct;
+mod cycle;
 mod kernels;
 mod layout;
 mod memory;
@@ -18,6 +19,7 @@ use std::sync::Arc;
 use crate::error::Result;
 use crate::solve::{ChartResult, Input};
 use crate::tile::Grid;
+use crate::tile::blocks::NODES;
 use context::Context;
 use kernels::Kernel;
 use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, STATE_PLANES, VECTOR_PLANES};
@@ -155,7 +157,8 @@ impl<'a> Run<'a> {
 
     fn select(&mut self, charts: Charts) {
         let params = Params { mode: charts as u32, ..self.params };
-        self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, params.items.div_ceil(layout::THREADS));
+        let groups = params.items.div_ceil(layout::THREADS);
+        self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, groups, 0);
     }
 
     /// Records one dispatch on the buffers of a band (level, index).
@@ -166,6 +169,7 @@ impl<'a> Run<'a> {
         own: &[wgpu::Buffer],
         params: &Params,
         workgroups: u32,
+        bytes: u64,
     ) {
         if workgroups == 0 {
             return;
@@ -180,7 +184,7 @@ impl<'a> Run<'a> {
                 group
             }
         };
-        self.recorder.dispatch(kernel, &pipeline.pipeline, &group, params, workgroups);
+        self.recorder.dispatch(kernel, &pipeline.pipeline, &group, params, workgroups, bytes);
     }
 
     /// Runs a kernel on a list of a band's blocks.
@@ -192,7 +196,9 @@ impl<'a> Run<'a> {
         (first, count): (u32, u32),
         params: Params,
     ) {
-        self.dispatch(kernel, at, own, &Params { first, count, ..params }, count);
+        let base = self.memory.buffers[at[0]][at[1]].base.unwrap_or(0);
+        let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64;
+        self.dispatch(kernel, at, own, &Params { first, count, base, ..params }, count, bytes);
     }
 
     /// Runs a kernel on all active blocks of a level; then the copies of what it wrote are renewed.
@@ -206,19 +212,18 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The same, block colour by block colour.
+    /// Calls `f` with each band's list of each block colour in turn; copies are renewed after each colour.
     fn each_colour(
         &mut self,
-        kernel: Kernel,
         level: usize,
         backwards: bool,
-        params: Params,
         written: Shared,
+        f: impl Fn(&mut Run, usize, (u32, u32)),
     ) {
         for k in 0..4 {
             for band in 0..self.memory.bands[level].len() {
                 let list = self.memory.lists[level][band].colours[if backwards { 3 - k } else { k }];
-                self.run_list(kernel, [level, band], &[], list, params);
+                f(self, band, list);
             }
             self.exchange(level, written);
         }
@@ -233,7 +238,7 @@ impl<'a> Run<'a> {
         }
         let params = Params { mode: decision as u32, level: level as u32, ..params };
         let own = [self.memory.ranges.clone()];
-        self.dispatch(Kernel::Decide, [0, 0], &own, &params, params.items);
+        self.dispatch(Kernel::Decide, [0, 0], &own, &params, params.items, 0);
     }
 
     /// Renews the copies that bands have of each other's blocks.

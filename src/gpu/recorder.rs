@@ -10,7 +10,6 @@ use super::kernels::{Kernel, SOURCES};
 use super::layout::{Params, SPREAD};
 use crate::error::Result;
 use crate::report::{GpuKernel, GpuWork, StageTimes};
-use crate::tile::blocks::NODES;
 
 /// What to run, in order.
 #[derive(Debug)]
@@ -106,7 +105,7 @@ impl Tally {
             name: format!("{} ({})", source.entry, source.parts.join(", ")),
             dispatches: tally.dispatches,
             workgroups: tally.workgroups,
-            bytes: tally.workgroups * u64::from(source.bytes_per_node) * NODES as u64,
+            bytes: tally.bytes,
             ms: tally.ms,
         });
         GpuWork { submissions: self.submissions, kernels: kernels.collect() }
@@ -119,6 +118,8 @@ pub(crate) struct KernelTally {
     pub dispatches: u64,
     /// Workgroups: blocks, for most kernels.
     pub workgroups: u64,
+    /// That they move at least.
+    pub bytes: u64,
     /// On the GPU, if kernels are timed one by one.
     pub ms: f32,
 }
@@ -139,7 +140,7 @@ impl Recorder {
         }
     }
 
-    /// Runs a kernel on `workgroups`.
+    /// Runs a kernel on `workgroups`, which move so many bytes at least.
     pub fn dispatch(
         &mut self,
         kernel: Kernel,
@@ -147,16 +148,17 @@ impl Recorder {
         group: &wgpu::BindGroup,
         params: &Params,
         workgroups: u32,
+        bytes: u64,
     ) {
         if self.params.len() == RECORDS * STRIDE || self.work > WORK {
             self.flush();
         }
-        let mut bytes = [0; size_of::<Params>()];
-        bytes.copy_from_slice(bytemuck::bytes_of(params));
+        let mut record = [0; size_of::<Params>()];
+        record.copy_from_slice(bytemuck::bytes_of(params));
         let all = &mut self.params;
-        let offset = *self.known.entry(bytes).or_insert_with(|| {
+        let offset = *self.known.entry(record).or_insert_with(|| {
             let offset = all.len();
-            all.extend_from_slice(&bytes);
+            all.extend_from_slice(&record);
             all.resize(offset + STRIDE, 0);
             offset as u32
         });
@@ -164,6 +166,7 @@ impl Recorder {
         let tally = &mut self.tally.kernels[kernel as usize];
         tally.dispatches += 1;
         tally.workgroups += u64::from(workgroups);
+        tally.bytes += bytes;
         let size = [workgroups.min(SPREAD), workgroups.div_ceil(SPREAD)];
         let (pipeline, group) = (pipeline.clone(), group.clone());
         self.commands.push(Command::Dispatch { kernel, pipeline, group, offset, size });
