@@ -2,8 +2,10 @@
 
 pub(crate) mod adapters;
 mod bands;
+mod clock;
 pub(crate) mod context;
 mod correct;
+mod cycle;
 mod kernels;
 mod layout;
 mod memory;
@@ -15,15 +17,16 @@ mod transfer;
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::report::StageTimes;
 use crate::solve::{ChartResult, Input};
 use crate::tile::Grid;
+use crate::tile::blocks::NODES;
 use context::Context;
 use kernels::Kernel;
 use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, STATE_PLANES, VECTOR_PLANES};
 pub(crate) use memory::Memory;
 use memory::PLANE;
 use recorder::Recorder;
+pub(crate) use recorder::Tally;
 use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
 use stages::{Charts, Decision};
@@ -44,8 +47,6 @@ pub(crate) struct Run<'a> {
     last: Option<Arc<ResultBuffers>>,
     result: Arc<ResultBuffers>,
     node_updates: u64,
-    /// Bytes that the dispatches move at least.
-    bytes_moved: u64,
 }
 
 /// What a solve gives when all of it has run.
@@ -54,19 +55,8 @@ pub(crate) struct Finished {
     /// Per chart; of those that were solved.
     pub outcome: Vec<ChartResult>,
     pub result: Arc<ResultBuffers>,
-    /// Measured on the GPU; `None` if it has no timestamps.
-    pub times: Option<StageTimes>,
     pub node_updates: u64,
-    pub work: Work,
-}
-
-/// What a solve had the GPU do.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Work {
-    pub dispatches: u64,
-    pub submissions: u64,
-    /// Bytes that the dispatches move at least, each datum counted once per dispatch.
-    pub bytes: u64,
+    pub tally: Tally,
 }
 
 /// Which of a band's buffers its neighbours have copies of.
@@ -111,18 +101,7 @@ impl<'a> Run<'a> {
         };
         let result = memory.free_result()?;
         let recorder = Recorder::new(context.clone(), memory.recording.clone());
-        let mut run = Run {
-            context,
-            grid,
-            memory,
-            recorder,
-            charts,
-            params,
-            last,
-            result,
-            node_updates: 0,
-            bytes_moved: 0,
-        };
+        let mut run = Run { context, grid, memory, recorder, charts, params, last, result, node_updates: 0 };
         run.begin(keep);
         Ok(run)
     }
@@ -148,33 +127,22 @@ impl<'a> Run<'a> {
 
     /// Waits for all of it, and reads what it came to.
     pub fn finish(mut self) -> Result<Finished> {
-        let (times, bytes) = self.recorder.finish();
+        let times = self.recorder.finish();
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
-        let parts = self.context.read_all(&[(&charts, 0..size), (&times, 0..bytes)])?;
-        let outcome = parts[0]
-            .chunks_exact(size_of::<Chart>())
-            .map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes)));
+        let wanted: Vec<_> = [(&charts, 0..size)]
+            .into_iter()
+            .chain(times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes)))
+            .collect();
+        let parts = self.context.read_all(&wanted)?;
+        let (tally, recording) = self.recorder.close(&parts[1..].concat());
+        self.memory.recording = recording;
+        let records = parts[0].chunks_exact(size_of::<Chart>());
         Ok(Finished {
-            outcome: outcome.collect(),
-            result: self.result.clone(),
-            times: self.recorder.times(&parts[1]).map(
-                |[surface, pyramid, prolong, relax, correct, certify, _]| StageTimes {
-                    surface,
-                    pyramid,
-                    prolong,
-                    relax,
-                    correct,
-                    certify,
-                    ..StageTimes::default()
-                },
-            ),
+            outcome: records.map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes))).collect(),
+            result: self.result,
             node_updates: self.node_updates,
-            work: Work {
-                dispatches: self.recorder.dispatches,
-                submissions: self.recorder.submissions,
-                bytes: self.bytes_moved,
-            },
+            tally,
         })
     }
 
@@ -189,7 +157,8 @@ impl<'a> Run<'a> {
 
     fn select(&mut self, charts: Charts) {
         let params = Params { mode: charts as u32, ..self.params };
-        self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, params.items.div_ceil(layout::THREADS));
+        let groups = params.items.div_ceil(layout::THREADS);
+        self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, groups, 0);
     }
 
     /// Records one dispatch on the buffers of a band (level, index).
@@ -200,6 +169,7 @@ impl<'a> Run<'a> {
         own: &[wgpu::Buffer],
         params: &Params,
         workgroups: u32,
+        bytes: u64,
     ) {
         if workgroups == 0 {
             return;
@@ -214,7 +184,7 @@ impl<'a> Run<'a> {
                 group
             }
         };
-        self.recorder.dispatch(&pipeline.pipeline, &group, params, workgroups);
+        self.recorder.dispatch(kernel, &pipeline.pipeline, &group, params, workgroups, bytes);
     }
 
     /// Runs a kernel on a list of a band's blocks.
@@ -226,8 +196,9 @@ impl<'a> Run<'a> {
         (first, count): (u32, u32),
         params: Params,
     ) {
-        self.bytes_moved += u64::from(kernel.source().bytes_per_node) * u64::from(count) * 256;
-        self.dispatch(kernel, at, own, &Params { first, count, ..params }, count);
+        let base = self.memory.buffers[at[0]][at[1]].base.unwrap_or(0);
+        let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64;
+        self.dispatch(kernel, at, own, &Params { first, count, base, ..params }, count, bytes);
     }
 
     /// Runs a kernel on all active blocks of a level; then the copies of what it wrote are renewed.
@@ -241,19 +212,18 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The same, block colour by block colour.
+    /// Calls `f` with each band's list of each block colour in turn; copies are renewed after each colour.
     fn each_colour(
         &mut self,
-        kernel: Kernel,
         level: usize,
         backwards: bool,
-        params: Params,
         written: Shared,
+        f: impl Fn(&mut Run, usize, (u32, u32)),
     ) {
         for k in 0..4 {
             for band in 0..self.memory.bands[level].len() {
                 let list = self.memory.lists[level][band].colours[if backwards { 3 - k } else { k }];
-                self.run_list(kernel, [level, band], &[], list, params);
+                f(self, band, list);
             }
             self.exchange(level, written);
         }
@@ -268,7 +238,7 @@ impl<'a> Run<'a> {
         }
         let params = Params { mode: decision as u32, level: level as u32, ..params };
         let own = [self.memory.ranges.clone()];
-        self.dispatch(Kernel::Decide, [0, 0], &own, &params, params.items);
+        self.dispatch(Kernel::Decide, [0, 0], &own, &params, params.items, 0);
     }
 
     /// Renews the copies that bands have of each other's blocks.

@@ -8,7 +8,7 @@ use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::Map;
 use crate::mesh::{Mesh, TileMesh};
-use crate::report::{TileInfo, TileReport};
+use crate::report::{GpuWork, TileInfo, TileReport};
 use crate::settings::{LogLevel, Overlap};
 use crate::solve::{ChartResult, Input, Plan};
 use crate::tile::blocks::{NODES, Plane, SIDE};
@@ -30,6 +30,8 @@ pub(super) struct Solved {
     /// The setting that it was solved with.
     overlap: Overlap,
     pub report: TileReport,
+    /// What a GPU had to do.
+    pub work: Option<GpuWork>,
 }
 
 impl Solved {
@@ -190,6 +192,7 @@ impl TileState {
         }
 
         let mut report = TileReport::default();
+        let mut work = None;
         let warp = if let (true, Some(last)) = (unchanged, last) {
             last.warp.clone()
         } else if !any && !state.contains(&ChartState::Reused) {
@@ -215,6 +218,7 @@ impl TileState {
             report.blocks_active = ran.blocks_active;
             report.levels = grid.levels.len() as u32;
             self.memory = Some(memory);
+            work = ran.work;
             Arc::new(ran.warp)
         };
         let count = |wanted: ChartState| state.iter().filter(|&&s| s == wanted).count() as u32;
@@ -248,7 +252,7 @@ impl TileState {
         report.bytes = self.held();
         report.times.total = start.elapsed().as_secs_f32() * 1000.0;
         let overlap = self.maps.settings.overlap;
-        Ok(Solved { grid, warp, inputs, outcome, overlap, report })
+        Ok(Solved { grid, warp, inputs, outcome, overlap, report, work })
     }
 
     /// The solver's memory for a grid, booked before it is taken.

@@ -5,6 +5,7 @@ use std::sync::{Arc, Weak};
 
 use super::bands::{Band, bands};
 use super::context::Context;
+use super::cycle::{CycleBlock, SmallLevels};
 use super::kernels::{Binding, Kernel, slot};
 use super::layout::{
     Block, Chart, METRIC_PLANES, NODE_PLANES, Params, RESULT_PLANES, ROW_PLANES, STATE_PLANES, Triangle,
@@ -49,6 +50,16 @@ pub struct BandBuffers {
     pub vectors: wgpu::Buffer,
     /// Level 1 only: the entries of its gather.
     pub gather: Option<[wgpu::Buffer; 2]>,
+    /// Where its blocks begin in `rows` and `vectors`, which small levels have in common; `None` for other levels.
+    pub base: Option<u32>,
+}
+
+/// What the small levels have in common beside rows and vectors.
+#[derive(Debug)]
+pub struct Small {
+    pub levels: SmallLevels,
+    pub blocks: wgpu::Buffer,
+    pub lists: wgpu::Buffer,
 }
 
 /// The memory of one tile's solver, kept between solves.
@@ -57,6 +68,7 @@ pub(crate) struct Memory {
     grid: Weak<Grid>,
     pub context: Arc<Context>,
     pub bands: Vec<Vec<Band>>,
+    pub small: Option<Small>,
     pub buffers: Vec<Vec<BandBuffers>>,
     /// Per level and band, for the charts of the last solve.
     pub lists: Vec<Vec<Lists>>,
@@ -102,8 +114,14 @@ impl Memory {
             context.queue.write_buffer(&buffer, 0, bytes);
             Ok::<_, Error>(buffer)
         };
+        let small = SmallLevels::new(grid, &bands, capacity(context));
+        let common =
+            |planes: usize| small.as_ref().map_or(0, |small| small.blocks as u64 * planes as u64 * PLANE);
+        let (small_rows, small_vectors) =
+            (storage("rows", common(ROW_PLANES))?, storage("vectors", common(VECTOR_PLANES))?);
         let mut buffers = Vec::with_capacity(bands.len());
         for (k, level) in grid.levels.iter().enumerate() {
+            let base = small.as_ref().and_then(|small| small.base(k));
             let mut of_level = Vec::with_capacity(bands[k].len());
             for band in &bands[k] {
                 let count = band.held.len() as u64;
@@ -126,9 +144,16 @@ impl Memory {
                     nodes: upload("nodes", bytemuck::cast_slice(&constants(grid, level, k, band)))?,
                     state: storage("state", planes(STATE_PLANES))?,
                     metric: (k > 0).then(|| storage("metric", planes(METRIC_PLANES))).transpose()?,
-                    rows: storage("rows", planes(ROW_PLANES))?,
-                    vectors: storage("vectors", planes(VECTOR_PLANES))?,
+                    rows: match base {
+                        Some(_) => small_rows.clone(),
+                        None => storage("rows", planes(ROW_PLANES))?,
+                    },
+                    vectors: match base {
+                        Some(_) => small_vectors.clone(),
+                        None => storage("vectors", planes(VECTOR_PLANES))?,
+                    },
                     gather,
+                    base,
                 });
             }
             buffers.push(of_level);
@@ -145,6 +170,14 @@ impl Memory {
             .zip(&grid.chart_of)
             .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
             .collect();
+        let small = small
+            .map(|levels| {
+                let blocks =
+                    upload("small levels", bytemuck::cast_slice::<CycleBlock, u8>(&levels.blocks(grid)))?;
+                let lists = upload("small levels", bytemuck::cast_slice(&levels.lists(grid)))?;
+                Ok::<_, Error>(Small { levels, blocks, lists })
+            })
+            .transpose()?;
         let charts = tile.charts.len() as u64;
         let result = || ResultBuffers::new(&bands[0], &storage).map(Arc::new);
         let memory = Memory {
@@ -162,6 +195,7 @@ impl Memory {
             listed: None,
             groups: HashMap::new(),
             context: context.clone(),
+            small,
             bands,
             buffers,
         };
@@ -172,7 +206,8 @@ impl Memory {
     /// Bytes that `new` takes for a grid.
     pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
         let bands = bands(&grid.levels, capacity(context))?;
-        let mut bytes = Recording::BYTES;
+        let small = SmallLevels::new(grid, &bands, capacity(context));
+        let mut bytes = Recording::BYTES + small.map_or(0, |small| small.bytes(grid));
         for (k, bands) in bands.iter().enumerate() {
             for band in bands {
                 let count = band.held.len() as u64;
