@@ -3,6 +3,7 @@
 mod backend;
 mod fetch;
 mod inspect;
+mod parity;
 mod tile_state;
 
 use std::time::Instant;
