@@ -212,6 +212,8 @@ pub struct AssetReport {
 pub struct GpuWork {
     /// Command submissions.
     pub submissions: u64,
+    /// Dispatches that turned out empty: corrections and trials that no chart needed.
+    pub skipped: u64,
     /// The kernels that ran.
     pub kernels: Vec<GpuKernel>,
 }
