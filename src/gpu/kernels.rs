@@ -172,7 +172,9 @@ impl Kernel {
     /// How it is made.
     pub fn source(self) -> &'static Source {
         const { assert!(SOURCES.len() == Kernel::Finish as usize + 1) };
-        &SOURCES[self as usize]
+        let source = &SOURCES[self as usize];
+        debug_assert_eq!(source.kernel, self);
+        source
     }
 }
 
