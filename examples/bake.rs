@@ -64,8 +64,12 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<()> {
     let source = Source::load(args)?;
-    let settings =
-        DeviceSettings { backend: args.device.into(), threads: args.threads, ..DeviceSettings::default() };
+    let settings = DeviceSettings {
+        backend: args.device.into(),
+        adapter: args.adapter,
+        threads: args.threads,
+        ..DeviceSettings::default()
+    };
     let device = Device::new(&settings).map_err(|e| Failure::named("--device", e))?;
     let mut bake = Bake::new(&source, args, &device)?;
 

@@ -285,13 +285,15 @@ typedef struct vrtm_image_out {
 // Where assets are solved.
 typedef int32_t vrtm_backend;
 
-// A hardware GPU if there is one, the CPU otherwise; the default. vrtm_device_info says why.
+// A hardware GPU if there is one, discrete before integrated, and the CPU otherwise, also if the GPU cannot be opened;
+// the default. A software driver counts as no GPU. vrtm_device_info says what was chosen and why.
 #define VRTM_BACKEND_AUTO 0
 
 // The CPU.
 #define VRTM_BACKEND_CPU 1
 
-// A GPU; never falls back to the CPU. VRTM_ERROR_UNSUPPORTED in this version.
+// The GPU that vrtm_device_desc.adapter names, also if it is a software driver; never falls back to the CPU.
+// VRTM_ERROR_UNSUPPORTED in this version.
 #define VRTM_BACKEND_GPU 2
 
 // How important a log line is.
@@ -317,7 +319,7 @@ typedef struct vrtm_device_desc {
     // One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu)
     // overrides it, for support.
     vrtm_backend backend;
-    // Which GPU, 0 <= adapter < vrtm_adapter_count. Ignored by the CPU.
+    // Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU; ignored otherwise.
     uint32_t adapter;
     // CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     // environment variable VRTM_THREADS overrides it.
@@ -338,7 +340,7 @@ typedef struct vrtm_device_data {
     uint32_t struct_size;
     // The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
     vrtm_backend backend;
-    // Threads per solve (CPU).
+    // CPU threads per solve.
     uint32_t threads;
     // Zero.
     uint32_t reserved;
@@ -346,7 +348,7 @@ typedef struct vrtm_device_data {
     uint64_t bytes_held;
     // The processor's or adapter's name, UTF-8.
     char name[128];
-    // Why this backend was chosen, in a sentence, UTF-8.
+    // Why this backend was chosen, in a sentence, UTF-8; if the GPU went away, it starts with how.
     char reason[256];
 } vrtm_device_data;
 
@@ -354,7 +356,8 @@ typedef struct vrtm_device_data {
 typedef struct vrtm_adapter_data {
     // sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
     uint32_t struct_size;
-    // 1 for an adapter that is emulated on the CPU: VRTM_BACKEND_AUTO never takes it.
+    // 1 for an adapter that is emulated on the CPU (or does not say that it is hardware): VRTM_BACKEND_AUTO never takes
+    // it. 0 otherwise.
     uint32_t software;
     // The adapter's name, UTF-8.
     char name[128];
@@ -366,12 +369,21 @@ typedef struct vrtm_adapter_data {
 
 // Makes a device. `desc` may be null, which means all defaults. `*device` is the caller's to destroy.
 //
-// Errors: VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU (this version has the CPU backend only);
-// VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, more than 1024 threads, or an environment variable
-// VRTM_DEVICE or VRTM_THREADS that cannot be read.
-VRTM_API vrtm_status vrtm_device_create(const vrtm_device_desc *desc, vrtm_device *device);
+// Looking for GPUs and opening one loads drivers, which takes tens of milliseconds, the first time more; an open GPU
+// holds threads of its driver until the device and all of its assets are destroyed. So make one device and keep it.
+// The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
+//
+// The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
+// buffers of 256 MiB) and without optional features, for support.
+//
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
+// 1024 threads, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
+// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and always in this version.
+VRTM_API
+vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
+                               vrtm_device *device);
 
-// Says what a device is, why, and how much memory its assets hold.
+// Says what a device is, why, and how much memory its assets hold; also if its GPU went away.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
@@ -384,12 +396,16 @@ vrtm_status vrtm_device_info(vrtm_device device,
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API vrtm_status vrtm_device_destroy(vrtm_device device);
 
-// Number of GPUs that a device can be made on; 0 in this version.
+// Number of GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits,
+// through Vulkan, Direct3D 12 or Metal. Hardware stands before software, discrete before integrated; the order stays
+// while the machine and its drivers do. 0 without a GPU or a driver. Each call loads the drivers, which takes tens of
+// milliseconds.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
-VRTM_API vrtm_status vrtm_adapter_count(uint32_t *count);
+VRTM_API
+vrtm_status vrtm_adapter_count(uint32_t *count);
 
-// Describes adapter `index`, 0 <= index < vrtm_adapter_count.
+// Describes adapter `index`, 0 <= index < vrtm_adapter_count. It takes as long as vrtm_adapter_count.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 VRTM_API

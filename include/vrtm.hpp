@@ -79,6 +79,18 @@ inline vrtm_image_out image_out(float *data, std::uint32_t width, std::uint32_t 
     return i;
 }
 
+/// The GPUs that a device can be made on; vrtm_device_desc::adapter is an index into it.
+inline std::vector<vrtm_adapter_data> adapters()
+{
+    std::uint32_t count = 0;
+    check(vrtm_adapter_count(&count));
+    std::vector<vrtm_adapter_data> adapters(count, vrtm_adapter_data_init());
+    for (std::uint32_t i = 0; i < count; ++i) {
+        check(vrtm_adapter_info(i, &adapters[i]));
+    }
+    return adapters;
+}
+
 /// Where assets are solved. Assets may outlive it.
 class Device {
 public:

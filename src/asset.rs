@@ -32,7 +32,8 @@ pub struct Fetch<'a> {
     pub image: ImageViewMut<'a>,
 }
 
-/// One mesh with its tiles, on a device.
+/// One mesh with its tiles, on a device. If the device's GPU goes away, everything that uses or reads the tiles gives
+/// `DeviceLost`.
 #[derive(Debug)]
 pub struct Asset {
     device: Device,
@@ -49,6 +50,7 @@ impl Asset {
     /// `InvalidArgument` naming the array and the index: an index out of range, a value that is not finite, counts
     /// that do not add up, an empty mesh.
     pub fn new(device: &Device, source: &MeshSource) -> Result<Asset> {
+        device.alive()?;
         let mesh = Mesh::new(source)?;
         let AssetInfo { clipped_faces, faces_outside, degenerate_triangles, .. } = mesh.info;
         for (count, what) in [
@@ -285,11 +287,13 @@ impl Asset {
     }
 
     fn solved(&self) -> Result<Vec<&Solved>> {
+        self.device.alive()?;
         self.solved_ms.ok_or_else(not_solved)?;
         self.tiles.iter().map(|tile| tile.solved.as_ref().ok_or_else(not_solved)).collect()
     }
 
     fn check_tile(&self, tile: usize) -> Result<()> {
+        self.device.alive()?;
         if tile < self.tiles.len() {
             return Ok(());
         }
@@ -297,6 +301,7 @@ impl Asset {
     }
 
     fn check_vertices(&self, name: &str, values: &Strided, components: usize) -> Result<()> {
+        self.device.alive()?;
         if values.components() != components {
             return Err(Error::argument(format!("{name}: {components} components are needed")));
         }
@@ -315,6 +320,10 @@ impl Drop for Asset {
     fn drop(&mut self) {
         for tile in &mut self.tiles {
             tile.release(&self.device);
+        }
+        self.tiles.clear();
+        if let Some(gpu) = self.device.gpu() {
+            gpu.reclaim();
         }
     }
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu;
 use crate::gpu::adapters::{self, Survey};
-use crate::gpu::context::Context;
+use crate::gpu::context::{self, Context};
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{Backend, DeviceSettings, LogLevel};
 
@@ -23,22 +23,45 @@ struct Inner {
     gpu: Option<Arc<Context>>,
 }
 
-/// What the environment, or a test, decides beside the settings.
+/// What the environment decides beside the settings; a test may, too.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Options {
+struct Options {
+    backend: Option<Backend>,
+    threads: Option<u32>,
+    gpu: context::Options,
     /// False keeps devices on the CPU.
-    pub gpu_solves: bool,
-    pub gpu: gpu::context::Options,
+    gpu_solves: bool,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options { backend: None, threads: None, gpu: context::Options::default(), gpu_solves: gpu::SOLVES }
+    }
 }
 
 impl Options {
     fn from_environment() -> Result<Options> {
-        let webgpu_limits = match variable("VRTM_GPU_LIMITS").as_deref() {
-            None => false,
-            Some("webgpu") => true,
-            Some(other) => return Err(Error::argument(format!("VRTM_GPU_LIMITS: '{other}' is not webgpu"))),
-        };
-        Ok(Options { gpu_solves: gpu::SOLVES, gpu: gpu::context::Options { webgpu_limits } })
+        let mut options = Options::default();
+        if let Some(value) = variable("VRTM_DEVICE") {
+            options.backend = Some(match value.as_str() {
+                "auto" => Backend::Auto,
+                "cpu" => Backend::Cpu,
+                "gpu" => Backend::Gpu,
+                _ => return Err(Error::argument(format!("VRTM_DEVICE: '{value}' is not auto, cpu or gpu"))),
+            });
+        }
+        if let Some(value) = variable("VRTM_THREADS") {
+            options.threads = Some(value.parse().map_err(|_| {
+                Error::argument(format!("VRTM_THREADS: '{value}' is not a number of threads"))
+            })?);
+        }
+        if let Some(value) = variable("VRTM_GPU_LIMITS") {
+            if value != "webgpu" {
+                return Err(Error::argument(format!("VRTM_GPU_LIMITS: '{value}' is not webgpu")));
+            }
+            options.gpu.webgpu_limits = true;
+        }
+        Ok(options)
     }
 }
 
@@ -50,13 +73,15 @@ fn variable(name: &str) -> Option<String> {
 /// Vulkan, Direct3D 12 or Metal. Hardware stands before software, discrete before integrated; the order stays while
 /// the machine and its drivers do. Empty without a GPU or a driver.
 ///
-/// Each call loads the drivers anew, which takes tens of milliseconds.
+/// Each call loads the drivers, which takes tens of milliseconds, the first one more. Nothing is printed by this
+/// library, but a driver may: with Mesa's on Linux, a line about XDG_RUNTIME_DIR where that is not set.
 pub fn adapters() -> Vec<AdapterInfo> {
     Survey::new().usable.iter().map(|adapter| adapters::describe(&adapter.get_info())).collect()
 }
 
 impl Device {
-    /// Makes a device. Environment variables override the settings, for support: VRTM_DEVICE (auto, cpu, gpu),
+    /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one holds threads of its
+    /// driver, so make one device and keep it. Environment variables override the settings, for support: VRTM_DEVICE (auto, cpu, gpu),
     /// VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default limits and without optional
     /// features.
     ///
@@ -67,23 +92,11 @@ impl Device {
         Device::with(settings, Options::from_environment()?)
     }
 
-    pub(crate) fn with(settings: &DeviceSettings, options: Options) -> Result<Device> {
+    fn with(settings: &DeviceSettings, options: Options) -> Result<Device> {
         let mut settings = settings.clone();
-        let mut origin = "";
-        if let Some(value) = variable("VRTM_DEVICE") {
-            origin = " (VRTM_DEVICE)";
-            settings.backend = match value.as_str() {
-                "auto" => Backend::Auto,
-                "cpu" => Backend::Cpu,
-                "gpu" => Backend::Gpu,
-                _ => return Err(Error::argument(format!("VRTM_DEVICE: '{value}' is not auto, cpu or gpu"))),
-            };
-        }
-        if let Some(value) = variable("VRTM_THREADS") {
-            settings.threads = value.parse().map_err(|_| {
-                Error::argument(format!("VRTM_THREADS: '{value}' is not a number of threads"))
-            })?;
-        }
+        settings.threads = options.threads.unwrap_or(settings.threads);
+        settings.backend = options.backend.unwrap_or(settings.backend);
+        let origin = if options.backend.is_some() { " (VRTM_DEVICE)" } else { "" };
         if settings.threads > 1024 {
             return Err(Error::argument(format!("threads: {} is over 1024", settings.threads)));
         }
@@ -186,9 +199,6 @@ fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)>
     let unsupported = |why: &str| {
         Error::new(ErrorKind::Unsupported, format!("backend: gpu was asked for{origin}, but {why}"))
     };
-    if !options.gpu_solves {
-        return Err(unsupported("this build has the CPU backend only"));
-    }
     let survey = Survey::new();
     let count = survey.usable.len();
     if count == 0 {
@@ -202,6 +212,9 @@ fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)>
         let s = if count == 1 { "" } else { "s" };
         Error::argument(format!("adapter: {index} is out of range, there is {count} adapter{s}"))
     })?;
+    if !options.gpu_solves {
+        return Err(unsupported(NO_SOLVER));
+    }
     let gpu = Context::open(adapter, options.gpu)?;
     let which = format!("adapter {index} of {count}, {}", through(&gpu));
     Ok((gpu, which))
@@ -210,23 +223,34 @@ fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)>
 /// The GPU that `auto` takes, or the CPU, and why.
 fn choose(options: Options) -> (Option<Context>, String) {
     if !options.gpu_solves {
-        return (None, "this build has the CPU backend only".to_owned());
+        return (None, NO_SOLVER.to_owned());
     }
     let survey = Survey::new();
-    let Some(adapter) = survey.hardware() else {
-        return (None, format!("no hardware GPU (found: {})", survey.found()));
-    };
-    match Context::open(adapter, options.gpu) {
+    match survey.hardware() {
+        Some(adapter) => or_the_cpu(Context::open(adapter, options.gpu)),
+        None => (None, format!("no hardware GPU (found: {})", survey.found())),
+    }
+}
+
+/// A GPU that was chosen, if it could be opened.
+fn or_the_cpu(opened: Result<Context>) -> (Option<Context>, String) {
+    match opened {
         Ok(gpu) => {
             let why = format!("a hardware GPU, {}", through(&gpu));
             (Some(gpu), why)
         }
-        Err(error) => (None, format!("the CPU, as {}", error.message)),
+        Err(error) => (None, format!("the CPU, as the GPU cannot be used: {}", error.message)),
     }
 }
+
+const NO_SOLVER: &str = "this build has the CPU backend only";
 
 fn through(gpu: &Context) -> String {
     let info = adapters::describe(&gpu.adapter);
     let software = if info.software { ", a software driver" } else { "" };
-    format!("through {} ({}){software}", info.api, info.driver)
+    let limits = if gpu.options.webgpu_limits { ", with WebGPU's default limits" } else { "" };
+    format!("through {} ({}){software}{limits}", info.api, info.driver)
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

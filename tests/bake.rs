@@ -17,6 +17,9 @@ fn bake(arguments: &[&str]) -> Output {
         .args(arguments)
         .env_remove("VRTM_DEVICE")
         .env_remove("VRTM_THREADS")
+        .env_remove("VRTM_GPU_LIMITS")
+        // Without it a layer of Mesa's Vulkan drivers complains on stderr.
+        .env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))
         .output()
         .expect("bake runs")
 }
@@ -359,6 +362,8 @@ fn bad_assets_are_refused() {
 
 #[test]
 fn bad_arguments_are_refused() {
+    let no_adapter_99 =
+        if vrtm::adapters().is_empty() { "there is no GPU" } else { "adapter: 99 is out of range" };
     let out = folder("bad_arguments").join("out");
     for (arguments, culprit, reason) in [
         (&["--quality", "best"][..], "--quality", "best"),
@@ -370,6 +375,9 @@ fn bad_arguments_are_refused() {
         (&["--scene", "teapot"], "teapot", "mug_to_jug"),
         (&["--threads", "many"], "--threads", "many"),
         (&["--threads", "5000"], "threads", "5000"),
+        (&["--device", "tpu"], "--device", "tpu"),
+        (&["--device", "gpu", "--adapter", "99"], "--device", no_adapter_99),
+        (&["--adapter", "first"], "--adapter", "first"),
         (&["--view", "30"], "--view", "two angles"),
         (&["--rest", "a.obj"], "--pose", "required"),
         (&["--loud"], "--loud", "unexpected"),
@@ -397,7 +405,9 @@ fn help_tells_the_options() {
     for option in ["--asset", "--rest", "--pose", "--rigidity", "--mask", "--frames", "--out", "--size"] {
         assert!(help.contains(option), "{option}");
     }
-    for option in ["--quality", "--device", "--threads", "draft", "high", "redirect.####.<UDIM>.exr"] {
+    for option in
+        ["--quality", "--device", "--adapter", "--threads", "draft", "high", "redirect.####.<UDIM>.exr"]
+    {
         assert!(help.contains(option), "{option}");
     }
 }

@@ -48,6 +48,9 @@ fn run(program: &Path, arguments: &[&Path]) -> String {
         .args(arguments)
         .env_remove("VRTM_DEVICE")
         .env_remove("VRTM_THREADS")
+        .env_remove("VRTM_GPU_LIMITS")
+        // Without it a layer of Mesa's Vulkan drivers complains on stderr.
+        .env("XDG_RUNTIME_DIR", scratch())
         .output()
         .unwrap_or_else(|error| panic!("{}: {error}", program.display()));
     let said = text(&output);
@@ -115,10 +118,14 @@ fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
         .args(["--quiet", "--error-exitcode=9", "--leak-check=full"])
         // "Possibly lost" is the standard library's record of the main thread, which lives as long as that does.
         .args(["--show-leak-kinds=definite", "--errors-for-leak-kinds=definite"])
+        .arg(format!("--suppressions={}", root().join("tests/host/valgrind.supp").display()))
         .arg(build(&source, linked))
         .args(arguments)
         .env_remove("VRTM_DEVICE")
         .env_remove("VRTM_THREADS")
+        .env_remove("VRTM_GPU_LIMITS")
+        // Without it a layer of Mesa's Vulkan drivers complains on stderr.
+        .env("XDG_RUNTIME_DIR", scratch())
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", text(&output));

@@ -54,9 +54,13 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "normal")]
     pub quality: Quality,
 
-    /// Where to compute
+    /// Where to compute; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, value_enum, default_value = "auto")]
     pub device: Device,
+
+    /// Which GPU, numbered from 0, for --device gpu
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub adapter: u32,
 
     /// CPU threads; 0 = one per core
     #[arg(long, value_name = "N", default_value_t = 0)]

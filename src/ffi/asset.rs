@@ -6,7 +6,7 @@ use super::handle::{self, vrtm_asset, vrtm_device, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{check_reserved, strided, vrtm_array};
 use crate::asset::Asset;
-use crate::error::Error;
+use crate::error::{Error, ErrorKind};
 use crate::mesh::{MeshSource, UvSource};
 
 /// A mesh at rest. Start from vrtm_mesh_desc_init(). All arrays are copied before the call returns.
@@ -122,6 +122,9 @@ unsafe fn mesh<'a>(desc: &vrtm_mesh_desc) -> Outcome<MeshSource<'a>> {
 
 /// The core speaks of `uvs.u` and `uvs.indices`, which have other names here.
 fn in_c_words(error: Error, pairs: bool) -> Error {
+    if error.kind != ErrorKind::InvalidArgument {
+        return error;
+    }
     let message = error
         .message
         .replace("uvs.indices", "uv_indices")

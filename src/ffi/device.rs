@@ -12,11 +12,13 @@ use crate::settings::{Backend, DeviceSettings, LogFn, LogLevel};
 
 /// Where assets are solved.
 pub type vrtm_backend = i32;
-/// A hardware GPU if there is one, the CPU otherwise; the default. vrtm_device_info says why.
+/// A hardware GPU if there is one, discrete before integrated, and the CPU otherwise, also if the GPU cannot be opened;
+/// the default. A software driver counts as no GPU. vrtm_device_info says what was chosen and why.
 pub const VRTM_BACKEND_AUTO: vrtm_backend = 0;
 /// The CPU.
 pub const VRTM_BACKEND_CPU: vrtm_backend = 1;
-/// A GPU; never falls back to the CPU. VRTM_ERROR_UNSUPPORTED in this version.
+/// The GPU that vrtm_device_desc.adapter names, also if it is a software driver; never falls back to the CPU.
+/// VRTM_ERROR_UNSUPPORTED in this version.
 pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
 
 /// How important a log line is.
@@ -43,7 +45,7 @@ pub struct vrtm_device_desc {
     /// One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu)
     /// overrides it, for support.
     pub backend: vrtm_backend,
-    /// Which GPU, 0 <= adapter < vrtm_adapter_count. Ignored by the CPU.
+    /// Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU; ignored otherwise.
     pub adapter: u32,
     /// CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     /// environment variable VRTM_THREADS overrides it.
@@ -66,7 +68,7 @@ pub struct vrtm_device_data {
     pub struct_size: u32,
     /// The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
     pub backend: vrtm_backend,
-    /// Threads per solve (CPU).
+    /// CPU threads per solve.
     pub threads: u32,
     /// Zero.
     pub reserved: u32,
@@ -74,7 +76,7 @@ pub struct vrtm_device_data {
     pub bytes_held: u64,
     /// The processor's or adapter's name, UTF-8.
     pub name: [c_char; 128],
-    /// Why this backend was chosen, in a sentence, UTF-8.
+    /// Why this backend was chosen, in a sentence, UTF-8; if the GPU went away, it starts with how.
     pub reason: [c_char; 256],
 }
 
@@ -84,7 +86,8 @@ pub struct vrtm_device_data {
 pub struct vrtm_adapter_data {
     /// sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
     pub struct_size: u32,
-    /// 1 for an adapter that is emulated on the CPU: VRTM_BACKEND_AUTO never takes it.
+    /// 1 for an adapter that is emulated on the CPU (or does not say that it is hardware): VRTM_BACKEND_AUTO never takes
+    /// it. 0 otherwise.
     pub software: u32,
     /// The adapter's name, UTF-8.
     pub name: [c_char; 128],
@@ -160,9 +163,16 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
 
 /// Makes a device. `desc` may be null, which means all defaults. `*device` is the caller's to destroy.
 ///
-/// Errors: VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU (this version has the CPU backend only);
-/// VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, more than 1024 threads, or an environment variable
-/// VRTM_DEVICE or VRTM_THREADS that cannot be read.
+/// Looking for GPUs and opening one loads drivers, which takes tens of milliseconds, the first time more; an open GPU
+/// holds threads of its driver until the device and all of its assets are destroyed. So make one device and keep it.
+/// The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
+///
+/// The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
+/// buffers of 256 MiB) and without optional features, for support.
+///
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
+/// 1024 threads, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
+/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and always in this version.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,
@@ -178,7 +188,7 @@ pub unsafe extern "C" fn vrtm_device_create(
     })
 }
 
-/// Says what a device is, why, and how much memory its assets hold.
+/// Says what a device is, why, and how much memory its assets hold; also if its GPU went away.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
@@ -212,7 +222,10 @@ pub unsafe extern "C" fn vrtm_device_destroy(device: vrtm_device) -> vrtm_status
     guard("vrtm_device_destroy", || handle::remove_device(device))
 }
 
-/// Number of GPUs that a device can be made on; 0 in this version.
+/// Number of GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits,
+/// through Vulkan, Direct3D 12 or Metal. Hardware stands before software, discrete before integrated; the order stays
+/// while the machine and its drivers do. 0 without a GPU or a driver. Each call loads the drivers, which takes tens of
+/// milliseconds.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 #[unsafe(no_mangle)]
@@ -224,7 +237,7 @@ pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
     })
 }
 
-/// Describes adapter `index`, 0 <= index < vrtm_adapter_count.
+/// Describes adapter `index`, 0 <= index < vrtm_adapter_count. It takes as long as vrtm_adapter_count.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
@@ -244,4 +257,108 @@ pub unsafe extern "C" fn vrtm_adapter_info(index: u32, info: *mut vrtm_adapter_d
         });
         Ok(())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::CStr;
+
+    use super::super::asset::{
+        vrtm_asset_create, vrtm_asset_destroy, vrtm_asset_tile, vrtm_asset_tile_count,
+    };
+    use super::super::fetch::vrtm_asset_fetch_corner_uvs;
+    use super::super::handle::{vrtm_asset, vrtm_tile};
+    use super::super::report::vrtm_asset_report;
+    use super::super::solve::vrtm_asset_solve;
+    use super::super::status::{VRTM_ERROR_DEVICE_LOST, VRTM_ERROR_INVALID_HANDLE, VRTM_OK, vrtm_last_error};
+    use super::super::tile::vrtm_tile_set_mask;
+    use super::super::types::{VRTM_SCALAR_F32, vrtm_array};
+    use super::*;
+    use crate::device::tests::{asset, gpu};
+
+    fn sized<T: Sized32>() -> T {
+        // SAFETY: all zeros is a valid value (trait contract).
+        let mut value: T = unsafe { std::mem::zeroed() };
+        // SAFETY: the first field is `struct_size: u32` (trait contract).
+        unsafe { (&raw mut value).cast::<u32>().write(size_of::<T>() as u32) };
+        value
+    }
+
+    #[test]
+    fn a_lost_gpu_is_a_status_of_its_own_and_handles_still_end() {
+        let Some(lost) = gpu() else { return };
+        let made = handle::add_asset(asset(&lost).unwrap()).unwrap();
+        let device = handle::add_device(lost.clone()).unwrap();
+        assert!(lost.lose_for_tests());
+        drop(lost);
+        let said = |status: vrtm_status, function: &str| {
+            assert_eq!(status, VRTM_ERROR_DEVICE_LOST, "{function}");
+            // SAFETY: the function returns this thread's zero-terminated line.
+            let message = unsafe { CStr::from_ptr(vrtm_last_error()) }.to_str().unwrap();
+            assert!(message.starts_with(&format!("{function}: the GPU ")), "{message}");
+            assert!(
+                message.ends_with(" is lost: it was destroyed; make a new device and new assets"),
+                "{message}"
+            );
+        };
+        // SAFETY: all pointers are null or point to living memory.
+        unsafe {
+            let mut tile = vrtm_tile { id: 0 };
+            let mut count = 0;
+            assert_eq!(vrtm_asset_tile_count(made, &mut count), VRTM_OK);
+            assert_eq!(vrtm_asset_tile(made, 0, &mut tile), VRTM_OK);
+            said(vrtm_tile_set_mask(tile, std::ptr::null()), "vrtm_tile_set_mask");
+            let points = [0.0f32; 18];
+            let mut positions: vrtm_array = sized();
+            positions.data = points.as_ptr().cast();
+            positions.count = 6;
+            positions.format = VRTM_SCALAR_F32;
+            said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
+            said(
+                vrtm_asset_fetch_corner_uvs(made, [0.0f32; 16].as_mut_ptr(), 8),
+                "vrtm_asset_fetch_corner_uvs",
+            );
+            let mut uvs: vrtm_array = positions;
+            uvs.count = 3;
+            let indices = [0u32, 1, 2];
+            let mut mesh: super::super::asset::vrtm_mesh_desc = sized();
+            (mesh.positions, mesh.uvs) = (&positions, &uvs);
+            (mesh.indices, mesh.index_count) = (indices.as_ptr(), 3);
+            let mut other = vrtm_asset { id: 77 };
+            said(vrtm_asset_create(device, &mesh, &mut other), "vrtm_asset_create");
+            assert_eq!(other.id, 77);
+
+            let mut info: vrtm_device_data = sized();
+            assert_eq!(vrtm_device_info(device, &mut info), VRTM_OK);
+            assert_eq!(info.backend, VRTM_BACKEND_GPU);
+            assert!(CStr::from_ptr(info.reason.as_ptr()).to_str().unwrap().contains(" is lost: "));
+            // In any order.
+            assert_eq!(vrtm_device_destroy(device), VRTM_OK);
+            said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
+            assert_eq!(vrtm_asset_destroy(made), VRTM_OK);
+            assert_eq!(vrtm_asset_report(made, &mut sized()), VRTM_ERROR_INVALID_HANDLE);
+        }
+    }
+
+    #[test]
+    fn every_adapter_is_described() {
+        let mut count = 77;
+        // SAFETY: the pointers point to living memory.
+        unsafe {
+            assert_eq!(vrtm_adapter_count(&mut count), VRTM_OK);
+            for (index, adapter) in adapters().iter().enumerate() {
+                let mut info: vrtm_adapter_data = sized();
+                assert_eq!(vrtm_adapter_info(index as u32, &mut info), VRTM_OK);
+                assert_eq!(info.software == 1, adapter.software);
+                let text = [&info.name[..], &info.driver, &info.api]
+                    .map(|text| CStr::from_ptr(text.as_ptr()).to_str().unwrap());
+                assert_eq!(text, [&adapter.name, &adapter.driver, adapter.api]);
+            }
+            let mut info: vrtm_adapter_data = sized();
+            assert_eq!(
+                vrtm_adapter_info(count, &mut info),
+                super::super::status::VRTM_ERROR_INVALID_ARGUMENT
+            );
+        }
+    }
 }

@@ -29,6 +29,7 @@ pub(crate) struct Context {
     pub queue: ManuallyDrop<wgpu::Queue>,
     pub adapter: wgpu::AdapterInfo,
     pub limits: wgpu::Limits,
+    pub options: Options,
     /// True if passes can be timed on the device.
     pub timestamps: bool,
     pub pipelines: Pipelines,
@@ -127,7 +128,7 @@ impl Context {
         let queue = ManuallyDrop::new(queue);
         let (adapter, pipelines) = (adapter.get_info(), Pipelines::default());
         let time_kernels = AtomicBool::new(false);
-        Ok(Context { device, queue, adapter, limits, timestamps, pipelines, time_kernels, trouble })
+        Ok(Context { device, queue, adapter, limits, options, timestamps, pipelines, time_kernels, trouble })
     }
 
     /// True if each dispatch has a pass of its own, so that each kernel's time is known.

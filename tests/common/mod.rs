@@ -5,6 +5,7 @@
 #![allow(dead_code, unused_imports)]
 
 mod files;
+mod gpu;
 #[path = "../../examples/scenes/mod.rs"]
 pub mod scenes;
 mod warp;
@@ -17,6 +18,7 @@ use vrtm::{
 };
 
 pub use files::assets;
+pub use gpu::{gpu, has_gpu};
 use scenes::Scene;
 pub use warp::Warp;
 

@@ -45,11 +45,18 @@ int main(void)
     check_that(log_lines > 0, "the log function was called", "");
     vrtm_device_data device_data = vrtm_device_data_init();
     succeeds("device_info", vrtm_device_info(device, &device_data));
-    check_that(device_data.backend == VRTM_BACKEND_CPU && device_data.threads > 0, "auto takes the CPU", "");
-    check_that(strstr(device_data.reason, "auto") != NULL, "and says why", device_data.reason);
-    uint32_t count = 99;
+    uint32_t count = 99, hardware = 0;
     succeeds("adapter_count", vrtm_adapter_count(&count));
-    check_that(count == 0, "there are no adapters", "");
+    for (uint32_t i = 0; i < count; ++i) {
+        vrtm_adapter_data adapter = vrtm_adapter_data_init();
+        succeeds("adapter_info", vrtm_adapter_info(i, &adapter));
+        check_that(adapter.name[0] != 0 && adapter.driver[0] != 0 && adapter.api[0] != 0, "an adapter", adapter.name);
+        hardware += adapter.software == 0;
+    }
+    check_that(device_data.backend == VRTM_BACKEND_CPU || (device_data.backend == VRTM_BACKEND_GPU && hardware > 0),
+               "auto takes the CPU, or a hardware GPU", device_data.name);
+    check_that(device_data.threads > 0, "threads", "");
+    check_that(strncmp(device_data.reason, "auto: ", 6) == 0, "and says why", device_data.reason);
 
     sheet_desc d;
     sheet_describe(&s, &d);

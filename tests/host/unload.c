@@ -14,6 +14,7 @@
 #define FUNCTIONS(X)           \
     X(vrtm_version)            \
     X(vrtm_last_error)         \
+    X(vrtm_adapter_count)      \
     X(vrtm_device_create)      \
     X(vrtm_device_destroy)     \
     X(vrtm_asset_create)       \
@@ -53,6 +54,15 @@ static void *use(void *unused)
     fetch.image = &image;
     if (stale.id != 0 && api.vrtm_device_destroy(stale) != VRTM_ERROR_INVALID_HANDLE) {
         return (void *)"a handle of the unloaded library was accepted";
+    }
+    /* Whatever GPU drivers were loaded must not keep the library. */
+    uint32_t adapters = 0;
+    vrtm_device_desc gpu = vrtm_device_desc_init();
+    gpu.backend = VRTM_BACKEND_GPU;
+    if (api.vrtm_adapter_count(&adapters) != VRTM_OK ||
+        (adapters > 0 && api.vrtm_device_create(&gpu, &device) == VRTM_OK &&
+         api.vrtm_device_destroy(device) != VRTM_OK)) {
+        return (void *)"a GPU cannot be counted, or made and destroyed";
     }
     if (api.vrtm_device_create(NULL, &device) != VRTM_OK || api.vrtm_asset_create(device, &d.mesh, &asset) != VRTM_OK ||
         api.vrtm_asset_tile(asset, 0, &fetch.tile) != VRTM_OK ||

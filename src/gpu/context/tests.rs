@@ -21,13 +21,20 @@ pub(crate) fn gpu(options: Options) -> Option<Context> {
 const STORAGE: BufferUsages =
     BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
 
+/// A buffer that holds `bytes`.
+fn filled(gpu: &Context, bytes: &[u8]) -> Result<wgpu::Buffer> {
+    let buffer = gpu.buffer("numbers", bytes.len() as u64, STORAGE)?;
+    gpu.queue.write_buffer(&buffer, 0, bytes);
+    gpu.check().map(|()| buffer)
+}
+
 #[test]
 fn bytes_go_there_and_back() {
     let Some(gpu) = gpu(Options::default()) else { return };
     let bytes: Vec<u8> = (0..1000u32).flat_map(u32::to_ne_bytes).collect();
-    let buffer = gpu.filled("numbers", &bytes, STORAGE).unwrap();
+    let buffer = filled(&gpu, &bytes).unwrap();
     assert_eq!(gpu.read(&buffer, 0..4000).unwrap(), bytes);
-    gpu.upload(&buffer, 8, &[7; 4]).unwrap();
+    gpu.queue.write_buffer(&buffer, 8, &[7; 4]);
     assert_eq!(gpu.read(&buffer, 4..16).unwrap(), [1, 0, 0, 0, 7, 7, 7, 7, 3, 0, 0, 0]);
     assert_eq!(gpu.read(&buffer, 4..4).unwrap(), []);
     // New buffers are zero.
@@ -154,8 +161,8 @@ fn a_lost_gpu_fails_every_call_and_never_panics() {
     lost(gpu.check());
     lost(gpu.wait());
     lost(gpu.buffer("another", 16, STORAGE).map(drop));
-    lost(gpu.upload(&buffer, 0, &[0; 16]));
-    lost(gpu.filled("another", &[0; 16], STORAGE).map(drop));
+    gpu.queue.write_buffer(&buffer, 0, &[0; 16]);
+    lost(filled(&gpu, &[0; 16]).map(drop));
     lost(gpu.read(&buffer, 0..16).map(drop));
     lost(gpu.mapped(&staging, 16, |_| ()));
     lost(gpu.submit([gpu.device.create_command_encoder(&Default::default())]));

@@ -1,0 +1,188 @@
+//! Which backend a device gets and what it says, whether or not this build lets assets be solved on a GPU.
+
+use super::*;
+use crate::mesh::{MeshSource, UvSource};
+use crate::settings::{SolveOptions, TileSettings};
+use crate::view::Strided;
+use crate::{Asset, Fetch, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat};
+
+fn make(backend: Backend, adapter: u32) -> Result<Device> {
+    let options = Options { gpu_solves: true, ..Options::default() };
+    Device::with(&DeviceSettings { backend, adapter, threads: 1, ..DeviceSettings::default() }, options)
+}
+
+/// A device on the first GPU, software or not. None, said plainly, without any; with VRTM_REQUIRE_GPU=1 there must be.
+pub(crate) fn gpu() -> Option<Device> {
+    context::tests::gpu(context::Options::default())?;
+    Some(make(Backend::Gpu, 0).unwrap())
+}
+
+#[test]
+fn auto_takes_hardware_only_and_says_what_it_found() {
+    let info = make(Backend::Auto, 9).unwrap().info();
+    let survey = Survey::new();
+    match survey.hardware() {
+        Some(adapter) => {
+            assert_eq!((info.backend, info.name), (Backend::Gpu, adapter.get_info().name));
+            assert!(info.reason.starts_with("auto: a hardware GPU, through "), "{}", info.reason);
+        }
+        None => {
+            assert_eq!(info.backend, Backend::Cpu);
+            assert_eq!(info.reason, format!("auto: no hardware GPU (found: {})", survey.found()));
+        }
+    }
+    for adapter in survey.usable.iter().filter(|adapter| adapters::is_software(&adapter.get_info())) {
+        assert!(survey.found().contains(&format!("{}, a software driver", adapter.get_info().name)));
+    }
+}
+
+#[test]
+fn auto_falls_back_to_the_cpu_and_says_why() {
+    let refused = Error::new(ErrorKind::Unsupported, "adapter: X cannot be opened: no more devices");
+    let (gpu, why) = or_the_cpu(Err(refused));
+    assert!(gpu.is_none());
+    assert_eq!(why, "the CPU, as the GPU cannot be used: adapter: X cannot be opened: no more devices");
+}
+
+#[test]
+fn gpu_takes_the_adapter_that_was_asked_for() {
+    let Some(device) = gpu() else { return };
+    let info = device.info();
+    let first = &adapters()[0];
+    assert_eq!((info.backend, &info.name), (Backend::Gpu, &first.name));
+    assert!(info.reason.starts_with("gpu was asked for: adapter 0 of "), "{}", info.reason);
+    assert!(info.reason.contains(first.api) && info.reason.contains(&first.driver), "{}", info.reason);
+    assert_eq!(info.reason.contains("a software driver"), first.software);
+    assert!(device.gpu().is_some() && device.alive().is_ok());
+
+    let count = adapters().len();
+    let error = make(Backend::Gpu, count as u32).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::InvalidArgument);
+    assert!(error.message.starts_with(&format!("adapter: {count} is out of range, there ")), "{error}");
+    assert_eq!(make(Backend::Gpu, u32::MAX).unwrap_err().kind, ErrorKind::InvalidArgument);
+}
+
+#[test]
+fn the_webgpu_limits_are_a_matter_of_options() {
+    if gpu().is_none() {
+        return;
+    }
+    let gpu = context::Options { webgpu_limits: true };
+    let options = Options { backend: Some(Backend::Gpu), gpu, gpu_solves: true, ..Options::default() };
+    let device = Device::with(&DeviceSettings::default(), options).unwrap();
+    assert_eq!(device.gpu().unwrap().limits, wgpu::Limits::defaults());
+    let reason = device.info().reason;
+    assert!(reason.starts_with("gpu was asked for (VRTM_DEVICE): adapter 0 of "), "{reason}");
+    assert!(reason.ends_with("with WebGPU's default limits"), "{reason}");
+}
+
+#[test]
+fn a_build_that_solves_on_the_cpu_only_says_so() {
+    let options = Options { gpu_solves: false, ..Options::default() };
+    let info = Device::with(&DeviceSettings::default(), options).unwrap().info();
+    assert_eq!(
+        (info.backend, info.reason.as_str()),
+        (Backend::Cpu, "auto: this build has the CPU backend only")
+    );
+    if gpu().is_some() {
+        let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
+        let error = Device::with(&settings, options).unwrap_err();
+        assert_eq!(error.kind, ErrorKind::Unsupported);
+        assert_eq!(error.message, "backend: gpu was asked for, but this build has the CPU backend only");
+    }
+}
+
+const REST: [[f32; 3]; 6] =
+    [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [2.0, 1.0, 0.0]];
+
+/// Two squares side by side, rigid in the middle.
+pub(crate) fn asset(device: &Device) -> Result<Asset> {
+    let uvs = REST.map(|[x, y, _]| [x / 2.0, y]);
+    let corners = [0, 1, 4, 3, 1, 2, 5, 4];
+    let mut asset = Asset::new(
+        device,
+        &MeshSource {
+            positions: Strided::from_f32x3(&REST),
+            face_counts: Some(&[4, 4]),
+            indices: &corners,
+            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+        },
+    )?;
+    asset.set_rigidity(0, Some(painted(&[0, 255, 255, 0])))?;
+    Ok(asset)
+}
+
+fn painted(row: &[u8; 4]) -> ImageView<'_> {
+    ImageView::new("rigidity", row, ImageLayout::packed(4, 1, PixelFormat::U8)).unwrap()
+}
+
+fn solve(asset: &mut Asset) -> Result<Vec<u8>> {
+    let mut pose = REST;
+    (pose[1][0], pose[4][0]) = (1.3, 1.3);
+    let mut map = vec![0; 16 * 16 * 8];
+    let layout = ImageLayout::packed(16, 16, PixelFormat::F32);
+    let image = ImageViewMut::new("image", &mut map, layout)?;
+    let fetch = Fetch { tile: 0, kind: FetchKind::Redirection, image };
+    asset.redirect(Strided::from_f32x3(&pose), &SolveOptions::default(), &mut [fetch])?;
+    Ok(map)
+}
+
+#[test]
+fn after_a_loss_every_call_says_so_and_a_new_device_works() {
+    let Some(device) = gpu() else { return };
+    let mut lost = asset(&device).unwrap();
+    let map = solve(&mut lost).unwrap();
+    assert!(device.lose_for_tests());
+
+    let mut failures = vec![asset(&device).map(drop), solve(&mut lost).map(drop)];
+    failures.push(lost.set_rigidity(0, Some(painted(&[9; 4]))));
+    failures.push(lost.set_mask(0, None));
+    failures.push(lost.set_vertex_rigidity(Some(Strided::from_f32(&[0.0; 6]))));
+    failures.push(lost.set_settings(0, &TileSettings::default()));
+    failures.push(lost.tile_info(0).map(drop));
+    failures.push(lost.tile_report(0).map(drop));
+    failures.push(lost.report().map(drop));
+    failures.push(lost.corner_uvs(&mut [[0.0; 2]; 8]));
+    for (index, failure) in failures.into_iter().enumerate() {
+        let error = failure.expect_err(&index.to_string());
+        assert_eq!(error.kind, ErrorKind::DeviceLost, "{index}: {error}");
+        assert!(error.message.contains(" is lost: it was destroyed; make a new device"), "{index}: {error}");
+    }
+    let info = device.info();
+    assert!(info.reason.starts_with("the GPU ") && info.reason.contains("is lost"), "{}", info.reason);
+    assert_eq!((lost.info().vertices, lost.tile_count(), lost.find_tile(1001)), (6, 1, Some(0)));
+
+    let new = make(Backend::Gpu, 0).unwrap();
+    assert_eq!(solve(&mut asset(&new).unwrap()).unwrap(), map);
+    drop(lost);
+    assert_eq!(device.info().bytes_held, 0);
+}
+
+#[test]
+fn an_asset_outlives_the_handle_of_its_device() {
+    let Some(device) = gpu() else { return };
+    let mut asset = asset(&device).unwrap();
+    drop(device);
+    solve(&mut asset).unwrap();
+    assert!(asset.device().info().bytes_held > 0);
+    assert!(!make(Backend::Cpu, 0).unwrap().lose_for_tests());
+}
+
+#[test]
+fn a_budget_that_is_too_small_is_out_of_memory() {
+    if gpu().is_none() {
+        return;
+    }
+    let options = Options { gpu_solves: true, ..Options::default() };
+    let settings = DeviceSettings {
+        backend: Backend::Gpu,
+        memory_budget: 1000,
+        threads: 1,
+        ..DeviceSettings::default()
+    };
+    let device = Device::with(&settings, options).unwrap();
+    let error = solve(&mut asset(&device).unwrap()).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::OutOfMemory);
+    assert!(error.message.contains("of the device's 1000 are in use"), "{error}");
+    assert_eq!(device.info().bytes_held, 0);
+}

@@ -1,0 +1,257 @@
+//! Devices on GPUs as a program sees them: which there are, what is said where there are none, and a GPU that goes away.
+//! What depends on the environment runs in a process of its own.
+
+use std::path::Path;
+use std::process::Command;
+
+use vrtm::{Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, Quality, adapters};
+
+mod common;
+use common::{Model, gpu, has_gpu, options};
+
+fn settings(backend: Backend, adapter: u32) -> DeviceSettings {
+    DeviceSettings { backend, adapter, threads: 1, ..DeviceSettings::default() }
+}
+
+const CHILD: &str = "VRTM_TEST_CHILD";
+
+/// Runs the test `name` again as a process with other variables. True in that process.
+///
+/// The child must print nothing of its own: whatever else stands on stdout or stderr was the library.
+fn in_a_child(name: &str, variables: &[(&str, &str)]) -> bool {
+    if std::env::var_os(CHILD).is_some() {
+        return true;
+    }
+    let output = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", name, "--nocapture", "--test-threads=1"])
+        .env_remove("VRTM_DEVICE")
+        .env_remove("VRTM_THREADS")
+        .env_remove("VRTM_GPU_LIMITS")
+        // Without it a layer of Mesa's Vulkan drivers complains on stderr.
+        .env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))
+        .envs(variables.iter().copied())
+        .env(CHILD, "1")
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.contains("1 passed"), "{variables:?}: {output:?}");
+    assert!(output.stderr.is_empty(), "{variables:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let harness = ["running 1 test", "test ", "test result: "];
+    let foreign =
+        said.lines().find(|line| !line.is_empty() && !harness.iter().any(|own| line.starts_with(own)));
+    assert_eq!(foreign, None, "{variables:?}");
+    false
+}
+
+#[test]
+fn adapters_are_described_in_an_order_that_stays() {
+    if !has_gpu() {
+        return;
+    }
+    let all = adapters();
+    for adapter in &all {
+        assert!(!adapter.name.is_empty() && !adapter.driver.is_empty(), "{adapter:?}");
+        assert!(["Vulkan", "Direct3D 12", "Metal"].contains(&adapter.api), "{adapter:?}");
+    }
+    assert!(all.is_sorted_by_key(|adapter| adapter.software), "{all:?}");
+    assert_eq!(format!("{all:?}"), format!("{:?}", adapters()));
+}
+
+/// What must hold wherever no driver can be loaded.
+fn nothing_is_there() {
+    assert!(adapters().is_empty());
+    let error = Device::new(&settings(Backend::Gpu, 0)).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::Unsupported);
+    let start = "backend: gpu was asked for, but there is no GPU that runs compute shaders with WebGPU's default limits";
+    assert!(error.message.starts_with(start), "{error}");
+    assert!(error.message.ends_with("; found: none)"), "{error}");
+    let info = Device::new(&settings(Backend::Auto, 0)).unwrap().info();
+    assert_eq!(info.backend, Backend::Cpu);
+    assert!(info.reason.starts_with("auto: "), "{}", info.reason);
+}
+
+#[cfg(not(any(windows, target_os = "macos")))]
+#[test]
+fn without_a_driver_there_is_no_gpu() {
+    let nowhere = "/nonexistent.json";
+    if in_a_child(
+        "without_a_driver_there_is_no_gpu",
+        &[("VK_DRIVER_FILES", nowhere), ("VK_ICD_FILENAMES", nowhere)],
+    ) {
+        nothing_is_there();
+    }
+}
+
+/// A file that is no library stands in for one that is not there: the loader takes it and gives up.
+#[cfg(target_os = "linux")]
+#[test]
+fn without_vulkan_s_library_there_is_no_gpu() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("no_vulkan");
+    std::fs::create_dir_all(&folder).unwrap();
+    for name in ["libvulkan.so.1", "libvulkan.so"] {
+        std::fs::write(folder.join(name), "").unwrap();
+    }
+    let folder = folder.to_str().unwrap();
+    if in_a_child("without_vulkan_s_library_there_is_no_gpu", &[("LD_LIBRARY_PATH", folder)]) {
+        nothing_is_there();
+    }
+}
+
+#[test]
+fn an_adapter_that_is_not_there_is_named() {
+    if !has_gpu() {
+        return;
+    }
+    let count = adapters().len() as u32;
+    for adapter in [count, count + 1, u32::MAX] {
+        let error = Device::new(&settings(Backend::Gpu, adapter)).unwrap_err();
+        assert_eq!(error.kind, ErrorKind::InvalidArgument);
+        assert!(error.message.starts_with(&format!("adapter: {adapter} is out of range, there ")), "{error}");
+    }
+    // It is the gpu's only.
+    for backend in [Backend::Cpu, Backend::Auto] {
+        Device::new(&settings(backend, count)).unwrap();
+    }
+}
+
+#[test]
+fn the_cpu_is_asked_for_by_name_or_by_variable() {
+    if in_a_child("the_cpu_is_asked_for_by_name_or_by_variable", &[("VRTM_DEVICE", "cpu")]) {
+        let info = Device::new(&settings(Backend::Gpu, 99)).unwrap().info();
+        assert_eq!((info.backend, info.reason.as_str()), (Backend::Cpu, "cpu was asked for (VRTM_DEVICE)"));
+    }
+}
+
+#[test]
+fn auto_never_takes_a_software_driver() {
+    if in_a_child("auto_never_takes_a_software_driver", &[]) {
+        let info = Device::new(&settings(Backend::Auto, 0)).unwrap().info();
+        let hardware = adapters().first().is_some_and(|adapter| !adapter.software);
+        assert!(info.backend == Backend::Cpu || hardware, "{info:?}");
+    }
+}
+
+#[test]
+fn webgpu_s_limits_are_a_variable() {
+    if in_a_child("webgpu_s_limits_are_a_variable", &[("VRTM_GPU_LIMITS", "webgpu"), ("VRTM_DEVICE", "gpu")])
+    {
+        // The parent looks whether there is a GPU.
+        match Device::new(&DeviceSettings::default()) {
+            Ok(device) => {
+                let reason = device.info().reason;
+                assert!(reason.starts_with("gpu was asked for (VRTM_DEVICE): adapter 0 of "), "{reason}");
+                assert!(reason.ends_with(", with WebGPU's default limits"), "{reason}");
+            }
+            Err(error) => assert_eq!(error.kind, ErrorKind::Unsupported, "{error}"),
+        }
+    } else {
+        has_gpu();
+    }
+}
+
+#[test]
+fn limits_that_are_not_known_are_refused() {
+    if in_a_child("limits_that_are_not_known_are_refused", &[("VRTM_GPU_LIMITS", "small")]) {
+        for backend in [Backend::Cpu, Backend::Auto, Backend::Gpu] {
+            let error = Device::new(&settings(backend, 0)).unwrap_err();
+            assert_eq!(error.kind, ErrorKind::InvalidArgument);
+            assert_eq!(error.message, "VRTM_GPU_LIMITS: 'small' is not webgpu");
+        }
+    }
+}
+
+#[test]
+fn devices_are_made_and_ended_on_many_threads() {
+    if !has_gpu() {
+        return;
+    }
+    let first = format!("{:?}", adapters());
+    std::thread::scope(|scope| {
+        for thread in 0..4 {
+            let first = &first;
+            scope.spawn(move || {
+                for _ in 0..4 {
+                    assert_eq!(format!("{:?}", adapters()), *first);
+                    let backend = if thread % 2 == 0 { Backend::Gpu } else { Backend::Auto };
+                    match Device::new(&settings(backend, 0)) {
+                        Ok(device) => assert!(!device.info().reason.is_empty()),
+                        Err(error) => assert_eq!(error.kind, ErrorKind::Unsupported, "{error}"),
+                    }
+                }
+            });
+        }
+    });
+}
+
+fn asset(model: &Model, device: &Device) -> Asset {
+    model.asset_on(device, 32)
+}
+
+fn solve(asset: &mut Asset, model: &Model) -> vrtm::Result<()> {
+    asset.solve(model.frame(1), &options(Quality::Draft))
+}
+
+#[test]
+fn after_a_loss_every_call_says_so_and_a_new_device_works() {
+    let Some(device) = gpu(&settings(Backend::Gpu, 0)) else { return };
+    let model = &common::analytic()[0];
+    let mut lost = asset(model, &device);
+    solve(&mut lost, model).unwrap();
+    let expected = common::fetch(&mut lost, 0, FetchKind::Redirection, [32, 32]);
+    assert!(device.lose_for_tests());
+    for error in [
+        solve(&mut lost, model).unwrap_err(),
+        lost.tile_info(0).unwrap_err(),
+        lost.tile_report(0).unwrap_err(),
+        lost.report().unwrap_err(),
+        lost.set_mask(0, None).unwrap_err(),
+    ] {
+        assert_eq!(error.kind, ErrorKind::DeviceLost, "{error}");
+    }
+    assert!(device.info().reason.contains(" is lost: "), "{:?}", device.info());
+    let new = gpu(&settings(Backend::Gpu, 0)).unwrap();
+    let mut asset = asset(model, &new);
+    solve(&mut asset, model).unwrap();
+    assert_eq!(common::fetch(&mut asset, 0, FetchKind::Redirection, [32, 32]), expected);
+    drop((lost, device));
+    solve(&mut asset, model).unwrap();
+}
+
+#[test]
+fn a_device_that_is_lost_during_solves_fails_them_cleanly() {
+    let Some(device) = gpu(&settings(Backend::Gpu, 0)) else { return };
+    let model = &common::analytic()[0];
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            let mut asset = asset(model, &device);
+            scope.spawn(move || {
+                let error = (0..100_000).find_map(|_| solve(&mut asset, model).err()).unwrap();
+                assert_eq!(error.kind, ErrorKind::DeviceLost, "{error}");
+            });
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        device.lose_for_tests();
+    });
+}
+
+#[test]
+fn a_budget_that_is_too_small_is_out_of_memory() {
+    let Some(device) = gpu(&DeviceSettings { memory_budget: 5000, ..settings(Backend::Gpu, 0) }) else {
+        return;
+    };
+    let model = &common::analytic()[0];
+    let error = solve(&mut asset(model, &device), model).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::OutOfMemory);
+    assert!(error.message.contains("of the device's 5000 are in use"), "{error}");
+    assert_eq!(device.info().bytes_held, 0);
+}
+
+#[test]
+fn an_asset_outlives_the_handle_of_its_device() {
+    let Some(device) = gpu(&settings(Backend::Gpu, 0)) else { return };
+    let model = &common::analytic()[0];
+    let mut asset = asset(model, &device);
+    drop(device);
+    solve(&mut asset, model).unwrap();
+    assert!(asset.device().info().bytes_held > 0);
+}
