@@ -15,6 +15,7 @@ mod stages;
 mod transfer;
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::error::Result;
 use crate::solve::{ChartResult, Input};
@@ -50,6 +51,9 @@ pub(crate) struct Run<'a> {
     gate: Option<Gate>,
     /// Gates so far.
     gates: u32,
+    upload_ms: f32,
+    /// When recording began.
+    recording: Instant,
 }
 
 /// What dispatches depend on.
@@ -97,6 +101,7 @@ impl<'a> Run<'a> {
         last: Option<Arc<ResultBuffers>>,
         keep: &[bool],
     ) -> Result<Run<'a>> {
+        let start = Instant::now();
         let Input { grid, pose, settings, charts, .. } = *input;
         let context = memory.context.clone();
         memory.list(grid, charts);
@@ -132,8 +137,12 @@ impl<'a> Run<'a> {
             node_updates: 0,
             gate: None,
             gates: 0,
+            upload_ms: 0.0,
+            recording: start,
         };
         run.begin(keep);
+        run.upload_ms = milliseconds(start);
+        run.recording = Instant::now();
         Ok(run)
     }
 
@@ -159,6 +168,8 @@ impl<'a> Run<'a> {
     /// Waits for all of it, and reads what it came to.
     pub fn finish(mut self) -> Result<Finished> {
         let times = self.recorder.finish();
+        let record_ms = milliseconds(self.recording);
+        let waiting = Instant::now();
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
         let opened = self.memory.opened.clone();
@@ -168,6 +179,7 @@ impl<'a> Run<'a> {
             .chain(times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes)))
             .collect();
         let parts = self.context.read_all(&wanted)?;
+        let wait_ms = milliseconds(waiting);
         let (tally, recording) =
             self.recorder.close(bytemuck::pod_collect_to_vec(&parts[1]).as_slice(), &parts[2..].concat());
         self.memory.recording = recording;
@@ -176,7 +188,7 @@ impl<'a> Run<'a> {
             outcome: records.map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes))).collect(),
             result: self.result,
             node_updates: self.node_updates,
-            tally,
+            tally: Tally { upload_ms: self.upload_ms, record_ms, wait_ms, ..tally },
         })
     }
 
@@ -328,6 +340,10 @@ impl<'a> Run<'a> {
             }
         }
     }
+}
+
+fn milliseconds(since: Instant) -> f32 {
+    since.elapsed().as_secs_f32() * 1000.0
 }
 
 fn outcome(chart: &Chart) -> ChartResult {

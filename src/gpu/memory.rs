@@ -442,6 +442,7 @@ fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<B
                 children,
                 chart_first: (first - band.held.start) as u32,
                 chart_count: (end - first) as u32,
+                continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
             }
         })
         .collect()

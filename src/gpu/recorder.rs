@@ -100,6 +100,10 @@ pub struct Recorder {
 /// What a solve had the GPU do.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Tally {
+    /// On the host.
+    pub upload_ms: f32,
+    pub record_ms: f32,
+    pub wait_ms: f32,
     pub submissions: u64,
     /// Dispatches that no chart needed.
     pub skipped: u64,
@@ -128,7 +132,15 @@ impl Tally {
             bytes: tally.bytes,
             ms: tally.ms,
         });
-        GpuWork { submissions: self.submissions, skipped: self.skipped, kernels: kernels.collect() }
+        GpuWork {
+            upload_ms: self.upload_ms,
+            record_ms: self.record_ms,
+            wait_ms: self.wait_ms,
+            gpu_ms: self.stages.unwrap_or_default().iter().sum(),
+            submissions: self.submissions,
+            skipped: self.skipped,
+            kernels: kernels.collect(),
+        }
     }
 }
 
@@ -314,6 +326,7 @@ impl Recorder {
                 kernels[*kernel as usize].ms += ms;
             }
         }
-        (Tally { submissions: self.submissions, skipped, kernels, stages }, self.recording)
+        let submissions = self.submissions;
+        (Tally { submissions, skipped, kernels, stages, ..Tally::default() }, self.recording)
     }
 }
