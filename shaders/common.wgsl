@@ -39,7 +39,9 @@ struct Params {
     room: f32,
     room_threshold: f32,
     level: u32,
-    pad: u32,
+    /// Where this level's blocks begin in `rows` and `vectors`, and the other level's in its own.
+    base: u32,
+    other_base: u32,
 }
 
 /// A chart, and what is decided about it on the way.
@@ -65,6 +67,8 @@ struct Chart {
     min_jacobian: f32,
     max_displacement: f32,
     folds: u32,
+    /// Rounds of cutting the step under way that found folds.
+    cuts: atomic<u32>,
 }
 
 struct Block {
@@ -96,7 +100,7 @@ struct Block {
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
 /// Per block: diagonal (3), pairs of the owned edges (16).
 @group(0) @binding(7) var<storage, read_write> rows: array<f32>;
-/// Per block: r, z, t, p, x (2 each), share, its copy, mark.
+/// Per block: r, z, t, p, x (2 each), share (2 in turn), mark.
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
 /// Per block of a list: what it gives to its chart.
 @group(0) @binding(9) var<storage, read_write> partials: array<vec4f>;
@@ -121,7 +125,6 @@ const T: u32 = 4u;
 const P: u32 = 6u;
 const X: u32 = 8u;
 const SHARE: u32 = 10u;
-const SHARE_COPY: u32 = 11u;
 const MARK: u32 = 12u;
 
 /// Place of a node in `nodes`, `state`, `rows`, `vectors`.
@@ -132,10 +135,10 @@ fn state_at(b: u32, plane: u32, s: u32) -> u32 {
     return (b * STATE_PLANES + plane) * NODES + s;
 }
 fn row_at(b: u32, plane: u32, s: u32) -> u32 {
-    return (b * ROW_PLANES + plane) * NODES + s;
+    return ((params.base + b) * ROW_PLANES + plane) * NODES + s;
 }
 fn vector_at(b: u32, plane: u32, s: u32) -> u32 {
-    return (b * VECTOR_PLANES + plane) * NODES + s;
+    return ((params.base + b) * VECTOR_PLANES + plane) * NODES + s;
 }
 
 /// Slot of node (i, j) of a block in a plane.

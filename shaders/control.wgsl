@@ -34,11 +34,10 @@ const BEFORE: u32 = 1u;
 const DIRECTION: u32 = 2u;
 const FIRST_DIRECTION: u32 = 3u;
 const LENGTH_OF_STEP: u32 = 4u;
-const CUT: u32 = 5u;
-const TRIAL: u32 = 6u;
-const LAST_TRIAL: u32 = 7u;
-const ENERGY: u32 = 8u;
-const CERTIFICATE: u32 = 9u;
+const TRIAL: u32 = 5u;
+const LAST_TRIAL: u32 = 6u;
+const ENERGY: u32 = 7u;
+const CERTIFICATE: u32 = 8u;
 
 @compute @workgroup_size(64)
 fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
@@ -66,9 +65,6 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             let alpha = charts[c].rz / select(1.0, sum.x, sum.x > 0.0);
             // Nothing left to solve, or not a number: no step.
             charts[c].alpha = select(0.0, alpha, sum.x > 0.0 && is_number(alpha));
-        }
-        case CUT: {
-            charts[c].working = u32(sum.x > 0.0);
         }
         case TRIAL, LAST_TRIAL: {
             let before = charts[c].before;
@@ -106,6 +102,9 @@ fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     }
     if params.mode == FIRST_CORRECTION {
         charts[c].done = 0u;
+    }
+    if params.mode != ALL {
+        atomicStore(&charts[c].cuts, 0u);
     }
     charts[c].working = charts[c].solve & select(1u, 1u - charts[c].done, params.mode != ALL);
 }

@@ -2,16 +2,16 @@
 // corners that would fall under it, falling off smoothly around those. Charts without such corners are done.
 
 var<workgroup> near: array<vec2f, 324>;
-var<workgroup> any_fold: array<u32, 64>;
 
-/// Marks nodes with a corner that u + share x would fold, and tells the chart.
+/// Marks nodes with a corner that u + share x would fold, and tells the chart. Round `mode` of it.
 @compute @workgroup_size(64)
 fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
+    let b = choose_cut(group, t, params.mode);
     if b == NONE {
         return;
     }
     let first = params.mode == 0u;
+    let share_plane = SHARE + (params.mode & 1u);
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = blocks[b].around[source.x];
@@ -20,35 +20,35 @@ fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
             near[k] = displacement(holder, source.y);
             if blocks[holder].moves != 0u {
                 let x = vector_at(holder, X, source.y);
-                let share = select(vectors[vector_at(holder, SHARE, source.y)], 1.0, first);
+                let share = select(vectors[vector_at(holder, share_plane, source.y)], 1.0, first);
                 near[k] += share * vec2f(vectors[x], vectors[x + NODES]);
             }
         }
     }
     workgroupBarrier();
-    var folds = 0u;
+    var folds = false;
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
-        let n = node_of(s);
         // What is not a number is no Jacobian either.
-        let bad = !(worst_corner(n) >= MIN_JACOBIAN);
+        let bad = !(worst_corner(node_of(s)) >= MIN_JACOBIAN);
         vectors[vector_at(b, MARK, s)] = select(0.0, 1.0, bad);
         if first {
             vectors[vector_at(b, SHARE, s)] = 1.0;
         }
-        folds |= u32(bad);
+        folds = folds || bad;
     }
-    any_fold[t] = folds;
-    workgroupBarrier();
-    for (var half = 32u; half > 0u; half /= 2u) {
-        if t < half {
-            any_fold[t] |= any_fold[t + half];
-        }
-        workgroupBarrier();
+    if folds {
+        atomicMax(&charts[blocks[b].chart].cuts, params.mode + 1u);
     }
-    if t == 0u {
-        partials[params.partial + group.y * SPREAD + group.x] = vec4f(f32(any_fold[0]), 0.0, 0.0, 0.0);
+}
+
+/// The block of this workgroup if its chart has been cut so often, NONE otherwise.
+fn choose_cut(group: vec3u, t: u32, cuts: u32) -> u32 {
+    let b = choose(group, t);
+    if t == 0u && b != NONE && atomicLoad(&charts[blocks[b].chart].cuts) < cuts {
+        chosen = NONE;
     }
+    return workgroupUniformLoad(&chosen);
 }
 
 fn arm(n: vec2u, o: vec2i) -> vec2f {
@@ -77,54 +77,77 @@ fn worst_corner(n: vec2u) -> f32 {
     return worst;
 }
 
-/// Shrinks the share of marked nodes and of those next to them.
-@compute @workgroup_size(64)
-fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
-    if b == NONE {
-        return;
-    }
-    for (var k = 0u; k < 4u; k++) {
-        let s = own_slot(k, t);
-        let n = node_of(s);
-        var marked = false;
-        for (var i = 0u; i < 9u; i++) {
-            let source = window_source(n + vec2u(i % 3u, i / 3u));
-            let holder = blocks[b].links[source.x];
-            if holder != NONE {
-                marked = marked || vectors[vector_at(holder, MARK, source.y)] != 0.0;
-            }
-        }
-        if marked {
-            vectors[vector_at(b, SHARE, s)] *= params.part;
-        }
-    }
-}
-
 /// A share exceeds its neighbours' by at most this: a step that changes abruptly folds by itself.
 const FALLOFF: f32 = 0.125;
 
-/// share <= min(neighbours) + FALLOFF, from one plane into the other; mode 1: back again.
+/// Shares at the nodes (-2..17) of a block; over 1 where no share is kept.
+var<workgroup> shares: array<f32, 400>;
+var<workgroup> lower: array<f32, 400>;
+
+/// Place in `vectors` of a plane of node n of a block, n from -3 to 18; NONE where there is nothing.
+fn wide_at(b: u32, plane: u32, n: vec2i) -> u32 {
+    let shifted = vec2u(n + 16);
+    let holder = blocks[b].links[shifted.y / 16u * 3u + shifted.x / 16u];
+    if holder == NONE {
+        return NONE;
+    }
+    return vector_at(holder, plane, slot(shifted.x % 16u, shifted.y % 16u));
+}
+
+fn wide_node(k: u32) -> vec2i {
+    return vec2i(i32(k % 20u), i32(k / 20u)) - 2;
+}
+
+/// The share of node n after one pass of share <= min(neighbours) + FALLOFF over `from_lower` or `shares`.
+fn fallen(k: u32, from_lower: bool) -> f32 {
+    let own = select(shares[k], lower[k], from_lower);
+    if own > 1.0 {
+        return own;
+    }
+    var low = 1.0;
+    for (var i = 0u; i < 9u; i++) {
+        let at = k + (i / 3u) * 20u + i % 3u - 21u;
+        if i != 4u {
+            low = min(low, select(shares[at], lower[at], from_lower));
+        }
+    }
+    return min(own, low + FALLOFF);
+}
+
+/// Shrinks the share of marked nodes and of those next to them, and lets it fall off around them. After round `mode`.
 @compute @workgroup_size(64)
-fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
+fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose_cut(group, t, params.mode + 1u);
     if b == NONE {
         return;
     }
-    let source_plane = select(SHARE, SHARE_COPY, params.mode == 1u);
-    let target_plane = select(SHARE_COPY, SHARE, params.mode == 1u);
+    for (var k = t; k < 400u; k += 64u) {
+        let n = wide_node(k);
+        let at = wide_at(b, SHARE + (params.mode & 1u), n);
+        shares[k] = 2.0;
+        if at != NONE {
+            var marked = false;
+            for (var i = 0u; i < 9u; i++) {
+                let mark_at = wide_at(b, MARK, n + vec2i(i32(i % 3u), i32(i / 3u)) - 1);
+                if mark_at != NONE {
+                    marked = marked || vectors[mark_at] != 0.0;
+                }
+            }
+            shares[k] = vectors[at] * select(1.0, params.part, marked);
+        }
+    }
+    workgroupBarrier();
+    for (var k = t; k < 400u; k += 64u) {
+        let n = wide_node(k);
+        lower[k] = 2.0;
+        if all(n > vec2i(-2)) && all(n < vec2i(17)) {
+            lower[k] = fallen(k, false);
+        }
+    }
+    workgroupBarrier();
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
-        let n = node_of(s);
-        var low = 1.0;
-        for (var i = 0u; i < 9u; i++) {
-            let source = window_source(n + vec2u(i % 3u, i / 3u));
-            let holder = blocks[b].links[source.x];
-            if i != 4u && holder != NONE {
-                low = min(low, vectors[vector_at(holder, source_plane, source.y)]);
-            }
-        }
-        let own = vectors[vector_at(b, source_plane, s)];
-        vectors[vector_at(b, target_plane, s)] = min(own, low + FALLOFF);
+        let n = node_of(s) + 2u;
+        vectors[vector_at(b, SHARE + ((params.mode + 1u) & 1u), s)] = fallen(n.y * 20u + n.x, true);
     }
 }

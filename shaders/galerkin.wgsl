@@ -2,20 +2,19 @@
 // rows of 25 finer ones (76 bytes each) and writes 76 bytes.
 
 @group(0) @binding(10) var<storage, read> fine_blocks: array<Block>;
-@group(0) @binding(11) var<storage, read> fine_rows: array<f32>;
 
 fn hat(d: i32) -> f32 {
     return select(select(0.0, 0.5, abs(d) == 1), 1.0, d == 0);
 }
 
-/// Place in `fine_rows` of the first plane of the node at f (relative to the fine block `child`), or NONE.
+/// Place in the finer level's rows of the first plane of the node at f (relative to the fine block `child`), or NONE.
 fn fine_row(child: u32, f: vec2i) -> u32 {
     let shifted = vec2u(f + 16);
     let holder = fine_blocks[child].links[shifted.y / 16u * 3u + shifted.x / 16u];
     if holder == NONE {
         return NONE;
     }
-    return row_at(holder, 0u, slot(shifted.x % 16u, shifted.y % 16u));
+    return (params.other_base + holder) * ROW_PLANES * NODES + slot(shifted.x % 16u, shifted.y % 16u);
 }
 
 /// The 2x2 block between the fine nodes f (row) and f + offset(k) (column), row-major; k = 8: the diagonal.
@@ -25,8 +24,8 @@ fn fine_entry(child: u32, f: vec2i, k: u32) -> vec4f {
         if at == NONE {
             return vec4f();
         }
-        let xy = fine_rows[at + NODES];
-        return vec4f(fine_rows[at], xy, xy, fine_rows[at + 2u * NODES]);
+        let xy = fine_row_value(at + NODES);
+        return vec4f(fine_row_value(at), xy, xy, fine_row_value(at + 2u * NODES));
     }
     let theirs = k > 3u;
     let at = fine_row(child, select(f, f + offset(k), theirs));
@@ -34,7 +33,7 @@ fn fine_entry(child: u32, f: vec2i, k: u32) -> vec4f {
         return vec4f();
     }
     let pair = at + (PAIR + 4u * (k & 3u)) * NODES;
-    let a = vec4f(fine_rows[pair], fine_rows[pair + NODES], fine_rows[pair + 2u * NODES], fine_rows[pair + 3u * NODES]);
+    let a = vec4f(fine_row_value(pair), fine_row_value(pair + NODES), fine_row_value(pair + 2u * NODES), fine_row_value(pair + 3u * NODES));
     return select(a, a.xzyw, theirs);
 }
 

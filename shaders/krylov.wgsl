@@ -3,6 +3,13 @@
 
 var<workgroup> sums: array<f32, 64>;
 
+/// A v at a node, v being in the window.
+fn product(b: u32, s: u32) -> vec2f {
+    let d = diagonal(b, s);
+    let v = near[own_place(s)];
+    return off_diagonal(b, node_of(s)) + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
+}
+
 /// Writes a block's sum of what its threads bring.
 fn write_sum(group: vec3u, t: u32, value: f32) {
     sums[t] = value;
@@ -58,7 +65,15 @@ fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     if b == NONE {
         return;
     }
-    load_vector(b, t, P, 15u);
+    for (var k = t; k < WINDOW; k += 64u) {
+        let source = window_source(window_node(k));
+        let holder = blocks[b].links[source.x];
+        near[k] = vec2f();
+        if holder != NONE {
+            near[k] = vector(holder, P, source.y);
+        }
+    }
+    workgroupBarrier();
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);

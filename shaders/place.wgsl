@@ -58,7 +58,8 @@ fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
         var u = vec2f(vectors[keep], vectors[keep + NODES]);
         if params.part > 0.0 {
             let x = vector_at(b, X, s);
-            u += params.part * vectors[vector_at(b, SHARE, s)] * vec2f(vectors[x], vectors[x + NODES]);
+            let share_plane = SHARE + (atomicLoad(&charts[blocks[b].chart].cuts) & 1u);
+            u += params.part * vectors[vector_at(b, share_plane, s)] * vec2f(vectors[x], vectors[x + NODES]);
         }
         put(b, s, u);
     }

@@ -12,7 +12,7 @@ use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{ImageView, ImageViewMut};
 use crate::mesh::{Mesh, MeshSource};
-use crate::report::{AssetInfo, AssetReport, TileInfo, TileReport};
+use crate::report::{AssetInfo, AssetReport, GpuWork, TileInfo, TileReport};
 use crate::settings::{LogLevel, SolveOptions, TileSettings};
 use crate::solve::Plan;
 use crate::tile::Rigidity;
@@ -252,6 +252,15 @@ impl Asset {
     pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
         self.check_tile(tile)?;
         self.tiles[tile].solved.as_ref().map(|solved| solved.report).ok_or_else(not_solved)
+    }
+
+    /// What a tile's last solve had the GPU do; `None` on the CPU, or if no chart had to be solved.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve.
+    pub fn gpu_work(&self, tile: usize) -> Result<Option<GpuWork>> {
+        self.check_tile(tile)?;
+        self.tiles[tile].solved.as_ref().map(|solved| solved.work.clone()).ok_or_else(not_solved)
     }
 
     /// The last solve over all tiles.

@@ -146,6 +146,13 @@ impl Device {
         self.gpu().map(|gpu| gpu.lose()).is_some()
     }
 
+    /// On a GPU, times each kernel by itself from now on ([`crate::GpuKernel::ms`]): for benches, since it costs time.
+    pub fn time_kernels(&self, yes: bool) {
+        if let Some(gpu) = self.gpu() {
+            gpu.time_kernels(yes);
+        }
+    }
+
     pub(crate) fn threads(&self) -> usize {
         self.0.threads as usize
     }

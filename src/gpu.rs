@@ -2,8 +2,10 @@
 
 pub(crate) mod adapters;
 mod bands;
+mod clock;
 pub(crate) mod context;
 mod correct;
+mod cycle;
 mod kernels;
 mod layout;
 mod memory;
@@ -15,15 +17,16 @@ mod transfer;
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::report::StageTimes;
 use crate::solve::{ChartResult, Input};
 use crate::tile::Grid;
+use crate::tile::blocks::NODES;
 use context::Context;
 use kernels::Kernel;
 use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, STATE_PLANES, VECTOR_PLANES};
 pub(crate) use memory::Memory;
-use memory::PLANE;
-use recorder::Recorder;
+use memory::{List, MOST_GATES, PLANE};
+pub(crate) use recorder::Tally;
+use recorder::{Recorder, Size};
 use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
 use stages::{Charts, Decision};
@@ -41,8 +44,25 @@ pub(crate) struct Run<'a> {
     last: Option<Arc<ResultBuffers>>,
     result: Arc<ResultBuffers>,
     node_updates: u64,
-    /// Bytes that the dispatches move at least.
-    bytes_moved: u64,
+    gate: Option<Gate>,
+    /// Gates so far.
+    gates: u32,
+}
+
+/// What dispatches depend on.
+#[derive(Clone, Copy, Debug)]
+struct Gate {
+    set: GateSet,
+    /// Of all gates of the solve.
+    number: u32,
+}
+
+/// Gates that are in use at the same time.
+#[derive(Clone, Copy, Debug)]
+enum GateSet {
+    Correction,
+    Cut,
+    Trial,
 }
 
 /// What a solve gives when all of it has run.
@@ -51,19 +71,8 @@ pub(crate) struct Finished {
     /// Per chart; of those that were solved.
     pub outcome: Vec<ChartResult>,
     pub result: Arc<ResultBuffers>,
-    /// Measured on the GPU; `None` if it has no timestamps.
-    pub times: Option<StageTimes>,
     pub node_updates: u64,
-    pub work: Work,
-}
-
-/// What a solve had the GPU do.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Work {
-    pub dispatches: u64,
-    pub submissions: u64,
-    /// Bytes that the dispatches move at least, each datum counted once per dispatch.
-    pub bytes: u64,
+    pub tally: Tally,
 }
 
 /// Which of a band's buffers its neighbours have copies of.
@@ -118,7 +127,8 @@ impl<'a> Run<'a> {
             last,
             result,
             node_updates: 0,
-            bytes_moved: 0,
+            gate: None,
+            gates: 0,
         };
         run.begin(keep);
         Ok(run)
@@ -145,39 +155,31 @@ impl<'a> Run<'a> {
 
     /// Waits for all of it, and reads what it came to.
     pub fn finish(mut self) -> Result<Finished> {
-        let (times, bytes) = self.recorder.finish();
+        let times = self.recorder.finish();
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
-        let parts = self.context.read_all(&[(&charts, 0..size), (&times, 0..bytes)])?;
-        let outcome = parts[0]
-            .chunks_exact(size_of::<Chart>())
-            .map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes)));
+        let opened = self.memory.opened.clone();
+        let gates = u64::from(self.gates.min(MOST_GATES)) * 4;
+        let wanted: Vec<_> = [(&charts, 0..size), (&opened, 0..gates)]
+            .into_iter()
+            .chain(times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes)))
+            .collect();
+        let parts = self.context.read_all(&wanted)?;
+        let (tally, recording) =
+            self.recorder.close(bytemuck::pod_collect_to_vec(&parts[1]).as_slice(), &parts[2..].concat());
+        self.memory.recording = recording;
+        let records = parts[0].chunks_exact(size_of::<Chart>());
         Ok(Finished {
-            outcome: outcome.collect(),
-            result: self.result.clone(),
-            times: self.recorder.times(&parts[1]).map(
-                |[surface, pyramid, prolong, relax, correct, certify, _]| StageTimes {
-                    surface,
-                    pyramid,
-                    prolong,
-                    relax,
-                    correct,
-                    certify,
-                    ..StageTimes::default()
-                },
-            ),
+            outcome: records.map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes))).collect(),
+            result: self.result,
             node_updates: self.node_updates,
-            work: Work {
-                dispatches: self.recorder.dispatches,
-                submissions: self.recorder.submissions,
-                bytes: self.bytes_moved,
-            },
+            tally,
         })
     }
 
     /// Blocks with movable nodes on the finest level.
     pub fn blocks_active(&self) -> u64 {
-        self.memory.lists[0].iter().map(|lists| u64::from(lists.active.1)).sum()
+        self.memory.lists[0].iter().map(|lists| u64::from(lists.active.count)).sum()
     }
 
     fn at_level(&self, level: usize) -> Params {
@@ -186,7 +188,31 @@ impl<'a> Run<'a> {
 
     fn select(&mut self, charts: Charts) {
         let params = Params { mode: charts as u32, ..self.params };
-        self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, params.items.div_ceil(layout::THREADS));
+        let size = Size::of(params.items.div_ceil(layout::THREADS));
+        self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, size, 0);
+    }
+
+    /// A size that is 0 if the gate under which it stands is closed; `place` is its place among the sizes.
+    fn gated(&self, place: u32, most: u32) -> Size {
+        let gate = self.gate.map(|gate| {
+            let place = gate.set as u32 * self.memory.size_count + place;
+            (self.memory.gates.clone(), u64::from(place) * 16, gate.number)
+        });
+        Size { most, gate }
+    }
+
+    /// What follows runs only if a chart is at work now (and, with `cut_only`, has its step cut), until the gate is
+    /// taken away again.
+    fn open_gate(&mut self, set: GateSet, cut_only: bool) {
+        let count = self.memory.size_count;
+        let number = self.gates.min(MOST_GATES - 1);
+        self.gates += 1;
+        self.gate = None;
+        let first = set as u32 * count;
+        let params = Params { first, count, partial: number, mode: u32::from(cut_only), ..self.params };
+        let own = [self.memory.sizes.clone(), self.memory.gates.clone(), self.memory.opened.clone()];
+        self.dispatch(Kernel::Gate, [0, 0], &own, &params, Size::of(1), 0);
+        self.gate = Some(Gate { set, number });
     }
 
     /// Records one dispatch on the buffers of a band (level, index).
@@ -196,9 +222,10 @@ impl<'a> Run<'a> {
         at: [usize; 2],
         own: &[wgpu::Buffer],
         params: &Params,
-        workgroups: u32,
+        size: Size,
+        bytes: u64,
     ) {
-        if workgroups == 0 {
+        if size.most == 0 {
             return;
         }
         let pipeline = self.context.pipelines.get(&self.context, kernel);
@@ -211,20 +238,16 @@ impl<'a> Run<'a> {
                 group
             }
         };
-        self.recorder.dispatch(&pipeline.pipeline, &group, params, workgroups);
+        self.recorder.dispatch(kernel, &pipeline.pipeline, &group, params, size, bytes);
     }
 
     /// Runs a kernel on a list of a band's blocks.
-    fn run_list(
-        &mut self,
-        kernel: Kernel,
-        at: [usize; 2],
-        own: &[wgpu::Buffer],
-        (first, count): (u32, u32),
-        params: Params,
-    ) {
-        self.bytes_moved += u64::from(kernel.source().bytes_per_node) * u64::from(count) * 256;
-        self.dispatch(kernel, at, own, &Params { first, count, ..params }, count);
+    fn run_list(&mut self, kernel: Kernel, at: [usize; 2], own: &[wgpu::Buffer], list: List, params: Params) {
+        let base = self.memory.buffers[at[0]][at[1]].base.unwrap_or(0);
+        let List { first, count, gate } = list;
+        let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64;
+        let size = self.gated(gate, count);
+        self.dispatch(kernel, at, own, &Params { first, count, base, ..params }, size, bytes);
     }
 
     /// Runs a kernel on all active blocks of a level; then the copies of what it wrote are renewed.
@@ -238,19 +261,18 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The same, block colour by block colour.
+    /// Calls `f` with each band's list of each block colour in turn; copies are renewed after each colour.
     fn each_colour(
         &mut self,
-        kernel: Kernel,
         level: usize,
         backwards: bool,
-        params: Params,
         written: Shared,
+        f: impl Fn(&mut Run, usize, List),
     ) {
         for k in 0..4 {
             for band in 0..self.memory.bands[level].len() {
                 let list = self.memory.lists[level][band].colours[if backwards { 3 - k } else { k }];
-                self.run_list(kernel, [level, band], &[], list, params);
+                f(self, band, list);
             }
             self.exchange(level, written);
         }
@@ -265,7 +287,8 @@ impl<'a> Run<'a> {
         }
         let params = Params { mode: decision as u32, level: level as u32, ..params };
         let own = [self.memory.ranges.clone()];
-        self.dispatch(Kernel::Decide, [0, 0], &own, &params, params.items);
+        let size = self.gated(0, params.items);
+        self.dispatch(Kernel::Decide, [0, 0], &own, &params, size, 0);
     }
 
     /// Renews the copies that bands have of each other's blocks.

@@ -76,7 +76,8 @@ pub use error::{Error, ErrorKind, Result};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
 pub use mesh::{MeshSource, UvSource};
 pub use report::{
-    AdapterInfo, AssetInfo, AssetReport, DeviceInfo, StageTimes, Strain, StrainReport, TileInfo, TileReport,
+    AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,
+    TileInfo, TileReport,
 };
 pub use settings::{
     Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, Quality, SolveOptions, TileSettings,

@@ -206,3 +206,41 @@ pub struct AssetReport {
     /// True if the time budget ended a tile's solve early.
     pub truncated: bool,
 }
+
+/// What a tile's last solve had the GPU do.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GpuWork {
+    /// Command submissions.
+    pub submissions: u64,
+    /// Dispatches that turned out empty: corrections and trials that no chart needed.
+    pub skipped: u64,
+    /// The kernels that ran.
+    pub kernels: Vec<GpuKernel>,
+}
+
+/// One kernel's part of a solve.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GpuKernel {
+    /// Its entry point, and its parts of `shaders/`.
+    pub name: String,
+    /// How often it was dispatched.
+    pub dispatches: u64,
+    /// Its workgroups: 16x16 blocks, for most kernels.
+    pub workgroups: u64,
+    /// Bytes that these move at least, each datum counted once per dispatch.
+    pub bytes: u64,
+    /// Milliseconds on the GPU; 0 unless kernels are timed one by one.
+    pub ms: f32,
+}
+
+impl GpuWork {
+    /// Of all kernels.
+    pub fn dispatches(&self) -> u64 {
+        self.kernels.iter().map(|kernel| kernel.dispatches).sum()
+    }
+
+    /// Of all kernels.
+    pub fn bytes(&self) -> u64 {
+        self.kernels.iter().map(|kernel| kernel.bytes).sum()
+    }
+}

@@ -7,6 +7,7 @@ use crate::cpu::Team;
 use crate::device::Device;
 use crate::error::Result;
 use crate::mesh::TileMesh;
+use crate::report::GpuWork;
 use crate::solve::{self, ChartResult, Input, Outcome, Plan};
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
@@ -72,6 +73,8 @@ pub(super) struct Ran {
     pub outcome: Outcome,
     pub node_updates: u64,
     pub blocks_active: u64,
+    /// What a GPU had to do.
+    pub work: Option<GpuWork>,
 }
 
 impl Memory {
@@ -95,7 +98,8 @@ impl Memory {
                 let outcome = if any { solve::run(&mut run, plan, warm, called) } else { Outcome::default() };
                 let (charts, node_updates) = (std::mem::take(&mut run.outcome), run.node_updates());
                 let blocks_active = run.blocks_active();
-                Ok(Ran { warp: Warp::Host(u), charts, outcome, node_updates, blocks_active })
+                let warp = Warp::Host(u);
+                Ok(Ran { warp, charts, outcome, node_updates, blocks_active, work: None })
             }
             Memory::Gpu(memory) => {
                 let context = memory.context.clone();
@@ -110,7 +114,7 @@ impl Memory {
                         if any { solve::run(&mut run, plan, warm, called) } else { Outcome::default() };
                     let blocks_active = run.blocks_active();
                     let done = run.finish()?;
-                    outcome.times = done.times.unwrap_or_default();
+                    outcome.times = done.tally.times();
                     let warp = Warp::Gpu(gpu::Displacements::new(context.clone(), grid.clone(), done.result));
                     Ok(Ran {
                         warp,
@@ -118,6 +122,7 @@ impl Memory {
                         outcome,
                         node_updates: done.node_updates,
                         blocks_active,
+                        work: Some(done.tally.work()),
                     })
                 })?
             }

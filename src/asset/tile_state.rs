@@ -8,7 +8,7 @@ use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::Map;
 use crate::mesh::{Mesh, TileMesh};
-use crate::report::{TileInfo, TileReport};
+use crate::report::{GpuWork, TileInfo, TileReport};
 use crate::settings::{LogLevel, Overlap};
 use crate::solve::{ChartResult, Input, Plan};
 use crate::tile::blocks::{NODES, Plane, SIDE};
@@ -30,6 +30,8 @@ pub(super) struct Solved {
     /// The setting that it was solved with.
     overlap: Overlap,
     pub report: TileReport,
+    /// What a GPU had to do.
+    pub work: Option<GpuWork>,
 }
 
 impl Solved {
@@ -110,8 +112,7 @@ impl TileState {
         }
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
         // The old grid's memory is of no more use.
-        self.memory = None;
-        self.memory_bytes = 0;
+        self.forget(device);
         self.grid = Some(grid.clone());
         if let Err(error) = self.book(device, 0, source.udim) {
             self.grid = None;
@@ -190,6 +191,7 @@ impl TileState {
         }
 
         let mut report = TileReport::default();
+        let mut work = None;
         let warp = if let (true, Some(last)) = (unchanged, last) {
             last.warp.clone()
         } else if !any && !state.contains(&ChartState::Reused) {
@@ -215,6 +217,7 @@ impl TileState {
             report.blocks_active = ran.blocks_active;
             report.levels = grid.levels.len() as u32;
             self.memory = Some(memory);
+            work = ran.work;
             Arc::new(ran.warp)
         };
         let count = |wanted: ChartState| state.iter().filter(|&&s| s == wanted).count() as u32;
@@ -248,7 +251,17 @@ impl TileState {
         report.bytes = self.held();
         report.times.total = start.elapsed().as_secs_f32() * 1000.0;
         let overlap = self.maps.settings.overlap;
-        Ok(Solved { grid, warp, inputs, outcome, overlap, report })
+        Ok(Solved { grid, warp, inputs, outcome, overlap, report, work })
+    }
+
+    /// Lets the solver's memory go.
+    fn forget(&mut self, device: &Device) {
+        self.memory_bytes = 0;
+        if self.memory.take().is_some()
+            && let Some(gpu) = device.gpu()
+        {
+            gpu.reclaim();
+        }
     }
 
     /// The solver's memory for a grid, booked before it is taken.
@@ -256,8 +269,7 @@ impl TileState {
         let fits = self.memory.as_ref().is_some_and(|memory| memory.is_for(grid));
         if !fits {
             // The old memory goes before the new one comes.
-            self.memory = None;
-            self.memory_bytes = 0;
+            self.forget(device);
             let bytes = Memory::bytes_for(device, grid, tile)?;
             self.book(device, bytes, tile.udim)?;
             self.memory = Some(Memory::new(device, grid, tile)?);
@@ -282,6 +294,8 @@ impl TileState {
 
     /// Gives the memory's share of the device's budget back.
     pub fn release(&mut self, device: &Device) {
+        self.solved = None;
+        self.forget(device);
         let _ = device.rebook(self.booked, 0, "");
         self.booked = 0;
     }

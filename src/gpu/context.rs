@@ -5,6 +5,7 @@
 //! them. An open GPU holds driver threads; they end with it.
 
 use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 
@@ -32,6 +33,7 @@ pub(crate) struct Context {
     /// True if passes can be timed on the device.
     pub timestamps: bool,
     pub pipelines: Pipelines,
+    time_kernels: AtomicBool,
     trouble: Arc<Trouble>,
 }
 
@@ -125,7 +127,18 @@ impl Context {
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let queue = ManuallyDrop::new(queue);
         let (adapter, pipelines) = (adapter.get_info(), Pipelines::default());
-        Ok(Context { device, queue, adapter, limits, options, timestamps, pipelines, trouble })
+        let time_kernels = AtomicBool::new(false);
+        Ok(Context { device, queue, adapter, limits, options, timestamps, pipelines, time_kernels, trouble })
+    }
+
+    /// True if each dispatch has a pass of its own, so that each kernel's time is known.
+    pub fn times_kernels(&self) -> bool {
+        self.time_kernels.load(Ordering::Relaxed)
+    }
+
+    /// Times each kernel by itself from now on, which costs some time.
+    pub fn time_kernels(&self, yes: bool) {
+        self.time_kernels.store(yes, Ordering::Relaxed);
     }
 
     /// `DeviceLost` if the GPU went away.

@@ -3,7 +3,7 @@
 use super::kernels::Kernel;
 use super::layout::Params;
 use super::stages::{Charts, Decision};
-use super::{Run, Shared};
+use super::{GateSet, Run, Shared};
 use crate::solve::Correction;
 
 /// Iterations of conjugate gradients.
@@ -25,6 +25,8 @@ const FRESH: u32 = 2;
 impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
         self.select(if correction.first { Charts::FirstCorrection } else { Charts::LaterCorrection });
+        self.open_gate(GateSet::Correction, false);
+        let correcting = self.gate;
         self.energy(level, Decision::Before, 0.0);
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         self.each_active(kernel, level, self.at_level(level), Some(Shared::Rows));
@@ -33,7 +35,7 @@ impl Run<'_> {
         }
         self.conjugate_gradients(level);
         self.cut(level);
-        self.select(Charts::LaterCorrection);
+        self.gate = correcting;
         for (n, part) in TRIALS.into_iter().enumerate() {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
             let params = Params { part, mode: u32::from(n > 0), ..self.at_level(level) };
@@ -42,18 +44,29 @@ impl Run<'_> {
             let last = n + 1 == TRIALS.len();
             let decision = if last { Decision::LastTrial } else { Decision::Trial };
             self.energy(level, decision, correction.tolerance);
+            if n == 0 {
+                // Nearly always all charts take the whole step.
+                self.open_gate(GateSet::Trial, false);
+            }
         }
+        self.gate = None;
         self.select(Charts::All);
     }
 
     /// The system of level `k` from the next finer one's.
     fn galerkin(&mut self, k: usize) {
+        let together = self.memory.buffers[k - 1][0].base.is_some();
         for band in 0..self.memory.bands[k].len() {
             for (n, below) in self.memory.bands[k][band].below.clone().enumerate() {
                 let fine = &self.memory.buffers[k - 1][below];
-                let own = [fine.blocks.clone(), fine.rows.clone()];
+                let params = Params { other_base: fine.base.unwrap_or(0), ..self.params };
+                let (kernel, own) = if together {
+                    (Kernel::GalerkinTogether, vec![fine.blocks.clone()])
+                } else {
+                    (Kernel::Galerkin, vec![fine.blocks.clone(), fine.rows.clone()])
+                };
                 let over = self.memory.lists[k][band].active_over[n];
-                self.run_list(Kernel::Galerkin, [k, band], &own, over, self.params);
+                self.run_list(kernel, [k, band], &own, over, params);
             }
         }
         self.exchange(k, Shared::Rows);
@@ -75,63 +88,79 @@ impl Run<'_> {
     /// z = M⁻¹ r on `level`.
     fn cycle(&mut self, level: usize) {
         let coarsest = self.grid.levels.len() - 1;
-        for k in level..coarsest {
+        let small = self.memory.small.as_ref().map(|small| small.levels.first);
+        let turn = small.unwrap_or(coarsest).max(level);
+        for k in level..turn {
             self.smooth(k, FRESH);
-            self.each_active(Kernel::Residual, k, self.params, Some(Shared::Vectors));
-            self.restrict(k + 1);
+            self.restrict(k);
         }
-        for round in 0..COARSEST_ROUNDS {
-            self.smooth(coarsest, if round == 0 { FRESH } else { 0 });
+        match small {
+            Some(first) => self.cycle_small(turn - first),
+            None => {
+                for round in 0..COARSEST_ROUNDS {
+                    self.smooth(coarsest, if round == 0 { FRESH } else { 0 });
+                }
+                for _ in 0..COARSEST_ROUNDS {
+                    self.smooth(coarsest, BACKWARDS);
+                }
+            }
         }
-        for _ in 0..COARSEST_ROUNDS {
-            self.smooth(coarsest, BACKWARDS);
-        }
-        for k in (level..coarsest).rev() {
-            self.add_coarse(k);
-            self.smooth(k, BACKWARDS);
+        for k in (level..turn).rev() {
+            self.ascend(k);
         }
     }
 
     fn smooth(&mut self, k: usize, mode: u32) {
         let params = Params { mode, sweeps: SWEEPS, ..self.params };
-        self.each_colour(Kernel::Smooth, k, mode == BACKWARDS, params, Shared::Vectors);
+        self.each_colour(k, mode == BACKWARDS, Shared::Vectors, |run, band, list| {
+            run.run_list(Kernel::Smooth, [k, band], &[], list, params);
+        });
     }
 
-    /// The right-hand side of level `k` from the next finer one's residual.
+    /// The right-hand side of level `k + 1` from the residual of level `k`.
     fn restrict(&mut self, k: usize) {
         for band in 0..self.memory.bands[k].len() {
-            for (n, below) in self.memory.bands[k][band].below.clone().enumerate() {
-                let fine = &self.memory.buffers[k - 1][below];
-                let own = [fine.blocks.clone(), fine.vectors.clone()];
-                let over = self.memory.lists[k][band].active_over[n];
-                self.run_list(Kernel::Restrict, [k, band], &own, over, self.params);
-            }
+            let coarse = &self.memory.buffers[k + 1][self.memory.bands[k][band].above];
+            let params = Params { other_base: coarse.base.unwrap_or(0), ..self.params };
+            let own = [coarse.nodes.clone(), coarse.vectors.clone()];
+            let active = self.memory.lists[k][band].active;
+            self.run_list(Kernel::Restrict, [k, band], &own, active, params);
         }
     }
 
-    fn add_coarse(&mut self, k: usize) {
-        self.exchange(k + 1, Shared::Vectors);
-        for band in 0..self.memory.bands[k].len() {
-            let coarse = &self.memory.buffers[k + 1][self.memory.bands[k][band].above];
+    /// Takes the correction of level `k + 1` in, and smooths.
+    fn ascend(&mut self, k: usize) {
+        self.each_colour(k, true, Shared::Vectors, |run, band, list| {
+            let coarse = &run.memory.buffers[k + 1][run.memory.bands[k][band].above];
+            let params = Params { sweeps: SWEEPS, other_base: coarse.base.unwrap_or(0), ..run.params };
             let own = [coarse.blocks.clone(), coarse.vectors.clone()];
-            let active = self.memory.lists[k][band].active;
-            self.run_list(Kernel::AddCoarse, [k, band], &own, active, self.params);
-        }
-        self.exchange(k, Shared::Vectors);
+            run.run_list(Kernel::Ascend, [k, band], &own, list, params);
+        });
+    }
+
+    /// The V-cycle from the small level `top` down.
+    fn cycle_small(&mut self, top: usize) {
+        let Some(small) = &self.memory.small else { return };
+        let count = small.levels.bases.len() as u32;
+        let params = Params { mode: top as u32, count, sweeps: SWEEPS, ..self.params };
+        let bytes = small.levels.bytes_moved(self.grid, small.levels.first + top);
+        let own = [small.blocks.clone(), small.lists.clone()];
+        // Any of these levels: their rows and vectors are the same buffers.
+        let at = [small.levels.first, 0];
+        let size = self.gated(0, params.items);
+        self.dispatch(Kernel::Cycle, at, &own, &params, size, bytes);
     }
 
     /// The step's local share.
     fn cut(&mut self, level: usize) {
-        for round in 0..ROUNDS {
-            let params = Params { mode: u32::from(round > 0), ..self.params };
-            self.reduce(Kernel::Mark, level, params, Decision::Cut);
-            self.exchange(level, Shared::Vectors);
-            let part = if round < HALVINGS { 0.5 } else { 0.0 };
-            self.each_active(Kernel::Shrink, level, Params { part, ..self.params }, Some(Shared::Vectors));
-            for mode in [0, 1, 0, 1] {
-                let params = Params { mode, ..self.params };
-                self.each_active(Kernel::Falloff, level, params, Some(Shared::Vectors));
+        for mode in 0..ROUNDS {
+            let part = if mode < HALVINGS { 0.5 } else { 0.0 };
+            let params = Params { mode, part, ..self.params };
+            self.each_active(Kernel::Mark, level, params, Some(Shared::Vectors));
+            if mode == 0 {
+                self.open_gate(GateSet::Cut, true);
             }
+            self.each_active(Kernel::Shrink, level, params, Some(Shared::Vectors));
         }
     }
 }

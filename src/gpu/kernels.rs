@@ -62,19 +62,20 @@ pub enum Kernel {
     AssembleChords,
     AssembleMetrics,
     Galerkin,
+    GalerkinTogether,
     Smooth,
-    Residual,
     Restrict,
-    AddCoarse,
+    Ascend,
+    Cycle,
     ResidualDot,
     Direction,
     Curvature,
     Advance,
     Mark,
     Shrink,
-    Falloff,
     Decide,
     SelectCharts,
+    Gate,
     Certify,
     Finish,
 }
@@ -110,7 +111,7 @@ macro_rules! source {
 
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
-pub const SOURCES: [Source; 32] = [
+pub const SOURCES: [Source; 33] = [
     source!(Surface, "surface", ["triangle", "surface"], [W(SURFACE), R(OWN), R(OWN + 1)], 0),
     source!(Gather, "gather", ["triangle", "gather"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), W(OWN + 2)], 52),
@@ -142,25 +143,27 @@ pub const SOURCES: [Source; 32] = [
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 164),
     source!(AssembleMetrics, "assemble", ["metrics", "patch", "assemble"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 140),
-    source!(Galerkin, "galerkin", ["galerkin"],
+    source!(Galerkin, "galerkin", ["rows_apart", "galerkin"],
         [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(OWN), R(OWN + 1)], 380),
-    source!(Smooth, "smooth_z", ["multigrid"], [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 100),
-    source!(Residual, "residual", ["multigrid"], [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 100),
-    source!(Restrict, "restrict_residual", ["transfer"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(VECTORS), R(OWN), R(OWN + 1)], 44),
-    source!(AddCoarse, "add_coarse", ["transfer"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(VECTORS), R(OWN), R(OWN + 1)], 22),
+    source!(GalerkinTogether, "galerkin", ["rows_together", "galerkin"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(OWN)], 380),
+    source!(Smooth, "smooth_z", ["multigrid", "descend"], [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 100),
+    source!(Restrict, "restrict_residual", ["multigrid", "descend"],
+        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), R(OWN), W(OWN + 1)], 95),
+    source!(Ascend, "ascend", ["multigrid", "ascend"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(OWN), R(OWN + 1)], 102),
+    source!(Cycle, "cycle", ["cycle"], [W(ROWS), W(VECTORS), R(OWN), R(OWN + 1)], 0),
     source!(ResidualDot, "residual_dot", ["multigrid", "krylov"],
         [R(BLOCKS), R(LISTS), W(VECTORS), W(PARTIALS)], 16),
     source!(Direction, "direction", ["multigrid", "krylov"], [R(BLOCKS), R(LISTS), W(VECTORS)], 24),
     source!(Curvature, "curvature", ["multigrid", "krylov"],
         [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS)], 92),
     source!(Advance, "advance", ["multigrid", "krylov"], [R(BLOCKS), R(LISTS), W(VECTORS)], 48),
-    source!(Mark, "mark", ["cut"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS), W(PARTIALS)], 24),
-    source!(Shrink, "shrink", ["cut"], [R(BLOCKS), R(LISTS), W(VECTORS)], 12),
-    source!(Falloff, "falloff", ["cut"], [R(BLOCKS), R(LISTS), W(VECTORS)], 8),
+    source!(Mark, "mark", ["cut"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 24),
+    source!(Shrink, "shrink", ["cut"], [R(BLOCKS), R(LISTS), W(VECTORS)], 16),
     source!(Decide, "decide", ["control"], [W(PARTIALS), R(OWN)], 0),
     source!(SelectCharts, "select_charts", ["control"], [], 0),
+    source!(Gate, "gate", ["gate"], [R(OWN), W(OWN + 1), W(OWN + 2)], 0),
     source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
     source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(OWN)], 16),
 ];
@@ -169,7 +172,9 @@ impl Kernel {
     /// How it is made.
     pub fn source(self) -> &'static Source {
         const { assert!(SOURCES.len() == Kernel::Finish as usize + 1) };
-        &SOURCES[self as usize]
+        let source = &SOURCES[self as usize];
+        debug_assert_eq!(source.kernel, self);
+        source
     }
 }
 
@@ -204,12 +209,17 @@ fn part(name: &str) -> &'static str {
         "relax",
         "energy",
         "assemble",
+        "rows_apart",
+        "rows_together",
         "galerkin",
         "multigrid",
-        "transfer",
+        "descend",
+        "ascend",
+        "cycle",
         "krylov",
         "cut",
         "control",
+        "gate",
         "certify"
     )
 }

@@ -13,7 +13,7 @@ pub const NODE_PLANES: usize = 6;
 pub const STATE_PLANES: usize = 6;
 /// Planes per block of the system: diagonal (3), pairs (16).
 pub const ROW_PLANES: usize = 19;
-/// Planes per block of the vectors: r, z, t, p, x (2 each), share, its copy, mark.
+/// Planes per block of the vectors: r, z, t, p, x (2 each), share (2 in turn), mark.
 pub const VECTOR_PLANES: usize = 13;
 /// Planes per block of a metric.
 pub const METRIC_PLANES: usize = 3;
@@ -39,7 +39,8 @@ pub struct Params {
     pub room: f32,
     pub room_threshold: f32,
     pub level: u32,
-    pub pad: u32,
+    pub base: u32,
+    pub other_base: u32,
 }
 
 /// A chart, and what is decided about it on the way.
@@ -60,6 +61,7 @@ pub struct Chart {
     pub min_jacobian: f32,
     pub max_displacement: f32,
     pub folds: u32,
+    pub cuts: u32,
 }
 
 /// A block, with its neighbours' places in the same buffers.

@@ -4,18 +4,22 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::clock::Clock;
 use super::context::Context;
+use super::kernels::{Kernel, SOURCES};
 use super::layout::{Params, SPREAD};
 use crate::error::Result;
+use crate::report::{GpuKernel, GpuWork, StageTimes};
 
 /// What to run, in order.
 #[derive(Debug)]
 enum Command {
     Dispatch {
+        kernel: Kernel,
         pipeline: wgpu::ComputePipeline,
         group: wgpu::BindGroup,
         offset: u32,
-        workgroups: [u32; 2],
+        size: Size,
     },
     Copy {
         source: wgpu::Buffer,
@@ -33,6 +37,22 @@ enum Command {
     Stage(usize),
 }
 
+/// How many workgroups run.
+#[derive(Clone, Debug)]
+pub struct Size {
+    /// This many, ...
+    pub most: u32,
+    /// ... or as many as the arguments at a place of a buffer say, if there is a gate: its number comes last.
+    pub gate: Option<(wgpu::Buffer, u64, u32)>,
+}
+
+impl Size {
+    /// Whatever happens.
+    pub fn of(most: u32) -> Size {
+        Size { most, gate: None }
+    }
+}
+
 /// Stages whose time is taken.
 pub const STAGES: usize = 7;
 
@@ -42,40 +62,23 @@ const STRIDE: usize = 256;
 const RECORDS: usize = 1024;
 /// Blocks times passes of a submission: on a GPU with 50 GB/s, about a third of a second.
 const WORK: u64 = 1 << 20;
-/// Timestamps: two per pass.
-const QUERIES: u32 = 4096;
 
 /// What the recorders of one tile use, one after the other.
 #[derive(Clone, Debug)]
 pub struct Recording {
     pub params: wgpu::Buffer,
-    queries: Option<wgpu::QuerySet>,
-    resolved: wgpu::Buffer,
+    clock: Clock,
 }
 
 impl Recording {
     pub fn new(context: &Context) -> Result<Recording> {
-        use wgpu::BufferUsages as Usage;
-        let queries = context.timestamps.then(|| {
-            context.device.create_query_set(&wgpu::QuerySetDescriptor {
-                label: Some("stages"),
-                ty: wgpu::QueryType::Timestamp,
-                count: QUERIES,
-            })
-        });
-        Ok(Recording {
-            params: context.buffer("params", (RECORDS * STRIDE) as u64, Usage::UNIFORM | Usage::COPY_DST)?,
-            resolved: context.buffer(
-                "times",
-                u64::from(QUERIES) * 8,
-                Usage::QUERY_RESOLVE | Usage::COPY_SRC,
-            )?,
-            queries,
-        })
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let params = context.buffer("params", (RECORDS * STRIDE) as u64, usage)?;
+        Ok(Recording { params, clock: Clock::default() })
     }
 
     /// Bytes held.
-    pub const BYTES: u64 = (RECORDS * STRIDE) as u64 + QUERIES as u64 * 8;
+    pub const BYTES: u64 = (RECORDS * STRIDE) as u64;
 }
 
 /// One solve's commands.
@@ -87,14 +90,72 @@ pub struct Recorder {
     known: HashMap<[u8; size_of::<Params>()], u32>,
     work: u64,
     stage: usize,
-    /// The stage of each pass that was timed.
-    timed: Vec<usize>,
-    pub dispatches: u64,
+    /// Stage and, if each dispatch has a pass of its own, kernel of each pass that was timed.
+    timed: Vec<(usize, Option<Kernel>)>,
+    submissions: u64,
+    /// What was recorded without a gate, then under each.
+    tallies: Vec<Vec<KernelTally>>,
+}
+
+/// What a solve had the GPU do.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Tally {
     pub submissions: u64,
+    /// Dispatches that no chart needed.
+    pub skipped: u64,
+    /// In the order of `SOURCES`.
+    pub kernels: Vec<KernelTally>,
+    /// Milliseconds per stage; `None` without timestamps.
+    pub stages: Option<[f32; STAGES]>,
+}
+
+impl Tally {
+    /// Of the solve; all 0 where the GPU has no timestamps.
+    pub fn times(&self) -> StageTimes {
+        let [surface, pyramid, prolong, relax, correct, certify, _] = self.stages.unwrap_or_default();
+        StageTimes { surface, pyramid, prolong, relax, correct, certify, ..StageTimes::default() }
+    }
+}
+
+impl Tally {
+    /// As it is told.
+    pub fn work(&self) -> GpuWork {
+        let kernels = SOURCES.iter().zip(&self.kernels).filter(|(_, tally)| tally.dispatches > 0);
+        let kernels = kernels.map(|(source, tally)| GpuKernel {
+            name: format!("{} ({})", source.entry, source.parts.join(", ")),
+            dispatches: tally.dispatches,
+            workgroups: tally.workgroups,
+            bytes: tally.bytes,
+            ms: tally.ms,
+        });
+        GpuWork { submissions: self.submissions, skipped: self.skipped, kernels: kernels.collect() }
+    }
+}
+
+/// What one kernel did in a solve.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct KernelTally {
+    pub dispatches: u64,
+    /// Workgroups: blocks, for most kernels.
+    pub workgroups: u64,
+    /// That they move at least.
+    pub bytes: u64,
+    /// On the GPU, if kernels are timed one by one.
+    pub ms: f32,
+}
+
+impl KernelTally {
+    fn add(&mut self, other: &KernelTally) {
+        self.dispatches += other.dispatches;
+        self.workgroups += other.workgroups;
+        self.bytes += other.bytes;
+        self.ms += other.ms;
+    }
 }
 
 impl Recorder {
-    pub fn new(context: Arc<Context>, recording: Recording) -> Recorder {
+    pub fn new(context: Arc<Context>, mut recording: Recording) -> Recorder {
+        recording.clock.reset();
         Recorder {
             context,
             recording,
@@ -104,39 +165,46 @@ impl Recorder {
             work: 0,
             stage: 0,
             timed: Vec::new(),
-            dispatches: 0,
             submissions: 0,
+            tallies: Vec::new(),
         }
     }
 
-    /// Runs a kernel on `workgroups`.
+    /// Runs a kernel on workgroups that move so many bytes at least.
     pub fn dispatch(
         &mut self,
+        kernel: Kernel,
         pipeline: &wgpu::ComputePipeline,
         group: &wgpu::BindGroup,
         params: &Params,
-        workgroups: u32,
+        size: Size,
+        bytes: u64,
     ) {
-        if workgroups == 0 {
-            return;
-        }
         if self.params.len() == RECORDS * STRIDE || self.work > WORK {
             self.flush();
         }
-        let mut bytes = [0; size_of::<Params>()];
-        bytes.copy_from_slice(bytemuck::bytes_of(params));
+        let mut record = [0; size_of::<Params>()];
+        record.copy_from_slice(bytemuck::bytes_of(params));
         let all = &mut self.params;
-        let offset = *self.known.entry(bytes).or_insert_with(|| {
+        let offset = *self.known.entry(record).or_insert_with(|| {
             let offset = all.len();
-            all.extend_from_slice(&bytes);
+            all.extend_from_slice(&record);
             all.resize(offset + STRIDE, 0);
             offset as u32
         });
-        let workgroups = [workgroups.min(SPREAD), workgroups.div_ceil(SPREAD)];
-        self.work += u64::from(workgroups[0] * workgroups[1]);
-        self.dispatches += 1;
+        self.work += u64::from(size.most);
+        let gate = size.gate.as_ref().map_or(0, |(_, _, number)| *number as usize + 1);
+        if gate >= self.tallies.len() {
+            self.tallies.resize_with(gate + 1, || vec![KernelTally::default(); SOURCES.len()]);
+        }
+        self.tallies[gate][kernel as usize].add(&KernelTally {
+            dispatches: 1,
+            workgroups: u64::from(size.most),
+            bytes,
+            ms: 0.0,
+        });
         let (pipeline, group) = (pipeline.clone(), group.clone());
-        self.commands.push(Command::Dispatch { pipeline, group, offset, workgroups });
+        self.commands.push(Command::Dispatch { kernel, pipeline, group, offset, size });
     }
 
     /// Copies bytes between buffers.
@@ -166,6 +234,7 @@ impl Recorder {
         queue.write_buffer(&self.recording.params, 0, &self.params);
         let mut encoder =
             device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("solve") });
+        let one_by_one = context.times_kernels();
         let mut commands = std::mem::take(&mut self.commands).into_iter().peekable();
         while let Some(command) = commands.next() {
             match command {
@@ -174,19 +243,36 @@ impl Recorder {
                     encoder.copy_buffer_to_buffer(&source, from, &target, to, Some(bytes));
                 }
                 Command::Clear { buffer, from, bytes } => encoder.clear_buffer(&buffer, from, Some(bytes)),
-                Command::Dispatch { .. } => {
-                    let queries = self.recording.queries.clone();
-                    let timestamp_writes = queries.as_ref().and_then(|queries| self.time_pass(queries));
+                Command::Dispatch { kernel, .. } => {
+                    let queries = self.recording.clock.next(&context);
+                    if queries.is_some() {
+                        self.timed.push((self.stage, one_by_one.then_some(kernel)));
+                    }
+                    let timestamp_writes =
+                        queries.as_ref().map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
+                            query_set,
+                            beginning_of_pass_write_index: Some(*first),
+                            end_of_pass_write_index: Some(first + 1),
+                        });
                     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
                         label: Some("stage"),
                         timestamp_writes,
                     });
                     let mut next = Some(command);
-                    while let Some(Command::Dispatch { pipeline, group, offset, workgroups: [x, y] }) = next {
+                    while let Some(Command::Dispatch { pipeline, group, offset, size, .. }) = next {
                         pass.set_pipeline(&pipeline);
                         pass.set_bind_group(0, &group, &[offset]);
-                        pass.dispatch_workgroups(x, y, 1);
-                        next = commands.next_if(|c| matches!(c, Command::Dispatch { .. }));
+                        match &size.gate {
+                            Some((arguments, at, _)) => pass.dispatch_workgroups_indirect(arguments, *at),
+                            None => {
+                                pass.dispatch_workgroups(
+                                    size.most.min(SPREAD),
+                                    size.most.div_ceil(SPREAD),
+                                    1,
+                                );
+                            }
+                        }
+                        next = commands.next_if(|c| !one_by_one && matches!(c, Command::Dispatch { .. }));
                     }
                 }
             }
@@ -198,49 +284,36 @@ impl Recorder {
         self.work = 0;
     }
 
-    fn time_pass<'q>(
-        &mut self,
-        query_set: &'q wgpu::QuerySet,
-    ) -> Option<wgpu::ComputePassTimestampWrites<'q>> {
-        let first = 2 * self.timed.len() as u32;
-        if first + 2 > QUERIES {
-            return None;
-        }
-        self.timed.push(self.stage);
-        Some(wgpu::ComputePassTimestampWrites {
-            query_set,
-            beginning_of_pass_write_index: Some(first),
-            end_of_pass_write_index: Some(first + 1),
-        })
-    }
-
-    /// Submits the rest, with what puts the times where they can be read. Gives the buffer and its bytes in use.
-    pub fn finish(&mut self) -> (wgpu::Buffer, u64) {
+    /// Submits the rest, with what makes the times readable: gives their buffers and bytes in use.
+    pub fn finish(&mut self) -> Vec<(wgpu::Buffer, u64)> {
         self.flush();
-        let count = 2 * self.timed.len() as u32;
-        let Recording { queries, resolved, .. } = &self.recording;
-        if let Some(queries) = queries.as_ref().filter(|_| count > 0) {
-            let label = wgpu::CommandEncoderDescriptor { label: Some("times") };
-            let mut encoder = self.context.device.create_command_encoder(&label);
-            encoder.resolve_query_set(queries, 0..count, resolved, 0);
-            self.context.queue.submit([encoder.finish()]);
-        }
-        (resolved.clone(), u64::from(count) * 8)
+        let label = wgpu::CommandEncoderDescriptor { label: Some("times") };
+        let mut encoder = self.context.device.create_command_encoder(&label);
+        let times = self.recording.clock.resolve(&mut encoder);
+        self.context.queue.submit([encoder.finish()]);
+        times
     }
 
-    /// Milliseconds per stage from the bytes of the times; `None` without timestamps.
-    pub fn times(&self, bytes: &[u8]) -> Option<[f32; STAGES]> {
-        self.recording.queries.as_ref()?;
-        let period = f64::from(self.context.queue.get_timestamp_period());
-        let mut times = [0.0; STAGES];
-        for (pair, &stage) in bytes.chunks_exact(16).zip(&self.timed) {
-            let [start, end] = [0, 8].map(|at| {
-                let mut tick = [0; 8];
-                tick.copy_from_slice(&pair[at..at + 8]);
-                u64::from_le_bytes(tick)
-            });
-            times[stage] += (end.saturating_sub(start) as f64 * period * 1e-6) as f32;
+    /// What was done, given which gates opened and the bytes of the times, and the recording for the next solve.
+    pub fn close(self, opened: &[u32], times: &[u8]) -> (Tally, Recording) {
+        let mut kernels = vec![KernelTally::default(); SOURCES.len()];
+        let mut skipped = 0;
+        for (gate, tallies) in self.tallies.iter().enumerate() {
+            if gate > 0 && opened.get(gate - 1) == Some(&0) {
+                skipped += tallies.iter().map(|tally| tally.dispatches).sum::<u64>();
+                continue;
+            }
+            kernels.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
         }
-        Some(times)
+        let mut stages = self.context.timestamps.then_some([0.0; STAGES]);
+        for (ms, (stage, kernel)) in Clock::milliseconds(&self.context, times).into_iter().zip(&self.timed) {
+            if let Some(stages) = &mut stages {
+                stages[*stage] += ms;
+            }
+            if let Some(kernel) = kernel {
+                kernels[*kernel as usize].ms += ms;
+            }
+        }
+        (Tally { submissions: self.submissions, skipped, kernels, stages }, self.recording)
     }
 }

@@ -3,6 +3,7 @@
 use super::Run;
 use super::kernels::Kernel;
 use super::layout::{Params, THREADS};
+use super::recorder::Size;
 use crate::solve::{Correction, Stages};
 
 /// What a chart's sum decides; the numbers are `shaders/control.wgsl`'s.
@@ -13,11 +14,10 @@ pub(super) enum Decision {
     Direction = 2,
     FirstDirection = 3,
     LengthOfStep = 4,
-    Cut = 5,
-    Trial = 6,
-    LastTrial = 7,
-    Energy = 8,
-    Certificate = 9,
+    Trial = 5,
+    LastTrial = 6,
+    Energy = 7,
+    Certificate = 8,
 }
 
 /// Which charts the next kernels work on; the numbers are `shaders/control.wgsl`'s.
@@ -50,7 +50,14 @@ impl Stages for Run<'_> {
         let items = self.grid.triangles.len() as u32;
         let params = Params { items, ..self.params };
         let own = [self.memory.corners.clone(), self.memory.positions.clone()];
-        self.dispatch(Kernel::Surface, [0, 0], &own, &params, items.div_ceil(THREADS));
+        self.dispatch(
+            Kernel::Surface,
+            [0, 0],
+            &own,
+            &params,
+            Size::of(items.div_ceil(THREADS)),
+            u64::from(items) * 100,
+        );
     }
 
     fn pyramid(&mut self) {
@@ -152,7 +159,10 @@ impl Run<'_> {
         self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
         let kernel = if level == 0 { Kernel::RelaxChords } else { Kernel::RelaxMetrics };
         for _ in 0..sweeps {
-            self.each_colour(kernel, level, false, self.at_level(level), super::Shared::State);
+            let params = self.at_level(level);
+            self.each_colour(level, false, super::Shared::State, |run, band, list| {
+                run.run_list(kernel, [level, band], &[], list, params);
+            });
         }
     }
 

@@ -1,0 +1,233 @@
+// correct: the coarse end of the V-cycle. All levels whose charts have few blocks are done in one dispatch, one
+// workgroup a chart, four blocks at a time: on such levels a dispatch of its own would cost more than its work. The
+// twin of smooth_z, restrict_residual and ascend; the levels' vectors and rows stand one after the other.
+
+/// A block of one of these levels; places are in the levels' common buffers.
+struct CycleBlock {
+    links: array<u32, 9>,
+    parent: u32,
+    children: array<u32, 4>,
+    /// Colour of the block: its quarter of the parent, too.
+    colour: u32,
+    /// A bit per slot.
+    fixed: array<u32, 8>,
+}
+
+@group(0) @binding(10) var<storage, read> cycle_blocks: array<CycleBlock>;
+/// Per chart, level and colour: first and count of its blocks, further on.
+@group(0) @binding(11) var<storage, read> cycle_lists: array<u32>;
+
+/// Rounds of sweeps in each direction on the coarsest level.
+const COARSEST_ROUNDS: u32 = 4u;
+const TEAMS: u32 = 4u;
+
+var<workgroup> windows: array<vec2f, 1296>;
+var<workgroup> shared_range: vec2u;
+
+fn fixed_node(b: u32, s: u32) -> bool {
+    return ((cycle_blocks[b].fixed[s / 32u] >> (s % 32u)) & 1u) != 0u;
+}
+
+fn vector(b: u32, plane: u32, s: u32) -> vec2f {
+    let at = vector_at(b, plane, s);
+    return vec2f(vectors[at], vectors[at + NODES]);
+}
+
+fn set_vector(b: u32, plane: u32, s: u32, v: vec2f) {
+    let at = vector_at(b, plane, s);
+    vectors[at] = v.x;
+    vectors[at + NODES] = v.y;
+}
+
+/// The blocks of a chart's level: of one colour, or of all (4). The same for all threads.
+fn range_of(c: u32, level: u32, colour: u32, t: u32) -> vec2u {
+    if t == 0u {
+        let at = ((c * params.count + level) * 4u + colour % 4u) * 2u;
+        shared_range = vec2u(cycle_lists[at], cycle_lists[at + 1u]);
+        if colour == 4u {
+            // The colours' lists stand one after the other.
+            shared_range.y += cycle_lists[at + 3u] + cycle_lists[at + 5u] + cycle_lists[at + 7u];
+        }
+    }
+    return workgroupUniformLoad(&shared_range);
+}
+
+fn off_diagonal(b: u32, n: vec2u, window: u32) -> vec2f {
+    var sum = vec2f();
+    for (var k = 0u; k < 8u; k++) {
+        let far = vec2u(vec2i(n) + 1 + offset(k));
+        let theirs = k > 3u;
+        let source = window_source(select(n + 1u, far, theirs));
+        let owner = cycle_blocks[b].links[source.x];
+        if owner != NONE {
+            let at = row_at(owner, PAIR + 4u * (k & 3u), source.y);
+            let xy = rows[at + NODES];
+            let yx = rows[at + 2u * NODES];
+            let v = windows[window + place(far.x, far.y)];
+            sum += vec2f(
+                rows[at] * v.x + select(xy, yx, theirs) * v.y,
+                select(yx, xy, theirs) * v.x + rows[at + 3u * NODES] * v.y
+            );
+        }
+    }
+    return sum;
+}
+
+fn diagonal(b: u32, s: u32) -> vec3f {
+    let at = row_at(b, 0u, s);
+    return vec3f(rows[at], rows[at + NODES], rows[at + 2u * NODES]);
+}
+
+fn load_window(b: u32, lane: u32, window: u32, fresh: bool) {
+    for (var k = lane; k < WINDOW; k += 64u) {
+        let source = window_source(window_node(k));
+        let holder = cycle_blocks[b].links[source.x];
+        windows[window + k] = vec2f();
+        if holder != NONE && (!fresh || cycle_blocks[holder].colour < cycle_blocks[b].colour) {
+            windows[window + k] = vector(holder, Z, source.y);
+        }
+    }
+}
+
+fn smooth_level(c: u32, level: u32, t: u32, backwards: bool, fresh: bool) {
+    let lane = t % 64u;
+    let window = t / 64u * WINDOW;
+    for (var q = 0u; q < 4u; q++) {
+        let range = range_of(c, level, select(q, 3u - q, backwards), t);
+        for (var first = 0u; first < range.y; first += TEAMS) {
+            let k = first + t / 64u;
+            let works = k < range.y;
+            let b = cycle_lists[range.x + min(k, range.y - 1u)];
+            if works {
+                load_window(b, lane, window, fresh);
+            }
+            workgroupBarrier();
+            for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
+                let s = own_slot(select(sweep & 3u, 3u - (sweep & 3u), backwards), lane);
+                let n = node_of(s);
+                if works {
+                    let d = diagonal(b, s);
+                    let rest = vector(b, R, s) - off_diagonal(b, n, window);
+                    windows[window + place(n.x + 1u, n.y + 1u)] =
+                        vec2f(d.z * rest.x - d.y * rest.y, d.x * rest.y - d.y * rest.x) / (d.x * d.z - d.y * d.y);
+                }
+                workgroupBarrier();
+            }
+            for (var k4 = 0u; k4 < 4u && works; k4++) {
+                let s = own_slot(k4, lane);
+                let n = node_of(s);
+                set_vector(b, Z, s, windows[window + place(n.x + 1u, n.y + 1u)]);
+            }
+            workgroupBarrier();
+        }
+        storageBarrier();
+    }
+}
+
+/// t = r - A z.
+fn residual_level(c: u32, level: u32, t: u32) {
+    let lane = t % 64u;
+    let window = t / 64u * WINDOW;
+    let range = range_of(c, level, 4u, t);
+    for (var first = 0u; first < range.y; first += TEAMS) {
+        let k = first + t / 64u;
+        let works = k < range.y;
+        let b = cycle_lists[range.x + min(k, range.y - 1u)];
+        if works {
+            load_window(b, lane, window, false);
+        }
+        workgroupBarrier();
+        for (var k4 = 0u; k4 < 4u && works; k4++) {
+            let s = own_slot(k4, lane);
+            let n = node_of(s);
+            let d = diagonal(b, s);
+            let v = windows[window + place(n.x + 1u, n.y + 1u)];
+            let product = off_diagonal(b, n, window) + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
+            set_vector(b, T, s, vector(b, R, s) - product);
+        }
+        workgroupBarrier();
+    }
+    storageBarrier();
+}
+
+/// A vector of another level at the window's node n of its block b.
+fn other(b: u32, plane: u32, n: vec2u) -> vec2f {
+    let source = window_source(n);
+    let holder = cycle_blocks[b].links[source.x];
+    if holder == NONE {
+        return vec2f();
+    }
+    return vector(holder, plane, source.y);
+}
+
+/// r = P' t of the finer level.
+fn restrict_level(c: u32, level: u32, t: u32) {
+    let range = range_of(c, level, 4u, t);
+    for (var k = t / 64u; k < range.y; k += TEAMS) {
+        let b = cycle_lists[range.x + k];
+        for (var k4 = 0u; k4 < 4u; k4++) {
+            let s = own_slot(k4, t % 64u);
+            let n = node_of(s);
+            let child = cycle_blocks[b].children[n.y / 8u * 2u + n.x / 8u];
+            var sum = vec2f();
+            if child != NONE && !fixed_node(b, s) {
+                for (var i = 0u; i < 9u; i++) {
+                    let d = vec2u(i % 3u, i / 3u);
+                    let weight = select(0.5, 1.0, d.x == 1u) * select(0.5, 1.0, d.y == 1u);
+                    sum += weight * other(child, T, 2u * (n % 8u) + d);
+                }
+            }
+            set_vector(b, R, s, sum);
+        }
+    }
+    storageBarrier();
+}
+
+/// z += P z of the coarser level.
+fn add_level(c: u32, level: u32, t: u32) {
+    let range = range_of(c, level, 4u, t);
+    for (var k = t / 64u; k < range.y; k += TEAMS) {
+        let b = cycle_lists[range.x + k];
+        let parent = cycle_blocks[b].parent;
+        for (var k4 = 0u; k4 < 4u; k4++) {
+            let s = own_slot(k4, t % 64u);
+            if parent != NONE && !fixed_node(b, s) {
+                let n = node_of(s);
+                let low = vec2u(cycle_blocks[b].colour & 1u, cycle_blocks[b].colour >> 1u) * 8u + n / 2u + 1u;
+                let high = low + n % 2u;
+                let south = other(parent, Z, low) + other(parent, Z, vec2u(high.x, low.y));
+                let north = other(parent, Z, vec2u(low.x, high.y)) + other(parent, Z, high);
+                set_vector(b, Z, s, vector(b, Z, s) + (south + north) * 0.25);
+            }
+        }
+    }
+    storageBarrier();
+}
+
+/// z = M^-1 r of a V-cycle from level `mode` of these `count` levels down.
+@compute @workgroup_size(256)
+fn cycle(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let c = group.y * SPREAD + group.x;
+    if c >= params.items {
+        return;
+    }
+    if t == 0u {
+        chosen = charts[c].working;
+    }
+    if workgroupUniformLoad(&chosen) == 0u {
+        return;
+    }
+    let coarsest = params.count - 1u;
+    for (var level = params.mode; level < coarsest; level++) {
+        smooth_level(c, level, t, false, true);
+        residual_level(c, level, t);
+        restrict_level(c, level + 1u, t);
+    }
+    for (var round = 0u; round < 2u * COARSEST_ROUNDS; round++) {
+        smooth_level(c, coarsest, t, round >= COARSEST_ROUNDS, round == 0u);
+    }
+    for (var below = coarsest; below > params.mode; below--) {
+        add_level(c, below - 1u, t);
+        smooth_level(c, below - 1u, t, true, false);
+    }
+}

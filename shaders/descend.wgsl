@@ -1,0 +1,103 @@
+// correct, on the way to coarser levels: smoothing from z = 0, one dispatch a block colour, and the residual's
+// restriction. The latter reads 76 bytes of rows and 16 of vectors per node (half more at the rim), and writes 8 per
+// coarse node.
+
+/// Loads z around block b. Only colours before this one hold anything yet.
+fn load_fresh(b: u32, t: u32, fresh: bool) {
+    let colour = block_colour(b);
+    for (var k = t; k < WINDOW; k += 64u) {
+        let source = window_source(window_node(k));
+        let holder = blocks[b].links[source.x];
+        near[k] = vec2f();
+        if holder != NONE && (!fresh || block_colour(holder) < colour) {
+            near[k] = vector(holder, Z, source.y);
+        }
+    }
+    workgroupBarrier();
+}
+
+const BACKWARDS: u32 = 1u;
+/// z is zero before this pass over the block colours.
+const FRESH: u32 = 2u;
+
+@compute @workgroup_size(64)
+fn smooth_z(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose(group, t);
+    if b == NONE {
+        return;
+    }
+    load_fresh(b, t, (params.mode & FRESH) != 0u);
+    sweep_block(b, t, (params.mode & BACKWARDS) != 0u);
+}
+
+@group(0) @binding(10) var<storage, read> coarse_nodes: array<u32>;
+@group(0) @binding(11) var<storage, read_write> coarse_vectors: array<f32>;
+
+/// z at the nodes (-2..17) of a block, then r - A z at (-1..15).
+var<workgroup> wide_z: array<vec2f, 400>;
+var<workgroup> residuals: array<vec2f, 289>;
+
+/// Which of the 3x3 blocks around holds node n of a block, n from -2 to 17, and at which slot.
+fn wide_source(n: vec2i) -> vec2u {
+    let shifted = vec2u(n + 16);
+    return vec2u(shifted.y / 16u * 3u + shifted.x / 16u, slot(shifted.x % 16u, shifted.y % 16u));
+}
+
+fn wide_place(n: vec2i) -> u32 {
+    return u32((n.y + 2) * 20 + n.x + 2);
+}
+
+fn residual(b: u32, n: vec2i) -> vec2f {
+    let own = wide_source(n);
+    let holder = blocks[b].links[own.x];
+    if holder == NONE {
+        return vec2f();
+    }
+    let d = diagonal(holder, own.y);
+    let v = wide_z[wide_place(n)];
+    var product = vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
+    for (var k = 0u; k < 8u; k++) {
+        let far = n + offset(k);
+        let source = wide_source(select(n, far, k > 3u));
+        let owner = blocks[b].links[source.x];
+        if owner != NONE {
+            product += pair_times(row_at(owner, PAIR + 4u * (k & 3u), source.y), k, wide_z[wide_place(far)]);
+        }
+    }
+    return vector(holder, R, own.y) - product;
+}
+
+/// The quarter of the coarser level's right-hand side over this block: P' (r - A z), at movable nodes.
+@compute @workgroup_size(64)
+fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose(group, t);
+    if b == NONE || blocks[b].parent == NONE {
+        return;
+    }
+    for (var k = t; k < 400u; k += 64u) {
+        let source = wide_source(vec2i(i32(k % 20u), i32(k / 20u)) - 2);
+        let holder = blocks[b].links[source.x];
+        wide_z[k] = vec2f();
+        if holder != NONE {
+            wide_z[k] = vector(holder, Z, source.y);
+        }
+    }
+    workgroupBarrier();
+    for (var k = t; k < 289u; k += 64u) {
+        residuals[k] = residual(b, vec2i(i32(k % 17u), i32(k / 17u)) - 1);
+    }
+    workgroupBarrier();
+    let c = vec2u(t % 8u, t / 8u);
+    var sum = vec2f();
+    for (var k = 0u; k < 9u; k++) {
+        let d = vec2u(k % 3u, k / 3u);
+        let weight = select(0.5, 1.0, d.x == 1u) * select(0.5, 1.0, d.y == 1u);
+        sum += weight * residuals[(2u * c.y + d.y) * 17u + 2u * c.x + d.x];
+    }
+    let parent = blocks[b].parent;
+    let s = slot(c.x + (blocks[b].x & 1u) * 8u, c.y + (blocks[b].y & 1u) * 8u);
+    let fixed = (coarse_nodes[node_at(parent, RIGIDITY, s)] >> 31u) != 0u;
+    let at = ((params.other_base + parent) * VECTOR_PLANES + R) * NODES + s;
+    coarse_vectors[at] = select(sum.x, 0.0, fixed);
+    coarse_vectors[at + NODES] = select(sum.y, 0.0, fixed);
+}
