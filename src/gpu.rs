@@ -32,9 +32,6 @@ use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
 use stages::{Charts, Decision};
 
-/// True once assets can be solved on a GPU: until then a device is made on the CPU only.
-pub(crate) const SOLVES: bool = true;
-
 /// One solve of one tile.
 pub(crate) struct Run<'a> {
     context: Arc<Context>,
