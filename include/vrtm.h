@@ -293,7 +293,6 @@ typedef int32_t vrtm_backend;
 #define VRTM_BACKEND_CPU 1
 
 // The GPU that vrtm_device_desc.adapter names, also if it is a software driver; never falls back to the CPU.
-// VRTM_ERROR_UNSUPPORTED in this version.
 #define VRTM_BACKEND_GPU 2
 
 // How important a log line is.
@@ -378,7 +377,7 @@ typedef struct vrtm_adapter_data {
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
 // 1024 threads, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and always in this version.
+// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened.
 VRTM_API
 vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
                                vrtm_device *device);

@@ -88,6 +88,8 @@ struct Block {
     /// Its chart's blocks here, sorted by y, then x.
     chart_first: u32,
     chart_count: u32,
+    /// Bits: 1 if the chart goes on below what is held here, 2 if above.
+    continues: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -219,6 +221,24 @@ fn holding(b: u32, i: i32, j: i32) -> u32 {
     if all(abs(d) <= vec2i(1)) {
         return blocks[b].around[(d.y + 1) * 3 + d.x + 1];
     }
+    let found = find(b, at);
+    if found == NONE && blocks[b].continues != 0u {
+        // Beyond what this band holds of the chart: the nearest row stands in, which only coarse metrics notice.
+        let first = blocks[b].chart_first;
+        let lowest = i32(blocks[first].y);
+        let highest = i32(blocks[first + blocks[b].chart_count - 1u].y);
+        if at.y < lowest && (blocks[b].continues & 1u) != 0u {
+            return find(b, vec2i(at.x, lowest));
+        }
+        if at.y > highest && (blocks[b].continues & 2u) != 0u {
+            return find(b, vec2i(at.x, highest));
+        }
+    }
+    return found;
+}
+
+/// The block of the chart of block b at (x, y), or NONE.
+fn find(b: u32, at: vec2i) -> u32 {
     var low = blocks[b].chart_first;
     var high = low + blocks[b].chart_count;
     while low < high {

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::gpu;
 use crate::gpu::adapters::{self, Survey};
 use crate::gpu::context::{self, Context};
 use crate::parity::Switch;
@@ -25,19 +24,11 @@ struct Inner {
 }
 
 /// What the environment decides beside the settings; a test may, too.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Options {
     backend: Option<Backend>,
     threads: Option<u32>,
     gpu: context::Options,
-    /// False keeps devices on the CPU.
-    gpu_solves: bool,
-}
-
-impl Default for Options {
-    fn default() -> Options {
-        Options { backend: None, threads: None, gpu: context::Options::default(), gpu_solves: gpu::SOLVES }
-    }
 }
 
 impl Options {
@@ -238,9 +229,6 @@ fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)>
         let s = if count == 1 { "" } else { "s" };
         Error::argument(format!("adapter: {index} is out of range, there is {count} adapter{s}"))
     })?;
-    if !options.gpu_solves {
-        return Err(unsupported(NO_SOLVER));
-    }
     let gpu = Context::open(adapter, options.gpu)?;
     let which = format!("adapter {index} of {count}, {}", through(&gpu));
     Ok((gpu, which))
@@ -248,9 +236,6 @@ fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)>
 
 /// The GPU that `auto` takes, or the CPU, and why.
 fn choose(options: Options) -> (Option<Context>, String) {
-    if !options.gpu_solves {
-        return (None, NO_SOLVER.to_owned());
-    }
     let survey = Survey::new();
     match survey.hardware() {
         Some(adapter) => or_the_cpu(Context::open(adapter, options.gpu)),
@@ -268,8 +253,6 @@ fn or_the_cpu(opened: Result<Context>) -> (Option<Context>, String) {
         Err(error) => (None, format!("the CPU, as the GPU cannot be used: {}", error.message)),
     }
 }
-
-const NO_SOLVER: &str = "this build has the CPU backend only";
 
 fn through(gpu: &Context) -> String {
     let info = adapters::describe(&gpu.adapter);

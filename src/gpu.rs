@@ -16,6 +16,7 @@ mod stages;
 mod transfer;
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::error::Result;
 use crate::solve::{ChartResult, Input};
@@ -25,15 +26,12 @@ use context::Context;
 use kernels::Kernel;
 use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, STATE_PLANES, VECTOR_PLANES};
 pub(crate) use memory::Memory;
-use memory::PLANE;
-use recorder::Recorder;
+use memory::{List, MOST_GATES, PLANE};
 pub(crate) use recorder::Tally;
+use recorder::{Recorder, Size};
 use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
 use stages::{Charts, Decision};
-
-/// True once assets can be solved on a GPU: until then a device is made on the CPU only.
-pub(crate) const SOLVES: bool = true;
 
 /// One solve of one tile.
 pub(crate) struct Run<'a> {
@@ -48,6 +46,28 @@ pub(crate) struct Run<'a> {
     last: Option<Arc<ResultBuffers>>,
     result: Arc<ResultBuffers>,
     node_updates: u64,
+    gate: Option<Gate>,
+    /// Gates so far.
+    gates: u32,
+    upload_ms: f32,
+    /// When recording began.
+    recording: Instant,
+}
+
+/// What dispatches depend on.
+#[derive(Clone, Copy, Debug)]
+struct Gate {
+    set: GateSet,
+    /// Of all gates of the solve.
+    number: u32,
+}
+
+/// Gates that are in use at the same time.
+#[derive(Clone, Copy, Debug)]
+enum GateSet {
+    Correction,
+    Cut,
+    Trial,
 }
 
 /// What a solve gives when all of it has run.
@@ -79,6 +99,7 @@ impl<'a> Run<'a> {
         last: Option<Arc<ResultBuffers>>,
         keep: &[bool],
     ) -> Result<Run<'a>> {
+        let start = Instant::now();
         let Input { grid, pose, settings, charts, .. } = *input;
         let context = memory.context.clone();
         memory.list(grid, charts);
@@ -102,8 +123,24 @@ impl<'a> Run<'a> {
         };
         let result = memory.free_result()?;
         let recorder = Recorder::new(context.clone(), memory.recording.clone());
-        let mut run = Run { context, grid, memory, recorder, charts, params, last, result, node_updates: 0 };
+        let mut run = Run {
+            context,
+            grid,
+            memory,
+            recorder,
+            charts,
+            params,
+            last,
+            result,
+            node_updates: 0,
+            gate: None,
+            gates: 0,
+            upload_ms: 0.0,
+            recording: start,
+        };
         run.begin(keep);
+        run.upload_ms = milliseconds(start);
+        run.recording = Instant::now();
         Ok(run)
     }
 
@@ -129,27 +166,33 @@ impl<'a> Run<'a> {
     /// Waits for all of it, and reads what it came to.
     pub fn finish(mut self) -> Result<Finished> {
         let times = self.recorder.finish();
+        let record_ms = milliseconds(self.recording);
+        let waiting = Instant::now();
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
-        let wanted: Vec<_> = [(&charts, 0..size)]
+        let opened = self.memory.opened.clone();
+        let gates = u64::from(self.gates.min(MOST_GATES)) * 4;
+        let wanted: Vec<_> = [(&charts, 0..size), (&opened, 0..gates)]
             .into_iter()
             .chain(times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes)))
             .collect();
         let parts = self.context.read_all(&wanted)?;
-        let (tally, recording) = self.recorder.close(&parts[1..].concat());
+        let wait_ms = milliseconds(waiting);
+        let (tally, recording) =
+            self.recorder.close(bytemuck::pod_collect_to_vec(&parts[1]).as_slice(), &parts[2..].concat());
         self.memory.recording = recording;
         let records = parts[0].chunks_exact(size_of::<Chart>());
         Ok(Finished {
             outcome: records.map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes))).collect(),
             result: self.result,
             node_updates: self.node_updates,
-            tally,
+            tally: Tally { upload_ms: self.upload_ms, record_ms, wait_ms, ..tally },
         })
     }
 
     /// Blocks with movable nodes on the finest level.
     pub fn blocks_active(&self) -> u64 {
-        self.memory.lists[0].iter().map(|lists| u64::from(lists.active.1)).sum()
+        self.memory.lists[0].iter().map(|lists| u64::from(lists.active.count)).sum()
     }
 
     fn at_level(&self, level: usize) -> Params {
@@ -158,8 +201,31 @@ impl<'a> Run<'a> {
 
     fn select(&mut self, charts: Charts) {
         let params = Params { mode: charts as u32, ..self.params };
-        let groups = params.items.div_ceil(layout::THREADS);
-        self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, groups, 0);
+        let size = Size::of(params.items.div_ceil(layout::THREADS));
+        self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, size, 0);
+    }
+
+    /// A size that is 0 if the gate under which it stands is closed; `place` is its place among the sizes.
+    fn gated(&self, place: u32, most: u32) -> Size {
+        let gate = self.gate.map(|gate| {
+            let place = gate.set as u32 * self.memory.size_count + place;
+            (self.memory.gates.clone(), u64::from(place) * 16, gate.number)
+        });
+        Size { most, gate }
+    }
+
+    /// What follows runs only if a chart is at work now (and, with `cut_only`, has its step cut), until the gate is
+    /// taken away again.
+    fn open_gate(&mut self, set: GateSet, cut_only: bool) {
+        let count = self.memory.size_count;
+        let number = self.gates.min(MOST_GATES - 1);
+        self.gates += 1;
+        self.gate = None;
+        let first = set as u32 * count;
+        let params = Params { first, count, partial: number, mode: u32::from(cut_only), ..self.params };
+        let own = [self.memory.sizes.clone(), self.memory.gates.clone(), self.memory.opened.clone()];
+        self.dispatch(Kernel::Gate, [0, 0], &own, &params, Size::of(1), 0);
+        self.gate = Some(Gate { set, number });
     }
 
     /// Records one dispatch on the buffers of a band (level, index).
@@ -169,10 +235,10 @@ impl<'a> Run<'a> {
         at: [usize; 2],
         own: &[wgpu::Buffer],
         params: &Params,
-        workgroups: u32,
+        size: Size,
         bytes: u64,
     ) {
-        if workgroups == 0 {
+        if size.most == 0 {
             return;
         }
         let pipeline = self.context.pipelines.get(&self.context, kernel);
@@ -185,21 +251,16 @@ impl<'a> Run<'a> {
                 group
             }
         };
-        self.recorder.dispatch(kernel, &pipeline.pipeline, &group, params, workgroups, bytes);
+        self.recorder.dispatch(kernel, &pipeline.pipeline, &group, params, size, bytes);
     }
 
     /// Runs a kernel on a list of a band's blocks.
-    fn run_list(
-        &mut self,
-        kernel: Kernel,
-        at: [usize; 2],
-        own: &[wgpu::Buffer],
-        (first, count): (u32, u32),
-        params: Params,
-    ) {
+    fn run_list(&mut self, kernel: Kernel, at: [usize; 2], own: &[wgpu::Buffer], list: List, params: Params) {
         let base = self.memory.buffers[at[0]][at[1]].base.unwrap_or(0);
+        let List { first, count, gate } = list;
         let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64;
-        self.dispatch(kernel, at, own, &Params { first, count, base, ..params }, count, bytes);
+        let size = self.gated(gate, count);
+        self.dispatch(kernel, at, own, &Params { first, count, base, ..params }, size, bytes);
     }
 
     /// Runs a kernel on all active blocks of a level; then the copies of what it wrote are renewed.
@@ -219,7 +280,7 @@ impl<'a> Run<'a> {
         level: usize,
         backwards: bool,
         written: Shared,
-        f: impl Fn(&mut Run, usize, (u32, u32)),
+        f: impl Fn(&mut Run, usize, List),
     ) {
         for k in 0..4 {
             for band in 0..self.memory.bands[level].len() {
@@ -239,7 +300,8 @@ impl<'a> Run<'a> {
         }
         let params = Params { mode: decision as u32, level: level as u32, ..params };
         let own = [self.memory.ranges.clone()];
-        self.dispatch(Kernel::Decide, [0, 0], &own, &params, params.items, 0);
+        let size = self.gated(0, params.items);
+        self.dispatch(Kernel::Decide, [0, 0], &own, &params, size, 0);
     }
 
     /// Renews the copies that bands have of each other's blocks.
@@ -276,6 +338,10 @@ impl<'a> Run<'a> {
             }
         }
     }
+}
+
+fn milliseconds(since: Instant) -> f32 {
+    since.elapsed().as_secs_f32() * 1000.0
 }
 
 fn outcome(chart: &Chart) -> ChartResult {

@@ -210,8 +210,18 @@ pub struct AssetReport {
 /// What a tile's last solve had the GPU do.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GpuWork {
+    /// Milliseconds on the host until positions and lists were handed over, ...
+    pub upload_ms: f32,
+    /// ... until all commands were recorded and submitted, ...
+    pub record_ms: f32,
+    /// ... and until the GPU was done and the outcome read.
+    pub wait_ms: f32,
+    /// Milliseconds on the GPU, all stages; 0 where it has no timestamps.
+    pub gpu_ms: f32,
     /// Command submissions.
     pub submissions: u64,
+    /// Dispatches that turned out empty: corrections and trials that no chart needed.
+    pub skipped: u64,
     /// The kernels that ran.
     pub kernels: Vec<GpuKernel>,
 }

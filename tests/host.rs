@@ -6,6 +6,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+#[path = "common/gpu.rs"]
+mod gpu;
 mod host_tools;
 use host_tools::{compiler, library, root, scratch};
 
@@ -44,6 +46,10 @@ fn build(source: &Path, linked: bool) -> PathBuf {
 
 /// Runs a program and shows what it says; the settings of the machine must not change what it does.
 fn run(program: &Path, arguments: &[&Path]) -> String {
+    run_with(program, arguments, &[])
+}
+
+fn run_with(program: &Path, arguments: &[&Path], variables: &[(&str, &str)]) -> String {
     let output = Command::new(program)
         .args(arguments)
         .env_remove("VRTM_DEVICE")
@@ -51,6 +57,7 @@ fn run(program: &Path, arguments: &[&Path]) -> String {
         .env_remove("VRTM_GPU_LIMITS")
         // Without it a layer of Mesa's Vulkan drivers complains on stderr.
         .env("XDG_RUNTIME_DIR", scratch())
+        .envs(variables.iter().copied())
         .output()
         .unwrap_or_else(|error| panic!("{}: {error}", program.display()));
     let said = text(&output);
@@ -90,6 +97,22 @@ fn unload() {
     let program = build(&root().join("tests/host/unload.c"), false);
     let said = run(&program, &[&library()]);
     assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= 16);
+}
+
+/// What the hosts do by default they can do on a GPU as well, and unload the library after that.
+#[test]
+fn hosts_on_a_gpu() {
+    if !gpu::has_gpu() {
+        return;
+    }
+    for (file, linked, at_least) in [("smoke.c", true, 50), ("misuse.c", true, 150), ("unload.c", false, 16)]
+    {
+        // A copy, as the plain run may be building the same program.
+        let source = scratch().join(format!("gpu_{file}"));
+        std::fs::copy(root().join("tests/host").join(file), &source).unwrap();
+        let said = run_with(&build(&source, linked), &[&library()], &[("VRTM_DEVICE", "gpu")]);
+        assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= at_least, "{file}");
+    }
 }
 
 #[test]

@@ -81,6 +81,7 @@ pub(super) struct Ran {
 
 impl Memory {
     /// Solves the input's charts. Others keep their last result if they are in `keep`, and become the identity if not.
+    #[allow(clippy::too_many_arguments, reason = "one caller, and a struct for it would only rename them")]
     pub fn run(
         &mut self,
         team: &Team,

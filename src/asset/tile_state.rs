@@ -112,8 +112,7 @@ impl TileState {
         }
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
         // The old grid's memory is of no more use.
-        self.memory = None;
-        self.memory_bytes = 0;
+        self.forget(device);
         self.grid = Some(grid.clone());
         if let Err(error) = self.book(device, 0, source.udim) {
             self.grid = None;
@@ -252,13 +251,22 @@ impl TileState {
         Ok(Solved { grid, warp, inputs, outcome, overlap, report, work })
     }
 
+    /// Lets the solver's memory go.
+    fn forget(&mut self, device: &Device) {
+        self.memory_bytes = 0;
+        if self.memory.take().is_some()
+            && let Some(gpu) = device.gpu()
+        {
+            gpu.reclaim();
+        }
+    }
+
     /// The solver's memory for a grid, booked before it is taken.
     fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh) -> Result<()> {
         let fits = self.memory.as_ref().is_some_and(|memory| memory.is_for(grid));
         if !fits {
             // The old memory goes before the new one comes.
-            self.memory = None;
-            self.memory_bytes = 0;
+            self.forget(device);
             let bytes = Memory::bytes_for(device, grid, tile)?;
             self.book(device, bytes, tile.udim)?;
             self.memory = Some(Memory::new(device, grid, tile)?);
@@ -283,6 +291,8 @@ impl TileState {
 
     /// Gives the memory's share of the device's budget back.
     pub fn release(&mut self, device: &Device) {
+        self.solved = None;
+        self.forget(device);
         let _ = device.rebook(self.booked, 0, "");
         self.booked = 0;
     }

@@ -1,4 +1,4 @@
-//! Which backend a device gets and what it says, whether or not this build lets assets be solved on a GPU.
+//! Which backend a device gets and what it says, whatever the environment is.
 
 use super::*;
 use crate::mesh::{MeshSource, UvSource};
@@ -7,8 +7,10 @@ use crate::view::Strided;
 use crate::{Asset, Fetch, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat};
 
 fn make(backend: Backend, adapter: u32) -> Result<Device> {
-    let options = Options { gpu_solves: true, ..Options::default() };
-    Device::with(&DeviceSettings { backend, adapter, threads: 1, ..DeviceSettings::default() }, options)
+    Device::with(
+        &DeviceSettings { backend, adapter, threads: 1, ..DeviceSettings::default() },
+        Options::default(),
+    )
 }
 
 /// A device on the first GPU, software or not. None, said plainly, without any; with VRTM_REQUIRE_GPU=1 there must be.
@@ -68,28 +70,12 @@ fn the_webgpu_limits_are_a_matter_of_options() {
         return;
     }
     let gpu = context::Options { webgpu_limits: true };
-    let options = Options { backend: Some(Backend::Gpu), gpu, gpu_solves: true, ..Options::default() };
+    let options = Options { backend: Some(Backend::Gpu), gpu, ..Options::default() };
     let device = Device::with(&DeviceSettings::default(), options).unwrap();
     assert_eq!(device.gpu().unwrap().limits, wgpu::Limits::defaults());
     let reason = device.info().reason;
     assert!(reason.starts_with("gpu was asked for (VRTM_DEVICE): adapter 0 of "), "{reason}");
     assert!(reason.ends_with("with WebGPU's default limits"), "{reason}");
-}
-
-#[test]
-fn a_build_that_solves_on_the_cpu_only_says_so() {
-    let options = Options { gpu_solves: false, ..Options::default() };
-    let info = Device::with(&DeviceSettings::default(), options).unwrap().info();
-    assert_eq!(
-        (info.backend, info.reason.as_str()),
-        (Backend::Cpu, "auto: this build has the CPU backend only")
-    );
-    if gpu().is_some() {
-        let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
-        let error = Device::with(&settings, options).unwrap_err();
-        assert_eq!(error.kind, ErrorKind::Unsupported);
-        assert_eq!(error.message, "backend: gpu was asked for, but this build has the CPU backend only");
-    }
 }
 
 const REST: [[f32; 3]; 6] =
@@ -173,14 +159,13 @@ fn a_budget_that_is_too_small_is_out_of_memory() {
     if gpu().is_none() {
         return;
     }
-    let options = Options { gpu_solves: true, ..Options::default() };
     let settings = DeviceSettings {
         backend: Backend::Gpu,
         memory_budget: 1000,
         threads: 1,
         ..DeviceSettings::default()
     };
-    let device = Device::with(&settings, options).unwrap();
+    let device = Device::with(&settings, Options::default()).unwrap();
     let error = solve(&mut asset(&device).unwrap()).unwrap_err();
     assert_eq!(error.kind, ErrorKind::OutOfMemory);
     assert!(error.message.contains("of the device's 1000 are in use"), "{error}");

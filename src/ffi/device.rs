@@ -18,7 +18,6 @@ pub const VRTM_BACKEND_AUTO: vrtm_backend = 0;
 /// The CPU.
 pub const VRTM_BACKEND_CPU: vrtm_backend = 1;
 /// The GPU that vrtm_device_desc.adapter names, also if it is a software driver; never falls back to the CPU.
-/// VRTM_ERROR_UNSUPPORTED in this version.
 pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
 
 /// How important a log line is.
@@ -172,7 +171,7 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
 /// 1024 threads, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and always in this version.
+/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,

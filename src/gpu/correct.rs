@@ -3,7 +3,7 @@
 use super::kernels::Kernel;
 use super::layout::Params;
 use super::stages::{Charts, Decision};
-use super::{Run, Shared};
+use super::{GateSet, Run, Shared};
 use crate::solve::Correction;
 
 /// Iterations of conjugate gradients.
@@ -25,6 +25,8 @@ const FRESH: u32 = 2;
 impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
         self.select(if correction.first { Charts::FirstCorrection } else { Charts::LaterCorrection });
+        self.open_gate(GateSet::Correction, false);
+        let correcting = self.gate;
         self.energy(level, Decision::Before, 0.0);
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         self.each_active(kernel, level, self.at_level(level), Some(Shared::Rows));
@@ -33,6 +35,7 @@ impl Run<'_> {
         }
         self.conjugate_gradients(level);
         self.cut(level);
+        self.gate = correcting;
         for (n, part) in TRIALS.into_iter().enumerate() {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
             let params = Params { part, mode: u32::from(n > 0), ..self.at_level(level) };
@@ -41,7 +44,12 @@ impl Run<'_> {
             let last = n + 1 == TRIALS.len();
             let decision = if last { Decision::LastTrial } else { Decision::Trial };
             self.energy(level, decision, correction.tolerance);
+            if n == 0 {
+                // Nearly always all charts take the whole step.
+                self.open_gate(GateSet::Trial, false);
+            }
         }
+        self.gate = None;
         self.select(Charts::All);
     }
 
@@ -139,7 +147,8 @@ impl Run<'_> {
         let own = [small.blocks.clone(), small.lists.clone()];
         // Any of these levels: their rows and vectors are the same buffers.
         let at = [small.levels.first, 0];
-        self.dispatch(Kernel::Cycle, at, &own, &params, params.items, bytes);
+        let size = self.gated(0, params.items);
+        self.dispatch(Kernel::Cycle, at, &own, &params, size, bytes);
     }
 
     /// The step's local share.
@@ -148,6 +157,9 @@ impl Run<'_> {
             let part = if mode < HALVINGS { 0.5 } else { 0.0 };
             let params = Params { mode, part, ..self.params };
             self.each_active(Kernel::Mark, level, params, Some(Shared::Vectors));
+            if mode == 0 {
+                self.open_gate(GateSet::Cut, true);
+            }
             self.each_active(Kernel::Shrink, level, params, Some(Shared::Vectors));
         }
     }

@@ -3,16 +3,12 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::bands::Band;
-use super::layout::THREADS;
 use crate::mesh::NONE;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
 
 /// Most active blocks of a chart on such a level: a chart of 64 x 64 nodes has 25.
 const MOST_BLOCKS: usize = 36;
-/// Threads of its workgroups: WebGPU's default limit.
-pub const CYCLE_THREADS: u32 = 4 * THREADS;
-
 /// Which levels they are, and where their blocks stand in common buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SmallLevels {

@@ -75,6 +75,7 @@ pub enum Kernel {
     Shrink,
     Decide,
     SelectCharts,
+    Gate,
     Certify,
     Finish,
 }
@@ -110,7 +111,7 @@ macro_rules! source {
 
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
-pub const SOURCES: [Source; 32] = [
+pub const SOURCES: [Source; 33] = [
     source!(Surface, "surface", ["triangle", "surface"], [W(SURFACE), R(OWN), R(OWN + 1)], 0),
     source!(Gather, "gather", ["triangle", "gather"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), W(OWN + 2)], 52),
@@ -162,6 +163,7 @@ pub const SOURCES: [Source; 32] = [
     source!(Shrink, "shrink", ["cut"], [R(BLOCKS), R(LISTS), W(VECTORS)], 16),
     source!(Decide, "decide", ["control"], [W(PARTIALS), R(OWN)], 0),
     source!(SelectCharts, "select_charts", ["control"], [], 0),
+    source!(Gate, "gate", ["gate"], [R(OWN), W(OWN + 1), W(OWN + 2)], 0),
     source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
     source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(OWN)], 16),
 ];
@@ -170,7 +172,9 @@ impl Kernel {
     /// How it is made.
     pub fn source(self) -> &'static Source {
         const { assert!(SOURCES.len() == Kernel::Finish as usize + 1) };
-        &SOURCES[self as usize]
+        let source = &SOURCES[self as usize];
+        debug_assert_eq!(source.kernel, self);
+        source
     }
 }
 
@@ -215,6 +219,7 @@ fn part(name: &str) -> &'static str {
         "krylov",
         "cut",
         "control",
+        "gate",
         "certify"
     )
 }

@@ -78,6 +78,7 @@ pub struct Block {
     pub children: [u32; 4],
     pub chart_first: u32,
     pub chart_count: u32,
+    pub continues: u32,
 }
 
 /// A triangle: UVs, then its pose.

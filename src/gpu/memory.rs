@@ -21,18 +21,27 @@ use crate::tile::{Grid, Level};
 /// Bytes of a plane.
 pub const PLANE: u64 = NODES as u64 * 4;
 
-/// Lists of a band's blocks (places in its buffers), as ranges of one buffer: (first, count).
+/// A list of a band's blocks (places in its buffers): a range of one buffer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct List {
+    pub first: u32,
+    pub count: u32,
+    /// Its place among the sizes of gated dispatches.
+    pub gate: u32,
+}
+
+/// A band's lists.
 #[derive(Clone, Debug, Default)]
 pub struct Lists {
     /// Blocks with movable nodes, by block colour.
-    pub colours: [(u32, u32); 4],
+    pub colours: [List; 4],
     /// The same in storage order.
-    pub active: (u32, u32),
+    pub active: List,
     /// These and the ones that are stored for their neighbours' sake.
-    pub stored: (u32, u32),
+    pub stored: List,
     /// The parts of `active` and of `stored` whose children are in each band of the next finer level.
-    pub active_over: Vec<(u32, u32)>,
-    pub stored_over: Vec<(u32, u32)>,
+    pub active_over: Vec<List>,
+    pub stored_over: Vec<List>,
     /// Place of the first active block's sum among the level's.
     pub partial: u32,
 }
@@ -79,9 +88,13 @@ pub(crate) struct Memory {
     pub charts: wgpu::Buffer,
     pub ranges: wgpu::Buffer,
     pub partials: wgpu::Buffer,
+    /// Sizes of gated dispatches (that of a workgroup per chart first), their arguments, and which gates opened.
+    pub sizes: wgpu::Buffer,
+    pub gates: wgpu::Buffer,
+    pub opened: wgpu::Buffer,
+    /// How many sizes there are.
+    pub size_count: u32,
     pub recording: Recording,
-    /// First vertex of each chart in `positions`.
-    pub first_vertex: Vec<u32>,
     /// Two results: the last one and the next.
     results: [Arc<ResultBuffers>; 2],
     /// Bind groups that were made, by kernel, band and the kernel's own buffers.
@@ -189,8 +202,15 @@ impl Memory {
             charts: storage("charts", charts * size_of::<Chart>() as u64)?,
             ranges: storage("ranges", charts * grid.levels.len() as u64 * 8)?,
             partials: storage("partials", grid.levels[0].blocks.list.len() as u64 * 16)?,
+            sizes: storage("sizes", size_bytes(&bands))?,
+            gates: context.buffer(
+                "gates",
+                GATES as u64 * 4 * size_bytes(&bands),
+                Usage::STORAGE | Usage::INDIRECT,
+            )?,
+            opened: storage("gates", u64::from(MOST_GATES) * 4)?,
+            size_count: 0,
             recording: Recording::new(context)?,
-            first_vertex,
             results: [result()?, result()?],
             lists: Vec::new(),
             listed: None,
@@ -221,6 +241,7 @@ impl Memory {
         let vertices: usize = tile.charts.iter().map(|chart| chart.vertices.len()).sum();
         bytes += (tile.triangles.len() * (size_of::<Triangle>() + 12) + vertices * 12) as u64;
         bytes += (tile.charts.len() * (size_of::<Chart>() + 8 * grid.levels.len())) as u64;
+        bytes += (1 + 4 * GATES as u64) * size_bytes(&bands) + u64::from(MOST_GATES) * 4;
         Ok(bytes + grid.gather.bytes() as u64 + grid.levels[0].blocks.list.len() as u64 * 16)
     }
 
@@ -244,13 +265,14 @@ impl Memory {
         }
         self.lists.clear();
         let mut ranges: Vec<[u32; 2]> = Vec::new();
+        let mut sizes = vec![charts.len() as u32];
         for (k, level) in grid.levels.iter().enumerate() {
             let mut of_level = Vec::with_capacity(self.bands[k].len());
             let mut sums = 0;
             let mut of_chart = vec![[0u32; 2]; charts.len()];
             for (band, buffers) in self.bands[k].iter().zip(&self.buffers[k]) {
                 let finer = k.checked_sub(1).map(|k| (&grid.levels[k], &self.bands[k][band.below.clone()]));
-                let (lists, all) = band_lists(level, band, finer, charts, sums);
+                let (lists, all) = band_lists(level, band, finer, charts, &mut sizes, sums);
                 for b in active(level, band, charts) {
                     let range = &mut of_chart[level.blocks.list[b].chart as usize];
                     range[0] = if range[1] == 0 { sums } else { range[0] };
@@ -263,6 +285,8 @@ impl Memory {
             ranges.extend(of_chart);
             self.lists.push(of_level);
         }
+        self.size_count = sizes.len() as u32;
+        self.context.queue.write_buffer(&self.sizes, 0, bytemuck::cast_slice(&sizes));
         self.context.queue.write_buffer(&self.ranges, 0, bytemuck::cast_slice(&ranges));
         self.listed = Some(charts.to_vec());
     }
@@ -335,15 +359,20 @@ fn band_lists(
     band: &Band,
     finer: Option<(&Level, &[Band])>,
     charts: &[bool],
+    sizes: &mut Vec<u32>,
     partial: u32,
 ) -> (Lists, Vec<u32>) {
     let list = &level.blocks.list;
     let mut lists = Lists { partial, ..Lists::default() };
     let mut all: Vec<u32> = Vec::new();
+    let mut new_list = |first: usize, count: usize| {
+        sizes.push(count as u32);
+        List { first: first as u32, count: count as u32, gate: sizes.len() as u32 - 1 }
+    };
     let mut add = |blocks: &mut dyn Iterator<Item = usize>| {
-        let first = all.len() as u32;
+        let first = all.len();
         all.extend(blocks.map(|b| band.place(b as u32)));
-        (first, all.len() as u32 - first)
+        new_list(first, all.len() - first)
     };
     for (colour, range) in lists.colours.iter_mut().enumerate() {
         let of_colour = |&b: &usize| (list[b].y % 2 * 2 + list[b].x % 2) as usize == colour;
@@ -358,21 +387,30 @@ fn band_lists(
             let key = (list[b].chart, list[b].y);
             starts.partition_point(|first| (first.chart, first.y / 2) <= key).max(1) - 1
         };
-        let over = |all: &mut dyn Iterator<Item = usize>, first: u32| {
-            let mut ranges = vec![(first, 0u32); below.len()];
-            let mut at = first;
-            for b in all {
-                let range = &mut ranges[of(b)];
-                range.0 = if range.1 == 0 { at } else { range.0 };
-                range.1 += 1;
-                at += 1;
-            }
-            ranges
+        let mut over = |blocks: &mut dyn Iterator<Item = usize>, first: u32| {
+            let mut counts = vec![0usize; below.len()];
+            blocks.for_each(|b| counts[of(b)] += 1);
+            let mut at = first as usize;
+            let of_band = |count: usize| {
+                at += count;
+                new_list(at - count, count)
+            };
+            counts.into_iter().map(of_band).collect()
         };
-        lists.active_over = over(&mut active(level, band, charts), lists.active.0);
-        lists.stored_over = over(&mut stored(level, band, charts), lists.stored.0);
+        lists.active_over = over(&mut active(level, band, charts), lists.active.first);
+        lists.stored_over = over(&mut stored(level, band, charts), lists.stored.first);
     }
     (lists, all)
+}
+
+/// Sets of gates that are in use at the same time.
+pub const GATES: usize = 3;
+/// Most gates of a solve whose opening is told; more share the last place.
+pub const MOST_GATES: u32 = 4096;
+
+/// Bytes of the sizes of all lists: six a band, two for each band below it, and one for the charts.
+fn size_bytes(bands: &[Vec<Band>]) -> u64 {
+    bands.iter().flatten().map(|band| 6 + 2 * band.below.len().max(1) as u64).sum::<u64>() * 4 + 4
 }
 
 /// The blocks of a band, as the shaders see them.
@@ -405,6 +443,7 @@ fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<B
                 children,
                 chart_first: (first - band.held.start) as u32,
                 chart_count: (end - first) as u32,
+                continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
             }
         })
         .collect()

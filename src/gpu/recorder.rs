@@ -19,7 +19,7 @@ enum Command {
         pipeline: wgpu::ComputePipeline,
         group: wgpu::BindGroup,
         offset: u32,
-        size: [u32; 2],
+        size: Size,
     },
     Copy {
         source: wgpu::Buffer,
@@ -35,6 +35,22 @@ enum Command {
     },
     /// The commands up to the next mark belong to this stage.
     Stage(usize),
+}
+
+/// How many workgroups run.
+#[derive(Clone, Debug)]
+pub struct Size {
+    /// This many, ...
+    pub most: u32,
+    /// ... or as many as the arguments at a place of a buffer say, if there is a gate: its number comes last.
+    pub gate: Option<(wgpu::Buffer, u64, u32)>,
+}
+
+impl Size {
+    /// Whatever happens.
+    pub fn of(most: u32) -> Size {
+        Size { most, gate: None }
+    }
 }
 
 /// Stages whose time is taken.
@@ -76,13 +92,21 @@ pub struct Recorder {
     stage: usize,
     /// Stage and, if each dispatch has a pass of its own, kernel of each pass that was timed.
     timed: Vec<(usize, Option<Kernel>)>,
-    pub tally: Tally,
+    submissions: u64,
+    /// What was recorded without a gate, then under each.
+    tallies: Vec<Vec<KernelTally>>,
 }
 
 /// What a solve had the GPU do.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Tally {
+    /// On the host.
+    pub upload_ms: f32,
+    pub record_ms: f32,
+    pub wait_ms: f32,
     pub submissions: u64,
+    /// Dispatches that no chart needed.
+    pub skipped: u64,
     /// In the order of `SOURCES`.
     pub kernels: Vec<KernelTally>,
     /// Milliseconds per stage; `None` without timestamps.
@@ -108,7 +132,15 @@ impl Tally {
             bytes: tally.bytes,
             ms: tally.ms,
         });
-        GpuWork { submissions: self.submissions, kernels: kernels.collect() }
+        GpuWork {
+            upload_ms: self.upload_ms,
+            record_ms: self.record_ms,
+            wait_ms: self.wait_ms,
+            gpu_ms: self.stages.unwrap_or_default().iter().sum(),
+            submissions: self.submissions,
+            skipped: self.skipped,
+            kernels: kernels.collect(),
+        }
     }
 }
 
@@ -124,6 +156,15 @@ pub(crate) struct KernelTally {
     pub ms: f32,
 }
 
+impl KernelTally {
+    fn add(&mut self, other: &KernelTally) {
+        self.dispatches += other.dispatches;
+        self.workgroups += other.workgroups;
+        self.bytes += other.bytes;
+        self.ms += other.ms;
+    }
+}
+
 impl Recorder {
     pub fn new(context: Arc<Context>, mut recording: Recording) -> Recorder {
         recording.clock.reset();
@@ -136,18 +177,19 @@ impl Recorder {
             work: 0,
             stage: 0,
             timed: Vec::new(),
-            tally: Tally { kernels: vec![KernelTally::default(); SOURCES.len()], ..Tally::default() },
+            submissions: 0,
+            tallies: Vec::new(),
         }
     }
 
-    /// Runs a kernel on `workgroups`, which move so many bytes at least.
+    /// Runs a kernel on workgroups that move so many bytes at least.
     pub fn dispatch(
         &mut self,
         kernel: Kernel,
         pipeline: &wgpu::ComputePipeline,
         group: &wgpu::BindGroup,
         params: &Params,
-        workgroups: u32,
+        size: Size,
         bytes: u64,
     ) {
         if self.params.len() == RECORDS * STRIDE || self.work > WORK {
@@ -162,12 +204,17 @@ impl Recorder {
             all.resize(offset + STRIDE, 0);
             offset as u32
         });
-        self.work += u64::from(workgroups);
-        let tally = &mut self.tally.kernels[kernel as usize];
-        tally.dispatches += 1;
-        tally.workgroups += u64::from(workgroups);
-        tally.bytes += bytes;
-        let size = [workgroups.min(SPREAD), workgroups.div_ceil(SPREAD)];
+        self.work += u64::from(size.most);
+        let gate = size.gate.as_ref().map_or(0, |(_, _, number)| *number as usize + 1);
+        if gate >= self.tallies.len() {
+            self.tallies.resize_with(gate + 1, || vec![KernelTally::default(); SOURCES.len()]);
+        }
+        self.tallies[gate][kernel as usize].add(&KernelTally {
+            dispatches: 1,
+            workgroups: u64::from(size.most),
+            bytes,
+            ms: 0.0,
+        });
         let (pipeline, group) = (pipeline.clone(), group.clone());
         self.commands.push(Command::Dispatch { kernel, pipeline, group, offset, size });
     }
@@ -224,17 +271,26 @@ impl Recorder {
                         timestamp_writes,
                     });
                     let mut next = Some(command);
-                    while let Some(Command::Dispatch { pipeline, group, offset, size: [x, y], .. }) = next {
+                    while let Some(Command::Dispatch { pipeline, group, offset, size, .. }) = next {
                         pass.set_pipeline(&pipeline);
                         pass.set_bind_group(0, &group, &[offset]);
-                        pass.dispatch_workgroups(x, y, 1);
+                        match &size.gate {
+                            Some((arguments, at, _)) => pass.dispatch_workgroups_indirect(arguments, *at),
+                            None => {
+                                pass.dispatch_workgroups(
+                                    size.most.min(SPREAD),
+                                    size.most.div_ceil(SPREAD),
+                                    1,
+                                );
+                            }
+                        }
                         next = commands.next_if(|c| !one_by_one && matches!(c, Command::Dispatch { .. }));
                     }
                 }
             }
         }
         queue.submit([encoder.finish()]);
-        self.tally.submissions += 1;
+        self.submissions += 1;
         self.params.clear();
         self.known.clear();
         self.work = 0;
@@ -250,20 +306,27 @@ impl Recorder {
         times
     }
 
-    /// What was done, given the bytes of the times, and the recording for the next solve.
-    pub fn close(mut self, bytes: &[u8]) -> (Tally, Recording) {
-        if self.context.timestamps {
-            let mut stages = [0.0; STAGES];
-            for (ms, (stage, kernel)) in
-                Clock::milliseconds(&self.context, bytes).into_iter().zip(&self.timed)
-            {
-                stages[*stage] += ms;
-                if let Some(kernel) = kernel {
-                    self.tally.kernels[*kernel as usize].ms += ms;
-                }
+    /// What was done, given which gates opened and the bytes of the times, and the recording for the next solve.
+    pub fn close(self, opened: &[u32], times: &[u8]) -> (Tally, Recording) {
+        let mut kernels = vec![KernelTally::default(); SOURCES.len()];
+        let mut skipped = 0;
+        for (gate, tallies) in self.tallies.iter().enumerate() {
+            if gate > 0 && opened.get(gate - 1) == Some(&0) {
+                skipped += tallies.iter().map(|tally| tally.dispatches).sum::<u64>();
+                continue;
             }
-            self.tally.stages = Some(stages);
+            kernels.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
         }
-        (self.tally, self.recording)
+        let mut stages = self.context.timestamps.then_some([0.0; STAGES]);
+        for (ms, (stage, kernel)) in Clock::milliseconds(&self.context, times).into_iter().zip(&self.timed) {
+            if let Some(stages) = &mut stages {
+                stages[*stage] += ms;
+            }
+            if let Some(kernel) = kernel {
+                kernels[*kernel as usize].ms += ms;
+            }
+        }
+        let submissions = self.submissions;
+        (Tally { submissions, skipped, kernels, stages, ..Tally::default() }, self.recording)
     }
 }

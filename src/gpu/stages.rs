@@ -3,6 +3,7 @@
 use super::Run;
 use super::kernels::Kernel;
 use super::layout::{Params, THREADS};
+use super::recorder::Size;
 use crate::solve::{Correction, Stages};
 
 /// What a chart's sum decides; the numbers are `shaders/control.wgsl`'s.
@@ -54,7 +55,7 @@ impl Stages for Run<'_> {
             [0, 0],
             &own,
             &params,
-            items.div_ceil(THREADS),
+            Size::of(items.div_ceil(THREADS)),
             u64::from(items) * 100,
         );
     }

@@ -1,5 +1,7 @@
 //! A device on a GPU, software or not, where there is one.
 
+#![allow(dead_code)] // Each test uses a part of it.
+
 use vrtm::{Backend, Device, DeviceSettings, adapters};
 
 /// True if there is an adapter; where there is none, that is said plainly. With VRTM_REQUIRE_GPU=1 there must be one.

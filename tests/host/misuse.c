@@ -63,6 +63,7 @@ static void devices(void)
     WITH(vrtm_backend, desc.backend, VRTM_BACKEND_GPU,
          fails("a gpu that is not there", vrtm_device_create(&desc, &other), count > 0 ? BAD : VRTM_ERROR_UNSUPPORTED,
                count > 0 ? "adapter: " : "backend: gpu was asked for, but there is no GPU"));
+    desc.adapter = 0;
     WITH(vrtm_backend, desc.backend, 9,
          fails("backend 9", vrtm_device_create(&desc, &other), BAD, "desc.backend is 9"));
     WITH(uint32_t, desc.threads, 5000,

@@ -53,10 +53,17 @@ int main(void)
         check_that(adapter.name[0] != 0 && adapter.driver[0] != 0 && adapter.api[0] != 0, "an adapter", adapter.name);
         hardware += adapter.software == 0;
     }
-    check_that(device_data.backend == VRTM_BACKEND_CPU || (device_data.backend == VRTM_BACKEND_GPU && hardware > 0),
-               "auto takes the CPU, or a hardware GPU", device_data.name);
+    const char *asked = getenv("VRTM_DEVICE");
+    if (asked == NULL) {
+        check_that(device_data.backend == (hardware > 0 ? VRTM_BACKEND_GPU : VRTM_BACKEND_CPU),
+                   "auto takes a hardware GPU, or the CPU", device_data.name);
+        check_that(strncmp(device_data.reason, "auto: ", 6) == 0, "and says why", device_data.reason);
+    } else {
+        check_that(device_data.backend == (strcmp(asked, "gpu") == 0 ? VRTM_BACKEND_GPU : VRTM_BACKEND_CPU),
+                   "a backend is asked for by variable", device_data.name);
+        check_that(strstr(device_data.reason, "was asked for (VRTM_DEVICE)") != NULL, "and why", device_data.reason);
+    }
     check_that(device_data.threads > 0, "threads", "");
-    check_that(strncmp(device_data.reason, "auto: ", 6) == 0, "and says why", device_data.reason);
 
     sheet_desc d;
     sheet_describe(&s, &d);

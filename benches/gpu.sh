@@ -1,0 +1,14 @@
+#!/usr/bin/env bash
+# Builds, checks that GPU and CPU agree, and prints what a solve costs on this machine's GPU, each time beside its
+# error and each stage beside its floor. Writes the same to benches/results/gpu-NAME.md. Arguments go to the bench:
+#
+#     benches/gpu.sh                      # all sizes to 8192, about 10 minutes
+#     benches/gpu.sh --sizes 512,2048
+#     benches/gpu.sh --software           # on a software driver: correct, but its times say nothing
+#     VRTM_BENCH=path/to/gpu benches/gpu.sh    # with a program built elsewhere
+set -euo pipefail
+cd "$(dirname "$0")/.."
+if [ -n "${VRTM_BENCH:-}" ]; then
+    exec "$VRTM_BENCH" "$@"
+fi
+exec cargo bench --bench gpu -- "$@"

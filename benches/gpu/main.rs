@@ -1,0 +1,103 @@
+//! What a solve costs on a GPU: see `benches/gpu.sh`.
+
+#![allow(missing_docs)]
+
+mod ceiling;
+#[path = "../../tests/common/mod.rs"]
+mod common;
+mod parity;
+mod table;
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::Parser;
+use vrtm::{Backend, Device, DeviceSettings};
+
+/// Measures the GPU backend: time beside error, each stage beside its floor.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// Cells on a side of the fully active grids.
+    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096, 8192])]
+    sizes: Vec<u32>,
+    /// Cells on a side of the asset's grids.
+    #[arg(long, default_value_t = 2048)]
+    asset_size: u32,
+    /// Solves per row, of which the median is told.
+    #[arg(long, default_value_t = 7)]
+    solves: usize,
+    /// Which adapter.
+    #[arg(long, default_value_t = 0)]
+    adapter: u32,
+    /// Measure even on a software driver.
+    #[arg(long)]
+    software: bool,
+    /// Where the tables go.
+    #[arg(long, default_value = "benches/results")]
+    out: String,
+    /// What cargo bench passes.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    match run(&Args::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), String> {
+    let adapters = vrtm::adapters();
+    let adapter = adapters.get(args.adapter as usize).ok_or("there is no such GPU adapter here")?;
+    if adapter.software && !args.software {
+        return Err(format!("{} is a software driver: --software measures it all the same", adapter.name));
+    }
+    let settings =
+        DeviceSettings { backend: Backend::Gpu, adapter: args.adapter, ..DeviceSettings::default() };
+    let device = Device::new(&settings).map_err(|error| error.to_string())?;
+    let mut text = String::new();
+    let mut say = |part: String| {
+        print!("{part}");
+        text += &part;
+    };
+    say(format!("# {}\n\n", device.info().name));
+    if adapter.software {
+        say("A software driver: the figures below show that the bench runs, not how fast a GPU is.\n\n"
+            .into());
+    }
+    let ceiling = ceiling::bytes_per_second(args.adapter as usize)?;
+    say(format!(
+        "Bandwidth ceiling (copy of buffers, read and written bytes): {:.0} GB/s\n\n",
+        ceiling * 1e-9
+    ));
+    say(parity::table(&device)?);
+    say(table::head());
+    for &size in &args.sizes {
+        let bulge = common::Model::from(common::scenes::by_name("bulge").ok_or("no scene 'bulge'")?);
+        table::rows(&device, &bulge, 1, size, args.solves, &mut say)?;
+    }
+    for (name, frame) in [("mh_face", 1), ("ict_inner", 2)] {
+        match common::assets().into_iter().find(|model| model.name == name) {
+            Some(model) => table::rows(&device, &model, frame, args.asset_size, args.solves, &mut say)?,
+            None => say(format!("| {name} | not there | | | | | | | | | |\n")),
+        }
+    }
+    let size = args.sizes.iter().copied().filter(|&size| size <= 2048).max().unwrap_or(512);
+    say(table::kernels(&device, size, ceiling)?);
+    let mut path = String::new();
+    let name = device.info().name;
+    let plain = name.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' });
+    let plain: String = plain.collect();
+    let plain: Vec<&str> = plain.split('-').filter(|part| !part.is_empty()).collect();
+    write!(path, "{}/gpu-{}.md", args.out, plain.join("-")).map_err(|error| error.to_string())?;
+    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out))?;
+    std::fs::write(Path::new(&path), &text).map_err(|error| format!("{path}: {error}"))?;
+    println!("\nwritten to {path}");
+    Ok(())
+}

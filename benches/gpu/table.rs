@@ -1,0 +1,142 @@
+//! The rows: one scene at one size, at each quality.
+
+use std::fmt::Write;
+use std::time::Instant;
+
+use vrtm::{
+    Asset, Device, Fetch, FetchKind, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions, Strided,
+};
+
+use crate::common::Model;
+
+pub fn head() -> String {
+    "Milliseconds, medians. \"excess\": (E - best E) / (E of the identity - best E), best = `high` without its caps.\n\n\
+     | scene | size | quality | active nodes | upload | solve (GPU) | solve (wall) | invert + readback | excess, % | min J, folds | MB held |\n\
+     |---|---|---|---|---|---|---|---|---|---|---|\n"
+        .into()
+}
+
+/// A pose moved a little towards rest: two poses in turn, so that no result is reused.
+fn poses(model: &Model, frame: usize) -> [Vec<[f32; 3]>; 2] {
+    let pose = &model.frames[frame - 1];
+    let nearly = pose.iter().zip(&model.rest).map(|(p, r)| [0, 1, 2].map(|k| p[k] + 0.001 * (r[k] - p[k])));
+    [nearly.collect(), pose.clone()]
+}
+
+#[derive(Default)]
+struct Times {
+    upload: Vec<f32>,
+    gpu: Vec<f32>,
+    wall: Vec<f32>,
+    invert: Vec<f32>,
+}
+
+fn median(values: &mut [f32]) -> f32 {
+    values.sort_by(f32::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or_default()
+}
+
+/// Solves and fetches once.
+fn once(
+    asset: &mut Asset,
+    pose: &[[f32; 3]],
+    options: &SolveOptions,
+    map: &mut [u8],
+    times: &mut Times,
+) -> vrtm::Result<()> {
+    asset.solve(Strided::from_f32x3(pose), options)?;
+    let report = asset.tile_report(0)?;
+    times.wall.push(report.times.total);
+    if let Some(work) = asset.gpu_work(0)? {
+        times.upload.push(work.upload_ms);
+        times.gpu.push(work.gpu_ms);
+    }
+    let [width, height] = report.grid;
+    let image = ImageViewMut::new("map", map, ImageLayout::packed(width, height, PixelFormat::F32))?;
+    let mut fetch = Fetch { tile: 0, kind: FetchKind::Redirection, image };
+    let start = Instant::now();
+    asset.fetch(0, fetch.kind, &mut fetch.image)?;
+    times.invert.push(start.elapsed().as_secs_f32() * 1000.0);
+    Ok(())
+}
+
+pub fn rows(
+    device: &Device,
+    model: &Model,
+    frame: usize,
+    size: u32,
+    solves: usize,
+    say: &mut impl FnMut(String),
+) -> Result<(), String> {
+    let fail = |error: vrtm::Error| format!("{} at {size}: {error}", model.name);
+    let poses = poses(model, frame);
+    let mut asset = model.asset_on(device, size);
+    let mut map = vec![0u8; size as usize * size as usize * 8];
+    let best = SolveOptions {
+        quality: Quality::High,
+        max_corrections: 64,
+        tolerance: 1e-6,
+        ..SolveOptions::default()
+    };
+    once(&mut asset, &poses[1], &best, &mut map, &mut Times::default()).map_err(fail)?;
+    let best = asset.tile_report(0).map_err(fail)?.energy;
+    for (name, quality) in [("draft", Quality::Draft), ("normal", Quality::Normal), ("high", Quality::High)] {
+        let options = SolveOptions { quality, ..SolveOptions::default() };
+        let mut times = Times::default();
+        once(&mut asset, &poses[0], &options, &mut map, &mut Times::default()).map_err(fail)?;
+        for n in 0..2 * solves.div_ceil(2) {
+            once(&mut asset, &poses[(n + 1) % 2], &options, &mut map, &mut times).map_err(fail)?;
+        }
+        once(&mut asset, &poses[1], &options, &mut map, &mut Times::default()).map_err(fail)?;
+        let report = asset.tile_report(0).map_err(fail)?;
+        let excess = 100.0 * (report.energy - best) / (report.energy_before - best);
+        say(format!(
+            "| {} | {size}² | {name} | {} | {:.3} | {:.3} | {:.3} | {:.3} | {excess:.4} | {:.3}, {} | {:.0} |\n",
+            model.name,
+            report.nodes_active,
+            median(&mut times.upload),
+            median(&mut times.gpu),
+            median(&mut times.wall),
+            median(&mut times.invert),
+            report.min_jacobian,
+            report.folds,
+            report.bytes as f64 / f64::from(1 << 20),
+        ));
+    }
+    Ok(())
+}
+
+/// One `normal` solve, kernel by kernel: what it moves, and how long that would take at the ceiling.
+pub fn kernels(device: &Device, size: u32, ceiling: f64) -> Result<String, String> {
+    let model = Model::from(crate::common::scenes::by_name("bulge").ok_or("no scene 'bulge'")?);
+    let fail = |error: vrtm::Error| error.to_string();
+    let mut asset = model.asset_on(device, size);
+    let poses = poses(&model, 1);
+    asset.solve(Strided::from_f32x3(&poses[0]), &SolveOptions::default()).map_err(fail)?;
+    device.time_kernels(true);
+    let solved = asset.solve(Strided::from_f32x3(&poses[1]), &SolveOptions::default());
+    device.time_kernels(false);
+    solved.map_err(fail)?;
+    let Some(work) = asset.gpu_work(0).map_err(fail)? else { return Ok(String::new()) };
+    let mut text = format!(
+        "\n`normal` at {size}², kernel by kernel: {} dispatches, {} more that no chart needed, {} submissions, {:.2} GB.\n\n\
+         | kernel | dispatches | blocks | MB | ms | floor, ms |\n|---|---|---|---|---|---|\n",
+        work.dispatches(),
+        work.skipped,
+        work.submissions,
+        work.bytes() as f64 * 1e-9
+    );
+    for kernel in &work.kernels {
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {:.1} | {:.3} | {:.3} |",
+            kernel.name,
+            kernel.dispatches,
+            kernel.workgroups,
+            kernel.bytes as f64 * 1e-6,
+            kernel.ms,
+            kernel.bytes as f64 / ceiling * 1e3
+        );
+    }
+    Ok(text)
+}
