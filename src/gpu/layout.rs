@@ -91,3 +91,6 @@ pub struct Triangle {
     pub chart: u32,
     pub pose: [f32; 9],
 }
+
+#[cfg(test)]
+mod tests;
