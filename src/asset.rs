@@ -4,6 +4,7 @@ mod backend;
 mod fetch;
 mod inspect;
 mod output;
+mod parity;
 mod tile_state;
 
 use std::time::Instant;

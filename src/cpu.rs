@@ -14,6 +14,7 @@ mod relax;
 mod correct;
 mod certify;
 pub(crate) mod invert;
+mod inspect;
 mod lanes;
 mod team;
 

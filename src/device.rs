@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{self, Survey};
 use crate::gpu::context::{self, Context};
+use crate::parity::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{Backend, DeviceSettings, LogLevel};
 
@@ -31,7 +32,7 @@ struct Options {
 }
 
 impl Options {
-    fn from_environment() -> Result<Options> {
+    fn read(variable: impl Fn(&str) -> Option<String>) -> Result<Options> {
         let mut options = Options::default();
         if let Some(value) = variable("VRTM_DEVICE") {
             options.backend = Some(match value.as_str() {
@@ -52,6 +53,7 @@ impl Options {
             }
             options.gpu.webgpu_limits = true;
         }
+        options.gpu.switch = variable("VRTM_SWITCH").map(|value| Switch::parse(&value)).transpose()?;
         Ok(options)
     }
 }
@@ -72,15 +74,35 @@ pub fn adapters() -> Vec<AdapterInfo> {
 
 impl Device {
     /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one holds threads of its
-    /// driver, so make one device and keep it. Environment variables override the settings, for support: VRTM_DEVICE (auto, cpu, gpu),
-    /// VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default limits and without optional
-    /// features.
+    /// driver, so make one device and keep it. Environment variables override the settings, for support: VRTM_DEVICE
+    /// (auto, cpu, gpu), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default limits and
+    /// without optional features.
+    ///
+    /// To find the stage at which a GPU goes wrong, VRTM_SWITCH=BACKEND:STAGE has assets on a GPU run the stages up to
+    /// and with STAGE on one backend (cpu or gpu) and the rest on the other. A stage is `surface`, `pyramid`,
+    /// `prolong@LEVEL`, `relax@LEVEL`, `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (the first N of
+    /// them) or `certify`; level 0 is the finest, and the coarsest comes first. `cpu:certify` is the CPU's result,
+    /// `gpu:certify` the GPU's, `cpu:relax@1` begins on the CPU and ends on the GPU.
     ///
     /// # Errors
     /// For [`Backend::Gpu`], `Unsupported` if there is no GPU or it cannot be opened, and `InvalidArgument` if there is
     /// none of that number; `InvalidArgument` for more than 1024 threads or an unreadable environment variable.
     pub fn new(settings: &DeviceSettings) -> Result<Device> {
-        Device::with(settings, Options::from_environment()?)
+        Device::with(settings, Options::read(variable)?)
+    }
+
+    /// The same with other variables than the environment's, and with buffers of at most `band` blocks on a GPU.
+    #[doc(hidden)]
+    pub fn with_variables(
+        settings: &DeviceSettings,
+        variables: &[(&str, &str)],
+        band: Option<usize>,
+    ) -> Result<Device> {
+        let find =
+            |name: &str| variables.iter().find(|(n, _)| *n == name).map(|(_, value)| value.to_string());
+        let mut options = Options::read(find)?;
+        options.gpu.band = band;
+        Device::with(settings, options)
     }
 
     fn with(settings: &DeviceSettings, options: Options) -> Result<Device> {
@@ -104,6 +126,10 @@ impl Device {
         };
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
         let threads = if settings.threads == 0 { cores.min(1024) } else { settings.threads };
+        if gpu.is_none() && options.gpu.switch.is_some() {
+            let why = "VRTM_SWITCH: the device is the CPU, but the switch needs a GPU";
+            return Err(Error::new(ErrorKind::Unsupported, why));
+        }
         let gpu = gpu.map(Arc::new);
         let device =
             Device(Arc::new(Inner { settings, threads, reason, bytes_held: AtomicU64::new(0), gpu }));

@@ -59,6 +59,7 @@ mod tile;
 mod solve;
 mod cpu;
 mod gpu;
+mod parity;
 mod exact;
 mod measure;
 mod reference;
@@ -75,6 +76,8 @@ pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
 pub use mesh::{MeshSource, UvSource};
+#[doc(hidden)]
+pub use parity::StageDifference;
 pub use report::{
     AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,
     TileInfo, TileReport,

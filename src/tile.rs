@@ -150,6 +150,13 @@ impl Grid {
         grid
     }
 
+    /// True if the identity is a chart's best warp for a pose: nothing of it may move, or it is as long as at rest.
+    pub(crate) fn is_still(&self, tile: &TileMesh, pose: &Pose, chart: usize) -> bool {
+        self.movable[chart] == 0
+            || self.levels[0].floor[chart] == 0.0
+            || pose.is_isometric(&self.rest, tile, chart)
+    }
+
     /// The triangles of a pose.
     pub(crate) fn pose_triangles<'a>(
         &'a self,

@@ -7,6 +7,8 @@ use crate::cpu::Team;
 use crate::device::Device;
 use crate::error::Result;
 use crate::mesh::TileMesh;
+use crate::parity::Switch;
+use crate::parity::switched::Switched;
 use crate::report::GpuWork;
 use crate::solve::{self, ChartResult, Input, Outcome, Plan};
 use crate::tile::Grid;
@@ -104,6 +106,9 @@ impl Memory {
             }
             Memory::Gpu(memory) => {
                 let context = memory.context.clone();
+                if let (Some(switch), true) = (context.options.switch, any) {
+                    return switched(switch, memory, team, input, grid, plan, called, last, keep);
+                }
                 context.contain(|| {
                     let last = match last {
                         Some(Warp::Gpu(last)) => Some(last.buffers.clone()),
@@ -129,6 +134,40 @@ impl Memory {
             }
         }
     }
+}
+
+/// The same with some stages on the CPU.
+#[allow(clippy::too_many_arguments, reason = "those of Memory::run")]
+fn switched(
+    switch: Switch,
+    memory: &mut gpu::Memory,
+    team: &Team,
+    input: &Input,
+    grid: &Arc<Grid>,
+    plan: &Plan,
+    called: Instant,
+    last: Option<&Warp>,
+    keep: &[bool],
+) -> Result<Ran> {
+    let context = memory.context.clone();
+    context.contain(|| {
+        let mut of_cpu = cpu::Memory::new(grid);
+        let mut u = start(grid, last, keep)?;
+        let warm = plan.warm && last.is_some();
+        let cpu = cpu::Run::new(team, input, &mut of_cpu, &mut u);
+        let last = match last {
+            Some(Warp::Gpu(last)) => Some(last.buffers.clone()),
+            _ => None,
+        };
+        let gpu = gpu::Run::new(input, memory, last, keep)?;
+        let mut run = Switched::new(cpu, gpu, switch);
+        let outcome = solve::run(&mut run, plan, warm, called);
+        let blocks_active = run.gpu.blocks_active();
+        let done = run.finish()?;
+        let warp = Warp::Gpu(gpu::Displacements::new(context.clone(), grid.clone(), done.result));
+        let (charts, node_updates, work) = (done.outcome, done.node_updates, Some(done.tally.work()));
+        Ok(Ran { warp, charts, outcome, node_updates, blocks_active, work })
+    })?
 }
 
 /// The last result of charts in `keep`, the identity elsewhere.

@@ -163,10 +163,7 @@ impl TileState {
         let last = self.solved.as_ref().filter(|solved| Arc::ptr_eq(&solved.grid, &grid));
         let state: Vec<ChartState> = (0..source.charts.len())
             .map(|c| {
-                if grid.movable[c] == 0
-                    || grid.levels[0].floor[c] == 0.0
-                    || pose.is_isometric(&grid.rest, source, c)
-                {
+                if grid.is_still(source, &pose, c) {
                     return ChartState::Identity;
                 }
                 let same = last

@@ -5,6 +5,7 @@
 mod assemble;
 mod cut;
 mod galerkin;
+mod inspect;
 mod multigrid;
 
 use crate::solve::Correction;

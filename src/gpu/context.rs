@@ -12,6 +12,7 @@ use std::thread::{self, ThreadId};
 use super::kernels::Pipelines;
 use crate::error::{Error, ErrorKind, Result};
 use crate::ffi::guard::contain;
+use crate::parity::Switch;
 
 /// How a GPU is opened.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,6 +20,10 @@ pub(crate) struct Options {
     /// With WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature, instead of what
     /// the adapter has: for tests, and to tell a driver's defect from ours.
     pub webgpu_limits: bool,
+    /// Some stages run on the CPU: for support.
+    pub switch: Option<Switch>,
+    /// Most blocks of one buffer, if fewer than bindings hold: for tests of bands.
+    pub band: Option<usize>,
 }
 
 /// An open GPU.

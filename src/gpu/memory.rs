@@ -106,7 +106,8 @@ const LARGEST: u64 = ROW_PLANES as u64 * PLANE;
 
 fn capacity(context: &Context) -> usize {
     let limits = &context.limits;
-    (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / LARGEST) as usize
+    let most = (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / LARGEST) as usize;
+    context.options.band.map_or(most, |band| band.min(most))
 }
 
 impl Memory {

@@ -1,0 +1,59 @@
+//! Both backends on an asset's tile, side by side or one after the other: for tests and support.
+
+use std::time::Instant;
+
+use super::Asset;
+use crate::cpu::Team;
+use crate::error::{Error, ErrorKind, Result};
+use crate::parity::StageDifference;
+use crate::parity::pair::Pair;
+use crate::settings::SolveOptions;
+use crate::solve::{self, Input, Plan};
+use crate::tile::blocks::NODES;
+use crate::tile::pose::Pose;
+use crate::view::Strided;
+use crate::{cpu, gpu};
+
+impl Asset {
+    /// Solves a tile from the identity on both backends side by side and says after each stage how far they are apart;
+    /// in `lockstep`, each stage then goes on from the CPU's state. The asset's result stays as it is.
+    ///
+    /// # Errors
+    /// `Unsupported` unless the asset is on a GPU; those of [`Asset::solve`].
+    #[doc(hidden)]
+    pub fn compare_backends(
+        &mut self,
+        tile: usize,
+        positions: Strided,
+        options: &SolveOptions,
+        lockstep: bool,
+    ) -> Result<Vec<StageDifference>> {
+        self.check_tile(tile)?;
+        self.check_vertices("positions", &positions, 3)?;
+        options.check()?;
+        let grid = self.tiles[tile].grid(&self.device, &self.mesh, tile)?;
+        let Some(context) = self.device.gpu() else {
+            return Err(Error::new(ErrorKind::Unsupported, "the asset is not on a GPU"));
+        };
+        let mesh = &self.mesh.tiles[tile];
+        let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
+        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collect();
+        if !charts.contains(&true) {
+            return Ok(Vec::new());
+        }
+        let settings = &self.tiles[tile].maps.settings;
+        let input = Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts };
+        Team::with(self.device.threads(), |team| {
+            let mut of_cpu = cpu::Memory::new(&grid);
+            let mut of_gpu = gpu::Memory::new(context, &grid, mesh)?;
+            let mut u = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+            let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u);
+            context.contain(|| {
+                let gpu = gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()])?;
+                let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
+                solve::run(&mut pair, &Plan::new(options), false, Instant::now());
+                pair.finish()
+            })?
+        })
+    }
+}

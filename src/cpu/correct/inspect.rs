@@ -1,0 +1,46 @@
+//! A correction's inside, read from outside; see `cpu/inspect.rs`.
+
+use super::super::inspect::flat;
+use super::*;
+use crate::tile::blocks::node_at;
+use crate::tile::halo::place;
+
+impl Run<'_> {
+    /// Assembles a level's system for its present state. Gives its rows, as [`Run::rows`], and right-hand side.
+    pub fn assembled(&mut self, level: usize) -> [Vec<u32>; 2] {
+        let mut systems = std::mem::take(&mut self.memory.systems);
+        self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
+        self.memory.systems = systems;
+        [self.rows(level), flat(&self.memory.systems.levels[level].r)]
+    }
+
+    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16).
+    pub fn rows(&self, level: usize) -> Vec<u32> {
+        let mut all = Vec::new();
+        for rows in &self.memory.systems.levels[level].rows {
+            all.extend(flat(&[rows.diagonal]));
+            for pair in &rows.pair {
+                all.extend((0..NODES).map(|s| {
+                    let (i, j) = node_at(s);
+                    pair[place(i + 1, j + 1)].to_bits()
+                }));
+            }
+        }
+        all
+    }
+
+    /// The last step on a level, before it was cut, and its local share.
+    pub fn step_of(&self, level: usize) -> [Vec<u32>; 2] {
+        let system = &self.memory.systems.levels[level];
+        [flat(&system.x), system.share.as_flattened().iter().map(|x| x.to_bits()).collect()]
+    }
+
+    /// Per chart, whether it sits out the level's further corrections.
+    pub fn done(&self) -> &[bool] {
+        &self.memory.systems.done
+    }
+
+    pub fn set_done(&mut self, done: &[bool]) {
+        self.memory.systems.done.copy_from_slice(done);
+    }
+}

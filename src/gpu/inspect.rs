@@ -1,0 +1,162 @@
+//! A run's state, read and set from outside: for the comparison with the other backend, and for the switch to it.
+//! Every call submits what was recorded; reading waits for it.
+
+use super::kernels::Kernel;
+use super::layout::{Chart, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, STATE_PLANES, Triangle, VECTOR_PLANES};
+use super::memory::PLANE;
+use super::stages::{Charts, Decision};
+use super::{Run, Shared};
+use crate::error::Result;
+use crate::tile::blocks::{NODES, Plane};
+
+/// Planes of the right-hand side, of the step and of its share among the vectors.
+const RIGHT_HAND_SIDE: [usize; 2] = [0, 1];
+const STEP: [usize; 2] = [8, 9];
+const SHARE: usize = 10;
+
+/// As in `shaders/common.wgsl`.
+const WORTHLESS: f32 = 3e38;
+
+impl Run<'_> {
+    /// Per pose triangle: position at the first corner, df/dx, df/dy.
+    pub fn triangles(&mut self) -> Result<Vec<[f32; 9]>> {
+        Ok(self.all_triangles()?.iter().map(|t| t.pose).collect())
+    }
+
+    pub fn set_triangles(&mut self, poses: &[[f32; 9]]) -> Result<()> {
+        let mut all = self.all_triangles()?;
+        all.iter_mut().zip(poses).for_each(|(t, &pose)| t.pose = pose);
+        self.upload(&self.memory.triangles, 0, &all)
+    }
+
+    fn all_triangles(&mut self) -> Result<Vec<Triangle>> {
+        self.recorder.flush();
+        let bytes = (self.grid.triangles.len() * size_of::<Triangle>()) as u64;
+        Ok(bytemuck::pod_collect_to_vec(&self.context.read(&self.memory.triangles, 0..bytes)?))
+    }
+
+    /// What is decided about the charts.
+    pub fn chart_records(&mut self) -> Result<Vec<Chart>> {
+        self.recorder.flush();
+        let bytes = (self.charts.len() * size_of::<Chart>()) as u64;
+        Ok(bytemuck::pod_collect_to_vec(&self.context.read(&self.memory.charts, 0..bytes)?))
+    }
+
+    pub fn set_chart_records(&mut self, records: &[Chart]) -> Result<()> {
+        self.recorder.flush();
+        self.upload(&self.memory.charts, 0, records)
+    }
+
+    /// Makes all charts of this solve take part in what comes next, as `surface` does.
+    pub fn select_all(&mut self) {
+        self.select(Charts::All);
+    }
+
+    /// The pose's metric on a coarser level: three planes per block.
+    pub fn metric(&mut self, level: usize) -> Result<Vec<u32>> {
+        self.read(level, Shared::Metric)
+    }
+
+    pub fn set_metric(&mut self, level: usize, bits: &[u32]) -> Result<()> {
+        self.write(level, Shared::Metric, bits)
+    }
+
+    /// A level's displacements (2), values (3) and triangles (1) per block.
+    pub fn state(&mut self, level: usize) -> Result<Vec<u32>> {
+        self.read(level, Shared::State)
+    }
+
+    pub fn set_state(&mut self, level: usize, bits: &[u32]) -> Result<()> {
+        self.write(level, Shared::State, bits)
+    }
+
+    pub fn set_result(&mut self, result: &[[Plane; 2]]) -> Result<()> {
+        self.write(0, Shared::Result, bytemuck::cast_slice(result.as_flattened().as_flattened()))
+    }
+
+    /// Per chart, the energy of a level's present state.
+    pub fn energies_of(&mut self, level: usize) -> Result<Vec<f64>> {
+        self.energy(level, Decision::Energy, 0.0);
+        // What is worth nothing is infinite on the CPU.
+        let energy = |x: f32| if x < WORTHLESS { f64::from(x) } else { f64::INFINITY };
+        Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collect())
+    }
+
+    /// Assembles a level's system for its present state. Gives its rows and right-hand side.
+    pub fn assembled(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
+        let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
+        self.select_all();
+        self.each_active(kernel, level, self.at_level(level), Some(Shared::Rows));
+        let vectors = self.read(level, Shared::Vectors)?;
+        Ok([self.rows(level)?, choose(&vectors, &RIGHT_HAND_SIDE)])
+    }
+
+    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16).
+    pub fn rows(&mut self, level: usize) -> Result<Vec<u32>> {
+        self.read(level, Shared::Rows)
+    }
+
+    /// The last step on a level, before it was cut, and its local share.
+    pub fn step_of(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
+        let vectors = self.read(level, Shared::Vectors)?;
+        let records = self.chart_records()?;
+        let list = &self.grid.levels[level].blocks.list;
+        // Each round of cutting writes the other plane.
+        let plane = |b: usize| SHARE + (records[list[b].chart as usize].cuts & 1) as usize;
+        let share =
+            (0..list.len()).flat_map(|b| vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES].to_vec());
+        Ok([choose(&vectors, &STEP), share.collect()])
+    }
+
+    /// All planes of a level's buffers, in the order of its blocks.
+    fn read(&mut self, level: usize, what: Shared) -> Result<Vec<u32>> {
+        self.recorder.flush();
+        let mut all = Vec::new();
+        for (n, band) in self.memory.bands[level].iter().enumerate() {
+            let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
+            let at = |b: usize| (base + b - band.held.start) as u64 * planes * PLANE;
+            let bytes = self.context.read(&buffer, at(band.own.start)..at(band.own.end))?;
+            all.extend(bytemuck::pod_collect_to_vec::<u8, u32>(&bytes));
+        }
+        Ok(all)
+    }
+
+    /// Sets them, copies for other bands included.
+    fn write(&mut self, level: usize, what: Shared, bits: &[u32]) -> Result<()> {
+        self.recorder.flush();
+        for (n, band) in self.memory.bands[level].iter().enumerate() {
+            let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
+            let block = planes as usize * NODES;
+            let held = &bits[band.held.start * block..band.held.end * block];
+            self.upload(&buffer, base as u64 * planes * PLANE, held)?;
+        }
+        Ok(())
+    }
+
+    fn upload<T: bytemuck::NoUninit>(&self, buffer: &wgpu::Buffer, offset: u64, data: &[T]) -> Result<()> {
+        self.context.contain(|| self.context.queue.write_buffer(buffer, offset, bytemuck::cast_slice(data)))
+    }
+
+    /// A band's buffer, its planes per block, and its first block there.
+    fn buffer(&self, level: usize, band: usize, what: Shared) -> Option<(wgpu::Buffer, u64, usize)> {
+        let buffers = &self.memory.buffers[level][band];
+        let base = buffers.base.unwrap_or(0) as usize;
+        let (buffer, planes, base) = match what {
+            Shared::State => (&buffers.state, STATE_PLANES, 0),
+            Shared::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
+            Shared::Rows => (&buffers.rows, ROW_PLANES, base),
+            Shared::Vectors => (&buffers.vectors, VECTOR_PLANES, base),
+            Shared::Result => (&self.result.bands[band].1, RESULT_PLANES, 0),
+        };
+        Some((buffer.clone(), planes as u64, base))
+    }
+}
+
+/// Some planes of all vectors, per block.
+fn choose(vectors: &[u32], planes: &[usize]) -> Vec<u32> {
+    let plane = |block: &[u32], k: usize| block[k * NODES..(k + 1) * NODES].to_vec();
+    vectors
+        .chunks(VECTOR_PLANES * NODES)
+        .flat_map(|b| planes.iter().flat_map(move |&k| plane(b, k)))
+        .collect()
+}

@@ -1,0 +1,275 @@
+//! Both backends side by side.
+
+use super::{Point, StageDifference};
+use crate::error::{Error, Result};
+use crate::gpu::layout::{METRIC_PLANES, ROW_PLANES, STATE_PLANES};
+use crate::solve::{Correction, Stages};
+use crate::tile::Grid;
+use crate::tile::blocks::NODES;
+use crate::{cpu, gpu};
+
+/// A run on each backend, for the same input. After each stage their states are compared.
+pub(crate) struct Pair<'a> {
+    cpu: cpu::Run<'a>,
+    gpu: gpu::Run<'a>,
+    grid: &'a Grid,
+    /// The charts to solve.
+    charts: &'a [bool],
+    /// After each stage, the GPU goes on from the CPU's state: what a stage adds shows alone.
+    lockstep: bool,
+    correction: u32,
+    found: Vec<StageDifference>,
+    error: Option<Error>,
+}
+
+/// What of a block's planes is compared.
+#[derive(Clone, Copy)]
+struct Part {
+    level: usize,
+    /// Planes per block, and which of them.
+    of: usize,
+    first: usize,
+    count: usize,
+    /// Movable nodes only.
+    movable: bool,
+}
+
+const DISPLACEMENT: &str = "displacement (cells)";
+
+impl<'a> Pair<'a> {
+    pub fn new(
+        cpu: cpu::Run<'a>,
+        gpu: gpu::Run<'a>,
+        grid: &'a Grid,
+        charts: &'a [bool],
+        lockstep: bool,
+    ) -> Pair<'a> {
+        Pair { cpu, gpu, grid, charts, lockstep, correction: 0, found: Vec::new(), error: None }
+    }
+
+    /// All that was found, the certificates last.
+    pub fn finish(mut self) -> Result<Vec<StageDifference>> {
+        if let Some(error) = self.error {
+            return Err(error);
+        }
+        let done = self.gpu.finish()?;
+        let mut add = |quantity, of: &dyn Fn(&crate::solve::ChartResult) -> f64| {
+            let solved = |c: &usize| self.charts[*c];
+            let pairs = (0..self.charts.len()).filter(solved).map(|c| {
+                let (cpu, gpu) = (&self.cpu.outcome[c], &done.outcome[c]);
+                (of(cpu), of(gpu))
+            });
+            self.found.push(StageDifference::new(Point::Certify, quantity, pairs));
+        };
+        add("smallest corner Jacobian", &|chart| chart.min_jacobian);
+        add("folds", &|chart| chart.folds as f64);
+        add("fallback", &|chart| f64::from(u8::from(chart.fallback)));
+        add("largest displacement (cells)", &|chart| f64::from(chart.max_displacement));
+        Ok(self.found)
+    }
+
+    /// Runs what may fail; only the first error counts.
+    fn look(&mut self, f: impl FnOnce(&mut Self) -> Result<()>) {
+        if self.error.is_none() {
+            self.error = f(self).err();
+        }
+    }
+
+    /// Compares planes of the blocks of some charts.
+    fn compare(
+        &mut self,
+        at: Point,
+        quantity: &'static str,
+        part: Part,
+        charts: &[bool],
+        cpu: &[u32],
+        gpu: &[u32],
+    ) {
+        let level = &self.grid.levels[part.level];
+        let blocks = level.blocks.list.iter().enumerate();
+        let planes = blocks
+            .filter(|(_, block)| charts[block.chart as usize] && (block.active || !part.movable))
+            .flat_map(|(b, _)| (part.first..part.first + part.count).map(move |plane| (b, plane)));
+        let pairs = planes.flat_map(|(b, plane)| {
+            let at = (b * part.of + plane) * NODES;
+            let wanted = move |s: &usize| !part.movable || level.movable[b][*s] != 0;
+            let value = move |bits: &[u32], s: usize| f64::from(f32::from_bits(bits[at + s]));
+            (0..NODES).filter(wanted).map(move |s| (value(cpu, s), value(gpu, s)))
+        });
+        self.found.push(StageDifference::new(at, quantity, pairs));
+    }
+
+    /// Compares the state of a level.
+    fn state(&mut self, at: Point, level: usize) -> Result<()> {
+        let (cpu, gpu) = (self.cpu.state(level), self.gpu.state(level)?);
+        let part = Part { level, of: STATE_PLANES, first: 0, count: 2, movable: false };
+        let charts = self.charts;
+        self.compare(at, DISPLACEMENT, part, charts, &cpu, &gpu);
+        let part = Part { first: 2, count: 3, movable: true, ..part };
+        let values = if level == 0 { "position under W (chart sizes)" } else { "metric under W" };
+        self.compare(at, values, part, charts, &cpu, &gpu);
+        let of_cpu = self.cpu.energies_of(level);
+        let of_gpu = self.gpu.energies_of(level)?;
+        self.per_chart(at, "energy of a chart, relative", |c| relative(of_cpu[c], of_gpu[c]));
+        let sum = |of: &[f64]| (0..of.len()).filter(|&c| charts[c]).map(|c| of[c]).sum();
+        let all = [relative(sum(&of_cpu), sum(&of_gpu))];
+        self.found.push(StageDifference::new(at, "energy of all charts, relative", all.into_iter()));
+        if self.lockstep {
+            self.gpu.set_state(level, &cpu)?;
+        }
+        Ok(())
+    }
+
+    fn per_chart(&mut self, at: Point, quantity: &'static str, pair: impl Fn(usize) -> (f64, f64)) {
+        let solved = (0..self.charts.len()).filter(|&c| self.charts[c]);
+        self.found.push(StageDifference::new(at, quantity, solved.map(pair)));
+    }
+
+    /// After a stage that sets or changes a level's displacements.
+    fn level(&mut self, level: usize, step: u32) {
+        self.look(|pair| {
+            let at = Point::level(level, step);
+            pair.state(at, level)?;
+            if step == 0 && level == 0 {
+                let records = pair.gpu.chart_records()?;
+                let before: Vec<f64> = pair.cpu.outcome.iter().map(|chart| chart.energy_before).collect();
+                pair.per_chart(at, "energy of the identity, relative", |c| {
+                    relative(before[c], f64::from(records[c].identity))
+                });
+            }
+            Ok(())
+        });
+    }
+
+    /// The systems of a level and those below it, for charts that take part.
+    fn rows(&mut self, at: Point, level: usize, quantity: &'static str, charts: &[bool]) -> Result<()> {
+        let (cpu, gpu) = (self.cpu.rows(level), self.gpu.rows(level)?);
+        let part = Part { level, of: ROW_PLANES, first: 0, count: ROW_PLANES, movable: true };
+        self.compare(at, quantity, part, charts, &cpu, &gpu);
+        Ok(())
+    }
+
+    /// What a correction starts with: its system. Both stand at the same state, if they go in lockstep.
+    fn before_correction(&mut self, at: Point, level: usize) -> Result<()> {
+        let [_, right] = self.cpu.assembled(level);
+        let [_, other] = self.gpu.assembled(level)?;
+        let part = Part { level, of: 2, first: 0, count: 2, movable: true };
+        self.compare(at, "right-hand side", part, self.charts, &right, &other);
+        self.rows(at, level, "assembled rows", self.charts)
+    }
+
+    /// What it left inside.
+    fn after_correction(&mut self, at: Point, level: usize, charts: &[bool]) -> Result<()> {
+        for k in level + 1..self.grid.levels.len() {
+            self.rows(at, k, "Galerkin rows", charts)?;
+        }
+        let [step, share] = self.cpu.step_of(level);
+        let [other_step, other_share] = self.gpu.step_of(level)?;
+        // Most nodes take the whole step: what is cut off says more than what is left.
+        let [cut, other_cut] = [share, other_share]
+            .map(|share| share.into_iter().map(|x| (1.0 - f32::from_bits(x)).to_bits()).collect::<Vec<_>>());
+        let part = Part { level, of: 2, first: 0, count: 2, movable: true };
+        self.compare(at, "step (cells)", part, charts, &step, &other_step);
+        let part = Part { of: 1, count: 1, ..part };
+        self.compare(at, "cut of the step", part, charts, &cut, &other_cut);
+        let mut records = self.gpu.chart_records()?;
+        let done = self.cpu.done().to_vec();
+        let blocks = &self.grid.levels[level].blocks;
+        // A chart that has nothing to move on this level has nothing to decide.
+        let moves = |c: usize| blocks.list[blocks.of_chart[c].clone()].iter().any(|block| block.active);
+        let deciding = (0..charts.len()).filter(|&c| charts[c] && moves(c));
+        let pairs = deciding.map(|c| (f64::from(u8::from(done[c])), f64::from(records[c].done)));
+        self.found.push(StageDifference::new(at, "decision to stop", pairs));
+        if self.lockstep {
+            records.iter_mut().zip(&done).for_each(|(record, &done)| record.done = u32::from(done));
+            self.gpu.set_chart_records(&records)?;
+        }
+        Ok(())
+    }
+}
+
+/// Both over what the CPU says.
+fn relative(cpu: f64, gpu: f64) -> (f64, f64) {
+    if cpu.is_finite() && cpu > 0.0 { (1.0, gpu / cpu) } else { (cpu, gpu) }
+}
+
+impl Stages for Pair<'_> {
+    fn levels(&self) -> usize {
+        self.cpu.levels()
+    }
+
+    fn surface(&mut self) {
+        self.cpu.surface();
+        self.gpu.surface();
+        self.look(|pair| {
+            let (cpu, gpu) = (pair.cpu.triangles(), pair.gpu.triangles()?);
+            let solved = |t: &usize| pair.charts[pair.grid.chart_of[*t] as usize];
+            let pairs = (0..cpu.len()).filter(solved).flat_map(|t| {
+                let (cpu, gpu) = (cpu[t], gpu[t]);
+                (0..9).map(move |k| (f64::from(cpu[k]), f64::from(gpu[k])))
+            });
+            pair.found.push(StageDifference::new(Point::Surface, "pose triangles", pairs));
+            if pair.lockstep { pair.gpu.set_triangles(&cpu) } else { Ok(()) }
+        });
+    }
+
+    fn pyramid(&mut self) {
+        self.cpu.pyramid();
+        self.gpu.pyramid();
+        self.look(|pair| {
+            for level in 1..pair.grid.levels.len() {
+                let (cpu, gpu) = (pair.cpu.metric(level), pair.gpu.metric(level)?);
+                let part = Part { level, of: METRIC_PLANES, first: 0, count: METRIC_PLANES, movable: false };
+                pair.compare(Point::Pyramid, "metrics", part, pair.charts, &cpu, &gpu);
+                if pair.lockstep {
+                    pair.gpu.set_metric(level, &cpu)?;
+                }
+            }
+            Ok(())
+        });
+    }
+
+    fn identity(&mut self, level: usize) {
+        self.cpu.identity(level);
+        self.gpu.identity(level);
+        self.level(level, 0);
+    }
+
+    fn previous(&mut self) {
+        self.cpu.previous();
+        self.gpu.previous();
+        self.level(0, 0);
+    }
+
+    fn prolong(&mut self, level: usize) {
+        self.cpu.prolong(level);
+        self.gpu.prolong(level);
+        self.level(level, 0);
+    }
+
+    fn relax(&mut self, level: usize, sweeps: u32) {
+        self.cpu.relax(level, sweeps);
+        self.gpu.relax(level, sweeps);
+        self.level(level, 1);
+    }
+
+    fn correct(&mut self, level: usize, correction: &Correction) {
+        self.correction = if correction.first { 1 } else { self.correction + 1 };
+        let at = Point::level(level, 1 + self.correction);
+        let taking_part: Vec<bool> = if correction.first {
+            self.charts.to_vec()
+        } else {
+            self.charts.iter().zip(self.cpu.done()).map(|(&solve, &done)| solve && !done).collect()
+        };
+        self.look(|pair| pair.before_correction(at, level));
+        self.cpu.correct(level, correction);
+        self.gpu.correct(level, correction);
+        self.look(|pair| pair.after_correction(at, level, &taking_part));
+        self.level(level, 1 + self.correction);
+    }
+
+    fn certify(&mut self) {
+        self.cpu.certify();
+        self.gpu.certify();
+    }
+}

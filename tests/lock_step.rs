@@ -1,0 +1,207 @@
+//! Both backends stage by stage, from the same state each: where they part, and by how much. And the switch, which runs
+//! the first stages on one and the rest on the other.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use common::{Model, bits, cpu, options};
+use vrtm::{Asset, Backend, Device, DeviceSettings, ErrorKind, Quality, SolveOptions, StageDifference};
+
+/// How far a quantity may be apart after one stage: (largest, RMS), each as a share of the largest magnitude on the CPU
+/// plus an absolute part. Both backends compute the same expressions in f32; a GPU may fuse multiplications and
+/// additions, and divides and takes roots to 2.5 units of rounding (WGSL's accuracy), where the CPU rounds each
+/// operation. All bounds are several times what is measured with Mesa's software driver.
+fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
+    let stage = difference.stage.split('@').next().unwrap();
+    match (difference.quantity, stage) {
+        // A few operations on the same numbers.
+        ("pose triangles" | "metrics", _) => ([1e-6, 1e-7], [0.0; 2]),
+        ("displacement (cells)", "prolong") => ([1e-6, 1e-7], [0.0; 2]),
+        // A product and a sum of numbers of the chart's size.
+        ("position under W (chart sizes)", "prolong") => ([1e-6, 1e-7], [0.0; 2]),
+        ("metric under W", "prolong") => ([1e-6, 1e-7], [0.0; 2]),
+        // A node takes its step if its own energy does not rise, and near the minimum that energy changes by less than
+        // its rounding: E x 6e-8 for a step of sqrt(E / H x 1e-7), 1e-4 to 1e-3 cells. So single nodes decide otherwise,
+        // and their neighbours follow.
+        ("displacement (cells)", "relax") => ([0.0; 2], [1e-2, 1e-4]),
+        // The same, and the step's own difference.
+        ("displacement (cells)", "correct") => ([0.0; 2], [5e-2, 1e-3]),
+        // What lies under displacements that are apart as above.
+        ("position under W (chart sizes)" | "metric under W", _) => ([1e-3, 1e-4], [1e-4, 1e-5]),
+        // Sums of products in which large terms cancel: at the minimum the right-hand side vanishes.
+        ("right-hand side", _) => ([0.0; 2], [4e-5, 1e-6]),
+        ("assembled rows", _) => ([1e-5, 1e-6], [0.0; 2]),
+        // Of up to five levels of sums of 81 terms each, of either sign.
+        ("Galerkin rows", _) => ([1e-4, 1e-4], [0.0; 2]),
+        // Four iterations on a system with a condition of 1e3 and more.
+        ("step (cells)", _) => ([1e-3, 1e-4], [1e-5, 1e-6]),
+        // Halved shares: a corner within rounding of the bound could fall on either side, none does.
+        ("cut of the step", _) => ([0.0; 2], [0.0; 2]),
+        ("decision to stop", _) => ([0.0; 2], [0.0; 2]),
+        // A strain is the difference of lengths over a length, and a length that of positions rounded to 6e-8 over 1/100
+        // of the chart: 1e-5. A chart that is hardly strained has no more digits than that in its energy; what counts
+        // is the sum, in which such charts are nothing.
+        ("energy of a chart, relative" | "energy of the identity, relative", _) => ([0.0; 2], [5e-3, 2e-3]),
+        ("energy of all charts, relative", _) => ([0.0; 2], [5e-5, 5e-5]),
+        // WGSL has no f64: the GPU gives a lower bound, less by four units of rounding of (|a| + 1)(|b| + 1).
+        ("smallest corner Jacobian", _) => ([0.0; 2], [4e-6, 4e-6]),
+        ("folds" | "fallback" | "largest displacement (cells)", _) => ([0.0; 2], [0.0; 2]),
+        (other, _) => panic!("{other} has no tolerance"),
+    }
+}
+
+/// The largest differences of a quantity.
+#[derive(Default)]
+struct Row {
+    max: f64,
+    rms: f64,
+    size: f64,
+    different: u64,
+    count: u64,
+    of: String,
+}
+
+#[test]
+fn stages_from_the_same_state() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    use common::scenes::{analytic::squash, arm, creature, mug_to_jug};
+    let mut models = common::analytic();
+    models.extend([squash(0.4), squash(0.1)].map(Model::from));
+    models.extend([mug_to_jug(), creature(), arm()].map(Model::from));
+    models
+        .extend(common::assets().into_iter().filter(|m| ["fox", "ict_inner", "mh_face"].contains(&&*m.name)));
+    let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
+    let mut failures = Vec::new();
+    let mut least_share = 1.0f64;
+    for model in &models {
+        let mut asset = model.asset_on(&device, 128);
+        let found = asset.compare_backends(0, model.frame(1), &options(Quality::Normal), true).unwrap();
+        assert!(!found.is_empty(), "{} has nothing to solve", model.name);
+        for difference in found {
+            let StageDifference { stage, quantity, max, rms, size, count, different } = &difference;
+            let (share, absolute) = tolerance(&difference);
+            for (name, value, k) in [("max", *max, 0), ("RMS", *rms, 1)] {
+                let most = share[k] * size + absolute[k];
+                // What is not a number fails.
+                if !(value <= most) {
+                    let name = format!("{}: {stage}, {quantity}: {name} {value:.1e}", model.name);
+                    failures.push(format!("{name}, at most {most:.1e}"));
+                }
+            }
+            let kind = stage.split('.').next().unwrap();
+            let kind = kind.strip_suffix("@0").map_or_else(
+                || kind.split('@').next().unwrap().to_owned(),
+                |finest| format!("{finest}, finest"),
+            );
+            let row = rows.entry((quantity, kind)).or_default();
+            if *max >= row.max {
+                row.of.clone_from(&model.name);
+            }
+            *row = Row {
+                max: row.max.max(*max),
+                rms: row.rms.max(*rms),
+                size: row.size.max(*size),
+                different: row.different + different,
+                count: row.count + count,
+                of: std::mem::take(&mut row.of),
+            };
+            if *quantity == "cut of the step" {
+                least_share = least_share.min(1.0 - size);
+            }
+        }
+    }
+    println!("{:36} {:18} {:>8} {:>8} {:>8}  bits apart", "quantity", "after", "max", "RMS", "size");
+    for ((quantity, stage), row) in &rows {
+        let Row { max, rms, size, different, count, of } = row;
+        println!("{quantity:36} {stage:18} {max:8.1e} {rms:8.1e} {size:8.1e}  {different} of {count} ({of})");
+    }
+    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+    assert!(least_share < 0.5, "no step was cut: {least_share}");
+}
+
+/// A GPU whose assets change the backend after a stage.
+fn switched(switch: &str) -> vrtm::Result<Device> {
+    let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
+    Device::with_variables(&settings, &[("VRTM_SWITCH", switch)], None)
+}
+
+/// The largest difference of two results, in cells.
+fn apart(a: &Asset, b: &Asset) -> f32 {
+    let both = a.displacements(0).unwrap().into_iter().zip(b.displacements(0).unwrap());
+    both.flat_map(|(a, b)| [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()]).fold(0.0, f32::max)
+}
+
+#[test]
+fn the_rest_on_the_other_backend() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let model = Model::from(common::scenes::analytic::shear(0.5));
+    let solve = |device: &Device| {
+        let mut asset = model.asset_on(device, 64);
+        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        asset
+    };
+    let (of_cpu, of_gpu) = (solve(&cpu(0)), solve(&device));
+    // All stages on one backend are that backend.
+    assert!(bits(&solve(&switched("cpu:certify").unwrap())) == bits(&of_cpu));
+    assert!(bits(&solve(&switched("gpu:certify").unwrap())) == bits(&of_gpu));
+    for stage in
+        ["surface", "pyramid", "prolong@2", "relax@1", "correct@1", "relax@0", "correct@0.1", "correct@0"]
+    {
+        for backend in ["cpu", "gpu"] {
+            let asset = solve(&switched(&format!("{backend}:{stage}")).unwrap());
+            let report = asset.tile_report(0).unwrap();
+            let (from_cpu, from_gpu) = (apart(&asset, &of_cpu), apart(&asset, &of_gpu));
+            println!(
+                "{backend} to {stage:12} {from_cpu:.1e} cells from the CPU's result, {from_gpu:.1e} from the GPU's"
+            );
+            assert!(report.folds == 0 && report.min_jacobian > 0.0, "{stage}");
+            // Apart as a correction is (see above), wherever it begins.
+            assert!(from_cpu <= 5e-2 && from_gpu <= 5e-2, "{stage}");
+            let relative = report.energy / of_cpu.tile_report(0).unwrap().energy - 1.0;
+            assert!(relative.abs() <= 1e-4, "{stage}: E is {relative:.1e} apart");
+        }
+    }
+}
+
+/// Reused charts and warm starts find the last result, wherever it was made.
+#[test]
+fn a_switched_asset_goes_on_from_its_result() {
+    if !common::has_gpu() {
+        return;
+    }
+    let model = Model::from(common::scenes::creature());
+    let device = switched("cpu:certify").unwrap();
+    let (mut asset, mut plain) = (model.asset_on(&device, 64), model.asset(0, 64));
+    let warm = SolveOptions { warm: true, ..SolveOptions::default() };
+    let normal = SolveOptions::default();
+    for (frame, options) in [(1, &normal), (1, &normal), (2, &warm), (2, &normal), (1, &warm)] {
+        for asset in [&mut asset, &mut plain] {
+            asset.solve(model.frame(frame), options).unwrap();
+        }
+        assert!(bits(&asset) == bits(&plain), "frame {frame}, warm {}", options.warm);
+        let [a, b] = [&asset, &plain].map(|asset| asset.tile_report(0).unwrap());
+        assert_eq!((a.charts_reused, a.energy, a.node_updates), (b.charts_reused, b.energy, b.node_updates));
+    }
+}
+
+#[test]
+fn a_switch_that_cannot_be_is_refused() {
+    let settings = |backend| DeviceSettings { backend, ..DeviceSettings::default() };
+    let refused = |backend, switch: &str| {
+        Device::with_variables(&settings(backend), &[("VRTM_SWITCH", switch)], None).unwrap_err()
+    };
+    let error = refused(Backend::Cpu, "cpu:relax");
+    assert_eq!(error.kind, ErrorKind::InvalidArgument);
+    let message =
+        "VRTM_SWITCH: 'cpu:relax' is not cpu: or gpu: and a stage, as in cpu:relax@1 or gpu:correct@0.2";
+    assert_eq!(error.message, message);
+    let error = refused(Backend::Cpu, "cpu:relax@1");
+    assert_eq!(error.kind, ErrorKind::Unsupported);
+    assert_eq!(error.message, "VRTM_SWITCH: the device is the CPU, but the switch needs a GPU");
+    let mut asset = Model::from(common::scenes::analytic::bulge()).asset(1, 32);
+    let positions = common::scenes::analytic::bulge().poses[0].clone();
+    let compared =
+        asset.compare_backends(0, vrtm::Strided::from_f32x3(&positions), &SolveOptions::default(), true);
+    assert_eq!(compared.unwrap_err().kind, ErrorKind::Unsupported);
+}
