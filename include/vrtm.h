@@ -778,7 +778,8 @@ typedef struct vrtm_tile_report_data {
     double energy_before;
     // Energy of the result.
     double energy;
-    // Smallest corner Jacobian of the result (1 at rest), found in double precision: greater than 0 certifies that the
+    // Smallest corner Jacobian of the result (1 at rest), found in double precision (on a GPU in single precision, less
+    // a bound of the rounding: never more than the true one): greater than 0 certifies that the
     // warp is one-to-one and onto.
     double min_jacobian;
     // Corner Jacobians that are not greater than 0: always 0.
@@ -813,7 +814,8 @@ typedef struct vrtm_tile_report_data {
     uint64_t node_updates;
     // Bytes held for this tile: maps, state, result.
     uint64_t bytes;
-    // Milliseconds: positions to triangles, metrics and samples.
+    // Milliseconds: positions to triangles, metrics and samples. The stages' times are taken on the device; on a GPU
+    // without timestamps they are 0, and only the total is told.
     float ms_surface;
     // Milliseconds: maps to grids; 0 unless a map or a setting changed.
     float ms_maps;
@@ -825,7 +827,7 @@ typedef struct vrtm_tile_report_data {
     float ms_relax;
     // Milliseconds: Gauss-Newton corrections.
     float ms_correct;
-    // Milliseconds: the certificate in double precision.
+    // Milliseconds: the certificate.
     float ms_certify;
     // Milliseconds: the latest inversion; not part of the total.
     float ms_invert;

@@ -3,6 +3,7 @@
 mod backend;
 mod fetch;
 mod inspect;
+mod output;
 mod parity;
 mod tile_state;
 
@@ -20,6 +21,7 @@ use crate::tile::Rigidity;
 use crate::view::Strided;
 pub use fetch::FetchKind;
 pub use inspect::ReferenceMinimum;
+use output::Outputs;
 use tile_state::{Solved, TileState};
 
 /// One output of [`Asset::redirect`].
@@ -40,6 +42,7 @@ pub struct Asset {
     device: Device,
     mesh: Mesh,
     tiles: Vec<TileState>,
+    outputs: Outputs,
     /// Wall-clock milliseconds of the last good solve.
     solved_ms: Option<f32>,
 }
@@ -64,7 +67,7 @@ impl Asset {
             }
         }
         let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
-        Ok(Asset { device: device.clone(), mesh, tiles, solved_ms: None })
+        Ok(Asset { device: device.clone(), mesh, tiles, outputs: Outputs::default(), solved_ms: None })
     }
 
     /// The device it was made on.
@@ -173,7 +176,7 @@ impl Asset {
     /// Writes one output of the last solve.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve.
+    /// `NotSolved` before the first solve; on a GPU, `OutOfMemory` and `DeviceLost`. Nothing is written then.
     pub fn fetch(&mut self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
         self.check_tile(tile)?;
         Team::with(self.device.threads(), |team| self.fetch_with(team, tile, kind, image))
@@ -225,7 +228,7 @@ impl Asset {
     ) -> Result<()> {
         let solved = self.tiles[tile].solved.as_mut().ok_or_else(not_solved)?;
         let start = Instant::now();
-        fetch::write(team, solved, kind, image)?;
+        fetch::write(&self.device, team, solved, &mut self.outputs, kind, image)?;
         solved.report.times.invert = start.elapsed().as_secs_f32() * 1000.0;
         Ok(())
     }
@@ -322,6 +325,7 @@ impl Drop for Asset {
         for tile in &mut self.tiles {
             tile.release(&self.device);
         }
+        self.outputs.release(&self.device);
         self.tiles.clear();
         if let Some(gpu) = self.device.gpu() {
             gpu.reclaim();

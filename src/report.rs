@@ -70,7 +70,8 @@ pub struct TileInfo {
     pub overlap: f32,
 }
 
-/// Milliseconds per stage of one solve.
+/// Milliseconds per stage of one solve. On a GPU those of surface to certify are measured there, and 0 where it has no
+/// timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
     /// Positions to triangles, metrics and samples.
@@ -140,7 +141,8 @@ pub struct TileReport {
     pub energy_before: f64,
     /// Energy of the result.
     pub energy: f64,
-    /// Smallest corner Jacobian of the result, in f64: > 0 certifies that the warp is one-to-one and onto.
+    /// Smallest corner Jacobian of the result: > 0 certifies that the warp is one-to-one and onto. In f64 on the CPU; on
+    /// a GPU in f32 less a bound of the rounding, so that it is never more than the true one.
     pub min_jacobian: f64,
     /// Corner Jacobians <= 0: always 0 from `descent`.
     pub folds: u64,
@@ -168,7 +170,8 @@ pub struct TileReport {
     pub sweeps: u32,
     /// Corrections of the schedule, over all levels; charts that gain too little sit out the last ones.
     pub corrections: u32,
-    /// Node updates by relaxation, over all levels.
+    /// Node updates by relaxation, over all levels; on a GPU as if every part of the schedule ran, and a level had a
+    /// quarter of the next finer one's nodes.
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,

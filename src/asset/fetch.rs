@@ -3,12 +3,14 @@
 use std::sync::atomic::{AtomicPtr, Ordering};
 
 use crate::cpu::{Team, invert};
+use crate::device::Device;
 use crate::error::Result;
 use crate::half;
 use crate::image::{ImageLayout, ImageViewMut, PixelFormat};
 use crate::mesh::{Mesh, NONE};
 use crate::tile::blocks::{SIDE, slot};
 
+use super::output::Outputs;
 use super::tile_state::Solved;
 
 /// What a fetch writes: two channels (u, v) per texel, f32 or f16.
@@ -54,26 +56,24 @@ impl Canvas {
 }
 
 /// Writes `kind` of a result.
-pub(super) fn write(team: &Team, solved: &Solved, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
-    let u = solved.warp.host()?;
+pub(super) fn write(
+    device: &Device,
+    team: &Team,
+    solved: &Solved,
+    outputs: &mut Outputs,
+    kind: FetchKind,
+    image: &mut ImageViewMut,
+) -> Result<()> {
     let size = [image.layout.width as usize, image.layout.height as usize];
     let canvas = Canvas::new(image);
     let level = &solved.grid.levels[0];
     let cells = [level.nx as f64, level.ny as f64];
     match kind {
-        FetchKind::Redirection | FetchKind::RedirectionDelta => {
-            let delta = kind == FetchKind::RedirectionDelta;
-            let centre = |x: usize, axis: usize| (x as f64 + 0.5) / size[axis] as f64;
-            team.run(size[1], |y| {
-                for x in 0..size[0] {
-                    canvas.put(x, y, if delta { [0.0; 2] } else { [centre(x, 0), centre(y, 1)] });
-                }
-            });
-            invert::texels(team, &solved.grid, u, size, |x, y, p| {
-                let uv = [p[0] / cells[0], p[1] / cells[1]];
-                let uv = if delta { [uv[0] - centre(x, 0), uv[1] - centre(y, 1)] } else { uv };
-                canvas.put(x, y, uv);
-            });
+        FetchKind::Redirection => {
+            outputs.invert(device, team, solved, size, |x, y, uv, _| canvas.put(x, y, uv))?;
+        }
+        FetchKind::RedirectionDelta => {
+            outputs.invert(device, team, solved, size, |x, y, _, delta| canvas.put(x, y, delta))?;
         }
         FetchKind::Warp => {
             let nodes = dense(solved)?;

@@ -43,7 +43,8 @@ pub struct vrtm_tile_report_data {
     pub energy_before: f64,
     /// Energy of the result.
     pub energy: f64,
-    /// Smallest corner Jacobian of the result (1 at rest), found in double precision: greater than 0 certifies that the
+    /// Smallest corner Jacobian of the result (1 at rest), found in double precision (on a GPU in single precision, less
+    /// a bound of the rounding: never more than the true one): greater than 0 certifies that the
     /// warp is one-to-one and onto.
     pub min_jacobian: f64,
     /// Corner Jacobians that are not greater than 0: always 0.
@@ -78,7 +79,8 @@ pub struct vrtm_tile_report_data {
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,
-    /// Milliseconds: positions to triangles, metrics and samples.
+    /// Milliseconds: positions to triangles, metrics and samples. The stages' times are taken on the device; on a GPU
+    /// without timestamps they are 0, and only the total is told.
     pub ms_surface: f32,
     /// Milliseconds: maps to grids; 0 unless a map or a setting changed.
     pub ms_maps: f32,
@@ -90,7 +92,7 @@ pub struct vrtm_tile_report_data {
     pub ms_relax: f32,
     /// Milliseconds: Gauss-Newton corrections.
     pub ms_correct: f32,
-    /// Milliseconds: the certificate in double precision.
+    /// Milliseconds: the certificate.
     pub ms_certify: f32,
     /// Milliseconds: the latest inversion; not part of the total.
     pub ms_invert: f32,

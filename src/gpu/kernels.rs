@@ -78,6 +78,7 @@ pub enum Kernel {
     Gate,
     Certify,
     Finish,
+    Invert,
 }
 
 /// How a kernel is made.
@@ -111,7 +112,7 @@ macro_rules! source {
 
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
-pub const SOURCES: [Source; 33] = [
+pub const SOURCES: [Source; 34] = [
     source!(Surface, "surface", ["triangle", "surface"], [W(SURFACE), R(OWN), R(OWN + 1)], 0),
     source!(Gather, "gather", ["triangle", "gather"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), W(OWN + 2)], 52),
@@ -166,12 +167,20 @@ pub const SOURCES: [Source; 33] = [
     source!(Gate, "gate", ["gate"], [R(OWN), W(OWN + 1), W(OWN + 2)], 0),
     source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
     source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(OWN)], 16),
+    // No part of a solve: it knows neither its parameters nor its charts.
+    Source {
+        kernel: Kernel::Invert,
+        entry: "invert",
+        parts: &["invert"],
+        bindings: &[R(BLOCKS), R(OWN), R(OWN + 1), R(OWN + 2), W(OWN + 3)],
+        bytes_per_node: 8,
+    },
 ];
 
 impl Kernel {
     /// How it is made.
     pub fn source(self) -> &'static Source {
-        const { assert!(SOURCES.len() == Kernel::Finish as usize + 1) };
+        const { assert!(SOURCES.len() == Kernel::Invert as usize + 1) };
         let source = &SOURCES[self as usize];
         debug_assert_eq!(source.kernel, self);
         source
@@ -220,7 +229,8 @@ fn part(name: &str) -> &'static str {
         "cut",
         "control",
         "gate",
-        "certify"
+        "certify",
+        "invert"
     )
 }
 
@@ -245,6 +255,11 @@ impl Pipelines {
 
 impl Pipeline {
     fn new(context: &Context, source: &Source) -> Pipeline {
+        Pipeline::of(context, source, source.text())
+    }
+
+    /// The same of another text.
+    pub(super) fn of(context: &Context, source: &Source, text: String) -> Pipeline {
         let device = &context.device;
         let label = Some(source.entry);
         let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collect();
@@ -252,7 +267,7 @@ impl Pipeline {
             device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label,
-            source: wgpu::ShaderSource::Wgsl(source.text().into()),
+            source: wgpu::ShaderSource::Wgsl(text.into()),
         });
         let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label,

@@ -92,5 +92,20 @@ pub struct Triangle {
     pub pose: [f32; 9],
 }
 
+/// What `shaders/invert.wgsl` is asked for.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Request {
+    pub first: u32,
+    pub count: u32,
+    pub parts: u32,
+    pub bits: u32,
+    pub width: u32,
+    pub height: u32,
+    pub row: u32,
+    pub rows: u32,
+    pub texels: [f32; 2],
+}
+
 #[cfg(test)]
 mod tests;

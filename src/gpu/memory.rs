@@ -193,7 +193,8 @@ impl Memory {
             })
             .transpose()?;
         let charts = tile.charts.len() as u64;
-        let result = || ResultBuffers::new(&bands[0], &storage).map(Arc::new);
+        let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collect();
+        let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
         let memory = Memory {
             grid: Arc::downgrade(grid),
             triangles: upload("triangles", bytemuck::cast_slice(&triangles(grid)))?,
@@ -414,7 +415,7 @@ fn size_bytes(bands: &[Vec<Band>]) -> u64 {
 }
 
 /// The blocks of a band, as the shaders see them.
-fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<Block> {
+pub(super) fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<Block> {
     let level = &grid.levels[k];
     let list = &level.blocks.list;
     let above = bands.get(k + 1).map(|bands| &bands[band.above]);

@@ -60,8 +60,11 @@ pub const STAGES: usize = 7;
 const STRIDE: usize = 256;
 /// Records of a submission.
 const RECORDS: usize = 1024;
-/// Blocks times passes of a submission: on a GPU with 50 GB/s, about a third of a second.
-const WORK: u64 = 1 << 20;
+/// Bytes that a submission moves at most: half a second on the slowest GPU of its kind. Desktops kill what takes two.
+fn most_bytes(kind: wgpu::DeviceType) -> u64 {
+    let per_second = if kind == wgpu::DeviceType::DiscreteGpu { 150 } else { 25 };
+    per_second * 1_000_000_000 / 2
+}
 
 /// What the recorders of one tile use, one after the other.
 #[derive(Clone, Debug)]
@@ -88,6 +91,7 @@ pub struct Recorder {
     commands: Vec<Command>,
     params: Vec<u8>,
     known: HashMap<[u8; size_of::<Params>()], u32>,
+    /// Bytes that the commands move at most.
     work: u64,
     stage: usize,
     /// Stage and, if each dispatch has a pass of its own, kernel of each pass that was timed.
@@ -192,7 +196,7 @@ impl Recorder {
         size: Size,
         bytes: u64,
     ) {
-        if self.params.len() == RECORDS * STRIDE || self.work > WORK {
+        if self.params.len() == RECORDS * STRIDE || self.work > most_bytes(self.context.adapter.device_type) {
             self.flush();
         }
         let mut record = [0; size_of::<Params>()];
@@ -204,7 +208,7 @@ impl Recorder {
             all.resize(offset + STRIDE, 0);
             offset as u32
         });
-        self.work += u64::from(size.most);
+        self.work += bytes;
         let gate = size.gate.as_ref().map_or(0, |(_, _, number)| *number as usize + 1);
         if gate >= self.tallies.len() {
             self.tallies.resize_with(gate + 1, || vec![KernelTally::default(); SOURCES.len()]);

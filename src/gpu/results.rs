@@ -14,6 +14,8 @@ use crate::tile::blocks::{NODES, Plane};
 #[derive(Debug)]
 pub(crate) struct ResultBuffers {
     pub bands: Vec<(Band, wgpu::Buffer)>,
+    /// The records of the bands' blocks: a result may outlive its solver.
+    pub blocks: Vec<wgpu::Buffer>,
 }
 
 /// Bytes of a block's displacements.
@@ -22,13 +24,14 @@ pub const RESULT_BLOCK: u64 = RESULT_PLANES as u64 * PLANE;
 impl ResultBuffers {
     pub fn new(
         bands: &[Band],
+        blocks: Vec<wgpu::Buffer>,
         storage: &impl Fn(&str, u64) -> Result<wgpu::Buffer>,
     ) -> Result<ResultBuffers> {
         let bands = bands
             .iter()
             .map(|band| Ok((band.clone(), storage("result", band.held.len() as u64 * RESULT_BLOCK)?)))
             .collect::<Result<_>>()?;
-        Ok(ResultBuffers { bands })
+        Ok(ResultBuffers { bands, blocks })
     }
 }
 

@@ -7,6 +7,13 @@ use super::context::Context;
 use crate::error::{Error, ErrorKind, Result};
 
 impl Context {
+    /// Makes a buffer that holds `bytes`; their number is a multiple of 4.
+    pub fn filled(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
+        let buffer = self.buffer(label, bytes.len() as u64, usage | wgpu::BufferUsages::COPY_DST)?;
+        self.contain(|| self.queue.write_buffer(&buffer, 0, bytes))?;
+        Ok(buffer)
+    }
+
     /// Makes a buffer that results are copied into and [`Context::mapped`] reads.
     pub fn staging(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)

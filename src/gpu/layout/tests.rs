@@ -36,6 +36,7 @@ fn rust_name(module: &Module, ty: Handle<Type>) -> String {
         TypeInner::Array { base, size: ArraySize::Constant(n), .. } => {
             format!("[{}; {n}]", rust_name(module, *base))
         }
+        TypeInner::Vector { size, scalar } => format!("[f{}; {}]", 8 * scalar.width, *size as u8),
         other => panic!("{other:?}"),
     }
 }
@@ -63,7 +64,7 @@ macro_rules! fields {
 }
 
 /// The structs of both sides. A field that is left out here shows: the shader has one more.
-fn structs() -> [(&'static str, usize, Fields); 5] {
+fn structs() -> [(&'static str, usize, Fields); 6] {
     [
         fields!(Params: first count partial mode sweeps items scale part tolerance smoothness smoothness_floor
             orientation room room_threshold level base other_base),
@@ -72,6 +73,7 @@ fn structs() -> [(&'static str, usize, Fields); 5] {
         fields!(Block: around links chart x y moves parent children chart_first chart_count continues),
         fields!(Triangle: corner barycentric neighbours chart pose),
         fields!(CycleBlock: links parent children colour fixed),
+        fields!(Request: first count parts bits width height row rows texels),
     ]
 }
 

@@ -1,0 +1,172 @@
+//! W⁻¹ of a tile's result at texel centres, on the backend that has the result.
+
+use crate::cpu::{Team, invert};
+use crate::device::Device;
+use crate::error::Result;
+use crate::gpu::{self, Displacements};
+
+use super::backend::Warp;
+use super::tile_state::Solved;
+
+/// What fetched images come through on their way from a GPU. One serves all tiles of an asset, one after the other: most
+/// of the time their images have the same size.
+#[derive(Debug, Default)]
+pub(super) struct Outputs {
+    gpu: Option<gpu::Output>,
+    /// What the device's books say.
+    booked: u64,
+}
+
+/// More bytes than these are given back after each fetch.
+const KEPT: u64 = 1 << 28;
+
+impl Outputs {
+    /// Calls `put(x, y, uv, delta)` for all texels of a width by height image, rows from v = 0 upward: W⁻¹ at the texel
+    /// centre, and the same less the centre. A texel may come twice, its last call counts; never on two threads at once.
+    pub fn invert(
+        &mut self,
+        device: &Device,
+        team: &Team,
+        solved: &Solved,
+        size: [usize; 2],
+        put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
+    ) -> Result<()> {
+        let level = &solved.grid.levels[0];
+        let cells = [level.nx as f64, level.ny as f64];
+        let centres = [0, 1].map(|axis| {
+            let of = |x: usize| (x as f64 + 0.5) / size[axis] as f64;
+            (0..size[axis]).map(of).collect::<Vec<f64>>()
+        });
+        let centre = |x: usize, y: usize| [centres[0][x], centres[1][y]];
+        if let Warp::Gpu(u) = &*solved.warp
+            && gpu::Output::suits(&u.context, size)
+        {
+            return self.on_gpu(device, u, size, |first, texels| {
+                team.run(texels.len() / size[0], |row| {
+                    let y = first + row;
+                    for (x, d) in texels[row * size[0]..][..size[0]].iter().enumerate() {
+                        let delta = [0, 1].map(|k| f64::from(d[k]) / cells[k]);
+                        let at = centre(x, y);
+                        put(x, y, [0, 1].map(|k| at[k] + delta[k]), delta);
+                    }
+                });
+            });
+        }
+        let u = solved.warp.host()?;
+        team.run(size[1], |y| (0..size[0]).for_each(|x| put(x, y, centre(x, y), [0.0; 2])));
+        invert::texels(team, &solved.grid, u, size, |x, y, p| {
+            let (uv, at) = ([0, 1].map(|k| p[k] / cells[k]), centre(x, y));
+            put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
+        });
+        Ok(())
+    }
+
+    fn on_gpu(
+        &mut self,
+        device: &Device,
+        u: &Displacements,
+        size: [usize; 2],
+        read: impl FnMut(usize, &[[f32; 2]]),
+    ) -> Result<()> {
+        let output = match self.gpu.take().filter(|output| output.holds(size)) {
+            Some(output) => output,
+            None => {
+                // The old one goes before the new one comes.
+                self.release(device);
+                let bytes = gpu::Output::bytes_for(&u.context, size);
+                device.rebook(0, bytes, &format!("an image of {}x{} texels", size[0], size[1]))?;
+                self.booked = bytes;
+                gpu::Output::new(&u.context, size).inspect_err(|_| self.release(device))?
+            }
+        };
+        let result = output.invert(u, size, read);
+        self.gpu = Some(output);
+        if self.booked > KEPT || result.is_err() {
+            self.release(device);
+        }
+        result
+    }
+
+    /// Gives the memory back, and its share of the device's budget.
+    pub fn release(&mut self, device: &Device) {
+        self.gpu = None;
+        let _ = device.rebook(self.booked, 0, "");
+        self.booked = 0;
+        if let Some(context) = device.gpu() {
+            context.reclaim();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::mesh::{MeshSource, UvSource};
+    use crate::settings::{Backend, DeviceSettings, Quality, SolveOptions, TileSettings};
+    use crate::view::Strided;
+    use crate::{Asset, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat};
+
+    /// A GPU's result, inverted there and on the CPU.
+    #[test]
+    fn both_backends_invert_a_result_alike() {
+        let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
+        if crate::adapters().is_empty() {
+            println!("skipped: no GPU adapter");
+            return;
+        }
+        let device = Device::new(&settings).unwrap();
+        if device.gpu().is_none() {
+            println!("skipped: {}", device.info().reason);
+            return;
+        }
+        let rest = [0.0, 0.5, 1.0].map(|y| [0.0, 0.4, 1.0].map(|x: f32| [x, y, 0.0]));
+        let mut pose = rest;
+        pose.iter_mut().for_each(|row| row[1] = [0.6, row[1][1] * 1.2, 0.1]);
+        let uvs: Vec<[f32; 2]> = rest.as_flattened().iter().map(|p| [p[0], p[1]]).collect();
+        let corners = [0, 1, 4, 3, 1, 2, 5, 4, 3, 4, 7, 6, 4, 5, 8, 7];
+        let source = MeshSource {
+            positions: Strided::from_f32x3(rest.as_flattened()),
+            face_counts: Some(&[4; 4]),
+            indices: &corners,
+            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+        };
+        let mut asset = Asset::new(&device, &source).unwrap();
+        let spots: Vec<u8> =
+            (0..64 * 64).map(|i| if i / 8 % 3 == 0 && i / 512 % 2 == 0 { 255 } else { 0 }).collect();
+        let map = ImageView::new("rigidity", &spots, ImageLayout::packed(64, 64, PixelFormat::U8)).unwrap();
+        asset.set_rigidity(0, Some(map)).unwrap();
+        asset.set_settings(0, &TileSettings { grid: [128, 96], ..TileSettings::default() }).unwrap();
+        let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
+        asset.solve(Strided::from_f32x3(pose.as_flattened()), &options).unwrap();
+        assert!(asset.tile_report(0).unwrap().max_displacement > 1.0);
+        let fetch = |asset: &mut Asset, kind, size: [u32; 2]| {
+            let mut bytes = vec![0; (size[0] * size[1]) as usize * 8];
+            let layout = ImageLayout::packed(size[0], size[1], PixelFormat::F32);
+            asset.fetch(0, kind, &mut ImageViewMut::new("image", &mut bytes, layout).unwrap()).unwrap();
+            (bytemuck::pod_collect_to_vec::<u8, f32>(&bytes), asset.tile_report(0).unwrap().times.invert)
+        };
+        for size in [[128, 96], [64, 48], [512, 512], [77, 131], [1, 1]] {
+            for kind in [FetchKind::Redirection, FetchKind::RedirectionDelta] {
+                fetch(&mut asset, kind, size);
+                let (on_gpu, gpu_ms) = fetch(&mut asset, kind, size);
+                let solved = asset.tiles[0].solved.as_mut().unwrap();
+                assert!(matches!(&*solved.warp, Warp::Gpu(_)), "{}", device.info().reason);
+                let host = Arc::new(Warp::Host(solved.warp.host().unwrap().to_vec()));
+                let before = std::mem::replace(&mut solved.warp, host);
+                let (on_cpu, cpu_ms) = fetch(&mut asset, kind, size);
+                asset.tiles[0].solved.as_mut().unwrap().warp = before;
+                let mut worst = 0.0f64;
+                for (k, (a, b)) in on_gpu.iter().zip(&on_cpu).enumerate() {
+                    let off = (f64::from(*a) - f64::from(*b)).abs();
+                    // The way from the centre is f32 cells, from f32 barycentrics; then the output is f32 itself.
+                    let slack = 4e-6 / 96.0 + f64::from(b.abs() * f32::EPSILON);
+                    assert!(off < slack, "{kind:?} {size:?}: {k}: {a} {b}");
+                    worst = worst.max(off * f64::from(size[k % 2]));
+                }
+                println!("{kind:?} {size:?}: {worst:.1e} texel; {gpu_ms:.2} ms, on the CPU {cpu_ms:.2} ms");
+            }
+        }
+    }
+}
