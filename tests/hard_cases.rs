@@ -1,5 +1,5 @@
 //! Hard cases: each ends in a certified result, or in an error that names the argument. A table of them, solved on one
-//! thread and on two, and the same checks for all: no fold, no NaN, energy not above the identity's, fixed nodes at
+//! thread, on two and on a GPU, and the same checks for all: no fold, no NaN, energy not above the identity's, fixed nodes at
 //! exactly 0, every texel written.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -11,12 +11,14 @@ use vrtm::{
     MeshSource, Origin, PixelFormat, SolveOptions, Strided, TileReport, TileSettings, UvSource,
 };
 
+#[path = "common/gpu.rs"]
+mod gpu;
 #[path = "hard_cases/table.rs"]
 mod table;
 use table::cases;
 
 /// No case takes a second on an idle machine; a busy one under a checker may need far longer. Only a hang reaches this.
-const HANG: Duration = Duration::from_secs(120);
+const HANG: Duration = Duration::from_secs(300);
 
 type Points = Vec<[f64; 3]>;
 
@@ -81,8 +83,12 @@ struct Case {
 impl Case {
     fn asset(&self, threads: u32) -> vrtm::Result<Asset> {
         let settings = DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() };
+        self.asset_on(&Device::new(&settings)?)
+    }
+
+    fn asset_on(&self, device: &Device) -> vrtm::Result<Asset> {
         let mut asset = Asset::new(
-            &Device::new(&settings)?,
+            device,
             &MeshSource {
                 positions: Strided::from_f64x3(&self.rest),
                 face_counts: None,
@@ -102,7 +108,10 @@ impl Case {
 
     /// Solves all frames, checks each, and gives the bits of all outputs and the last report.
     fn run(&self, threads: u32) -> (Vec<u32>, Option<TileReport>) {
-        let mut asset = self.asset(threads).unwrap();
+        self.run_with(self.asset(threads).unwrap())
+    }
+
+    fn run_with(&self, mut asset: Asset) -> (Vec<u32>, Option<TileReport>) {
         let mut bits = Vec::new();
         let mut last = None;
         for pose in &self.poses {
@@ -243,21 +252,14 @@ fn guarded<R: Send + 'static>(f: impl FnOnce() -> R + Send + 'static) -> Result<
     receive.recv_timeout(HANG).unwrap_or_else(|_| Err(format!("still running after {HANG:?}")))
 }
 
-#[test]
-fn each_ends_in_a_certified_result() {
+/// Runs all cases and prints a line for each.
+fn each(run: impl Fn(Case) -> Option<TileReport> + Clone + Send + 'static) {
     let mut failed = Vec::new();
     println!("{:<44} {:>10} {:>10} {:>7} {:>7} {:>6}", "case", "E before", "E", "min J", "moved", "ms");
     for case in cases() {
         let name = case.name;
-        let truncates = case.expect == Expect::Truncated;
-        let result = guarded(move || {
-            let (one, report) = case.run(1);
-            let (two, _) = case.run(2);
-            // Where time ends a solve, the state that it reached is not a function of the inputs.
-            assert!(truncates || one == two, "one and two threads give other bits");
-            report
-        });
-        match result {
+        let run = run.clone();
+        match guarded(move || run(case)) {
             Ok(report) => {
                 let r = report.unwrap_or_default();
                 println!(
@@ -272,6 +274,23 @@ fn each_ends_in_a_certified_result() {
         }
     }
     assert!(failed.is_empty(), "{} cases failed:\n{}", failed.len(), failed.join("\n"));
+}
+
+#[test]
+fn each_ends_in_a_certified_result() {
+    each(|case| {
+        let (one, report) = case.run(1);
+        let (two, _) = case.run(2);
+        // Where time ends a solve, the state that it reached is not a function of the inputs.
+        assert!(case.expect == Expect::Truncated || one == two, "one and two threads give other bits");
+        report
+    });
+}
+
+#[test]
+fn each_ends_in_a_certified_result_on_a_gpu() {
+    let Some(device) = gpu::gpu(&DeviceSettings::default()) else { return };
+    each(move |case| case.run_with(case.asset_on(&device).unwrap()).1);
 }
 
 /// NaN and the infinities in every input: an exact message, and the last good result stays.
