@@ -55,16 +55,17 @@ fn residual(b: u32, n: vec2i) -> vec2f {
     }
     let d = diagonal(holder, own.y);
     let v = wide_z[wide_place(n)];
-    var product = vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
+    // Summed as in cycle.wgsl: a level's residual has the same bits in either.
+    var sum = vec2f();
     for (var k = 0u; k < 8u; k++) {
         let far = n + offset(k);
         let source = wide_source(select(n, far, k > 3u));
         let owner = blocks[b].links[source.x];
         if owner != NONE {
-            product += pair_times(row_at(owner, PAIR + 4u * (k & 3u), source.y), k, wide_z[wide_place(far)]);
+            sum += pair_times(row_at(owner, PAIR + 4u * (k & 3u), source.y), k, wide_z[wide_place(far)]);
         }
     }
-    return vector(holder, R, own.y) - product;
+    return vector(holder, R, own.y) - (sum + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y));
 }
 
 /// The quarter of the coarser level's right-hand side over this block: P' (r - A z), at movable nodes.

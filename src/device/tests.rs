@@ -69,7 +69,7 @@ fn the_webgpu_limits_are_a_matter_of_options() {
     if gpu().is_none() {
         return;
     }
-    let gpu = context::Options { webgpu_limits: true };
+    let gpu = context::Options { webgpu_limits: true, ..context::Options::default() };
     let options = Options { backend: Some(Backend::Gpu), gpu, ..Options::default() };
     let device = Device::with(&DeviceSettings::default(), options).unwrap();
     assert_eq!(device.gpu().unwrap().limits, wgpu::Limits::defaults());

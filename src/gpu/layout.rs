@@ -106,3 +106,6 @@ pub struct Request {
     pub rows: u32,
     pub texels: [f32; 2],
 }
+
+#[cfg(test)]
+mod tests;

@@ -36,7 +36,7 @@ fn bytes_go_there_and_back() {
     assert_eq!(gpu.read(&buffer, 0..4000).unwrap(), bytes);
     gpu.queue.write_buffer(&buffer, 8, &[7; 4]);
     assert_eq!(gpu.read(&buffer, 4..16).unwrap(), [1, 0, 0, 0, 7, 7, 7, 7, 3, 0, 0, 0]);
-    assert_eq!(gpu.read(&buffer, 4..4).unwrap(), []);
+    assert!(gpu.read(&buffer, 4..4).unwrap().is_empty());
     // New buffers are zero.
     let buffer = gpu.buffer("zeros", 20, STORAGE).unwrap();
     assert_eq!(gpu.read(&buffer, 0..20).unwrap(), [0; 20]);
@@ -134,7 +134,7 @@ fn memory_that_is_short_is_named_and_the_gpu_stays() {
 
 #[test]
 fn webgpu_s_limits_are_opened_exactly() {
-    let Some(gpu) = gpu(Options { webgpu_limits: true }) else { return };
+    let Some(gpu) = gpu(Options { webgpu_limits: true, ..Options::default() }) else { return };
     assert_eq!(gpu.limits, wgpu::Limits::defaults());
     assert_eq!(gpu.device.limits(), wgpu::Limits::defaults());
     assert_eq!(gpu.device.features(), wgpu::Features::empty());

@@ -1,0 +1,241 @@
+//! What Rust says of the shaders' layouts, bindings and needs, against what naga reads in them.
+
+use std::any::type_name;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use wgpu::naga::front::wgsl::parse_str;
+use wgpu::naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationFlags, Validator};
+use wgpu::naga::{
+    AddressSpace, ArraySize, Expression, Handle, Literal, Module, ScalarKind, StorageAccess, Type, TypeInner,
+};
+
+use super::*;
+use crate::gpu::cycle::CycleBlock;
+use crate::gpu::kernels::{Binding, Kernel, SOURCES, Source, slot};
+use crate::tile::blocks::NODES;
+
+/// A kernel's module, checked with no optional capability.
+fn module(source: &Source) -> (Module, ModuleInfo) {
+    let module = parse_str(&source.text())
+        .unwrap_or_else(|error| panic!("{:?}: {}", source.kernel, error.emit_to_string(&source.text())));
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+    let info = validator.validate(&module).unwrap_or_else(|error| panic!("{:?}: {error:?}", source.kernel));
+    (module, info)
+}
+
+/// A type as Rust would write it; an atomic is the number in it.
+fn rust_name(module: &Module, ty: Handle<Type>) -> String {
+    match &module.types[ty].inner {
+        TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => match scalar.kind {
+            ScalarKind::Float => format!("f{}", 8 * scalar.width),
+            ScalarKind::Uint => format!("u{}", 8 * scalar.width),
+            other => panic!("{other:?}"),
+        },
+        TypeInner::Array { base, size: ArraySize::Constant(n), .. } => {
+            format!("[{}; {n}]", rust_name(module, *base))
+        }
+        TypeInner::Vector { size, scalar } => format!("[f{}; {}]", 8 * scalar.width, *size as u8),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Name, offset and type of each field.
+type Fields = Vec<(String, usize, String)>;
+
+/// The field's type, from a way to get it.
+fn type_of<S, F>(_: fn(&S) -> &F) -> String {
+    type_name::<F>().to_owned()
+}
+
+macro_rules! fields {
+    ($struct:ident: $($field:ident)*) => {
+        (
+            stringify!($struct),
+            size_of::<$struct>(),
+            vec![$((
+                stringify!($field).to_owned(),
+                std::mem::offset_of!($struct, $field),
+                type_of(|s: &$struct| &s.$field),
+            )),*],
+        )
+    };
+}
+
+/// The structs of both sides. A field that is left out here shows: the shader has one more.
+fn structs() -> [(&'static str, usize, Fields); 6] {
+    [
+        fields!(Params: first count partial mode sweeps items scale part tolerance smoothness smoothness_floor
+            orientation room room_threshold level base other_base),
+        fields!(Chart: solve working done fallback floor identity before energy rz alpha beta min_jacobian
+            max_displacement folds cuts),
+        fields!(Block: around links chart x y moves parent children chart_first chart_count continues),
+        fields!(Triangle: corner barycentric neighbours chart pose),
+        fields!(CycleBlock: links parent children colour fixed),
+        fields!(Request: first count parts bits width height row rows texels),
+    ]
+}
+
+#[test]
+fn structs_are_laid_out_alike() {
+    let mut seen = BTreeMap::new();
+    for source in &SOURCES {
+        let (module, _) = module(source);
+        for (name, size, expected) in structs() {
+            let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name));
+            let Some((_, ty)) = found else { continue };
+            let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
+            let field = |m: &wgpu::naga::StructMember| {
+                (m.name.clone().unwrap_or_default(), m.offset as usize, rust_name(&module, m.ty))
+            };
+            let members: Fields = members.iter().map(field).collect();
+            assert_eq!((members, *span as usize), (expected, size), "{name} in {:?}", source.kernel);
+            *seen.entry(name).or_insert(0) += 1;
+        }
+    }
+    assert_eq!(seen.len(), structs().len(), "no shader has all of the structs: {seen:?}");
+}
+
+/// A constant's value.
+fn constant(module: &Module, name: &str) -> Option<u32> {
+    let (_, constant) = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name))?;
+    match module.global_expressions[constant.init] {
+        Expression::Literal(Literal::U32(value)) => Some(value),
+        ref other => panic!("{name} is {other:?}"),
+    }
+}
+
+#[test]
+fn constants_agree() {
+    let expected = [
+        ("NODES", NODES),
+        ("SPREAD", SPREAD as usize),
+        ("NODE_PLANES", NODE_PLANES),
+        ("STATE_PLANES", STATE_PLANES),
+        ("ROW_PLANES", ROW_PLANES),
+        ("VECTOR_PLANES", VECTOR_PLANES),
+        // What the planes hold: displacement, value, triangle; diagonal, pairs; the last of the vectors.
+        ("VALUE", 2),
+        ("TRIANGLE", STATE_PLANES - 1),
+        ("PAIR", ROW_PLANES - 16),
+        ("MARK", VECTOR_PLANES - 1),
+    ];
+    for source in &SOURCES {
+        let (module, _) = module(source);
+        for (name, value) in expected {
+            assert_eq!(constant(&module, name), Some(value as u32), "{name} in {:?}", source.kernel);
+        }
+    }
+}
+
+/// The globals that a kernel's entry point uses: binding number, true if it may be written, and how it is used.
+fn used(module: &Module, info: &ModuleInfo, source: &Source) -> Vec<(u32, bool, GlobalUse)> {
+    let entry = module.entry_points.iter().position(|entry| entry.name == source.entry);
+    let of_entry = info.get_entry_point(entry.unwrap_or_else(|| panic!("no entry {}", source.entry)));
+    let mut all: Vec<_> = module
+        .global_variables
+        .iter()
+        .filter_map(|(handle, variable)| {
+            let binding = variable.binding.as_ref()?;
+            assert_eq!(binding.group, 0);
+            let written = matches!(variable.space, AddressSpace::Storage { access } if access.contains(StorageAccess::STORE));
+            let how = of_entry[handle];
+            (!how.is_empty()).then_some((binding.binding, written, how))
+        })
+        .collect();
+    all.sort_by_key(|(number, ..)| *number);
+    all
+}
+
+#[test]
+fn kernels_bind_what_they_use() {
+    for source in &SOURCES {
+        let (module, info) = module(source);
+        let used = used(&module, &info, source);
+        let name = format!("{:?}", source.kernel);
+        for (number, written, _) in &used {
+            let bound = source.bindings.iter().find(|b| b.number() == *number);
+            let writes = match bound.unwrap_or_else(|| panic!("{name} uses binding {number}, which it lacks"))
+            {
+                Binding::Params | Binding::Read(_) => false,
+                Binding::Write(_) => true,
+            };
+            assert_eq!(writes, *written, "{name}: access of binding {number}");
+        }
+        // Each kernel has its parameters and the charts; beside these, nothing that it does not look at.
+        let always = [Binding::Params.number(), slot::CHARTS];
+        for binding in source.bindings {
+            let number = binding.number();
+            let is_used = used.iter().any(|(n, ..)| *n == number);
+            assert!(is_used || always.contains(&number), "{name} binds {number}, but does not use it");
+        }
+    }
+}
+
+#[test]
+fn webgpu_s_default_limits_suffice() {
+    let limits = wgpu::Limits::defaults();
+    for source in &SOURCES {
+        let (module, info) = module(source);
+        let name = format!("{:?}", source.kernel);
+        let storage = source.bindings.iter().filter(|b| !matches!(b, Binding::Params)).count() as u32;
+        assert!(storage <= limits.max_storage_buffers_per_shader_stage, "{name}: {storage} storage buffers");
+        let index = module.entry_points.iter().position(|entry| entry.name == source.entry).unwrap();
+        // A chart of the small levels has four blocks at work at a time.
+        let threads = if source.kernel == Kernel::Cycle { 4 * THREADS } else { THREADS };
+        let size = module.entry_points[index].workgroup_size;
+        assert_eq!(size, [threads, 1, 1], "{name}");
+        assert!(threads <= limits.max_compute_invocations_per_workgroup, "{name}: {threads} threads");
+        let mut bytes = 0;
+        for (handle, variable) in module.global_variables.iter() {
+            let used = !info.get_entry_point(index)[handle].is_empty();
+            if used && variable.space == AddressSpace::WorkGroup {
+                // Each begins at a multiple of its alignment, 16 at most.
+                let size = module.types[variable.ty].inner.size(module.to_ctx());
+                bytes += size.next_multiple_of(16);
+            }
+        }
+        assert!(
+            bytes <= limits.max_compute_workgroup_storage_size,
+            "{name}: {bytes} bytes of workgroup memory"
+        );
+        println!(
+            "{name:16} {storage} storage buffers, {threads:3} threads, {bytes:5} bytes of workgroup memory"
+        );
+    }
+    assert!(size_of::<Params>() as u64 <= limits.max_uniform_buffer_binding_size);
+}
+
+/// `naga` and `tint` as programs, where they are: other versions, and another compiler than wgpu's.
+#[test]
+fn other_compilers_take_the_shaders() {
+    // Both check what they read; a tint without any writer of binaries can still write WGSL.
+    let run = |program: &str, argument: &Path| {
+        let format: &[&str] = if program == "tint" { &["--format", "wgsl"] } else { &[] };
+        Command::new(program).args(format).arg(argument).stdin(Stdio::null()).output()
+    };
+    let programs: Vec<&str> =
+        ["naga", "tint"].into_iter().filter(|program| run(program, "--help".as_ref()).is_ok()).collect();
+    if programs.is_empty() {
+        println!("skipped: neither naga nor tint is on the PATH");
+        return;
+    }
+    let folder = std::env::temp_dir().join(format!("vrtm_shaders_{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut failures = Vec::new();
+    for source in &SOURCES {
+        let file = folder.join(format!("{:?}.wgsl", source.kernel));
+        std::fs::write(&file, source.text()).unwrap();
+        for program in &programs {
+            let output = run(program, &file).unwrap();
+            if !output.status.success() {
+                let text = String::from_utf8_lossy(&output.stderr).into_owned();
+                failures.push(format!("{program}, {:?}: {text}", source.kernel));
+            }
+        }
+    }
+    let _ = std::fs::remove_dir_all(&folder);
+    println!("{} kernels, checked by {}", SOURCES.len(), programs.join(" and "));
+    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+}
