@@ -103,6 +103,9 @@ fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         }
         // A system that f32 cannot solve must not spoil the state.
         set_vector(b, X, s, select(vec2f(), x, abs(x) < vec2f(LONGEST)));
-        set_vector(b, R, s, vector(b, R, s) - alpha * vector(b, Z, s));
+        // No step leaves r as it is, also where A p is not a number.
+        if alpha != 0.0 {
+            set_vector(b, R, s, vector(b, R, s) - alpha * vector(b, Z, s));
+        }
     }
 }

@@ -19,7 +19,7 @@ mod transfer;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::solve::{ChartResult, Input};
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
@@ -54,6 +54,8 @@ pub(crate) struct Run<'a> {
     upload_ms: f32,
     /// When recording began.
     recording: Instant,
+    /// What went wrong first; the stages go on recording nothing, and `finish` tells.
+    failed: Option<Error>,
 }
 
 /// What dispatches depend on.
@@ -139,6 +141,7 @@ impl<'a> Run<'a> {
             gates: 0,
             upload_ms: 0.0,
             recording: start,
+            failed: None,
         };
         run.begin(keep);
         run.upload_ms = milliseconds(start);
@@ -167,6 +170,9 @@ impl<'a> Run<'a> {
 
     /// Waits for all of it, and reads what it came to.
     pub fn finish(mut self) -> Result<Finished> {
+        if let Some(error) = self.failed {
+            return Err(error);
+        }
         let times = self.recorder.finish();
         let record_ms = milliseconds(self.recording);
         let waiting = Instant::now();
@@ -243,7 +249,17 @@ impl<'a> Run<'a> {
         if size.most == 0 {
             return;
         }
-        let pipeline = self.context.pipelines.get(&self.context, kernel);
+        if self.failed.is_some() {
+            return;
+        }
+        let context = self.context.clone();
+        let pipeline = match context.pipelines.get(&context, kernel) {
+            Ok(pipeline) => pipeline,
+            Err(error) => {
+                self.failed = Some(error);
+                return;
+            }
+        };
         let key = (kernel, at, own.to_vec());
         let group = match self.memory.groups.get(&key) {
             Some(group) => group.clone(),

@@ -1,6 +1,6 @@
 //! Hard cases: each ends in a certified result, or in an error that names the argument. A table of them, solved on one
-//! thread and on two, and on a GPU, and the same checks for all: no fold, no NaN, energy not above the identity's, fixed
-//! nodes at exactly 0, every texel written.
+//! thread, on two and on a GPU, and the same checks for all: no fold, no NaN, energy not above the identity's, fixed nodes at
+//! exactly 0, every texel written.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc;
@@ -18,7 +18,7 @@ mod table;
 use table::cases;
 
 /// No case takes a second on an idle machine; a busy one under a checker may need far longer. Only a hang reaches this.
-const HANG: Duration = Duration::from_secs(120);
+const HANG: Duration = Duration::from_secs(300);
 
 type Points = Vec<[f64; 3]>;
 
@@ -80,13 +80,13 @@ struct Case {
     expect: Expect,
 }
 
-fn cpu(threads: u32) -> Device {
-    let settings = DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() };
-    Device::new(&settings).unwrap()
-}
-
 impl Case {
-    fn asset(&self, device: &Device) -> vrtm::Result<Asset> {
+    fn asset(&self, threads: u32) -> vrtm::Result<Asset> {
+        let settings = DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() };
+        self.asset_on(&Device::new(&settings)?)
+    }
+
+    fn asset_on(&self, device: &Device) -> vrtm::Result<Asset> {
         let mut asset = Asset::new(
             device,
             &MeshSource {
@@ -107,8 +107,11 @@ impl Case {
     }
 
     /// Solves all frames, checks each, and gives the bits of all outputs and the last report.
-    fn run(&self, device: &Device) -> (Vec<u32>, Option<TileReport>) {
-        let mut asset = self.asset(device).unwrap();
+    fn run(&self, threads: u32) -> (Vec<u32>, Option<TileReport>) {
+        self.run_with(self.asset(threads).unwrap())
+    }
+
+    fn run_with(&self, mut asset: Asset) -> (Vec<u32>, Option<TileReport>) {
         let mut bits = Vec::new();
         let mut last = None;
         for pose in &self.poses {
@@ -249,18 +252,18 @@ fn guarded<R: Send + 'static>(f: impl FnOnce() -> R + Send + 'static) -> Result<
     receive.recv_timeout(HANG).unwrap_or_else(|_| Err(format!("still running after {HANG:?}")))
 }
 
-/// Prints a line per case of `run`, which gives the last report and what else there is to say.
-fn each(run: impl Fn(Case) -> (Option<TileReport>, String) + Send + Sync + Clone + 'static) {
+/// Runs all cases and prints a line for each.
+fn each(run: impl Fn(Case) -> Option<TileReport> + Clone + Send + 'static) {
     let mut failed = Vec::new();
     println!("{:<44} {:>10} {:>10} {:>7} {:>7} {:>6}", "case", "E before", "E", "min J", "moved", "ms");
     for case in cases() {
         let name = case.name;
         let run = run.clone();
         match guarded(move || run(case)) {
-            Ok((report, more)) => {
+            Ok(report) => {
                 let r = report.unwrap_or_default();
                 println!(
-                    "{name:<44} {:>10.4} {:>10.4} {:>7.3} {:>7.3} {:>6.1} {more}",
+                    "{name:<44} {:>10.4} {:>10.4} {:>7.3} {:>7.3} {:>6.1}",
                     r.energy_before, r.energy, r.min_jacobian, r.max_displacement, r.times.total
                 );
             }
@@ -276,40 +279,40 @@ fn each(run: impl Fn(Case) -> (Option<TileReport>, String) + Send + Sync + Clone
 #[test]
 fn each_ends_in_a_certified_result() {
     each(|case| {
-        let (one, report) = case.run(&cpu(1));
-        let (two, _) = case.run(&cpu(2));
+        let (one, report) = case.run(1);
+        let (two, _) = case.run(2);
         // Where time ends a solve, the state that it reached is not a function of the inputs.
         assert!(case.expect == Expect::Truncated || one == two, "one and two threads give other bits");
-        (report, String::new())
+        report
     });
 }
 
-/// The same table on the GPU, and how its last energy compares to the CPU's. Which way a crushed sheet gives is decided
-/// by rounding, so there only the checks of the table hold; what both do not solve, or hardly, they agree on.
 #[test]
 fn each_ends_in_a_certified_result_on_a_gpu() {
     let Some(device) = gpu::gpu(&DeviceSettings::default()) else { return };
     each(move |case| {
-        let (_, on_cpu) = case.run(&cpu(0));
-        let (_, report) = case.run(&device);
-        let Some((c, g)) = on_cpu.zip(report) else { return (report, String::new()) };
-        let charts = |r: &TileReport| [r.charts, r.charts_active, r.charts_identity];
-        assert_eq!(charts(&c), charts(&g), "charts in all, active, at rest");
-        let apart = if c.energy > 0.0 { g.energy / c.energy - 1.0 } else { g.energy };
-        (report, format!("{apart:9.1e} from the CPU's E"))
+        let report = case.run_with(case.asset_on(&device).unwrap()).1;
+        // Which way a crushed sheet gives is decided by rounding; what there is to solve, and what E is before, is not.
+        if let (Some(c), Some(g)) = (case.run(0).1, report) {
+            let charts = |r: &TileReport| [r.charts, r.charts_active, r.charts_identity];
+            assert_eq!(charts(&c), charts(&g), "charts: all, active, at rest");
+            let apart = (g.energy_before - c.energy_before).abs();
+            assert!(apart <= 1e-5 * c.energy_before, "energy before: {} {}", c.energy_before, g.energy_before);
+        }
+        report
     });
 }
 
 /// NaN and the infinities in every input: an exact message, and the last good result stays.
 #[test]
 fn what_is_not_finite_is_named() {
-    refuses_what_is_not_finite(&cpu(1));
+    not_finite_is_named(|case| case.asset(1));
     if let Some(device) = gpu::gpu(&DeviceSettings::default()) {
-        refuses_what_is_not_finite(&device);
+        not_finite_is_named(|case| case.asset_on(&device));
     }
 }
 
-fn refuses_what_is_not_finite(device: &Device) {
+fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
     let good = cases().into_iter().find(|case| case.name == "squash to 40 %").unwrap();
     for (bad, text) in [(f64::NAN, "NaN"), (f64::INFINITY, "inf"), (f64::NEG_INFINITY, "-inf")] {
         let rejected = |message: &str, result: vrtm::Result<()>| {
@@ -318,12 +321,12 @@ fn refuses_what_is_not_finite(device: &Device) {
         };
         let mut case = good.clone();
         case.rest[7][1] = bad;
-        rejected(&format!("positions[7]: component 1 is {text}"), case.asset(&cpu(1)).map(drop));
+        rejected(&format!("positions[7]: component 1 is {text}"), asset(&case).map(drop));
         let mut case = good.clone();
         case.uvs[9][1] = bad as f32;
-        rejected(&format!("uvs.u[9]: component 1 is {text}"), case.asset(&cpu(1)).map(drop));
+        rejected(&format!("uvs.u[9]: component 1 is {text}"), asset(&case).map(drop));
 
-        let mut asset = good.asset(device).unwrap();
+        let mut asset = asset(&good).unwrap();
         asset.solve(Strided::from_f64x3(&good.poses[0]), &good.options).unwrap();
         let before = (asset.displacements(0).unwrap(), asset.tile_report(0).unwrap());
         let mut pose = good.poses[0].clone();
@@ -365,7 +368,7 @@ fn refuses_what_is_not_finite(device: &Device) {
 /// Units do not matter: powers of two scale every number exactly, others differ by the rounding of the positions.
 #[test]
 fn units_do_not_matter() {
-    let solved: Vec<_> = table::units().iter().map(|case| case.run(&cpu(2))).collect();
+    let solved: Vec<_> = table::units().iter().map(|case| case.run(2)).collect();
     let (bits, report) = &solved[0];
     for (k, (other, r)) in solved.iter().enumerate().skip(1) {
         if k >= 5 {

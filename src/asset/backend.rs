@@ -93,11 +93,11 @@ impl Memory {
         keep: &[bool],
     ) -> Result<Ran> {
         let any = input.charts.contains(&true);
+        let warm = plan.warm && last.is_some();
         match self {
             Memory::Cpu(memory) => {
                 let mut u = start(grid, last, keep)?;
                 let mut run = cpu::Run::new(team, input, memory, &mut u);
-                let warm = plan.warm && last.is_some();
                 let outcome = if any { solve::run(&mut run, plan, warm, called) } else { Outcome::default() };
                 let (charts, node_updates) = (std::mem::take(&mut run.outcome), run.node_updates());
                 let blocks_active = run.blocks_active();
@@ -114,7 +114,6 @@ impl Memory {
                         Some(Warp::Gpu(last)) => Some(last.buffers.clone()),
                         _ => None,
                     };
-                    let warm = plan.warm && last.is_some();
                     let mut run = gpu::Run::new(input, memory, last, keep)?;
                     let mut outcome =
                         if any { solve::run(&mut run, plan, warm, called) } else { Outcome::default() };

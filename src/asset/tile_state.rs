@@ -202,7 +202,13 @@ impl TileState {
             let settings = &self.maps.settings;
             let input = Input { grid: &grid, mesh: source, pose: &pose, settings, charts: &charts };
             let keep: Vec<bool> = state.iter().map(|&s| s != ChartState::Identity).collect();
-            let ran = memory.run(team, &input, &grid, plan, called, last.as_deref(), &keep)?;
+            let ran = match memory.run(team, &input, &grid, plan, called, last.as_deref(), &keep) {
+                Ok(ran) => ran,
+                Err(error) => {
+                    drop(memory);
+                    return Err(self.give_up(device, source, error));
+                }
+            };
             for c in (0..charts.len()).filter(|&c| charts[c]) {
                 outcome[c] = ran.charts[c];
             }
@@ -251,6 +257,18 @@ impl TileState {
         Ok(Solved { grid, warp, inputs, outcome, overlap, report, work })
     }
 
+    /// What is left of the solver's memory after a failure goes, and is taken out of the books.
+    fn give_up(&mut self, device: &Device, tile: &TileMesh, error: Error) -> Error {
+        self.memory = None;
+        self.memory_bytes = 0;
+        if let Some(gpu) = device.gpu() {
+            gpu.reclaim();
+        }
+        // Less than before always fits.
+        let _ = self.book(device, 0, tile.udim);
+        error
+    }
+
     /// Lets the solver's memory go.
     fn forget(&mut self, device: &Device) {
         self.memory_bytes = 0;
@@ -269,7 +287,10 @@ impl TileState {
             self.forget(device);
             let bytes = Memory::bytes_for(device, grid, tile)?;
             self.book(device, bytes, tile.udim)?;
-            self.memory = Some(Memory::new(device, grid, tile)?);
+            match Memory::new(device, grid, tile) {
+                Ok(memory) => self.memory = Some(memory),
+                Err(error) => return Err(self.give_up(device, tile, error)),
+            }
             self.memory_bytes = bytes;
         }
         Ok(())

@@ -92,7 +92,7 @@ impl Output {
         size: [usize; 2],
         mut read: impl FnMut(usize, &[[f32; 2]]),
     ) -> Result<()> {
-        let pipeline = self.context.contain(|| self.context.pipelines.get(&self.context, Kernel::Invert))?;
+        let pipeline = self.context.pipelines.get(&self.context, Kernel::Invert)?;
         self.run(pipeline, u, size, |row, bytes| read(row, bytemuck::cast_slice(bytes)))
     }
 

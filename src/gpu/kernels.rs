@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use super::context::Context;
 use super::layout::{Chart, Params};
+use crate::error::{Error, ErrorKind, Result};
 
 /// What a kernel binds at one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,9 +146,9 @@ pub const SOURCES: [Source; 34] = [
     source!(AssembleMetrics, "assemble", ["metrics", "patch", "assemble"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 140),
     source!(Galerkin, "galerkin", ["rows_apart", "galerkin"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(OWN), R(OWN + 1)], 380),
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(OWN), R(OWN + 1)], 388),
     source!(GalerkinTogether, "galerkin", ["rows_together", "galerkin"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(OWN)], 380),
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(OWN)], 388),
     source!(Smooth, "smooth_z", ["multigrid", "descend"], [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 100),
     source!(Restrict, "restrict_residual", ["multigrid", "descend"],
         [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), R(OWN), W(OWN + 1)], 95),
@@ -246,10 +247,17 @@ pub struct Pipeline {
 pub struct Pipelines(OnceLock<Vec<OnceLock<Pipeline>>>);
 
 impl Pipelines {
-    /// A kernel's pipeline.
-    pub fn get(&self, context: &Context, kernel: Kernel) -> &Pipeline {
+    /// A kernel's pipeline. One that could not be made is tried again next time.
+    pub fn get(&self, context: &Context, kernel: Kernel) -> Result<&Pipeline> {
         let all = self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collect());
-        all[kernel as usize].get_or_init(|| Pipeline::new(context, kernel.source()))
+        let place = &all[kernel as usize];
+        if place.get().is_none() {
+            let made = context.contain(|| Pipeline::new(context, kernel.source()))?;
+            // Another thread may have been faster.
+            let _ = place.set(made);
+        }
+        let missing = || Error::new(ErrorKind::Internal, "a pipeline is missing");
+        place.get().ok_or_else(missing)
     }
 }
 

@@ -101,12 +101,17 @@ pub(crate) struct Memory {
     pub groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), wgpu::BindGroup>,
 }
 
+/// Bytes that are handed over at a time.
+const UPLOAD: usize = 32 << 20;
+
 /// Most bytes per block in one buffer.
 const LARGEST: u64 = ROW_PLANES as u64 * PLANE;
 
 fn capacity(context: &Context) -> usize {
     let limits = &context.limits;
-    let most = (limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) / LARGEST) as usize;
+    // Shaders count in u32.
+    let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(i32::MAX as u64);
+    let most = (bytes / LARGEST) as usize;
     context.options.band.map_or(most, |band| band.min(most))
 }
 
@@ -123,9 +128,19 @@ impl Memory {
             }
             context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
         };
+        let waiting = std::cell::Cell::new(0);
         let upload = |label: &str, bytes: &[u8]| {
             let buffer = storage(label, bytes.len() as u64)?;
-            context.queue.write_buffer(&buffer, 0, bytes);
+            // What is written waits in host memory until it is submitted: not too much of it at a time.
+            for (n, part) in bytes.chunks(UPLOAD).enumerate() {
+                context.queue.write_buffer(&buffer, (n * UPLOAD) as u64, part);
+                waiting.set(waiting.get() + part.len());
+                if waiting.get() >= UPLOAD {
+                    context.queue.submit([]);
+                    context.wait()?;
+                    waiting.set(0);
+                }
+            }
             Ok::<_, Error>(buffer)
         };
         let small = SmallLevels::new(grid, &bands, capacity(context));

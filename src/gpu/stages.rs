@@ -146,8 +146,9 @@ impl Stages for Run<'_> {
 
     fn settle(&mut self) {
         self.recorder.flush();
-        // A failure shows at the end.
-        let _ = self.context.wait();
+        if let Err(error) = self.context.wait() {
+            self.failed.get_or_insert(error);
+        }
     }
 }
 

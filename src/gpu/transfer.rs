@@ -2,9 +2,13 @@
 
 use std::ops::Range;
 use std::sync::mpsc;
+use std::time::Duration;
 
 use super::context::Context;
 use crate::error::{Error, ErrorKind, Result};
+
+/// How long a callback may take after the wait that it belongs to: another thread may have picked it up.
+const CALLBACK: Duration = Duration::from_secs(10);
 
 impl Context {
     /// Makes a buffer that holds `bytes`; their number is a multiple of 4.
@@ -34,7 +38,7 @@ impl Context {
             let unread = |why: String| {
                 Error::new(ErrorKind::Internal, format!("the GPU: a result cannot be read: {why}"))
             };
-            let mapped = receiver.try_recv().map_err(|error| unread(error.to_string()))?;
+            let mapped = receiver.recv_timeout(CALLBACK).map_err(|error| unread(error.to_string()))?;
             mapped.map_err(|error| unread(error.to_string()))?;
             let bytes = staging.get_mapped_range(0..size).map_err(|error| unread(error.to_string()))?;
             Ok(read(&bytes))

@@ -1,6 +1,6 @@
 //! A pose that is rest, or rest moved rigidly, changes nothing.
 
-use vrtm::{SolveOptions, Strided};
+use vrtm::{Asset, DeviceSettings, SolveOptions, Strided};
 
 use crate::common::{self, Model, Warp, bits, doubles};
 
@@ -14,8 +14,18 @@ fn models() -> Vec<Model> {
 
 #[test]
 fn rest_is_the_identity_exactly() {
-    for model in models() {
-        let mut asset = model.asset(0, 256);
+    rest_is_the_identity(&models(), |model| model.asset(0, 256));
+}
+
+#[test]
+fn rest_is_the_identity_exactly_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    rest_is_the_identity(&models(), |model| model.asset_on(&device, 64));
+}
+
+fn rest_is_the_identity(models: &[Model], asset: impl Fn(&Model) -> Asset) {
+    for model in models {
+        let mut asset = asset(model);
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         assert!(bits(&asset).iter().any(|u| *u != [0; 2]), "{} does not move", model.name);
         asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
@@ -35,9 +45,19 @@ fn turn(p: [f64; 3]) -> [f64; 3] {
 
 #[test]
 fn rigid_motions_are_the_identity_even_far_away() {
-    for model in models() {
+    rigid_motions_are_the_identity(&models(), |model| model.asset(0, 256));
+}
+
+#[test]
+fn rigid_motions_are_the_identity_even_far_away_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    rigid_motions_are_the_identity(&models(), |model| model.asset_on(&device, 64));
+}
+
+fn rigid_motions_are_the_identity(models: &[Model], asset: impl Fn(&Model) -> Asset) {
+    for model in models {
         let rest = doubles(&model.rest);
-        let mut asset = model.asset(0, 256);
+        let mut asset = asset(model);
         for distance in [0.0, 1.0, 1e6] {
             let moved: Vec<_> = rest.iter().map(|&p| turn(p).map(|x| x + distance)).collect();
             asset.solve(Strided::from_f64x3(&moved), &SolveOptions::default()).unwrap();

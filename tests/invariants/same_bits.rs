@@ -1,6 +1,8 @@
 //! A frame's result depends on its inputs alone: not on threads, not on what was solved before, not on failed calls.
 
-use vrtm::{FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided};
+use vrtm::{
+    Asset, DeviceSettings, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided,
+};
 
 use crate::common::{self, Model, bits, fetch, options};
 
@@ -36,17 +38,27 @@ fn any_number_of_threads() {
 
 #[test]
 fn any_order_of_frames() {
-    for model in models().iter().filter(|model| model.frames.len() > 1) {
+    frames_in_any_order(&models(), |model| model.asset(0, 256));
+}
+
+#[test]
+fn any_order_of_frames_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    frames_in_any_order(&models()[..1], |model| model.asset_on(&device, 64));
+}
+
+fn frames_in_any_order(models: &[Model], asset: impl Fn(&Model) -> Asset) {
+    for model in models.iter().filter(|model| model.frames.len() > 1) {
         // Three frames tell as much as eight.
         let count = model.frames.len().min(3);
         let alone: Vec<_> = (1..=count)
             .map(|frame| {
-                let mut asset = model.asset(0, 256);
+                let mut asset = asset(model);
                 asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
                 bits(&asset)
             })
             .collect();
-        let mut asset = model.asset(0, 256);
+        let mut asset = asset(model);
         // Backwards, then the first again, then the same twice.
         for frame in (1..=count).rev().chain([1, 1]) {
             asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
@@ -62,6 +74,16 @@ fn any_order_of_frames() {
 
 #[test]
 fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives() {
+    unchanged_charts_are_reused(|model| model.asset(0, 256));
+}
+
+#[test]
+fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    unchanged_charts_are_reused(|model| model.asset_on(&device, 96));
+}
+
+fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
     // The creature's first leg alone moves on from frame 1; its other charts keep their results.
     let mut creature = Model::from(common::scenes::creature());
     let leg = creature.vertices(|uv| uv[0] < 0.22 && uv[1] < 0.28);
@@ -78,7 +100,7 @@ fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives() {
     next.iter_mut().zip(&upper).filter(|(_, upper)| !*upper).for_each(|(p, _)| p[2] *= 1.3);
     arm.frames.push(next);
     for model in [creature, arm] {
-        let mut asset = model.asset(0, 256);
+        let mut asset = new(&model);
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         let before = asset.report().unwrap();
         let first = bits(&asset);
@@ -88,7 +110,7 @@ fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives() {
         assert_eq!(report.charts_active, 1, "{}", model.name);
         assert_eq!(report.charts_reused, before.charts_active - 1, "{}", model.name);
         assert!(bits(&asset) != first, "{}", model.name);
-        let mut fresh = model.asset(0, 256);
+        let mut fresh = new(&model);
         fresh.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
         assert!(bits(&asset) == bits(&fresh), "{}", model.name);
         // What was reused has its energies in the report too.
@@ -111,8 +133,18 @@ fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives() {
 
 #[test]
 fn a_failed_call_leaves_the_last_result() {
+    failed_calls_leave_the_result(|model| model.asset(0, 256));
+}
+
+#[test]
+fn a_failed_call_leaves_the_last_result_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    failed_calls_leave_the_result(|model| model.asset_on(&device, 64));
+}
+
+fn failed_calls_leave_the_result(asset: impl Fn(&Model) -> Asset) {
     let model = Model::from(common::scenes::mug_to_jug());
-    let mut asset = model.asset(0, 256);
+    let mut asset = asset(&model);
     let nothing = asset.displacements(0);
     assert!(nothing.is_err(), "there is no result before the first solve");
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();

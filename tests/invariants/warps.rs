@@ -1,7 +1,7 @@
 //! Every warp: free of folds, fixed where it has to be, no worse than the identity, one-to-one and onto, and inverted
 //! by its redirection.
 
-use vrtm::{Asset, FetchKind, Quality};
+use vrtm::{Asset, Backend, Device, DeviceSettings, FetchKind, Quality};
 
 use crate::common::{self, Model, Warp, fetch, on_all_cores, options};
 use crate::fixed::fixed_nodes;
@@ -19,29 +19,37 @@ fn all_frames(model: &Model, grid: u32) -> Case<'_> {
 }
 
 fn check(cases: &[Case]) {
-    let results = on_all_cores(cases, |case| {
-        let mut asset = case.model.asset(1, case.grid);
-        let fixed: Vec<Vec<bool>> = (0..asset.tile_count())
-            .map(|tile| fixed_nodes(case.model, asset.tile_info(tile).unwrap().udim, case.grid as usize))
-            .collect();
-        let mut worst = Worst::default();
-        for &frame in &case.frames {
-            asset.solve(case.model.frame(frame), &options(case.quality)).unwrap();
-            for (tile, fixed) in fixed.iter().enumerate() {
-                let name = format!("{} {frame}, tile {tile}, {}²", case.model.name, case.grid);
-                check_tile(&mut asset, tile, fixed, &name, &mut worst);
-            }
+    let cpu = common::cpu(1);
+    on_all_cores(cases, |case| check_case(case, &cpu)).iter().for_each(|line| println!("{line}"));
+}
+
+/// One solve after the other: a GPU takes them no faster side by side.
+fn check_on_gpu(cases: &[Case]) {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    cases.iter().for_each(|case| println!("{}", check_case(case, &device)));
+}
+
+fn check_case(case: &Case, device: &Device) -> String {
+    let mut asset = case.model.asset_on(device, case.grid);
+    let fixed: Vec<Vec<bool>> = (0..asset.tile_count())
+        .map(|tile| fixed_nodes(case.model, asset.tile_info(tile).unwrap().udim, case.grid as usize))
+        .collect();
+    let mut worst = Worst::default();
+    for &frame in &case.frames {
+        asset.solve(case.model.frame(frame), &options(case.quality)).unwrap();
+        for (tile, fixed) in fixed.iter().enumerate() {
+            let name = format!("{} {frame}, tile {tile}, {}²", case.model.name, case.grid);
+            check_tile(&mut asset, tile, fixed, &name, &mut worst);
         }
-        format!(
-            "{:12} {:5}²: {} frames, least J {:.4}, round trip {:.1e} texel",
-            case.model.name,
-            case.grid,
-            case.frames.len(),
-            worst.jacobian,
-            worst.round_trip
-        )
-    });
-    results.iter().for_each(|line| println!("{line}"));
+    }
+    format!(
+        "{:12} {:5}²: {} frames, least J {:.4}, round trip {:.1e} texel",
+        case.model.name,
+        case.grid,
+        case.frames.len(),
+        worst.jacobian,
+        worst.round_trip
+    )
 }
 
 struct Worst {
@@ -61,7 +69,11 @@ fn check_tile(asset: &mut Asset, tile: usize, fixed: &[bool], name: &str, worst:
     // 1: no fold, and the certificate says the same of the same numbers.
     let least = warp.min_jacobian();
     assert!(least > 0.0 && report.folds == 0, "{name}: least J {least}, {} folds", report.folds);
-    assert!((least.min(1.0) - report.min_jacobian).abs() < 1e-9, "{name}: {least} {}", report.min_jacobian);
+    // On a GPU it is a bound from below: off by the rounding of f32, which grows with the cells' size.
+    let gpu = asset.device().info().backend == Backend::Gpu;
+    let slack = if gpu { 1e-4 } else { 1e-9 };
+    let (low, high) = (least.min(1.0) - slack, least.min(1.0) + 1e-9);
+    assert!((low..=high).contains(&report.min_jacobian), "{name}: {least} {}", report.min_jacobian);
     worst.jacobian = worst.jacobian.min(least);
     // 2: fixed nodes.
     for (k, u) in warp.u.iter().enumerate().filter(|(k, _)| fixed[*k]) {
@@ -156,4 +168,24 @@ fn assets_at_1024() {
         .collect();
     assert!(models.is_empty() || cases.len() == 3);
     check(&cases);
+}
+
+#[test]
+fn on_a_gpu() {
+    use common::scenes::{arm, creature, mug_to_jug};
+    let mut models = common::analytic();
+    models.extend([mug_to_jug(), creature(), arm()].map(Model::from));
+    models.extend(common::assets());
+    let all = Quality::Normal;
+    let first = |model| Case { model, grid: 128, frames: vec![1], quality: all };
+    let mut cases: Vec<Case> = models.iter().map(first).collect();
+    // Another quality takes other ways, and a frame after a frame starts from used memory.
+    let mug = models.iter().find(|model| model.name == "mug_to_jug").unwrap();
+    cases.extend([Quality::Draft, Quality::High].map(|quality| Case {
+        model: mug,
+        grid: 128,
+        frames: vec![5, 2],
+        quality,
+    }));
+    check_on_gpu(&cases);
 }
