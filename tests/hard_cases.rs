@@ -297,7 +297,12 @@ fn each_ends_in_a_certified_result_on_a_gpu() {
             let charts = |r: &TileReport| [r.charts, r.charts_active, r.charts_identity];
             assert_eq!(charts(&c), charts(&g), "charts: all, active, at rest");
             let apart = (g.energy_before - c.energy_before).abs();
-            assert!(apart <= 1e-5 * c.energy_before, "energy before: {} {}", c.energy_before, g.energy_before);
+            assert!(
+                apart <= 1e-5 * c.energy_before,
+                "energy before: {} {}",
+                c.energy_before,
+                g.energy_before
+            );
         }
         report
     });

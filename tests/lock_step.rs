@@ -25,8 +25,8 @@ fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
         // its rounding: E x 6e-8 for a step of sqrt(E / H x 1e-7), 1e-4 to 1e-3 cells. So single nodes decide otherwise,
         // and their neighbours follow.
         ("displacement (cells)", "relax") => ([0.0; 2], [1e-2, 1e-4]),
-        // The same, and the step's own difference.
-        ("displacement (cells)", "correct") => ([0.0; 2], [5e-2, 1e-3]),
+        // The same, and the step's own difference; crushed cells (squash to 10 %) pull at their nodes with E of 10 and more.
+        ("displacement (cells)", "correct") => ([0.0; 2], [0.5, 3e-3]),
         // What lies under displacements that are apart as above.
         ("position under W (chart sizes)" | "metric under W", _) => ([1e-3, 1e-4], [1e-4, 1e-5]),
         // Sums of products in which large terms cancel: at the minimum the right-hand side vanishes.
@@ -43,6 +43,8 @@ fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
         // of the chart: 1e-5. A chart that is hardly strained has no more digits than that in its energy; what counts
         // is the sum, in which such charts are nothing.
         ("energy of a chart, relative" | "energy of the identity, relative", _) => ([0.0; 2], [5e-3, 2e-3]),
+        // A node's step does not raise the energy of what is around the node; the sum over the chart is rounded.
+        ("rise of a chart's energy, relative", _) => ([0.0; 2], [1e-6, 1e-6]),
         ("energy of all charts, relative", _) => ([0.0; 2], [5e-5, 5e-5]),
         // WGSL has no f64: the GPU gives a lower bound, less by four units of rounding of (|a| + 1)(|b| + 1).
         ("smallest corner Jacobian", _) => ([0.0; 2], [4e-6, 4e-6]),
@@ -106,6 +108,9 @@ fn stages_from_the_same_state() {
                 count: row.count + count,
                 of: std::mem::take(&mut row.of),
             };
+            if *quantity == "rise of a chart's energy, relative" && *size > 1e-6 {
+                failures.push(format!("{}: {stage}: a chart's energy rises by {size:.1e}", model.name));
+            }
             if *quantity == "cut of the step" {
                 least_share = least_share.min(1.0 - size);
             }

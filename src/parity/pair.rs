@@ -18,6 +18,8 @@ pub(crate) struct Pair<'a> {
     /// After each stage, the GPU goes on from the CPU's state: what a stage adds shows alone.
     lockstep: bool,
     correction: u32,
+    /// Per chart, the energy of the last state that was compared, on either backend.
+    energies: [Vec<f64>; 2],
     found: Vec<StageDifference>,
     error: Option<Error>,
 }
@@ -44,7 +46,17 @@ impl<'a> Pair<'a> {
         charts: &'a [bool],
         lockstep: bool,
     ) -> Pair<'a> {
-        Pair { cpu, gpu, grid, charts, lockstep, correction: 0, found: Vec::new(), error: None }
+        Pair {
+            cpu,
+            gpu,
+            grid,
+            charts,
+            lockstep,
+            correction: 0,
+            energies: [vec![], vec![]],
+            found: Vec::new(),
+            error: None,
+        }
     }
 
     /// All that was found, the certificates last.
@@ -114,6 +126,7 @@ impl<'a> Pair<'a> {
         let sum = |of: &[f64]| (0..of.len()).filter(|&c| charts[c]).map(|c| of[c]).sum();
         let all = [relative(sum(&of_cpu), sum(&of_gpu))];
         self.found.push(StageDifference::new(at, "energy of all charts, relative", all.into_iter()));
+        self.energies = [of_cpu, of_gpu];
         if self.lockstep {
             self.gpu.set_state(level, &cpu)?;
         }
@@ -261,11 +274,27 @@ impl Stages for Pair<'_> {
         } else {
             self.charts.iter().zip(self.cpu.done()).map(|(&solve, &done)| solve && !done).collect()
         };
-        self.look(|pair| pair.before_correction(at, level));
+        let mut before = [vec![], vec![]];
+        self.look(|pair| {
+            before = [pair.cpu.energies_of(level), pair.gpu.energies_of(level)?];
+            pair.before_correction(at, level)
+        });
         self.cpu.correct(level, correction);
         self.gpu.correct(level, correction);
         self.look(|pair| pair.after_correction(at, level, &taking_part));
         self.level(level, 1 + self.correction);
+        self.look(|pair| {
+            let rise = |k: usize, c: usize| (pair.energies[k][c] / before[k][c] - 1.0).max(0.0);
+            // What rises on the CPU alone would show as the size of these.
+            let pairs = (0..taking_part.len()).filter(|&c| taking_part[c] && before[0][c] > 0.0);
+            let pairs: Vec<_> = pairs.map(|c| (rise(0, c), rise(1, c))).collect();
+            pair.found.push(StageDifference::new(
+                at,
+                "rise of a chart's energy, relative",
+                pairs.into_iter(),
+            ));
+            Ok(())
+        });
     }
 
     fn certify(&mut self) {

@@ -1,6 +1,6 @@
 //! A pose that is rest, or rest moved rigidly, changes nothing.
 
-use vrtm::{Asset, DeviceSettings, SolveOptions, Strided};
+use vrtm::{Asset, Device, DeviceSettings, SolveOptions, Strided};
 
 use crate::common::{self, Model, Warp, bits, doubles};
 
@@ -71,23 +71,33 @@ fn rigid_motions_are_the_identity(models: &[Model], asset: impl Fn(&Model) -> As
 
 #[test]
 fn rest_far_away_is_as_good_as_near() {
+    far_is_as_good_as_near(&models(), &common::cpu(0), 256);
+}
+
+#[test]
+fn rest_far_away_is_as_good_as_near_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    far_is_as_good_as_near(&models()[..4], &device, 64);
+}
+
+fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
     // The whole asset 1e6 units off: f64 keeps nine digits of a unit there, which is what a solve starts from.
-    for model in models() {
+    for model in models {
         let far = |points: &[[f32; 3]]| -> Vec<[f64; 3]> {
             doubles(points).into_iter().map(|p| [p[0] + 1e6, p[1] - 1e6, p[2]]).collect()
         };
         let (rest, pose) = (far(&model.rest), far(&model.frames[0]));
-        let mut asset = model.bare(0, Strided::from_f64x3(&rest));
+        let mut asset = model.bare_on(device, Strided::from_f64x3(&rest));
         for maps in &model.maps {
             let tile = asset.find_tile(maps.udim).unwrap();
             let view = common::view(&maps.rigidity, maps.width, maps.height);
             asset.set_rigidity(tile, Some(view)).unwrap();
         }
-        common::set_grid(&mut asset, 256);
+        common::set_grid(&mut asset, grid);
         asset.solve(Strided::from_f64x3(&rest), &SolveOptions::default()).unwrap();
         assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
         asset.solve(Strided::from_f64x3(&pose), &SolveOptions::default()).unwrap();
-        let mut near = model.asset(0, 256);
+        let mut near = model.asset_on(device, grid);
         near.solve(model.frame(1), &SolveOptions::default()).unwrap();
         for tile in 0..asset.tile_count() {
             let [a, b] = [&asset, &near].map(|asset| asset.tile_report(tile).unwrap());

@@ -1,6 +1,8 @@
 //! Masks hold nodes, maps may change between frames, and rigidity is the same from vertices and from a map.
 
-use vrtm::{ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings};
+use vrtm::{
+    Device, DeviceSettings, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings,
+};
 
 use crate::common::{self, Model, Warp, bits, options};
 
@@ -26,11 +28,21 @@ fn masks() -> Vec<(&'static str, Vec<u8>)> {
 
 #[test]
 fn masks_hold_their_nodes() {
+    masks_hold(&common::cpu(0), &SolveOptions::default());
+}
+
+#[test]
+fn masks_hold_their_nodes_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    masks_hold(&device, &options(Quality::Draft));
+}
+
+fn masks_hold(device: &Device, options: &SolveOptions) {
     let model = Model::from(common::scenes::analytic::shear(0.5));
     for (name, mask) in masks() {
-        let mut asset = model.asset(0, N);
+        let mut asset = model.asset_on(device, N);
         asset.set_mask(0, Some(common::view(&mask, N, N))).unwrap();
-        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        asset.solve(model.frame(1), options).unwrap();
         let warp = Warp::of(&asset, 0);
         let width = N as usize + 1;
         let mut moved = 0;
@@ -55,11 +67,21 @@ fn masks_hold_their_nodes() {
 
 #[test]
 fn maps_and_settings_change_between_frames() {
+    maps_and_settings_change(&common::cpu(0), &SolveOptions::default());
+}
+
+#[test]
+fn maps_and_settings_change_between_frames_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    maps_and_settings_change(&device, &options(Quality::Draft));
+}
+
+fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
     let model = Model::from(common::scenes::mug_to_jug());
     let (w, h) = (model.maps[0].width, model.maps[0].height);
     let other: Vec<u8> = model.maps[0].rigidity.iter().map(|r| 255 - r).collect();
     let (line, holes) = (masks()[1].1.clone(), masks()[0].1.clone());
-    let mut asset = model.asset(0, N);
+    let mut asset = model.asset_on(device, N);
     let mut seen = vec![];
     type Change<'a> = Box<dyn Fn(&mut vrtm::Asset) + 'a>;
     let settings =
@@ -96,11 +118,11 @@ fn maps_and_settings_change_between_frames() {
         ),
     ];
     for (name, change) in &changes {
-        let mut fresh = model.asset(0, N);
+        let mut fresh = model.asset_on(device, N);
         change(&mut fresh);
-        fresh.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        fresh.solve(model.frame(1), options).unwrap();
         change(&mut asset);
-        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        asset.solve(model.frame(1), options).unwrap();
         // "nothing rigid" comes after another size.
         let [now, expected] = [&asset, &fresh].map(bits);
         let still = *name == "nothing rigid";

@@ -1,7 +1,8 @@
 //! A frame's result depends on its inputs alone: not on threads, not on what was solved before, not on failed calls.
 
 use vrtm::{
-    Asset, DeviceSettings, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided,
+    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions,
+    Strided,
 };
 
 use crate::common::{self, Model, bits, fetch, options};
@@ -208,17 +209,26 @@ fn pair(right: f64) -> Model {
 
 #[test]
 fn a_crowded_chart_does_not_see_its_neighbour() {
-    const GRID: u32 = 256;
+    charts_are_alone(&common::cpu(0), 256, Quality::High);
+}
+
+#[test]
+fn a_crowded_chart_does_not_see_its_neighbour_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    charts_are_alone(&device, 128, Quality::Normal);
+}
+
+fn charts_are_alone(device: &Device, grid: u32, quality: Quality) {
     let left = |right: f64| {
         let model = pair(right);
-        let mut asset = model.asset(0, GRID);
-        asset.solve(model.frame(1), &options(Quality::High)).unwrap();
+        let mut asset = model.asset_on(device, grid);
+        asset.solve(model.frame(1), &options(quality)).unwrap();
         let report = asset.tile_report(0).unwrap();
         println!(
             "right at {right}: {} charts solved, least J {:.4}",
             report.charts_active, report.min_jacobian
         );
-        let width = GRID as usize + 1;
+        let width = grid as usize + 1;
         let row = |row: &[[u32; 2]]| row[..width / 2].to_vec();
         bits(&asset).chunks(width).flat_map(row).collect::<Vec<_>>()
     };
