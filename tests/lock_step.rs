@@ -25,7 +25,8 @@ fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
         // its rounding: E x 6e-8 for a step of sqrt(E / H x 1e-7), 1e-4 to 1e-3 cells. So single nodes decide otherwise,
         // and their neighbours follow.
         ("displacement (cells)", "relax") => ([0.0; 2], [1e-2, 1e-4]),
-        // The same, and the step's own difference; crushed cells (squash to 10 %) pull at their nodes with E of 10 and more.
+        // The same, and the step's own difference; crushed cells (squash to 10 %) pull at their nodes with an E of 10 and
+        // more.
         ("displacement (cells)", "correct") => ([0.0; 2], [0.5, 3e-3]),
         // What lies under displacements that are apart as above.
         ("position under W (chart sizes)" | "metric under W", _) => ([1e-3, 1e-4], [1e-4, 1e-5]),

@@ -139,7 +139,10 @@ fn used(module: &Module, info: &ModuleInfo, source: &Source) -> Vec<(u32, bool, 
         .filter_map(|(handle, variable)| {
             let binding = variable.binding.as_ref()?;
             assert_eq!(binding.group, 0);
-            let written = matches!(variable.space, AddressSpace::Storage { access } if access.contains(StorageAccess::STORE));
+            let written = match variable.space {
+                AddressSpace::Storage { access } => access.contains(StorageAccess::STORE),
+                _ => false,
+            };
             let how = of_entry[handle];
             (!how.is_empty()).then_some((binding.binding, written, how))
         })
