@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Weak};
 
 use super::bands::{Band, bands};
+use super::constants::{band_blocks, constants, triangles};
 use super::context::Context;
 use super::cycle::{CycleBlock, SmallLevels};
 use super::kernels::{Binding, Kernel, slot};
@@ -11,40 +12,16 @@ use super::layout::{
     Block, Chart, METRIC_PLANES, NODE_PLANES, Params, RESULT_PLANES, ROW_PLANES, STATE_PLANES, Triangle,
     VECTOR_PLANES,
 };
+use super::lists::{GATES, Lists, MOST_GATES, active, band_lists, list_bytes, size_bytes};
 use super::recorder::Recording;
 use super::results::ResultBuffers;
 use crate::error::{Error, ErrorKind, Result};
-use crate::mesh::{NONE, TileMesh};
+use crate::mesh::TileMesh;
+use crate::tile::Grid;
 use crate::tile::blocks::NODES;
-use crate::tile::{Grid, Level};
 
 /// Bytes of a plane.
 pub const PLANE: u64 = NODES as u64 * 4;
-
-/// A list of a band's blocks (places in its buffers): a range of one buffer.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct List {
-    pub first: u32,
-    pub count: u32,
-    /// Its place among the sizes of gated dispatches.
-    pub gate: u32,
-}
-
-/// A band's lists.
-#[derive(Clone, Debug, Default)]
-pub struct Lists {
-    /// Blocks with movable nodes, by block colour.
-    pub colours: [List; 4],
-    /// The same in storage order.
-    pub active: List,
-    /// These and the ones that are stored for their neighbours' sake.
-    pub stored: List,
-    /// The parts of `active` and of `stored` whose children are in each band of the next finer level.
-    pub active_over: Vec<List>,
-    pub stored_over: Vec<List>,
-    /// Place of the first active block's sum among the level's.
-    pub partial: u32,
-}
 
 /// One band's buffers.
 #[derive(Debug)]
@@ -353,149 +330,4 @@ impl Memory {
             entries: &entries,
         })
     }
-}
-
-/// Bytes of the lists of a band of `count` blocks.
-fn list_bytes(count: u64) -> u64 {
-    (3 * count * 4).max(16)
-}
-
-/// The active blocks that a band owns, of some charts.
-fn active<'a>(level: &'a Level, band: &Band, charts: &'a [bool]) -> impl Iterator<Item = usize> + 'a {
-    stored(level, band, charts).filter(|&b| level.blocks.list[b].active)
-}
-
-fn stored<'a>(level: &'a Level, band: &Band, charts: &'a [bool]) -> impl Iterator<Item = usize> + 'a {
-    band.own.clone().filter(|&b| charts[level.blocks.list[b].chart as usize])
-}
-
-/// A band's lists, and all of them one after the other.
-fn band_lists(
-    level: &Level,
-    band: &Band,
-    finer: Option<(&Level, &[Band])>,
-    charts: &[bool],
-    sizes: &mut Vec<u32>,
-    partial: u32,
-) -> (Lists, Vec<u32>) {
-    let list = &level.blocks.list;
-    let mut lists = Lists { partial, ..Lists::default() };
-    let mut all: Vec<u32> = Vec::new();
-    let mut new_list = |first: usize, count: usize| {
-        sizes.push(count as u32);
-        List { first: first as u32, count: count as u32, gate: sizes.len() as u32 - 1 }
-    };
-    let mut add = |blocks: &mut dyn Iterator<Item = usize>| {
-        let first = all.len();
-        all.extend(blocks.map(|b| band.place(b as u32)));
-        new_list(first, all.len() - first)
-    };
-    for (colour, range) in lists.colours.iter_mut().enumerate() {
-        let of_colour = |&b: &usize| (list[b].y % 2 * 2 + list[b].x % 2) as usize == colour;
-        *range = add(&mut active(level, band, charts).filter(of_colour));
-    }
-    lists.active = add(&mut active(level, band, charts));
-    lists.stored = add(&mut stored(level, band, charts));
-    if let Some((finer, below)) = finer {
-        // A finer band has the children of whole rows.
-        let starts: Vec<_> = below.iter().map(|band| &finer.blocks.list[band.own.start]).collect();
-        let of = |b: usize| {
-            let key = (list[b].chart, list[b].y);
-            starts.partition_point(|first| (first.chart, first.y / 2) <= key).max(1) - 1
-        };
-        let mut over = |blocks: &mut dyn Iterator<Item = usize>, first: u32| {
-            let mut counts = vec![0usize; below.len()];
-            blocks.for_each(|b| counts[of(b)] += 1);
-            let mut at = first as usize;
-            let of_band = |count: usize| {
-                at += count;
-                new_list(at - count, count)
-            };
-            counts.into_iter().map(of_band).collect()
-        };
-        lists.active_over = over(&mut active(level, band, charts), lists.active.first);
-        lists.stored_over = over(&mut stored(level, band, charts), lists.stored.first);
-    }
-    (lists, all)
-}
-
-/// Sets of gates that are in use at the same time.
-pub const GATES: usize = 3;
-/// Most gates of a solve whose opening is told; more share the last place.
-pub const MOST_GATES: u32 = 4096;
-
-/// Bytes of the sizes of all lists: six a band, two for each band below it, and one for the charts.
-fn size_bytes(bands: &[Vec<Band>]) -> u64 {
-    bands.iter().flatten().map(|band| 6 + 2 * band.below.len().max(1) as u64).sum::<u64>() * 4 + 4
-}
-
-/// The blocks of a band, as the shaders see them.
-pub(super) fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<Block> {
-    let level = &grid.levels[k];
-    let list = &level.blocks.list;
-    let above = bands.get(k + 1).map(|bands| &bands[band.above]);
-    let below = k.checked_sub(1).map(|k| &bands[k][band.below.clone()]);
-    band.held
-        .clone()
-        .map(|b| {
-            let block = &list[b];
-            let around = level.blocks.around[b];
-            let links = around.map(|b| if b != NONE && list[b as usize].active { b } else { NONE });
-            let children = level.children[b].map(|child| {
-                let band =
-                    below.and_then(|bands| bands.iter().find(|band| band.own.contains(&(child as usize))));
-                band.map_or(NONE, |band| band.place(child))
-            });
-            let chart = level.blocks.of_chart[block.chart as usize].clone();
-            let (first, end) = (chart.start.max(band.held.start), chart.end.min(band.held.end));
-            Block {
-                around: around.map(|b| band.place(b)),
-                links: links.map(|b| band.place(b)),
-                chart: block.chart,
-                x: block.x,
-                y: block.y,
-                moves: u32::from(block.active),
-                parent: above.map_or(NONE, |above| above.place(level.parent[b])),
-                children,
-                chart_first: (first - band.held.start) as u32,
-                chart_count: (end - first) as u32,
-                continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
-            }
-        })
-        .collect()
-}
-
-/// What the nodes of a band's blocks have for good.
-fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
-    let mut all = Vec::with_capacity(band.held.len() * NODE_PLANES * NODES);
-    for b in band.held.clone() {
-        let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
-        all.extend(rigidity.map(|(r, &movable)| r.abs().to_bits() | u32::from(movable == 0) << 31));
-        for plane in &level.rest_length[b] {
-            all.extend(plane.iter().map(|length| length.to_bits()));
-        }
-        if k == 0 {
-            all.extend(grid.triangle[b]);
-        } else {
-            all.extend(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
-        }
-    }
-    all
-}
-
-fn triangles(grid: &Grid) -> Vec<Triangle> {
-    grid.triangles
-        .iter()
-        .zip(&grid.chart_of)
-        .map(|(t, &chart)| {
-            let [[a, b], [c, d]] = t.barycentric;
-            Triangle {
-                corner: t.origin,
-                barycentric: [a, b, c, d],
-                neighbours: t.neighbours,
-                chart,
-                pose: [0.0; 9],
-            }
-        })
-        .collect()
 }

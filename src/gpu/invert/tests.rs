@@ -4,8 +4,8 @@
 use super::*;
 use crate::cpu::{Team, invert as twin};
 use crate::gpu::bands;
+use crate::gpu::constants::band_blocks;
 use crate::gpu::context::{Options, tests::gpu};
-use crate::gpu::memory::band_blocks;
 use crate::gpu::results::{RESULT_BLOCK, ResultBuffers};
 use crate::image::Map;
 use crate::mesh::{Mesh, MeshSource, UvSource};

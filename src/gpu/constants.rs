@@ -1,0 +1,78 @@
+//! What does not depend on the pose, as the shaders see it: blocks, nodes, triangles.
+
+use super::bands::Band;
+use super::layout::{Block, NODE_PLANES, Triangle};
+use crate::mesh::NONE;
+use crate::tile::blocks::NODES;
+use crate::tile::{Grid, Level};
+
+/// The blocks of a band, as the shaders see them.
+pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<Block> {
+    let level = &grid.levels[k];
+    let list = &level.blocks.list;
+    let above = bands.get(k + 1).map(|bands| &bands[band.above]);
+    let below = k.checked_sub(1).map(|k| &bands[k][band.below.clone()]);
+    band.held
+        .clone()
+        .map(|b| {
+            let block = &list[b];
+            let around = level.blocks.around[b];
+            let links = around.map(|b| if b != NONE && list[b as usize].active { b } else { NONE });
+            let children = level.children[b].map(|child| {
+                let band =
+                    below.and_then(|bands| bands.iter().find(|band| band.own.contains(&(child as usize))));
+                band.map_or(NONE, |band| band.place(child))
+            });
+            let chart = level.blocks.of_chart[block.chart as usize].clone();
+            let (first, end) = (chart.start.max(band.held.start), chart.end.min(band.held.end));
+            Block {
+                around: around.map(|b| band.place(b)),
+                links: links.map(|b| band.place(b)),
+                chart: block.chart,
+                x: block.x,
+                y: block.y,
+                moves: u32::from(block.active),
+                parent: above.map_or(NONE, |above| above.place(level.parent[b])),
+                children,
+                chart_first: (first - band.held.start) as u32,
+                chart_count: (end - first) as u32,
+                continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
+            }
+        })
+        .collect()
+}
+
+/// What the nodes of a band's blocks have for good.
+pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
+    let mut all = Vec::with_capacity(band.held.len() * NODE_PLANES * NODES);
+    for b in band.held.clone() {
+        let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
+        all.extend(rigidity.map(|(r, &movable)| r.abs().to_bits() | u32::from(movable == 0) << 31));
+        for plane in &level.rest_length[b] {
+            all.extend(plane.iter().map(|length| length.to_bits()));
+        }
+        if k == 0 {
+            all.extend(grid.triangle[b]);
+        } else {
+            all.extend(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
+        }
+    }
+    all
+}
+
+pub fn triangles(grid: &Grid) -> Vec<Triangle> {
+    grid.triangles
+        .iter()
+        .zip(&grid.chart_of)
+        .map(|(t, &chart)| {
+            let [[a, b], [c, d]] = t.barycentric;
+            Triangle {
+                corner: t.origin,
+                barycentric: [a, b, c, d],
+                neighbours: t.neighbours,
+                chart,
+                pose: [0.0; 9],
+            }
+        })
+        .collect()
+}
