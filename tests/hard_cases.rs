@@ -18,7 +18,7 @@ mod table;
 use table::cases;
 
 /// No case takes a second on an idle machine; a busy one under a checker may need far longer. Only a hang reaches this.
-const HANG: Duration = Duration::from_secs(300);
+const HANG: Duration = Duration::from_secs(120);
 
 type Points = Vec<[f64; 3]>;
 
