@@ -5,6 +5,9 @@ use std::ffi::{CStr, c_void};
 use std::mem::{size_of, zeroed};
 use std::ptr;
 
+#[path = "common/gpu.rs"]
+mod gpu;
+
 use vrtm::ffi::{
     asset::*, device::*, fetch::*, handle::*, report::*, solve::*, status::*, tile::*, types::*,
 };
@@ -44,6 +47,8 @@ const UNTOUCHED: u8 = 0x5A;
 /// What the calls point to: every array is as long as the longest that a call may claim.
 struct Host {
     random: Random,
+    /// What good calls ask a device for.
+    backend: vrtm_backend,
     positions: Vec<[f64; 4]>,
     uvs: Vec<[f32; 2]>,
     counts: Vec<u32>,
@@ -70,6 +75,7 @@ impl Host {
     fn new(seed: u64) -> Host {
         let mut host = Host {
             random: Random(seed),
+            backend: VRTM_BACKEND_AUTO,
             positions: vec![[0.0; 4]; VERTICES],
             uvs: vec![[0.0; 2]; CORNERS],
             counts: vec![4; SIDE * SIDE],
@@ -249,7 +255,7 @@ impl Host {
             let status = match choice {
                 0 => {
                     let mut desc = sized::<vrtm_device_desc>();
-                    desc.backend = self.odd(0, &[1, 2, 3, -1]);
+                    desc.backend = self.odd(self.backend, &[1, 2, 3, -1]);
                     desc.threads = self.odd(2, &[0, 1, 5000]);
                     desc.memory_budget = self.odd(0, &[1, 100_000]);
                     let mut device = vrtm_device { id: 77 };
@@ -404,4 +410,15 @@ fn random_calls_on_many_threads_never_do_harm() {
             scope.spawn(move || Host::new(seed).run(1500));
         }
     });
+}
+
+#[test]
+fn random_calls_to_a_gpu_never_do_harm() {
+    if !gpu::has_gpu() {
+        return;
+    }
+    let mut host = Host { backend: VRTM_BACKEND_GPU, ..Host::new(5) };
+    host.run(500);
+    println!("calls by status: {:?}", host.statuses);
+    assert!(host.statuses[VRTM_OK as usize] > 120, "{:?}", host.statuses);
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
-    MeshSource, Origin, PixelFormat, SolveOptions, Strided, TileReport, TileSettings, UvSource,
+    MeshSource, Origin, PixelFormat, Quality, SolveOptions, Strided, TileReport, TileSettings, UvSource,
 };
 
 #[path = "common/gpu.rs"]
@@ -373,7 +373,17 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
 /// Units do not matter: powers of two scale every number exactly, others differ by the rounding of the positions.
 #[test]
 fn units_do_not_matter() {
-    let solved: Vec<_> = table::units().iter().map(|case| case.run(2)).collect();
+    check_units(|case| case.run(2));
+}
+
+#[test]
+fn units_do_not_matter_on_a_gpu() {
+    let Some(device) = gpu::gpu(&DeviceSettings::default()) else { return };
+    check_units(|case| case.run_with(case.asset_on(&device).unwrap()));
+}
+
+fn check_units(run: impl Fn(&Case) -> (Vec<u32>, Option<TileReport>)) {
+    let solved: Vec<_> = table::units().iter().map(run).collect();
     let (bits, report) = &solved[0];
     for (k, (other, r)) in solved.iter().enumerate().skip(1) {
         if k >= 5 {
@@ -382,5 +392,18 @@ fn units_do_not_matter() {
         let (a, b) = (report.unwrap().energy, r.unwrap().energy);
         // f32 positions hold 2^-24 of the extent; a cell is 2^-6 of it, and a strain 2^-17 at worst.
         assert!((a - b).abs() <= 1e-4 * a, "energy {a} in one unit, {b} in another");
+    }
+}
+
+/// Four triangles on each cell, and twice as many vertices as nodes.
+#[test]
+fn a_million_triangles_on_512_cells() {
+    let mut case = table::million();
+    assert!(case.triangles.len() >= 3_000_000);
+    let nodes = case.run(0).1.unwrap().nodes_active;
+    if let Some(device) = gpu::gpu(&DeviceSettings::default()) {
+        // What a correction does is no other than on smaller meshes, and a software driver takes its time over one.
+        case.options.quality = Quality::Draft;
+        assert_eq!(case.run_with(case.asset_on(&device).unwrap()).1.unwrap().nodes_active, nodes);
     }
 }

@@ -393,3 +393,10 @@ pub fn units() -> Vec<Case> {
         .map(|unit| moved("units", Expect::Gain(0.99), |p| p.map(|x| x * unit)))
         .collect()
 }
+
+/// A million triangles on a grid of 512 cells a side.
+pub fn million() -> Case {
+    let mut case = fine("a million triangles", 708, Expect::Gain(0.99), bulge);
+    case.settings.grid = [512; 2];
+    case
+}
