@@ -191,7 +191,7 @@ impl Recipe {
         for p in std::iter::once(&mut model.rest).chain(&mut model.poses).flatten().flatten() {
             *p = (*p + self.away) * unit;
             if !self.doubles {
-                *p = f64::from(*p as f32);
+                *p = f64::from(p.clamp(-3e38, 3e38) as f32);
             }
         }
         model

@@ -1,0 +1,252 @@
+//! A smooth motion gives a smooth warp: 240 frames of it, solved one by one and warm, and the second difference of W over
+//! frames held against that of the pose. `cargo test --test smooth -- --show-output` shows the table.
+
+mod common;
+
+use common::scenes::{analytic, arm, creature, mug_to_jug};
+use common::{Model, Warp, cpu, on_all_cores};
+use vrtm::{Quality, SolveOptions, Strided};
+
+const FRAMES: usize = 240;
+
+type Points = Vec<[f64; 3]>;
+
+/// The worst frame's RMS may be so many times what was measured (`Motion::measured`). The worst frames are those at which
+/// the solver decides otherwise than one frame before: a correction more, another part of a step, a step cut around other
+/// cells. A change to the solver moves these frames, and their worst by a half; it is the eye that must not see them.
+const MARGIN: f64 = 2.0;
+
+/// A single node's second difference over the pose's largest one: at most 2.3 was measured (mug_to_jug, warm).
+const MOST: f64 = 4.0;
+
+/// No node goes farther from one frame to the next, in cells: 0.66 was measured (cesium_man, warm).
+const FARTHEST: f64 = 1.5;
+
+/// A model on its way from rest through its frames and back.
+struct Motion {
+    model: Model,
+    grid: u32,
+    /// RMS over nodes of the second difference of W over that of the pose, in the worst frames; the larger one of
+    /// stateless and warm.
+    measured: f64,
+    /// Rest and frames.
+    keys: Vec<Points>,
+    /// How often there and back in all frames.
+    rounds: f64,
+}
+
+impl Motion {
+    fn new(model: impl Into<Model>, measured: f64) -> Motion {
+        let grid = 64;
+        let model = model.into();
+        let keys: Vec<Points> =
+            std::iter::once(&model.rest).chain(&model.frames).map(|points| common::doubles(points)).collect();
+        // No pose comes twice: there and back take other frames.
+        let rounds = if keys.len() > 2 { 0.95 } else { 1.9 };
+        Motion { model, grid, measured, keys, rounds }
+    }
+
+    /// A pose: analytic in time. Between two keys it is linear; more of them are blended by a Gaussian, so that the path
+    /// has no corner at a key.
+    fn pose(&self, frame: usize) -> Points {
+        let turn = std::f64::consts::TAU * self.rounds * frame as f64 / FRAMES as f64;
+        let place = 0.5 * (1.0 - turn.cos()) * (self.keys.len() - 1) as f64;
+        let weights: Vec<f64> = if self.keys.len() == 2 {
+            vec![1.0 - place, place]
+        } else {
+            let raw: Vec<f64> =
+                (0..self.keys.len()).map(|k| (-2.0 * (place - k as f64).powi(2)).exp()).collect();
+            let sum: f64 = raw.iter().sum();
+            raw.iter().map(|w| w / sum).collect()
+        };
+        let blend = |v: usize, c: usize| self.keys.iter().zip(&weights).map(|(key, w)| w * key[v][c]).sum();
+        (0..self.model.rest.len()).map(|v| [0, 1, 2].map(|c| blend(v, c))).collect()
+    }
+
+    /// Length of a cell at rest, around each vertex; 0 where there is no face.
+    fn cells(&self) -> Vec<f64> {
+        let mut areas = vec![[0.0; 2]; self.model.rest.len()];
+        let n = f64::from(self.grid);
+        for face in self.model.faces() {
+            let (p, uv): (Vec<_>, Vec<_>) = face
+                .clone()
+                .map(|c| {
+                    let uv = self.model.uvs[self.model.uv_indices[c] as usize];
+                    (
+                        self.keys[0][self.model.indices[c] as usize],
+                        [f64::from(uv[0]) * n, f64::from(uv[1]) * n],
+                    )
+                })
+                .unzip();
+            for k in 1..p.len() - 1 {
+                let [a, b] = [k, k + 1].map(|k| [0, 1, 2].map(|c| p[k][c] - p[0][c]));
+                let [s, t] = [k, k + 1].map(|k| [0, 1].map(|c| uv[k][c] - uv[0][c]));
+                let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+                let area = [length(&cross), (s[0] * t[1] - s[1] * t[0]).abs()];
+                for c in face.clone() {
+                    let sum = &mut areas[self.model.indices[c] as usize];
+                    (0..2).for_each(|k| sum[k] += area[k]);
+                }
+            }
+        }
+        areas.iter().map(|[space, uv]| if *uv > 0.0 { (space / uv).sqrt() } else { 0.0 }).collect()
+    }
+}
+
+fn length(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Root of the mean square, and the largest.
+#[derive(Clone, Copy, Debug, Default)]
+struct Size {
+    rms: f64,
+    max: f64,
+}
+
+impl Size {
+    fn of(lengths: impl Iterator<Item = f64>) -> Size {
+        let (sum, count, max) =
+            lengths.fold((0.0, 0.0, 0.0), |(sum, n, max), x| (sum + x * x, n + 1.0, f64::max(max, x)));
+        Size { rms: (sum / f64::max(count, 1.0)).sqrt(), max }
+    }
+
+    fn larger(self, other: Size) -> Size {
+        Size { rms: self.rms.max(other.rms), max: self.max.max(other.max) }
+    }
+}
+
+/// Second differences of the poses, each vertex in cells.
+fn of_poses(motion: &Motion, poses: &[Points]) -> Size {
+    let cells = motion.cells();
+    let second = |w: &[Points]| {
+        let vertices = (0..cells.len()).filter(|&v| cells[v] > 0.0);
+        Size::of(vertices.map(|v| {
+            let d = [0, 1, 2].map(|c| w[2][v][c] - 2.0 * w[1][v][c] + w[0][v][c]);
+            length(&d) / cells[v]
+        }))
+    };
+    poses.windows(3).map(second).fold(Size::default(), Size::larger)
+}
+
+/// A run's figures.
+#[derive(Clone, Debug)]
+struct Figures {
+    /// Largest second difference of W over frames, in cells.
+    second: Size,
+    /// Its RMS in the middle one of all frames.
+    usual: f64,
+    /// Largest way of a node from one frame to the next, in cells, and the frame that it led to.
+    jump: (f64, usize),
+    ms: f32,
+}
+
+fn run(motion: &Motion, poses: &[Points], options: &SolveOptions) -> Figures {
+    let mut asset = motion.model.asset_on(&cpu(1), motion.grid);
+    let mut last: Vec<Vec<[f32; 2]>> = Vec::new();
+    let mut figures = Figures { second: Size::default(), usual: 0.0, jump: (0.0, 0), ms: 0.0 };
+    let mut all = Vec::new();
+    for (frame, pose) in poses.iter().enumerate() {
+        asset.solve(Strided::from_f64x3(pose), options).unwrap();
+        figures.ms += asset.report().unwrap().total_ms / FRAMES as f32;
+        let now: Vec<[f32; 2]> = (0..asset.tile_count()).flat_map(|tile| Warp::of(&asset, tile).u).collect();
+        if let Some(before) = last.last() {
+            let way = Size::of(now.iter().zip(before).map(|(a, b)| length(&difference(*a, *b)))).max;
+            if way > figures.jump.0 {
+                figures.jump = (way, frame);
+            }
+        }
+        if let [.., a, b] = last.as_slice() {
+            // Nodes that never move say nothing.
+            let moving =
+                (0..now.len()).filter(|&n| now[n] != [0.0; 2] || b[n] != [0.0; 2] || a[n] != [0.0; 2]);
+            let second = Size::of(moving.map(|n| {
+                let [d, e] = [difference(now[n], b[n]), difference(b[n], a[n])];
+                length(&[d[0] - e[0], d[1] - e[1]])
+            }));
+            all.push(second.rms);
+            figures.second = figures.second.larger(second);
+            last.remove(0);
+        }
+        last.push(now);
+    }
+    all.sort_by(f64::total_cmp);
+    figures.usual = all[all.len() / 2];
+    figures
+}
+
+fn difference(a: [f32; 2], b: [f32; 2]) -> [f64; 2] {
+    [0, 1].map(|c| f64::from(a[c]) - f64::from(b[c]))
+}
+
+fn motions() -> Vec<Motion> {
+    let scenes = [
+        (analytic::squash(0.7), 0.24),
+        (analytic::bulge(), 0.46),
+        (analytic::pinch(), 1.03),
+        (analytic::shear(0.5), 0.052),
+        (analytic::torus(), 0.87),
+        (mug_to_jug(), 0.79),
+        (creature(), 0.13),
+        (arm(), 0.24),
+    ];
+    let mut list: Vec<Motion> =
+        scenes.into_iter().map(|(scene, measured)| Motion::new(scene, measured)).collect();
+    for model in common::assets() {
+        match model.name.as_str() {
+            "cesium_man" => list.push(Motion::new(model, 0.57)),
+            "mh_face" => list.push(Motion::new(model, 0.39)),
+            _ => {}
+        }
+    }
+    list
+}
+
+#[test]
+fn smooth_motions_give_smooth_warps() {
+    let motions = motions();
+    let mut cases: Vec<(&Motion, Quality, bool)> = Vec::new();
+    for motion in &motions {
+        cases.extend([false, true].map(|warm| (motion, Quality::Normal, warm)));
+    }
+    cases.extend([Quality::Draft, Quality::High].map(|quality| (&motions[1], quality, false)));
+    let rows = on_all_cores(&cases, |&(motion, quality, warm)| {
+        let poses: Vec<Points> = (0..FRAMES).map(|frame| motion.pose(frame)).collect();
+        let options = SolveOptions { quality, warm, ..SolveOptions::default() };
+        (of_poses(motion, &poses), run(motion, &poses, &options))
+    });
+    println!("second differences over frames, in cells");
+    println!("                              pose              W                       W / pose        jump");
+    println!(
+        "{:12} {:11} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>7} {:>7} {:>6} {:>6}",
+        "scene", "", "RMS", "max", "RMS", "max", "usual", "RMS", "max", "cells", "frame", "ms"
+    );
+    let mut failed = Vec::new();
+    for ((motion, quality, warm), (pose, f)) in cases.iter().zip(&rows) {
+        let ratio = Size { rms: f.second.rms / pose.rms, max: f.second.max / pose.max };
+        let name = format!(
+            "{:12} {:6} {:4}",
+            motion.model.name,
+            format!("{quality:?}"),
+            if *warm { "warm" } else { "" }
+        );
+        println!(
+            "{name} {:8.1e} {:8.1e} {:8.1e} {:8.1e} {:8.1e} {:7.3} {:7.3} {:7.3} {:6} {:6.1}",
+            pose.rms,
+            pose.max,
+            f.second.rms,
+            f.second.max,
+            f.usual,
+            ratio.rms,
+            ratio.max,
+            f.jump.0,
+            f.jump.1,
+            f.ms
+        );
+        let most = MARGIN * motion.measured;
+        if !(ratio.rms <= most && ratio.max <= MOST && f.jump.0 <= FARTHEST) {
+            failed.push(format!("{name}: {ratio:?}, at most {most} and {MOST}; jump of {} cells", f.jump.0));
+        }
+    }
+    assert!(failed.is_empty(), "{}", failed.join("\n"));
+}
