@@ -244,7 +244,9 @@ fn smooth_motions_give_smooth_warps() {
             f.ms
         );
         let most = MARGIN * motion.measured;
-        if !(ratio.rms <= most && ratio.max <= MOST && f.jump.0 <= FARTHEST) {
+        // What is not a number fails.
+        let good = ratio.rms <= most && ratio.max <= MOST && f.jump.0 <= FARTHEST;
+        if !good {
             failed.push(format!("{name}: {ratio:?}, at most {most} and {MOST}; jump of {} cells", f.jump.0));
         }
     }

@@ -43,7 +43,7 @@ impl Shape {
             Shape::Strip(n) => {
                 let points = (0..n + 2).map(|k| [k as f32 / (n + 1) as f32, (k % 2) as f32]).collect();
                 let triangle =
-                    |k: u32| if k % 2 == 0 { vec![k, k + 2, k + 1] } else { vec![k, k + 1, k + 2] };
+                    |k: u32| if k.is_multiple_of(2) { vec![k, k + 2, k + 1] } else { vec![k, k + 1, k + 2] };
                 (points, (0..n).map(triangle).collect(), [1.0 / (n + 1) as f32, 1.0])
             }
             Shape::Fan(n) => {

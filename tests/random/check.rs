@@ -83,6 +83,7 @@ fn run(recipe: &Recipe, model: &Model, asset: &mut Asset, seen: &mut Seen) -> Ve
         let mut corners = vec![[f32::NAN; 2]; asset.info().corners as usize];
         asset.corner_uvs(&mut corners).unwrap();
         assert!(corners.iter().flatten().all(|x| x.is_finite()), "a corner's UV is not finite");
+        corner_uvs(model, asset, &corners);
         bits.extend(corners.iter().flatten().map(|x| x.to_bits()));
         bits.extend(displacements(asset));
     }
@@ -122,13 +123,12 @@ fn held(recipe: &Recipe, model: &Model, udim: u32, n: [usize; 2]) -> Vec<bool> {
     let origin = [(udim - 1001) % 10, (udim - 1001) / 10].map(f64::from);
     let mut covered = vec![false; width * (n[1] + 1)];
     for face in &model.faces {
-        let uv = |k: usize| model.uvs[face[k] as usize].map(f64::from);
-        let middle = [0, 1].map(|c| (0..face.len()).map(|k| uv(k)[c]).sum::<f64>() / face.len() as f64);
-        if middle.map(f64::floor) != origin {
+        let uvs: Vec<[f64; 2]> = face.iter().map(|&k| model.uvs[k as usize].map(f64::from)).collect();
+        if origin_of(&uvs) != origin {
             continue;
         }
         let p: Vec<[f64; 2]> =
-            (0..face.len()).map(|k| [0, 1].map(|c| (uv(k)[c] - origin[c]) * n[c] as f64)).collect();
+            uvs.iter().map(|uv| [0, 1].map(|c| (uv[c] - origin[c]) * n[c] as f64)).collect();
         // However a polygon is cut into triangles, these are among them.
         for c in 2..p.len() {
             for b in 1..c {
@@ -213,6 +213,42 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
         assert!(off.iter().all(|x| x.abs() <= 1e-3), "texel {k} comes back {off:?} texels off");
     }
     floats.iter().map(|x| x.to_bits()).collect()
+}
+
+/// W takes each corner's new UV back to the one that was given.
+fn corner_uvs(model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
+    let mut redirected = redirected.iter();
+    for face in &model.faces {
+        let given: Vec<[f64; 2]> = face.iter().map(|&k| model.uvs[k as usize].map(f64::from)).collect();
+        let new: Vec<[f64; 2]> = redirected.by_ref().take(face.len()).map(|uv| uv.map(f64::from)).collect();
+        let origin = origin_of(&given);
+        let tile = 1001.0 + origin[0] + 10.0 * origin[1];
+        // Corners of faces without area belong to no chart and stay as they are.
+        let solid = (1..face.len() - 1).all(|k| !is_thin([given[0], given[k], given[k + 1]]));
+        let Some(tile) = asset.find_tile(tile as u32).filter(|_| solid) else { continue };
+        let warp = Warp::of(asset, tile);
+        let cells = [warp.nx as f64, warp.ny as f64];
+        for (given, new) in given.iter().zip(new) {
+            let [p, q] = [new, *given].map(|uv| [0, 1].map(|c| (uv[c] - origin[c]) * cells[c]));
+            if (0..2).all(|c| (0.0..=cells[c]).contains(&q[c])) {
+                let off = (0..2).map(|c| (warp.at(p)[c] - q[c]).abs()).fold(0.0, f64::max);
+                // As for texels: what f32 loses of a UV, times what W makes of it.
+                assert!(off <= 1e-3, "corner at {q:?}, redirected to {p:?}, comes back {off} cells off");
+            }
+        }
+    }
+}
+
+/// The lower corner of a face's tile.
+fn origin_of(uvs: &[[f64; 2]]) -> [f64; 2] {
+    [0, 1].map(|c| (uvs.iter().map(|uv| uv[c]).sum::<f64>() / uvs.len() as f64).floor())
+}
+
+fn is_thin(p: [[f64; 2]; 3]) -> bool {
+    let d = |a: usize, b: usize| [p[b][0] - p[a][0], p[b][1] - p[a][1]];
+    let (a, b, c) = (d(0, 1), d(0, 2), d(1, 2));
+    let longest = [a, b, c].iter().map(|e| e[0] * e[0] + e[1] * e[1]).fold(0.0, f64::max);
+    (a[0] * b[1] - a[1] * b[0]).abs() <= 1e-6 * longest
 }
 
 /// A call that is refused names its argument and changes nothing.
