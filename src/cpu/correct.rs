@@ -13,8 +13,8 @@ use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::halo::WINDOW_NODES;
 
-use super::lanes::V;
-use super::patch::{Row, State};
+use super::lanes::{Kernel, LANES, Lanes, wide};
+use super::patch::State;
 use super::surface::Surface;
 use super::team::Shared;
 use super::{Run, SurfaceFn};
@@ -226,15 +226,9 @@ impl Run<'_> {
         let mut sums = vec![0.0f64; blocks.len()];
         let shared = Shared::new(&mut sums);
         self.team.run(blocks.len(), |k| {
-            let (a, b) = (&a[blocks[k] as usize], &b[blocks[k] as usize]);
-            let mut sum = V::ZERO;
-            for c in 0..2 {
-                for s in (0..NODES).step_by(8) {
-                    sum += V::load(&a[c], s) * V::load(&b[c], s);
-                }
-            }
+            let sum = wide(Dot { a: &a[blocks[k] as usize], b: &b[blocks[k] as usize] });
             // SAFETY: each item has its own sum.
-            unsafe { *shared.get_mut(k) = f64::from(sum.sum()) };
+            unsafe { *shared.get_mut(k) = f64::from(sum) };
         });
         self.per_chart(level, &sums)
     }
@@ -250,7 +244,23 @@ impl Run<'_> {
     }
 }
 
-/// All rows of a block.
-fn all_rows() -> impl Iterator<Item = Row> {
-    (0..4).flat_map(Row::of_colour)
+/// The dot product of two vectors in one block.
+struct Dot<'a> {
+    a: &'a [Plane; 2],
+    b: &'a [Plane; 2],
+}
+
+impl Kernel for Dot<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> f32 {
+        let mut sum = V::zero();
+        for c in 0..2 {
+            for s in (0..NODES).step_by(LANES) {
+                sum += V::load(&self.a[c], s) * V::load(&self.b[c], s);
+            }
+        }
+        sum.sum()
+    }
 }

@@ -5,10 +5,10 @@ use std::sync::{Arc, Weak};
 use crate::mesh::NONE;
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
-use crate::tile::pose::PoseTriangle;
 
 use super::correct::Systems;
 use super::patch::State;
+use super::record::Record;
 use super::team::Shared;
 
 /// The changing state of one level.
@@ -40,7 +40,7 @@ pub(crate) struct Memory {
     grid: Weak<Grid>,
     pub(super) levels: Vec<Buffers>,
     pub(super) systems: Systems,
-    pub(super) triangles: Vec<PoseTriangle>,
+    pub(super) triangles: Vec<Record>,
     pub(super) metrics: Vec<[f32; 3]>,
 }
 
@@ -61,7 +61,7 @@ impl Memory {
             grid: Arc::downgrade(grid),
             levels,
             systems: Systems::new(grid),
-            triangles: vec![PoseTriangle::default(); grid.triangles.len()],
+            triangles: vec![Record::default(); grid.triangles.len()],
             metrics: vec![[0.0; 3]; grid.triangles.len()],
         }
     }
@@ -73,7 +73,7 @@ impl Memory {
             grid.levels.iter().map(|level| level.blocks.list.len() * (2 + 3 + 3) * plane).sum();
         // The finest level has triangles where the others have metrics.
         let finest = grid.levels[0].blocks.list.len() * 2 * plane;
-        let triangles = grid.triangles.len() * (size_of::<PoseTriangle>() + 12);
+        let triangles = grid.triangles.len() * (size_of::<Record>() + 12);
         (levels - finest + triangles) as u64 + Systems::bytes_for(grid)
     }
 

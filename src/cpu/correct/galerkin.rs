@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::super::lanes::{Kernel, LANES, V};
+use super::super::lanes::{Kernel, LANES, Lanes, each};
 use super::super::patch::NEIGHBOURS;
 use super::*;
 use crate::mesh::NONE;
@@ -18,21 +18,21 @@ const fn wide_place(i: usize, j: usize) -> usize {
     ((j & 1) * 2 + (i & 1)) * (WIDE_NODES / 4) + (j >> 1) * (WIDE / 2) + (i >> 1)
 }
 
+/// Numbers of a wide window: pairs (16), then diagonals (3).
+const WIDE_PLANES: usize = 19;
+type Wide = [[f32; WIDE_NODES]; WIDE_PLANES];
+
 /// The terms of one entry. A plain array: a vector in a static would be left behind when the library is unloaded.
 struct Terms {
     list: [Term; 81],
     count: usize,
 }
 
-/// One term of a coarse entry: `factor` times a fine 2x2 block that is stored at an offset from the coarse node.
+/// One term of a coarse entry: `factor` times the 2x2 block that lies at these places of the wide window, seen flat, for
+/// the first row of coarse nodes.
 #[derive(Clone, Copy, Default)]
 struct Term {
-    /// Offset of the fine node that stores it, from the fine node at the coarse one.
-    di: i64,
-    dj: i64,
-    /// Owned edge, or 4 for the diagonal.
-    edge: usize,
-    transposed: bool,
+    at: [u16; 4],
     factor: f32,
 }
 
@@ -47,11 +47,19 @@ fn terms() -> [&'static [Term]; 5] {
             for fj in -1i64..=1 {
                 for fi in -1i64..=1 {
                     let own = hat(fi) * hat(fj);
-                    let mut add = |gi: i64, gj: i64, edge, theirs| {
+                    let mut add = |gi: i64, gj: i64, edge: usize, theirs| {
                         let factor = own * hat(gi - 2 * ci) * hat(gj - 2 * cj);
                         if factor > 0.0 {
                             let (di, dj) = if theirs { (gi, gj) } else { (fi, fj) };
-                            terms.list[terms.count] = Term { di, dj, edge, transposed: theirs, factor };
+                            let k = 4 * edge;
+                            let planes = match (edge, theirs) {
+                                (4, _) => [16, 17, 17, 18],
+                                (_, true) => [k, k + 2, k + 1, k + 3],
+                                (_, false) => [k, k + 1, k + 2, k + 3],
+                            };
+                            let place = wide_place((2 + di) as usize, (2 + dj) as usize);
+                            let at = planes.map(|plane| (plane * WIDE_NODES + place) as u16);
+                            terms.list[terms.count] = Term { at, factor };
                             terms.count += 1;
                         }
                     };
@@ -76,7 +84,7 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
         // SAFETY: each item has its own block.
         let out = unsafe { rows.get_mut(b) };
         *out = Rows::default();
-        let mut wide: Box<[[f32; WIDE_NODES]; 19]> = Box::new([[0.0; WIDE_NODES]; 19]);
+        let mut wide: Wide = [[0.0; WIDE_NODES]; WIDE_PLANES];
         let mut movable = [0; WINDOW_NODES];
         halo::load(&level.blocks.around[b], 0, |b| &level.movable[b], &mut movable);
         for (quarter, &child) in level.children[b].iter().enumerate() {
@@ -98,25 +106,38 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
     });
 }
 
-/// Copies the rows of a fine block and its surroundings side by side: pairs (16), then diagonals (3).
-fn gather(around: &[u32; 9], rows: &[Rows], wide: &mut [[f32; WIDE_NODES]; 19]) {
+/// Copies the rows of a fine block and its surroundings side by side.
+fn gather(around: &[u32; 9], rows: &[Rows], wide: &mut Wide) {
     for j in 0..WIDE {
-        for i in 0..WIDE {
-            let (bi, bj) = ((i + SIDE - 2) / SIDE, (j + SIDE - 2) / SIDE);
-            let (x, y) = ((i + SIDE - 2) % SIDE, (j + SIDE - 2) % SIDE);
-            let b = around[bj * 3 + bi];
-            let to = wide_place(i, j);
-            if b == NONE {
-                wide.iter_mut().for_each(|w| w[to] = 0.0);
-                continue;
-            }
-            let rows = &rows[b as usize];
-            let from = place(x + 1, y + 1);
-            for k in 0..16 {
-                wide[k][to] = rows.pair[k][from];
-            }
-            for k in 0..3 {
-                wide[16 + k][to] = rows.diagonal[k][slot(x, y)];
+        let (bj, y) = ((j + SIDE - 2) / SIDE, (j + SIDE - 2) % SIDE);
+        let [west, own, east]: [Option<&Rows>; 3] = std::array::from_fn(|bi| match around[bj * 3 + bi] {
+            NONE => None,
+            b => Some(&rows[b as usize]),
+        });
+        // A row of one parity: one node of the west, eight of the middle, one of the east.
+        for ci in 0..2 {
+            let to = wide_place(ci, j);
+            for (k, wide) in wide.iter_mut().enumerate() {
+                let at = |rows: Option<&Rows>, x: usize| {
+                    rows.map_or(0.0, |rows| match k {
+                        0..16 => rows.pair[k][place(x + 1, y + 1)],
+                        _ => rows.diagonal[k - 16][slot(x, y)],
+                    })
+                };
+                wide[to] = at(west, SIDE - 2 + ci);
+                wide[to + 9] = at(east, ci);
+                let middle = &mut wide[to + 1..to + 9];
+                match own {
+                    None => middle.fill(0.0),
+                    Some(rows) if k < 16 => {
+                        let from = place(ci + 1, y + 1);
+                        middle.copy_from_slice(&rows.pair[k][from..from + LANES]);
+                    }
+                    Some(rows) => {
+                        let from = slot(ci, y);
+                        middle.copy_from_slice(&rows.diagonal[k - 16][from..from + LANES]);
+                    }
+                }
             }
         }
     }
@@ -124,7 +145,7 @@ fn gather(around: &[u32; 9], rows: &[Rows], wide: &mut [[f32; WIDE_NODES]; 19]) 
 
 /// The 8x8 coarse nodes over one fine block, a row of eight at a time.
 struct QuarterRows<'a> {
-    wide: &'a [[f32; WIDE_NODES]; 19],
+    wide: &'a Wide,
     movable: &'a Window<u8>,
     quarter: usize,
     out: &'a mut Rows,
@@ -134,29 +155,26 @@ impl Kernel for QuarterRows<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        quarter_rows(self.wide, self.movable, self.quarter, self.out);
+    fn run<V: Lanes>(self) {
+        quarter_rows::<V>(self.wide, self.movable, self.quarter, self.out);
     }
 }
 
 #[inline(always)]
-fn quarter_rows(wide: &[[f32; WIDE_NODES]; 19], movable: &Window<u8>, quarter: usize, out: &mut Rows) {
+fn quarter_rows<V: Lanes>(wide: &Wide, movable: &Window<u8>, quarter: usize, out: &mut Rows) {
     let (x, y) = (quarter % 2 * LANES, quarter / 2 * LANES);
+    let wide = wide.as_flattened();
     for j in 0..LANES {
+        // One row of coarse nodes is two of fine ones: the next row of the same parity.
+        let wide = &wide[j * (WIDE / 2)..];
         for (entry, terms) in terms().into_iter().enumerate() {
-            let mut sum = [V::ZERO; 4];
+            let mut sum = [V::zero(); 4];
             for term in terms {
-                let at = wide_place((2 + term.di) as usize, (2 * j as i64 + 2 + term.dj) as usize);
-                let block = if term.edge == 4 {
-                    [16, 17, 17, 18]
-                } else {
-                    let k = 4 * term.edge;
-                    if term.transposed { [k, k + 2, k + 1, k + 3] } else { [k, k + 1, k + 2, k + 3] }
-                };
                 for c in 0..4 {
-                    sum[c] += V::load(&wide[block[c]], at) * term.factor;
+                    sum[c] += V::load(wide, usize::from(term.at[c])) * term.factor;
                 }
             }
+            let sum = each!([0, 1, 2, 3], |c| sum[c].to_array());
             for lane in 0..LANES {
                 let (i, j) = (x + lane, y + j);
                 let (di, dj) = if entry < 4 { EDGES[entry] } else { (0, 0) };
@@ -167,11 +185,11 @@ fn quarter_rows(wide: &[[f32; WIDE_NODES]; 19], movable: &Window<u8>, quarter: u
                 }
                 if entry == 4 {
                     for (c, from) in [0, 1, 3].into_iter().enumerate() {
-                        out.diagonal[c][slot(i, j)] = sum[from].0[lane];
+                        out.diagonal[c][slot(i, j)] = sum[from][lane];
                     }
                 } else {
                     for c in 0..4 {
-                        out.pair[4 * entry + c][place(i + 1, j + 1)] = sum[c].0[lane];
+                        out.pair[4 * entry + c][place(i + 1, j + 1)] = sum[c][lane];
                     }
                 }
             }

@@ -1,8 +1,8 @@
 //! The preconditioner: a V(2,2) cycle of four-colour block Gauss-Seidel. It runs backwards after the coarse correction,
 //! so that the whole cycle is symmetric, as conjugate gradients need.
 
-use super::super::lanes::{Kernel, V, each, wide};
-use super::super::patch::NEIGHBOURS;
+use super::super::lanes::{Kernel, Lanes, each, wide};
+use super::super::patch::{NEIGHBOURS, Row};
 use super::super::prolong;
 use super::*;
 use crate::mesh::NONE;
@@ -75,15 +75,13 @@ impl Kernel for SmoothBlock<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<V: Lanes>(self) {
         for _ in 0..self.sweeps {
-            smooth_block(self.rows, self.r, self.backwards, self.windows);
+            smooth_block::<V>(self.rows, self.r, self.backwards, self.windows);
         }
-        for colour in 0..4 {
-            for row in Row::of_colour(colour) {
-                for c in 0..2 {
-                    V::load(&self.windows[c], row.at(0, 0)).store(&mut self.z[c], row.slot());
-                }
+        for row in Row::all() {
+            for c in 0..2 {
+                row.set(&mut self.z[c], row.near::<V>(&self.windows[c], 0, 0));
             }
         }
     }
@@ -98,43 +96,41 @@ fn load<'a>(level: &Level, b: usize, plane: impl Fn(usize, usize) -> &'a Plane, 
 
 /// One sweep inside a block. Fixed nodes have r = 0 and no pairs: they stay at 0.
 #[inline(always)]
-fn smooth_block(rows: &Rows, r: &[Plane; 2], backwards: bool, z: &mut [Window; 2]) {
+fn smooth_block<V: Lanes>(rows: &Rows, r: &[Plane; 2], backwards: bool, z: &mut [Window; 2]) {
     for k in 0..4 {
         for row in Row::of_colour(if backwards { 3 - k } else { k }) {
-            let s = row.slot();
-            let [ax, ay] = off_diagonal(rows, row, z);
-            let (rx, ry) = (V::load(&r[0], s) - ax, V::load(&r[1], s) - ay);
-            let [xx, xy, yy] = each!([0, 1, 2], |c| V::load(&rows.diagonal[c], s));
-            let inverse = V::ONE / (xx * yy - xy * xy);
-            ((yy * rx - xy * ry) * inverse).store(&mut z[0], row.at(0, 0));
-            ((xx * ry - xy * rx) * inverse).store(&mut z[1], row.at(0, 0));
+            let [ax, ay] = off_diagonal::<V>(rows, row, z);
+            let (rx, ry) = (row.of::<V>(&r[0]) - ax, row.of::<V>(&r[1]) - ay);
+            let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&rows.diagonal[c]));
+            let inverse = V::one() / (xx * yy - xy * xy);
+            row.set_own(&mut z[0], (yy * rx - xy * ry) * inverse);
+            row.set_own(&mut z[1], (xx * ry - xy * rx) * inverse);
         }
     }
 }
 
 /// The sum over neighbours of A_pn z_n.
 #[inline(always)]
-fn off_diagonal(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
-    let mut sum = [V::ZERO; 2];
-    for &(di, dj, e, theirs) in &NEIGHBOURS {
-        let n = row.at(di, dj);
-        let at = if theirs { n } else { row.at(0, 0) };
-        let [a, b, c, d] = each!([0, 1, 2, 3], |k| V::load(&rows.pair[4 * e + k], at));
-        let (b, c) = if theirs { (c, b) } else { (b, c) };
-        let (x, y) = (V::load(&z[0], n), V::load(&z[1], n));
-        sum[0] += a * x + b * y;
-        sum[1] += c * x + d * y;
-    }
+fn off_diagonal<V: Lanes>(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
+    let mut sum = [V::zero(); 2];
+    each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+        let (di, dj, e, theirs) = NEIGHBOURS[k];
+        let (oi, oj) = if theirs { (di, dj) } else { (0, 0) };
+        let pair = each!([0, 1, 2, 3], |c| row.near::<V>(&rows.pair[4 * e + c], oi, oj));
+        let (b, c) = if theirs { (pair[2], pair[1]) } else { (pair[1], pair[2]) };
+        let (x, y) = (row.near::<V>(&z[0], di, dj), row.near::<V>(&z[1], di, dj));
+        sum[0] += pair[0] * x + b * y;
+        sum[1] += c * x + pair[3] * y;
+    });
     sum
 }
 
 /// A z for one row.
 #[inline(always)]
-fn product(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
-    let [ax, ay] = off_diagonal(rows, row, z);
-    let (at, s) = (row.at(0, 0), row.slot());
-    let (x, y) = (V::load(&z[0], at), V::load(&z[1], at));
-    let [xx, xy, yy] = each!([0, 1, 2], |c| V::load(&rows.diagonal[c], s));
+fn product<V: Lanes>(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
+    let [ax, ay] = off_diagonal::<V>(rows, row, z);
+    let (x, y) = (row.near::<V>(&z[0], 0, 0), row.near::<V>(&z[1], 0, 0));
+    let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&rows.diagonal[c]));
     [ax + xx * x + xy * y, ay + xy * x + yy * y]
 }
 
@@ -181,12 +177,11 @@ impl Kernel for BlockProduct<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        for colour in 0..4 {
-            for row in Row::of_colour(colour) {
-                let [x, y] = product(self.rows, row, self.windows);
-                x.store(&mut self.out[0], row.slot());
-                y.store(&mut self.out[1], row.slot());
+    fn run<V: Lanes>(self) {
+        for row in Row::all() {
+            let product = product::<V>(self.rows, row, self.windows);
+            for c in 0..2 {
+                row.set(&mut self.out[c], product[c]);
             }
         }
     }
