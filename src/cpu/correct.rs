@@ -13,7 +13,7 @@ use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::halo::WINDOW_NODES;
 
-use super::lanes::{Kernel, LANES, Lanes, wide};
+use super::lanes::{Kernel, LANES, Lanes, Truth, wide};
 use super::patch::State;
 use super::surface::Surface;
 use super::team::Shared;
@@ -25,7 +25,8 @@ use super::{Run, SurfaceFn};
 struct Rows {
     /// (xx, xy, yy) per node.
     diagonal: [Plane; 3],
-    /// Per owned edge (p, n), the 2x2 block between p (row) and n (column), row-major; at p's place in the window.
+    /// Per owned edge (p, n), the 2x2 block between p (row) and n (column), row-major; at p's place in the window, which
+    /// also holds what the nodes on the ring own.
     pair: [[f32; WINDOW_NODES]; 16],
 }
 
@@ -112,7 +113,7 @@ impl Run<'_> {
         let before =
             self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
         let coarsest = systems.levels.len() - 1;
-        for k in level..coarsest {
+        for k in level..(if plan.first || std::env::var_os("ALLG").is_some() { coarsest } else { level }) {
             let (finer, coarser) = systems.levels.split_at_mut(k + 1);
             galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
         }
@@ -128,25 +129,19 @@ impl Run<'_> {
         let charts = self.charts.len();
         let mut rz = vec![0.0f64; charts];
         for iteration in 0..ITERATIONS {
-            multigrid::cycle(self, systems, level);
+            let next = multigrid::cycle(self, systems, level);
             let system = &mut systems[level];
-            let next = self.dots(level, &system.r, &system.z);
             let beta: Vec<f32> = (0..charts)
                 .map(|c| if iteration > 0 && rz[c] > 0.0 { (next[c] / rz[c]) as f32 } else { 0.0 })
                 .collect();
             rz = next;
-            let (p, z) = (Shared::new(&mut system.p), Shared::new(&mut system.z));
+            let (p, z) = (Shared::new(&mut system.p), &system.z);
             self.each_block(level, |b, c| {
                 // SAFETY: each item has its own block.
-                let (p, z) = unsafe { (p.get_mut(b), z.get(b)) };
-                for k in 0..2 {
-                    for s in 0..NODES {
-                        p[k][s] = if iteration > 0 { z[k][s] + beta[c] * p[k][s] } else { z[k][s] };
-                    }
-                }
+                let p = unsafe { p.get_mut(b) };
+                wide(Direction { p, z: &z[b], beta: if iteration > 0 { Some(beta[c]) } else { None } });
             });
-            multigrid::multiply(self, level, &system.rows, &system.p, &mut system.z);
-            let curvature = self.dots(level, &system.p, &system.z);
+            let curvature = multigrid::multiply(self, level, &system.rows, &system.p, &mut system.z);
             let alpha: Vec<f32> = (0..charts)
                 .map(|c| {
                     let alpha = (rz[c] / curvature[c]) as f32;
@@ -154,24 +149,15 @@ impl Run<'_> {
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
                 .collect();
-            let (x, r, p, z) = (
-                Shared::new(&mut system.x),
-                Shared::new(&mut system.r),
-                Shared::new(&mut system.p),
-                Shared::new(&mut system.z),
-            );
+            if std::env::var_os("PRED").is_some() {
+                eprint!(" ar{iteration} {:.5}", (0..charts).map(|c| f64::from(alpha[c]) * rz[c]).sum::<f64>());
+            }
+            let (x, r) = (Shared::new(&mut system.x), Shared::new(&mut system.r));
+            let (p, z) = (&system.p, &system.z);
             self.each_block(level, |b, c| {
                 // SAFETY: each item has its own block.
-                let (x, r, p, z) = unsafe { (x.get_mut(b), r.get_mut(b), p.get(b), z.get(b)) };
-                for k in 0..2 {
-                    for s in 0..NODES {
-                        let step = alpha[c] * p[k][s];
-                        let sum = if iteration > 0 { x[k][s] + step } else { step };
-                        // A system that f32 cannot solve must not spoil the state.
-                        x[k][s] = if sum.abs() < MAX_STEP { sum } else { 0.0 };
-                        r[k][s] -= alpha[c] * z[k][s];
-                    }
-                }
+                let (x, r) = unsafe { (x.get_mut(b), r.get_mut(b)) };
+                wide(Advance { x, r, p: &p[b], z: &z[b], alpha: alpha[c], first: iteration == 0 });
             });
         }
     }
@@ -210,6 +196,9 @@ impl Run<'_> {
             self.refresh(level, &blocks);
             self.relax_level(level, plan.sweeps);
             let energies = self.energies(level);
+            if std::env::var_os("PRED").is_some() {
+                eprintln!(" L{level} part {part} before {:.4} after {:.4} first {}", before.iter().sum::<f64>(), energies.iter().sum::<f64>(), plan.first);
+            }
             for c in 0..open.len() {
                 // A comparison with NaN is false: not accepted. The last trial is relaxation alone.
                 if open[c] && (energies[c] < before[c] || n == TRIALS.len()) {
@@ -220,17 +209,10 @@ impl Run<'_> {
         }
     }
 
-    /// Per chart, the dot product of two vectors of a level, in a fixed order.
-    fn dots(&self, level: usize, a: &[[Plane; 2]], b: &[[Plane; 2]]) -> Vec<f64> {
-        let blocks = &self.work[level].active;
-        let mut sums = vec![0.0f64; blocks.len()];
-        let shared = Shared::new(&mut sums);
-        self.team.run(blocks.len(), |k| {
-            let sum = wide(Dot { a: &a[blocks[k] as usize], b: &b[blocks[k] as usize] });
-            // SAFETY: each item has its own sum.
-            unsafe { *shared.get_mut(k) = f64::from(sum) };
-        });
-        self.per_chart(level, &sums)
+    /// Sums what all blocks of a level have, of which only active ones count, in their order, chart by chart.
+    fn per_chart_of_blocks(&self, level: usize, of_block: &[f64]) -> Vec<f64> {
+        let active: Vec<f64> = self.work[level].active.iter().map(|&b| of_block[b as usize]).collect();
+        self.per_chart(level, &active)
     }
 
     /// Calls `f(block, chart)` for all active blocks of a level.
@@ -244,23 +226,55 @@ impl Run<'_> {
     }
 }
 
-/// The dot product of two vectors in one block.
-struct Dot<'a> {
-    a: &'a [Plane; 2],
-    b: &'a [Plane; 2],
+/// p = z + beta p in one block; p = z without a beta.
+struct Direction<'a> {
+    p: &'a mut [Plane; 2],
+    z: &'a [Plane; 2],
+    beta: Option<f32>,
 }
 
-impl Kernel for Dot<'_> {
-    type Output = f32;
+impl Kernel for Direction<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn run<V: Lanes>(self) -> f32 {
-        let mut sum = V::zero();
-        for c in 0..2 {
+    fn run<V: Lanes>(self) {
+        let Some(beta) = self.beta else {
+            *self.p = *self.z;
+            return;
+        };
+        for (p, z) in self.p.iter_mut().zip(self.z) {
             for s in (0..NODES).step_by(LANES) {
-                sum += V::load(&self.a[c], s) * V::load(&self.b[c], s);
+                (V::load(z, s) + V::load(p, s) * beta).store(p, s);
             }
         }
-        sum.sum()
+    }
+}
+
+/// x += alpha p and r -= alpha z in one block; x = alpha p the first time.
+struct Advance<'a> {
+    x: &'a mut [Plane; 2],
+    r: &'a mut [Plane; 2],
+    p: &'a [Plane; 2],
+    z: &'a [Plane; 2],
+    alpha: f32,
+    first: bool,
+}
+
+impl Kernel for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let Advance { x, r, p, z, alpha, first } = self;
+        for c in 0..2 {
+            for s in (0..NODES).step_by(LANES) {
+                let step = V::load(&p[c], s) * alpha;
+                let sum = if first { step } else { V::load(&x[c], s) + step };
+                // A system that f32 cannot solve must not spoil the state.
+                let small = sum.lt(V::splat(MAX_STEP)).and(V::splat(-MAX_STEP).lt(sum));
+                small.select(sum, V::zero()).store(&mut x[c], s);
+                (V::load(&r[c], s) - V::load(&z[c], s) * alpha).store(&mut r[c], s);
+            }
+        }
     }
 }

@@ -143,23 +143,6 @@ impl Row {
         [(x - own[0]) + di as f32, (y - own[1]) + dj as f32]
     }
 
-    /// True if the neighbours at (di, dj) of the row's nodes lie on the ring, all or some of them.
-    #[inline(always)]
-    pub fn reaches_ring(self, di: i64, dj: i64) -> bool {
-        let (first, last) = (self.ci as i64 + di, self.ci as i64 + 2 * LANES as i64 - 2 + di);
-        let j = self.j as i64 + dj;
-        first < 0 || last >= SIDE as i64 || j < 0 || j >= SIDE as i64
-    }
-
-    /// Sets a window's numbers at the neighbours at (di, dj), each -1, 0 or 1.
-    #[inline(always)]
-    pub fn set_near<V: Lanes>(self, window: &mut Window, di: i64, dj: i64, x: V) {
-        assert!(di.unsigned_abs() <= 1 && dj.unsigned_abs() <= 1);
-        let at = self.at(di, dj);
-        // SAFETY: as in `near`.
-        x.store(unsafe { window.get_unchecked_mut(at..at + LANES) }, 0);
-    }
-
     /// Sets a window's numbers at the row.
     #[inline(always)]
     pub fn set_own<V: Lanes>(self, window: &mut Window, x: V) {

@@ -34,6 +34,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
         });
+        galerkin::copy_rings(run, self.level, rows);
         run.per_chart(self.level, &sums)
     }
 }
@@ -97,7 +98,7 @@ fn window_slopes<S: Surface>(patch: &Patch, surface: S) -> [Window; 6] {
     slopes
 }
 
-/// Diagonal, right-hand side and pairs of a row's nodes.
+/// Diagonal and right-hand side of a row's nodes, and the pairs that they own.
 #[inline(always)]
 fn block_row<V: Lanes, S: Surface>(
     patch: &Patch,
@@ -143,12 +144,7 @@ fn block_row<V: Lanes, S: Surface>(
         row.set(&mut r[c], own.select(-local.gradient[c], V::zero()));
     }
     let corners = if crowded { corner_pairs(patch, row, &p, weights) } else { [[V::zero(); 4]; 8] };
-    for (k, &(di, dj, e, theirs)) in NEIGHBOURS.iter().enumerate() {
-        // A pair that the neighbour owns is stored at its place, transposed; only those on the ring are needed: the
-        // block's other nodes store theirs themselves.
-        if theirs && !row.reaches_ring(di, dj) {
-            continue;
-        }
+    for (k, &(di, dj, e, _)) in NEIGHBOURS[..4].iter().enumerate() {
         let edge = patch.edge(row, &p, k);
         let (_, near, chord) = S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
         let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&slopes[c], di, dj));
@@ -176,13 +172,7 @@ fn block_row<V: Lanes, S: Surface>(
         // Only pairs of movable nodes count; a fixed lane's numbers may be anything.
         let both = own.and(V::zero().lt(V::load_u8(&patch.movable, row.at(di, dj))));
         for c in 0..4 {
-            let from = if theirs { [0, 2, 1, 3][c] } else { c };
-            let value = both.select(pair[from], V::zero());
-            if theirs {
-                row.set_near(&mut rows.pair[4 * e + c], di, dj, value);
-            } else {
-                row.set_own(&mut rows.pair[4 * e + c], value);
-            }
+            row.set_own(&mut rows.pair[4 * e + c], both.select(pair[c], V::zero()));
         }
     }
 }
