@@ -42,6 +42,12 @@ struct Params {
     /// Where this level's blocks begin in `rows` and `vectors`, and the other level's in its own.
     base: u32,
     other_base: u32,
+    /// Of the paper's solver: factor on a level's corrections, share of the rotation toward rest, share of a velocity that is
+    /// kept, smoothing s of eq. 4.
+    correction: f32,
+    preservation: f32,
+    momentum: f32,
+    smoothing: f32,
 }
 
 /// A chart, and what is decided about it on the way.
@@ -64,6 +70,10 @@ struct Chart {
     rz: f32,
     alpha: f32,
     beta: f32,
+    /// By how much the quadratic model of the energy falls.
+    predicted: f32,
+    /// 1 during a level's first correction.
+    first: u32,
     min_jacobian: f32,
     max_displacement: f32,
     folds: u32,

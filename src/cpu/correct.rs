@@ -84,6 +84,11 @@ impl Systems {
         Systems { levels, done: vec![false; grid.movable.len()] }
     }
 
+    /// For a solver that corrects nothing.
+    pub fn none(grid: &Grid) -> Systems {
+        Systems { levels: Vec::new(), done: vec![false; grid.movable.len()] }
+    }
+
     /// Bytes that `new` takes.
     pub fn bytes_for(grid: &Grid) -> u64 {
         let block = size_of::<Rows>() + (5 * 2 + 1) * NODES * 4;
@@ -91,8 +96,9 @@ impl Systems {
     }
 }
 
-/// Iterations of conjugate gradients: more gain less than the next correction does.
-const ITERATIONS: usize = 4;
+/// Iterations of conjugate gradients, on the finest level and on the others: more gain less than the next level or the
+/// next correction does.
+const ITERATIONS: [usize; 2] = [3, 2];
 
 /// No step is this long, in cells: more than the largest grid.
 const MAX_STEP: f32 = 32768.0;
@@ -113,22 +119,25 @@ impl Run<'_> {
         let before =
             self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
         let coarsest = systems.levels.len() - 1;
-        for k in level..(if plan.first || std::env::var_os("ALLG").is_some() { coarsest } else { level }) {
+        // The coarser systems of the first correction precondition the next ones well enough.
+        for k in level..if plan.first { coarsest } else { level } {
             let (finer, coarser) = systems.levels.split_at_mut(k + 1);
             galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
         }
-        self.conjugate_gradients(&mut systems.levels, level);
+        let predicted = self.conjugate_gradients(&mut systems.levels, level);
         cut::shares(self, level, &mut systems.levels[level]);
-        self.step(&mut systems, level, &before, plan);
+        self.step(&mut systems, level, &before, &predicted, plan);
         self.memory.systems = systems;
         self.work = work;
     }
 
-    /// Solves the level's system for `x`, chart by chart: the charts only share the passes over memory.
-    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize) {
+    /// Solves the level's system for `x`, chart by chart: the charts only share the passes over memory. Gives, per chart,
+    /// by how much the quadratic model of the energy falls.
+    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize) -> Vec<f64> {
         let charts = self.charts.len();
         let mut rz = vec![0.0f64; charts];
-        for iteration in 0..ITERATIONS {
+        let mut predicted = vec![0.0f64; charts];
+        for iteration in 0..ITERATIONS[usize::from(level > 0)] {
             let next = multigrid::cycle(self, systems, level);
             let system = &mut systems[level];
             let beta: Vec<f32> = (0..charts)
@@ -149,8 +158,8 @@ impl Run<'_> {
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
                 .collect();
-            if std::env::var_os("PRED").is_some() {
-                eprint!(" ar{iteration} {:.5}", (0..charts).map(|c| f64::from(alpha[c]) * rz[c]).sum::<f64>());
+            for c in 0..charts {
+                predicted[c] += f64::from(alpha[c]) * rz[c];
             }
             let (x, r) = (Shared::new(&mut system.x), Shared::new(&mut system.r));
             let (p, z) = (&system.p, &system.z);
@@ -160,12 +169,20 @@ impl Run<'_> {
                 wide(Advance { x, r, p: &p[b], z: &z[b], alpha: alpha[c], first: iteration == 0 });
             });
         }
+        predicted
     }
 
     /// Takes the step chart by chart, and relaxes; where that has not lowered the energy, half of the step, or a
     /// quarter, or none. Relaxing comes first because the step errs most where the surface has kinks: a rough error,
     /// which a sweep mends, and which would otherwise hold back the whole chart.
-    fn step(&mut self, systems: &mut Systems, level: usize, before: &[f64], plan: &Correction) {
+    fn step(
+        &mut self,
+        systems: &mut Systems,
+        level: usize,
+        before: &[f64],
+        predicted: &[f64],
+        plan: &Correction,
+    ) {
         let system = &mut systems.levels[level];
         for &b in &self.work[level].active {
             system.t[b as usize] = self.memory.levels[level].u[b as usize];
@@ -196,14 +213,12 @@ impl Run<'_> {
             self.refresh(level, &blocks);
             self.relax_level(level, plan.sweeps);
             let energies = self.energies(level);
-            if std::env::var_os("PRED").is_some() {
-                eprintln!(" L{level} part {part} before {:.4} after {:.4} first {}", before.iter().sum::<f64>(), energies.iter().sum::<f64>(), plan.first);
-            }
             for c in 0..open.len() {
                 // A comparison with NaN is false: not accepted. The last trial is relaxation alone.
                 if open[c] && (energies[c] < before[c] || n == TRIALS.len()) {
                     open[c] = false;
-                    systems.done[c] = !(before[c] - energies[c] > f64::from(plan.tolerance) * before[c]);
+                    let gain = before[c] - energies[c];
+                    systems.done[c] = plan.is_enough(before[c], gain, predicted[c]);
                 }
             }
         }

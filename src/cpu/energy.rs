@@ -11,12 +11,18 @@ use crate::tile::Level;
 impl Run<'_> {
     /// Per chart, the energy of a level's present state (only charts that are solved; others 0).
     pub(super) fn energies(&mut self, level: usize) -> Vec<f64> {
-        self.with_surface(level, Energies { level })
+        self.with_surface(level, Energies { level, as_is: false })
+    }
+
+    /// The same of a state that may be folded.
+    pub(super) fn energies_as_is(&mut self, level: usize) -> Vec<f64> {
+        self.with_surface(level, Energies { level, as_is: true })
     }
 }
 
 struct Energies {
     level: usize,
+    as_is: bool,
 }
 
 impl SurfaceFn<Vec<f64>> for Energies {
@@ -27,9 +33,17 @@ impl SurfaceFn<Vec<f64>> for Energies {
         let shared = Shared::new(&mut sums);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            let sum = run
-                .patches
-                .with(|patch| wide(StateEnergy { patch, level, state, surface, weights: &run.weights, b }));
+            let sum = run.patches.with(|patch| {
+                wide(StateEnergy {
+                    patch,
+                    level,
+                    state,
+                    surface,
+                    weights: &run.weights,
+                    b,
+                    as_is: self.as_is,
+                })
+            });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
         });
@@ -45,6 +59,8 @@ struct StateEnergy<'a, S> {
     surface: S,
     weights: &'a Weights,
     b: usize,
+    /// Crushed cells do not count as worthless.
+    as_is: bool,
 }
 
 impl<S: Surface> Kernel for StateEnergy<'_, S> {
@@ -52,7 +68,7 @@ impl<S: Surface> Kernel for StateEnergy<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let StateEnergy { patch, level, state, surface, weights, b } = self;
+        let StateEnergy { patch, level, state, surface, weights, b, as_is } = self;
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
         if S::CHORDS {
@@ -66,7 +82,7 @@ impl<S: Surface> Kernel for StateEnergy<'_, S> {
                 total.add(patch, row, own, weights, &patch.terms::<V, S>(row, &p, weights));
             }
         }
-        total.energy()
+        if as_is { total.sum() } else { total.energy() }
     }
 }
 
@@ -103,11 +119,17 @@ impl<V: Lanes> Total<V> {
         self.sum += own.select(energy, V::zero());
     }
 
+    /// The block's share, whatever the state.
+    #[inline(always)]
+    fn sum(&self) -> f64 {
+        f64::from(self.sum.sum())
+    }
+
     /// The block's share.
     #[inline(always)]
     pub fn energy(&self) -> f64 {
         // A state with crushed cells is worth nothing, however low its energy.
         let crushed = self.worst.lt(V::splat(0.5 * MIN_JACOBIAN)).any();
-        if crushed { f64::INFINITY } else { f64::from(self.sum.sum()) }
+        if crushed { f64::INFINITY } else { self.sum() }
     }
 }

@@ -99,6 +99,18 @@ impl Row {
         (0..4).flat_map(Row::of_colour)
     }
 
+    /// Column of the first lane's node.
+    #[inline(always)]
+    pub fn column(self) -> usize {
+        self.ci
+    }
+
+    /// Row of nodes, 0..16.
+    #[inline(always)]
+    pub fn line(self) -> usize {
+        self.j
+    }
+
     /// Place of the first lane's neighbour at (di, dj) in a window; the other lanes follow.
     #[inline(always)]
     pub fn at(self, di: i64, dj: i64) -> usize {

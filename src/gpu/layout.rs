@@ -41,6 +41,10 @@ pub struct Params {
     pub level: u32,
     pub base: u32,
     pub other_base: u32,
+    pub correction: f32,
+    pub preservation: f32,
+    pub momentum: f32,
+    pub smoothing: f32,
 }
 
 /// A chart, and what is decided about it on the way.
@@ -58,6 +62,8 @@ pub struct Chart {
     pub rz: f32,
     pub alpha: f32,
     pub beta: f32,
+    pub predicted: f32,
+    pub first: u32,
     pub min_jacobian: f32,
     pub max_displacement: f32,
     pub folds: u32,

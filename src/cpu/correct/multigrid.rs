@@ -93,8 +93,7 @@ fn smooth(run: &Run, level: usize, system: &mut System, sweeps: Sweeps, dots: Op
         // SAFETY: as above.
         let z = unsafe { z.get_mut(b) };
         let backwards = sweeps.backwards;
-        let dot =
-            wide(SmoothBlock { rows, r, windows: &mut windows, backwards, dot: dots.is_some(), z });
+        let dot = wide(SmoothBlock { rows, r, windows: &mut windows, backwards, dot: dots.is_some(), z });
         if let Some(dots) = dots {
             // SAFETY: each item has its own sum.
             unsafe { *dots.get_mut(b) = f64::from(dot) };

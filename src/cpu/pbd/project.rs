@@ -1,0 +1,174 @@
+//! Projection of one set of constraints (the paper's section 4.2): each segment takes its rest length as far as it is
+//! rigid, is turned back toward its rest direction, and no end leaves the bounding box of its neighbours.
+
+use crate::mesh::NONE;
+use crate::pbd::{Iteration, Set};
+use crate::tile::Level;
+use crate::tile::blocks::{NODES, Plane, SIDE};
+use crate::tile::halo::{self, WINDOW_NODES, Window};
+
+use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
+use super::super::patch::{NEIGHBOURS, Row, State};
+use super::super::surface::{Samples, Site, Surface};
+
+/// Keeps 1 / |d| finite.
+const TINY: f32 = 1e-24;
+
+/// One set's projection.
+#[derive(Clone, Copy)]
+pub struct Project {
+    pub set: Set,
+    pub iteration: Iteration,
+}
+
+impl Project {
+    /// Projects the set's edges at block `b`'s own nodes.
+    ///
+    /// # Safety
+    /// Nothing writes `state` now, and nothing else touches block `b` of `next`.
+    pub unsafe fn block<S: Surface>(self, level: &Level, state: State, next: State, surface: S, b: usize) {
+        wide(Block { project: self, level, state, next, surface, b });
+    }
+}
+
+struct Block<'a, S> {
+    project: Project,
+    level: &'a Level,
+    state: State,
+    next: State,
+    surface: S,
+    b: usize,
+}
+
+impl<S: Surface> Kernel for Block<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let Block { project: Project { set, iteration }, level, state, next, surface, b } = self;
+        let around = &level.blocks.around[b];
+        let block = &level.blocks.list[b];
+        let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
+        let floor = V::splat(level.floor[block.chart as usize]);
+        let mut u: [Window; 2] = [[0.0; WINDOW_NODES]; 2];
+        let mut value: [Window; 3] = [[0.0; WINDOW_NODES]; 3];
+        let mut rigidity: Window = [0.0; WINDOW_NODES];
+        let mut movable: Window<u8> = [0; WINDOW_NODES];
+        let mut length: Window = [0.0; WINDOW_NODES];
+        // SAFETY: the caller's promise.
+        let (to_u, to_value) = unsafe {
+            for c in 0..2 {
+                halo::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
+            }
+            for c in 0..3 {
+                halo::load(around, 0.0, |b| &state.value.get(b)[c], &mut value[c]);
+            }
+            if S::CHORDS {
+                *next.triangle.get_mut(b) = *state.triangle.get(b);
+            }
+            let (to_u, to_value) = (next.u.get_mut(b), next.value.get_mut(b));
+            *to_u = *state.u.get(b);
+            *to_value = *state.value.get(b);
+            (to_u, to_value)
+        };
+        halo::load(around, 0.0, |b| &level.rigidity[b], &mut rigidity);
+        halo::load(around, 0, |b| &level.movable[b], &mut movable);
+        halo::load(around, 0.0, |b| &level.rest_length[b][set.edge], &mut length);
+        for row in Row::all() {
+            let ((di, dj), theirs) = set.partner(row.column(), row.line());
+            let weight = row.near::<V>(&rigidity, 0, 0).max(row.near(&rigidity, di, dj));
+            let lanes = V::zero().lt(V::load_u8(&movable, row.at(0, 0))).and(V::zero().lt(weight));
+            if !lanes.any() {
+                continue;
+            }
+            let here = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
+            let d0 = [di as f32, dj as f32];
+            let d = row.offset(&u, &here, di, dj);
+            let own = each!([0, 1, 2], |c| row.near::<V>(&value[c], 0, 0));
+            let other = each!([0, 1, 2], |c| row.near::<V>(&value[c], di, dj));
+            let apart = V::Mask::from_bits(0);
+            let current = S::length(&own, &[V::zero(); 6], &other, apart, &d);
+            let owner = if theirs { (di, dj) } else { (0, 0) };
+            let rest = row.near::<V>(&length, owner.0, owner.1).max(floor);
+            let target = projected(d, d0, rest / current, weight * iteration.correction, iteration);
+            // An end that is fixed leaves the whole way to the other one.
+            let both = V::load_u8(&movable, row.at(di, dj));
+            let share = V::one() - both * 0.5;
+            let mut moved = each!([0, 1], |c| here[c] + (d[c] - target[c]) * share);
+            // The box around the eight neighbours, relative to the node's own place at rest.
+            let (mut low, mut high) = ([V::splat(f32::MAX); 2], [V::splat(f32::MIN); 2]);
+            for &(i, j, ..) in &NEIGHBOURS {
+                let at = [row.near::<V>(&u[0], i, j) + i as f32, row.near::<V>(&u[1], i, j) + j as f32];
+                for c in 0..2 {
+                    low[c] = low[c].min(at[c]);
+                    high[c] = high[c].max(at[c]);
+                }
+            }
+            moved = each!([0, 1], |c| moved[c].max(low[c]).min(high[c]));
+            // SAFETY: the caller's promise.
+            unsafe { put(&moved, &here, lanes, row, &site(row, b, origin), (to_u, to_value), next, surface) };
+        }
+    }
+}
+
+/// A segment's offset after projection and rotation: d scaled by 1 + stiffness (l / L - 1), its direction then blended
+/// with that at rest. A blend of unit vectors turns by the given share up to third order of the angle, without an arc
+/// cosine.
+#[inline(always)]
+pub fn projected<V: Lanes>(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, iteration: Iteration) -> [V; 2] {
+    let scale = (ratio - V::one()) * stiffness + V::one();
+    let d = each!([0, 1], |c| d[c] * scale);
+    let length = (d[0] * d[0] + d[1] * d[1] + V::splat(TINY)).sqrt();
+    let share = iteration.orientation * iteration.correction;
+    let rest = share / (d0[0] * d0[0] + d0[1] * d0[1]).sqrt();
+    let along = each!([0, 1], |c| (d[c] / length) * (1.0 - share) + V::splat(d0[c] * rest));
+    let norm = length / (along[0] * along[0] + along[1] * along[1] + V::splat(TINY)).sqrt();
+    each!([0, 1], |c| along[c] * norm)
+}
+
+/// Where a row of block `b`, whose first node is `origin`, lies.
+#[inline(always)]
+pub fn site(row: Row, b: usize, origin: [i64; 2]) -> Site {
+    Site { block: b, i: origin[0] + row.column() as i64, j: origin[1] + row.line() as i64 }
+}
+
+/// Writes the lanes that move, where the surface is there to be sampled: a node that would leave its chart stays.
+///
+/// # Safety
+/// Nothing else touches block `site.block` of `next`.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "what a row of a block is")]
+pub unsafe fn put<V: Lanes, S: Surface>(
+    moved: &[V; 2],
+    here: &[V; 2],
+    lanes: V::Mask,
+    row: Row,
+    site: &Site,
+    to: (&mut [Plane; 2], &mut [Plane; 3]),
+    next: State,
+    surface: S,
+) {
+    let slot = row.slot();
+    let still =
+        moved[0].le(here[0]).and(here[0].le(moved[0])).and(moved[1].le(here[1])).and(here[1].le(moved[1]));
+    let lanes = lanes.and_not(still);
+    if !lanes.any() {
+        return;
+    }
+    let mut nowhere: Plane<u32> = [NONE; NODES];
+    // SAFETY: the caller's promise.
+    let triangle = if S::CHORDS { unsafe { next.triangle.get_mut(site.block) } } else { &mut nowhere };
+    let mut samples =
+        Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: V::load_index(triangle, slot) };
+    let start = samples.triangle;
+    let found = surface.sample_row(site, moved, lanes, &mut samples);
+    for c in 0..2 {
+        found.select(moved[c], row.of(&to.0[c])).store(&mut to.0[c], slot);
+    }
+    for c in 0..3 {
+        found.select(samples.value[c], row.of(&to.1[c])).store(&mut to.1[c], slot);
+    }
+    if S::CHORDS {
+        V::store_index(V::select_index(found, samples.triangle, start), triangle, slot);
+    }
+}

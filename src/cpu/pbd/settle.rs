@@ -1,0 +1,119 @@
+//! What follows the projections: regularisation (the paper's eq. 4-5), integration, and the prediction of the next
+//! iteration's positions.
+
+use crate::tile::Level;
+use crate::tile::blocks::{Plane, SIDE};
+use crate::tile::halo::{self, WINDOW_NODES, Window};
+
+use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
+use super::super::patch::{Row, State};
+use super::super::surface::Surface;
+use super::super::team::Shared;
+use super::project::{put, site};
+
+/// Integration and prediction.
+#[derive(Clone, Copy)]
+pub struct Velocity {
+    /// No iteration follows: nodes stay where they are integrated.
+    pub last: bool,
+    /// Share of its velocity that a node keeps.
+    pub momentum: f32,
+}
+
+/// One pass.
+#[derive(Clone, Copy)]
+pub struct Settle {
+    pub smoothing: f32,
+    /// None: regularisation alone.
+    pub velocity: Option<Velocity>,
+}
+
+impl Settle {
+    /// Settles block `b`'s own nodes.
+    ///
+    /// # Safety
+    /// Nothing writes `state` now, and nothing else touches block `b` of `next` and of `previous`.
+    pub unsafe fn block<S: Surface>(
+        self,
+        level: &Level,
+        state: State,
+        next: State,
+        previous: Shared<[Plane; 2]>,
+        surface: S,
+        b: usize,
+    ) {
+        wide(Block { settle: self, level, state, next, previous, surface, b });
+    }
+}
+
+struct Block<'a, S> {
+    settle: Settle,
+    level: &'a Level,
+    state: State,
+    next: State,
+    previous: Shared<[Plane; 2]>,
+    surface: S,
+    b: usize,
+}
+
+impl<S: Surface> Kernel for Block<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let Block { settle: Settle { smoothing, velocity }, level, state, next, previous, surface, b } = self;
+        let around = &level.blocks.around[b];
+        let block = &level.blocks.list[b];
+        let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
+        let mut u: [Window; 2] = [[0.0; WINDOW_NODES]; 2];
+        // SAFETY: the caller's promise.
+        let (to_u, to_value, previous) = unsafe {
+            for c in 0..2 {
+                halo::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
+            }
+            if S::CHORDS {
+                *next.triangle.get_mut(b) = *state.triangle.get(b);
+            }
+            let (to_u, to_value) = (next.u.get_mut(b), next.value.get_mut(b));
+            *to_u = *state.u.get(b);
+            *to_value = *state.value.get(b);
+            (to_u, to_value, previous.get_mut(b))
+        };
+        for row in Row::all() {
+            let s = row.slot();
+            let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
+            if !lanes.any() {
+                continue;
+            }
+            // Eq. 4 where M is 1: b = (1 - R) + R s.
+            let rigidity = row.of::<V>(&level.rigidity[b]);
+            let blend = (V::one() - rigidity) + rigidity * smoothing;
+            let here = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
+            // Eq. 5. The Gaussian leaves the grid at rest as it is, so displacements can be smoothed for positions.
+            let mut moved = each!([0, 1], |c| here[c] + blend * (gaussian::<V>(&u[c], row) - here[c]));
+            if let Some(Velocity { last, momentum }) = velocity {
+                let settled = moved;
+                if !last {
+                    let before = each!([0, 1], |c| V::load(&previous[c], s));
+                    moved = each!([0, 1], |c| settled[c] + (settled[c] - before[c]) * momentum);
+                }
+                for c in 0..2 {
+                    lanes.select(settled[c], V::zero()).store(&mut previous[c], s);
+                }
+            }
+            // SAFETY: the caller's promise.
+            unsafe { put(&moved, &here, lanes, row, &site(row, b, origin), (to_u, to_value), next, surface) };
+        }
+    }
+}
+
+/// The 3x3 Gaussian K_G at a row's nodes.
+#[inline(always)]
+fn gaussian<V: Lanes>(window: &Window, row: Row) -> V {
+    let [low, middle, high] = each!([0, 1, 2], |k| {
+        let j = k as i64 - 1;
+        let sides = row.near::<V>(window, -1, j) + row.near::<V>(window, 1, j);
+        row.near::<V>(window, 0, j) * 0.5 + sides * 0.25
+    });
+    middle * 0.5 + (low + high) * 0.25
+}
