@@ -7,6 +7,9 @@
 /// A node's step per sweep, in cells, at most: the linear model is not to be trusted further.
 const MAX_STEP: f32 = 2.0;
 
+/// A step that is to gain less than this share of the node's energy drowns in the energy's rounding: none is taken.
+const NOTICEABLE: f32 = 1e-6;
+
 /// -H^-1 g, cut to the trusted length and to J >= epsilon at every corner.
 fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
     let determinant = l.matrix.x * l.matrix.z - l.matrix.y * l.matrix.y;
@@ -37,6 +40,9 @@ fn step_node(b: u32, n: vec2u, floor: f32) {
     let l = local_problem(n, p, floor);
     let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
     var delta = newton_step(n, p.u, l);
+    if !(-dot(l.gradient, delta) > NOTICEABLE * l.energy) {
+        return;
+    }
     // The second try has half the step.
     for (var try_ = 0u; try_ < 2u; try_++) {
         let u = p.u + delta;

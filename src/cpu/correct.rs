@@ -98,7 +98,7 @@ impl Systems {
 
 /// Iterations of conjugate gradients, on the finest level and on the others: more gain less than the next level or the
 /// next correction does.
-const ITERATIONS: [usize; 2] = [3, 2];
+const ITERATIONS: [usize; 2] = [4, 2];
 
 /// No step is this long, in cells: more than the largest grid.
 const MAX_STEP: f32 = 32768.0;

@@ -79,7 +79,13 @@ impl<S: Surface> Kernel for StateEnergy<'_, S> {
             let own = patch.movable_lanes::<V>(row);
             if own.any() {
                 let p = patch.here::<V>(row);
-                total.add(patch, row, own, weights, &patch.terms::<V, S>(row, &p, weights));
+                total.add(
+                    patch,
+                    row,
+                    own,
+                    weights,
+                    &patch.terms::<V, S>(row, &p, weights, patch.is_rigid::<V>(row)),
+                );
             }
         }
         if as_is { total.sum() } else { total.energy() }

@@ -341,9 +341,28 @@ impl Patch {
         }
     }
 
-    /// Energy of the edges and corners of a row's nodes.
+    /// True if an edge at one of a row's nodes is rigid to some degree. Where none is, lengths do not matter.
     #[inline(always)]
-    pub fn terms<V: Lanes, S: Surface>(&self, row: Row, p: &Place<V>, weights: &Weights) -> Terms<V> {
+    pub fn is_rigid<V: Lanes>(&self, row: Row) -> bool {
+        let mut most = row.near::<V>(&self.rigidity, 0, 0);
+        for &(di, dj, ..) in &NEIGHBOURS {
+            most = most.max(row.near(&self.rigidity, di, dj));
+        }
+        V::zero().lt(most).any()
+    }
+
+    /// Energy of the edges and corners of a row's nodes; `rigid` as `is_rigid` says.
+    #[inline(always)]
+    pub fn terms<V: Lanes, S: Surface>(
+        &self,
+        row: Row,
+        p: &Place<V>,
+        weights: &Weights,
+        rigid: bool,
+    ) -> Terms<V> {
+        if !rigid {
+            return self.elastic(row, p, weights).terms;
+        }
         let edges = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
             let length = S::length(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
@@ -368,9 +387,18 @@ impl Patch {
         Terms { energy, edges, corners }
     }
 
-    /// Everything a node's own Gauss-Newton step needs.
+    /// Everything a node's own Gauss-Newton step needs; `rigid` as `is_rigid` says.
     #[inline(always)]
-    pub fn local<V: Lanes, S: Surface>(&self, row: Row, p: &Place<V>, weights: &Weights) -> Local<V> {
+    pub fn local<V: Lanes, S: Surface>(
+        &self,
+        row: Row,
+        p: &Place<V>,
+        weights: &Weights,
+        rigid: bool,
+    ) -> Local<V> {
+        if !rigid {
+            return self.elastic(row, p, weights);
+        }
         let mut edges = [V::zero(); 8];
         let mut gradient = [V::zero(); 2];
         let mut matrix = [V::zero(); 3];
@@ -400,6 +428,52 @@ impl Patch {
                 matrix[2] += V::splat(kappa * ny * ny);
             }
         });
+        self.with_room(row, p, edges, gradient, matrix, weights)
+    }
+
+    /// The same where nothing is rigid: smoothness alone.
+    #[inline(always)]
+    fn elastic<V: Lanes>(&self, row: Row, p: &Place<V>, weights: &Weights) -> Local<V> {
+        let mut edges = [V::zero(); 8];
+        let mut gradient = [V::zero(); 2];
+        let mut matrix = [V::zero(); 3];
+        each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+            let (di, dj, ..) = NEIGHBOURS[k];
+            let shorter = 1.0 / (di * di + dj * dj) as f32;
+            let smooth = V::splat((weights.smoothness + weights.smoothness_floor) * shorter);
+            let d = row.offset(&self.u, &p.u, di, dj);
+            let rest = [d[0] - V::splat(di as f32), d[1] - V::splat(dj as f32)];
+            edges[k] = smooth * (rest[0] * rest[0] + rest[1] * rest[1]);
+            gradient[0] -= smooth * rest[0];
+            gradient[1] -= smooth * rest[1];
+            matrix[0] += smooth;
+            matrix[2] += smooth;
+            if weights.orientation > 0.0 {
+                let [nx, ny] = [-dj as f32, di as f32];
+                let kappa = weights.orientation * shorter * shorter;
+                let off = d[0] * nx + d[1] * ny;
+                edges[k] += off * off * kappa;
+                gradient[0] -= off * kappa * nx;
+                gradient[1] -= off * kappa * ny;
+                matrix[0] += V::splat(kappa * nx * nx);
+                matrix[1] += V::splat(kappa * nx * ny);
+                matrix[2] += V::splat(kappa * ny * ny);
+            }
+        });
+        self.with_room(row, p, edges, gradient, matrix, weights)
+    }
+
+    /// Adds the room term.
+    #[inline(always)]
+    fn with_room<V: Lanes>(
+        &self,
+        row: Row,
+        p: &Place<V>,
+        edges: [V; 8],
+        mut gradient: [V; 2],
+        mut matrix: [V; 3],
+        weights: &Weights,
+    ) -> Local<V> {
         let terms = self.with_corners(row, p, edges, weights);
         if lowest(&terms.corners).lt(V::splat(weights.room_threshold)).any() {
             for (jacobian, slope) in &terms.corners {

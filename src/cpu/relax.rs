@@ -17,6 +17,9 @@ pub const MIN_JACOBIAN: f32 = 0.02;
 /// A node's step per sweep, in cells, at most: the linear model is not to be trusted further.
 const MAX_STEP: f32 = 2.0;
 
+/// A step that is to gain less than this share of the node's energy drowns in the energy's rounding: none is taken.
+const NOTICEABLE: f32 = 1e-6;
+
 /// Sweeps over all blocks of a level.
 pub struct Relax {
     pub level: usize,
@@ -101,14 +104,20 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
         return;
     }
     let here = patch.here::<V>(row);
-    let local = patch.local::<V, S>(row, &here, weights);
+    let rigid = patch.is_rigid::<V>(row);
+    let local = patch.local::<V, S>(row, &here, weights, rigid);
     let mut delta = newton_step(&local);
+    let foretold = -(local.gradient[0] * delta[0] + local.gradient[1] * delta[1]);
+    lanes = lanes.and((local.terms.energy * NOTICEABLE).lt(foretold));
+    if !lanes.any() {
+        return;
+    }
     // The second try has half the step, for lanes whose first one did not lower their energy.
     for _ in 0..2 {
         let u = each!([0, 1], |c| lanes.select(here.u[c] + delta[c], here.u[c]));
         let mut there = Place { u, on: here.on };
         let found = surface.sample_row(&patch.site(row), &u, lanes, &mut there.on);
-        let energy = patch.terms::<V, S>(row, &there, weights).energy;
+        let energy = patch.terms::<V, S>(row, &there, weights, rigid).energy;
         // Two infinite energies say nothing about each other.
         let lower = energy.le(local.terms.energy).and(energy.lt(V::splat(f32::INFINITY)));
         let better = found.and(lower);

@@ -7,7 +7,7 @@ use super::{GateSet, Run, Shared};
 use crate::solve::Correction;
 
 /// Iterations of conjugate gradients, on the finest level and on the others.
-const ITERATIONS: [u32; 2] = [3, 2];
+const ITERATIONS: [u32; 2] = [4, 2];
 /// Sweeps on either side of a V-cycle.
 const SWEEPS: u32 = 2;
 /// Rounds of them in each direction on the coarsest level.

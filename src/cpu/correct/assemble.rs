@@ -124,7 +124,8 @@ fn block_row<V: Lanes, S: Surface>(
         return;
     }
     let p = patch.here::<V>(row);
-    let mut local = patch.local::<V, S>(row, &p, weights);
+    let rigid = patch.is_rigid::<V>(row);
+    let mut local = patch.local::<V, S>(row, &p, weights, rigid);
     total.add(patch, row, own, weights, &local.terms);
     // Corners that neither the room term nor the wall sees are most of them.
     let crowded = lowest(&local.terms.corners).lt(V::splat(weights.room_threshold.max(WALL_JACOBIAN))).any();
@@ -146,17 +147,17 @@ fn block_row<V: Lanes, S: Surface>(
     let corners = if crowded { corner_pairs(patch, row, &p, weights) } else { [[V::zero(); 4]; 8] };
     for (k, &(di, dj, e, _)) in NEIGHBOURS[..4].iter().enumerate() {
         let edge = patch.edge(row, &p, k);
-        let (_, near, chord) = S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
-        let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&slopes[c], di, dj));
-        let far = S::far_gradient(&chord, &slope_n);
-        let square = edge.weight * edge.inverse * edge.inverse;
-        let smooth = edge.smoothness(weights);
-        let mut pair = [
-            square * (near[0] * far[0]) - smooth,
-            square * (near[0] * far[1]),
-            square * (near[1] * far[0]),
-            square * (near[1] * far[1]) - smooth,
-        ];
+        let smooth = -edge.smoothness(weights);
+        let mut pair = [smooth, V::zero(), V::zero(), smooth];
+        if rigid {
+            let (_, near, chord) = S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
+            let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&slopes[c], di, dj));
+            let far = S::far_gradient(&chord, &slope_n);
+            let square = edge.weight * edge.inverse * edge.inverse;
+            for c in 0..4 {
+                pair[c] += square * (near[c / 2] * far[c % 2]);
+            }
+        }
         if weights.orientation > 0.0 {
             let n = edge.normal;
             let kappa = weights.orientation * edge.shorter * edge.shorter;

@@ -215,28 +215,36 @@ pub fn copy_rings(run: &Run, level: usize, rows: Shared<Rows>) {
 /// # Safety
 /// No item writes the own nodes' places of any block now, nor the ring of this one.
 unsafe fn copy_ring(rows: Shared<Rows>, around: &[u32; 9]) {
-    let b = around[4] as usize;
-    let copy = |i: usize, j: usize, e: usize| {
-        let (bi, bj) = (i.div_ceil(SIDE), j.div_ceil(SIDE));
-        let (x, y) = ((i + SIDE - 1) % SIDE, (j + SIDE - 1) % SIDE);
-        let from = around[bj * 3 + bi];
-        for c in 4 * e..4 * e + 4 {
-            // SAFETY: the caller's promise; no reference to the whole of another item's rows is made.
-            unsafe {
-                let to = &raw mut (*rows.pointer(b)).pair[c][place(i, j)];
-                to.write(match from {
-                    NONE => 0.0,
-                    from => (&raw const (*rows.pointer(from as usize)).pair[c][place(x + 1, y + 1)]).read(),
-                });
+    let to = rows.pointer(around[4] as usize);
+    // South-west, south, south-east, west, east, north-west, north-east: first place on the ring, first place in the block
+    // where it lies, steps along x and y, and how many. Nodes of one colour follow one another, so x goes in twos. No
+    // node of the north owns a pair with the block.
+    const L: usize = SIDE + 1;
+    const SEGMENTS: [(usize, [usize; 2], [usize; 2], [usize; 2], usize); 8] = [
+        (0, [0, 0], [SIDE, SIDE], [0, 0], 1),
+        (1, [1, 0], [1, SIDE], [2, 0], SIDE / 2),
+        (1, [2, 0], [2, SIDE], [2, 0], SIDE / 2),
+        (2, [L, 0], [1, SIDE], [0, 0], 1),
+        (3, [0, 1], [SIDE, 1], [0, 1], SIDE),
+        (5, [L, 1], [1, 1], [0, 1], SIDE),
+        (6, [0, L], [SIDE, 1], [0, 0], 1),
+        (8, [L, L], [1, 1], [0, 0], 1),
+    ];
+    for (from, [ti, tj], [fi, fj], [di, dj], count) in SEGMENTS {
+        let from = match around[from] {
+            NONE => None,
+            b => Some(rows.pointer(b as usize)),
+        };
+        for c in 0..16 {
+            for n in 0..count {
+                // SAFETY: the caller's promise; no reference to the whole of another item's rows is made.
+                unsafe {
+                    let value = from.map_or(0.0, |from| {
+                        (&raw const (*from).pair[c][place(fi + n * di, fj + n * dj)]).read()
+                    });
+                    (&raw mut (*to).pair[c][place(ti + n * di, tj + n * dj)]).write(value);
+                }
             }
-        }
-    };
-    for k in 0..SIDE + 2 {
-        for e in 0..4 {
-            // West, south (corners in both: the same value twice), east; no node of the north owns a pair with the block.
-            copy(0, k, e);
-            copy(k, 0, e);
-            copy(17, k, e);
         }
     }
 }
