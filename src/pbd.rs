@@ -20,7 +20,7 @@
 //! | choice | taken | others |
 //! |---|---|---|
 //! | projections of all sets per regularisation | 4: 0.128, 0.106 | 1: 0.162, 0.275; 2: 0.133, 0.169; 8: 0.136, 0.098; 16: 0.137, 0.124 |
-//! | iterations, 16: a step more gains less than its time | 0.128, 0.106 | 4: 0.30, 0.45; 8: 0.141, 0.214; 32: 0.126, 0.090; 64: 0.122, 0.109; 128: 0.120, 0.107 |
+//! | iterations, 16: a step more gains less than its time | 0.128, 0.106 | 4: 0.252, 0.432; 8: 0.141, 0.214; 32: 0.126, 0.090; 64: 0.122, 0.109; 128: 0.120, 0.107 |
 //! | velocity damping, none: inertia does the work of some iterations | 0.128, 0.106 | 0.1: 0.128, 0.113; 0.2: 0.128, 0.122; 0.3: 0.128, 0.131 |
 //! | rotation toward rest, none | 0.128, 0.106 | 0.01: 0.128, 0.110; 0.05: 0.129, 0.129 |
 //! | smoothing s | 0.8: 0.128, 0.106 | 0.1: 0.135, 0.109; 0.3: 0.132, 0.107; 0.5: 0.130, 0.105; 1: 0.127, 0.107 |

@@ -31,16 +31,24 @@ pub struct Weights {
     pub smoothness: f32,
     pub smoothness_floor: f32,
     pub orientation: f32,
+    pub orientation_density: f32,
     pub room: f32,
     pub room_threshold: f32,
 }
 
 impl Weights {
+    /// True if any edge has an orientation to keep.
+    #[inline(always)]
+    pub fn orients(&self) -> bool {
+        self.orientation > 0.0 || self.orientation_density > 0.0
+    }
+
     pub fn new(settings: &TileSettings) -> Weights {
         Weights {
             smoothness: settings.smoothness,
             smoothness_floor: settings.smoothness_floor,
             orientation: settings.orientation,
+            orientation_density: settings.orientation_density,
             room: settings.room,
             room_threshold: settings.room_threshold,
         }
@@ -70,6 +78,9 @@ pub struct Patch {
     pub rigidity: Window,
     pub length: [Window; 4],
     pub movable: Window<u8>,
+    /// All 0 unless a setting asks for it.
+    pub density: Window,
+    dense: bool,
     /// Of the block's own nodes.
     pub slope: [Plane; 6],
     pub floor: f32,
@@ -140,6 +151,8 @@ impl Patch {
             rigidity: [0.0; WINDOW_NODES],
             length: [[0.0; WINDOW_NODES]; 4],
             movable: [0; WINDOW_NODES],
+            density: [0.0; WINDOW_NODES],
+            dense: false,
             slope: [[0.0; NODES]; 6],
             floor: 0.0,
         })
@@ -171,6 +184,12 @@ impl Patch {
         }
         halo::load(around, 0.0, |b| &level.rigidity[b], &mut self.rigidity);
         halo::load(around, 0, |b| &level.movable[b], &mut self.movable);
+        if !level.density.is_empty() {
+            halo::load(around, 0.0, |b| &level.density[b], &mut self.density);
+        } else if self.dense {
+            self.density = [0.0; WINDOW_NODES];
+        }
+        self.dense = !level.density.is_empty();
         for e in 0..4 {
             halo::load(around, 0.0, |b| &level.rest_length[b][e], &mut self.length[e]);
         }
@@ -259,6 +278,11 @@ impl Patch {
             length,
             inverse: V::ONE / length.max(V::splat(self.floor)),
             weight,
+            density: if self.dense {
+                (V::load(&self.density, row.at(0, 0)) + V::load(&self.density, n)) * 0.5
+            } else {
+                V::ZERO
+            },
             shorter: 1.0 / (di * di + dj * dj) as f32,
             normal: [-dj as f32, di as f32],
         }
@@ -300,15 +324,15 @@ impl Patch {
             matrix[0] += square * near[0] * near[0] + smooth;
             matrix[1] += square * near[0] * near[1];
             matrix[2] += square * near[1] * near[1] + smooth;
-            if weights.orientation > 0.0 {
+            if weights.orients() {
                 let [nx, ny] = edge.normal;
-                let kappa = weights.orientation * edge.shorter * edge.shorter;
+                let kappa = edge.orientation(weights);
                 let off = edge.off_axis() * kappa;
                 gradient[0] -= off * nx;
                 gradient[1] -= off * ny;
-                matrix[0] += V::splat(kappa * nx * nx);
-                matrix[1] += V::splat(kappa * nx * ny);
-                matrix[2] += V::splat(kappa * ny * ny);
+                matrix[0] += kappa * (nx * nx);
+                matrix[1] += kappa * (nx * ny);
+                matrix[2] += kappa * (ny * ny);
             }
         }
         let corners = self.corners(row, p);
@@ -368,6 +392,8 @@ pub struct Edge {
     pub length: V,
     pub inverse: V,
     pub weight: V,
+    /// Mean of both ends.
+    pub density: V,
     /// 1 / |d0|².
     pub shorter: f32,
     /// d0 turned by 90 degrees (not unit: its length is |d0|).
@@ -379,6 +405,13 @@ impl Edge {
     #[inline(always)]
     pub fn smoothness(&self, weights: &Weights) -> V {
         ((V::ONE - self.weight) * weights.smoothness + weights.smoothness_floor) * self.shorter
+    }
+
+    /// κ / |d0|⁴: κ is the mean of both ends', and `normal` and `off_axis` have a length of |d0| each.
+    #[inline(always)]
+    pub fn orientation(&self, weights: &Weights) -> V {
+        (self.density * weights.orientation_density + V::splat(weights.orientation))
+            * (self.shorter * self.shorter)
     }
 
     /// d - d0.
@@ -400,9 +433,9 @@ impl Edge {
         let rest = self.stretch(k);
         let mut energy = self.weight * strain * strain
             + self.smoothness(weights) * (rest[0] * rest[0] + rest[1] * rest[1]);
-        if weights.orientation > 0.0 {
+        if weights.orients() {
             let off = self.off_axis();
-            energy += off * off * (weights.orientation * self.shorter * self.shorter);
+            energy += off * off * self.orientation(weights);
         }
         energy
     }

@@ -110,11 +110,11 @@ fn block<S: Surface>(patch: &Patch, surface: S, weights: &Weights, rows: &mut Ro
                 square * (near[1] * far[0]),
                 square * (near[1] * far[1]) - smooth,
             ];
-            if weights.orientation > 0.0 {
+            if weights.orients() {
                 let n = edge.normal;
-                let kappa = weights.orientation * edge.shorter * edge.shorter;
+                let kappa = edge.orientation(weights);
                 for (c, x) in pair.iter_mut().enumerate() {
-                    *x -= V::splat(kappa * n[c / 2] * n[c % 2]);
+                    *x -= kappa * (n[c / 2] * n[c % 2]);
                 }
             }
             for (x, corner) in pair.iter_mut().zip(corners[k]) {

@@ -22,12 +22,21 @@ pub struct Project {
 }
 
 impl Project {
-    /// Projects the set's edges at block `b`'s own nodes.
+    /// Projects the set's edges at block `b`'s own nodes. `density` is what the rotation's share grows by where rigid
+    /// material is dense.
     ///
     /// # Safety
     /// Nothing writes `state` now, and nothing else touches block `b` of `next`.
-    pub unsafe fn block<S: Surface>(self, level: &Level, state: State, next: State, surface: S, b: usize) {
-        wide(Block { project: self, level, state, next, surface, b });
+    pub unsafe fn block<S: Surface>(
+        self,
+        level: &Level,
+        state: State,
+        next: State,
+        surface: S,
+        density: f32,
+        b: usize,
+    ) {
+        wide(Block { project: self, level, state, next, surface, density, b });
     }
 }
 
@@ -37,6 +46,7 @@ struct Block<'a, S> {
     state: State,
     next: State,
     surface: S,
+    density: f32,
     b: usize,
 }
 
@@ -45,7 +55,7 @@ impl<S: Surface> Kernel for Block<'_, S> {
 
     #[inline(always)]
     fn run(self) {
-        let Block { project: Project { set, iteration }, level, state, next, surface, b } = self;
+        let Block { project: Project { set, iteration }, level, state, next, surface, density, b } = self;
         let around = &level.blocks.around[b];
         let block = &level.blocks.list[b];
         let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
@@ -74,6 +84,11 @@ impl<S: Surface> Kernel for Block<'_, S> {
         halo::load(around, 0.0, |b| &level.rigidity[b], &mut rigidity);
         halo::load(around, 0, |b| &level.movable[b], &mut movable);
         halo::load(around, 0.0, |b| &level.rest_length[b][set.edge], &mut length);
+        let dense = density > 0.0 && !level.density.is_empty();
+        let mut near: Window = [0.0; WINDOW_NODES];
+        if dense {
+            halo::load(around, 0.0, |b| &level.density[b], &mut near);
+        }
         for row in (0..4).flat_map(Row::of_colour) {
             let ((di, dj), theirs) = set.partner(row.ci, row.j);
             let (own, other) = (row.at(0, 0), row.at(di, dj));
@@ -94,7 +109,13 @@ impl<S: Surface> Kernel for Block<'_, S> {
             let none = Mask([0; LANES]);
             let current = S::length(&ends.map(|e| e[0]), &[V::ZERO; 6], &ends.map(|e| e[1]), none, &d);
             let rest = V::load(&length, if theirs { other } else { own }).max(floor);
-            let target = projected(d, d0, rest / current, weight * iteration.correction, iteration);
+            let mut share = V::splat(iteration.orientation);
+            if dense {
+                let sum = V::load(&near, own) + V::load(&near, other);
+                share = (share + sum * (0.5 * density)).min(V::ONE);
+            }
+            let correction = iteration.correction;
+            let target = projected(d, d0, rest / current, weight * correction, share * correction);
             // An end that is fixed leaves the whole way to the other one.
             let both = V::load_u8(&movable, other);
             let share = V::ONE - both * 0.5;
@@ -120,13 +141,12 @@ impl<S: Surface> Kernel for Block<'_, S> {
 /// with that at rest. A blend of unit vectors turns by the given share up to third order of the angle, without an arc
 /// cosine.
 #[inline(always)]
-pub fn projected(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, iteration: Iteration) -> [V; 2] {
+pub fn projected(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, share: V) -> [V; 2] {
     let scale = (ratio - V::ONE) * stiffness + V::ONE;
     let d = each!([0, 1], |c| d[c] * scale);
     let length = (d[0] * d[0] + d[1] * d[1] + V::splat(TINY)).sqrt();
-    let share = iteration.orientation * iteration.correction;
-    let rest = share / (d0[0] * d0[0] + d0[1] * d0[1]).sqrt();
-    let along = each!([0, 1], |c| (d[c] / length) * (1.0 - share) + V::splat(d0[c] * rest));
+    let norm = (d0[0] * d0[0] + d0[1] * d0[1]).sqrt();
+    let along = each!([0, 1], |c| (d[c] / length) * (V::ONE - share) + share * (d0[c] / norm));
     let norm = length / (along[0] * along[0] + along[1] * along[1] + V::splat(TINY)).sqrt();
     each!([0, 1], |c| along[c] * norm)
 }
