@@ -5,8 +5,8 @@ mod common;
 
 use common::{Model, Warp, bits, cpu, fetch, gpu, scenes};
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat, Quality,
-    SolveOptions, Solver, Strided, TileReport, TileSettings,
+    Asset, Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat,
+    Quality, SolveOptions, Solver, Strided, TileReport, TileSettings,
 };
 
 fn pbd(iterations: u32) -> SolveOptions {
@@ -122,6 +122,33 @@ fn both_backends_give_the_same_warp() {
             assert!((a.energy / b.energy - 1.0).abs() < 1e-5, "{} {}", a.energy, b.energy);
             assert_eq!((a.sweeps, a.folds, a.charts_fallback), (b.sweeps, b.folds, b.charts_fallback));
         }
+    }
+}
+
+/// Stage by stage in lockstep, and one backend after the other.
+#[test]
+fn backends_can_be_compared_and_switched() {
+    if !common::has_gpu() {
+        return;
+    }
+    let model = Model::from(scenes::analytic::torus());
+    let on = |variables: &[(&str, &str)]| {
+        let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
+        model.asset_on(&Device::with_variables(&settings, variables, None).unwrap(), 64)
+    };
+    let differences = on(&[]).compare_backends(0, model.frame(1), &pbd(5), true).unwrap();
+    assert!(differences.iter().filter(|d| d.stage.starts_with("relax@")).count() >= 5);
+    for d in differences.iter().filter(|d| d.quantity == "displacement (cells)") {
+        // A unit of rounding of displacements of a few cells, in one stage.
+        assert!(d.max < 1e-5, "{d:?}");
+    }
+    let whole = solved(&model, &cpu(0), 64, 1, &pbd(5)).displacements(0).unwrap();
+    for switch in ["cpu:relax@1", "gpu:relax@2", "gpu:prolong@0"] {
+        let mut asset = on(&[("VRTM_SWITCH", switch)]);
+        asset.solve(model.frame(1), &pbd(5)).unwrap();
+        let u = asset.displacements(0).unwrap();
+        let apart = u.iter().flatten().zip(whole.iter().flatten());
+        assert!(apart.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-5, "{switch}");
     }
 }
 
