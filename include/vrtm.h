@@ -574,6 +574,10 @@ typedef struct vrtm_tile_settings {
     float room_threshold;
     // Zero.
     uint32_t reserved;
+    // What is added to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
+    // a tent of half of the tile), up to 1e6; 0 = none, the default. Sparse features then turn to keep their shape,
+    // dense ones stay in order. For VRTM_SOLVER_PBD it is added to the share that a segment turns back.
+    float orientation_density;
 } vrtm_tile_settings;
 
 // Says what is known of a tile. The first call, and the first after a change of map or settings, builds the tile's

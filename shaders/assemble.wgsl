@@ -96,7 +96,7 @@ fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
             let normal = vec2f(-e.offset.y, e.offset.x);
             pair = square * outer_pair(near_gradient(e.chord, p.slope), far_gradient(e.chord, slope_n))
                 - vec4f(smooth_weight, 0.0, 0.0, smooth_weight)
-                - params.orientation * e.shorter * e.shorter * outer_pair(normal, normal)
+                - e.orientation * e.shorter * e.shorter * outer_pair(normal, normal)
                 + pairs[k];
         }
         for (var c = 0u; c < 4u; c++) {

@@ -48,6 +48,8 @@ struct Params {
     preservation: f32,
     momentum: f32,
     smoothing: f32,
+    /// What orientation preservation grows by where rigid material is dense.
+    orientation_density: f32,
 }
 
 /// A chart, and what is decided about it on the way.
@@ -106,7 +108,7 @@ struct Block {
 @group(0) @binding(1) var<storage, read_write> charts: array<Chart>;
 @group(0) @binding(2) var<storage, read> blocks: array<Block>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
-/// Per block: rigidity (sign bit: fixed), four rest lengths, triangle under the node or coverage.
+/// Per block: rigidity (sign bit: fixed), four rest lengths, triangle under the node or coverage, density of rigid material.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
 /// Per block: displacement (2), position or metric at W (3), triangle under W.
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
@@ -117,10 +119,11 @@ struct Block {
 /// Per block of a list: what it gives to its chart.
 @group(0) @binding(9) var<storage, read_write> partials: array<vec4f>;
 
-const NODE_PLANES: u32 = 6u;
+const NODE_PLANES: u32 = 7u;
 const RIGIDITY: u32 = 0u;
 const LENGTH: u32 = 1u;
 const UNDER: u32 = 5u;
+const DENSITY: u32 = 6u;
 
 const STATE_PLANES: u32 = 6u;
 const U: u32 = 0u;

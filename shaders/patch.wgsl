@@ -1,4 +1,4 @@
-// A block with its ring in workgroup memory, and the energy of DESIGN 5 seen from one node. 14256 bytes: it fits the
+// A block with its ring in workgroup memory, and the energy of DESIGN 5 seen from one node. 15552 bytes: it fits the
 // 16 KiB of WebGPU's default limits.
 
 var<workgroup> near_u: array<vec2f, 324>;
@@ -8,6 +8,8 @@ var<workgroup> near_value: array<vec4f, 324>;
 var<workgroup> near_length: array<vec4f, 324>;
 /// Twice the triangle under W, plus 1 if the node is fixed.
 var<workgroup> near_tag: array<u32, 324>;
+/// Only if a setting asks for it.
+var<workgroup> near_density: array<f32, 324>;
 
 fn load_patch(b: u32, t: u32) {
     for (var k = t; k < WINDOW; k += 64u) {
@@ -31,6 +33,12 @@ fn load_patch(b: u32, t: u32) {
                     nodes[fixed_at + 4u * NODES])
             );
             near_tag[k] = (state[at + 5u * NODES] << 1u) | (rigidity >> 31u);
+        }
+        if params.orientation_density > 0.0 {
+            near_density[k] = 0.0;
+            if holder != NONE {
+                near_density[k] = bitcast<f32>(nodes[node_at(holder, DENSITY, source.y)]);
+            }
         }
     }
     workgroupBarrier();
@@ -77,6 +85,8 @@ struct Edge {
     /// 1 / |d0|^2.
     shorter: f32,
     offset: vec2f,
+    /// kappa, the mean of both ends'.
+    orientation: f32,
 }
 
 /// Edge k of node n of a block, the node being at p.
@@ -89,7 +99,12 @@ fn edge(n: vec2u, p: Here, k: u32, floor: f32) -> Edge {
     let same = (near_tag[at] & 0xfffffffeu) == p.tag;
     let chord = chord(p.value, p.slope, near_value[at].xyz, same, d);
     let weight = max(near_value[own].w, near_value[at].w);
-    return Edge(at, chord, length, 1.0 / max(length, floor), weight, 1.0 / f32(o.x * o.x + o.y * o.y), vec2f(o));
+    let shorter = 1.0 / f32(o.x * o.x + o.y * o.y);
+    var kappa = params.orientation;
+    if params.orientation_density > 0.0 {
+        kappa += params.orientation_density * 0.5 * (near_density[own] + near_density[at]);
+    }
+    return Edge(at, chord, length, 1.0 / max(length, floor), weight, shorter, vec2f(o), kappa);
 }
 
 /// (lambda (1 - w) + lambda0) / |d0|^2.
@@ -107,7 +122,7 @@ fn edge_energy(e: Edge) -> f32 {
     let rest = e.chord.d - e.offset;
     let off = off_axis(e);
     return e.weight * strain * strain + smoothness(e) * dot(rest, rest)
-        + off * off * (params.orientation * e.shorter * e.shorter);
+        + off * off * (e.orientation * e.shorter * e.shorter);
 }
 
 /// beta max(0, tau - J)^2.
@@ -195,7 +210,7 @@ fn local_problem(n: vec2u, p: Here, floor: f32) -> Local {
             - smooth_weight * (e.chord.d - e.offset);
         out.matrix += scaled * e.inverse * outer(near) + vec3f(smooth_weight, 0.0, smooth_weight);
         let normal = vec2f(-e.offset.y, e.offset.x);
-        let kappa = params.orientation * e.shorter * e.shorter;
+        let kappa = e.orientation * e.shorter * e.shorter;
         out.gradient -= off_axis(e) * kappa * normal;
         out.matrix += kappa * outer(normal);
     }

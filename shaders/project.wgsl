@@ -8,6 +8,8 @@ var<workgroup> near_value: array<vec3f, 324>;
 var<workgroup> near_rigidity: array<u32, 324>;
 /// Rest length of the set's edge that a node owns.
 var<workgroup> near_length: array<f32, 324>;
+/// Only if a setting asks for it.
+var<workgroup> near_density: array<f32, 324>;
 
 fn load_ends(b: u32, t: u32) {
     let edge = (params.mode & 7u) >> 1u;
@@ -26,6 +28,12 @@ fn load_ends(b: u32, t: u32) {
             near_rigidity[k] = nodes[node_at(holder, RIGIDITY, source.y)];
             near_length[k] = bitcast<f32>(nodes[node_at(holder, LENGTH + edge, source.y)]);
         }
+        if params.orientation_density > 0.0 {
+            near_density[k] = 0.0;
+            if holder != NONE {
+                near_density[k] = bitcast<f32>(nodes[node_at(holder, DENSITY, source.y)]);
+            }
+        }
     }
     workgroupBarrier();
 }
@@ -40,11 +48,10 @@ fn is_still(at: u32) -> bool {
 
 /// A segment's offset after projection and rotation: d scaled by 1 + stiffness (l / L - 1), its direction then blended with
 /// that at rest.
-fn projected(d: vec2f, d0: vec2f, ratio: f32, stiffness: f32) -> vec2f {
+fn projected(d: vec2f, d0: vec2f, ratio: f32, stiffness: f32, share: f32) -> vec2f {
     let along = d * ((ratio - 1.0) * stiffness + 1.0);
     let length = sqrt(dot(along, along) + TINY);
-    let share = params.preservation * params.correction;
-    let turned = (along / length) * (1.0 - share) + d0 * (share / sqrt(dot(d0, d0)));
+    let turned = (along / length) * (1.0 - share) + share * (d0 / sqrt(dot(d0, d0)));
     return turned * (length / sqrt(dot(turned, turned) + TINY));
 }
 
@@ -71,7 +78,11 @@ fn project_node(n: vec2u, floor: f32) -> Moved {
     let d = (near_u[other] - here) + d0;
     let current = chord(near_value[own], mat2x3f(), near_value[other], false, d).length;
     let rest = max(near_length[select(other, own, owned)], floor);
-    let target_ = projected(d, d0, rest / current, weight * params.correction);
+    var share = params.preservation;
+    if params.orientation_density > 0.0 {
+        share = min(share + 0.5 * params.orientation_density * (near_density[own] + near_density[other]), 1.0);
+    }
+    let target_ = projected(d, d0, rest / current, weight * params.correction, share * params.correction);
     // An end that is fixed leaves the whole way to the other one.
     var u = here + (d - target_) * select(0.5, 1.0, is_still(other));
     var low = vec2f(WORTHLESS);

@@ -128,6 +128,7 @@ impl<'a> Run<'a> {
             smoothness: settings.smoothness,
             smoothness_floor: settings.smoothness_floor,
             orientation: settings.orientation,
+            orientation_density: settings.orientation_density,
             room: settings.room,
             room_threshold: settings.room_threshold,
             items: charts.len() as u32,

@@ -78,6 +78,10 @@ pub struct TileSettings {
     pub smoothness_floor: f32,
     /// Orientation preservation κ, >= 0 (the paper's section 4.2).
     pub orientation: f32,
+    /// How much of it is added where rigid material is dense, >= 0 (the heuristic of the paper's figure 5): a node has
+    /// κ = `orientation` + this times the density around it, which is the mean rigidity over a tent of half of the tile,
+    /// 0..1. For [`Solver::Pbd`] it is added to the share that a segment turns back.
+    pub orientation_density: f32,
     /// Room β, >= 0: weight of the penalty on cells that lose their area.
     pub room: f32,
     /// Room threshold τ, 0..1: the corner Jacobian under which the penalty starts.
@@ -93,6 +97,7 @@ impl Default for TileSettings {
             smoothness: 0.05,
             smoothness_floor: 0.0005,
             orientation: 0.0,
+            orientation_density: 0.0,
             room: 0.3,
             room_threshold: 0.4,
             overlap: Overlap::Fixed,
@@ -114,6 +119,9 @@ impl TileSettings {
         }
         if !not_negative(self.orientation) {
             return bad("orientation", self.orientation, "in 0..1e6");
+        }
+        if !not_negative(self.orientation_density) {
+            return bad("orientation_density", self.orientation_density, "in 0..1e6");
         }
         if !not_negative(self.room) {
             return bad("room", self.room, "in 0..1e6");

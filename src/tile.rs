@@ -2,6 +2,7 @@
 
 pub(crate) mod blocks;
 pub(crate) mod coverage;
+pub(crate) mod density;
 pub(crate) mod fill;
 pub(crate) mod halo;
 pub(crate) mod metric;
@@ -84,6 +85,8 @@ pub struct Level {
     pub blocks: Blocks,
     /// Per block.
     pub rigidity: Vec<Plane>,
+    /// Per block, only if a setting asks for it: how dense rigid material is around each node, 0..1.
+    pub density: Vec<Plane>,
     /// Per block: 1 may move, 0 fixed.
     pub movable: Vec<Plane<u8>>,
     /// Per block: rest length l of the edges `EDGES` of each node, in units of the chart.
@@ -128,10 +131,15 @@ impl Grid {
         finest.chart.iter().filter(|&&c| c != NONE).for_each(|&c| movable[c as usize] += 1);
         let rest = Pose::new(tile, |v| mesh.rest[v as usize], None);
         let triangles = uv_triangles(tile, nx, ny);
+        let density = (maps.settings.orientation_density > 0.0).then(|| density::density(&finest));
         let mut levels: Vec<Level> = Vec::new();
         let mut maps = finest;
         loop {
-            let level = Level::new(&maps, charts, levels.last_mut());
+            let mut level = Level::new(&maps, charts, levels.last_mut());
+            if let Some(density) = &density {
+                let step = 1 << levels.len();
+                level.density = planes(&level, |i, j| density[j * step * (nx + 1) + i * step]);
+            }
             levels.push(level);
             maps = maps.coarser();
             if maps.nx == 0 || maps.ny == 0 || maps.is_fixed() {
@@ -173,7 +181,8 @@ impl Grid {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let per_block = NODE_BYTES * blocks::NODES;
-        let levels: usize = self.levels.iter().map(|l| l.blocks.list.len() * per_block).sum();
+        let of_level = |l: &Level| l.blocks.list.len() * per_block + l.density.len() * size_of::<Plane>();
+        let levels: usize = self.levels.iter().map(of_level).sum();
         let finest = self.triangle.len() * blocks::NODES * 4;
         let triangles = self.triangles.len() * (size_of::<UvTriangle>() + 4);
         (levels + finest + triangles + self.gather.bytes() + self.rest.bytes()) as u64
@@ -201,6 +210,7 @@ impl Level {
             nx: maps.nx,
             ny: maps.ny,
             rigidity: Vec::new(),
+            density: Vec::new(),
             movable: Vec::new(),
             rest_length: vec![[[1.0; blocks::NODES]; 4]; blocks.list.len()],
             floor: vec![0.0; charts],

@@ -310,6 +310,7 @@ impl Host {
                     settings.smoothness = self.odd(0.0, &[VRTM_OFF, 1.0, f32::NAN]);
                     settings.smoothness_floor = self.odd(0.0, &[VRTM_OFF, 1.0, f32::NAN]);
                     settings.orientation = self.odd(0.0, &[0.1, -3.0]);
+                    settings.orientation_density = self.odd(0.0, &[0.1, -3.0]);
                     settings.room = self.odd(0.0, &[VRTM_OFF, 1.0, f32::INFINITY]);
                     settings.room_threshold = self.odd(0.0, &[VRTM_OFF, 1.0, 1.5]);
                     vrtm_tile_set_settings(self.tile(), &settings)

@@ -352,6 +352,7 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
             (TileSettings { smoothness: x, ..plain }, "smoothness", "0..1e6"),
             (TileSettings { smoothness_floor: x, ..plain }, "smoothness_floor", "1e-6..1e6"),
             (TileSettings { orientation: x, ..plain }, "orientation", "0..1e6"),
+            (TileSettings { orientation_density: x, ..plain }, "orientation_density", "0..1e6"),
             (TileSettings { room: x, ..plain }, "room", "0..1e6"),
             (TileSettings { room_threshold: x, ..plain }, "room_threshold", "0..1"),
         ] {

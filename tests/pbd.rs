@@ -5,8 +5,8 @@ mod common;
 
 use common::{Model, Warp, bits, cpu, fetch, gpu, scenes};
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat, Quality,
-    SolveOptions, Solver, Strided, TileReport, TileSettings,
+    Asset, Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat,
+    Quality, SolveOptions, Solver, Strided, TileReport, TileSettings,
 };
 
 fn pbd(iterations: u32) -> SolveOptions {
@@ -125,6 +125,33 @@ fn both_backends_give_the_same_warp() {
     }
 }
 
+/// Stage by stage in lockstep, and one backend after the other.
+#[test]
+fn backends_can_be_compared_and_switched() {
+    if !common::has_gpu() {
+        return;
+    }
+    let model = Model::from(scenes::analytic::torus());
+    let on = |variables: &[(&str, &str)]| {
+        let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
+        model.asset_on(&Device::with_variables(&settings, variables, None).unwrap(), 64)
+    };
+    let differences = on(&[]).compare_backends(0, model.frame(1), &pbd(5), true).unwrap();
+    assert!(differences.iter().filter(|d| d.stage.starts_with("relax@")).count() >= 5);
+    for d in differences.iter().filter(|d| d.quantity == "displacement (cells)") {
+        // A unit of rounding of displacements of a few cells, in one stage.
+        assert!(d.max < 1e-5, "{d:?}");
+    }
+    let whole = solved(&model, &cpu(0), 64, 1, &pbd(5)).displacements(0).unwrap();
+    for switch in ["cpu:relax@1", "gpu:relax@2", "gpu:prolong@0"] {
+        let mut asset = on(&[("VRTM_SWITCH", switch)]);
+        asset.solve(model.frame(1), &pbd(5)).unwrap();
+        let u = asset.displacements(0).unwrap();
+        let apart = u.iter().flatten().zip(whole.iter().flatten());
+        assert!(apart.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-5, "{switch}");
+    }
+}
+
 #[test]
 fn a_folded_result_is_told_and_returned() {
     let model = Model::from(scenes::analytic::squash(0.1));
@@ -216,7 +243,7 @@ fn settings_out_of_range_are_refused_by_name() {
 }
 
 /// A sheet with features of 8 x 8 texels of 64, compressed in u to 60 %; the map is the caller's.
-fn compressed(rigidity: &[u8], solver: Solver, settings: impl FnOnce(&mut TileSettings)) -> Warp {
+fn compressed(rigidity: &[u8], options: &SolveOptions, settings: impl FnOnce(&mut TileSettings)) -> Warp {
     let mut scene = scenes::analytic::squash(0.6);
     scene.tiles.clear();
     let model = Model::from(scene);
@@ -226,13 +253,91 @@ fn compressed(rigidity: &[u8], solver: Solver, settings: impl FnOnce(&mut TileSe
     let mut own = TileSettings { grid: [64; 2], ..asset.settings(0).unwrap() };
     settings(&mut own);
     asset.set_settings(0, &own).unwrap();
-    asset.solve(model.frame(1), &SolveOptions { solver, ..SolveOptions::default() }).unwrap();
+    asset.solve(model.frame(1), options).unwrap();
     Warp::of(&asset, 0)
 }
 
 /// Width on the mesh, over that at rest, of what lies between nodes (i, j) and (i + n, j).
 fn width(warp: &Warp, i: usize, j: usize, n: usize) -> f64 {
     0.6 * (warp.node(i + n, j)[0] - warp.node(i, j)[0]) / n as f64
+}
+
+/// RMS strain on the mesh of the segments of a feature of 8 x 8 texels whose first node is (i, j).
+fn strain(warp: &Warp, i: usize, j: usize) -> f64 {
+    let mut squares = Vec::new();
+    for (x, y) in (1..7).flat_map(|y| (1..7).map(move |x| (i + x, j + y))) {
+        for (di, dj) in [(1, 0), (0, 1), (1, 1)] {
+            let (a, b) = (warp.node(x, y), warp.node(x + di, y + dj));
+            let length = (0.6 * (b[0] - a[0])).hypot(b[1] - a[1]);
+            squares.push((length / ((di + dj) as f64).sqrt() - 1.0).powi(2));
+        }
+    }
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+/// The heuristic of figure 5: where features are sparse they keep their shape better than if all had the κ that dense
+/// ones get.
+#[test]
+fn sparse_features_keep_their_shape_if_dense_ones_keep_their_orientation() {
+    // Features of 8 texels: 12 apart in the upper half, 24 in the lower.
+    let feature = |x: usize, every: usize| x % every >= 4 && x % every < 12 && x < 60;
+    let texel = |x: usize, y: usize| {
+        let every = if y < 32 { 12 } else { 24 };
+        if feature(x, every) && feature(y % 32, every) { 255u8 } else { 0 }
+    };
+    let map: Vec<u8> = (0..64 * 64).map(|k| texel(k % 64, k / 64)).collect();
+    for solver in [Solver::Pbd, Solver::Descent] {
+        // Mean strain of the sparse features and of the dense ones; rows of the map count from v = 1.
+        let strains = |orientation: f32, density: f32| {
+            let pbd = PbdSettings { orientation_preservation: orientation, ..PbdSettings::default() };
+            let options = SolveOptions { solver, pbd, ..SolveOptions::default() };
+            let warp = compressed(&map, &options, |settings| {
+                (settings.orientation, settings.orientation_density) = (orientation, density);
+            });
+            let mean = |every: usize, rows: &[usize]| {
+                let starts: Vec<usize> = (0..5).map(|n| 4 + n * every).filter(|x| x + 8 <= 60).collect();
+                let all = starts.iter().flat_map(|&i| rows.iter().map(move |&j| (i, j)));
+                let all: Vec<f64> = all.map(|(i, j)| strain(&warp, i, 64 - j - 8)).collect();
+                all.iter().sum::<f64>() / all.len() as f64
+            };
+            [mean(24, &[36]), mean(12, &[4, 16])]
+        };
+        // Densities are about 0.45 in the upper half and 0.2 in the lower.
+        let settings = [(0.0, 0.0), (0.2, 0.0), (0.0, 0.5)];
+        let [free, evenly, by_density] = settings.map(|(kappa, density)| strains(kappa, density));
+        println!("{solver:?}: sparse, dense {free:.3?}, evenly {evenly:.3?}, by density {by_density:.3?}");
+        // The dense ones are held alike, the sparse ones less, and keep more of their shape.
+        assert!((by_density[1] - evenly[1]).abs() < 0.01 && by_density[1] > free[1] + 0.02, "{solver:?}");
+        assert!(by_density[0] < 0.9 * evenly[0] && by_density[0] < 0.75 * by_density[1], "{solver:?}");
+    }
+}
+
+/// What a solve says of its energy is the reference's, all of its terms at work.
+#[test]
+fn the_energy_is_the_reference_s() {
+    let model = Model::from(scenes::analytic::torus());
+    for device in devices() {
+        let mut asset = model.asset_on(&device, 64);
+        let settings =
+            TileSettings { orientation: 0.1, orientation_density: 0.7, ..asset.settings(0).unwrap() };
+        let mut energies = Vec::new();
+        for density in [0.0, settings.orientation_density] {
+            asset.set_settings(0, &TileSettings { orientation_density: density, ..settings }).unwrap();
+            for options in [SolveOptions::default(), pbd(8)] {
+                asset.solve(model.frame(1), &options).unwrap();
+                let u: Vec<[f64; 2]> =
+                    asset.displacements(0).unwrap().iter().map(|u| u.map(f64::from)).collect();
+                let exact = asset.reference_energy(0, model.frame(1), &u).unwrap();
+                let told = report(&asset).energy;
+                // f32 against f64, over positions of a part of a cell: six digits of each term.
+                assert!((told / exact - 1.0).abs() < 1e-4, "{told} {exact}");
+                energies.push(told);
+            }
+        }
+        println!("{energies:.3?}");
+        // κ has its price.
+        assert!(energies[2] > 1.01 * energies[0], "{energies:?}");
+    }
 }
 
 /// Figure 5: under a strong compression, rigid features keep more of their size than half-rigid ones, and these more than
@@ -245,7 +350,7 @@ fn features_keep_their_size_in_the_order_of_their_rigidity() {
             let feature = |k: usize| k % 21 >= 5 && k % 21 < 17 && k < 63;
             let texel = |k: usize| if feature(k % 64) && feature(k / 64) { (255.0 * share) as u8 } else { 0 };
             let map: Vec<u8> = (0..64 * 64).map(texel).collect();
-            let warp = compressed(&map, solver, |_| ());
+            let warp = compressed(&map, &SolveOptions { solver, ..SolveOptions::default() }, |_| ());
             let at = [7, 28, 49];
             at.iter().flat_map(|&i| at.map(|j| width(&warp, i, j + 4, 8))).sum::<f64>() / 9.0
         });

@@ -60,6 +60,7 @@ pub fn tile(
             "smoothness": settings.smoothness,
             "smoothness_floor": settings.smoothness_floor,
             "orientation": settings.orientation,
+            "orientation_density": settings.orientation_density,
             "room": settings.room,
             "room_threshold": settings.room_threshold,
             "overlap": format!("{:?}", settings.overlap).to_lowercase(),

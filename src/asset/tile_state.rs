@@ -84,6 +84,8 @@ impl TileState {
         if resized {
             self.coverage = None;
         }
+        let dense = |maps: &TileMaps| maps.settings.orientation_density > 0.0;
+        let resized = resized || dense(&before) != dense(&self.maps);
         if resized || before.rigidity != self.maps.rigidity || before.mask != self.maps.mask {
             self.grid = None;
         } else if before.settings != self.maps.settings

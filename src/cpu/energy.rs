@@ -84,7 +84,7 @@ impl<S: Surface> Kernel for StateEnergy<'_, S> {
                     row,
                     own,
                     weights,
-                    &patch.terms::<V, S>(row, &p, weights, patch.is_rigid::<V>(row)),
+                    &patch.terms::<V, S>(row, &p, weights, patch.is_rigid::<V>(row, weights)),
                 );
             }
         }

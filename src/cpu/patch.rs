@@ -31,16 +31,24 @@ pub struct Weights {
     pub smoothness: f32,
     pub smoothness_floor: f32,
     pub orientation: f32,
+    pub orientation_density: f32,
     pub room: f32,
     pub room_threshold: f32,
 }
 
 impl Weights {
+    /// True if any edge has an orientation to keep.
+    #[inline(always)]
+    pub fn orients(&self) -> bool {
+        self.orientation > 0.0 || self.orientation_density > 0.0
+    }
+
     pub fn new(settings: &TileSettings) -> Weights {
         Weights {
             smoothness: settings.smoothness,
             smoothness_floor: settings.smoothness_floor,
             orientation: settings.orientation,
+            orientation_density: settings.orientation_density,
             room: settings.room,
             room_threshold: settings.room_threshold,
         }
@@ -72,6 +80,9 @@ pub struct Patch {
     /// 1 / max(l, floor).
     pub inverse: [Window; 4],
     pub movable: Window<u8>,
+    /// All 0 unless a setting asks for it.
+    pub density: Window,
+    dense: bool,
     /// Of the block's own nodes.
     pub slope: [Plane; 6],
     pub floor: f32,
@@ -202,6 +213,8 @@ impl Patch {
             length: [[0.0; WINDOW_NODES]; 4],
             inverse: [[0.0; WINDOW_NODES]; 4],
             movable: [0; WINDOW_NODES],
+            density: [0.0; WINDOW_NODES],
+            dense: false,
             slope: [[0.0; NODES]; 6],
             floor: 0.0,
         })
@@ -234,6 +247,12 @@ impl Patch {
         halo::load(around, 0.0, |b| &level.rigidity[b], &mut self.rigidity);
         halo::load(around, 0, |b| &level.movable[b], &mut self.movable);
         let floor = V::splat(self.floor);
+        if !level.density.is_empty() {
+            halo::load(around, 0.0, |b| &level.density[b], &mut self.density);
+        } else if self.dense {
+            self.density = [0.0; WINDOW_NODES];
+        }
+        self.dense = !level.density.is_empty();
         for e in 0..4 {
             halo::load(around, 0.0, |b| &level.rest_length[b][e], &mut self.length[e]);
             // The last step overlaps the one before it.
@@ -336,14 +355,23 @@ impl Patch {
             length: row.near(&self.length[e], oi, oj),
             inverse: row.near(&self.inverse[e], oi, oj),
             weight,
+            density: if self.dense {
+                (row.near::<V>(&self.density, 0, 0) + row.near::<V>(&self.density, di, dj)) * 0.5
+            } else {
+                V::zero()
+            },
             shorter: 1.0 / (di * di + dj * dj) as f32,
             normal: [-dj as f32, di as f32],
         }
     }
 
-    /// True if an edge at one of a row's nodes is rigid to some degree. Where none is, lengths do not matter.
+    /// True if an edge at one of a row's nodes is rigid to some degree, or has an orientation to keep. Where none is,
+    /// smoothness is all there is.
     #[inline(always)]
-    pub fn is_rigid<V: Lanes>(&self, row: Row) -> bool {
+    pub fn is_rigid<V: Lanes>(&self, row: Row, weights: &Weights) -> bool {
+        if weights.orients() {
+            return true;
+        }
         let mut most = row.near::<V>(&self.rigidity, 0, 0);
         for &(di, dj, ..) in &NEIGHBOURS {
             most = most.max(row.near(&self.rigidity, di, dj));
@@ -417,15 +445,15 @@ impl Patch {
             matrix[0] += square * near[0] * near[0] + smooth;
             matrix[1] += square * near[0] * near[1];
             matrix[2] += square * near[1] * near[1] + smooth;
-            if weights.orientation > 0.0 {
+            if weights.orients() {
                 let [nx, ny] = edge.normal;
-                let kappa = weights.orientation * edge.shorter * edge.shorter;
+                let kappa = edge.orientation(weights);
                 let off = edge.off_axis() * kappa;
                 gradient[0] -= off * nx;
                 gradient[1] -= off * ny;
-                matrix[0] += V::splat(kappa * nx * nx);
-                matrix[1] += V::splat(kappa * nx * ny);
-                matrix[2] += V::splat(kappa * ny * ny);
+                matrix[0] += kappa * (nx * nx);
+                matrix[1] += kappa * (nx * ny);
+                matrix[2] += kappa * (ny * ny);
             }
         });
         self.with_room(row, p, edges, gradient, matrix, weights)
@@ -448,17 +476,6 @@ impl Patch {
             gradient[1] -= smooth * rest[1];
             matrix[0] += smooth;
             matrix[2] += smooth;
-            if weights.orientation > 0.0 {
-                let [nx, ny] = [-dj as f32, di as f32];
-                let kappa = weights.orientation * shorter * shorter;
-                let off = d[0] * nx + d[1] * ny;
-                edges[k] += off * off * kappa;
-                gradient[0] -= off * kappa * nx;
-                gradient[1] -= off * kappa * ny;
-                matrix[0] += V::splat(kappa * nx * nx);
-                matrix[1] += V::splat(kappa * nx * ny);
-                matrix[2] += V::splat(kappa * ny * ny);
-            }
         });
         self.with_room(row, p, edges, gradient, matrix, weights)
     }
@@ -546,6 +563,8 @@ pub struct Edge<V: Lanes> {
     pub length: V,
     pub inverse: V,
     pub weight: V,
+    /// Mean of both ends.
+    pub density: V,
     /// 1 / |d0|².
     pub shorter: f32,
     /// d0 turned by 90 degrees (not unit: its length is |d0|).
@@ -557,6 +576,13 @@ impl<V: Lanes> Edge<V> {
     #[inline(always)]
     pub fn smoothness(&self, weights: &Weights) -> V {
         ((V::one() - self.weight) * weights.smoothness + weights.smoothness_floor) * self.shorter
+    }
+
+    /// κ / |d0|⁴: κ is the mean of both ends', and `normal` and `off_axis` have a length of |d0| each.
+    #[inline(always)]
+    pub fn orientation(&self, weights: &Weights) -> V {
+        (self.density * weights.orientation_density + V::splat(weights.orientation))
+            * (self.shorter * self.shorter)
     }
 
     /// d - d0.
@@ -581,9 +607,9 @@ impl<V: Lanes> Edge<V> {
         let rest = self.stretch(k);
         let mut energy = self.weight * strain * strain
             + self.smoothness(weights) * (rest[0] * rest[0] + rest[1] * rest[1]);
-        if weights.orientation > 0.0 {
+        if weights.orients() {
             let off = self.off_axis();
-            energy += off * off * (weights.orientation * self.shorter * self.shorter);
+            energy += off * off * self.orientation(weights);
         }
         energy
     }

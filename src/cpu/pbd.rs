@@ -132,13 +132,13 @@ impl SurfaceFn<()> for Everywhere {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
         let Everywhere { level, pass, next, previous } = self;
         let blocks = &run.work[level].active;
-        let level = &run.grid.levels[level];
+        let (level, density) = (&run.grid.levels[level], run.weights.orientation_density);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             // SAFETY: nothing writes `state` now, and each item has its own block of `next` and `previous`.
             unsafe {
                 match &pass {
-                    Pass::Project(project) => project.block(level, state, next, surface, b),
+                    Pass::Project(project) => project.block(level, state, next, surface, density, b),
                     Pass::Settle(settle) => settle.block(level, state, next, previous, surface, b),
                 }
             }

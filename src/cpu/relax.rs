@@ -104,7 +104,7 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
         return;
     }
     let here = patch.here::<V>(row);
-    let rigid = patch.is_rigid::<V>(row);
+    let rigid = patch.is_rigid::<V>(row, weights);
     let local = patch.local::<V, S>(row, &here, weights, rigid);
     let mut delta = newton_step(&local);
     let foretold = -(local.gradient[0] * delta[0] + local.gradient[1] * delta[1]);

@@ -1,5 +1,7 @@
 //! A tile's facts, maps and settings.
 
+use std::mem::offset_of;
+
 use super::desc::{self, Out, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
@@ -64,6 +66,10 @@ pub struct vrtm_tile_settings {
     pub room_threshold: f32,
     /// Zero.
     pub reserved: u32,
+    /// What is added to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
+    /// a tent of half of the tile), up to 1e6; 0 = none, the default. Sparse features then turn to keep their shape,
+    /// dense ones stay in order. For VRTM_SOLVER_PBD it is added to the share that a segment turns back.
+    pub orientation_density: f32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
@@ -74,7 +80,7 @@ unsafe impl Sized32 for vrtm_tile_data {
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_tile_settings {
-    const FIRST: usize = size_of::<vrtm_tile_settings>();
+    const FIRST: usize = offset_of!(vrtm_tile_settings, orientation_density);
     const NAME: &'static str = "vrtm_tile_settings";
 }
 
@@ -112,6 +118,7 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
             from.smoothness_floor
         },
         orientation: from.orientation,
+        orientation_density: from.orientation_density,
         room: or_default(from.room, default.room),
         room_threshold: or_default(from.room_threshold, default.room_threshold),
         overlap,
@@ -239,6 +246,7 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
             room: or_off(now.room),
             room_threshold: or_off(now.room_threshold),
             reserved: 0,
+            orientation_density: now.orientation_density,
         });
         Ok(())
     })

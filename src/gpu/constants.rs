@@ -56,6 +56,10 @@ pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> 
         } else {
             all.extend(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
         }
+        match level.density.get(b) {
+            Some(plane) => all.extend(plane.iter().map(|density| density.to_bits())),
+            None => all.extend([0; NODES]),
+        }
     }
     all
 }

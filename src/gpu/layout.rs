@@ -7,8 +7,8 @@ pub const THREADS: u32 = 64;
 /// Workgroups in x; more go to y.
 pub const SPREAD: u32 = 65535;
 
-/// Planes per block of the constants of a level: rigidity (sign bit: fixed), four rest lengths, triangle or coverage.
-pub const NODE_PLANES: usize = 6;
+/// Planes per block of the constants of a level: rigidity (sign bit: fixed), four rest lengths, triangle or coverage, density.
+pub const NODE_PLANES: usize = 7;
 /// Planes per block of a level's state: displacement (2), position or metric at W (3), triangle.
 pub const STATE_PLANES: usize = 6;
 /// Planes per block of the system: diagonal (3), pairs (16).
@@ -45,6 +45,7 @@ pub struct Params {
     pub preservation: f32,
     pub momentum: f32,
     pub smoothing: f32,
+    pub orientation_density: f32,
 }
 
 /// A chart, and what is decided about it on the way.

@@ -6,6 +6,7 @@ use crate::exact::{Locator, Surface};
 use crate::mesh::NONE;
 use crate::settings::TileSettings;
 use crate::tile::EDGES;
+use crate::tile::density::density;
 use crate::tile::pyramid::NodeMaps;
 
 /// Dimensions in which chords are measured. The surface that the solver sees on its way from rest to a pose is
@@ -55,8 +56,10 @@ pub(super) fn problems(
             high[axis] = high[axis].max(at[axis]);
         }
     }
-    let problem =
-        |(c, b): (usize, Option<_>)| b.map(|b| ChartProblem::new(c as u32, b, maps, locator, rest, settings));
+    let density = (settings.orientation_density > 0.0).then(|| density(maps));
+    let problem = |(c, b): (usize, Option<_>)| {
+        b.map(|b| ChartProblem::new(c as u32, b, maps, locator, rest, settings, density.as_deref()))
+    };
     boxes.into_iter().enumerate().map(problem).collect()
 }
 
@@ -68,6 +71,7 @@ impl ChartProblem {
         locator: &Locator,
         rest: &Surface<DIM>,
         settings: &TileSettings,
+        density: Option<&[f32]>,
     ) -> ChartProblem {
         let origin = low.map(|x| x - 1);
         let [nx, ny] = [0, 1].map(|axis| high[axis] + 1 - origin[axis]);
@@ -96,7 +100,11 @@ impl ChartProblem {
             cells: Vec::new(),
             law: Law::new(settings),
         };
-        problem.list_edges(rest, settings, |n| f64::from(maps.rigidity[global(n)]));
+        let kappa = |n: usize| {
+            let of_density = density.map_or(0.0, |density| density[global(n)]);
+            f64::from(settings.orientation) + f64::from(settings.orientation_density) * f64::from(of_density)
+        };
+        problem.list_edges(rest, settings, |n| f64::from(maps.rigidity[global(n)]), kappa);
         problem.list_cells();
         problem
     }
@@ -115,7 +123,13 @@ impl ChartProblem {
         self.node(n).map(|x| x as f64)
     }
 
-    fn list_edges(&mut self, rest: &Surface<DIM>, settings: &TileSettings, rigidity: impl Fn(usize) -> f64) {
+    fn list_edges(
+        &mut self,
+        rest: &Surface<DIM>,
+        settings: &TileSettings,
+        rigidity: impl Fn(usize) -> f64,
+        kappa: impl Fn(usize) -> f64,
+    ) {
         let width = self.width();
         let mut axis_parallel: [Vec<f64>; 2] = Default::default();
         for &a in &self.touched {
@@ -141,7 +155,7 @@ impl ChartProblem {
                     b: b as u32,
                     weight,
                     smooth: (lambda * (1.0 - weight) + floor) / d2,
-                    orientation: f64::from(settings.orientation) / d2,
+                    orientation: 0.5 * (kappa(a) + kappa(b)) / d2,
                     normal: [-dj as f64 / d2.sqrt(), di as f64 / d2.sqrt()],
                     length,
                     inverse: 0.0,

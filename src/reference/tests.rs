@@ -113,7 +113,7 @@ fn bulge(u: f64, v: f64) -> [f64; 3] {
 #[test]
 fn the_gradient_is_that_of_the_energy() {
     // Every term at work: chords across triangles, room lost, orientation kept.
-    let settings = TileSettings { orientation: 0.2, ..TileSettings::default() };
+    let settings = TileSettings { orientation: 0.2, orientation_density: 0.3, ..TileSettings::default() };
     let mesh = sheet(5, flat);
     let pose = posed(5, torus);
     let problem = Problem::new(&mesh, 0, &maps(16, settings, discs), &pose).unwrap();

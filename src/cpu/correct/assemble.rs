@@ -124,7 +124,7 @@ fn block_row<V: Lanes, S: Surface>(
         return;
     }
     let p = patch.here::<V>(row);
-    let rigid = patch.is_rigid::<V>(row);
+    let rigid = patch.is_rigid::<V>(row, weights);
     let mut local = patch.local::<V, S>(row, &p, weights, rigid);
     total.add(patch, row, own, weights, &local.terms);
     // Corners that neither the room term nor the wall sees are most of them.
@@ -158,11 +158,11 @@ fn block_row<V: Lanes, S: Surface>(
                 pair[c] += square * (near[c / 2] * far[c % 2]);
             }
         }
-        if weights.orientation > 0.0 {
+        if weights.orients() {
             let n = edge.normal;
-            let kappa = weights.orientation * edge.shorter * edge.shorter;
+            let kappa = edge.orientation(weights);
             for (c, x) in pair.iter_mut().enumerate() {
-                *x -= V::splat(kappa * n[c / 2] * n[c % 2]);
+                *x -= kappa * (n[c / 2] * n[c % 2]);
             }
         }
         if crowded {

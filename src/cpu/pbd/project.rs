@@ -22,12 +22,21 @@ pub struct Project {
 }
 
 impl Project {
-    /// Projects the set's edges at block `b`'s own nodes.
+    /// Projects the set's edges at block `b`'s own nodes. `density` is what the rotation's share grows by where rigid
+    /// material is dense.
     ///
     /// # Safety
     /// Nothing writes `state` now, and nothing else touches block `b` of `next`.
-    pub unsafe fn block<S: Surface>(self, level: &Level, state: State, next: State, surface: S, b: usize) {
-        wide(Block { project: self, level, state, next, surface, b });
+    pub unsafe fn block<S: Surface>(
+        self,
+        level: &Level,
+        state: State,
+        next: State,
+        surface: S,
+        density: f32,
+        b: usize,
+    ) {
+        wide(Block { project: self, level, state, next, surface, density, b });
     }
 }
 
@@ -37,6 +46,7 @@ struct Block<'a, S> {
     state: State,
     next: State,
     surface: S,
+    density: f32,
     b: usize,
 }
 
@@ -45,7 +55,7 @@ impl<S: Surface> Kernel for Block<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Block { project: Project { set, iteration }, level, state, next, surface, b } = self;
+        let Block { project: Project { set, iteration }, level, state, next, surface, density, b } = self;
         let around = &level.blocks.around[b];
         let block = &level.blocks.list[b];
         let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
@@ -74,6 +84,11 @@ impl<S: Surface> Kernel for Block<'_, S> {
         halo::load(around, 0.0, |b| &level.rigidity[b], &mut rigidity);
         halo::load(around, 0, |b| &level.movable[b], &mut movable);
         halo::load(around, 0.0, |b| &level.rest_length[b][set.edge], &mut length);
+        let dense = density > 0.0 && !level.density.is_empty();
+        let mut near: Window = [0.0; WINDOW_NODES];
+        if dense {
+            halo::load(around, 0.0, |b| &level.density[b], &mut near);
+        }
         for row in Row::all() {
             let ((di, dj), theirs) = set.partner(row.column(), row.line());
             let weight = row.near::<V>(&rigidity, 0, 0).max(row.near(&rigidity, di, dj));
@@ -90,7 +105,13 @@ impl<S: Surface> Kernel for Block<'_, S> {
             let current = S::length(&own, &[V::zero(); 6], &other, apart, &d);
             let owner = if theirs { (di, dj) } else { (0, 0) };
             let rest = row.near::<V>(&length, owner.0, owner.1).max(floor);
-            let target = projected(d, d0, rest / current, weight * iteration.correction, iteration);
+            let mut share: V = V::splat(iteration.orientation);
+            if dense {
+                let sum = row.near::<V>(&near, 0, 0) + row.near::<V>(&near, di, dj);
+                share = (share + sum * (0.5 * density)).min(V::one());
+            }
+            let correction = iteration.correction;
+            let target = projected(d, d0, rest / current, weight * correction, share * correction);
             // An end that is fixed leaves the whole way to the other one.
             let both = V::load_u8(&movable, row.at(di, dj));
             let share = V::one() - both * 0.5;
@@ -115,13 +136,12 @@ impl<S: Surface> Kernel for Block<'_, S> {
 /// with that at rest. A blend of unit vectors turns by the given share up to third order of the angle, without an arc
 /// cosine.
 #[inline(always)]
-pub fn projected<V: Lanes>(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, iteration: Iteration) -> [V; 2] {
+pub fn projected<V: Lanes>(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, share: V) -> [V; 2] {
     let scale = (ratio - V::one()) * stiffness + V::one();
     let d = each!([0, 1], |c| d[c] * scale);
     let length = (d[0] * d[0] + d[1] * d[1] + V::splat(TINY)).sqrt();
-    let share = iteration.orientation * iteration.correction;
-    let rest = share / (d0[0] * d0[0] + d0[1] * d0[1]).sqrt();
-    let along = each!([0, 1], |c| (d[c] / length) * (1.0 - share) + V::splat(d0[c] * rest));
+    let norm = (d0[0] * d0[0] + d0[1] * d0[1]).sqrt();
+    let along = each!([0, 1], |c| (d[c] / length) * (V::one() - share) + share * (d0[c] / norm));
     let norm = length / (along[0] * along[0] + along[1] * along[1] + V::splat(TINY)).sqrt();
     each!([0, 1], |c| along[c] * norm)
 }

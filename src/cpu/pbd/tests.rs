@@ -158,25 +158,22 @@ fn no_end_leaves_the_box_of_its_neighbours() {
 
 #[test]
 fn a_segment_turns_back_by_its_share() {
-    let turn = |d: [f32; 2], d0, orientation: f32, correction| {
-        let iteration = Iteration { orientation, correction, ..FULL };
-        let [x, y] = projected(d.map(V::splat), d0, V::one(), V::zero(), iteration);
+    let turn = |d: [f32; 2], d0, share: f32| {
+        let [x, y] = projected(d.map(V::splat), d0, V::one(), V::zero(), V::splat(share));
         let (x, y) = (x.to_array(), y.to_array());
         assert!(x.iter().all(|&v| v == x[0]) && LANES == 8);
         [x[0], y[0]]
     };
     let half = std::f32::consts::FRAC_1_SQRT_2;
     // Upright, and level at rest: half the way is 45 degrees; the length stays.
-    close(turn([0.0, 2.0], [1.0, 0.0], 0.5, 1.0), [2.0 * half, 2.0 * half]);
-    close(turn([0.0, 2.0], [1.0, 0.0], 1.0, 1.0), [2.0, 0.0]);
-    close(turn([0.0, 2.0], [1.0, 0.0], 0.0, 1.0), [0.0, 2.0]);
-    // Coarser levels turn back less.
-    close(turn([0.0, 2.0], [1.0, 0.0], 1.0, 0.5), [2.0 * half, 2.0 * half]);
+    close(turn([0.0, 2.0], [1.0, 0.0], 0.5), [2.0 * half, 2.0 * half]);
+    close(turn([0.0, 2.0], [1.0, 0.0], 1.0), [2.0, 0.0]);
+    close(turn([0.0, 2.0], [1.0, 0.0], 0.0), [0.0, 2.0]);
     // A small turn by its share, to the third order of the angle.
-    let [x, y] = turn([0.1f32.cos(), 0.1f32.sin()], [1.0, 0.0], 0.25, 1.0);
+    let [x, y] = turn([0.1f32.cos(), 0.1f32.sin()], [1.0, 0.0], 0.25);
     assert!((y.atan2(x) - 0.075).abs() < 1e-4, "{}", y.atan2(x));
     // What points the other way has a length still.
-    assert!(turn([-1.0, 0.0], [1.0, 0.0], 0.5, 1.0).iter().all(|x| x.is_finite()));
+    assert!(turn([-1.0, 0.0], [1.0, 0.0], 0.5).iter().all(|x| x.is_finite()));
 }
 
 #[test]
