@@ -66,3 +66,46 @@ fn masks_are_bits() {
         assert_eq!(<Portable as Lanes>::Mask::from_bits(bits).bits(), bits);
     }
 }
+
+/// A whole solve: three squares in a row, of which the outer ones are stretched, with a rigid patch in each.
+fn displacements(quality: crate::Quality) -> Vec<[u32; 2]> {
+    use crate::{
+        Asset, Device, DeviceSettings, ImageLayout, ImageView, MeshSource, PixelFormat, SolveOptions,
+        Strided, UvSource,
+    };
+    let rest: Vec<[f32; 3]> =
+        (0..8).map(|k| [(k % 4) as f32, (k / 4) as f32, (k % 3) as f32 * 0.1]).collect();
+    let uvs: Vec<[f32; 2]> = rest.iter().map(|[x, y, _]| [x / 3.0, *y]).collect();
+    let corners = [0, 1, 5, 4, 1, 2, 6, 5, 2, 3, 7, 6];
+    let settings = DeviceSettings { backend: crate::Backend::Cpu, threads: 2, ..DeviceSettings::default() };
+    let mut asset = Asset::new(
+        &Device::new(&settings).unwrap(),
+        &MeshSource {
+            positions: Strided::from_f32x3(&rest),
+            face_counts: Some(&[4, 4, 4]),
+            indices: &corners,
+            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+        },
+    )
+    .unwrap();
+    let painted: Vec<u8> =
+        (0..64 * 64).map(|i| if i % 64 % 20 > 8 && i / 64 % 24 > 10 { 255 } else { 0 }).collect();
+    let image = ImageView::new("rigidity", &painted, ImageLayout::packed(64, 64, PixelFormat::U8)).unwrap();
+    let tile = asset.find_tile(1001).unwrap();
+    asset.set_rigidity(tile, Some(image)).unwrap();
+    let mut pose = rest;
+    pose.iter_mut().for_each(|p| p[0] += 0.35 * (p[0] - 1.5).clamp(-0.7, 0.9));
+    let options = SolveOptions { quality, ..SolveOptions::default() };
+    asset.solve(Strided::from_f32x3(&pose), &options).unwrap();
+    assert!(asset.tile_report(tile).unwrap().max_displacement > 0.5, "something moved");
+    asset.displacements(tile).unwrap().into_iter().map(|u| u.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn a_solve_has_the_same_bits_at_every_level() {
+    for quality in [crate::Quality::Draft, crate::Quality::Normal, crate::Quality::High] {
+        let best = displacements(quality);
+        let plain = forced::portable(|| displacements(quality));
+        assert!(best == plain, "{quality:?}");
+    }
+}
