@@ -3,11 +3,19 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(any(test, not(target_arch = "x86_64")))]
 mod portable;
+#[cfg(target_arch = "x86_64")]
+mod sse2;
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
+#[cfg(not(target_arch = "x86_64"))]
+use Portable as Baseline;
+#[cfg(any(test, not(target_arch = "x86_64")))]
 pub use portable::Portable;
+#[cfg(target_arch = "x86_64")]
+use sse2::Sse2 as Baseline;
 
 /// Lanes per vector.
 pub const LANES: usize = 8;
@@ -109,14 +117,14 @@ pub fn wide<K: Kernel>(kernel: K) -> K::Output {
             return unsafe { avx2(kernel) };
         }
     }
-    kernel.run::<Portable>()
+    kernel.run::<Baseline>()
 }
 
 /// Processor levels that kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// Whatever the target has at least.
-    Portable,
+    /// What the target has at least: SSE2, or whatever the compiler makes of plain loops.
+    Baseline,
     /// AVX2, and the bit instructions of processors that have it.
     #[cfg(target_arch = "x86_64")]
     Avx2,
@@ -128,8 +136,8 @@ pub fn level() -> Level {
     #[cfg(target_arch = "x86_64")]
     {
         #[cfg(test)]
-        if forced::is_portable() {
-            return Level::Portable;
+        if forced::is_baseline() {
+            return Level::Baseline;
         }
         if std::arch::is_x86_feature_detected!("avx2")
             && std::arch::is_x86_feature_detected!("bmi1")
@@ -140,7 +148,7 @@ pub fn level() -> Level {
             return Level::Avx2;
         }
     }
-    Level::Portable
+    Level::Baseline
 }
 
 /// Tests run solves on the lower level, too.
@@ -148,18 +156,18 @@ pub fn level() -> Level {
 pub mod forced {
     use std::sync::atomic::{AtomicBool, Ordering};
 
-    static PORTABLE: AtomicBool = AtomicBool::new(false);
+    static BASELINE: AtomicBool = AtomicBool::new(false);
 
-    pub fn is_portable() -> bool {
-        PORTABLE.load(Ordering::Relaxed)
+    pub fn is_baseline() -> bool {
+        BASELINE.load(Ordering::Relaxed)
     }
 
-    /// Runs `f` without special instructions. Other tests that run meanwhile may do without them, too: the bits are the
+    /// Runs `f` at the lowest level. Other tests that run meanwhile may do without them, too: the bits are the
     /// same.
-    pub fn portable<R>(f: impl FnOnce() -> R) -> R {
-        PORTABLE.store(true, Ordering::Relaxed);
+    pub fn baseline<R>(f: impl FnOnce() -> R) -> R {
+        BASELINE.store(true, Ordering::Relaxed);
         let result = f();
-        PORTABLE.store(false, Ordering::Relaxed);
+        BASELINE.store(false, Ordering::Relaxed);
         result
     }
 }
