@@ -40,8 +40,8 @@ use std::process::ExitCode;
 
 use serde_json::Value;
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageViewMut, MeshSource, PixelFormat,
-    SolveOptions, Strided, UvSource,
+    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageViewMut, MeshSource, PbdSettings,
+    PixelFormat, SolveOptions, Strided, UvSource,
 };
 
 use args::Args;
@@ -185,7 +185,13 @@ impl<'a> Bake<'a> {
     /// Solves a pose and fetches each tile's results.
     fn frame(&mut self, frame: &Frame, args: &Args) -> Result<Vec<TileResult>> {
         let failure = |e| Failure::named(&frame.origin, e);
-        let options = SolveOptions { quality: args.quality.into(), measure: true, ..SolveOptions::default() };
+        let options = SolveOptions {
+            quality: args.quality.into(),
+            solver: args.solver.into(),
+            pbd: PbdSettings { iterations: args.iterations.unwrap_or(0), ..PbdSettings::default() },
+            measure: true,
+            ..SolveOptions::default()
+        };
         self.asset.solve(Strided::from_f32x3(&frame.positions), &options).map_err(failure)?;
         let mut results = Vec::new();
         for (index, tile) in self.tiles.iter().enumerate() {

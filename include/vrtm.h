@@ -691,11 +691,38 @@ typedef int32_t vrtm_quality;
 // More sweeps, and corrections until little is left to gain.
 #define VRTM_QUALITY_HIGH 2
 
+// How a solve finds its warp.
+typedef int32_t vrtm_solver;
+
+// Block descent with Gauss-Newton corrections, which never folds; the default.
+#define VRTM_SOLVER_DESCENT 0
+
+// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
+// its result is returned as it is, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
+// folds, a texel has several places to look at and gets one of them.
+#define VRTM_SOLVER_PBD 1
+
+// Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a share means 0. A
+// plain value that never grows.
+typedef struct vrtm_pbd_settings {
+    // Iterations on each level of the grid, 1..1024; 0 = 16. Each projects all constraints once; every fourth is
+    // followed by a regularisation.
+    uint32_t iterations;
+    // Share (0..1) of its velocity that a node loses from one regularisation to the next; 0 = none.
+    float damping;
+    // Share (0..1) of its turn that a segment takes back after its projection; 0 = none.
+    float orientation_preservation;
+    // How much (0..1) as-rigid-as-possible material is smoothed; 0 = 0.8.
+    float smoothing;
+    // Factor (0..1) on the corrections of each level over those of the next finer one; 0 = 0.7.
+    float coarse_correction;
+} vrtm_pbd_settings;
+
 // Options of one solve; zero in a field means its default. Start from vrtm_solve_options_init().
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     uint32_t struct_size;
-    // VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH.
+    // VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH: of VRTM_SOLVER_DESCENT, as are the two limits below.
     vrtm_quality quality;
     // 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     // the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
@@ -712,6 +739,10 @@ typedef struct vrtm_solve_options {
     uint32_t measure;
     // Zero.
     uint32_t reserved;
+    // VRTM_SOLVER_DESCENT (0, the default) or PBD.
+    vrtm_solver solver;
+    // Settings of VRTM_SOLVER_PBD.
+    vrtm_pbd_settings pbd;
 } vrtm_solve_options;
 
 // Solves every tile for a pose; returns when that is done. `positions` are the deformed positions of all vertices (3
@@ -782,7 +813,7 @@ typedef struct vrtm_tile_report_data {
     // a bound of the rounding: never more than the true one): greater than 0 certifies that the
     // warp is one-to-one and onto.
     double min_jacobian;
-    // Corner Jacobians that are not greater than 0: always 0.
+    // Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     uint64_t folds;
     // Largest displacement, in cells.
     float max_displacement;
@@ -806,11 +837,11 @@ typedef struct vrtm_tile_report_data {
     uint64_t blocks;
     // Movable nodes of the solved charts on the finest level.
     uint64_t nodes_active;
-    // Relaxation sweeps, over all levels.
+    // Relaxation sweeps, or iterations of VRTM_SOLVER_PBD, over all levels.
     uint32_t sweeps;
     // Corrections, over all levels.
     uint32_t corrections;
-    // Node updates by relaxation, over all levels.
+    // Node updates by these, over all levels.
     uint64_t node_updates;
     // Bytes held for this tile: maps, state, result.
     uint64_t bytes;
@@ -846,6 +877,10 @@ typedef struct vrtm_tile_report_data {
     float harm;
     // Share of the segments whose strain fell by more than 0.10.
     float help;
+    // Milliseconds: iterations of VRTM_SOLVER_PBD.
+    float ms_pbd;
+    // Zero.
+    uint32_t reserved;
 } vrtm_tile_report_data;
 
 // An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -866,7 +901,7 @@ typedef struct vrtm_asset_report_data {
     uint64_t nodes_active;
     // Smallest corner Jacobian over all tiles: greater than 0 certifies that no warp folds.
     double min_jacobian;
-    // Corner Jacobians that are not greater than 0: always 0.
+    // Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     uint64_t folds;
     // Bytes held for the asset.
     uint64_t bytes;

@@ -42,6 +42,12 @@ struct Params {
     /// Where this level's blocks begin in `rows` and `vectors`, and the other level's in its own.
     base: u32,
     other_base: u32,
+    /// Of the paper's solver: factor on a level's corrections, share of the rotation toward rest, share of a velocity that is
+    /// kept, smoothing s of eq. 4.
+    correction: f32,
+    preservation: f32,
+    momentum: f32,
+    smoothing: f32,
 }
 
 /// A chart, and what is decided about it on the way.

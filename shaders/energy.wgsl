@@ -1,6 +1,9 @@
 // The energy of a level's present state, block by block. An edge or a corner between several movable nodes is shared
 // among them. Reads what relax reads; writes 16 bytes per block.
 
+/// Modes: 0, or whatever the state is like.
+const AS_IS: u32 = 1u;
+
 var<workgroup> sums: array<f32, 64>;
 var<workgroup> crushed: array<u32, 64>;
 
@@ -27,8 +30,8 @@ fn energy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         }
     }
     sums[t] = sum;
-    // A state with crushed cells is worth nothing, however low its energy.
-    crushed[t] = select(1u, 0u, worst >= 0.5 * MIN_JACOBIAN);
+    // A state with crushed cells is worth nothing, however low its energy; unless it is taken as it is.
+    crushed[t] = select(1u, 0u, worst >= 0.5 * MIN_JACOBIAN || params.mode == AS_IS);
     workgroupBarrier();
     for (var half = 32u; half > 0u; half /= 2u) {
         if t < half {

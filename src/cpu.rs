@@ -12,6 +12,7 @@ mod energy;
 mod prolong;
 mod relax;
 mod correct;
+mod pbd;
 mod certify;
 pub(crate) mod invert;
 mod inspect;

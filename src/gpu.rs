@@ -13,6 +13,7 @@ mod kernels;
 pub(crate) mod layout;
 mod lists;
 mod memory;
+mod pbd;
 mod recorder;
 mod results;
 mod stages;
@@ -54,6 +55,10 @@ pub(crate) struct Run<'a> {
     gate: Option<Gate>,
     /// Gates so far.
     gates: u32,
+    /// True while the paper's solver has a level's state among the vectors.
+    aside: bool,
+    /// Nodes that an iteration of it updates.
+    nodes_of_level: u64,
     upload_ms: f32,
     /// When recording began.
     recording: Instant,
@@ -142,6 +147,8 @@ impl<'a> Run<'a> {
             node_updates: 0,
             gate: None,
             gates: 0,
+            aside: false,
+            nodes_of_level: 0,
             upload_ms: 0.0,
             recording: start,
             failed: None,

@@ -57,6 +57,7 @@ mod half;
 mod mesh;
 mod tile;
 mod solve;
+mod pbd;
 mod cpu;
 mod gpu;
 mod parity;
@@ -83,6 +84,7 @@ pub use report::{
     TileInfo, TileReport,
 };
 pub use settings::{
-    Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, Quality, SolveOptions, TileSettings,
+    Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, PbdSettings, Quality, SolveOptions, Solver,
+    TileSettings,
 };
 pub use view::{Scalar, Strided};

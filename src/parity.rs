@@ -17,7 +17,7 @@ pub(crate) enum Point {
     Pyramid,
     Level {
         level: Reverse<usize>,
-        /// 0: prolong (or where a solve starts), 1: relax, from 2 on: the corrections.
+        /// 0: prolong (or where a solve starts), 1: relax, or all iterations of pbd, from 2 on: the corrections.
         step: u32,
     },
     Certify,
@@ -54,7 +54,7 @@ pub(crate) struct Switch {
 
 impl Switch {
     /// Reads `BACKEND:STAGE`: `cpu` or `gpu`, and the last stage that it runs: `surface`, `pyramid`, `prolong@LEVEL`,
-    /// `relax@LEVEL`, `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (N of them) or `certify`. Level 0
+    /// `relax@LEVEL` (pbd: its iterations), `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (N of them) or `certify`. Level 0
     /// is the finest. A level that the grid does not have stands before all that it has.
     pub fn parse(text: &str) -> Result<Switch> {
         let unreadable = || {

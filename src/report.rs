@@ -86,6 +86,8 @@ pub struct StageTimes {
     pub relax: f32,
     /// Gauss-Newton corrections.
     pub correct: f32,
+    /// The paper's solver.
+    pub pbd: f32,
     /// The f64 certificate.
     pub certify: f32,
     /// The latest inversion; its time is not in `total`.
@@ -144,7 +146,7 @@ pub struct TileReport {
     /// Smallest corner Jacobian of the result: > 0 certifies that the warp is one-to-one and onto. In f64 on the CPU; on
     /// a GPU in f32 less a bound of the rounding, so that it is never more than the true one.
     pub min_jacobian: f64,
-    /// Corner Jacobians <= 0: always 0 from `descent`.
+    /// Corner Jacobians <= 0: always 0 from [`crate::Solver::Descent`].
     pub folds: u64,
     /// Largest displacement, in cells.
     pub max_displacement: f32,
@@ -166,11 +168,12 @@ pub struct TileReport {
     pub nodes_active: u64,
     /// Grid levels.
     pub levels: u32,
-    /// Relaxation sweeps of the schedule, over all levels (not those after parts of a step that were refused).
+    /// Relaxation sweeps of the schedule, over all levels (not those after parts of a step that were refused); iterations
+    /// of [`crate::Solver::Pbd`].
     pub sweeps: u32,
     /// Corrections of the schedule, over all levels; charts that gain too little sit out the last ones.
     pub corrections: u32,
-    /// Node updates by relaxation, over all levels; on a GPU as if every part of the schedule ran, and a level had a
+    /// Node updates by relaxation or iterations, over all levels; on a GPU as if every part of the schedule ran, and a level had a
     /// quarter of the next finer one's nodes.
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.

@@ -144,6 +144,85 @@ pub enum Quality {
     High,
 }
 
+/// How a solve finds its warp.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Solver {
+    /// Block descent with Gauss-Newton corrections: never folds.
+    #[default]
+    Descent,
+    /// The paper's own: position-based dynamics on a hierarchy of grids (its section 4). The baseline. It may fold, and its
+    /// result is what it is: [`crate::TileReport::folds`] and [`crate::TileReport::min_jacobian`] tell.
+    Pbd,
+}
+
+/// Settings of [`Solver::Pbd`], with the paper's names. 0 in a field means its default, and [`PbdSettings::OFF`] in one
+/// that is a share means 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PbdSettings {
+    /// Iterations per level, 1..=1024: projections of all constraints, of which every fourth is followed by a
+    /// regularisation.
+    pub iterations: u32,
+    /// Velocity damping, 0..=1: the share of its velocity that a node loses from one regularisation to the next. There is no time
+    /// step to set: without forces it cancels out.
+    pub damping: f32,
+    /// Orientation preservation, 0..=1: the share of its turn that a segment takes back after its projection.
+    pub orientation_preservation: f32,
+    /// Smoothing s of eq. 4, 0..=1: how much as-rigid-as-possible material is smoothed.
+    pub smoothing: f32,
+    /// Factor on the corrections of each level over those of the next finer one, 0..=1.
+    pub coarse_correction: f32,
+}
+
+impl PbdSettings {
+    /// 0, in a field whose 0 means the default.
+    pub const OFF: f32 = -1.0;
+
+    /// All fields with a value.
+    pub(crate) fn resolved(&self) -> PbdSettings {
+        let or_default = |value: f32, default: f32| match value {
+            0.0 => default,
+            PbdSettings::OFF => 0.0,
+            _ => value,
+        };
+        let default = crate::pbd::DEFAULT;
+        PbdSettings {
+            iterations: if self.iterations == 0 { default.iterations } else { self.iterations },
+            damping: or_default(self.damping, default.damping),
+            orientation_preservation: or_default(
+                self.orientation_preservation,
+                default.orientation_preservation,
+            ),
+            smoothing: or_default(self.smoothing, default.smoothing),
+            coarse_correction: or_default(self.coarse_correction, default.coarse_correction),
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        if self.iterations > MAX_ITERATIONS {
+            return Err(Error::argument(format!(
+                "options.pbd.iterations: {} is over {MAX_ITERATIONS}",
+                self.iterations
+            )));
+        }
+        for (name, value) in [
+            ("damping", self.damping),
+            ("orientation_preservation", self.orientation_preservation),
+            ("smoothing", self.smoothing),
+            ("coarse_correction", self.coarse_correction),
+        ] {
+            if !(0.0..=1.0).contains(&value) && value != PbdSettings::OFF {
+                return Err(Error::argument(format!(
+                    "options.pbd.{name}: {value} is neither in 0..1 nor -1 (none)"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Most iterations per level: work is bounded.
+const MAX_ITERATIONS: u32 = 1024;
+
 /// Options of one solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SolveOptions {
@@ -160,6 +239,11 @@ pub struct SolveOptions {
     pub time_budget_ms: f32,
     /// Also measure the strain on the mesh (slow, f64): fills [`crate::TileReport::strain`].
     pub measure: bool,
+    /// How the warp is found. `quality`, `tolerance` and `max_corrections` speak to [`Solver::Descent`] alone, `pbd` to
+    /// [`Solver::Pbd`].
+    pub solver: Solver,
+    /// Settings of [`Solver::Pbd`].
+    pub pbd: PbdSettings,
 }
 
 /// Most corrections per level: work is bounded.
@@ -182,6 +266,6 @@ impl SolveOptions {
                 self.time_budget_ms
             )));
         }
-        Ok(())
+        self.pbd.check()
     }
 }

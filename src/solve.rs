@@ -1,11 +1,13 @@
 //! The schedule of a solve, written once over the stages that a backend implements:
-//! surface -> pyramid -> (prolong -> relax -> correct) per level, coarsest first -> certify.
+//! surface -> pyramid -> (prolong -> relax -> correct) per level, coarsest first -> certify. The paper's solver has its own
+//! way through the levels (`pbd`).
 
 use std::time::{Duration, Instant};
 
 use crate::mesh::TileMesh;
+use crate::pbd;
 use crate::report::StageTimes;
-use crate::settings::{Quality, SolveOptions, TileSettings};
+use crate::settings::{PbdSettings, Quality, SolveOptions, Solver, TileSettings};
 use crate::tile::Grid;
 use crate::tile::pose::Pose;
 
@@ -49,9 +51,13 @@ pub(crate) trait Stages {
     fn relax(&mut self, level: usize, sweeps: u32);
     /// One Gauss-Newton step for all nodes of a level, relaxed and then accepted chart by chart.
     fn correct(&mut self, level: usize, correction: &Correction);
+    /// One iteration of the paper's solver on a level.
+    fn iterate(&mut self, level: usize, iteration: &pbd::Iteration);
+    /// Smooths a level's displacements as the paper does after interpolation.
+    fn smooth(&mut self, level: usize, smoothing: f32);
     /// Energies, corner Jacobians in f64, and the fallback: a chart that is folded or no better than the identity
-    /// becomes the identity.
-    fn certify(&mut self);
+    /// becomes the identity; with `as_is`, only one that is not a number does.
+    fn certify(&mut self, as_is: bool);
     /// Waits until what was called has been done. Called before the clock is looked at, if there is a time budget.
     fn settle(&mut self) {}
 }
@@ -75,12 +81,15 @@ pub(crate) struct Plan {
     /// Corrections on the finest level and on the others.
     pub corrections: [u32; 2],
     pub tolerance: f32,
+    /// The paper's solver in place of these, with all of its settings.
+    pub pbd: Option<PbdSettings>,
     pub warm: bool,
     pub budget: Option<Duration>,
 }
 
 impl Plan {
     pub fn new(options: &SolveOptions) -> Plan {
+        let pbd = (options.solver == Solver::Pbd).then(|| options.pbd.resolved());
         // A chart with room is done after one or two corrections; the others go to crowded ones, which need them.
         let (sweeps, corrections, tolerance) = match options.quality {
             Quality::Draft => (4, [0, 0], 0.0),
@@ -88,16 +97,27 @@ impl Plan {
             Quality::High => (4, [12, 2], 2e-4),
         };
         let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
+        // What a solver does not look at must not make two plans differ.
+        let of_descent = pbd.is_none();
         Plan {
-            sweeps,
-            corrections: corrections.map(cap),
-            tolerance: if options.tolerance > 0.0 { options.tolerance } else { tolerance },
+            sweeps: if of_descent { sweeps } else { 0 },
+            corrections: if of_descent { corrections.map(cap) } else { [0; 2] },
+            tolerance: match options.tolerance {
+                _ if !of_descent => 0.0,
+                0.0 => tolerance,
+                own => own,
+            },
+            pbd,
             warm: options.warm,
             // A budget beyond what a duration can hold is none.
             budget: Some(options.time_budget_ms)
                 .filter(|&ms| ms > 0.0)
                 .and_then(|ms| Duration::try_from_secs_f32(ms / 1000.0).ok()),
         }
+    }
+
+    pub fn solver(&self) -> Solver {
+        if self.pbd.is_some() { Solver::Pbd } else { Solver::Descent }
     }
 }
 
@@ -127,29 +147,53 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
                 stages.identity(level);
             }
         });
-        for step in 0..=plan.corrections[usize::from(level > 0)] {
-            if plan.budget.is_some() {
-                stages.settle();
-            }
-            // Past the budget only prolongation is left: the state so far becomes the result.
-            if plan.budget.is_some_and(|budget| start.elapsed() > budget) {
-                outcome.truncated = true;
-                break;
-            }
-            outcome.sweeps += plan.sweeps;
-            if step == 0 {
-                timed(&mut times.relax, || stages.relax(level, plan.sweeps));
-            } else {
-                let correction =
-                    Correction { first: step == 1, sweeps: plan.sweeps, tolerance: plan.tolerance };
-                timed(&mut times.correct, || stages.correct(level, &correction));
-                outcome.corrections += 1;
+        match &plan.pbd {
+            None => descend(stages, plan, level, start, &mut outcome, &mut times),
+            Some(settings) => {
+                let late = |stages: &mut _| is_late(stages, plan, start);
+                timed(&mut times.pbd, || {
+                    pbd::level(stages, settings, level, coarsest, late, &mut outcome);
+                });
             }
         }
     }
-    timed(&mut times.certify, || stages.certify());
+    timed(&mut times.certify, || stages.certify(plan.pbd.is_some()));
     outcome.times = times;
     outcome
+}
+
+/// Relaxation and corrections of a level.
+fn descend(
+    stages: &mut impl Stages,
+    plan: &Plan,
+    level: usize,
+    start: Instant,
+    outcome: &mut Outcome,
+    times: &mut StageTimes,
+) {
+    for step in 0..=plan.corrections[usize::from(level > 0)] {
+        // Past the budget only prolongation is left: the state so far becomes the result.
+        if is_late(stages, plan, start) {
+            outcome.truncated = true;
+            break;
+        }
+        outcome.sweeps += plan.sweeps;
+        if step == 0 {
+            timed(&mut times.relax, || stages.relax(level, plan.sweeps));
+        } else {
+            let correction = Correction { first: step == 1, sweeps: plan.sweeps, tolerance: plan.tolerance };
+            timed(&mut times.correct, || stages.correct(level, &correction));
+            outcome.corrections += 1;
+        }
+    }
+}
+
+/// True past the time budget.
+fn is_late(stages: &mut impl Stages, plan: &Plan, start: Instant) -> bool {
+    plan.budget.is_some_and(|budget| {
+        stages.settle();
+        start.elapsed() > budget
+    })
 }
 
 fn timed(sum: &mut f32, f: impl FnOnce()) {

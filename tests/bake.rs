@@ -367,6 +367,8 @@ fn bad_arguments_are_refused() {
     let out = folder("bad_arguments").join("out");
     for (arguments, culprit, reason) in [
         (&["--quality", "best"][..], "--quality", "best"),
+        (&["--solver", "magic"], "--solver", "magic"),
+        (&["--solver", "pbd", "--iterations", "1025"], "--iterations", "1024"),
         (&["--frames", "0"], "--frames", "start at 1"),
         (&["--frames", "3-1"], "--frames", "backwards"),
         (&["--frames", "99"], "--frames", "5 frames"),
@@ -405,9 +407,17 @@ fn help_tells_the_options() {
     for option in ["--asset", "--rest", "--pose", "--rigidity", "--mask", "--frames", "--out", "--size"] {
         assert!(help.contains(option), "{option}");
     }
-    for option in
-        ["--quality", "--device", "--adapter", "--threads", "draft", "high", "redirect.####.<UDIM>.exr"]
-    {
+    for option in [
+        "--quality",
+        "--solver",
+        "--iterations",
+        "--device",
+        "--adapter",
+        "--threads",
+        "draft",
+        "high",
+        "redirect.####.<UDIM>.exr",
+    ] {
         assert!(help.contains(option), "{option}");
     }
 }

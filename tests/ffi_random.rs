@@ -244,6 +244,9 @@ impl Host {
         options.tolerance = self.odd(0.0, &[0.5, 1.0, f32::NAN, -1.0]);
         options.time_budget_ms = self.odd(0.0, &[1e-3, -1.0, f32::INFINITY]);
         options.max_corrections = self.odd(0, &[1, 100]);
+        options.solver = self.odd(0, &[1, 1, 2, -1]);
+        options.pbd.iterations = self.odd(1, &[0, 3, 5000]);
+        options.pbd.smoothing = self.odd(0.0, &[0.5, VRTM_OFF, 1.5, f32::NAN]);
         options
     }
 

@@ -4,7 +4,10 @@
 mod common;
 
 use common::{Model, bits, options};
-use vrtm::{Asset, Backend, Device, DeviceSettings, ErrorKind, Quality, SolveOptions, TileSettings};
+use vrtm::{
+    Asset, Backend, Device, DeviceSettings, ErrorKind, PbdSettings, Quality, SolveOptions, Solver,
+    TileSettings,
+};
 
 /// A device with WebGPU's default limits, and buffers of at most so many blocks.
 fn limited(band: Option<usize>) -> Device {
@@ -82,6 +85,26 @@ fn results_in_bands_are_gone_on_from() {
             asset.solve(model.frame(frame), options).unwrap();
         }
         assert!(bits(&a) == bits(&b), "frame {frame}, warm {}", options.warm);
+    }
+}
+
+/// The paper's solver, whose state changes places with each pass.
+#[test]
+fn iterations_in_bands_give_the_same_bits() {
+    if !common::has_gpu() {
+        return;
+    }
+    let pbd = PbdSettings { iterations: 5, ..PbdSettings::default() };
+    let options = SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() };
+    for (scene, blocks) in [(common::scenes::mug_to_jug(), 30), (common::scenes::arm(), 36)] {
+        let model = Model::from(scene);
+        let [a, b] = [None, Some(blocks)].map(|band| {
+            let mut asset = model.asset_on(&limited(band), 128);
+            asset.solve(model.frame(1), &options).unwrap();
+            asset
+        });
+        assert!(dispatches(&b) > dispatches(&a), "{}", model.name);
+        assert!(bits(&a) == bits(&b), "{}, bands of {blocks} blocks", model.name);
     }
 }
 

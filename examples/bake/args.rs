@@ -54,6 +54,14 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "normal")]
     pub quality: Quality,
 
+    /// How the warp is found: descent, or the paper's position-based dynamics, to compare with
+    #[arg(long, value_enum, default_value = "descent")]
+    pub solver: Solver,
+
+    /// Iterations per level of the grid, for --solver pbd [default: 16]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub iterations: Option<u32>,
+
     /// Where to compute; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, value_enum, default_value = "auto")]
     pub device: Device,
@@ -83,6 +91,12 @@ pub enum Quality {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Solver {
+    Descent,
+    Pbd,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Device {
     Auto,
     Cpu,
@@ -101,6 +115,15 @@ impl From<Quality> for vrtm::Quality {
             Quality::Draft => vrtm::Quality::Draft,
             Quality::Normal => vrtm::Quality::Normal,
             Quality::High => vrtm::Quality::High,
+        }
+    }
+}
+
+impl From<Solver> for vrtm::Solver {
+    fn from(solver: Solver) -> Self {
+        match solver {
+            Solver::Descent => vrtm::Solver::Descent,
+            Solver::Pbd => vrtm::Solver::Pbd,
         }
     }
 }

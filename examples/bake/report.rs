@@ -15,6 +15,8 @@ pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInf
         "scene": { "name": source.name, "mesh": source.origin, "credits": source.credits },
         "settings": {
             "quality": format!("{:?}", args.quality).to_lowercase(),
+            "solver": format!("{:?}", args.solver).to_lowercase(),
+            "iterations": args.iterations,
             "size": args.size,
         },
         "device": {
@@ -117,6 +119,7 @@ fn solve(r: &TileReport) -> Value {
             "prolong": t.prolong,
             "relax": t.relax,
             "correct": t.correct,
+            "pbd": t.pbd,
             "certify": t.certify,
             "invert": t.invert,
             "total": t.total,

@@ -10,6 +10,7 @@ use crate::mesh::TileMesh;
 use crate::parity::Switch;
 use crate::parity::switched::Switched;
 use crate::report::GpuWork;
+use crate::settings::Solver;
 use crate::solve::{self, ChartResult, Input, Outcome, Plan};
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
@@ -41,27 +42,27 @@ pub(super) enum Memory {
 
 impl Memory {
     /// Allocates for a grid.
-    pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
+    pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<Memory> {
         match device.gpu() {
             Some(context) => {
                 gpu::Memory::new(context, grid, tile).map(|memory| Memory::Gpu(Box::new(memory)))
             }
-            None => Ok(Memory::Cpu(cpu::Memory::new(grid))),
+            None => Ok(Memory::Cpu(cpu::Memory::new(grid, solver))),
         }
     }
 
     /// Bytes that `new` takes for a grid.
-    pub fn bytes_for(device: &Device, grid: &Grid, tile: &TileMesh) -> Result<u64> {
+    pub fn bytes_for(device: &Device, grid: &Grid, tile: &TileMesh, solver: Solver) -> Result<u64> {
         match device.gpu() {
             Some(context) => gpu::Memory::bytes_for(context, grid, tile),
-            None => Ok(cpu::Memory::bytes_for(grid)),
+            None => Ok(cpu::Memory::bytes_for(grid, solver)),
         }
     }
 
-    /// True if this is the memory of a grid (grids of other sizes or maps have other blocks).
-    pub fn is_for(&self, grid: &Arc<Grid>) -> bool {
+    /// True if this is the memory of a solver on a grid (grids of other sizes or maps have other blocks).
+    pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
         match self {
-            Memory::Cpu(memory) => memory.is_for(grid),
+            Memory::Cpu(memory) => memory.is_for(grid, solver),
             Memory::Gpu(memory) => memory.is_for(grid),
         }
     }
@@ -150,7 +151,7 @@ fn switched(
 ) -> Result<Ran> {
     let context = memory.context.clone();
     context.contain(|| {
-        let mut of_cpu = cpu::Memory::new(grid);
+        let mut of_cpu = cpu::Memory::new(grid, plan.solver());
         let mut u = start(grid, last, keep)?;
         let warm = plan.warm && last.is_some();
         let cpu = cpu::Run::new(team, input, &mut of_cpu, &mut u);

@@ -54,10 +54,18 @@ impl Outputs {
         }
         let u = solved.warp.host()?;
         team.run(size[1], |y| (0..size[0]).for_each(|x| put(x, y, centre(x, y), [0.0; 2])));
-        invert::texels(team, &solved.grid, u, size, |x, y, p| {
-            let (uv, at) = ([0, 1].map(|k| p[k] / cells[k]), centre(x, y));
-            put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
-        });
+        let invert = |team: &Team| {
+            invert::texels(team, &solved.grid, u, size, |x, y, p| {
+                let (uv, at) = ([0, 1].map(|k| p[k] / cells[k]), centre(x, y));
+                put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
+            });
+        };
+        // Where a warp folds, several cells have the same texel: on one thread, the last one always gets it.
+        if solved.report.folds > 0 {
+            Team::with(1, invert)
+        } else {
+            invert(team)
+        }
         Ok(())
     }
 

@@ -43,15 +43,16 @@ impl Asset {
         }
         let settings = &self.tiles[tile].maps.settings;
         let input = Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts };
+        let plan = Plan::new(options);
         Team::with(self.device.threads(), |team| {
-            let mut of_cpu = cpu::Memory::new(&grid);
+            let mut of_cpu = cpu::Memory::new(&grid, plan.solver());
             let mut of_gpu = gpu::Memory::new(context, &grid, mesh)?;
             let mut u = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
             let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u);
             context.contain(|| {
                 let gpu = gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()])?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
-                solve::run(&mut pair, &Plan::new(options), false, Instant::now());
+                solve::run(&mut pair, &plan, false, Instant::now());
                 pair.finish()
             })?
         })

@@ -9,7 +9,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::image::Map;
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{GpuWork, TileInfo, TileReport};
-use crate::settings::{LogLevel, Overlap};
+use crate::settings::{LogLevel, Overlap, Solver};
 use crate::solve::{ChartResult, Input, Plan};
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::coverage::Coverage;
@@ -195,7 +195,7 @@ impl TileState {
             Arc::new(Warp::Host(vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()]))
         } else {
             let last = last.map(|last| last.warp.clone());
-            self.allocate(device, &grid, source)?;
+            self.allocate(device, &grid, source, plan.solver())?;
             // Taken out for the time being: should a stage panic, the memory goes with it.
             let mut memory =
                 self.memory.take().ok_or_else(|| Error::new(ErrorKind::Internal, "no memory"))?;
@@ -280,14 +280,14 @@ impl TileState {
     }
 
     /// The solver's memory for a grid, booked before it is taken.
-    fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh) -> Result<()> {
-        let fits = self.memory.as_ref().is_some_and(|memory| memory.is_for(grid));
+    fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<()> {
+        let fits = self.memory.as_ref().is_some_and(|memory| memory.is_for(grid, solver));
         if !fits {
             // The old memory goes before the new one comes.
             self.forget(device);
-            let bytes = Memory::bytes_for(device, grid, tile)?;
+            let bytes = Memory::bytes_for(device, grid, tile, solver)?;
             self.book(device, bytes, tile.udim)?;
-            match Memory::new(device, grid, tile) {
+            match Memory::new(device, grid, tile, solver) {
                 Ok(memory) => self.memory = Some(memory),
                 Err(error) => return Err(self.give_up(device, tile, error)),
             }

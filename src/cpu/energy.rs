@@ -12,12 +12,18 @@ use super::{Run, SurfaceFn};
 impl Run<'_> {
     /// Per chart, the energy of a level's present state (only charts that are solved; others 0).
     pub(super) fn energies(&mut self, level: usize) -> Vec<f64> {
-        self.with_surface(level, Energies { level })
+        self.with_surface(level, Energies { level, as_is: false })
+    }
+
+    /// The same of a state that may be folded.
+    pub(super) fn energies_as_is(&mut self, level: usize) -> Vec<f64> {
+        self.with_surface(level, Energies { level, as_is: true })
     }
 }
 
 struct Energies {
     level: usize,
+    as_is: bool,
 }
 
 impl SurfaceFn<Vec<f64>> for Energies {
@@ -31,7 +37,12 @@ impl SurfaceFn<Vec<f64>> for Energies {
             let sum = run.patches.with(|patch| {
                 // SAFETY: nothing is written to the state now.
                 unsafe { patch.load(level, state, surface, b) };
-                wide(BlockEnergy { patch, weights: &run.weights, surface: PhantomData::<S> })
+                wide(BlockEnergy {
+                    patch,
+                    weights: &run.weights,
+                    as_is: self.as_is,
+                    surface: PhantomData::<S>,
+                })
             });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
@@ -44,6 +55,8 @@ impl SurfaceFn<Vec<f64>> for Energies {
 pub struct BlockEnergy<'a, S> {
     pub patch: &'a Patch,
     pub weights: &'a Weights,
+    /// Crushed cells do not count as worthless.
+    pub as_is: bool,
     pub surface: PhantomData<S>,
 }
 
@@ -52,7 +65,7 @@ impl<S: Surface> Kernel for BlockEnergy<'_, S> {
 
     #[inline(always)]
     fn run(self) -> f64 {
-        let BlockEnergy { patch, weights, .. } = self;
+        let BlockEnergy { patch, weights, as_is, .. } = self;
         let mut sum = V::ZERO;
         let mut worst = V::ONE;
         for row in (0..4).flat_map(Row::of_colour) {
@@ -80,7 +93,7 @@ impl<S: Surface> Kernel for BlockEnergy<'_, S> {
             sum += V::ZERO.lt(own).select(energy, V::ZERO);
         }
         // A state with crushed cells is worth nothing, however low its energy.
-        let crushed = worst.0.iter().any(|&jacobian| jacobian < 0.5 * MIN_JACOBIAN);
+        let crushed = !as_is && worst.0.iter().any(|&jacobian| jacobian < 0.5 * MIN_JACOBIAN);
         if crushed { f64::INFINITY } else { f64::from(sum.sum()) }
     }
 }

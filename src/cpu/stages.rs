@@ -2,6 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
+use crate::pbd::Iteration;
 use crate::solve::{ChartResult, Correction, Stages};
 use crate::tile::blocks::NODES;
 use crate::tile::metric;
@@ -106,8 +107,16 @@ impl Stages for Run<'_> {
         self.correct_level(level, correction);
     }
 
-    fn certify(&mut self) {
-        let energies = self.energies(0);
+    fn iterate(&mut self, level: usize, iteration: &Iteration) {
+        self.iterate_level(level, iteration);
+    }
+
+    fn smooth(&mut self, level: usize, smoothing: f32) {
+        self.smooth_level(level, smoothing);
+    }
+
+    fn certify(&mut self, as_is: bool) {
+        let energies = if as_is { self.energies_as_is(0) } else { self.energies(0) };
         let certificates = self.certificates();
         for c in 0..self.charts.len() {
             if !self.charts[c] {
@@ -120,9 +129,8 @@ impl Stages for Run<'_> {
             outcome.folds = certificate.folds;
             outcome.max_displacement = certificate.max_displacement;
             // A comparison with NaN is false: then too, the identity.
-            let better = outcome.energy <= outcome.energy_before
-                && outcome.energy.is_finite()
-                && certificate.folds == 0;
+            let better = outcome.energy.is_finite()
+                && (as_is || (outcome.energy <= outcome.energy_before && certificate.folds == 0));
             if !better {
                 *outcome = ChartResult {
                     energy: outcome.energy_before,

@@ -1,5 +1,7 @@
 //! What a host gets told about the last solve.
 
+use std::mem::offset_of;
+
 use super::desc::{Out, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
@@ -47,7 +49,7 @@ pub struct vrtm_tile_report_data {
     /// a bound of the rounding: never more than the true one): greater than 0 certifies that the
     /// warp is one-to-one and onto.
     pub min_jacobian: f64,
-    /// Corner Jacobians that are not greater than 0: always 0.
+    /// Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     pub folds: u64,
     /// Largest displacement, in cells.
     pub max_displacement: f32,
@@ -71,11 +73,11 @@ pub struct vrtm_tile_report_data {
     pub blocks: u64,
     /// Movable nodes of the solved charts on the finest level.
     pub nodes_active: u64,
-    /// Relaxation sweeps, over all levels.
+    /// Relaxation sweeps, or iterations of VRTM_SOLVER_PBD, over all levels.
     pub sweeps: u32,
     /// Corrections, over all levels.
     pub corrections: u32,
-    /// Node updates by relaxation, over all levels.
+    /// Node updates by these, over all levels.
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,
@@ -111,6 +113,10 @@ pub struct vrtm_tile_report_data {
     pub harm: f32,
     /// Share of the segments whose strain fell by more than 0.10.
     pub help: f32,
+    /// Milliseconds: iterations of VRTM_SOLVER_PBD.
+    pub ms_pbd: f32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 /// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -133,7 +139,7 @@ pub struct vrtm_asset_report_data {
     pub nodes_active: u64,
     /// Smallest corner Jacobian over all tiles: greater than 0 certifies that no warp folds.
     pub min_jacobian: f64,
-    /// Corner Jacobians that are not greater than 0: always 0.
+    /// Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     pub folds: u64,
     /// Bytes held for the asset.
     pub bytes: u64,
@@ -145,7 +151,7 @@ pub struct vrtm_asset_report_data {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_tile_report_data {
-    const FIRST: usize = size_of::<vrtm_tile_report_data>();
+    const FIRST: usize = offset_of!(vrtm_tile_report_data, ms_pbd);
     const NAME: &'static str = "vrtm_tile_report_data";
 }
 
@@ -222,6 +228,8 @@ pub unsafe extern "C" fn vrtm_tile_report(
             after: strain.after.into(),
             harm: strain.harm,
             help: strain.help,
+            ms_pbd: r.times.pbd,
+            reserved: 0,
         });
         Ok(())
     })

@@ -1,5 +1,7 @@
 //! Solving, and the one call of a host's compute().
 
+use std::mem::offset_of;
+
 use super::desc::{self, Sized32};
 use super::fetch::{targets, vrtm_fetch};
 use super::guard::guard;
@@ -7,7 +9,7 @@ use super::handle::{self, vrtm_asset};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{check_reserved, flag, strided, strided_and_span, vrtm_array};
 use crate::asset::Fetch;
-use crate::settings::{Quality, SolveOptions};
+use crate::settings::{PbdSettings, Quality, SolveOptions, Solver};
 
 /// How much work a solve does on each level of its grid.
 pub type vrtm_quality = i32;
@@ -18,13 +20,40 @@ pub const VRTM_QUALITY_DRAFT: vrtm_quality = 1;
 /// More sweeps, and corrections until little is left to gain.
 pub const VRTM_QUALITY_HIGH: vrtm_quality = 2;
 
+/// How a solve finds its warp.
+pub type vrtm_solver = i32;
+/// Block descent with Gauss-Newton corrections, which never folds; the default.
+pub const VRTM_SOLVER_DESCENT: vrtm_solver = 0;
+/// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
+/// its result is returned as it is, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
+/// folds, a texel has several places to look at and gets one of them.
+pub const VRTM_SOLVER_PBD: vrtm_solver = 1;
+
+/// Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a share means 0. A
+/// plain value that never grows.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_pbd_settings {
+    /// Iterations on each level of the grid, 1..1024; 0 = 16. Each projects all constraints once; every fourth is
+    /// followed by a regularisation.
+    pub iterations: u32,
+    /// Share (0..1) of its velocity that a node loses from one regularisation to the next; 0 = none.
+    pub damping: f32,
+    /// Share (0..1) of its turn that a segment takes back after its projection; 0 = none.
+    pub orientation_preservation: f32,
+    /// How much (0..1) as-rigid-as-possible material is smoothed; 0 = 0.8.
+    pub smoothing: f32,
+    /// Factor (0..1) on the corrections of each level over those of the next finer one; 0 = 0.7.
+    pub coarse_correction: f32,
+}
+
 /// Options of one solve; zero in a field means its default. Start from vrtm_solve_options_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_solve_options {
     /// sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     pub struct_size: u32,
-    /// VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH.
+    /// VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH: of VRTM_SOLVER_DESCENT, as are the two limits below.
     pub quality: vrtm_quality,
     /// 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     /// the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
@@ -41,11 +70,15 @@ pub struct vrtm_solve_options {
     pub measure: u32,
     /// Zero.
     pub reserved: u32,
+    /// VRTM_SOLVER_DESCENT (0, the default) or PBD.
+    pub solver: vrtm_solver,
+    /// Settings of VRTM_SOLVER_PBD.
+    pub pbd: vrtm_pbd_settings,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_solve_options {
-    const FIRST: usize = size_of::<vrtm_solve_options>();
+    const FIRST: usize = offset_of!(vrtm_solve_options, solver);
     const NAME: &'static str = "vrtm_solve_options";
 }
 
@@ -67,6 +100,21 @@ unsafe fn options(pointer: *const vrtm_solve_options) -> Outcome<SolveOptions> {
         max_corrections: from.max_corrections,
         time_budget_ms: from.time_budget_ms,
         measure: flag(from.measure, "options.measure")?,
+        solver: match from.solver {
+            VRTM_SOLVER_DESCENT => Solver::Descent,
+            VRTM_SOLVER_PBD => Solver::Pbd,
+            other => {
+                return Err(Failure::argument(format!("options.solver is {other}, no VRTM_SOLVER_ value")));
+            }
+        },
+        // Their zeros and their "off" mean the same.
+        pbd: PbdSettings {
+            iterations: from.pbd.iterations,
+            damping: from.pbd.damping,
+            orientation_preservation: from.pbd.orientation_preservation,
+            smoothing: from.pbd.smoothing,
+            coarse_correction: from.pbd.coarse_correction,
+        },
     })
 }
 

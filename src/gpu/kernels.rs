@@ -74,6 +74,11 @@ pub enum Kernel {
     Advance,
     Mark,
     Shrink,
+    ProjectChords,
+    ProjectMetrics,
+    SettleChords,
+    SettleMetrics,
+    HandOver,
     Decide,
     SelectCharts,
     Gate,
@@ -113,7 +118,7 @@ macro_rules! source {
 
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
-pub const SOURCES: [Source; 34] = [
+pub const SOURCES: [Source; 39] = [
     source!(Surface, "surface", ["triangle", "surface"], [W(SURFACE), R(OWN), R(OWN + 1)], 0),
     source!(Gather, "gather", ["triangle", "gather"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), W(OWN + 2)], 52),
@@ -163,6 +168,15 @@ pub const SOURCES: [Source; 34] = [
     source!(Advance, "advance", ["multigrid", "krylov"], [R(BLOCKS), R(LISTS), W(VECTORS)], 48),
     source!(Mark, "mark", ["cut"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 24),
     source!(Shrink, "shrink", ["cut"], [R(BLOCKS), R(LISTS), W(VECTORS)], 16),
+    source!(ProjectChords, "project", [CHORDS[0], CHORDS[1], "pbd", "moves", "project"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(OWN)], 92),
+    source!(ProjectMetrics, "project", ["metrics", "pbd", "moves", "project"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(OWN)], 68),
+    source!(SettleChords, "settle", [CHORDS[0], CHORDS[1], "pbd", "moves", "settle"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(OWN)], 104),
+    source!(SettleMetrics, "settle", ["metrics", "pbd", "moves", "settle"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(OWN)], 80),
+    source!(HandOver, "hand_over", ["pbd", "hand_over"], [R(BLOCKS), R(LISTS), W(STATE), W(OWN)], 48),
     source!(Decide, "decide", ["control"], [W(PARTIALS), R(OWN)], 0),
     source!(SelectCharts, "select_charts", ["control"], [], 0),
     source!(Gate, "gate", ["gate"], [R(OWN), W(OWN + 1), W(OWN + 2)], 0),
@@ -228,6 +242,11 @@ fn part(name: &str) -> &'static str {
         "cycle",
         "krylov",
         "cut",
+        "pbd",
+        "moves",
+        "project",
+        "settle",
+        "hand_over",
         "control",
         "gate",
         "certify",

@@ -41,6 +41,10 @@ pub struct Params {
     pub level: u32,
     pub base: u32,
     pub other_base: u32,
+    pub correction: f32,
+    pub preservation: f32,
+    pub momentum: f32,
+    pub smoothing: f32,
 }
 
 /// A chart, and what is decided about it on the way.

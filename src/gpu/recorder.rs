@@ -54,7 +54,7 @@ impl Size {
 }
 
 /// Stages whose time is taken.
-pub const STAGES: usize = 7;
+pub const STAGES: usize = 8;
 
 /// Bytes between two parameter records: WebGPU's largest alignment of dynamic offsets.
 const STRIDE: usize = 256;
@@ -120,8 +120,8 @@ pub(crate) struct Tally {
 impl Tally {
     /// Of the solve; all 0 where the GPU has no timestamps.
     pub fn times(&self) -> StageTimes {
-        let [surface, pyramid, prolong, relax, correct, certify, _] = self.stages.unwrap_or_default();
-        StageTimes { surface, pyramid, prolong, relax, correct, certify, ..StageTimes::default() }
+        let [surface, pyramid, prolong, relax, correct, pbd, certify, _] = self.stages.unwrap_or_default();
+        StageTimes { surface, pyramid, prolong, relax, correct, pbd, certify, ..StageTimes::default() }
     }
 }
 

@@ -4,6 +4,7 @@ use super::Run;
 use super::kernels::Kernel;
 use super::layout::{Params, THREADS};
 use super::recorder::Size;
+use crate::pbd::Iteration;
 use crate::solve::{Correction, Stages};
 
 /// What a chart's sum decides; the numbers are `shaders/control.wgsl`'s.
@@ -18,6 +19,7 @@ pub(super) enum Decision {
     LastTrial = 6,
     Energy = 7,
     Certificate = 8,
+    AsItIs = 9,
 }
 
 /// Which charts the next kernels work on; the numbers are `shaders/control.wgsl`'s.
@@ -36,6 +38,7 @@ pub(super) enum Stage {
     Prolong,
     Relax,
     Correct,
+    Pbd,
     Certify,
 }
 
@@ -132,10 +135,22 @@ impl Stages for Run<'_> {
         self.correct_level(level, correction);
     }
 
-    fn certify(&mut self) {
+    fn iterate(&mut self, level: usize, iteration: &Iteration) {
+        self.recorder.stage(Stage::Pbd as usize);
+        self.iterate_level(level, iteration);
+    }
+
+    fn smooth(&mut self, level: usize, smoothing: f32) {
+        self.recorder.stage(Stage::Pbd as usize);
+        self.smooth_level(level, smoothing);
+    }
+
+    fn certify(&mut self, as_is: bool) {
         self.recorder.stage(Stage::Certify as usize);
-        self.energy(0, Decision::Energy, 0.0);
-        self.reduce(Kernel::Certify, 0, self.at_level(0), Decision::Certificate);
+        let params = Params { mode: u32::from(as_is), ..self.at_level(0) };
+        self.reduce(Kernel::EnergyChords, 0, params, Decision::Energy);
+        let certificate = if as_is { Decision::AsItIs } else { Decision::Certificate };
+        self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
         for band in 0..self.memory.bands[0].len() {
             let own = [self.result.bands[band].1.clone()];
             let stored = self.memory.lists[0][band].stored;

@@ -3,6 +3,7 @@
 use super::{Point, StageDifference};
 use crate::error::{Error, Result};
 use crate::gpu::layout::{METRIC_PLANES, ROW_PLANES, STATE_PLANES};
+use crate::pbd::Iteration;
 use crate::solve::{Correction, Stages};
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
@@ -297,8 +298,21 @@ impl Stages for Pair<'_> {
         });
     }
 
-    fn certify(&mut self) {
-        self.cpu.certify();
-        self.gpu.certify();
+    fn iterate(&mut self, level: usize, iteration: &Iteration) {
+        self.cpu.iterate(level, iteration);
+        self.gpu.iterate(level, iteration);
+        self.gpu.come_home(level);
+        self.level(level, 1);
+    }
+
+    fn smooth(&mut self, level: usize, smoothing: f32) {
+        self.cpu.smooth(level, smoothing);
+        self.gpu.smooth(level, smoothing);
+        self.level(level, 0);
+    }
+
+    fn certify(&mut self, as_is: bool) {
+        self.cpu.certify(as_is);
+        self.gpu.certify(as_is);
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{Point, Switch};
 use crate::error::{Error, Result};
+use crate::pbd::Iteration;
 use crate::solve::{Correction, Stages};
 use crate::{cpu, gpu};
 
@@ -114,8 +115,16 @@ impl Stages for Switched<'_> {
         self.at(Point::level(level, 1 + self.correction)).correct(level, correction);
     }
 
-    fn certify(&mut self) {
-        self.at(Point::Certify).certify();
+    fn iterate(&mut self, level: usize, iteration: &Iteration) {
+        self.at(Point::level(level, 1)).iterate(level, iteration);
+    }
+
+    fn smooth(&mut self, level: usize, smoothing: f32) {
+        self.at(Point::level(level, 0)).smooth(level, smoothing);
+    }
+
+    fn certify(&mut self, as_is: bool) {
+        self.at(Point::Certify).certify(as_is);
     }
 
     fn settle(&mut self) {

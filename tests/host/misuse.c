@@ -307,6 +307,14 @@ static void solves_and_fetches(void)
          fails("an infinite position", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions[43]"));
     WITH(vrtm_quality, options.quality, 3,
          fails("quality 3", vrtm_asset_solve(asset, &positions, &options), BAD, "options.quality is 3"));
+    WITH(vrtm_solver, options.solver, 2,
+         fails("solver 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.solver is 2"));
+    WITH(uint32_t, options.pbd.iterations, 1025,
+         fails("1025 iterations", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.iterations: 1025"));
+    WITH(float, options.pbd.damping, 1.5f,
+         fails("damping 1.5", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.damping: 1.5"));
+    WITH(float, options.pbd.smoothing, NAN,
+         fails("a NaN smoothing", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.smoothing: NaN"));
     WITH(uint32_t, options.warm, 2,
          fails("warm 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.warm is 2"));
     WITH(float, options.tolerance, 1,

@@ -34,7 +34,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
                     (rows.get_mut(b), r.get_mut(b))
                 };
                 wide(BlockRows { patch, surface, weights: &run.weights, rows, r });
-                wide(BlockEnergy { patch, weights: &run.weights, surface: PhantomData::<S> })
+                wide(BlockEnergy { patch, weights: &run.weights, as_is: false, surface: PhantomData::<S> })
             });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };

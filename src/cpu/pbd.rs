@@ -1,0 +1,147 @@
+//! pbd: the iterations of the paper's solver. Each pass reads a level's state and writes another one, which then takes its
+//! place: what a node becomes depends on nothing that the same pass writes, so that neither threads nor their order matter.
+
+mod project;
+mod settle;
+#[cfg(test)]
+mod tests;
+
+use std::sync::atomic::Ordering;
+
+use crate::pbd::{Iteration, SETS};
+use crate::tile::Grid;
+use crate::tile::blocks::{NODES, Plane};
+
+use super::memory::Buffers;
+use super::patch::State;
+use super::surface::Surface;
+use super::team::Shared;
+use super::{Run, SurfaceFn};
+use project::Project;
+use settle::{Settle, Velocity};
+
+/// What a level's iterations need beside its state.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    /// The state that a pass writes.
+    next: Buffers,
+    /// Displacements as they were integrated last: the velocity is what the present ones differ by.
+    previous: Vec<[Plane; 2]>,
+}
+
+impl Scratch {
+    /// Of all levels.
+    pub fn new(grid: &Grid) -> Vec<Scratch> {
+        let of_level = |(k, level): (usize, &crate::tile::Level)| {
+            let n = level.blocks.list.len();
+            let next = Buffers { metric: Vec::new(), ..Buffers::new(n, k == 0) };
+            Scratch { next, previous: vec![[[0.0; NODES]; 2]; n] }
+        };
+        grid.levels.iter().enumerate().map(of_level).collect()
+    }
+
+    /// Bytes that `new` takes.
+    pub fn bytes_for(grid: &Grid) -> u64 {
+        let planes = |(k, level): (usize, &crate::tile::Level)| {
+            level.blocks.list.len() * (2 + 3 + usize::from(k == 0) + 2) * NODES * 4
+        };
+        grid.levels.iter().enumerate().map(planes).sum::<usize>() as u64
+    }
+}
+
+impl Run<'_> {
+    /// One iteration: the eight sets in turn; at times regularisation, integration, and the next prediction.
+    pub(super) fn iterate_level(&mut self, level: usize, iteration: &Iteration) {
+        if iteration.first {
+            self.begin_level(level);
+        }
+        for set in SETS {
+            self.pass(level, Pass::Project(Project { set, iteration: *iteration }));
+        }
+        if iteration.settle {
+            let velocity = Velocity { last: iteration.last, momentum: iteration.momentum };
+            let settle = Settle { smoothing: iteration.smoothing, velocity: Some(velocity) };
+            self.pass(level, Pass::Settle(settle));
+        }
+        let grid = &self.grid.levels[level];
+        let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
+        let nodes: u64 = self.work[level].active.iter().map(movable).sum();
+        self.node_updates.fetch_add(nodes, Ordering::Relaxed);
+    }
+
+    /// Eq. 4-5 alone.
+    pub(super) fn smooth_level(&mut self, level: usize, smoothing: f32) {
+        self.copy_still_blocks(level);
+        self.pass(level, Pass::Settle(Settle { smoothing, velocity: None }));
+    }
+
+    /// Velocities of 0.
+    fn begin_level(&mut self, level: usize) {
+        self.copy_still_blocks(level);
+        for &b in &self.work[level].active {
+            let b = b as usize;
+            self.memory.pbd[level].previous[b] = self.memory.levels[level].u[b];
+        }
+    }
+
+    /// Blocks that no pass visits are the same in both states.
+    fn copy_still_blocks(&mut self, level: usize) {
+        let (state, next) = (&self.memory.levels[level], &mut self.memory.pbd[level].next);
+        for &b in &self.work[level].stored {
+            let b = b as usize;
+            if !self.grid.levels[level].blocks.list[b].active {
+                next.u[b] = state.u[b];
+                next.value[b] = state.value[b];
+                if level == 0 {
+                    next.triangle[b] = state.triangle[b];
+                }
+            }
+        }
+    }
+
+    /// Runs a pass over all active blocks of a level; what it wrote becomes the level's state.
+    fn pass(&mut self, level: usize, pass: Pass) {
+        let mut scratch = std::mem::take(&mut self.memory.pbd[level]);
+        let next = scratch.next.state();
+        let previous = Shared::new(&mut scratch.previous);
+        self.with_surface(level, Everywhere { level, pass, next, previous });
+        let state = &mut self.memory.levels[level];
+        std::mem::swap(&mut state.u, &mut scratch.next.u);
+        std::mem::swap(&mut state.value, &mut scratch.next.value);
+        std::mem::swap(&mut state.triangle, &mut scratch.next.triangle);
+        self.memory.pbd[level] = scratch;
+    }
+}
+
+/// What a pass does.
+#[derive(Clone, Copy)]
+enum Pass {
+    Project(Project),
+    Settle(Settle),
+}
+
+/// A pass over all active blocks of a level.
+struct Everywhere {
+    level: usize,
+    pass: Pass,
+    next: State,
+    previous: Shared<[Plane; 2]>,
+}
+
+impl SurfaceFn<()> for Everywhere {
+    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
+        let Everywhere { level, pass, next, previous } = self;
+        let blocks = &run.work[level].active;
+        let level = &run.grid.levels[level];
+        run.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
+            // SAFETY: nothing writes `state` now, and each item has its own block of `next` and `previous`.
+            unsafe {
+                match &pass {
+                    Pass::Project(project) => project.block(level, state, next, surface, b),
+                    Pass::Settle(settle) => settle.block(level, state, next, previous, surface, b),
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,238 @@
+use std::sync::Arc;
+
+use super::super::lanes::{LANES, V};
+use super::project::projected;
+use super::*;
+use crate::cpu::{Memory, Team};
+use crate::mesh::Mesh;
+use crate::pbd::Set;
+use crate::reference::tests::{maps, posed, sheet};
+use crate::settings::{Solver, TileSettings};
+use crate::solve::{Input, Stages};
+use crate::tile::blocks::slot;
+use crate::tile::coverage::Coverage;
+use crate::tile::pose::Pose;
+
+const FULL: Iteration = Iteration {
+    first: true,
+    settle: true,
+    last: true,
+    momentum: 0.0,
+    orientation: 0.0,
+    smoothing: 0.0,
+    correction: 1.0,
+};
+
+/// A sheet of 16 x 16 cells in the pose, with a rigidity, at the identity on level 0. Nodes 1 to 15 move.
+fn with_sheet(
+    rigidity: impl Fn(f64, f64) -> f64,
+    pose: impl Fn(f64, f64) -> [f64; 3],
+    look: impl FnOnce(&mut Run),
+) {
+    let mesh: Mesh = sheet(1, |u, v| [u, v, 0.0]);
+    let maps = maps(16, TileSettings::default(), rigidity);
+    let tile = &mesh.tiles[0];
+    let coverage = Coverage::new(tile, 16, 16, maps.settings.overlap);
+    let grid = Arc::new(Grid::new(&mesh, tile, &maps, &coverage));
+    let positions = posed(1, pose);
+    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
+    let input = Input { grid: &grid, mesh: tile, pose: &pose, settings: &maps.settings, charts: &[true] };
+    let mut memory = Memory::new(&grid, Solver::Pbd);
+    let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+    Team::with(1, |team| {
+        let mut run = Run::new(team, &input, &mut memory, &mut result);
+        run.surface();
+        run.identity(0);
+        run.begin_level(0);
+        look(&mut run);
+    });
+}
+
+/// Displacement of a node of the first block.
+fn at(run: &Run, i: usize, j: usize) -> [f32; 2] {
+    run.memory.levels[0].u[0].map(|plane| plane[slot(i, j)])
+}
+
+fn set(run: &mut Run, i: usize, j: usize, u: [f32; 2]) {
+    for c in 0..2 {
+        run.memory.levels[0].u[0][c][slot(i, j)] = u[c];
+    }
+}
+
+fn project(run: &mut Run, edge: usize, parity: usize) {
+    run.pass(0, Pass::Project(Project { set: Set { edge, parity }, iteration: FULL }));
+}
+
+#[track_caller]
+fn close(a: [f32; 2], b: [f32; 2]) {
+    // A handful of roundings of numbers near 1.
+    assert!((0..2).all(|c| (a[c] - b[c]).abs() < 1e-5), "{a:?} {b:?}");
+}
+
+/// Twice as long in u.
+fn stretched(u: f64, v: f64) -> [f64; 3] {
+    [2.0 * u, v, 0.0]
+}
+
+#[test]
+fn a_rigid_segment_takes_its_rest_length_about_its_centre() {
+    with_sheet(
+        |_, _| 1.0,
+        stretched,
+        |run| {
+            project(run, 0, 0);
+            close(at(run, 2, 8), [0.25, 0.0]);
+            close(at(run, 3, 8), [-0.25, 0.0]);
+            // Node 0 does not move: all of the way is its neighbour's.
+            assert_eq!(at(run, 0, 8), [0.0; 2]);
+            close(at(run, 1, 8), [-0.5, 0.0]);
+            // A row that is fixed stays.
+            assert_eq!(at(run, 4, 0), [0.0; 2]);
+        },
+    );
+    with_sheet(
+        |_, _| 1.0,
+        stretched,
+        |run| {
+            project(run, 0, 1);
+            close(at(run, 1, 8), [0.25, 0.0]);
+            close(at(run, 2, 8), [-0.25, 0.0]);
+            // The other end lies in the next block, and is fixed.
+            close(at(run, 15, 8), [0.5, 0.0]);
+        },
+    );
+    // Upright segments have their length already; slanted ones are sqrt(5 / 2) times as long as at rest.
+    with_sheet(
+        |_, _| 1.0,
+        stretched,
+        |run| {
+            project(run, 1, 0);
+            assert_eq!(at(run, 4, 4), [0.0; 2]);
+            project(run, 2, 0);
+            let part = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
+            close(at(run, 4, 4), [part, part]);
+            close(at(run, 5, 5), [-part, -part]);
+        },
+    );
+    with_sheet(
+        |_, _| 1.0,
+        stretched,
+        |run| {
+            project(run, 3, 0);
+            let part = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
+            close(at(run, 5, 4), [-part, part]);
+            close(at(run, 4, 5), [part, -part]);
+        },
+    );
+}
+
+#[test]
+fn the_larger_rigidity_is_the_stiffness_and_elastic_segments_are_left_alone() {
+    let left = |u: f64, _: f64| if u < 0.5 { 0.5 } else { 0.0 };
+    with_sheet(left, stretched, |run| {
+        // Maps are resampled to nodes: what these got is what counts.
+        let rigidity = |i: usize| run.grid.levels[0].rigidity[0][slot(i, 8)];
+        assert_eq!([rigidity(4), rigidity(7), rigidity(9), rigidity(10)], [0.5, 0.5, 0.0, 0.0]);
+        let border = rigidity(8);
+        project(run, 0, 0);
+        close(at(run, 4, 8), [0.125, 0.0]);
+        assert_eq!(at(run, 10, 8), [0.0; 2]);
+        // Its neighbour at 8 is a little rigid.
+        close(at(run, 9, 8), [-0.25 * border, 0.0]);
+    });
+}
+
+#[test]
+fn no_end_leaves_the_box_of_its_neighbours() {
+    // A tenth as long: the projection would make the segments ten cells long.
+    with_sheet(
+        |_, _| 1.0,
+        |u, v| [0.1 * u, v, 0.0],
+        |run| {
+            project(run, 0, 0);
+            assert_eq!(at(run, 4, 8), [-1.0, 0.0]);
+            assert_eq!(at(run, 5, 8), [1.0, 0.0]);
+        },
+    );
+}
+
+#[test]
+fn a_segment_turns_back_by_its_share() {
+    let turn = |d: [f32; 2], d0, orientation: f32, correction| {
+        let iteration = Iteration { orientation, correction, ..FULL };
+        let [x, y] = projected(d.map(V::splat), d0, V::ONE, V::ZERO, iteration);
+        assert!(x.0.iter().all(|&v| v == x.0[0]) && LANES == 8);
+        [x.0[0], y.0[0]]
+    };
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    // Upright, and level at rest: half the way is 45 degrees; the length stays.
+    close(turn([0.0, 2.0], [1.0, 0.0], 0.5, 1.0), [2.0 * half, 2.0 * half]);
+    close(turn([0.0, 2.0], [1.0, 0.0], 1.0, 1.0), [2.0, 0.0]);
+    close(turn([0.0, 2.0], [1.0, 0.0], 0.0, 1.0), [0.0, 2.0]);
+    // Coarser levels turn back less.
+    close(turn([0.0, 2.0], [1.0, 0.0], 1.0, 0.5), [2.0 * half, 2.0 * half]);
+    // A small turn by its share, to the third order of the angle.
+    let [x, y] = turn([0.1f32.cos(), 0.1f32.sin()], [1.0, 0.0], 0.25, 1.0);
+    assert!((y.atan2(x) - 0.075).abs() < 1e-4, "{}", y.atan2(x));
+    // What points the other way has a length still.
+    assert!(turn([-1.0, 0.0], [1.0, 0.0], 0.5, 1.0).iter().all(|x| x.is_finite()));
+}
+
+#[test]
+fn regularisation_blends_with_the_gaussian_by_rigidity() {
+    let left = |u: f64, _: f64| if u < 0.5 { 1.0 } else { 0.0 };
+    with_sheet(left, stretched, |run| {
+        set(run, 4, 8, [1.0, 0.0]);
+        set(run, 12, 8, [1.0, -1.0]);
+        run.smooth_level(0, 0.2);
+        // s of the way where R = 1, all of it where R = 0.
+        close(at(run, 4, 8), [1.0 - 0.2 * 0.75, 0.0]);
+        close(at(run, 5, 8), [0.2 * 0.125, 0.0]);
+        close(at(run, 5, 9), [0.2 * 0.0625, 0.0]);
+        close(at(run, 12, 8), [0.25, -0.25]);
+        close(at(run, 12, 9), [0.125, -0.125]);
+        close(at(run, 13, 7), [0.0625, -0.0625]);
+        assert_eq!(at(run, 4, 10), [0.0; 2]);
+    });
+}
+
+#[test]
+fn positions_are_integrated_and_predicted_from_their_velocity() {
+    with_sheet(
+        |u, _| if u < 0.5 { 1.0 } else { 0.0 },
+        stretched,
+        |run| {
+            // An estimate that no constraint has changed, rigid, without smoothing: it is where the node comes to be.
+            set(run, 4, 8, [0.5, 0.25]);
+            let settle = |last| {
+                let velocity = Some(Velocity { last, momentum: 0.5 });
+                Pass::Settle(Settle { smoothing: 0.0, velocity })
+            };
+            run.pass(0, settle(false));
+            // From 0 to there is the velocity, of which half is kept.
+            close(at(run, 4, 8), [0.75, 0.375]);
+            // The prediction is the next estimate: (0.25, 0.125) farther than it was, and not predicted again.
+            run.pass(0, settle(true));
+            close(at(run, 4, 8), [0.75, 0.375]);
+            run.pass(0, settle(false));
+            // At rest since.
+            close(at(run, 4, 8), [0.75, 0.375]);
+        },
+    );
+}
+
+#[test]
+fn a_node_that_would_leave_its_chart_stays() {
+    with_sheet(
+        |_, _| 1.0,
+        stretched,
+        |run| {
+            set(run, 4, 8, [-9.0, 0.0]);
+            run.copy_still_blocks(0);
+            // The Gaussian of a node far outside is outside, too.
+            let before = at(run, 4, 8);
+            run.pass(0, Pass::Settle(Settle { smoothing: 0.01, velocity: None }));
+            assert_eq!(at(run, 4, 8), before);
+        },
+    );
+}
