@@ -45,12 +45,12 @@ def rows(folder: Path) -> list[dict]:
 
 
 def table(result: list[dict]) -> str:
-    lines = ["| scene | grid | solver | strain RMS | 95 % below | largest | flipped triangles | seconds |", "|---|---|---|---|---|---|---|---|"]
+    lines = ["| scene | grid | solver | strain RMS | 95 % below | largest | triangles flipped | edges lost | seconds |", "|---|---|---|---|---|---|---|---|---|"]
     for row in result:
         seconds = "-" if row["seconds"] is None else f"{row['seconds']:.3f}"
         lines.append(
             f"| {row['scene']} {row['frame']} | {row['grid']}² | {row['solver']} | {row['rms']:.4f} | {row['p95']:.4f} | "
-            f"{row['max']:.2f} | {row.get('flipped', 0)} | {seconds} |"
+            f"{row['max']:.2f} | {row.get('flipped', 0)} | {row['lost']} | {seconds} |"
         )
     return "\n".join(lines)
 
@@ -64,9 +64,11 @@ def main():
     head = (
         "# Beside other parameterisers\n\n"
         "Strain inside rigid features on the deformed mesh, measured in the same way for all (`benches/peers/strain.py`), "
-        "and the seconds of the solver call alone, medians; vrtm on all cores of the same machine. The peers start from the "
-        "original UVs with all chart borders held there and minimise the distortion of whole charts against the deformed "
-        "mesh: they do not know what is rigid, nor do they match the distortion that the texture had at rest.\n\n"
+        "and the seconds of the solver call alone, medians; vrtm on all cores of the same machine. The peers keep chart "
+        "borders where they were, as vrtm does, and minimise the distortion of whole charts against the deformed mesh: they "
+        "do not know what is rigid, nor do they match the distortion that the texture had at rest. Flipped triangles are "
+        "folds; lost edges lie where the new UVs do not cover the texture (Blender reports islands that it could not "
+        "solve); they are left out.\n\n"
     )
     args.out.mkdir(parents=True, exist_ok=True)
     (args.out / "peers.md").write_text(head + table(result) + "\n")

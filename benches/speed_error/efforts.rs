@@ -1,6 +1,6 @@
 //! Who runs: each solver at each of its efforts.
 
-use vrtm::{Quality, SolveOptions};
+use vrtm::{PbdSettings, Quality, SolveOptions, Solver};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Who {
@@ -48,7 +48,7 @@ pub fn efforts(quick: bool) -> Vec<Effort> {
         options: SolveOptions { quality, max_corrections, tolerance, ..SolveOptions::default() },
     })
     .collect();
-    all.extend((0..8).filter_map(|k| pbd(1 << k)));
+    all.extend((0..8).map(|k| pbd(1 << k)));
     if quick {
         all.retain(|effort| {
             matches!(effort.name.as_str(), "draft" | NORMAL | "1 iteration" | "4 iterations")
@@ -58,6 +58,9 @@ pub fn efforts(quick: bool) -> Vec<Effort> {
 }
 
 /// The paper's solver with so many iterations per level.
-fn pbd(_iterations: u32) -> Option<Effort> {
-    None
+fn pbd(iterations: u32) -> Effort {
+    let pbd = PbdSettings { iterations, ..PbdSettings::default() };
+    let name = format!("{iterations} iteration{}", if iterations == 1 { "" } else { "s" });
+    let options = SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() };
+    Effort { who: Who::Pbd, name, iterations, options }
 }

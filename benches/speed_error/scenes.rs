@@ -63,8 +63,12 @@ pub fn cases(wanted: &[String], grid: u32) -> Result<Vec<Case>, String> {
 impl Case {
     pub fn new(model: Model, frame: usize, udim: u32, grid: u32) -> Case {
         let pose = &model.frames[frame - 1];
-        let nearly =
-            pose.iter().zip(&model.rest).map(|(p, r)| [0, 1, 2].map(|k| p[k] + 0.001 * (r[k] - p[k])));
+        // What is too small to be seen in f32 still has to differ, but what does not move must not begin to.
+        let near = |p: f32, r: f32| match p + 0.001 * (r - p) {
+            same if same == p && p != r => p.next_up(),
+            other => other,
+        };
+        let nearly = pose.iter().zip(&model.rest).map(|(p, r)| [0, 1, 2].map(|k| near(p[k], r[k])));
         let poses = [pose.clone(), nearly.collect()];
         Case { name: model.name.clone(), model, frame, udim, grid, poses }
     }
