@@ -70,6 +70,10 @@ struct Chart {
     rz: f32,
     alpha: f32,
     beta: f32,
+    /// By how much the quadratic model of the energy falls.
+    predicted: f32,
+    /// 1 during a level's first correction.
+    first: u32,
     min_jacobian: f32,
     max_displacement: f32,
     folds: u32,

@@ -67,13 +67,19 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             let alpha = charts[c].rz / select(1.0, sum.x, sum.x > 0.0);
             // Nothing left to solve, or not a number: no step.
             charts[c].alpha = select(0.0, alpha, sum.x > 0.0 && is_number(alpha));
+            charts[c].predicted += charts[c].alpha * charts[c].rz;
         }
         case TRIAL, LAST_TRIAL: {
             let before = charts[c].before;
             // The last trial is relaxation alone.
             if sum.x < before || params.mode == LAST_TRIAL {
                 charts[c].working = 0u;
-                charts[c].done = select(1u, 0u, before - sum.x > params.tolerance * before);
+                let gain = before - sum.x;
+                let tolerance = params.tolerance * before;
+                // The first correction is enough if it gained what its model had foretold.
+                let foretold =
+                    charts[c].first == 1u && abs(gain - charts[c].predicted) <= FORETOLD * tolerance;
+                charts[c].done = select(1u, 0u, gain > tolerance && !foretold);
             }
         }
         case ENERGY: {
@@ -92,6 +98,9 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
 }
 
+/// How far a first correction's gain may be from what its model foretold, in tolerances.
+const FORETOLD: f32 = 0.5;
+
 const ALL: u32 = 0u;
 const FIRST_CORRECTION: u32 = 1u;
 const LATER_CORRECTION: u32 = 2u;
@@ -107,6 +116,8 @@ fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
         charts[c].done = 0u;
     }
     if params.mode != ALL {
+        charts[c].first = u32(params.mode == FIRST_CORRECTION);
+        charts[c].predicted = 0.0;
         atomicStore(&charts[c].cuts, 0u);
     }
     charts[c].working = charts[c].solve & select(1u, 1u - charts[c].done, params.mode != ALL);

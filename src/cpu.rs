@@ -5,6 +5,7 @@
 
 mod stages;
 mod memory;
+mod record;
 mod surface;
 mod refresh;
 mod patch;

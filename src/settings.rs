@@ -137,7 +137,8 @@ pub const MAX_GRID: u32 = 16384;
 pub enum Quality {
     /// Relaxation only.
     Draft,
-    /// Few sweeps, one correction per level and up to four on the finest, while they gain 0.3 % of a chart's energy.
+    /// Few sweeps, one correction per level; on the finest up to four where a chart is crowded, while they gain 0.3 % of its
+    /// energy.
     #[default]
     Normal,
     /// More sweeps, two corrections per level and up to twelve on the finest, while they gain 0.02 %.

@@ -73,6 +73,20 @@ pub(crate) struct Correction {
     pub tolerance: f32,
 }
 
+impl Correction {
+    /// True if a chart sits out the level's further corrections: this one gained too little, or it was the first and
+    /// gained what its quadratic model had foretold. The next one would gain about what the model missed: on scenes with
+    /// room that is under 0.1 % of the energy after a gain of 5 to 25 %, in crowded ones, where steps are cut, 1 to 3 %.
+    pub fn is_enough(&self, energy: f64, gain: f64, predicted: f64) -> bool {
+        let tolerance = f64::from(self.tolerance) * energy;
+        // Comparisons with NaN are false: then it is enough.
+        !(gain > tolerance) || (self.first && (gain - predicted).abs() <= FORETOLD * tolerance)
+    }
+}
+
+/// How far a first correction's gain may be from what its model foretold, in tolerances.
+const FORETOLD: f64 = 0.5;
+
 /// How much work to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plan {

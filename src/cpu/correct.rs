@@ -13,8 +13,8 @@ use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::halo::WINDOW_NODES;
 
-use super::lanes::V;
-use super::patch::{Row, State};
+use super::lanes::{Kernel, LANES, Lanes, Truth, wide};
+use super::patch::State;
 use super::surface::Surface;
 use super::team::Shared;
 use super::{Run, SurfaceFn};
@@ -25,7 +25,8 @@ use super::{Run, SurfaceFn};
 struct Rows {
     /// (xx, xy, yy) per node.
     diagonal: [Plane; 3],
-    /// Per owned edge (p, n), the 2x2 block between p (row) and n (column), row-major; at p's place in the window.
+    /// Per owned edge (p, n), the 2x2 block between p (row) and n (column), row-major; at p's place in the window, which
+    /// also holds what the nodes on the ring own.
     pair: [[f32; WINDOW_NODES]; 16],
 }
 
@@ -95,8 +96,9 @@ impl Systems {
     }
 }
 
-/// Iterations of conjugate gradients: more gain less than the next correction does.
-const ITERATIONS: usize = 4;
+/// Iterations of conjugate gradients, on the finest level and on the others: more gain less than the next level or the
+/// next correction does.
+const ITERATIONS: [usize; 2] = [3, 2];
 
 /// No step is this long, in cells: more than the largest grid.
 const MAX_STEP: f32 = 32768.0;
@@ -117,41 +119,38 @@ impl Run<'_> {
         let before =
             self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
         let coarsest = systems.levels.len() - 1;
-        for k in level..coarsest {
+        // The coarser systems of the first correction precondition the next ones well enough.
+        for k in level..if plan.first { coarsest } else { level } {
             let (finer, coarser) = systems.levels.split_at_mut(k + 1);
             galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
         }
-        self.conjugate_gradients(&mut systems.levels, level);
+        let predicted = self.conjugate_gradients(&mut systems.levels, level);
         cut::shares(self, level, &mut systems.levels[level]);
-        self.step(&mut systems, level, &before, plan);
+        self.step(&mut systems, level, &before, &predicted, plan);
         self.memory.systems = systems;
         self.work = work;
     }
 
-    /// Solves the level's system for `x`, chart by chart: the charts only share the passes over memory.
-    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize) {
+    /// Solves the level's system for `x`, chart by chart: the charts only share the passes over memory. Gives, per chart,
+    /// by how much the quadratic model of the energy falls.
+    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize) -> Vec<f64> {
         let charts = self.charts.len();
         let mut rz = vec![0.0f64; charts];
-        for iteration in 0..ITERATIONS {
-            multigrid::cycle(self, systems, level);
+        let mut predicted = vec![0.0f64; charts];
+        for iteration in 0..ITERATIONS[usize::from(level > 0)] {
+            let next = multigrid::cycle(self, systems, level);
             let system = &mut systems[level];
-            let next = self.dots(level, &system.r, &system.z);
             let beta: Vec<f32> = (0..charts)
                 .map(|c| if iteration > 0 && rz[c] > 0.0 { (next[c] / rz[c]) as f32 } else { 0.0 })
                 .collect();
             rz = next;
-            let (p, z) = (Shared::new(&mut system.p), Shared::new(&mut system.z));
+            let (p, z) = (Shared::new(&mut system.p), &system.z);
             self.each_block(level, |b, c| {
                 // SAFETY: each item has its own block.
-                let (p, z) = unsafe { (p.get_mut(b), z.get(b)) };
-                for k in 0..2 {
-                    for s in 0..NODES {
-                        p[k][s] = if iteration > 0 { z[k][s] + beta[c] * p[k][s] } else { z[k][s] };
-                    }
-                }
+                let p = unsafe { p.get_mut(b) };
+                wide(Direction { p, z: &z[b], beta: if iteration > 0 { Some(beta[c]) } else { None } });
             });
-            multigrid::multiply(self, level, &system.rows, &system.p, &mut system.z);
-            let curvature = self.dots(level, &system.p, &system.z);
+            let curvature = multigrid::multiply(self, level, &system.rows, &system.p, &mut system.z);
             let alpha: Vec<f32> = (0..charts)
                 .map(|c| {
                     let alpha = (rz[c] / curvature[c]) as f32;
@@ -159,32 +158,31 @@ impl Run<'_> {
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
                 .collect();
-            let (x, r, p, z) = (
-                Shared::new(&mut system.x),
-                Shared::new(&mut system.r),
-                Shared::new(&mut system.p),
-                Shared::new(&mut system.z),
-            );
+            for c in 0..charts {
+                predicted[c] += f64::from(alpha[c]) * rz[c];
+            }
+            let (x, r) = (Shared::new(&mut system.x), Shared::new(&mut system.r));
+            let (p, z) = (&system.p, &system.z);
             self.each_block(level, |b, c| {
                 // SAFETY: each item has its own block.
-                let (x, r, p, z) = unsafe { (x.get_mut(b), r.get_mut(b), p.get(b), z.get(b)) };
-                for k in 0..2 {
-                    for s in 0..NODES {
-                        let step = alpha[c] * p[k][s];
-                        let sum = if iteration > 0 { x[k][s] + step } else { step };
-                        // A system that f32 cannot solve must not spoil the state.
-                        x[k][s] = if sum.abs() < MAX_STEP { sum } else { 0.0 };
-                        r[k][s] -= alpha[c] * z[k][s];
-                    }
-                }
+                let (x, r) = unsafe { (x.get_mut(b), r.get_mut(b)) };
+                wide(Advance { x, r, p: &p[b], z: &z[b], alpha: alpha[c], first: iteration == 0 });
             });
         }
+        predicted
     }
 
     /// Takes the step chart by chart, and relaxes; where that has not lowered the energy, half of the step, or a
     /// quarter, or none. Relaxing comes first because the step errs most where the surface has kinks: a rough error,
     /// which a sweep mends, and which would otherwise hold back the whole chart.
-    fn step(&mut self, systems: &mut Systems, level: usize, before: &[f64], plan: &Correction) {
+    fn step(
+        &mut self,
+        systems: &mut Systems,
+        level: usize,
+        before: &[f64],
+        predicted: &[f64],
+        plan: &Correction,
+    ) {
         let system = &mut systems.levels[level];
         for &b in &self.work[level].active {
             system.t[b as usize] = self.memory.levels[level].u[b as usize];
@@ -219,29 +217,17 @@ impl Run<'_> {
                 // A comparison with NaN is false: not accepted. The last trial is relaxation alone.
                 if open[c] && (energies[c] < before[c] || n == TRIALS.len()) {
                     open[c] = false;
-                    systems.done[c] = !(before[c] - energies[c] > f64::from(plan.tolerance) * before[c]);
+                    let gain = before[c] - energies[c];
+                    systems.done[c] = plan.is_enough(before[c], gain, predicted[c]);
                 }
             }
         }
     }
 
-    /// Per chart, the dot product of two vectors of a level, in a fixed order.
-    fn dots(&self, level: usize, a: &[[Plane; 2]], b: &[[Plane; 2]]) -> Vec<f64> {
-        let blocks = &self.work[level].active;
-        let mut sums = vec![0.0f64; blocks.len()];
-        let shared = Shared::new(&mut sums);
-        self.team.run(blocks.len(), |k| {
-            let (a, b) = (&a[blocks[k] as usize], &b[blocks[k] as usize]);
-            let mut sum = V::ZERO;
-            for c in 0..2 {
-                for s in (0..NODES).step_by(8) {
-                    sum += V::load(&a[c], s) * V::load(&b[c], s);
-                }
-            }
-            // SAFETY: each item has its own sum.
-            unsafe { *shared.get_mut(k) = f64::from(sum.sum()) };
-        });
-        self.per_chart(level, &sums)
+    /// Sums what all blocks of a level have, of which only active ones count, in their order, chart by chart.
+    fn per_chart_of_blocks(&self, level: usize, of_block: &[f64]) -> Vec<f64> {
+        let active: Vec<f64> = self.work[level].active.iter().map(|&b| of_block[b as usize]).collect();
+        self.per_chart(level, &active)
     }
 
     /// Calls `f(block, chart)` for all active blocks of a level.
@@ -255,7 +241,55 @@ impl Run<'_> {
     }
 }
 
-/// All rows of a block.
-fn all_rows() -> impl Iterator<Item = Row> {
-    (0..4).flat_map(Row::of_colour)
+/// p = z + beta p in one block; p = z without a beta.
+struct Direction<'a> {
+    p: &'a mut [Plane; 2],
+    z: &'a [Plane; 2],
+    beta: Option<f32>,
+}
+
+impl Kernel for Direction<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let Some(beta) = self.beta else {
+            *self.p = *self.z;
+            return;
+        };
+        for (p, z) in self.p.iter_mut().zip(self.z) {
+            for s in (0..NODES).step_by(LANES) {
+                (V::load(z, s) + V::load(p, s) * beta).store(p, s);
+            }
+        }
+    }
+}
+
+/// x += alpha p and r -= alpha z in one block; x = alpha p the first time.
+struct Advance<'a> {
+    x: &'a mut [Plane; 2],
+    r: &'a mut [Plane; 2],
+    p: &'a [Plane; 2],
+    z: &'a [Plane; 2],
+    alpha: f32,
+    first: bool,
+}
+
+impl Kernel for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let Advance { x, r, p, z, alpha, first } = self;
+        for c in 0..2 {
+            for s in (0..NODES).step_by(LANES) {
+                let step = V::load(&p[c], s) * alpha;
+                let sum = if first { step } else { V::load(&x[c], s) + step };
+                // A system that f32 cannot solve must not spoil the state.
+                let small = sum.lt(V::splat(MAX_STEP)).and(V::splat(-MAX_STEP).lt(sum));
+                small.select(sum, V::zero()).store(&mut x[c], s);
+                (V::load(&r[c], s) - V::load(&z[c], s) * alpha).store(&mut r[c], s);
+            }
+        }
+    }
 }

@@ -1,13 +1,12 @@
 //! The energy of a level's present state, chart by chart, summed in a fixed order.
 
-use std::marker::PhantomData;
-
-use super::lanes::{Kernel, V, wide};
-use super::patch::{NEIGHBOURS, Patch, QUADRANTS, Row, State, Weights, room};
+use super::lanes::{Kernel, Lanes, Truth, wide};
+use super::patch::{NEIGHBOURS, Patch, QUADRANTS, Row, State, Terms, Weights, room};
 use super::relax::MIN_JACOBIAN;
 use super::surface::Surface;
 use super::team::Shared;
 use super::{Run, SurfaceFn};
+use crate::tile::Level;
 
 impl Run<'_> {
     /// Per chart, the energy of a level's present state (only charts that are solved; others 0).
@@ -35,13 +34,14 @@ impl SurfaceFn<Vec<f64>> for Energies {
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             let sum = run.patches.with(|patch| {
-                // SAFETY: nothing is written to the state now.
-                unsafe { patch.load(level, state, surface, b) };
-                wide(BlockEnergy {
+                wide(StateEnergy {
                     patch,
+                    level,
+                    state,
+                    surface,
                     weights: &run.weights,
+                    b,
                     as_is: self.as_is,
-                    surface: PhantomData::<S>,
                 })
             });
             // SAFETY: each item has its own sum.
@@ -51,49 +51,85 @@ impl SurfaceFn<Vec<f64>> for Energies {
     }
 }
 
-/// A block's share of its chart's energy: an edge or corner between several movable nodes is shared among them.
-pub struct BlockEnergy<'a, S> {
-    pub patch: &'a Patch,
-    pub weights: &'a Weights,
+/// The energy of block `b` as it is. Nothing may write the state meanwhile.
+struct StateEnergy<'a, S> {
+    patch: &'a mut Patch,
+    level: &'a Level,
+    state: State,
+    surface: S,
+    weights: &'a Weights,
+    b: usize,
     /// Crushed cells do not count as worthless.
-    pub as_is: bool,
-    pub surface: PhantomData<S>,
+    as_is: bool,
 }
 
-impl<S: Surface> Kernel for BlockEnergy<'_, S> {
+impl<S: Surface> Kernel for StateEnergy<'_, S> {
     type Output = f64;
 
     #[inline(always)]
-    fn run(self) -> f64 {
-        let BlockEnergy { patch, weights, as_is, .. } = self;
-        let mut sum = V::ZERO;
-        let mut worst = V::ONE;
-        for row in (0..4).flat_map(Row::of_colour) {
-            let p = patch.here(row);
-            let at = row.at(0, 0);
-            let movable = |di, dj| V::load_u8(&patch.movable, row.at(di, dj));
-            let mut energy = V::ZERO;
-            for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
-                let edge = patch.edge(row, &p, k);
-                let length = S::length(&p.value, &p.slope, &edge.value, edge.same, &edge.d);
-                energy += (V::ONE - movable(di, dj) * 0.5) * edge.energy(k, length, weights);
-            }
-            let corners = patch.corners(row, &p);
-            for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
-                let (a, b, c) = (movable(sx, 0), movable(0, sy), movable(sx, sy));
-                let others = [a + b, a + c, b + c];
-                for k in 0..3 {
-                    let jacobian = corners[3 * q + k].0;
-                    energy += room(jacobian, weights) / (others[k] + 1.0);
-                    worst = jacobian.min(worst);
-                }
-            }
-            let own = V::load_u8(&patch.movable, at);
-            // Fixed lanes may hold anything, even what is not a number.
-            sum += V::ZERO.lt(own).select(energy, V::ZERO);
+    fn run<V: Lanes>(self) -> f64 {
+        let StateEnergy { patch, level, state, surface, weights, b, as_is } = self;
+        // SAFETY: nothing writes the state.
+        unsafe { patch.load::<V, S>(level, state, b) };
+        if S::CHORDS {
+            patch.load_slopes::<V, S>(surface);
         }
+        let mut total = Total::<V>::new();
+        for row in Row::all() {
+            let own = patch.movable_lanes::<V>(row);
+            if own.any() {
+                let p = patch.here::<V>(row);
+                total.add(patch, row, own, weights, &patch.terms::<V, S>(row, &p, weights));
+            }
+        }
+        if as_is { total.sum() } else { total.energy() }
+    }
+}
+
+/// A block's share of its chart's energy: an edge or corner between several movable nodes is shared among them.
+pub struct Total<V> {
+    sum: V,
+    worst: V,
+}
+
+impl<V: Lanes> Total<V> {
+    #[inline(always)]
+    pub fn new() -> Total<V> {
+        Total { sum: V::zero(), worst: V::one() }
+    }
+
+    /// Takes in a row, of which the lanes `own` may move.
+    #[inline(always)]
+    pub fn add(&mut self, patch: &Patch, row: Row, own: V::Mask, weights: &Weights, terms: &Terms<V>) {
+        let mut energy = V::zero();
+        for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
+            energy += (V::one() - patch.movable_near::<V>(row, di, dj) * 0.5) * terms.edges[k];
+        }
+        for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
+            let (a, b) = (patch.movable_near::<V>(row, sx, 0), patch.movable_near::<V>(row, 0, sy));
+            let c = patch.movable_near::<V>(row, sx, sy);
+            let others = [a + b, a + c, b + c];
+            for k in 0..3 {
+                let jacobian = terms.corners[3 * q + k].0;
+                energy += room(jacobian, weights) / (others[k] + 1.0);
+                self.worst = jacobian.min(self.worst);
+            }
+        }
+        // Fixed lanes may hold anything, even what is not a number.
+        self.sum += own.select(energy, V::zero());
+    }
+
+    /// The block's share, whatever the state.
+    #[inline(always)]
+    fn sum(&self) -> f64 {
+        f64::from(self.sum.sum())
+    }
+
+    /// The block's share.
+    #[inline(always)]
+    pub fn energy(&self) -> f64 {
         // A state with crushed cells is worth nothing, however low its energy.
-        let crushed = !as_is && worst.0.iter().any(|&jacobian| jacobian < 0.5 * MIN_JACOBIAN);
-        if crushed { f64::INFINITY } else { f64::from(sum.sum()) }
+        let crushed = self.worst.lt(V::splat(0.5 * MIN_JACOBIAN)).any();
+        if crushed { f64::INFINITY } else { self.sum() }
     }
 }

@@ -6,11 +6,11 @@ use crate::mesh::NONE;
 use crate::settings::Solver;
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
-use crate::tile::pose::PoseTriangle;
 
 use super::correct::Systems;
 use super::patch::State;
 use super::pbd::Scratch;
+use super::record::Record;
 use super::team::Shared;
 
 /// The changing state of one level.
@@ -55,7 +55,7 @@ pub(crate) struct Memory {
     pub(super) systems: Systems,
     /// Per level; of the paper's solver.
     pub(super) pbd: Vec<Scratch>,
-    pub(super) triangles: Vec<PoseTriangle>,
+    pub(super) triangles: Vec<Record>,
     pub(super) metrics: Vec<[f32; 3]>,
 }
 
@@ -76,7 +76,7 @@ impl Memory {
             levels,
             systems: if solver == Solver::Descent { Systems::new(grid) } else { Systems::none(grid) },
             pbd: if solver == Solver::Pbd { Scratch::new(grid) } else { Vec::new() },
-            triangles: vec![PoseTriangle::default(); grid.triangles.len()],
+            triangles: vec![Record::default(); grid.triangles.len()],
             metrics: vec![[0.0; 3]; grid.triangles.len()],
         }
     }
@@ -88,7 +88,7 @@ impl Memory {
             grid.levels.iter().map(|level| level.blocks.list.len() * (2 + 3 + 3) * plane).sum();
         // The finest level has triangles where the others have metrics.
         let finest = grid.levels[0].blocks.list.len() * 2 * plane;
-        let triangles = grid.triangles.len() * (size_of::<PoseTriangle>() + 12);
+        let triangles = grid.triangles.len() * (size_of::<Record>() + 12);
         let of_solver = match solver {
             Solver::Descent => Systems::bytes_for(grid),
             Solver::Pbd => Scratch::bytes_for(grid),

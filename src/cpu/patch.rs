@@ -6,8 +6,8 @@ use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window, place};
 
-use super::lanes::{LANES, Mask, V, each};
-use super::surface::{Sample, Slopes, Surface};
+use super::lanes::{LANES, Lanes, Truth, each};
+use super::surface::{Samples, Site, Surface};
 use super::team::Shared;
 
 /// The eight neighbours of a node: offset, which owned edge leads there, and whether the neighbour owns it.
@@ -69,6 +69,8 @@ pub struct Patch {
     pub triangle: Window<u32>,
     pub rigidity: Window,
     pub length: [Window; 4],
+    /// 1 / max(l, floor).
+    pub inverse: [Window; 4],
     pub movable: Window<u8>,
     /// Of the block's own nodes.
     pub slope: [Plane; 6],
@@ -78,16 +80,35 @@ pub struct Patch {
 /// Eight nodes of one colour, in one row of a block.
 #[derive(Clone, Copy)]
 pub struct Row {
-    /// Colour.
-    pub ci: usize,
+    /// Column of the first lane's node: 0 or 1.
+    ci: usize,
     /// Row of nodes, 0..16.
-    pub j: usize,
+    j: usize,
 }
 
 impl Row {
     /// All rows of a colour.
+    #[inline(always)]
     pub fn of_colour(colour: usize) -> impl Iterator<Item = Row> {
-        (0..SIDE / 2).map(move |r| Row { ci: colour & 1, j: 2 * r + (colour >> 1) })
+        (0..SIDE / 2).map(move |r| Row { ci: colour & 1, j: 2 * r + (colour >> 1 & 1) })
+    }
+
+    /// All rows of a block.
+    #[inline(always)]
+    pub fn all() -> impl Iterator<Item = Row> {
+        (0..4).flat_map(Row::of_colour)
+    }
+
+    /// Column of the first lane's node.
+    #[inline(always)]
+    pub fn column(self) -> usize {
+        self.ci
+    }
+
+    /// Row of nodes, 0..16.
+    #[inline(always)]
+    pub fn line(self) -> usize {
+        self.j
     }
 
     /// Place of the first lane's neighbour at (di, dj) in a window; the other lanes follow.
@@ -102,30 +123,70 @@ impl Row {
         crate::tile::blocks::slot(self.ci, self.j)
     }
 
-    /// Column of a lane's node.
+    /// A window's numbers at the neighbours at (di, dj), each -1, 0 or 1.
     #[inline(always)]
-    pub fn column(self, lane: usize) -> usize {
-        2 * lane + self.ci
+    pub fn near<V: Lanes>(self, window: &Window, di: i64, dj: i64) -> V {
+        assert!(di.unsigned_abs() <= 1 && dj.unsigned_abs() <= 1);
+        let at = self.at(di, dj);
+        // SAFETY: ci < 2 and j < 16, so the eight places end at column 17 and row 17 of the window at most.
+        V::load(unsafe { window.get_unchecked(at..at + LANES) }, 0)
+    }
+
+    /// A plane's numbers at the row.
+    #[inline(always)]
+    pub fn of<V: Lanes>(self, plane: &Plane) -> V {
+        let s = self.slot();
+        // SAFETY: ci < 2 and j < 16, so the slot is that of a row of one of the four colours.
+        V::load(unsafe { plane.get_unchecked(s..s + LANES) }, 0)
+    }
+
+    /// Sets a plane's numbers at the row.
+    #[inline(always)]
+    pub fn set<V: Lanes>(self, plane: &mut Plane, x: V) {
+        let s = self.slot();
+        // SAFETY: as in `of`.
+        x.store(unsafe { plane.get_unchecked_mut(s..s + LANES) }, 0);
+    }
+
+    /// Offsets from the row's nodes, displaced by `own`, to their neighbours at (di, dj), in cells.
+    #[inline(always)]
+    pub fn offset<V: Lanes>(self, u: &[Window; 2], own: &[V; 2], di: i64, dj: i64) -> [V; 2] {
+        let (x, y) = (self.near::<V>(&u[0], di, dj), self.near::<V>(&u[1], di, dj));
+        [(x - own[0]) + di as f32, (y - own[1]) + dj as f32]
+    }
+
+    /// Sets a window's numbers at the row.
+    #[inline(always)]
+    pub fn set_own<V: Lanes>(self, window: &mut Window, x: V) {
+        let at = self.at(0, 0);
+        // SAFETY: as in `near`.
+        x.store(unsafe { window.get_unchecked_mut(at..at + LANES) }, 0);
     }
 }
 
 /// What a row's nodes are at: displacement and sample.
 #[derive(Clone, Copy)]
-pub struct Place {
+pub struct Place<V: Lanes> {
     pub u: [V; 2],
-    pub value: [V; 3],
-    pub slope: Slopes,
-    pub triangle: [u32; LANES],
+    pub on: Samples<V>,
 }
 
-/// Gradient and Gauss-Newton matrix (halves of the derivatives), energy, and the corner Jacobians touched.
-pub struct Local {
+/// The energy of what a row's nodes touch.
+pub struct Terms<V> {
+    /// The sum, each node's own in its lane.
     pub energy: V,
+    /// Of the edges to each of the neighbours.
+    pub edges: [V; 8],
+    /// J and its gradient, three corners for each of four cells.
+    pub corners: [(V, [V; 2]); 12],
+}
+
+/// The energy, and its gradient and Gauss-Newton matrix (halves of the derivatives).
+pub struct Local<V> {
+    pub terms: Terms<V>,
     pub gradient: [V; 2],
     /// (xx, xy, yy).
     pub matrix: [V; 3],
-    /// J and its gradient, three corners for each of four cells.
-    pub corners: [(V, [V; 2]); 12],
 }
 
 impl Patch {
@@ -139,6 +200,7 @@ impl Patch {
             triangle: [NONE; WINDOW_NODES],
             rigidity: [0.0; WINDOW_NODES],
             length: [[0.0; WINDOW_NODES]; 4],
+            inverse: [[0.0; WINDOW_NODES]; 4],
             movable: [0; WINDOW_NODES],
             slope: [[0.0; NODES]; 6],
             floor: 0.0,
@@ -150,7 +212,7 @@ impl Patch {
     /// # Safety
     /// No other item writes this block or one around it now.
     #[inline(always)]
-    pub unsafe fn load<S: Surface>(&mut self, level: &Level, state: State, surface: S, b: usize) {
+    pub unsafe fn load<V: Lanes, S: Surface>(&mut self, level: &Level, state: State, b: usize) {
         let around = &level.blocks.around[b];
         let block = &level.blocks.list[b];
         self.block = b;
@@ -171,19 +233,51 @@ impl Patch {
         }
         halo::load(around, 0.0, |b| &level.rigidity[b], &mut self.rigidity);
         halo::load(around, 0, |b| &level.movable[b], &mut self.movable);
+        let floor = V::splat(self.floor);
         for e in 0..4 {
             halo::load(around, 0.0, |b| &level.rest_length[b][e], &mut self.length[e]);
-        }
-        for s in 0..NODES {
-            let (i, j) = crate::tile::blocks::node_at(s);
-            let at = place(i + 1, j + 1);
-            if self.movable[at] != 0 {
-                let slope = self.slope_at_window(surface, at, i + 1, j + 1);
-                for (plane, x) in self.slope.iter_mut().zip(slope) {
-                    plane[s] = x;
-                }
+            // The last step overlaps the one before it.
+            for at in (0..WINDOW_NODES - LANES).step_by(LANES).chain([WINDOW_NODES - LANES]) {
+                (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse[e], at);
             }
         }
+    }
+
+    /// Gathers the slopes at the block's own nodes, where W(p) is now.
+    #[inline(always)]
+    pub fn load_slopes<V: Lanes, S: Surface>(&mut self, surface: S) {
+        for row in (0..4).flat_map(Row::of_colour) {
+            let at = row.at(0, 0);
+            let lanes = self.movable_lanes::<V>(row);
+            if !lanes.any() {
+                continue;
+            }
+            let mut triangle = [NONE; LANES];
+            triangle.copy_from_slice(&self.triangle[at..at + LANES]);
+            let u = each!([0, 1], |c| V::load(&self.u[c], at));
+            let slope = surface.slope_row(&self.site(row), &u, &triangle, lanes);
+            for (plane, x) in self.slope.iter_mut().zip(slope) {
+                x.store(plane, row.slot());
+            }
+        }
+    }
+
+    /// 1 where the neighbours at (di, dj) of a row's nodes may move, 0 elsewhere.
+    #[inline(always)]
+    pub fn movable_near<V: Lanes>(&self, row: Row, di: i64, dj: i64) -> V {
+        V::load_u8(&self.movable, row.at(di, dj))
+    }
+
+    /// The lanes of a row that may move.
+    #[inline(always)]
+    pub fn movable_lanes<V: Lanes>(&self, row: Row) -> V::Mask {
+        V::zero().lt(V::load_u8(&self.movable, row.at(0, 0)))
+    }
+
+    /// Where a row's nodes are in the level.
+    #[inline(always)]
+    pub fn site(&self, row: Row) -> Site {
+        Site { block: self.block, i: self.x + row.ci as i64, j: self.y + row.j as i64 }
     }
 
     /// The slope of the surface at place `at` = (i, j) of the window, where W(p) is now.
@@ -196,99 +290,94 @@ impl Patch {
 
     /// Where a row's nodes are now.
     #[inline(always)]
-    pub fn here(&self, row: Row) -> Place {
+    pub fn here<V: Lanes>(&self, row: Row) -> Place<V> {
         let at = row.at(0, 0);
         let s = row.slot();
-        let mut triangle = [NONE; LANES];
-        triangle.copy_from_slice(&self.triangle[at..at + LANES]);
         Place {
             u: each!([0, 1], |c| V::load(&self.u[c], at)),
-            value: each!([0, 1, 2], |c| V::load(&self.value[c], at)),
-            slope: each!([0, 1, 2, 3, 4, 5], |c| V::load(&self.slope[c], s)),
-            triangle,
+            on: Samples {
+                value: each!([0, 1, 2], |c| V::load(&self.value[c], at)),
+                slope: each!([0, 1, 2, 3, 4, 5], |c| V::load(&self.slope[c], s)),
+                triangle: V::load_index(&self.triangle, at),
+            },
         }
     }
 
-    /// Samples the surface for a row at displacements `u`; lanes that do not move keep what they have. The mask says
-    /// where there is a sample.
+    /// Takes over where the lanes of a row moved to.
     #[inline(always)]
-    pub fn sample<S: Surface>(
-        &self,
-        surface: S,
-        row: Row,
-        here: &Place,
-        u: &[V; 2],
-        lanes: &Mask,
-    ) -> (Place, Mask) {
-        let mut there = Place { u: *u, ..*here };
-        let mut found = *lanes;
-        for k in 0..LANES {
-            if lanes.0[k] == 0 {
-                continue;
-            }
-            let (i, j) = (self.x + row.column(k) as i64, self.y + row.j as i64);
-            match surface.sample(self.block, i, j, [u[0].0[k], u[1].0[k]], here.triangle[k]) {
-                Some(Sample { value, slope, triangle }) => {
-                    for (v, x) in there.value.iter_mut().zip(value) {
-                        v.0[k] = x;
-                    }
-                    for (v, x) in there.slope.iter_mut().zip(slope) {
-                        v.0[k] = x;
-                    }
-                    there.triangle[k] = triangle;
-                }
-                None => found.0[k] = 0,
-            }
+    pub fn keep<V: Lanes, S: Surface>(&mut self, row: Row, lanes: V::Mask, there: &Place<V>) {
+        let (at, s) = (row.at(0, 0), row.slot());
+        for c in 0..2 {
+            blend(lanes, &mut self.u[c], at, there.u[c]);
         }
-        (there, found)
+        for c in 0..3 {
+            blend(lanes, &mut self.value[c], at, there.on.value[c]);
+        }
+        for c in 0..6 {
+            blend(lanes, &mut self.slope[c], s, there.on.slope[c]);
+        }
+        if S::CHORDS {
+            let old = V::load_index(&self.triangle, at);
+            V::store_index(V::select_index(lanes, there.on.triangle, old), &mut self.triangle, at);
+        }
     }
 
     /// An edge's ends and constants: neighbour's value, both on one triangle, offset d, l, 1 / max(l, floor), w.
     #[inline(always)]
-    pub fn edge(&self, row: Row, p: &Place, k: usize) -> Edge {
+    pub fn edge<V: Lanes>(&self, row: Row, p: &Place<V>, k: usize) -> Edge<V> {
         let (di, dj, e, theirs) = NEIGHBOURS[k];
-        let n = row.at(di, dj);
-        let owner = if theirs { n } else { row.at(0, 0) };
-        let length = V::load(&self.length[e], owner);
-        let weight = V::load(&self.rigidity, row.at(0, 0)).max(V::load(&self.rigidity, n));
+        // Where the owner is.
+        let (oi, oj) = if theirs { (di, dj) } else { (0, 0) };
+        let weight = row.near::<V>(&self.rigidity, 0, 0).max(row.near(&self.rigidity, di, dj));
         Edge {
-            at: n,
-            value: each!([0, 1, 2], |c| V::load(&self.value[c], n)),
-            same: Mask::equal(&self.triangle, n, &p.triangle),
-            d: [(V::load(&self.u[0], n) - p.u[0]) + di as f32, (V::load(&self.u[1], n) - p.u[1]) + dj as f32],
-            length,
-            inverse: V::ONE / length.max(V::splat(self.floor)),
+            value: each!([0, 1, 2], |c| row.near(&self.value[c], di, dj)),
+            same: V::same(V::load_index(&self.triangle, row.at(di, dj)), p.on.triangle),
+            d: row.offset(&self.u, &p.u, di, dj),
+            length: row.near(&self.length[e], oi, oj),
+            inverse: row.near(&self.inverse[e], oi, oj),
             weight,
             shorter: 1.0 / (di * di + dj * dj) as f32,
             normal: [-dj as f32, di as f32],
         }
     }
 
-    /// Energy of the edges and corners of a row's nodes, each node's own in its lane.
+    /// Energy of the edges and corners of a row's nodes.
     #[inline(always)]
-    pub fn energy<S: Surface>(&self, row: Row, p: &Place, weights: &Weights) -> V {
-        let mut energy = V::ZERO;
-        for k in 0..8 {
+    pub fn terms<V: Lanes, S: Surface>(&self, row: Row, p: &Place<V>, weights: &Weights) -> Terms<V> {
+        let edges = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
-            let length = S::length(&p.value, &p.slope, &edge.value, edge.same, &edge.d);
-            energy += edge.energy(k, length, weights);
+            let length = S::length(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
+            edge.energy(k, length, weights)
+        });
+        self.with_corners(row, p, edges, weights)
+    }
+
+    /// Adds the corners' energy to that of the edges.
+    #[inline(always)]
+    fn with_corners<V: Lanes>(&self, row: Row, p: &Place<V>, edges: [V; 8], weights: &Weights) -> Terms<V> {
+        let mut energy = V::zero();
+        for edge in edges {
+            energy += edge;
         }
-        for corner in &self.corners(row, p) {
-            energy += room(corner.0, weights);
+        let corners = self.corners(row, p);
+        if lowest(&corners).lt(V::splat(weights.room_threshold)).any() {
+            for corner in &corners {
+                energy += room(corner.0, weights);
+            }
         }
-        energy
+        Terms { energy, edges, corners }
     }
 
     /// Everything a node's own Gauss-Newton step needs.
     #[inline(always)]
-    pub fn local<S: Surface>(&self, row: Row, p: &Place, weights: &Weights) -> Local {
-        let mut energy = V::ZERO;
-        let mut gradient = [V::ZERO; 2];
-        let mut matrix = [V::ZERO; 3];
-        for k in 0..8 {
+    pub fn local<V: Lanes, S: Surface>(&self, row: Row, p: &Place<V>, weights: &Weights) -> Local<V> {
+        let mut edges = [V::zero(); 8];
+        let mut gradient = [V::zero(); 2];
+        let mut matrix = [V::zero(); 3];
+        each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
-            let (length, near, _) = S::gradient(&p.value, &p.slope, &edge.value, edge.same, &edge.d);
-            energy += edge.energy(k, length, weights);
+            let (length, near, _) = S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
+            edges[k] = edge.energy(k, length, weights);
             let scaled = edge.weight * edge.inverse;
             let pull = scaled * ((length - edge.length) * edge.inverse);
             let square = scaled * edge.inverse;
@@ -310,60 +399,75 @@ impl Patch {
                 matrix[1] += V::splat(kappa * nx * ny);
                 matrix[2] += V::splat(kappa * ny * ny);
             }
+        });
+        let terms = self.with_corners(row, p, edges, weights);
+        if lowest(&terms.corners).lt(V::splat(weights.room_threshold)).any() {
+            for (jacobian, slope) in &terms.corners {
+                let lack = (V::splat(weights.room_threshold) - *jacobian).max(V::zero());
+                let active = jacobian.lt(V::splat(weights.room_threshold));
+                let beta = active.select(V::splat(weights.room), V::zero());
+                let pull = lack * weights.room;
+                gradient[0] -= pull * slope[0];
+                gradient[1] -= pull * slope[1];
+                matrix[0] += beta * slope[0] * slope[0];
+                matrix[1] += beta * slope[0] * slope[1];
+                matrix[2] += beta * slope[1] * slope[1];
+            }
         }
-        let corners = self.corners(row, p);
-        for (jacobian, slope) in &corners {
-            energy += room(*jacobian, weights);
-            let lack = (V::splat(weights.room_threshold) - *jacobian).max(V::ZERO);
-            let active = jacobian.lt(V::splat(weights.room_threshold));
-            let beta = active.select(V::splat(weights.room), V::ZERO);
-            let pull = lack * weights.room;
-            gradient[0] -= pull * slope[0];
-            gradient[1] -= pull * slope[1];
-            matrix[0] += beta * slope[0] * slope[0];
-            matrix[1] += beta * slope[0] * slope[1];
-            matrix[2] += beta * slope[1] * slope[1];
-        }
-        Local { energy, gradient, matrix, corners }
+        Local { terms, gradient, matrix }
     }
 
     /// Corner Jacobians that a row's nodes touch, each affine in the node, with their gradients: per cell that of the
     /// node's own corner, of its x-neighbour's, of its y-neighbour's.
     #[inline(always)]
-    pub fn corners(&self, row: Row, p: &Place) -> [(V, [V; 2]); 12] {
-        let mut corners = [(V::ZERO, [V::ZERO; 2]); 12];
+    pub fn corners<V: Lanes>(&self, row: Row, p: &Place<V>) -> [(V, [V; 2]); 12] {
+        let mut corners = [(V::zero(), [V::zero(); 2]); 12];
         for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
-            let to = |di: i64, dj: i64| {
-                let n = row.at(di, dj);
-                [(V::load(&self.u[0], n) - p.u[0]) + di as f32, (V::load(&self.u[1], n) - p.u[1]) + dj as f32]
-            };
-            let (a, b, c) = (to(sx, 0), to(0, sy), to(sx, sy));
+            let (a, b) = (row.offset(&self.u, &p.u, sx, 0), row.offset(&self.u, &p.u, 0, sy));
+            let c = row.offset(&self.u, &p.u, sx, sy);
             let sign = (sx * sy) as f32;
-            let corner = |a: &[V; 2], b: &[V; 2]| {
-                let jacobian = (a[0] * b[1] - a[1] * b[0]) * sign;
-                (jacobian, [(a[1] - b[1]) * sign, (b[0] - a[0]) * sign])
-            };
-            corners[3 * q] = corner(&a, &b);
-            corners[3 * q + 1] = corner(&a, &c);
-            corners[3 * q + 2] = corner(&c, &b);
+            corners[3 * q] = corner(&a, &b, sign);
+            corners[3 * q + 1] = corner(&a, &c, sign);
+            corners[3 * q + 2] = corner(&c, &b, sign);
         }
         corners
     }
 }
 
+/// Sets the lanes that the mask names.
+#[inline(always)]
+fn blend<V: Lanes>(lanes: V::Mask, values: &mut [f32], at: usize, new: V) {
+    lanes.select(new, V::load(values, at)).store(values, at);
+}
+
+/// J of a corner from the offsets to its neighbours a and b, and its gradient in the corner.
+#[inline(always)]
+fn corner<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> (V, [V; 2]) {
+    let jacobian = (a[0] * b[1] - a[1] * b[0]) * sign;
+    (jacobian, [(a[1] - b[1]) * sign, (b[0] - a[0]) * sign])
+}
+
+/// The smallest of a row's corner Jacobians, lane by lane, at most 1.
+#[inline(always)]
+pub fn lowest<V: Lanes>(corners: &[(V, [V; 2]); 12]) -> V {
+    let mut low = V::one();
+    for corner in corners {
+        low = corner.0.min(low);
+    }
+    low
+}
+
 /// β max(0, τ - J)².
 #[inline(always)]
-pub fn room(jacobian: V, weights: &Weights) -> V {
-    let lack = (V::splat(weights.room_threshold) - jacobian).max(V::ZERO);
+pub fn room<V: Lanes>(jacobian: V, weights: &Weights) -> V {
+    let lack = (V::splat(weights.room_threshold) - jacobian).max(V::zero());
     lack * lack * weights.room
 }
 
 /// One edge of each of a row's nodes.
-pub struct Edge {
-    /// Place of the neighbours in the windows.
-    pub at: usize,
+pub struct Edge<V: Lanes> {
     pub value: [V; 3],
-    pub same: Mask,
+    pub same: V::Mask,
     pub d: [V; 2],
     pub length: V,
     pub inverse: V,
@@ -374,17 +478,20 @@ pub struct Edge {
     pub normal: [f32; 2],
 }
 
-impl Edge {
+impl<V: Lanes> Edge<V> {
     /// (λ (1-w) + λ0) / |d0|².
     #[inline(always)]
     pub fn smoothness(&self, weights: &Weights) -> V {
-        ((V::ONE - self.weight) * weights.smoothness + weights.smoothness_floor) * self.shorter
+        ((V::one() - self.weight) * weights.smoothness + weights.smoothness_floor) * self.shorter
     }
 
     /// d - d0.
     #[inline(always)]
     fn stretch(&self, k: usize) -> [V; 2] {
-        [self.d[0] - NEIGHBOURS[k].0 as f32, self.d[1] - NEIGHBOURS[k].1 as f32]
+        each!([0, 1], |c| {
+            let rest = if c == 0 { NEIGHBOURS[k].0 } else { NEIGHBOURS[k].1 };
+            self.d[c] - V::splat(rest as f32)
+        })
     }
 
     /// |d0| n0·d.

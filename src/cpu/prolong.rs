@@ -1,9 +1,10 @@
 //! prolong: bilinear interpolation of displacements to the next finer level. A quarter of a bilinear cell has its
 //! corner Jacobians inside the cell's own range, so it cannot fold.
 
+use super::lanes::{Kernel, Lanes, Truth, wide};
 use crate::mesh::NONE;
 use crate::tile::Level;
-use crate::tile::blocks::{NODES, Plane, SIDE, node_at};
+use crate::tile::blocks::{NODES, Plane, SIDE, slot};
 use crate::tile::halo::{self, WINDOW_NODES, Window, place};
 
 /// Interpolates the coarse values to the finer block `b`, times `factor`; fixed nodes get 0. `coarse(b)` is the plane
@@ -17,25 +18,49 @@ pub fn block<'a>(
     out: &mut [Plane; 2],
 ) {
     let parent = finer.parent[b];
+    if parent == NONE {
+        *out = [[0.0; NODES]; 2];
+        return;
+    }
+    let block = &finer.blocks.list[b];
+    let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
     let mut window: Window = [0.0; WINDOW_NODES];
     for (c, plane) in out.iter_mut().enumerate() {
-        *plane = [0.0; NODES];
-        if parent == NONE {
-            continue;
-        }
         halo::load(&coarser.blocks.around[parent as usize], 0.0, |b| coarse(b, c), &mut window);
-        let block = &finer.blocks.list[b];
-        let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
-        for (s, value) in plane.iter_mut().enumerate() {
-            if finer.movable[b][s] == 0 {
-                continue;
+        // The coarse nodes over the block, and one more on two sides, row by row.
+        let mut nodes = [[0.0; SIDE / 2 + 1]; SIDE / 2 + 1];
+        for (j, row) in nodes.iter_mut().enumerate() {
+            for (i, node) in row.iter_mut().enumerate() {
+                *node = window[place(x + i + 1, y + j + 1)];
             }
-            let (i, j) = node_at(s);
-            let (x0, y0) = (x + i / 2 + 1, y + j / 2 + 1);
-            let (x1, y1) = (x0 + i % 2, y0 + j % 2);
-            let low = window[place(x0, y0)] + window[place(x1, y0)];
-            let high = window[place(x0, y1)] + window[place(x1, y1)];
-            *value = (low + high) * (0.25 * factor);
+        }
+        wide(Interpolate { nodes: &nodes, movable: &finer.movable[b], factor, plane });
+    }
+}
+
+/// One quantity of one block.
+struct Interpolate<'a> {
+    nodes: &'a [[f32; SIDE / 2 + 1]; SIDE / 2 + 1],
+    movable: &'a Plane<u8>,
+    factor: f32,
+    plane: &'a mut Plane,
+}
+
+impl Kernel for Interpolate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for j in 0..SIDE {
+            let (low, high) = (&self.nodes[j / 2], &self.nodes[j / 2 + j % 2]);
+            for ci in 0..2 {
+                let s = slot(ci, j);
+                let low = V::load(low, 0) + V::load(low, ci);
+                let high = V::load(high, 0) + V::load(high, ci);
+                let movable = V::zero().lt(V::load_u8(self.movable, s));
+                let value = (low + high) * (0.25 * self.factor);
+                movable.select(value, V::zero()).store(self.plane, s);
+            }
         }
     }
 }

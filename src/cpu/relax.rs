@@ -6,8 +6,8 @@
 
 use crate::tile::Level;
 
-use super::lanes::{Kernel, LANES, Mask, V, each, wide};
-use super::patch::{Local, Patch, Row, State, Weights};
+use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use super::patch::{Local, Patch, Place, Row, State, Weights};
 use super::surface::Surface;
 use super::{Run, SurfaceFn};
 
@@ -51,13 +51,14 @@ impl<S: Surface> Kernel for Sweep<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<V: Lanes>(self) {
         let Sweep { patch, level, state, surface, weights, b } = self;
         // SAFETY: no other item touches the block, or writes one around it.
-        unsafe { patch.load(level, state, surface, b) };
+        unsafe { patch.load::<V, S>(level, state, b) };
+        patch.load_slopes::<V, S>(surface);
         for colour in 0..4 {
             for row in Row::of_colour(colour) {
-                step(patch, surface, weights, row);
+                step::<V, S>(patch, surface, weights, row);
             }
         }
         // SAFETY: as above.
@@ -94,50 +95,26 @@ unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
 
 /// One row's step.
 #[inline(always)]
-fn step<S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row) {
-    let at = row.at(0, 0);
-    let mut lanes = Mask([0; LANES]);
-    let mut any = 0;
-    for k in 0..LANES {
-        lanes.0[k] = if patch.movable[at + k] != 0 { u32::MAX } else { 0 };
-        any |= lanes.0[k];
-    }
-    if any == 0 {
+fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row) {
+    let mut lanes = patch.movable_lanes::<V>(row);
+    if !lanes.any() {
         return;
     }
-    let here = patch.here(row);
-    let local = patch.local::<S>(row, &here, weights);
+    let here = patch.here::<V>(row);
+    let local = patch.local::<V, S>(row, &here, weights);
     let mut delta = newton_step(&local);
     // The second try has half the step, for lanes whose first one did not lower their energy.
     for _ in 0..2 {
         let u = each!([0, 1], |c| lanes.select(here.u[c] + delta[c], here.u[c]));
-        let (there, found) = patch.sample(surface, row, &here, &u, &lanes);
-        let energy = patch.energy::<S>(row, &there, weights);
-        let mut left = 0;
-        for k in 0..LANES {
-            if lanes.0[k] == 0 {
-                continue;
-            }
-            // Two infinite energies say nothing about each other.
-            let lower = energy.0[k] <= local.energy.0[k] && energy.0[k] < f32::INFINITY;
-            if found.0[k] != 0 && lower {
-                let s = row.slot() + k;
-                for c in 0..2 {
-                    patch.u[c][at + k] = there.u[c].0[k];
-                }
-                for c in 0..3 {
-                    patch.value[c][at + k] = there.value[c].0[k];
-                }
-                for c in 0..6 {
-                    patch.slope[c][s] = there.slope[c].0[k];
-                }
-                patch.triangle[at + k] = there.triangle[k];
-                lanes.0[k] = 0;
-            } else {
-                left |= u32::MAX;
-            }
-        }
-        if left == 0 {
+        let mut there = Place { u, on: here.on };
+        let found = surface.sample_row(&patch.site(row), &u, lanes, &mut there.on);
+        let energy = patch.terms::<V, S>(row, &there, weights).energy;
+        // Two infinite energies say nothing about each other.
+        let lower = energy.le(local.terms.energy).and(energy.lt(V::splat(f32::INFINITY)));
+        let better = found.and(lower);
+        patch.keep::<V, S>(row, better, &there);
+        lanes = lanes.and_not(better);
+        if !lanes.any() {
             return;
         }
         delta = [delta[0] * 0.5, delta[1] * 0.5];
@@ -146,18 +123,18 @@ fn step<S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row) 
 
 /// -H⁻¹ g, cut to the trusted length and to J >= ε at every corner.
 #[inline(always)]
-fn newton_step(local: &Local) -> [V; 2] {
+fn newton_step<V: Lanes>(local: &Local<V>) -> [V; 2] {
     let ([gx, gy], [xx, xy, yy]) = (local.gradient, local.matrix);
-    let inverse = V::ONE / (xx * yy - xy * xy);
+    let inverse = V::one() / (xx * yy - xy * xy);
     let mut delta = [(xy * gy - yy * gx) * inverse, (xy * gx - xx * gy) * inverse];
     // This also turns what is not a number into a step, which the energy then has to approve.
     delta = each!([0, 1], |c| delta[c].max(V::splat(-MAX_STEP)).min(V::splat(MAX_STEP)));
-    let mut share = V::ONE;
-    for (jacobian, slope) in &local.corners {
+    let mut share = V::one();
+    for (jacobian, slope) in &local.terms.corners {
         let change = slope[0] * delta[0] + slope[1] * delta[1];
-        let margin = (*jacobian - V::splat(MIN_JACOBIAN)).max(V::ZERO);
+        let margin = (*jacobian - V::splat(MIN_JACOBIAN)).max(V::zero());
         // Only corners that shrink limit the step.
-        let limit = change.lt(V::ZERO).select(margin / -change, V::ONE);
+        let limit = change.lt(V::zero()).select(margin / -change, V::one());
         share = share.min(limit);
     }
     // A hair less, against rounding.

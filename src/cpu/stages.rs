@@ -8,6 +8,7 @@ use crate::tile::blocks::NODES;
 use crate::tile::metric;
 
 use super::certify::{self, Certificate};
+use super::record::Record;
 use super::relax::Relax;
 use super::team::Shared;
 use super::{Run, prolong};
@@ -30,7 +31,7 @@ impl Stages for Run<'_> {
                     // SAFETY: each item has its own triangles.
                     unsafe {
                         *metrics.get_mut(t) = pose.metric();
-                        *triangles.get_mut(t) = pose;
+                        *triangles.get_mut(t) = Record::new(&self.grid.triangles[t], &pose);
                     }
                 }
             }

@@ -6,8 +6,8 @@ use super::stages::{Charts, Decision};
 use super::{GateSet, Run, Shared};
 use crate::solve::Correction;
 
-/// Iterations of conjugate gradients.
-const ITERATIONS: u32 = 4;
+/// Iterations of conjugate gradients, on the finest level and on the others.
+const ITERATIONS: [u32; 2] = [3, 2];
 /// Sweeps on either side of a V-cycle.
 const SWEEPS: u32 = 2;
 /// Rounds of them in each direction on the coarsest level.
@@ -30,8 +30,11 @@ impl Run<'_> {
         self.energy(level, Decision::Before, 0.0);
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         self.each_active(kernel, level, self.at_level(level), Some(Shared::Rows));
-        for k in level + 1..self.grid.levels.len() {
-            self.galerkin(k);
+        // The coarser systems of the first correction precondition the next ones well enough.
+        if correction.first {
+            for k in level + 1..self.grid.levels.len() {
+                self.galerkin(k);
+            }
         }
         self.conjugate_gradients(level);
         self.cut(level);
@@ -73,14 +76,15 @@ impl Run<'_> {
     }
 
     fn conjugate_gradients(&mut self, level: usize) {
-        for mode in 0..ITERATIONS {
+        let iterations = ITERATIONS[usize::from(level > 0)];
+        for mode in 0..iterations {
             self.cycle(level);
             let decision = if mode == 0 { Decision::FirstDirection } else { Decision::Direction };
             self.reduce(Kernel::ResidualDot, level, self.params, decision);
             let params = Params { mode, ..self.params };
             self.each_active(Kernel::Direction, level, params, Some(Shared::Vectors));
             self.reduce(Kernel::Curvature, level, self.params, Decision::LengthOfStep);
-            let last = mode + 1 == ITERATIONS;
+            let last = mode + 1 == iterations;
             self.each_active(Kernel::Advance, level, params, last.then_some(Shared::Vectors));
         }
     }

@@ -62,6 +62,8 @@ pub struct Chart {
     pub rz: f32,
     pub alpha: f32,
     pub beta: f32,
+    pub predicted: f32,
+    pub first: u32,
     pub min_jacobian: f32,
     pub max_displacement: f32,
     pub folds: u32,

@@ -1,14 +1,13 @@
 //! The Gauss-Newton system of a level: for each pair of neighbours, the sum of w/l² g_p g_nᵀ over what depends on
 //! both; the right-hand side is minus the gradient (halves of the derivatives on both sides).
 
-use std::marker::PhantomData;
-
-use super::super::energy::BlockEnergy;
-use super::super::lanes::{Kernel, LANES, V, each, wide};
-use super::super::patch::{NEIGHBOURS, Patch, QUADRANTS, Weights};
+use super::super::energy::Total;
+use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use super::super::patch::{NEIGHBOURS, Patch, Place, QUADRANTS, Row, Weights, lowest};
 use super::super::relax::MIN_JACOBIAN;
 use super::super::surface::Slopes;
 use super::*;
+use crate::tile::Level;
 use crate::tile::blocks::SIDE;
 use crate::tile::halo::{Window, place};
 
@@ -28,113 +27,152 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             let sum = run.patches.with(|patch| {
-                // SAFETY: nothing writes the state now, and each item has its own rows.
-                let (rows, r) = unsafe {
-                    patch.load(level, state, surface, b);
-                    (rows.get_mut(b), r.get_mut(b))
-                };
-                wide(BlockRows { patch, surface, weights: &run.weights, rows, r });
-                wide(BlockEnergy { patch, weights: &run.weights, as_is: false, surface: PhantomData::<S> })
+                // SAFETY: each item has its own rows.
+                let (rows, r) = unsafe { (rows.get_mut(b), r.get_mut(b)) };
+                wide(BlockRows { patch, level, state, surface, weights: &run.weights, b, rows, r })
             });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
         });
+        galerkin::copy_rings(run, self.level, rows);
         run.per_chart(self.level, &sums)
     }
 }
 
-/// One block's rows.
+/// One block's rows; gives the block's share of its chart's energy. Nothing may write the state meanwhile.
 struct BlockRows<'a, S> {
-    patch: &'a Patch,
+    patch: &'a mut Patch,
+    level: &'a Level,
+    state: State,
     surface: S,
     weights: &'a Weights,
+    b: usize,
     rows: &'a mut Rows,
     r: &'a mut [Plane; 2],
 }
 
 impl<S: Surface> Kernel for BlockRows<'_, S> {
-    type Output = ();
+    type Output = f64;
 
     #[inline(always)]
-    fn run(self) {
-        block(self.patch, self.surface, self.weights, self.rows, self.r);
+    fn run<V: Lanes>(self) -> f64 {
+        let BlockRows { patch, level, state, surface, weights, b, rows, r } = self;
+        // SAFETY: nothing writes the state.
+        unsafe { patch.load::<V, S>(level, state, b) };
+        patch.load_slopes::<V, S>(surface);
+        let slopes = window_slopes::<S>(patch, surface);
+        let mut total = Total::new();
+        for row in Row::all() {
+            block_row::<V, S>(patch, weights, &slopes, row, rows, r, &mut total);
+        }
+        total.energy()
     }
 }
 
+/// Slopes at all nodes of the window: the far end of an edge pulls along its own tangent plane. Far ends that are fixed
+/// take no part in the step, and have none.
 #[inline(always)]
-fn block<S: Surface>(patch: &Patch, surface: S, weights: &Weights, rows: &mut Rows, r: &mut [Plane; 2]) {
-    // Slopes at all nodes of the window: the far end of an edge pulls along its own tangent plane.
+fn window_slopes<S: Surface>(patch: &Patch, surface: S) -> [Window; 6] {
     let mut slopes: [Window; 6] = [[0.0; WINDOW_NODES]; 6];
-    for j in 0..SIDE + 2 {
-        for i in 0..SIDE + 2 {
-            let at = place(i, j);
-            // Far ends that are fixed take no part in the step.
-            if patch.movable[at] != 0 {
-                let slope = patch.slope_at_window(surface, at, i, j);
-                for (window, x) in slopes.iter_mut().zip(slope) {
-                    window[at] = x;
-                }
-            }
+    for row in Row::all() {
+        let (at, s) = (row.at(0, 0), row.slot());
+        for (window, plane) in slopes.iter_mut().zip(&patch.slope) {
+            window[at..at + LANES].copy_from_slice(&plane[s..s + LANES]);
         }
     }
-    for row in all_rows() {
-        let p = patch.here(row);
-        let own = V::ZERO.lt(V::load_u8(&patch.movable, row.at(0, 0)));
-        let mut local = patch.local::<S>(row, &p, weights);
-        let s = row.slot();
-        for (jacobian, slope) in &local.corners {
+    let mut ring = |i: usize, j: usize| {
+        let at = place(i, j);
+        if patch.movable[at] != 0 {
+            let slope = patch.slope_at_window(surface, at, i, j);
+            for (window, x) in slopes.iter_mut().zip(slope) {
+                window[at] = x;
+            }
+        }
+    };
+    for k in 0..SIDE + 1 {
+        ring(k, 0);
+        ring(SIDE + 1, k);
+        ring(k + 1, SIDE + 1);
+        ring(0, k + 1);
+    }
+    slopes
+}
+
+/// Diagonal and right-hand side of a row's nodes, and the pairs that they own.
+#[inline(always)]
+fn block_row<V: Lanes, S: Surface>(
+    patch: &Patch,
+    weights: &Weights,
+    slopes: &[Window; 6],
+    row: Row,
+    rows: &mut Rows,
+    r: &mut [Plane; 2],
+    total: &mut Total<V>,
+) {
+    let own = patch.movable_lanes::<V>(row);
+    if !own.any() {
+        // The identity, so that nothing divides by zero.
+        for (c, x) in [1.0, 0.0, 1.0].into_iter().enumerate() {
+            row.set(&mut rows.diagonal[c], V::splat(x));
+        }
+        for r in r {
+            row.set(r, V::zero());
+        }
+        for pair in &mut rows.pair {
+            row.set_own(pair, V::zero());
+        }
+        return;
+    }
+    let p = patch.here::<V>(row);
+    let mut local = patch.local::<V, S>(row, &p, weights);
+    total.add(patch, row, own, weights, &local.terms);
+    // Corners that neither the room term nor the wall sees are most of them.
+    let crowded = lowest(&local.terms.corners).lt(V::splat(weights.room_threshold.max(WALL_JACOBIAN))).any();
+    if crowded {
+        for (jacobian, slope) in &local.terms.corners {
             let wall = wall(*jacobian);
             local.matrix[0] += wall * slope[0] * slope[0];
             local.matrix[1] += wall * slope[0] * slope[1];
             local.matrix[2] += wall * slope[1] * slope[1];
         }
-        for c in 0..3 {
-            // Fixed nodes get the identity, so that nothing divides by zero.
-            let identity = if c == 1 { V::ZERO } else { V::ONE };
-            own.select(local.matrix[c], identity).store(&mut rows.diagonal[c], s);
-        }
-        for c in 0..2 {
-            own.select(-local.gradient[c], V::ZERO).store(&mut r[c], s);
-        }
-        let corners = corner_pairs(patch, row, &p, weights);
-        for (k, &(di, dj, e, theirs)) in NEIGHBOURS.iter().enumerate() {
-            let edge = patch.edge(row, &p, k);
-            let (_, near, chord) = S::gradient(&p.value, &p.slope, &edge.value, edge.same, &edge.d);
-            let slope_n: Slopes = each!([0, 1, 2, 3, 4, 5], |c| V::load(&slopes[c], edge.at));
-            let far = S::far_gradient(&chord, &slope_n);
-            let square = edge.weight * edge.inverse * edge.inverse;
-            let smooth = edge.smoothness(weights);
-            let mut pair = [
-                square * (near[0] * far[0]) - smooth,
-                square * (near[0] * far[1]),
-                square * (near[1] * far[0]),
-                square * (near[1] * far[1]) - smooth,
-            ];
-            if weights.orientation > 0.0 {
-                let n = edge.normal;
-                let kappa = weights.orientation * edge.shorter * edge.shorter;
-                for (c, x) in pair.iter_mut().enumerate() {
-                    *x -= V::splat(kappa * n[c / 2] * n[c % 2]);
-                }
+    }
+    for c in 0..3 {
+        let identity = if c == 1 { V::zero() } else { V::one() };
+        row.set(&mut rows.diagonal[c], own.select(local.matrix[c], identity));
+    }
+    for c in 0..2 {
+        row.set(&mut r[c], own.select(-local.gradient[c], V::zero()));
+    }
+    let corners = if crowded { corner_pairs(patch, row, &p, weights) } else { [[V::zero(); 4]; 8] };
+    for (k, &(di, dj, e, _)) in NEIGHBOURS[..4].iter().enumerate() {
+        let edge = patch.edge(row, &p, k);
+        let (_, near, chord) = S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
+        let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&slopes[c], di, dj));
+        let far = S::far_gradient(&chord, &slope_n);
+        let square = edge.weight * edge.inverse * edge.inverse;
+        let smooth = edge.smoothness(weights);
+        let mut pair = [
+            square * (near[0] * far[0]) - smooth,
+            square * (near[0] * far[1]),
+            square * (near[1] * far[0]),
+            square * (near[1] * far[1]) - smooth,
+        ];
+        if weights.orientation > 0.0 {
+            let n = edge.normal;
+            let kappa = weights.orientation * edge.shorter * edge.shorter;
+            for (c, x) in pair.iter_mut().enumerate() {
+                *x -= V::splat(kappa * n[c / 2] * n[c % 2]);
             }
+        }
+        if crowded {
             for (x, corner) in pair.iter_mut().zip(corners[k]) {
                 *x += corner;
             }
-            // A pair that the neighbour owns is stored at its place, transposed.
-            let at = if theirs { row.at(di, dj) } else { row.at(0, 0) };
-            for c in 0..4 {
-                let from = if theirs { [0, 2, 1, 3][c] } else { c };
-                let target = &mut rows.pair[4 * e + c];
-                for lane in 0..LANES {
-                    // Only pairs of movable nodes count; a fixed lane's numbers may be anything.
-                    let both = own.0[lane] != 0 && patch.movable[edge.at + lane] != 0;
-                    if own.0[lane] != 0 {
-                        target[at + lane] = if both { pair[from].0[lane] } else { 0.0 };
-                    } else if !theirs {
-                        target[at + lane] = 0.0;
-                    }
-                }
-            }
+        }
+        // Only pairs of movable nodes count; a fixed lane's numbers may be anything.
+        let both = own.and(V::zero().lt(V::load_u8(&patch.movable, row.at(di, dj))));
+        for c in 0..4 {
+            row.set_own(&mut rows.pair[4 * e + c], both.select(pair[c], V::zero()));
         }
     }
 }
@@ -147,28 +185,25 @@ const WALL: f32 = 10.0;
 
 /// The wall's weight at a corner.
 #[inline(always)]
-fn wall(jacobian: V) -> V {
-    jacobian.lt(V::splat(WALL_JACOBIAN)).select(V::splat(WALL), V::ZERO)
+fn wall<V: Lanes>(jacobian: V) -> V {
+    jacobian.lt(V::splat(WALL_JACOBIAN)).select(V::splat(WALL), V::zero())
 }
 
 /// The room term's part of the pairs of a row's nodes with their neighbours, row-major.
 #[inline(always)]
-fn corner_pairs(patch: &Patch, row: Row, p: &super::super::patch::Place, weights: &Weights) -> [[V; 4]; 8] {
-    let mut pairs = [[V::ZERO; 4]; 8];
-    for &(sx, sy) in &QUADRANTS {
-        let to = |di: i64, dj: i64| {
-            let n = row.at(di, dj);
-            [(V::load(&patch.u[0], n) - p.u[0]) + di as f32, (V::load(&patch.u[1], n) - p.u[1]) + dj as f32]
-        };
-        let (a, b, c) = (to(sx, 0), to(0, sy), to(sx, sy));
+fn corner_pairs<V: Lanes>(patch: &Patch, row: Row, p: &Place<V>, weights: &Weights) -> [[V; 4]; 8] {
+    let mut pairs = [[V::zero(); 4]; 8];
+    // Indices into `NEIGHBOURS`: along x, along y, across.
+    const OF_QUADRANT: [[usize; 3]; 4] = [[0, 1, 2], [4, 1, 3], [0, 5, 7], [4, 5, 6]];
+    for (&(sx, sy), [ka, kb, kc]) in QUADRANTS.iter().zip(OF_QUADRANT) {
+        let (a, b) = (row.offset(&patch.u, &p.u, sx, 0), row.offset(&patch.u, &p.u, 0, sy));
+        let c = row.offset(&patch.u, &p.u, sx, sy);
         let sign = (sx * sy) as f32;
-        let index =
-            |di: i64, dj: i64| NEIGHBOURS.iter().position(|n| (n.0, n.1) == (di, dj)).unwrap_or_default();
-        let (ka, kb, kc) = (index(sx, 0), index(0, sy), index(sx, sy));
         // J = sign (a x b): dJ/dp = sign (a_y - b_y, b_x - a_x), dJ/da = sign (b_y, -b_x), dJ/db = sign (-a_y, a_x).
         for (k, l, a, b) in [(ka, kb, &a, &b), (ka, kc, &a, &c), (kc, kb, &c, &b)] {
             let jacobian = (a[0] * b[1] - a[1] * b[0]) * sign;
-            let room = jacobian.lt(V::splat(weights.room_threshold)).select(V::splat(weights.room), V::ZERO);
+            let room =
+                jacobian.lt(V::splat(weights.room_threshold)).select(V::splat(weights.room), V::zero());
             let beta = room + wall(jacobian);
             let own = [a[1] - b[1], b[0] - a[0]];
             let first = [b[1], -b[0]];

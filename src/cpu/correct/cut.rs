@@ -1,7 +1,8 @@
 //! The step's local share: 1 where the whole step keeps every corner Jacobian at ε or more, halved around corners that
 //! would fall under it, and falling off smoothly around those.
 
-use super::super::lanes::{LANES, V, each};
+use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
+use super::super::patch::{NEIGHBOURS, QUADRANTS, Row};
 use super::super::relax::MIN_JACOBIAN;
 use super::*;
 use crate::tile::blocks::SIDE;
@@ -49,18 +50,7 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
                     windows[c][at] += shares[at] * step[at];
                 }
             }
-            *mark = [1.0; NODES];
-            let mut any = false;
-            for row in all_rows() {
-                let worst = worst_corner(&windows, row);
-                for k in 0..LANES {
-                    // What is not a number is no Jacobian either.
-                    if !(worst.0[k] >= MIN_JACOBIAN) {
-                        mark[row.slot() + k] = 0.0;
-                        any = true;
-                    }
-                }
-            }
+            let any = wide(Marks { windows: &windows, mark });
             // SAFETY: each item has its own flag.
             unsafe { *folds_of.get_mut(k) = any };
         });
@@ -112,14 +102,7 @@ fn smooth_falloff(run: &Run, level: usize, blocks: &[u32], share: Shared<Plane>,
                 halo::load(&super::multigrid::masked(grid, b), 1.0, |b| share.get(b), &mut shares);
                 &mut mark.get_mut(b)[1]
             };
-            for row in all_rows() {
-                let own = V::load(&shares, row.at(0, 0));
-                let mut low = V::ONE;
-                for (di, dj, ..) in super::super::patch::NEIGHBOURS {
-                    low = low.min(V::load(&shares, row.at(di, dj)));
-                }
-                own.min(low + FALLOFF).store(out, row.slot());
-            }
+            wide(Falloff { shares: &shares, out });
         });
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
@@ -129,17 +112,56 @@ fn smooth_falloff(run: &Run, level: usize, blocks: &[u32], share: Shared<Plane>,
     }
 }
 
+/// One pass of the falloff over a block.
+struct Falloff<'a> {
+    shares: &'a Window,
+    out: &'a mut Plane,
+}
+
+impl Kernel for Falloff<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for row in Row::all() {
+            let mut low = V::one();
+            for (di, dj, ..) in NEIGHBOURS {
+                low = low.min(row.near(self.shares, di, dj));
+            }
+            row.set(self.out, row.near::<V>(self.shares, 0, 0).min(low + FALLOFF));
+        }
+    }
+}
+
+/// Marks a block's nodes: 1, or 0 where a corner Jacobian that the node touches is under ε; true if there is one.
+struct Marks<'a> {
+    windows: &'a [Window; 2],
+    mark: &'a mut Plane,
+}
+
+impl Kernel for Marks<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> bool {
+        let mut any = false;
+        for row in Row::all() {
+            // What is not a number is no Jacobian either.
+            let good = V::splat(MIN_JACOBIAN).le(worst_corner::<V>(self.windows, row));
+            any |= good.bits() != u8::MAX;
+            row.set(self.mark, good.select(V::one(), V::zero()));
+        }
+        any
+    }
+}
+
 /// The smallest of the twelve corner Jacobians that a row's nodes touch.
 #[inline(always)]
-fn worst_corner(w: &[Window; 2], row: Row) -> V {
+fn worst_corner<V: Lanes>(w: &[Window; 2], row: Row) -> V {
     let mut worst = V::splat(f32::MAX);
-    let p = each!([0, 1], |c| V::load(&w[c], row.at(0, 0)));
-    for &(sx, sy) in &super::super::patch::QUADRANTS {
-        let to = |di: i64, dj: i64| {
-            let n = row.at(di, dj);
-            [(V::load(&w[0], n) - p[0]) + di as f32, (V::load(&w[1], n) - p[1]) + dj as f32]
-        };
-        let (a, b, c) = (to(sx, 0), to(0, sy), to(sx, sy));
+    let p = each!([0, 1], |c| row.near::<V>(&w[c], 0, 0));
+    for &(sx, sy) in &QUADRANTS {
+        let (a, b, c) = (row.offset(w, &p, sx, 0), row.offset(w, &p, 0, sy), row.offset(w, &p, sx, sy));
         for (a, b) in [(&a, &b), (&a, &c), (&c, &b)] {
             worst = ((a[0] * b[1] - a[1] * b[0]) * (sx * sy) as f32).min(worst);
         }

@@ -1,71 +1,14 @@
-//! The coarser level's system: Pᵀ A P with bilinear P, again 9-point and symmetric.
+//! The coarser level's system: Pᵀ A P with bilinear P, again 9-point and symmetric. Bilinear is linear in x, then linear
+//! in y: the product is formed row by row in x, and then between rows, which takes a third of the operations of the
+//! whole stencil at once.
 
-use std::sync::OnceLock;
-
-use super::super::lanes::{Kernel, LANES, V};
-use super::super::patch::NEIGHBOURS;
+use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
+use super::multigrid::masked;
 use super::*;
 use crate::mesh::NONE;
 use crate::tile::EDGES;
 use crate::tile::blocks::{SIDE, slot};
 use crate::tile::halo::{self, Window, place};
-
-/// Nodes -2..=17 of a fine block on each side, as four colour planes of 10x10.
-const WIDE: usize = SIDE + 4;
-const WIDE_NODES: usize = WIDE * WIDE;
-
-const fn wide_place(i: usize, j: usize) -> usize {
-    ((j & 1) * 2 + (i & 1)) * (WIDE_NODES / 4) + (j >> 1) * (WIDE / 2) + (i >> 1)
-}
-
-/// The terms of one entry. A plain array: a vector in a static would be left behind when the library is unloaded.
-struct Terms {
-    list: [Term; 81],
-    count: usize,
-}
-
-/// One term of a coarse entry: `factor` times a fine 2x2 block that is stored at an offset from the coarse node.
-#[derive(Clone, Copy, Default)]
-struct Term {
-    /// Offset of the fine node that stores it, from the fine node at the coarse one.
-    di: i64,
-    dj: i64,
-    /// Owned edge, or 4 for the diagonal.
-    edge: usize,
-    transposed: bool,
-    factor: f32,
-}
-
-/// The terms of the five stored entries of a coarse row: the four owned edges, then the diagonal.
-fn terms() -> [&'static [Term]; 5] {
-    static TERMS: OnceLock<[Terms; 5]> = OnceLock::new();
-    let all = TERMS.get_or_init(|| {
-        let hat = |d: i64| [1.0f32, 0.5].get(d.unsigned_abs() as usize).copied().unwrap_or(0.0);
-        std::array::from_fn(|entry| {
-            let (ci, cj) = if entry < 4 { EDGES[entry] } else { (0, 0) };
-            let mut terms = Terms { list: [Term::default(); 81], count: 0 };
-            for fj in -1i64..=1 {
-                for fi in -1i64..=1 {
-                    let own = hat(fi) * hat(fj);
-                    let mut add = |gi: i64, gj: i64, edge, theirs| {
-                        let factor = own * hat(gi - 2 * ci) * hat(gj - 2 * cj);
-                        if factor > 0.0 {
-                            let (di, dj) = if theirs { (gi, gj) } else { (fi, fj) };
-                            terms.list[terms.count] = Term { di, dj, edge, transposed: theirs, factor };
-                            terms.count += 1;
-                        }
-                    };
-                    add(fi, fj, 4, false);
-                    for &(di, dj, e, theirs) in &NEIGHBOURS {
-                        add(fi + di, fj + dj, e, theirs);
-                    }
-                }
-            }
-            terms
-        })
-    });
-    all.each_ref().map(|terms| &terms.list[..terms.count])
-}
 
 /// Builds the rows of level `finer + 1` from those of `finer`.
 pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
@@ -76,13 +19,16 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
         // SAFETY: each item has its own block.
         let out = unsafe { rows.get_mut(b) };
         *out = Rows::default();
-        let mut wide: Box<[[f32; WIDE_NODES]; 19]> = Box::new([[0.0; WIDE_NODES]; 19]);
         let mut movable = [0; WINDOW_NODES];
         halo::load(&level.blocks.around[b], 0, |b| &level.movable[b], &mut movable);
         for (quarter, &child) in level.children[b].iter().enumerate() {
             if child != NONE && fine_level.blocks.list[child as usize].active {
-                gather(&super::multigrid::masked(fine_level, child as usize), &fine.rows, &mut wide);
-                super::super::lanes::wide(QuarterRows { wide: &wide, movable: &movable, quarter, out });
+                let around = masked(fine_level, child as usize);
+                let near = [0, 1, 3, 4].map(|k| match around[k] {
+                    NONE => None,
+                    b => Some(&fine.rows[b as usize]),
+                });
+                wide(QuarterRows { fine: near, movable: &movable, quarter, out });
             }
         }
         for s in 0..NODES {
@@ -92,94 +38,179 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
             }
         }
     });
-    run.each_block(finer + 1, |b, _| {
-        // SAFETY: items write places on the ring, which no item reads, and read own places, which none writes.
-        unsafe { copy_ring(rows, &super::multigrid::masked(level, b)) };
-    });
-}
-
-/// Copies the rows of a fine block and its surroundings side by side: pairs (16), then diagonals (3).
-fn gather(around: &[u32; 9], rows: &[Rows], wide: &mut [[f32; WIDE_NODES]; 19]) {
-    for j in 0..WIDE {
-        for i in 0..WIDE {
-            let (bi, bj) = ((i + SIDE - 2) / SIDE, (j + SIDE - 2) / SIDE);
-            let (x, y) = ((i + SIDE - 2) % SIDE, (j + SIDE - 2) % SIDE);
-            let b = around[bj * 3 + bi];
-            let to = wide_place(i, j);
-            if b == NONE {
-                wide.iter_mut().for_each(|w| w[to] = 0.0);
-                continue;
-            }
-            let rows = &rows[b as usize];
-            let from = place(x + 1, y + 1);
-            for k in 0..16 {
-                wide[k][to] = rows.pair[k][from];
-            }
-            for k in 0..3 {
-                wide[16 + k][to] = rows.diagonal[k][slot(x, y)];
-            }
-        }
-    }
+    copy_rings(run, finer + 1, rows);
 }
 
 /// The 8x8 coarse nodes over one fine block, a row of eight at a time.
 struct QuarterRows<'a> {
-    wide: &'a [[f32; WIDE_NODES]; 19],
+    /// Of the fine blocks to the south-west, south and west, and of the block itself.
+    fine: [Option<&'a Rows>; 4],
     movable: &'a Window<u8>,
     quarter: usize,
     out: &'a mut Rows,
+}
+
+/// A row-major 2x2 block per lane.
+type Block<V> = [V; 4];
+
+/// A row of fine nodes after the product in x, at eight coarse columns I: what the coarse node has with itself, and with
+/// the ones to the east, north, north-east and north-west.
+#[derive(Clone, Copy)]
+struct Line<V> {
+    own: Block<V>,
+    east: Block<V>,
+    north: Block<V>,
+    north_east: Block<V>,
+    north_west: Block<V>,
+    /// North-west of I + 1.
+    next_north_west: Block<V>,
+    /// East of I - 1.
+    last_east: Block<V>,
 }
 
 impl Kernel for QuarterRows<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        quarter_rows(self.wide, self.movable, self.quarter, self.out);
+    fn run<V: Lanes>(self) {
+        let QuarterRows { fine: [south_west, south, west, own], movable, quarter, out } = self;
+        let Some(own) = own else { return };
+        // Row -1 lies in the blocks to the south, but its pairs are also on this block's ring.
+        let mut below = line::<V>(own, 0, south, south_west, SIDE - 1);
+        for j in 0..LANES {
+            let middle = line::<V>(own, 2 * j + 1, Some(own), west, 2 * j);
+            let above = line::<V>(own, 2 * j + 2, Some(own), west, 2 * j + 1);
+            put::<V>(&across_rows(&below, &middle, &above), j, movable, quarter, out);
+            below = above;
+        }
     }
 }
 
+/// The product in x for the fine row at `w` of the window, which is row `y` of the blocks `here` and `west` (where its
+/// diagonals are).
 #[inline(always)]
-fn quarter_rows(wide: &[[f32; WIDE_NODES]; 19], movable: &Window<u8>, quarter: usize, out: &mut Rows) {
-    let (x, y) = (quarter % 2 * LANES, quarter / 2 * LANES);
-    for j in 0..LANES {
-        for (entry, terms) in terms().into_iter().enumerate() {
-            let mut sum = [V::ZERO; 4];
-            for term in terms {
-                let at = wide_place((2 + term.di) as usize, (2 * j as i64 + 2 + term.dj) as usize);
-                let block = if term.edge == 4 {
-                    [16, 17, 17, 18]
-                } else {
-                    let k = 4 * term.edge;
-                    if term.transposed { [k, k + 2, k + 1, k + 3] } else { [k, k + 1, k + 2, k + 3] }
-                };
-                for c in 0..4 {
-                    sum[c] += V::load(&wide[block[c]], at) * term.factor;
-                }
+fn line<V: Lanes>(own: &Rows, w: usize, here: Option<&Rows>, west: Option<&Rows>, y: usize) -> Line<V> {
+    const NOTHING: Plane = [0.0; NODES];
+    // Columns 2I - 1, 2I, 2I + 1 and 2I + 2.
+    let (l, c, r, n) = (place(0, w), place(1, w), place(2, w), place(3, w));
+    let diagonal = each!([0, 1, 2], |k| here.map_or(&NOTHING, |rows| &rows.diagonal[k]));
+    let (even, odd) = (slot(0, y), slot(1, y));
+    let dc = symmetric(each!([0, 1, 2], |k| V::load(diagonal[k], even)));
+    let dr = symmetric(each!([0, 1, 2], |k| V::load(diagonal[k], odd)));
+    let dl = symmetric(each!([0, 1, 2], |k| {
+        let first = west.map_or(0.0, |rows| rows.diagonal[k][slot(SIDE - 1, y)]);
+        with_first(V::load(diagonal[k], odd - 1), first)
+    }));
+    let (el, ec, er) = (pairs::<V>(own, 0, l), pairs::<V>(own, 0, c), pairs::<V>(own, 0, r));
+    let (nl, nc, nr) = (pairs::<V>(own, 1, l), pairs::<V>(own, 1, c), pairs::<V>(own, 1, r));
+    let (nel, nec, ner) = (pairs::<V>(own, 2, l), pairs::<V>(own, 2, c), pairs::<V>(own, 2, r));
+    let (nwl, nwc, nwr) = (pairs::<V>(own, 3, l), pairs::<V>(own, 3, c), pairs::<V>(own, 3, r));
+    let nwn = pairs::<V>(own, 3, n);
+    let east_before = each!([0, 1, 2, 3], |k| {
+        // Column -2 is two columns into the block to the west.
+        let first = west.map_or(0.0, |rows| rows.pair[k][place(SIDE - 1, y + 1)]);
+        with_first(V::load(&own.pair[k], c - 1), first)
+    });
+    Line {
+        own: each!([0, 1, 2, 3], |k| {
+            let t = TRANSPOSED[k];
+            dc[k] + (dl[k] + dr[k]) * 0.25 + ((el[k] + el[t]) + (ec[k] + ec[t])) * 0.5
+        }),
+        east: each!([0, 1, 2, 3], |k| (ec[k] + er[k]) * 0.5 + dr[k] * 0.25),
+        north: each!([0, 1, 2, 3], |k| {
+            nc[k] + (nl[k] + nr[k]) * 0.25 + ((nel[k] + nec[k]) + (nwc[k] + nwr[k])) * 0.5
+        }),
+        north_east: each!([0, 1, 2, 3], |k| (nec[k] + ner[k]) * 0.5 + nr[k] * 0.25),
+        north_west: each!([0, 1, 2, 3], |k| (nwc[k] + nwl[k]) * 0.5 + nl[k] * 0.25),
+        next_north_west: each!([0, 1, 2, 3], |k| (nwn[k] + nwr[k]) * 0.5 + nr[k] * 0.25),
+        last_east: each!([0, 1, 2, 3], |k| (east_before[k] + el[k]) * 0.5 + dl[k] * 0.25),
+    }
+}
+
+/// Where a row-major 2x2 block's numbers are in its transpose.
+const TRANSPOSED: [usize; 4] = [0, 2, 1, 3];
+
+/// The product in y, at coarse row J: own, east, north, north-east, north-west. `below`, `middle` and `above` are the fine
+/// rows 2J - 1, 2J and 2J + 1.
+#[inline(always)]
+fn across_rows<V: Lanes>(below: &Line<V>, middle: &Line<V>, above: &Line<V>) -> [Block<V>; 5] {
+    let own = each!([0, 1, 2, 3], |k| {
+        let t = TRANSPOSED[k];
+        let between = (below.north[k] + below.north[t]) + (middle.north[k] + middle.north[t]);
+        middle.own[k] + (below.own[k] + above.own[k]) * 0.25 + between * 0.5
+    });
+    let east = each!([0, 1, 2, 3], |k| {
+        let t = TRANSPOSED[k];
+        let up = below.north_east[k] + middle.north_east[k];
+        let down = below.next_north_west[t] + middle.next_north_west[t];
+        middle.east[k] + (below.east[k] + above.east[k]) * 0.25 + (up + down) * 0.5
+    });
+    let north = each!([0, 1, 2, 3], |k| (middle.north[k] + above.north[k]) * 0.5 + above.own[k] * 0.25);
+    let north_east =
+        each!([0, 1, 2, 3], |k| (middle.north_east[k] + above.north_east[k]) * 0.5 + above.east[k] * 0.25);
+    let north_west = each!([0, 1, 2, 3], |k| {
+        let west = above.last_east[TRANSPOSED[k]];
+        (middle.north_west[k] + above.north_west[k]) * 0.5 + west * 0.25
+    });
+    [east, north, north_east, north_west, own]
+}
+
+/// The pairs along owned edge `e` of the window's nodes from `at` on.
+#[inline(always)]
+fn pairs<V: Lanes>(rows: &Rows, e: usize, at: usize) -> Block<V> {
+    each!([0, 1, 2, 3], |c| V::load(&rows.pair[4 * e + c], at))
+}
+
+/// (xx, xy, yy) as a whole block.
+#[inline(always)]
+fn symmetric<V: Lanes>([xx, xy, yy]: [V; 3]) -> Block<V> {
+    [xx, xy, xy, yy]
+}
+
+/// The same lanes with another first one.
+#[inline(always)]
+fn with_first<V: Lanes>(v: V, first: f32) -> V {
+    let mut lanes = v.to_array();
+    lanes[0] = first;
+    V::from_array(lanes)
+}
+
+/// Stores a row of coarse entries, in the order of `EDGES`, then the diagonal.
+#[inline(always)]
+fn put<V: Lanes>(entries: &[Block<V>; 5], row: usize, movable: &Window<u8>, quarter: usize, out: &mut Rows) {
+    let (x, j) = (quarter % 2 * LANES, quarter / 2 * LANES + row);
+    for (entry, block) in entries.iter().enumerate() {
+        let (di, dj) = if entry < 4 { EDGES[entry] } else { (0, 0) };
+        let block = each!([0, 1, 2, 3], |c| block[c].to_array());
+        for lane in 0..LANES {
+            let i = x + lane;
+            // Only pairs of movable nodes: the others take no part.
+            let far = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
+            if movable[place(i + 1, j + 1)] == 0 || movable[far] == 0 {
+                continue;
             }
-            for lane in 0..LANES {
-                let (i, j) = (x + lane, y + j);
-                let (di, dj) = if entry < 4 { EDGES[entry] } else { (0, 0) };
-                // Only pairs of movable nodes: the others take no part.
-                let far = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
-                if movable[place(i + 1, j + 1)] == 0 || movable[far] == 0 {
-                    continue;
+            if entry == 4 {
+                for (c, from) in [0, 1, 3].into_iter().enumerate() {
+                    out.diagonal[c][slot(i, j)] = block[from][lane];
                 }
-                if entry == 4 {
-                    for (c, from) in [0, 1, 3].into_iter().enumerate() {
-                        out.diagonal[c][slot(i, j)] = sum[from].0[lane];
-                    }
-                } else {
-                    for c in 0..4 {
-                        out.pair[4 * entry + c][place(i + 1, j + 1)] = sum[c].0[lane];
-                    }
+            } else {
+                for c in 0..4 {
+                    out.pair[4 * entry + c][place(i + 1, j + 1)] = block[c][lane];
                 }
             }
         }
     }
 }
 
-/// Copies the pairs between a block and its ring that the ring's nodes own.
+/// Copies all pairs that nodes on a block's ring own from the blocks in which they lie, for all active blocks.
+pub fn copy_rings(run: &Run, level: usize, rows: Shared<Rows>) {
+    run.each_block(level, |b, _| {
+        // SAFETY: items write places on the ring, which no item reads, and read own places, which none writes.
+        unsafe { copy_ring(rows, &masked(&run.grid.levels[level], b)) };
+    });
+}
+
+/// Copies all pairs that nodes on a block's ring own.
 ///
 /// # Safety
 /// No item writes the own nodes' places of any block now, nor the ring of this one.

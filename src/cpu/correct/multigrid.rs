@@ -1,13 +1,13 @@
 //! The preconditioner: a V(2,2) cycle of four-colour block Gauss-Seidel. It runs backwards after the coarse correction,
 //! so that the whole cycle is symmetric, as conjugate gradients need.
 
-use super::super::lanes::{Kernel, V, each, wide};
-use super::super::patch::NEIGHBOURS;
+use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
+use super::super::patch::{NEIGHBOURS, Row};
 use super::super::prolong;
 use super::*;
 use crate::mesh::NONE;
 use crate::tile::Level;
-use crate::tile::blocks::{SIDE, slot};
+use crate::tile::blocks::slot;
 use crate::tile::halo::{self, Window, place};
 
 /// Sweeps on either side.
@@ -15,25 +15,23 @@ const SWEEPS: usize = 2;
 /// Rounds of them in each direction on the coarsest level, where a block or a few hold all of it.
 const COARSEST_ROUNDS: usize = 4;
 
-/// z = M⁻¹ r on `level`. Leaves `r` alone.
-pub fn cycle(run: &Run, systems: &mut [System], level: usize) {
+/// z = M⁻¹ r on `level`; gives r·z per chart. Leaves `r` alone.
+pub fn cycle(run: &Run, systems: &mut [System], level: usize) -> Vec<f64> {
     let coarsest = systems.len() - 1;
+    let mut dots = vec![0.0f64; run.grid.levels[level].blocks.list.len()];
     for k in level..=coarsest {
         let system = &mut systems[k];
-        let z = Shared::new(&mut system.z);
-        run.each_block(k, |b, _| {
-            // SAFETY: each item has its own block.
-            unsafe { *z.get_mut(b) = [[0.0; NODES]; 2] };
-        });
+        let first = Sweeps { from_zero: true, ..Sweeps::FORWARD };
         if k == coarsest {
-            for _ in 0..COARSEST_ROUNDS {
-                smooth(run, k, system, false, SWEEPS);
+            for round in 0..COARSEST_ROUNDS {
+                smooth(run, k, system, if round == 0 { first } else { Sweeps::FORWARD }, None);
             }
-            for _ in 0..COARSEST_ROUNDS {
-                smooth(run, k, system, true, SWEEPS);
+            for round in 0..COARSEST_ROUNDS {
+                let last = k == level && round + 1 == COARSEST_ROUNDS;
+                smooth(run, k, system, Sweeps::BACKWARD, last.then_some(&mut dots));
             }
         } else {
-            smooth(run, k, system, false, SWEEPS);
+            smooth(run, k, system, first, None);
             residual(run, k, system);
             let (finer, coarser) = systems.split_at_mut(k + 1);
             restrict(run, k, &finer[k].t, &mut coarser[0].r);
@@ -42,50 +40,101 @@ pub fn cycle(run: &Run, systems: &mut [System], level: usize) {
     for k in (level..coarsest).rev() {
         let (finer, coarser) = systems.split_at_mut(k + 1);
         add_coarse(run, k, &mut finer[k].z, &coarser[0].z);
-        smooth(run, k, &mut systems[k], true, SWEEPS);
+        smooth(run, k, &mut systems[k], Sweeps::BACKWARD, (k == level).then_some(&mut dots));
     }
+    run.per_chart_of_blocks(level, &dots)
 }
 
-/// Sweeps of z towards A z = r: all of them on a block while it is in the cache, its ring frozen.
-fn smooth(run: &Run, level: usize, system: &mut System, backwards: bool, sweeps: usize) {
+/// How a pass of sweeps runs.
+#[derive(Clone, Copy)]
+struct Sweeps {
+    backwards: bool,
+    /// z counts as 0 where the pass has not been yet: it need not be cleared first.
+    from_zero: bool,
+}
+
+impl Sweeps {
+    const FORWARD: Sweeps = Sweeps { backwards: false, from_zero: false };
+    const BACKWARD: Sweeps = Sweeps { backwards: true, from_zero: false };
+}
+
+/// Sweeps of z towards A z = r: all of them on a block while it is in the cache, its ring frozen. Gives each block's
+/// share of r·z if it is asked for.
+fn smooth(run: &Run, level: usize, system: &mut System, sweeps: Sweeps, dots: Option<&mut Vec<f64>>) {
     let grid = &run.grid.levels[level];
     let z = Shared::new(&mut system.z);
-    run.each_colour(level, backwards, |b| {
+    let dots = dots.map(|dots| Shared::new(dots));
+    let colour = |b: u32| {
+        let block = &grid.blocks.list[b as usize];
+        block.y % 2 * 2 + block.x % 2
+    };
+    run.each_colour(level, sweeps.backwards, |b| {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
+        let mut around = grid.blocks.around[b];
+        if sweeps.from_zero {
+            // Only blocks of the colours before this one have a z.
+            let own = colour(b as u32);
+            for n in &mut around {
+                if *n != NONE && *n != b as u32 && colour(*n) >= own {
+                    *n = NONE;
+                }
+            }
+        }
         // SAFETY: blocks of one colour do not touch.
-        unsafe { load(grid, b, |b, c| &z.get(b)[c], &mut windows) };
+        unsafe {
+            for (c, window) in windows.iter_mut().enumerate() {
+                halo::load(&around, 0.0, |b| &z.get(b)[c], window);
+            }
+        }
+        if sweeps.from_zero {
+            clear_own(&mut windows);
+        }
         let (rows, r) = (&system.rows[b], &system.r[b]);
         // SAFETY: as above.
         let z = unsafe { z.get_mut(b) };
-        wide(SmoothBlock { rows, r, windows: &mut windows, backwards, sweeps, z });
+        let backwards = sweeps.backwards;
+        let dot = wide(SmoothBlock { rows, r, windows: &mut windows, backwards, dot: dots.is_some(), z });
+        if let Some(dots) = dots {
+            // SAFETY: each item has its own sum.
+            unsafe { *dots.get_mut(b) = f64::from(dot) };
+        }
     });
 }
 
-/// Sweeps inside one block, its ring frozen.
+/// Sets a block's own nodes to 0, its ring not.
+fn clear_own(windows: &mut [Window; 2]) {
+    for row in Row::all() {
+        for window in windows.iter_mut() {
+            window[row.at(0, 0)..][..LANES].fill(0.0);
+        }
+    }
+}
+
+/// Sweeps inside one block, its ring frozen. Gives the block's share of r·z.
 struct SmoothBlock<'a> {
     rows: &'a Rows,
     r: &'a [Plane; 2],
     windows: &'a mut [Window; 2],
     backwards: bool,
-    sweeps: usize,
+    /// Whether r·z is asked for.
+    dot: bool,
     z: &'a mut [Plane; 2],
 }
 
 impl Kernel for SmoothBlock<'_> {
-    type Output = ();
+    type Output = f32;
 
     #[inline(always)]
-    fn run(self) {
-        for _ in 0..self.sweeps {
-            smooth_block(self.rows, self.r, self.backwards, self.windows);
+    fn run<V: Lanes>(self) -> f32 {
+        for _ in 0..SWEEPS {
+            smooth_block::<V>(self.rows, self.r, self.backwards, self.windows);
         }
-        for colour in 0..4 {
-            for row in Row::of_colour(colour) {
-                for c in 0..2 {
-                    V::load(&self.windows[c], row.at(0, 0)).store(&mut self.z[c], row.slot());
-                }
+        for row in Row::all() {
+            for c in 0..2 {
+                row.set(&mut self.z[c], row.near::<V>(&self.windows[c], 0, 0));
             }
         }
+        if self.dot { dot::<V>(self.r, self.z) } else { 0.0 }
     }
 }
 
@@ -98,57 +147,66 @@ fn load<'a>(level: &Level, b: usize, plane: impl Fn(usize, usize) -> &'a Plane, 
 
 /// One sweep inside a block. Fixed nodes have r = 0 and no pairs: they stay at 0.
 #[inline(always)]
-fn smooth_block(rows: &Rows, r: &[Plane; 2], backwards: bool, z: &mut [Window; 2]) {
+fn smooth_block<V: Lanes>(rows: &Rows, r: &[Plane; 2], backwards: bool, z: &mut [Window; 2]) {
     for k in 0..4 {
         for row in Row::of_colour(if backwards { 3 - k } else { k }) {
-            let s = row.slot();
-            let [ax, ay] = off_diagonal(rows, row, z);
-            let (rx, ry) = (V::load(&r[0], s) - ax, V::load(&r[1], s) - ay);
-            let [xx, xy, yy] = each!([0, 1, 2], |c| V::load(&rows.diagonal[c], s));
-            let inverse = V::ONE / (xx * yy - xy * xy);
-            ((yy * rx - xy * ry) * inverse).store(&mut z[0], row.at(0, 0));
-            ((xx * ry - xy * rx) * inverse).store(&mut z[1], row.at(0, 0));
+            let [ax, ay] = off_diagonal::<V>(rows, row, z);
+            let (rx, ry) = (row.of::<V>(&r[0]) - ax, row.of::<V>(&r[1]) - ay);
+            let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&rows.diagonal[c]));
+            let inverse = V::one() / (xx * yy - xy * xy);
+            row.set_own(&mut z[0], (yy * rx - xy * ry) * inverse);
+            row.set_own(&mut z[1], (xx * ry - xy * rx) * inverse);
         }
     }
 }
 
 /// The sum over neighbours of A_pn z_n.
 #[inline(always)]
-fn off_diagonal(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
-    let mut sum = [V::ZERO; 2];
-    for &(di, dj, e, theirs) in &NEIGHBOURS {
-        let n = row.at(di, dj);
-        let at = if theirs { n } else { row.at(0, 0) };
-        let [a, b, c, d] = each!([0, 1, 2, 3], |k| V::load(&rows.pair[4 * e + k], at));
-        let (b, c) = if theirs { (c, b) } else { (b, c) };
-        let (x, y) = (V::load(&z[0], n), V::load(&z[1], n));
-        sum[0] += a * x + b * y;
-        sum[1] += c * x + d * y;
-    }
+fn off_diagonal<V: Lanes>(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
+    let mut sum = [V::zero(); 2];
+    each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+        let (di, dj, e, theirs) = NEIGHBOURS[k];
+        let (oi, oj) = if theirs { (di, dj) } else { (0, 0) };
+        let pair = each!([0, 1, 2, 3], |c| row.near::<V>(&rows.pair[4 * e + c], oi, oj));
+        let (b, c) = if theirs { (pair[2], pair[1]) } else { (pair[1], pair[2]) };
+        let (x, y) = (row.near::<V>(&z[0], di, dj), row.near::<V>(&z[1], di, dj));
+        sum[0] += pair[0] * x + b * y;
+        sum[1] += c * x + pair[3] * y;
+    });
     sum
 }
 
 /// A z for one row.
 #[inline(always)]
-fn product(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
-    let [ax, ay] = off_diagonal(rows, row, z);
-    let (at, s) = (row.at(0, 0), row.slot());
-    let (x, y) = (V::load(&z[0], at), V::load(&z[1], at));
-    let [xx, xy, yy] = each!([0, 1, 2], |c| V::load(&rows.diagonal[c], s));
+fn product<V: Lanes>(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
+    let [ax, ay] = off_diagonal::<V>(rows, row, z);
+    let (x, y) = (row.near::<V>(&z[0], 0, 0), row.near::<V>(&z[1], 0, 0));
+    let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&rows.diagonal[c]));
     [ax + xx * x + xy * y, ay + xy * x + yy * y]
 }
 
-/// out = A v.
-pub fn multiply(run: &Run, level: usize, rows: &[Rows], v: &[[Plane; 2]], out: &mut [[Plane; 2]]) {
+/// out = A v; gives v·out per chart.
+pub fn multiply(
+    run: &Run,
+    level: usize,
+    rows: &[Rows],
+    v: &[[Plane; 2]],
+    out: &mut [[Plane; 2]],
+) -> Vec<f64> {
     let grid = &run.grid.levels[level];
     let out = Shared::new(out);
+    let mut dots = vec![0.0f64; grid.blocks.list.len()];
+    let shared = Shared::new(&mut dots);
     run.each_block(level, |b, _| {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &v[b][c], &mut windows);
-        // SAFETY: each item has its own block.
-        let out = unsafe { out.get_mut(b) };
-        wide(BlockProduct { rows: &rows[b], windows: &windows, out });
+        // SAFETY: each item has its own block and sum.
+        unsafe {
+            let dot = wide(BlockProduct { rows: &rows[b], windows: &windows, v: &v[b], out: out.get_mut(b) });
+            *shared.get_mut(b) = f64::from(dot);
+        }
     });
+    run.per_chart_of_blocks(level, &dots)
 }
 
 /// t = r - A z.
@@ -161,35 +219,65 @@ fn residual(run: &Run, level: usize, system: &mut System) {
         load(grid, b, |b, c| &z[b][c], &mut windows);
         // SAFETY: each item has its own block.
         let t = unsafe { t.get_mut(b) };
-        wide(BlockProduct { rows: &rows[b], windows: &windows, out: t });
-        for c in 0..2 {
-            for s in 0..NODES {
-                t[c][s] = r[b][c][s] - t[c][s];
-            }
-        }
+        wide(BlockResidual { rows: &rows[b], windows: &windows, r: &r[b], out: t });
     });
 }
 
-/// out = A v for one block.
+/// out = A v for one block; gives v·out.
 struct BlockProduct<'a> {
     rows: &'a Rows,
     windows: &'a [Window; 2],
+    v: &'a [Plane; 2],
     out: &'a mut [Plane; 2],
 }
 
 impl Kernel for BlockProduct<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> f32 {
+        for row in Row::all() {
+            let product = product::<V>(self.rows, row, self.windows);
+            for c in 0..2 {
+                row.set(&mut self.out[c], product[c]);
+            }
+        }
+        dot::<V>(self.v, self.out)
+    }
+}
+
+/// out = r - A v for one block.
+struct BlockResidual<'a> {
+    rows: &'a Rows,
+    windows: &'a [Window; 2],
+    r: &'a [Plane; 2],
+    out: &'a mut [Plane; 2],
+}
+
+impl Kernel for BlockResidual<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        for colour in 0..4 {
-            for row in Row::of_colour(colour) {
-                let [x, y] = product(self.rows, row, self.windows);
-                x.store(&mut self.out[0], row.slot());
-                y.store(&mut self.out[1], row.slot());
+    fn run<V: Lanes>(self) {
+        for row in Row::all() {
+            let product = product::<V>(self.rows, row, self.windows);
+            for c in 0..2 {
+                row.set(&mut self.out[c], row.of::<V>(&self.r[c]) - product[c]);
             }
         }
     }
+}
+
+/// The dot product of two vectors in one block, in a fixed order.
+#[inline(always)]
+fn dot<V: Lanes>(a: &[Plane; 2], b: &[Plane; 2]) -> f32 {
+    let mut sum = V::zero();
+    for c in 0..2 {
+        for s in (0..NODES).step_by(LANES) {
+            sum += V::load(&a[c], s) * V::load(&b[c], s);
+        }
+    }
+    sum.sum()
 }
 
 /// The coarser level's right-hand side: Pᵀ t, at its movable nodes.
@@ -210,22 +298,43 @@ fn restrict(run: &Run, finer: usize, t: &[[Plane; 2]], r: &mut [[Plane; 2]]) {
             for c in 0..2 {
                 halo::load(&around, 0.0, |b| &t[b][c], &mut windows[c]);
             }
-            for j in 0..SIDE / 2 {
-                for i in 0..SIDE / 2 {
-                    let s = slot(i + quarter % 2 * 8, j + quarter / 2 * 8);
-                    if coarse.movable[b][s] == 0 {
-                        continue;
-                    }
-                    for c in 0..2 {
-                        let w = |di: usize, dj: usize| windows[c][place(2 * i + di, 2 * j + dj)];
-                        r[c][s] = w(1, 1)
-                            + 0.5 * (w(0, 1) + w(2, 1) + w(1, 0) + w(1, 2))
-                            + 0.25 * (w(0, 0) + w(2, 0) + w(0, 2) + w(2, 2));
+            wide(RestrictQuarter { windows: &windows, movable: &coarse.movable[b], quarter, r });
+        }
+    });
+}
+
+/// Pᵀ of one fine block.
+struct RestrictQuarter<'a> {
+    windows: &'a [Window; 2],
+    movable: &'a Plane<u8>,
+    quarter: usize,
+    r: &'a mut [Plane; 2],
+}
+
+impl Kernel for RestrictQuarter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let RestrictQuarter { windows, movable, quarter, r } = self;
+        let (x, y) = (quarter % 2 * LANES, quarter / 2 * LANES);
+        for (window, r) in windows.iter().zip(r) {
+            for j in 0..LANES {
+                // Rows of fine nodes 2j - 1, 2j and 2j + 1, at fine columns 2i - 1, 2i and 2i + 1.
+                let [low, middle, high] = each!([0, 1, 2], |k| {
+                    let [l, c, r] = each!([0, 1, 2], |n| V::load(window, place(n, 2 * j + k)));
+                    (l + r, c)
+                });
+                let sum = middle.1 + (low.1 + high.1 + middle.0) * 0.5 + (low.0 + high.0) * 0.25;
+                for (lane, sum) in sum.to_array().into_iter().enumerate() {
+                    let s = slot(x + lane, y + j);
+                    if movable[s] != 0 {
+                        r[s] = sum;
                     }
                 }
             }
         }
-    });
+    }
 }
 
 /// A block's surroundings without the blocks that are stored for their neighbours' sake only.
@@ -241,11 +350,24 @@ fn add_coarse(run: &Run, finer: usize, z: &mut [[Plane; 2]], coarse: &[[Plane; 2
         let mut add = [[0.0; NODES]; 2];
         prolong::block(fine_level, coarse_level, |b, c| &coarse[b][c], b, 1.0, &mut add);
         // SAFETY: each item has its own block.
-        let z = unsafe { z.get_mut(b) };
-        for c in 0..2 {
-            for s in 0..NODES {
-                z[c][s] += add[c][s];
+        wide(AddTo { z: unsafe { z.get_mut(b) }, add: &add });
+    });
+}
+
+struct AddTo<'a> {
+    z: &'a mut [Plane; 2],
+    add: &'a [Plane; 2],
+}
+
+impl Kernel for AddTo<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for (z, add) in self.z.iter_mut().zip(self.add) {
+            for s in (0..NODES).step_by(LANES) {
+                (V::load(z, s) + V::load(add, s)).store(z, s);
             }
         }
-    });
+    }
 }

@@ -4,12 +4,12 @@
 use crate::mesh::NONE;
 use crate::pbd::{Iteration, Set};
 use crate::tile::Level;
-use crate::tile::blocks::SIDE;
+use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window};
 
-use super::super::lanes::{Kernel, LANES, Mask, V, each, wide};
+use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, Row, State};
-use super::super::surface::Surface;
+use super::super::surface::{Samples, Site, Surface};
 
 /// Keeps 1 / |d| finite.
 const TINY: f32 = 1e-24;
@@ -44,7 +44,7 @@ impl<S: Surface> Kernel for Block<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<V: Lanes>(self) {
         let Block { project: Project { set, iteration }, level, state, next, surface, b } = self;
         let around = &level.blocks.around[b];
         let block = &level.blocks.list[b];
@@ -74,36 +74,31 @@ impl<S: Surface> Kernel for Block<'_, S> {
         halo::load(around, 0.0, |b| &level.rigidity[b], &mut rigidity);
         halo::load(around, 0, |b| &level.movable[b], &mut movable);
         halo::load(around, 0.0, |b| &level.rest_length[b][set.edge], &mut length);
-        for row in (0..4).flat_map(Row::of_colour) {
-            let ((di, dj), theirs) = set.partner(row.ci, row.j);
-            let (own, other) = (row.at(0, 0), row.at(di, dj));
-            let weight = V::load(&rigidity, own).max(V::load(&rigidity, other));
-            let mut lanes = Mask([0; LANES]);
-            let mut any = 0;
-            for k in 0..LANES {
-                lanes.0[k] = if movable[own + k] != 0 && weight.0[k] > 0.0 { u32::MAX } else { 0 };
-                any |= lanes.0[k];
-            }
-            if any == 0 {
+        for row in Row::all() {
+            let ((di, dj), theirs) = set.partner(row.column(), row.line());
+            let weight = row.near::<V>(&rigidity, 0, 0).max(row.near(&rigidity, di, dj));
+            let lanes = V::zero().lt(V::load_u8(&movable, row.at(0, 0))).and(V::zero().lt(weight));
+            if !lanes.any() {
                 continue;
             }
-            let here = each!([0, 1], |c| V::load(&u[c], own));
+            let here = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
             let d0 = [di as f32, dj as f32];
-            let d = each!([0, 1], |c| (V::load(&u[c], other) - here[c]) + d0[c]);
-            let ends = each!([0, 1, 2], |c| [V::load(&value[c], own), V::load(&value[c], other)]);
-            let none = Mask([0; LANES]);
-            let current = S::length(&ends.map(|e| e[0]), &[V::ZERO; 6], &ends.map(|e| e[1]), none, &d);
-            let rest = V::load(&length, if theirs { other } else { own }).max(floor);
+            let d = row.offset(&u, &here, di, dj);
+            let own = each!([0, 1, 2], |c| row.near::<V>(&value[c], 0, 0));
+            let other = each!([0, 1, 2], |c| row.near::<V>(&value[c], di, dj));
+            let apart = V::Mask::from_bits(0);
+            let current = S::length(&own, &[V::zero(); 6], &other, apart, &d);
+            let owner = if theirs { (di, dj) } else { (0, 0) };
+            let rest = row.near::<V>(&length, owner.0, owner.1).max(floor);
             let target = projected(d, d0, rest / current, weight * iteration.correction, iteration);
             // An end that is fixed leaves the whole way to the other one.
-            let both = V::load_u8(&movable, other);
-            let share = V::ONE - both * 0.5;
+            let both = V::load_u8(&movable, row.at(di, dj));
+            let share = V::one() - both * 0.5;
             let mut moved = each!([0, 1], |c| here[c] + (d[c] - target[c]) * share);
             // The box around the eight neighbours, relative to the node's own place at rest.
             let (mut low, mut high) = ([V::splat(f32::MAX); 2], [V::splat(f32::MIN); 2]);
             for &(i, j, ..) in &NEIGHBOURS {
-                let n = row.at(i, j);
-                let at = [V::load(&u[0], n) + i as f32, V::load(&u[1], n) + j as f32];
+                let at = [row.near::<V>(&u[0], i, j) + i as f32, row.near::<V>(&u[1], i, j) + j as f32];
                 for c in 0..2 {
                     low[c] = low[c].min(at[c]);
                     high[c] = high[c].max(at[c]);
@@ -111,7 +106,7 @@ impl<S: Surface> Kernel for Block<'_, S> {
             }
             moved = each!([0, 1], |c| moved[c].max(low[c]).min(high[c]));
             // SAFETY: the caller's promise.
-            unsafe { put(&moved, &here, lanes, row, origin, (to_u, to_value), next, surface, b) };
+            unsafe { put(&moved, &here, lanes, row, &site(row, b, origin), (to_u, to_value), next, surface) };
         }
     }
 }
@@ -120,8 +115,8 @@ impl<S: Surface> Kernel for Block<'_, S> {
 /// with that at rest. A blend of unit vectors turns by the given share up to third order of the angle, without an arc
 /// cosine.
 #[inline(always)]
-pub fn projected(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, iteration: Iteration) -> [V; 2] {
-    let scale = (ratio - V::ONE) * stiffness + V::ONE;
+pub fn projected<V: Lanes>(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, iteration: Iteration) -> [V; 2] {
+    let scale = (ratio - V::one()) * stiffness + V::one();
     let d = each!([0, 1], |c| d[c] * scale);
     let length = (d[0] * d[0] + d[1] * d[1] + V::splat(TINY)).sqrt();
     let share = iteration.orientation * iteration.correction;
@@ -131,41 +126,49 @@ pub fn projected(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, iteration: Ite
     each!([0, 1], |c| along[c] * norm)
 }
 
+/// Where a row of block `b`, whose first node is `origin`, lies.
+#[inline(always)]
+pub fn site(row: Row, b: usize, origin: [i64; 2]) -> Site {
+    Site { block: b, i: origin[0] + row.column() as i64, j: origin[1] + row.line() as i64 }
+}
+
 /// Writes the lanes that move, where the surface is there to be sampled: a node that would leave its chart stays.
 ///
 /// # Safety
-/// Nothing else touches block `b` of `next`.
+/// Nothing else touches block `site.block` of `next`.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "what a row of a block is")]
-pub unsafe fn put<S: Surface>(
+pub unsafe fn put<V: Lanes, S: Surface>(
     moved: &[V; 2],
     here: &[V; 2],
-    lanes: Mask,
+    lanes: V::Mask,
     row: Row,
-    origin: [i64; 2],
-    to: (&mut [crate::tile::blocks::Plane; 2], &mut [crate::tile::blocks::Plane; 3]),
+    site: &Site,
+    to: (&mut [Plane; 2], &mut [Plane; 3]),
     next: State,
     surface: S,
-    b: usize,
 ) {
     let slot = row.slot();
-    for k in 0..LANES {
-        let (x, y) = (moved[0].0[k], moved[1].0[k]);
-        if lanes.0[k] == 0 || (x == here[0].0[k] && y == here[1].0[k]) {
-            continue;
-        }
-        let (i, j) = (origin[0] + row.column(k) as i64, origin[1] + row.j as i64);
-        let s = slot + k;
-        // SAFETY: the caller's promise.
-        let start = if S::CHORDS { unsafe { next.triangle.get(b)[s] } } else { NONE };
-        let Some(sample) = surface.sample(b, i, j, [x, y], start) else { continue };
-        (to.0[0][s], to.0[1][s]) = (x, y);
-        for c in 0..3 {
-            to.1[c][s] = sample.value[c];
-        }
-        if S::CHORDS {
-            // SAFETY: the caller's promise.
-            unsafe { next.triangle.get_mut(b)[s] = sample.triangle };
-        }
+    let still =
+        moved[0].le(here[0]).and(here[0].le(moved[0])).and(moved[1].le(here[1])).and(here[1].le(moved[1]));
+    let lanes = lanes.and_not(still);
+    if !lanes.any() {
+        return;
+    }
+    let mut nowhere: Plane<u32> = [NONE; NODES];
+    // SAFETY: the caller's promise.
+    let triangle = if S::CHORDS { unsafe { next.triangle.get_mut(site.block) } } else { &mut nowhere };
+    let mut samples =
+        Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: V::load_index(triangle, slot) };
+    let start = samples.triangle;
+    let found = surface.sample_row(site, moved, lanes, &mut samples);
+    for c in 0..2 {
+        found.select(moved[c], row.of(&to.0[c])).store(&mut to.0[c], slot);
+    }
+    for c in 0..3 {
+        found.select(samples.value[c], row.of(&to.1[c])).store(&mut to.1[c], slot);
+    }
+    if S::CHORDS {
+        V::store_index(V::select_index(found, samples.triangle, start), triangle, slot);
     }
 }

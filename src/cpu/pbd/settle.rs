@@ -5,11 +5,11 @@ use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window};
 
-use super::super::lanes::{Kernel, LANES, Mask, V, each, wide};
+use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{Row, State};
 use super::super::surface::Surface;
 use super::super::team::Shared;
-use super::project::put;
+use super::project::{put, site};
 
 /// Integration and prediction.
 #[derive(Clone, Copy)]
@@ -60,7 +60,7 @@ impl<S: Surface> Kernel for Block<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<V: Lanes>(self) {
         let Block { settle: Settle { smoothing, velocity }, level, state, next, previous, surface, b } = self;
         let around = &level.blocks.around[b];
         let block = &level.blocks.list[b];
@@ -79,23 +79,18 @@ impl<S: Surface> Kernel for Block<'_, S> {
             *to_value = *state.value.get(b);
             (to_u, to_value, previous.get_mut(b))
         };
-        for row in (0..4).flat_map(Row::of_colour) {
-            let (own, s) = (row.at(0, 0), row.slot());
-            let mut lanes = Mask([0; LANES]);
-            let mut any = 0;
-            for k in 0..LANES {
-                lanes.0[k] = if level.movable[b][s + k] != 0 { u32::MAX } else { 0 };
-                any |= lanes.0[k];
-            }
-            if any == 0 {
+        for row in Row::all() {
+            let s = row.slot();
+            let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
+            if !lanes.any() {
                 continue;
             }
             // Eq. 4 where M is 1: b = (1 - R) + R s.
-            let rigidity = V::load(&level.rigidity[b], s);
-            let blend = (V::ONE - rigidity) + rigidity * smoothing;
-            let here = each!([0, 1], |c| V::load(&u[c], own));
+            let rigidity = row.of::<V>(&level.rigidity[b]);
+            let blend = (V::one() - rigidity) + rigidity * smoothing;
+            let here = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
             // Eq. 5. The Gaussian leaves the grid at rest as it is, so displacements can be smoothed for positions.
-            let mut moved = each!([0, 1], |c| here[c] + blend * (gaussian(&u[c], row) - here[c]));
+            let mut moved = each!([0, 1], |c| here[c] + blend * (gaussian::<V>(&u[c], row) - here[c]));
             if let Some(Velocity { last, momentum }) = velocity {
                 let settled = moved;
                 if !last {
@@ -103,19 +98,22 @@ impl<S: Surface> Kernel for Block<'_, S> {
                     moved = each!([0, 1], |c| settled[c] + (settled[c] - before[c]) * momentum);
                 }
                 for c in 0..2 {
-                    lanes.select(settled[c], V::ZERO).store(&mut previous[c], s);
+                    lanes.select(settled[c], V::zero()).store(&mut previous[c], s);
                 }
             }
             // SAFETY: the caller's promise.
-            unsafe { put(&moved, &here, lanes, row, origin, (&mut *to_u, &mut *to_value), next, surface, b) };
+            unsafe { put(&moved, &here, lanes, row, &site(row, b, origin), (to_u, to_value), next, surface) };
         }
     }
 }
 
 /// The 3x3 Gaussian K_G at a row's nodes.
 #[inline(always)]
-fn gaussian(window: &Window, row: Row) -> V {
-    let at = |i: i64, j: i64| V::load(window, row.at(i, j));
-    let line = |j: i64| at(0, j) * 0.5 + (at(-1, j) + at(1, j)) * 0.25;
-    line(0) * 0.5 + (line(-1) + line(1)) * 0.25
+fn gaussian<V: Lanes>(window: &Window, row: Row) -> V {
+    let [low, middle, high] = each!([0, 1, 2], |k| {
+        let j = k as i64 - 1;
+        let sides = row.near::<V>(window, -1, j) + row.near::<V>(window, 1, j);
+        row.near::<V>(window, 0, j) * 0.5 + sides * 0.25
+    });
+    middle * 0.5 + (low + high) * 0.25
 }

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::super::lanes::{LANES, V};
+use super::super::lanes::{LANES, Lanes, Portable as V};
 use super::project::projected;
 use super::*;
 use crate::cpu::{Memory, Team};
@@ -160,9 +160,10 @@ fn no_end_leaves_the_box_of_its_neighbours() {
 fn a_segment_turns_back_by_its_share() {
     let turn = |d: [f32; 2], d0, orientation: f32, correction| {
         let iteration = Iteration { orientation, correction, ..FULL };
-        let [x, y] = projected(d.map(V::splat), d0, V::ONE, V::ZERO, iteration);
-        assert!(x.0.iter().all(|&v| v == x.0[0]) && LANES == 8);
-        [x.0[0], y.0[0]]
+        let [x, y] = projected(d.map(V::splat), d0, V::one(), V::zero(), iteration);
+        let (x, y) = (x.to_array(), y.to_array());
+        assert!(x.iter().all(|&v| v == x[0]) && LANES == 8);
+        [x[0], y[0]]
     };
     let half = std::f32::consts::FRAC_1_SQRT_2;
     // Upright, and level at rest: half the way is 45 degrees; the length stays.

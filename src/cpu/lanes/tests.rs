@@ -1,0 +1,68 @@
+//! Every level does what the portable one does, bit for bit.
+
+use super::*;
+
+/// Numbers of all kinds.
+const SAMPLES: [f32; LANES] = [0.0, -0.0, 1.5, -2.25, 1e-38, -3e38, f32::INFINITY, f32::NAN];
+
+/// Everything that lanes can do, as bits.
+struct Everything;
+
+impl Kernel for Everything {
+    type Output = Vec<u32>;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> Vec<u32> {
+        let mut bits = Vec::new();
+        let mut keep = |v: V| bits.extend(v.to_array().map(f32::to_bits));
+        for turn in 0..LANES {
+            let mut other = SAMPLES;
+            other.rotate_left(turn);
+            let (a, b) = (V::from_array(SAMPLES), V::load(&other, 0));
+            let bytes: [u8; LANES] = std::array::from_fn(|k| u8::from(k % 3 == 0));
+            for v in
+                [a + b, a - b, a * b, a / b, a * 0.3, a + 0.1, a.max(b), a.min(b), -a, b.sqrt(), b.floor()]
+            {
+                // Which of its bit patterns stands for "no number" is not laid down.
+                keep(v.lt(v).select(v, v + V::load_u8(&bytes, 0)));
+                keep(V::splat(v.sum()));
+            }
+            for mask in [a.lt(b), a.le(b), V::Mask::from_bits(0b1010_0110), a.lt(b).and(b.le(a + 1.0))] {
+                keep(mask.select(a, b));
+                keep(mask.and_not(V::Mask::from_bits(0b0011_1100)).select(V::one(), V::zero()));
+                keep(V::splat(f32::from(mask.bits())));
+            }
+            let (i, j) =
+                (V::index_from([1, 2, 3, 4, 5, 6, 7, 8]), V::load_index(&[8, 2, 6, 4, 4, 6, 2, 8], 0));
+            keep(V::same(i, j).select(a, b));
+            let chosen = V::index_array(V::select_index(V::same(i, j), i, V::index_from([9; LANES])));
+            keep(V::from_array(chosen.map(|x| x as f32)));
+            let records: [[f32; LANES]; LANES] =
+                std::array::from_fn(|r| std::array::from_fn(|c| (10 * r + c) as f32));
+            for row in V::transpose(records.each_ref()) {
+                keep(row);
+            }
+        }
+        bits
+    }
+}
+
+/// One pattern for all that are no number.
+fn canonical(bits: Vec<u32>) -> Vec<u32> {
+    bits.into_iter().map(|b| if f32::from_bits(b).is_nan() { f32::NAN.to_bits() } else { b }).collect()
+}
+
+#[test]
+fn levels_agree() {
+    let best = canonical(wide(Everything));
+    let plain = canonical(forced::portable(|| wide(Everything)));
+    assert_eq!(best, plain);
+    println!("level: {:?}", level());
+}
+
+#[test]
+fn masks_are_bits() {
+    for bits in 0..=u8::MAX {
+        assert_eq!(<Portable as Lanes>::Mask::from_bits(bits).bits(), bits);
+    }
+}

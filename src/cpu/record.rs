@@ -1,0 +1,48 @@
+//! A triangle as the kernels read it: its UVs and its pose in one cache line, of which each half loads as one vector.
+
+use crate::tile::UvTriangle;
+use crate::tile::pose::PoseTriangle;
+
+/// First half: UV origin (2), rows of the barycentric matrix (4), the pose origin's x and y.
+/// Second half: the pose origin's z, df/dx (3), df/dy (3), nothing.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(64))]
+pub struct Record {
+    pub halves: [[f32; 8]; 2],
+}
+
+impl Record {
+    pub fn new(uv: &UvTriangle, pose: &PoseTriangle) -> Record {
+        let ([ox, oy], [[a, b], [c, d]]) = (uv.origin, uv.barycentric);
+        let [px, py, pz] = pose.origin;
+        let [[x0, x1, x2], [y0, y1, y2]] = pose.tangent;
+        Record { halves: [[ox, oy, a, b, c, d, px, py], [pz, x0, x1, x2, y0, y1, y2, 0.0]] }
+    }
+
+    /// The triangle's first corner in cells.
+    #[inline(always)]
+    pub fn uv_origin(&self) -> [f32; 2] {
+        let [x, y, ..] = self.halves[0];
+        [x, y]
+    }
+
+    /// Barycentrics of corners 0, 1 and 2 at an offset from the first corner.
+    #[inline(always)]
+    pub fn barycentrics(&self, d: [f32; 2]) -> [f32; 3] {
+        let [_, _, a, b, c, e, ..] = self.halves[0];
+        let (l1, l2) = (a * d[0] + b * d[1], c * d[0] + e * d[1]);
+        [1.0 - l1 - l2, l1, l2]
+    }
+
+    /// df/dx, then df/dy.
+    #[inline(always)]
+    pub fn slope(&self) -> [f32; 6] {
+        let [_, a, b, c, d, e, f, _] = self.halves[1];
+        [a, b, c, d, e, f]
+    }
+
+    pub fn pose(&self) -> PoseTriangle {
+        let ([.., px, py], [pz, x0, x1, x2, y0, y1, y2, _]) = (self.halves[0], self.halves[1]);
+        PoseTriangle { origin: [px, py, pz], tangent: [[x0, x1, x2], [y0, y1, y2]] }
+    }
+}
