@@ -125,6 +125,7 @@ impl Plot {
         let ms = |row: &Row| row.ms.map_or(f64::NAN, |t| t.median);
         let before =
             rows.iter().find(|row| row.solver == "identity").map_or(f64::NAN, |row| (self.error)(row));
+        let ticks = self.ticks.iter().copied().filter(|tick| (low..high).contains(tick));
         let mut chart = ChartBuilder::on(area)
             .margin(8)
             .margin_right(16)
