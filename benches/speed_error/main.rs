@@ -113,7 +113,7 @@ fn run(args: &Args) -> Result<(), String> {
         eprintln!("{:6.0} s  {}", start.elapsed().as_secs_f64(), case.name);
         done.push(Done::new(case, ran)?);
     }
-    let node = cost::node_cost(args.grid.min(512), args.repeats.max(3))?;
+    let node = cost::node_cost(args.grid.min(512), 3 * args.repeats)?;
     let solves = |grid: u32| if grid > 2048 { 1 } else { 3 };
     let sizes = args.sizes.iter().map(|&grid| cost::size_cost(grid, solves(grid)));
     let sizes = sizes.collect::<Result<Vec<_>, String>>()?;
