@@ -134,7 +134,7 @@ impl Plot {
             .y_label_area_size(58)
             .build_cartesian_2d(
                 (left..right).log_scale(),
-                (low..high).log_scale().with_key_points(self.ticks.to_vec()),
+                (low..high).log_scale().with_key_points(ticks.collect()),
             )?;
         chart
             .configure_mesh()
