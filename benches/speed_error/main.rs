@@ -1,0 +1,204 @@
+//! Speed against error: every solver at every effort on every scene, error beside time, as CSV, JSON, plots and a table.
+//!
+//!     cargo bench --bench speed_error
+//!     cargo bench --bench speed_error -- --quick
+//!     cargo bench --bench speed_error -- --export DIR     (for benches/peers/)
+
+#![allow(missing_docs)]
+
+mod claims;
+#[path = "../../tests/common/mod.rs"]
+mod common;
+mod cost;
+mod efforts;
+mod export;
+mod machine;
+mod oracle;
+mod plain;
+mod plain_mesh;
+mod plots;
+mod rows;
+mod runs;
+mod scenes;
+mod table;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Parser;
+use serde_json::{Value, json};
+use vrtm::{Backend, Device, DeviceSettings};
+
+use machine::Machine;
+use oracle::Done;
+use rows::Row;
+use runs::{Place, Repeats};
+
+/// Measures error over time: all solvers, all efforts, all scenes.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// Only to see that it runs: one scene, a small grid, few efforts.
+    #[arg(long)]
+    quick: bool,
+    /// Scenes and assets; all that there are unless told.
+    #[arg(long, value_delimiter = ',')]
+    scenes: Vec<String>,
+    /// Cells on a side of the grids.
+    #[arg(long, default_value_t = 512)]
+    grid: u32,
+    /// Backends: cpu, gpu. A software GPU is measured only if it is asked for here.
+    #[arg(long, value_delimiter = ',')]
+    backends: Vec<String>,
+    /// Rounds of timed solves.
+    #[arg(long, default_value_t = 7)]
+    repeats: usize,
+    /// Milliseconds after which an effort sits out the later rounds.
+    #[arg(long, default_value_t = 4000.0)]
+    budget: f64,
+    /// Do without the reference: gaps are then to the best of the results.
+    #[arg(long)]
+    no_reference: bool,
+    /// Grids that cost per node is told for.
+    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096])]
+    sizes: Vec<u32>,
+    /// Where the results go.
+    #[arg(long, default_value = "benches/results")]
+    out: PathBuf,
+    /// Write the cases as files for other programs instead of measuring.
+    #[arg(long)]
+    export: Option<PathBuf>,
+    /// What `cargo bench` passes, and `cargo test` does not: then it is `--quick`, and nothing is written.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    let mut args = Args::parse();
+    if args.quick || !args.bench {
+        args.quick = true;
+        args.grid = args.grid.min(64);
+        args.repeats = args.repeats.min(2);
+        args.sizes = vec![64];
+        if args.scenes.is_empty() {
+            args.scenes = vec!["bulge".into()];
+        }
+    }
+    match run(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<(), String> {
+    let cases = scenes::cases(&args.scenes, args.grid)?;
+    if let Some(folder) = &args.export {
+        return cases.iter().try_for_each(|case| export::export(case, folder, args.repeats));
+    }
+    let start = Instant::now();
+    let machine = Machine::look();
+    let places = places(&args.backends)?;
+    let efforts = efforts::efforts(args.quick);
+    let repeats = Repeats { most: args.repeats, budget_ms: args.budget };
+    let mut done = Vec::new();
+    for case in cases {
+        let mut ran = Vec::new();
+        for place in &places {
+            ran.extend(runs::run(&case, place, &efforts, repeats)?);
+        }
+        eprintln!("{:6.0} s  {}", start.elapsed().as_secs_f64(), case.name);
+        done.push(Done::new(case, ran)?);
+    }
+    let node = cost::node_cost(args.grid.min(512), 3 * args.repeats)?;
+    let solves = |grid: u32| if grid > 2048 { 1 } else { 3 };
+    let sizes = args.sizes.iter().map(|&grid| cost::size_cost(grid, solves(grid)));
+    let sizes = sizes.collect::<Result<Vec<_>, String>>()?;
+    eprintln!("{:6.0} s  cost of a node", start.elapsed().as_secs_f64());
+    if !args.no_reference {
+        oracle::consult(&mut done)?;
+        eprintln!("{:6.0} s  reference", start.elapsed().as_secs_f64());
+    }
+    let rows: Vec<Row> = done.iter().flat_map(Done::rows).collect();
+    let claims = claims::claims(&rows);
+    let text = table::text(&machine, &done, &rows, &claims, Some(&node), &sizes);
+    println!("{text}");
+    if !args.bench {
+        return Ok(());
+    }
+    let json = json!({
+        "machine": machine.json(),
+        "node_update": node.json(),
+        "cost_over_size": sizes.iter().map(|size| size.json()).collect::<Vec<Value>>(),
+        "claims": claims.iter().map(|claim| claim.json()).collect::<Vec<Value>>(),
+        "reference": done.iter().map(|done| (done.case.name.clone(), reference(done))).collect::<Value>(),
+        "rows": rows.iter().map(Row::json).collect::<Vec<Value>>(),
+    });
+    write(&args.out, "speed_error.csv", &rows::csv(&rows))?;
+    write(&args.out, "speed_error.json", &format!("{}\n", lines(&json)))?;
+    write(&args.out, "speed_error.md", &text)?;
+    let note = format!(
+        "{}, {} threads, {}; grid {}²; medians of whole solves, all solvers in turn in one run",
+        machine.cpu, machine.threads, machine.simd, args.grid
+    );
+    for plot in [plots::GAP, plots::STRAIN] {
+        plot.draw(&args.out.join(plot.file), &done, &note)?;
+    }
+    println!("written to {} after {:.0} s", args.out.display(), start.elapsed().as_secs_f64());
+    Ok(())
+}
+
+fn reference(done: &Done) -> Value {
+    let oracle = &done.oracle;
+    json!({
+        "energy": rows::short(oracle.energy, 9),
+        "before": rows::short(done.before, 9),
+        "by": if oracle.by_reference { "reference" } else { "best result" },
+        "seconds": rows::short(oracle.seconds, 3),
+    })
+}
+
+/// The CPU, and the first GPU that is no software, unless told.
+fn places(wanted: &[String]) -> Result<Vec<Place>, String> {
+    let is_wanted = |name: &str| wanted.iter().any(|w| w == name);
+    if let Some(name) = wanted.iter().find(|name| !["cpu", "gpu"].contains(&name.as_str())) {
+        return Err(format!("--backends {name}: neither cpu nor gpu"));
+    }
+    let device = |backend: Backend, adapter: usize| {
+        let settings = DeviceSettings { backend, adapter: adapter as u32, ..DeviceSettings::default() };
+        Device::new(&settings).map_err(|error| error.to_string())
+    };
+    let mut places = Vec::new();
+    if wanted.is_empty() || is_wanted("cpu") {
+        places.push(Place { name: "cpu", device: device(Backend::Cpu, 0)? });
+    }
+    let adapters = vrtm::adapters();
+    let hardware = adapters.iter().position(|adapter| !adapter.software);
+    let adapter = hardware.or_else(|| is_wanted("gpu").then_some(0));
+    if let Some(adapter) = adapter.filter(|_| wanted.is_empty() || is_wanted("gpu")) {
+        places.push(Place { name: "gpu", device: device(Backend::Gpu, adapter)? });
+    }
+    Ok(places)
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> Result<(), String> {
+    let path = folder.join(name);
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+/// One line per entry of a list, so that two runs can be compared line by line.
+fn lines(json: &Value) -> String {
+    let Value::Object(fields) = json else { return json.to_string() };
+    let field = |(name, value): (&String, &Value)| match value {
+        Value::Array(entries) => {
+            let entries: Vec<String> = entries.iter().map(|entry| format!("  {entry}")).collect();
+            format!("\"{name}\": [\n{}\n]", entries.join(",\n"))
+        }
+        _ => format!("\"{name}\": {value}"),
+    };
+    format!("{{\n{}\n}}", fields.iter().map(field).collect::<Vec<_>>().join(",\n"))
+}

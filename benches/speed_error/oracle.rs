@@ -1,0 +1,83 @@
+//! E*, the energy that gaps are measured from: the reference's minimum, descending in f64 from the best result there is.
+
+use std::time::Instant;
+
+use vrtm::TileReport;
+
+use crate::common::{cpu, on_all_cores};
+use crate::rows::Row;
+use crate::runs::Ran;
+use crate::scenes::Case;
+
+/// A case with everything that was run on it.
+pub struct Done {
+    pub case: Case,
+    pub ran: Vec<Ran>,
+    /// E of the identity.
+    pub before: f64,
+    pub oracle: Oracle,
+}
+
+#[derive(Clone, Debug, Default)]
+pub struct Oracle {
+    /// E*: the lowest energy of all, the reference's included.
+    pub energy: f64,
+    /// True if the reference ran: else E* is the best of the results alone, and gaps are too small by what all miss.
+    pub by_reference: bool,
+    pub seconds: f64,
+}
+
+impl Done {
+    pub fn new(case: Case, ran: Vec<Ran>) -> Result<Done, String> {
+        let (asset, tile) = case.asset(&cpu(1));
+        let zeros = vec![[0.0; 2]; (case.grid as usize + 1).pow(2)];
+        let before = asset.reference_energy(tile, case.pose(0), &zeros).map_err(|error| error.to_string())?;
+        let best = ran.iter().map(|ran| ran.row.energy).fold(before, f64::min);
+        let oracle = Oracle { energy: best, ..Oracle::default() };
+        Ok(Done { case, ran, before, oracle })
+    }
+
+    /// The rows with their gaps, the identity's first.
+    pub fn rows(&self) -> Vec<Row> {
+        let Done { case, ran, before, oracle } = self;
+        let gap = |energy: f64| (energy - oracle.energy) / (before - oracle.energy);
+        let blank = Row {
+            scene: case.name.clone(),
+            frame: case.frame,
+            udim: case.udim,
+            grid: case.grid,
+            ..Row::default()
+        };
+        let mut rows = Vec::new();
+        if let Some(Ran { row, .. }) = ran.first() {
+            // What was measured before is the strain of the original UVs.
+            let strain =
+                row.strain.map(|s| vrtm::StrainReport { after: s.before, harm: 0.0, help: 0.0, ..s });
+            let report = TileReport { min_jacobian: 1.0, ..TileReport::default() };
+            rows.push(Row { solver: "identity", energy: *before, gap: 1.0, strain, report, ..blank.clone() });
+        }
+        rows.extend(ran.iter().map(|ran| Row { gap: gap(ran.row.energy), ..ran.row.clone() }));
+        if oracle.by_reference {
+            rows.push(Row { solver: "reference", energy: oracle.energy, ..blank });
+        }
+        rows
+    }
+}
+
+/// Lets the reference descend from each case's best result. That takes seconds to minutes a case, one thread each.
+pub fn consult(done: &mut [Done]) -> Result<(), String> {
+    let found = on_all_cores(done, |done| {
+        let Done { case, ran, .. } = done;
+        let start = Instant::now();
+        let (asset, tile) = case.asset(&cpu(1));
+        let unfolded = ran.iter().filter(|ran| !ran.row.folded());
+        let best = unfolded.min_by(|a, b| a.row.energy.total_cmp(&b.row.energy)).map(|ran| ran.u.as_slice());
+        let minimum = asset.reference_minimum(tile, case.pose(0), best, false);
+        minimum.map(|minimum| (minimum.energy, start.elapsed().as_secs_f64()))
+    });
+    for (done, found) in done.iter_mut().zip(found) {
+        let (energy, seconds) = found.map_err(|error| format!("{}: {error}", done.case.name))?;
+        done.oracle = Oracle { energy: energy.min(done.oracle.energy), by_reference: true, seconds };
+    }
+    Ok(())
+}
