@@ -79,8 +79,10 @@ impl Correction {
     /// room that is under 0.1 % of the energy after a gain of 5 to 25 %, in crowded ones, where steps are cut, 1 to 3 %.
     pub fn is_enough(&self, energy: f64, gain: f64, predicted: f64) -> bool {
         let tolerance = f64::from(self.tolerance) * energy;
-        // Comparisons with NaN are false: then it is enough.
-        !(gain > tolerance) || (self.first && (gain - predicted).abs() <= FORETOLD * tolerance)
+        let foretold = self.first && (gain - predicted).abs() <= FORETOLD * tolerance;
+        // A comparison with NaN is false: no gain.
+        let gained = gain > tolerance;
+        !gained || foretold
     }
 }
 

@@ -154,11 +154,13 @@ fn settings() -> impl Strategy<Value = TileSettings> {
         1 => (magnitude(-3.0, 0.0), magnitude(-4.0, -2.0), magnitude(-3.0, 0.0), magnitude(-2.0, 1.0), 0.0..=1.0f32)
             .prop_map(|(a, b, c, d, e)| [a, b, c, d, e]),
     ];
-    ([cells(), cells()], weights, overlap).prop_map(|(grid, w, overlap)| TileSettings {
+    let density = prop_oneof![6 => Just(0.0f32), 1 => magnitude(-3.0, 1.0)];
+    ([cells(), cells()], weights, density, overlap).prop_map(|(grid, w, density, overlap)| TileSettings {
         grid,
         smoothness: w[0],
         smoothness_floor: w[1],
         orientation: w[2],
+        orientation_density: density,
         room: w[3],
         room_threshold: w[4],
         overlap,
@@ -178,6 +180,7 @@ fn options() -> impl Strategy<Value = SolveOptions> {
             max_corrections,
             measure,
             time_budget_ms: 0.0,
+            ..SolveOptions::default()
         },
     )
 }
