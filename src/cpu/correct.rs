@@ -184,9 +184,11 @@ impl Run<'_> {
         plan: &Correction,
     ) {
         let system = &mut systems.levels[level];
-        for &b in &self.work[level].active {
-            system.t[b as usize] = self.memory.levels[level].u[b as usize];
-        }
+        let (t, u) = (Shared::new(&mut system.t), &self.memory.levels[level].u);
+        self.each_block(level, |b, _| {
+            // SAFETY: each item has its own block.
+            unsafe { *t.get_mut(b) = u[b] };
+        });
         let list = &self.grid.levels[level].blocks.list;
         let mut open: Vec<bool> =
             (0..self.charts.len()).map(|c| self.charts[c] && !systems.done[c]).collect();

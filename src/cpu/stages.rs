@@ -60,9 +60,12 @@ impl Stages for Run<'_> {
     }
 
     fn identity(&mut self, level: usize) {
-        for &b in &self.work[level].stored {
-            self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
-        }
+        let u = Shared::new(&mut self.memory.levels[level].u);
+        let blocks = &self.work[level].stored;
+        self.team.run(blocks.len(), |k| {
+            // SAFETY: each item has its own block.
+            unsafe { *u.get_mut(blocks[k] as usize) = [[0.0; NODES]; 2] };
+        });
         let stored = std::mem::take(&mut self.work[level].stored);
         self.refresh(level, &stored);
         self.work[level].stored = stored;
@@ -82,8 +85,12 @@ impl Stages for Run<'_> {
     }
 
     fn prolong(&mut self, level: usize) {
-        // Fixed nodes, and the identity's energy, first.
-        self.identity(level);
+        if level == 0 {
+            // For the energy of the identity.
+            self.identity(level);
+        } else {
+            self.rest_still_blocks(level);
+        }
         let (finer, coarser) = self.memory.levels.split_at_mut(level + 1);
         let coarse = &coarser[0].u;
         let u = Shared::new(&mut finer[level].u);
@@ -150,6 +157,17 @@ impl Stages for Run<'_> {
 }
 
 impl Run<'_> {
+    /// Sets the blocks of a level that no stage visits to the identity.
+    fn rest_still_blocks(&mut self, level: usize) {
+        let list = &self.grid.levels[level].blocks.list;
+        let still: Vec<u32> =
+            self.work[level].stored.iter().copied().filter(|&b| !list[b as usize].active).collect();
+        for &b in &still {
+            self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
+        }
+        self.refresh(level, &still);
+    }
+
     /// Per chart, what its corners say.
     fn certificates(&self) -> Vec<Certificate> {
         let blocks = &self.work[0].active;

@@ -22,10 +22,10 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
     let mark = Shared::new(&mut system.z);
     let x = &system.x;
     // Only active blocks are written: in the others, z has to stay 0 for the next cycle.
-    for &b in &run.work[level].active {
-        // SAFETY: nothing else runs.
-        unsafe { *share.get_mut(b as usize) = [1.0; NODES] };
-    }
+    run.each_block(level, |b, _| {
+        // SAFETY: each item has its own block.
+        unsafe { *share.get_mut(b) = [1.0; NODES] };
+    });
     let mut blocks = run.work[level].active.clone();
     for round in 0..ROUNDS {
         let mut folds = vec![false; blocks.len()];
