@@ -76,6 +76,8 @@ struct Chart {
     predicted: f32,
     /// 1 during a level's first correction.
     first: u32,
+    /// Share of the next correction's step that the chart is to take.
+    next: f32,
     min_jacobian: f32,
     max_displacement: f32,
     folds: u32,

@@ -77,9 +77,11 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
                 let gain = before - sum.x;
                 let tolerance = params.tolerance * before;
                 // The first correction is enough if it gained what its model had foretold.
-                let foretold =
-                    charts[c].first == 1u && abs(gain - charts[c].predicted) <= FORETOLD * tolerance;
-                charts[c].done = select(1u, 0u, gain > tolerance && !foretold);
+                let missed = abs(gain - charts[c].predicted) / tolerance;
+                let share = clamp((missed - FORETOLD.x) / (FORETOLD.y - FORETOLD.x), 0.0, 1.0);
+                let next = select(0.0, select(1.0, share, charts[c].first == 1u), gain > tolerance);
+                charts[c].next = next;
+                charts[c].done = u32(!(next > 0.0));
             }
         }
         case ENERGY: {
@@ -98,8 +100,9 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
 }
 
-/// How far a first correction's gain may be from what its model foretold, in tolerances.
-const FORETOLD: f32 = 0.5;
+/// How far a first correction's gain may be from what its model foretold, in tolerances: up to the first there is no
+/// further correction, from the second on a whole one.
+const FORETOLD = vec2f(0.2, 0.6);
 
 const ALL: u32 = 0u;
 const FIRST_CORRECTION: u32 = 1u;
@@ -114,6 +117,7 @@ fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     }
     if params.mode == FIRST_CORRECTION {
         charts[c].done = 0u;
+        charts[c].next = 1.0;
     }
     if params.mode != ALL {
         charts[c].first = u32(params.mode == FIRST_CORRECTION);

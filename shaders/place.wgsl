@@ -59,7 +59,8 @@ fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
         if params.part > 0.0 {
             let x = vector_at(b, X, s);
             let share_plane = SHARE + (atomicLoad(&charts[blocks[b].chart].cuts) & 1u);
-            u += params.part * vectors[vector_at(b, share_plane, s)] * vec2f(vectors[x], vectors[x + NODES]);
+            let part = params.part * charts[blocks[b].chart].next;
+            u += part * vectors[vector_at(b, share_plane, s)] * vec2f(vectors[x], vectors[x + NODES]);
         }
         put(b, s, u);
     }

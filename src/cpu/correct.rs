@@ -58,8 +58,8 @@ struct System {
 #[derive(Debug, Default)]
 pub(super) struct Systems {
     levels: Vec<System>,
-    /// Per chart: true if the last correction on this level gained too little to try again.
-    done: Vec<bool>,
+    /// Per chart: the share of the level's next step that it is to take; 0 if the last one gained too little to try again.
+    next: Vec<f32>,
 }
 
 impl Systems {
@@ -81,12 +81,12 @@ impl Systems {
                 }
             })
             .collect();
-        Systems { levels, done: vec![false; grid.movable.len()] }
+        Systems { levels, next: vec![1.0; grid.movable.len()] }
     }
 
     /// For a solver that corrects nothing.
     pub fn none(grid: &Grid) -> Systems {
-        Systems { levels: Vec::new(), done: vec![false; grid.movable.len()] }
+        Systems { levels: Vec::new(), next: vec![1.0; grid.movable.len()] }
     }
 
     /// Bytes that `new` takes.
@@ -109,12 +109,12 @@ const TRIALS: [f32; 3] = [1.0, 0.5, 0.25];
 impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, plan: &Correction) {
         if plan.first {
-            self.memory.systems.done.fill(false);
+            self.memory.systems.next.fill(1.0);
         }
         let mut systems = std::mem::take(&mut self.memory.systems);
         let work = self.work.clone();
         for (work, grid) in self.work.iter_mut().zip(&self.grid.levels) {
-            work.retain(|b| !systems.done[grid.blocks.list[b as usize].chart as usize]);
+            work.retain(|b| systems.next[grid.blocks.list[b as usize].chart as usize] > 0.0);
         }
         let before =
             self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
@@ -191,7 +191,7 @@ impl Run<'_> {
         });
         let list = &self.grid.levels[level].blocks.list;
         let mut open: Vec<bool> =
-            (0..self.charts.len()).map(|c| self.charts[c] && !systems.done[c]).collect();
+            (0..self.charts.len()).map(|c| self.charts[c] && systems.next[c] > 0.0).collect();
         for (n, part) in TRIALS.into_iter().chain([0.0]).enumerate() {
             self.work[level].retain(|b| open[list[b as usize].chart as usize]);
             let blocks = self.work[level].active.clone();
@@ -199,8 +199,10 @@ impl Run<'_> {
                 break;
             }
             let u = Shared::new(&mut self.memory.levels[level].u);
+            let next = &systems.next;
             self.team.run(blocks.len(), |k| {
                 let b = blocks[k] as usize;
+                let part = part * next[list[b].chart as usize];
                 let (from, step, share) = (&system.t[b], &system.x[b], &system.share[b]);
                 // SAFETY: each item has its own block.
                 let u = unsafe { u.get_mut(b) };
@@ -220,7 +222,7 @@ impl Run<'_> {
                 if open[c] && (energies[c] < before[c] || n == TRIALS.len()) {
                     open[c] = false;
                     let gain = before[c] - energies[c];
-                    systems.done[c] = plan.is_enough(before[c], gain, predicted[c]);
+                    systems.next[c] = plan.next(before[c], gain, predicted[c]);
                 }
             }
         }

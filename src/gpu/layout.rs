@@ -65,6 +65,7 @@ pub struct Chart {
     pub beta: f32,
     pub predicted: f32,
     pub first: u32,
+    pub next: f32,
     pub min_jacobian: f32,
     pub max_displacement: f32,
     pub folds: u32,

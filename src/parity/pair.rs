@@ -187,15 +187,17 @@ impl<'a> Pair<'a> {
         let part = Part { of: 1, count: 1, ..part };
         self.compare(at, "cut of the step", part, charts, &cut, &other_cut);
         let mut records = self.gpu.chart_records()?;
-        let done = self.cpu.done().to_vec();
+        let next = self.cpu.next().to_vec();
         let blocks = &self.grid.levels[level].blocks;
         // A chart that has nothing to move on this level has nothing to decide.
         let moves = |c: usize| blocks.list[blocks.of_chart[c].clone()].iter().any(|block| block.active);
         let deciding = (0..charts.len()).filter(|&c| charts[c] && moves(c));
-        let pairs = deciding.map(|c| (f64::from(u8::from(done[c])), f64::from(records[c].done)));
+        let pairs = deciding.map(|c| (f64::from(u8::from(next[c] == 0.0)), f64::from(records[c].done)));
         self.found.push(StageDifference::new(at, "decision to stop", pairs));
         if self.lockstep {
-            records.iter_mut().zip(&done).for_each(|(record, &done)| record.done = u32::from(done));
+            for (record, &next) in records.iter_mut().zip(&next) {
+                (record.next, record.done) = (next, u32::from(next == 0.0));
+            }
             self.gpu.set_chart_records(&records)?;
         }
         Ok(())
@@ -273,7 +275,7 @@ impl Stages for Pair<'_> {
         let taking_part: Vec<bool> = if correction.first {
             self.charts.to_vec()
         } else {
-            self.charts.iter().zip(self.cpu.done()).map(|(&solve, &done)| solve && !done).collect()
+            self.charts.iter().zip(self.cpu.next()).map(|(&solve, &next)| solve && next > 0.0).collect()
         };
         let mut before = [vec![], vec![]];
         self.look(|pair| {

@@ -43,7 +43,8 @@ impl<'a> Switched<'a> {
         let mut records = self.gpu.chart_records()?;
         for (c, record) in records.iter_mut().enumerate() {
             record.identity = self.cpu.outcome[c].energy_before as f32;
-            record.done = u32::from(self.cpu.done()[c]);
+            record.next = self.cpu.next()[c];
+            record.done = u32::from(record.next == 0.0);
         }
         self.gpu.set_chart_records(&records)
     }
@@ -55,8 +56,8 @@ impl<'a> Switched<'a> {
             self.cpu.set_state(level, &self.gpu.state(level)?);
         }
         let records = self.gpu.chart_records()?;
-        let done: Vec<bool> = records.iter().map(|record| record.done != 0).collect();
-        self.cpu.set_done(&done);
+        let next: Vec<f32> = records.iter().map(|r| if r.done == 0 { r.next } else { 0.0 }).collect();
+        self.cpu.set_next(&next);
         for (outcome, record) in self.cpu.outcome.iter_mut().zip(&records) {
             outcome.energy_before = f64::from(record.identity);
         }

@@ -35,12 +35,12 @@ impl Run<'_> {
         [flat(&system.x), system.share.as_flattened().iter().map(|x| x.to_bits()).collect()]
     }
 
-    /// Per chart, whether it sits out the level's further corrections.
-    pub fn done(&self) -> &[bool] {
-        &self.memory.systems.done
+    /// Per chart, the share of the next step that it is to take; 0: it sits out the level's further corrections.
+    pub fn next(&self) -> &[f32] {
+        &self.memory.systems.next
     }
 
-    pub fn set_done(&mut self, done: &[bool]) {
-        self.memory.systems.done.copy_from_slice(done);
+    pub fn set_next(&mut self, next: &[f32]) {
+        self.memory.systems.next.copy_from_slice(next);
     }
 }

@@ -69,7 +69,7 @@ fn structs() -> [(&'static str, usize, Fields); 6] {
         fields!(Params: first count partial mode sweeps items scale part tolerance smoothness smoothness_floor
             orientation room room_threshold level base other_base correction preservation momentum smoothing
             orientation_density),
-        fields!(Chart: solve working done fallback floor identity before energy rz alpha beta predicted first
+        fields!(Chart: solve working done fallback floor identity before energy rz alpha beta predicted first next
              min_jacobian
             max_displacement folds cuts),
         fields!(Block: around links chart x y moves parent children chart_first chart_count continues),
