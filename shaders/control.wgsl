@@ -102,7 +102,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
 
 /// How far a first correction's gain may be from what its model foretold, in tolerances: up to the first there is no
 /// further correction, from the second on a whole one.
-const FORETOLD = vec2f(0.1, 0.3);
+const FORETOLD = vec2f(0.1, 0.9);
 
 const ALL: u32 = 0u;
 const FIRST_CORRECTION: u32 = 1u;

@@ -96,7 +96,7 @@ impl Correction {
 
 /// How far a first correction's gain may be from what its model foretold, in tolerances: up to the first there is no
 /// further correction, from the second on a whole one.
-const FORETOLD: [f64; 2] = [0.1, 0.3];
+const FORETOLD: [f64; 2] = [0.1, 0.9];
 
 /// How much work to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
