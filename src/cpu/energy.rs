@@ -1,10 +1,12 @@
 //! The energy of a level's present state, chart by chart, summed in a fixed order.
 
 use super::lanes::{Kernel, Lanes, Truth, wide};
-use super::patch::{NEIGHBOURS, Patch, QUADRANTS, Row, State, Terms, Weights, room};
+use super::patch::{NEIGHBOURS, Patch, QUADRANTS, State, Weights};
 use super::relax::MIN_JACOBIAN;
+use super::row::Row;
 use super::surface::Surface;
 use super::team::Shared;
+use super::terms::{Terms, room};
 use super::{Run, SurfaceFn};
 use crate::tile::Level;
 

@@ -7,8 +7,10 @@
 use crate::tile::Level;
 
 use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
-use super::patch::{Local, Patch, Place, Row, State, Weights};
+use super::patch::{Patch, Place, State, Weights};
+use super::row::Row;
 use super::surface::Surface;
+use super::terms::Local;
 use super::{Run, SurfaceFn};
 
 /// Corner Jacobians of a result are at least this.

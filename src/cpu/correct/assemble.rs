@@ -3,9 +3,11 @@
 
 use super::super::energy::Total;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
-use super::super::patch::{NEIGHBOURS, Patch, Place, QUADRANTS, Row, Weights, lowest};
+use super::super::patch::{NEIGHBOURS, Patch, Place, QUADRANTS, Weights};
 use super::super::relax::MIN_JACOBIAN;
+use super::super::row::Row;
 use super::super::surface::Slopes;
+use super::super::terms::lowest;
 use super::*;
 use crate::tile::Level;
 use crate::tile::blocks::SIDE;

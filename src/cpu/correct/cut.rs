@@ -2,8 +2,9 @@
 //! would fall under it, and falling off smoothly around those.
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
-use super::super::patch::{NEIGHBOURS, QUADRANTS, Row};
+use super::super::patch::{NEIGHBOURS, QUADRANTS};
 use super::super::relax::MIN_JACOBIAN;
+use super::super::row::Row;
 use super::*;
 use crate::tile::blocks::SIDE;
 use crate::tile::halo::{self, Window, place};

@@ -2,8 +2,9 @@
 //! so that the whole cycle is symmetric, as conjugate gradients need.
 
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
-use super::super::patch::{NEIGHBOURS, Row};
+use super::super::patch::NEIGHBOURS;
 use super::super::prolong;
+use super::super::row::Row;
 use super::*;
 use crate::mesh::NONE;
 use crate::tile::Level;

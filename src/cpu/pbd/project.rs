@@ -8,7 +8,8 @@ use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window};
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
-use super::super::patch::{NEIGHBOURS, Row, State};
+use super::super::patch::{NEIGHBOURS, State};
+use super::super::row::Row;
 use super::super::surface::{Samples, Site, Surface};
 
 /// Keeps 1 / |d| finite.

@@ -6,7 +6,8 @@ use crate::tile::blocks::{Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window};
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
-use super::super::patch::{Row, State};
+use super::super::patch::State;
+use super::super::row::Row;
 use super::super::surface::Surface;
 use super::super::team::Shared;
 use super::project::{put, site};

@@ -1,0 +1,93 @@
+//! Eight nodes of one colour in one row of a block: what a vector holds, and where they and their neighbours lie.
+
+use crate::tile::blocks::{Plane, SIDE};
+use crate::tile::halo::{Window, place};
+
+use super::lanes::{LANES, Lanes};
+
+/// Eight nodes of one colour, in one row of a block.
+#[derive(Clone, Copy)]
+pub struct Row {
+    /// Column of the first lane's node: 0 or 1.
+    ci: usize,
+    /// Row of nodes, 0..16.
+    j: usize,
+}
+
+impl Row {
+    /// All rows of a colour.
+    #[inline(always)]
+    pub fn of_colour(colour: usize) -> impl Iterator<Item = Row> {
+        (0..SIDE / 2).map(move |r| Row { ci: colour & 1, j: 2 * r + (colour >> 1 & 1) })
+    }
+
+    /// All rows of a block.
+    #[inline(always)]
+    pub fn all() -> impl Iterator<Item = Row> {
+        (0..4).flat_map(Row::of_colour)
+    }
+
+    /// Column of the first lane's node.
+    #[inline(always)]
+    pub fn column(self) -> usize {
+        self.ci
+    }
+
+    /// Row of nodes, 0..16.
+    #[inline(always)]
+    pub fn line(self) -> usize {
+        self.j
+    }
+
+    /// Place of the first lane's neighbour at (di, dj) in a window; the other lanes follow.
+    #[inline(always)]
+    pub fn at(self, di: i64, dj: i64) -> usize {
+        place((self.ci as i64 + 1 + di) as usize, (self.j as i64 + 1 + dj) as usize)
+    }
+
+    /// Slot of the first lane in a plane; the other lanes follow.
+    #[inline(always)]
+    pub fn slot(self) -> usize {
+        crate::tile::blocks::slot(self.ci, self.j)
+    }
+
+    /// A window's numbers at the neighbours at (di, dj), each -1, 0 or 1.
+    #[inline(always)]
+    pub fn near<V: Lanes>(self, window: &Window, di: i64, dj: i64) -> V {
+        assert!(di.unsigned_abs() <= 1 && dj.unsigned_abs() <= 1);
+        let at = self.at(di, dj);
+        // SAFETY: ci < 2 and j < 16, so the eight places end at column 17 and row 17 of the window at most.
+        V::load(unsafe { window.get_unchecked(at..at + LANES) }, 0)
+    }
+
+    /// A plane's numbers at the row.
+    #[inline(always)]
+    pub fn of<V: Lanes>(self, plane: &Plane) -> V {
+        let s = self.slot();
+        // SAFETY: ci < 2 and j < 16, so the slot is that of a row of one of the four colours.
+        V::load(unsafe { plane.get_unchecked(s..s + LANES) }, 0)
+    }
+
+    /// Sets a plane's numbers at the row.
+    #[inline(always)]
+    pub fn set<V: Lanes>(self, plane: &mut Plane, x: V) {
+        let s = self.slot();
+        // SAFETY: as in `of`.
+        x.store(unsafe { plane.get_unchecked_mut(s..s + LANES) }, 0);
+    }
+
+    /// Offsets from the row's nodes, displaced by `own`, to their neighbours at (di, dj), in cells.
+    #[inline(always)]
+    pub fn offset<V: Lanes>(self, u: &[Window; 2], own: &[V; 2], di: i64, dj: i64) -> [V; 2] {
+        let (x, y) = (self.near::<V>(&u[0], di, dj), self.near::<V>(&u[1], di, dj));
+        [(x - own[0]) + di as f32, (y - own[1]) + dj as f32]
+    }
+
+    /// Sets a window's numbers at the row.
+    #[inline(always)]
+    pub fn set_own<V: Lanes>(self, window: &mut Window, x: V) {
+        let at = self.at(0, 0);
+        // SAFETY: as in `near`.
+        x.store(unsafe { window.get_unchecked_mut(at..at + LANES) }, 0);
+    }
+}
