@@ -210,27 +210,48 @@ pub fn copy_rings(run: &Run, level: usize, rows: Shared<Rows>) {
     });
 }
 
+/// Some nodes of a block's ring, in a line: where they lie.
+struct Segment {
+    /// Which of the 3x3 blocks around.
+    from: usize,
+    /// Place of the first one in the block's window.
+    to: [usize; 2],
+    /// Place in the window of the block in which it lies.
+    at: [usize; 2],
+    /// From one to the next.
+    step: [usize; 2],
+    count: usize,
+}
+
+impl Segment {
+    const fn new(from: usize, to: [usize; 2], at: [usize; 2], step: [usize; 2], count: usize) -> Segment {
+        Segment { from, to, at, step, count }
+    }
+}
+
+/// The last place of a window on each side.
+const LAST: usize = SIDE + 1;
+
+/// South-west, south, south-east, west, east, north-west, north-east. Nodes of one colour follow one another, so x goes in
+/// twos. No node of the north owns a pair with the block.
+const RING: [Segment; 8] = [
+    Segment::new(0, [0, 0], [SIDE, SIDE], [0, 0], 1),
+    Segment::new(1, [1, 0], [1, SIDE], [2, 0], SIDE / 2),
+    Segment::new(1, [2, 0], [2, SIDE], [2, 0], SIDE / 2),
+    Segment::new(2, [LAST, 0], [1, SIDE], [0, 0], 1),
+    Segment::new(3, [0, 1], [SIDE, 1], [0, 1], SIDE),
+    Segment::new(5, [LAST, 1], [1, 1], [0, 1], SIDE),
+    Segment::new(6, [0, LAST], [SIDE, 1], [0, 0], 1),
+    Segment::new(8, [LAST, LAST], [1, 1], [0, 0], 1),
+];
+
 /// Copies all pairs that nodes on a block's ring own.
 ///
 /// # Safety
 /// No item writes the own nodes' places of any block now, nor the ring of this one.
 unsafe fn copy_ring(rows: Shared<Rows>, around: &[u32; 9]) {
     let to = rows.pointer(around[4] as usize);
-    // South-west, south, south-east, west, east, north-west, north-east: first place on the ring, first place in the block
-    // where it lies, steps along x and y, and how many. Nodes of one colour follow one another, so x goes in twos. No
-    // node of the north owns a pair with the block.
-    const L: usize = SIDE + 1;
-    const SEGMENTS: [(usize, [usize; 2], [usize; 2], [usize; 2], usize); 8] = [
-        (0, [0, 0], [SIDE, SIDE], [0, 0], 1),
-        (1, [1, 0], [1, SIDE], [2, 0], SIDE / 2),
-        (1, [2, 0], [2, SIDE], [2, 0], SIDE / 2),
-        (2, [L, 0], [1, SIDE], [0, 0], 1),
-        (3, [0, 1], [SIDE, 1], [0, 1], SIDE),
-        (5, [L, 1], [1, 1], [0, 1], SIDE),
-        (6, [0, L], [SIDE, 1], [0, 0], 1),
-        (8, [L, L], [1, 1], [0, 0], 1),
-    ];
-    for (from, [ti, tj], [fi, fj], [di, dj], count) in SEGMENTS {
+    for &Segment { from, to: [ti, tj], at: [fi, fj], step: [di, dj], count } in &RING {
         let from = match around[from] {
             NONE => None,
             b => Some(rows.pointer(b as usize)),
