@@ -241,7 +241,7 @@ pub struct SolveOptions {
     /// depends on the order of frames.
     pub warm: bool,
     /// Stop correcting a chart when a correction gains less than this share of its energy, or when a level's first
-    /// correction gained what its linear model foretold, to half of that share; 0 = the quality's own.
+    /// correction gained what its linear model foretold, to a tenth of that share; 0 = the quality's own.
     pub tolerance: f32,
     /// Cap on corrections per level in place of the quality's own, at most 64; 0 = the quality's own.
     pub max_corrections: u32,
