@@ -1,0 +1,194 @@
+//! The finest level: exact positions and tangents on the triangle under W(p), which is found by walking.
+
+use super::super::lanes::{LANES, Lanes, Truth, each};
+use super::super::record::Record;
+use super::{Chord, Sample, Samples, Site, Slopes, Surface, TINY};
+use crate::mesh::NONE;
+use crate::tile::Grid;
+use crate::tile::blocks::{SIDE, slot};
+
+/// Finest level: L = |f(W_n) - f(W_p)|.
+#[derive(Clone, Copy)]
+pub struct Chords<'a> {
+    pub grid: &'a Grid,
+    pub triangles: &'a [Record],
+}
+
+/// Outside a triangle by less than this share of it counts as inside.
+const SLACK: f32 = 1e-6;
+
+impl Surface for Chords<'_> {
+    const CHORDS: bool = true;
+
+    #[inline]
+    fn sample(&self, b: usize, i: i64, j: i64, u: [f32; 2], start: u32) -> Option<Sample> {
+        Some(self.on(self.find(b, i, j, u, start)?, i, j, u))
+    }
+
+    #[inline(always)]
+    fn sample_row<V: Lanes>(
+        &self,
+        site: &Site,
+        u: &[V; 2],
+        lanes: V::Mask,
+        samples: &mut Samples<V>,
+    ) -> V::Mask {
+        let mut triangle = V::index_array(samples.triangle);
+        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| site.lane(k) as f32);
+        let (column, row) = (V::from_array(column), V::splat(site.j as f32));
+        // Lanes without a triangle load the first one's record and are not used.
+        let record = |t: u32| self.triangles.get(t as usize).unwrap_or(&self.triangles[0]);
+        let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[0]));
+        let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
+        let (l1, l2) = (first[2] * d[0] + first[3] * d[1], first[4] * d[0] + first[5] * d[1]);
+        let l0 = V::one() - l1 - l2;
+        let slack = V::splat(-SLACK);
+        let inside = slack.le(l0).and(slack.le(l1)).and(slack.le(l2));
+        let outside = lanes.and_not(inside).bits();
+        let (mut first, mut found) = (first, lanes);
+        if outside != 0 {
+            // Most nodes stay on their triangle; the others walk, one by one.
+            let (x, y) = (u[0].to_array(), u[1].to_array());
+            let mut lost = 0u8;
+            for k in 0..LANES {
+                if outside >> k & 1 != 0 {
+                    match self.find(site.block, site.lane(k), site.j, [x[k], y[k]], triangle[k]) {
+                        Some(t) => triangle[k] = t,
+                        None => lost |= 1 << k,
+                    }
+                }
+            }
+            found = lanes.and_not(V::Mask::from_bits(lost));
+            first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[0]));
+            samples.triangle = V::index_from(triangle);
+        }
+        let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[1]));
+        let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
+        let origin = [first[6], first[7], second[0]];
+        samples.slope = each!([0, 1, 2, 3, 4, 5], |k| second[k + 1]);
+        let slope = &samples.slope;
+        samples.value = each!([0, 1, 2], |k| origin[k] + (slope[k] * d[0] + slope[k + 3] * d[1]));
+        found
+    }
+
+    #[inline(always)]
+    fn slope(&self, _b: usize, _i: i64, _j: i64, _u: [f32; 2], triangle: u32) -> [f32; 6] {
+        self.triangles.get(triangle as usize).map_or([0.0; 6], Record::slope)
+    }
+
+    #[inline(always)]
+    fn slope_row<V: Lanes>(
+        &self,
+        _site: &Site,
+        _u: &[V; 2],
+        triangle: &[u32; LANES],
+        _lanes: V::Mask,
+    ) -> Slopes<V> {
+        const NOWHERE: [f32; LANES] = [0.0; LANES];
+        let half = |t: u32| self.triangles.get(t as usize).map_or(&NOWHERE, |record| &record.halves[1]);
+        let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(triangle[k])));
+        each!([0, 1, 2, 3, 4, 5], |k| second[k + 1])
+    }
+
+    #[inline(always)]
+    fn length<V: Lanes>(p: &[V; 3], slope: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V {
+        let c = chord(p, slope, n, same, d);
+        (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + TINY).sqrt()
+    }
+
+    #[inline(always)]
+    fn gradient<V: Lanes>(
+        p: &[V; 3],
+        slope: &Slopes<V>,
+        n: &[V; 3],
+        same: V::Mask,
+        d: &[V; 2],
+    ) -> (V, [V; 2], Chord<V>) {
+        let c = chord(p, slope, n, same, d);
+        let length = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + TINY).sqrt();
+        let kept = Chord { along: c, d: *d, inverse_length: V::one() / length };
+        let far = Self::far_gradient(&kept, slope);
+        (length, [-far[0], -far[1]], kept)
+    }
+
+    #[inline(always)]
+    fn far_gradient<V: Lanes>(chord: &Chord<V>, slope_n: &Slopes<V>) -> [V; 2] {
+        let c = &chord.along;
+        each!([0, 3], |k| {
+            (slope_n[k] * c[0] + slope_n[k + 1] * c[1] + slope_n[k + 2] * c[2]) * chord.inverse_length
+        })
+    }
+}
+
+/// The chord itself: from the triangle's tangents where both ends lie on one, the difference of positions elsewhere.
+#[inline(always)]
+fn chord<V: Lanes>(p: &[V; 3], slope: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> [V; 3] {
+    each!([0, 1, 2], |k| same.select(slope[k] * d[0] + slope[k + 3] * d[1], n[k] - p[k]))
+}
+
+impl Chords<'_> {
+    /// The triangle under node (i, j) + u of block `b`'s chart, starting at triangle `start`.
+    fn find(&self, b: usize, i: i64, j: i64, u: [f32; 2], start: u32) -> Option<u32> {
+        self.locate(i, j, u, start).or_else(|| {
+            // The walk was stopped by a border or ran too far: begin at the node nearest to W(p).
+            let (x, y) = (i + u[0].round() as i64, j + u[1].round() as i64);
+            let block = self.grid.levels[0].blocks.holding(b, x, y);
+            let near = match block {
+                NONE => return None,
+                block => self.grid.triangle[block as usize][slot(x as usize % SIDE, y as usize % SIDE)],
+            };
+            let chart = self.grid.levels[0].blocks.list[b].chart;
+            let usable = near != NONE && near != start && self.grid.chart_of[near as usize] == chart;
+            usable.then(|| self.locate(i, j, u, near)).flatten()
+        })
+    }
+
+    /// The triangle under node (i, j) + u, by walking from `t`; `None` at a border or after too many steps.
+    fn locate(&self, i: i64, j: i64, u: [f32; 2], mut t: u32) -> Option<u32> {
+        // A node moves a few cells at most before its start is renewed; fine meshes have several triangles a cell.
+        const STEPS: usize = 256;
+        for _ in 0..STEPS {
+            let record = &self.triangles[t as usize];
+            let origin = record.uv_origin();
+            let [l0, l1, l2] =
+                record.barycentrics([(i as f32 - origin[0]) + u[0], (j as f32 - origin[1]) + u[1]]);
+            let (mut low, mut corner) = (l0, 0);
+            if l1 < low {
+                (low, corner) = (l1, 1);
+            }
+            if l2 < low {
+                (low, corner) = (l2, 2);
+            }
+            if low >= -SLACK {
+                return Some(t);
+            }
+            let neighbours = &self.grid.triangles[t as usize].neighbours;
+            let mut next = neighbours[corner];
+            if next == NONE {
+                // On the border: the other negative corner, if there is one; rounding may put a point just outside.
+                let all = [l0, l1, l2];
+                let other = (0..3).find(|&k| k != corner && all[k] < -SLACK && neighbours[k] != NONE);
+                match other {
+                    Some(k) => next = neighbours[k],
+                    None => return (low >= -1e-3).then_some(t),
+                }
+            }
+            t = next;
+        }
+        None
+    }
+
+    /// The sample at node (i, j) + u on triangle `t`, extrapolated if it lies outside.
+    #[inline(always)]
+    pub fn on(&self, t: u32, i: i64, j: i64, u: [f32; 2]) -> Sample {
+        let record = &self.triangles[t as usize];
+        let origin = record.uv_origin();
+        let d = [(i as f32 - origin[0]) + u[0], (j as f32 - origin[1]) + u[1]];
+        let (pose, slope) = (record.pose().origin, record.slope());
+        Sample {
+            value: each!([0, 1, 2], |k| pose[k] + (slope[k] * d[0] + slope[k + 3] * d[1])),
+            slope,
+            triangle: t,
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Coarser levels: metrics, bilinear between nodes, and their slopes.
+
+use super::super::lanes::{LANES, Lanes, Truth, each};
+use super::{Chord, Sample, Samples, Site, Slopes, Surface, TINY};
+use crate::mesh::NONE;
+use crate::tile::Level;
+use crate::tile::blocks::{Plane, SIDE, slot};
+
+/// Coarser levels: L = sqrt(dᵀ ½(G_p + G_n) d).
+#[derive(Clone, Copy)]
+pub struct Metrics<'a> {
+    pub level: &'a Level,
+    /// Per block: (E, F, G), per cell squared of this level.
+    pub metric: &'a [[Plane; 3]],
+}
+
+impl Metrics<'_> {
+    /// The metrics at (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1), seen from block `b`.
+    #[inline(always)]
+    fn corners(&self, b: usize, i: i64, j: i64) -> Option<[[f32; 3]; 4]> {
+        let at = |block: usize, i: i64, j: i64| {
+            let s = slot(i as usize % SIDE, j as usize % SIDE);
+            let planes = &self.metric[block];
+            [planes[0][s], planes[1][s], planes[2][s]]
+        };
+        let holder = self.level.blocks.holding(b, i, j);
+        if holder == NONE {
+            return None;
+        }
+        let low = at(holder as usize, i, j);
+        // Most cells lie within one block.
+        if i as usize % SIDE != SIDE - 1 && j as usize % SIDE != SIDE - 1 {
+            let at = |i, j| at(holder as usize, i, j);
+            return Some([low, at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]);
+        }
+        let at = |i: i64, j: i64| match self.level.blocks.holding(b, i, j) {
+            NONE => None,
+            block => Some(at(block as usize, i, j)),
+        };
+        Some([low, at(i + 1, j)?, at(i, j + 1)?, at(i + 1, j + 1)?])
+    }
+
+    /// Value and slope from a cell's corners and the place in it.
+    #[inline(always)]
+    fn bilinear<V: Lanes>(corners: &[[V; 3]; 4], s: V, t: V) -> ([V; 3], Slopes<V>) {
+        let [g00, g10, g01, g11] = corners;
+        let low = each!([0, 1, 2], |k| g00[k] + s * (g10[k] - g00[k]));
+        let high = each!([0, 1, 2], |k| g01[k] + s * (g11[k] - g01[k]));
+        let value = each!([0, 1, 2], |k| low[k] + t * (high[k] - low[k]));
+        let slope = each!([0, 1, 2, 3, 4, 5], |k| {
+            if k < 3 {
+                (V::one() - t) * (g10[k] - g00[k]) + t * (g11[k] - g01[k])
+            } else {
+                high[k - 3] - low[k - 3]
+            }
+        });
+        (value, slope)
+    }
+
+    /// The cells' corners under a row's nodes, the places in them, and where there are any.
+    #[inline(always)]
+    fn cells<V: Lanes>(&self, site: &Site, u: &[V; 2], lanes: V::Mask) -> ([[V; 3]; 4], [V; 2], V::Mask) {
+        let whole = each!([0, 1], |c| u[c].floor());
+        let inside = each!([0, 1], |c| u[c] - whole[c]);
+        let (x, y) = (whole[0].to_array(), whole[1].to_array());
+        let mut corners = [[[0.0f32; LANES]; 3]; 4];
+        let (bits, mut lost) = (lanes.bits(), 0u8);
+        for k in 0..LANES {
+            if bits >> k & 1 == 0 {
+                continue;
+            }
+            match self.corners(site.block, site.lane(k) + x[k] as i64, site.j + y[k] as i64) {
+                Some(cell) => {
+                    for (to, from) in corners.iter_mut().zip(cell) {
+                        for c in 0..3 {
+                            to[c][k] = from[c];
+                        }
+                    }
+                }
+                None => lost |= 1 << k,
+            }
+        }
+        let corners = each!([0, 1, 2, 3], |n| each!([0, 1, 2], |c| V::from_array(corners[n][c])));
+        (corners, inside, lanes.and_not(V::Mask::from_bits(lost)))
+    }
+}
+
+impl Surface for Metrics<'_> {
+    const CHORDS: bool = false;
+
+    /// Bilinear between nodes.
+    #[inline]
+    fn sample(&self, b: usize, i: i64, j: i64, u: [f32; 2], _start: u32) -> Option<Sample> {
+        let whole = [u[0].floor(), u[1].floor()];
+        let [s, t] = [u[0] - whole[0], u[1] - whole[1]];
+        let [g00, g10, g01, g11] = self.corners(b, i + whole[0] as i64, j + whole[1] as i64)?;
+        let mut sample = Sample { triangle: NONE, ..Sample::default() };
+        for k in 0..3 {
+            let (low, high) = (g00[k] + s * (g10[k] - g00[k]), g01[k] + s * (g11[k] - g01[k]));
+            sample.value[k] = low + t * (high - low);
+            sample.slope[k] = (1.0 - t) * (g10[k] - g00[k]) + t * (g11[k] - g01[k]);
+            sample.slope[k + 3] = high - low;
+        }
+        Some(sample)
+    }
+
+    #[inline(always)]
+    fn sample_row<V: Lanes>(
+        &self,
+        site: &Site,
+        u: &[V; 2],
+        lanes: V::Mask,
+        samples: &mut Samples<V>,
+    ) -> V::Mask {
+        let (corners, [s, t], found) = self.cells(site, u, lanes);
+        (samples.value, samples.slope) = Self::bilinear(&corners, s, t);
+        found
+    }
+
+    #[inline(always)]
+    fn slope(&self, b: usize, i: i64, j: i64, u: [f32; 2], triangle: u32) -> [f32; 6] {
+        self.sample(b, i, j, u, triangle).map_or([0.0; 6], |s| s.slope)
+    }
+
+    #[inline(always)]
+    fn slope_row<V: Lanes>(
+        &self,
+        site: &Site,
+        u: &[V; 2],
+        _triangle: &[u32; LANES],
+        lanes: V::Mask,
+    ) -> Slopes<V> {
+        // Lanes without a cell have corners of 0, and so a slope of 0.
+        let (corners, [s, t], _) = self.cells(site, u, lanes);
+        Self::bilinear(&corners, s, t).1
+    }
+
+    #[inline(always)]
+    fn length<V: Lanes>(p: &[V; 3], _slope: &Slopes<V>, n: &[V; 3], _same: V::Mask, d: &[V; 2]) -> V {
+        let g = each!([0, 1, 2], |k| (p[k] + n[k]) * 0.5);
+        let along = [g[0] * d[0] + g[1] * d[1], g[1] * d[0] + g[2] * d[1]];
+        ((along[0] * d[0] + along[1] * d[1]).max(V::zero()) + TINY).sqrt()
+    }
+
+    #[inline(always)]
+    fn gradient<V: Lanes>(
+        p: &[V; 3],
+        slope: &Slopes<V>,
+        n: &[V; 3],
+        _same: V::Mask,
+        d: &[V; 2],
+    ) -> (V, [V; 2], Chord<V>) {
+        let g = each!([0, 1, 2], |k| (p[k] + n[k]) * 0.5);
+        let along = [g[0] * d[0] + g[1] * d[1], g[1] * d[0] + g[2] * d[1], V::zero()];
+        let length = ((along[0] * d[0] + along[1] * d[1]).max(V::zero()) + TINY).sqrt();
+        let kept = Chord { along, d: *d, inverse_length: V::one() / length };
+        let own = half_change(&kept, slope);
+        let near = [(own[0] - along[0]) * kept.inverse_length, (own[1] - along[1]) * kept.inverse_length];
+        (length, near, kept)
+    }
+
+    #[inline(always)]
+    fn far_gradient<V: Lanes>(chord: &Chord<V>, slope_n: &Slopes<V>) -> [V; 2] {
+        let own = half_change(chord, slope_n);
+        each!([0, 1], |k| (own[k] + chord.along[k]) * chord.inverse_length)
+    }
+}
+
+/// An end's half of the metric's change along W: ¼ dᵀ (dG/dx) d and ¼ dᵀ (dG/dy) d.
+#[inline(always)]
+fn half_change<V: Lanes>(chord: &Chord<V>, slope: &Slopes<V>) -> [V; 2] {
+    let [x, y] = chord.d;
+    let (xx, xy, yy) = (x * x, x * y * 2.0, y * y);
+    each!([0, 3], |k| (slope[k] * xx + slope[k + 1] * xy + slope[k + 2] * yy) * 0.25)
+}
