@@ -562,7 +562,8 @@ typedef struct vrtm_tile_settings {
     uint32_t grid_width;
     // Cells of the grid in v, likewise.
     uint32_t grid_height;
-    // Smoothness of elastic material, up to 1e6; 0 = 0.05, VRTM_OFF = none. A lower one does not lower the strain.
+    // Smoothness of elastic material against the stiffness 1 of rigid material, up to 1e6; 0 = 0.02, VRTM_OFF = none. A
+    // lower one lets rigid features keep their shape better and makes material of little rigidity more rigid.
     float smoothness;
     // Smoothness of all material, 1e-6 to 1e6; 0 = 0.0005.
     float smoothness_floor;
@@ -686,10 +687,10 @@ vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
 // How much work a solve does on each level of its grid.
 typedef int32_t vrtm_quality;
 
-// Few sweeps and one correction; the default.
+// One correction on each level, and more on the finest where a chart is crowded; the default.
 #define VRTM_QUALITY_NORMAL 0
 
-// Relaxation only: a preview.
+// The same, but relaxation alone on the finest level: a preview.
 #define VRTM_QUALITY_DRAFT 1
 
 // More sweeps, and corrections until little is left to gain.

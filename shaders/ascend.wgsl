@@ -14,6 +14,27 @@ fn coarse_z(parent: u32, n: vec2u) -> vec2f {
     return vec2f(coarse_vectors[at], coarse_vectors[at + NODES]);
 }
 
+/// The lower neighbour's weight at the node n of block b's window.
+fn weight_at(b: u32, n: vec2u) -> f32 {
+    let source = window_source(n);
+    let holder = blocks[b].links[source.x];
+    if holder == NONE {
+        return 0.0;
+    }
+    return rows[row_at(holder, INTERPOLATION, source.y)];
+}
+
+/// z of the coarser level at coarse column `column` of block b (0 to 8), fine row `row`: interpolated in y alone.
+fn column_value(b: u32, parent: u32, column: u32, row: u32) -> vec2f {
+    let low = vec2u(blocks[b].x & 1u, blocks[b].y & 1u) * 8u + vec2u(column, row / 2u) + 1u;
+    let own = coarse_z(parent, low);
+    if row % 2u == 0u {
+        return own;
+    }
+    let weight = weight_at(b, vec2u(2u * column + 1u, row + 1u));
+    return own * weight + coarse_z(parent, low + vec2u(0u, 1u)) * (1.0 - weight);
+}
+
 /// P z of the coarser level at a node of block b.
 fn correction(b: u32, s: u32) -> vec2f {
     let parent = blocks[b].parent;
@@ -21,11 +42,12 @@ fn correction(b: u32, s: u32) -> vec2f {
         return vec2f();
     }
     let n = node_of(s);
-    let low = vec2u(blocks[b].x & 1u, blocks[b].y & 1u) * 8u + n / 2u + 1u;
-    let high = low + n % 2u;
-    let south = coarse_z(parent, low) + coarse_z(parent, vec2u(high.x, low.y));
-    let north = coarse_z(parent, vec2u(low.x, high.y)) + coarse_z(parent, high);
-    return (south + north) * 0.25;
+    let west = column_value(b, parent, n.x / 2u, n.y);
+    if n.x % 2u == 0u {
+        return west;
+    }
+    let weight = rows[row_at(b, INTERPOLATION, s)];
+    return west * weight + column_value(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
 }
 
 @compute @workgroup_size(64)

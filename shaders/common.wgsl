@@ -114,7 +114,8 @@ struct Block {
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
 /// Per block: displacement (2), position or metric at W (3), triangle under W.
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
-/// Per block: diagonal (3), pairs of the owned edges (16).
+/// Per block: diagonal (3), pairs of the owned edges (16), and, uploaded once, what a correction's interpolation from the
+/// next coarser level gives to the lower neighbour (of odd columns: to the west; of even columns in odd rows: to the south).
 @group(0) @binding(7) var<storage, read_write> rows: array<f32>;
 /// Per block: r, z, t, p, x (2 each), share (2 in turn), mark.
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
@@ -132,8 +133,9 @@ const U: u32 = 0u;
 const VALUE: u32 = 2u;
 const TRIANGLE: u32 = 5u;
 
-const ROW_PLANES: u32 = 19u;
+const ROW_PLANES: u32 = 20u;
 const PAIR: u32 = 3u;
+const INTERPOLATION: u32 = 19u;
 
 const VECTOR_PLANES: u32 = 13u;
 const R: u32 = 0u;

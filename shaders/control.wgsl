@@ -75,11 +75,11 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             if sum.x < before || params.mode == LAST_TRIAL {
                 charts[c].working = 0u;
                 let gain = before - sum.x;
-                let tolerance = params.tolerance * before;
+                let identity = select(0.0, charts[c].identity, params.level == 0u);
+                let unit = params.tolerance * (before + OF_IDENTITY * identity);
                 // The first correction is enough if it gained what its model had foretold.
-                let missed = abs(gain - charts[c].predicted) / tolerance;
-                let share = clamp((missed - FORETOLD.x) / (FORETOLD.y - FORETOLD.x), 0.0, 1.0);
-                let next = select(0.0, select(1.0, share, charts[c].first == 1u), gain > tolerance);
+                let missed = select(1.0, ramp(abs(gain - charts[c].predicted) / unit, MISSED), charts[c].first == 1u);
+                let next = select(0.0, min(ramp(gain / unit, GAINED), missed), gain > 0.0);
                 charts[c].next = next;
                 charts[c].done = u32(!(next > 0.0));
             }
@@ -100,9 +100,14 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
 }
 
-/// How far a first correction's gain may be from what its model foretold, in tolerances: up to the first there is no
-/// further correction, from the second on a whole one.
-const FORETOLD = vec2f(0.1, 0.9);
+/// As in src/solve.rs.
+const OF_IDENTITY: f32 = 0.06;
+const GAINED = vec2f(1.0, 4.0);
+const MISSED = vec2f(0.1, 3.0);
+
+fn ramp(x: f32, ends: vec2f) -> f32 {
+    return clamp((x - ends.x) / (ends.y - ends.x), 0.0, 1.0);
+}
 
 const ALL: u32 = 0u;
 const FIRST_CORRECTION: u32 = 1u;

@@ -1,7 +1,84 @@
-// correct: the step's local share: 1 where the whole step keeps every corner Jacobian at epsilon or more, halved around
-// corners that would fall under it, falling off smoothly around those. Charts without such corners are done.
+// correct: the step's local share: the part of it that leaves every corner Jacobian some of what it has over epsilon,
+// falling off smoothly around corners that would lose more; what folds all the same is halved. Charts whose whole step
+// leaves enough are done.
 
 var<workgroup> near: array<vec2f, 324>;
+var<workgroup> steps: array<vec2f, 324>;
+
+/// A step leaves at least this share of what a corner Jacobian has over the bound.
+const KEPT: f32 = 0.1;
+
+/// How often a chart that is cut at all counts as cut: two falloffs come before the first round.
+const CUT_AT_ALL: u32 = 2u;
+
+/// The part of the step that each node may take, were the nodes around it to take the same; tells the chart.
+@compute @workgroup_size(64)
+fn parts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = choose(group, t);
+    if b == NONE {
+        return;
+    }
+    for (var k = t; k < WINDOW; k += 64u) {
+        let source = window_source(window_node(k));
+        let holder = blocks[b].around[source.x];
+        near[k] = vec2f();
+        steps[k] = vec2f();
+        if holder != NONE {
+            near[k] = displacement(holder, source.y);
+            if blocks[holder].moves != 0u {
+                let x = vector_at(holder, X, source.y);
+                steps[k] = vec2f(vectors[x], vectors[x + NODES]);
+            }
+        }
+    }
+    workgroupBarrier();
+    var cut = false;
+    for (var k = 0u; k < 4u; k++) {
+        let s = own_slot(k, t);
+        let part = part_of(node_of(s));
+        vectors[vector_at(b, SHARE, s)] = part;
+        vectors[vector_at(b, MARK, s)] = 0.0;
+        cut = cut || part < 1.0;
+    }
+    if cut {
+        atomicMax(&charts[blocks[b].chart].cuts, CUT_AT_ALL);
+    }
+}
+
+/// Keeps a quotient finite.
+const SMALLEST: f32 = 1.1754944e-38;
+
+/// The smallest part over the twelve corners that a node touches.
+fn part_of(n: vec2u) -> f32 {
+    var part = 1.0;
+    for (var q = 0u; q < 4u; q++) {
+        let s = quadrant(q);
+        let o = array<vec2i, 3>(vec2i(s.x, 0), vec2i(0, s.y), s);
+        var arms: array<vec2f, 3>;
+        var changes: array<vec2f, 3>;
+        for (var k = 0u; k < 3u; k++) {
+            arms[k] = arm(n, o[k]);
+            changes[k] = change(n, o[k]);
+        }
+        let sign = f32(s.x * s.y);
+        for (var k = 0u; k < 3u; k++) {
+            // The node's own corner, its x-neighbour's, its y-neighbour's.
+            let i = select(0u, 2u, k == 2u);
+            let j = select(1u, 2u, k == 1u);
+            // J over what is to be left of it, at the part s of the step: start + s first + s^2 second, which starts at 0
+            // or more. If it ends under 0, it has one root in between.
+            let over = max(sign * cross2(arms[i], arms[j]) - MIN_JACOBIAN, 0.0);
+            let start = over * (1.0 - KEPT);
+            let first = sign * (cross2(changes[i], arms[j]) + cross2(arms[i], changes[j]));
+            let second = sign * cross2(changes[i], changes[j]);
+            if start + first + second < 0.0 {
+                let root = sqrt(max(first * first - 4.0 * start * second, 0.0)) - first;
+                part = min(part, (start + start) / max(root, SMALLEST));
+            }
+        }
+    }
+    return part;
+}
 
 /// Marks nodes with a corner that u + share x would fold, and tells the chart. Round `mode` of it.
 @compute @workgroup_size(64)
@@ -10,7 +87,6 @@ fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
     if b == NONE {
         return;
     }
-    let first = params.mode == 0u;
     let share_plane = SHARE + (params.mode & 1u);
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
@@ -20,8 +96,7 @@ fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
             near[k] = displacement(holder, source.y);
             if blocks[holder].moves != 0u {
                 let x = vector_at(holder, X, source.y);
-                let share = select(vectors[vector_at(holder, share_plane, source.y)], 1.0, first);
-                near[k] += share * vec2f(vectors[x], vectors[x + NODES]);
+                near[k] += vectors[vector_at(holder, share_plane, source.y)] * vec2f(vectors[x], vectors[x + NODES]);
             }
         }
     }
@@ -32,9 +107,6 @@ fn mark(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
         // What is not a number is no Jacobian either.
         let bad = !(worst_corner(node_of(s)) >= MIN_JACOBIAN);
         vectors[vector_at(b, MARK, s)] = select(0.0, 1.0, bad);
-        if first {
-            vectors[vector_at(b, SHARE, s)] = 1.0;
-        }
         folds = folds || bad;
     }
     if folds {
@@ -54,6 +126,11 @@ fn choose_cut(group: vec3u, t: u32, cuts: u32) -> u32 {
 fn arm(n: vec2u, o: vec2i) -> vec2f {
     let at = vec2u(vec2i(n) + 1 + o);
     return (near[place(at.x, at.y)] - near[place(n.x + 1u, n.y + 1u)]) + vec2f(o);
+}
+
+fn change(n: vec2u, o: vec2i) -> vec2f {
+    let at = vec2u(vec2i(n) + 1 + o);
+    return steps[place(at.x, at.y)] - steps[place(n.x + 1u, n.y + 1u)];
 }
 
 fn cross2(a: vec2f, b: vec2f) -> f32 {

@@ -160,6 +160,34 @@ fn other(b: u32, plane: u32, n: vec2u) -> vec2f {
     return vector(holder, plane, source.y);
 }
 
+/// The lower neighbour's weight at the window's node n of block b.
+fn weight_at(b: u32, n: vec2u) -> f32 {
+    let source = window_source(n);
+    let holder = cycle_blocks[b].links[source.x];
+    if holder == NONE {
+        return 0.0;
+    }
+    return rows[row_at(holder, INTERPOLATION, source.y)];
+}
+
+/// What the fine nodes n, n + (1, 0) and n + (2, 0) of a window give to the middle one's column.
+fn restricted_line(b: u32, n: vec2u) -> vec2f {
+    let east = n + vec2u(2u, 0u);
+    return other(b, T, n + vec2u(1u, 0u))
+        + ((1.0 - weight_at(b, n)) * other(b, T, n) + weight_at(b, east) * other(b, T, east));
+}
+
+/// z of the coarser level at coarse column `column` of block b (0 to 8), fine row `row`: interpolated in y alone.
+fn column_value(b: u32, parent: u32, column: u32, row: u32) -> vec2f {
+    let low = vec2u(cycle_blocks[b].colour & 1u, cycle_blocks[b].colour >> 1u) * 8u + vec2u(column, row / 2u) + 1u;
+    let own = other(parent, Z, low);
+    if row % 2u == 0u {
+        return own;
+    }
+    let weight = weight_at(b, vec2u(2u * column + 1u, row + 1u));
+    return own * weight + other(parent, Z, low + vec2u(0u, 1u)) * (1.0 - weight);
+}
+
 /// r = P' t of the finer level.
 fn restrict_level(c: u32, level: u32, t: u32) {
     let range = range_of(c, level, 4u, t);
@@ -171,11 +199,10 @@ fn restrict_level(c: u32, level: u32, t: u32) {
             let child = cycle_blocks[b].children[n.y / 8u * 2u + n.x / 8u];
             var sum = vec2f();
             if child != NONE && !fixed_node(b, s) {
-                for (var i = 0u; i < 9u; i++) {
-                    let d = vec2u(i % 3u, i / 3u);
-                    let weight = select(0.5, 1.0, d.x == 1u) * select(0.5, 1.0, d.y == 1u);
-                    sum += weight * other(child, T, 2u * (n % 8u) + d);
-                }
+                let at = 2u * (n % 8u);
+                sum = restricted_line(child, at + vec2u(0u, 1u))
+                    + ((1.0 - weight_at(child, at + vec2u(1u, 0u))) * restricted_line(child, at)
+                        + weight_at(child, at + vec2u(1u, 2u)) * restricted_line(child, at + vec2u(0u, 2u)));
             }
             set_vector(b, R, s, sum);
         }
@@ -193,11 +220,12 @@ fn add_level(c: u32, level: u32, t: u32) {
             let s = own_slot(k4, t % 64u);
             if parent != NONE && !fixed_node(b, s) {
                 let n = node_of(s);
-                let low = vec2u(cycle_blocks[b].colour & 1u, cycle_blocks[b].colour >> 1u) * 8u + n / 2u + 1u;
-                let high = low + n % 2u;
-                let south = other(parent, Z, low) + other(parent, Z, vec2u(high.x, low.y));
-                let north = other(parent, Z, vec2u(low.x, high.y)) + other(parent, Z, high);
-                set_vector(b, Z, s, vector(b, Z, s) + (south + north) * 0.25);
+                var add = column_value(b, parent, n.x / 2u, n.y);
+                if n.x % 2u == 1u {
+                    let weight = rows[row_at(b, INTERPOLATION, s)];
+                    add = add * weight + column_value(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
+                }
+                set_vector(b, Z, s, vector(b, Z, s) + add);
             }
         }
     }

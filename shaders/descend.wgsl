@@ -36,6 +36,8 @@ fn smooth_z(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
 /// z at the nodes (-2..17) of a block, then r - A z at (-1..15).
 var<workgroup> wide_z: array<vec2f, 400>;
 var<workgroup> residuals: array<vec2f, 289>;
+/// The lower neighbours' weights at these.
+var<workgroup> weights: array<f32, 289>;
 
 /// Which of the 3x3 blocks around holds node n of a block, n from -2 to 17, and at which slot.
 fn wide_source(n: vec2i) -> vec2u {
@@ -85,16 +87,25 @@ fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     }
     workgroupBarrier();
     for (var k = t; k < 289u; k += 64u) {
-        residuals[k] = residual(b, vec2i(i32(k % 17u), i32(k / 17u)) - 1);
+        let n = vec2i(i32(k % 17u), i32(k / 17u)) - 1;
+        residuals[k] = residual(b, n);
+        let source = wide_source(n);
+        let holder = blocks[b].links[source.x];
+        weights[k] = 0.0;
+        if holder != NONE {
+            weights[k] = rows[row_at(holder, INTERPOLATION, source.y)];
+        }
     }
     workgroupBarrier();
     let c = vec2u(t % 8u, t / 8u);
-    var sum = vec2f();
-    for (var k = 0u; k < 9u; k++) {
-        let d = vec2u(k % 3u, k / 3u);
-        let weight = select(0.5, 1.0, d.x == 1u) * select(0.5, 1.0, d.y == 1u);
-        sum += weight * residuals[(2u * c.y + d.y) * 17u + 2u * c.x + d.x];
+    // In x first, then in y.
+    var lines: array<vec2f, 3>;
+    for (var k = 0u; k < 3u; k++) {
+        let at = (2u * c.y + k) * 17u + 2u * c.x;
+        lines[k] = residuals[at + 1u] + ((1.0 - weights[at]) * residuals[at] + weights[at + 2u] * residuals[at + 2u]);
     }
+    let below = 2u * c.y * 17u + 2u * c.x + 1u;
+    let sum = lines[1] + ((1.0 - weights[below]) * lines[0] + weights[below + 34u] * lines[2]);
     let parent = blocks[b].parent;
     let s = slot(c.x + (blocks[b].x & 1u) * 8u, c.y + (blocks[b].y & 1u) * 8u);
     let fixed = (coarse_nodes[node_at(parent, RIGIDITY, s)] >> 31u) != 0u;

@@ -1,11 +1,7 @@
-// correct: the coarser level's system P' A P with bilinear P, again 9-point and symmetric. Each coarse node reads the
-// rows of 25 finer ones (76 bytes each) and writes 84 bytes.
+// correct: the coarser level's system P' A P, again 9-point and symmetric; P has the weights of
+// src/tile/interpolation.rs. Each coarse node reads the rows of 25 finer ones (80 bytes each) and writes 84 bytes.
 
 @group(0) @binding(10) var<storage, read> fine_blocks: array<Block>;
-
-fn hat(d: i32) -> f32 {
-    return select(select(0.0, 0.5, abs(d) == 1), 1.0, d == 0);
-}
 
 /// Place in the finer level's rows of the first plane of the node at f (relative to the fine block `child`), or NONE.
 fn fine_row(child: u32, f: vec2i) -> u32 {
@@ -15,6 +11,33 @@ fn fine_row(child: u32, f: vec2i) -> u32 {
         return NONE;
     }
     return (params.other_base + holder) * ROW_PLANES * NODES + slot(shifted.x % 16u, shifted.y % 16u);
+}
+
+/// The lower neighbour's weight at the fine node f.
+fn fine_weight(child: u32, f: vec2i) -> f32 {
+    let at = fine_row(child, f);
+    if at == NONE {
+        return 0.0;
+    }
+    return fine_row_value(at + INTERPOLATION * NODES);
+}
+
+/// P between the fine node f and the coarse node over the fine node c.
+fn interpolation(child: u32, f: vec2i, c: vec2i) -> f32 {
+    let d = f - c;
+    if any(abs(d) > vec2i(1)) {
+        return 0.0;
+    }
+    var weight = 1.0;
+    if d.x != 0 {
+        let west = fine_weight(child, f);
+        weight = select(1.0 - west, west, d.x > 0);
+    }
+    if d.y != 0 {
+        let south = fine_weight(child, vec2i(c.x, f.y));
+        weight *= select(1.0 - south, south, d.y > 0);
+    }
+    return weight;
 }
 
 /// The 2x2 block between the fine nodes f (row) and f + offset(k) (column), row-major; k = 8: the diagonal.
@@ -57,7 +80,7 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
         let centre = vec2i(2u * (n % 8u));
         for (var i = 0u; i < 9u; i++) {
             let f = vec2i(i32(i % 3u), i32(i / 3u)) - 1;
-            let own = hat(f.x) * hat(f.y);
+            let own = interpolation(child, centre + f, centre);
             for (var k = 0u; k < 9u; k++) {
                 var g = f;
                 if k < 8u {
@@ -69,7 +92,7 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
                     if e < 4u {
                         c = 2 * offset(e);
                     }
-                    sums[e] += hat(g.x - c.x) * hat(g.y - c.y) * a;
+                    sums[e] += interpolation(child, centre + g, centre + c) * a;
                 }
             }
         }

@@ -1,7 +1,7 @@
 // relax: block descent. Each node takes its own 2x2 Gauss-Newton step with its neighbours fixed, cut so that no corner
 // Jacobian falls under epsilon, and only if its own energy falls.
 //
-// One dispatch is one block colour: blocks of a colour do not touch. Per node it reads 24 bytes of state and 20 of
+// One dispatch is one block colour, all sweeps of a pass: blocks of a colour do not touch. Per node it reads 24 bytes of state and 20 of
 // constants (a quarter more for the ring) and the triangle under it (36), and writes 24.
 
 /// A node's step per sweep, in cells, at most: the linear model is not to be trusted further.
@@ -34,7 +34,7 @@ fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
     return delta * share * 0.999;
 }
 
-fn step_node(b: u32, n: vec2u, floor: f32) {
+fn step_node(b: u32, n: vec2u, floor: f32, share: f32) {
     let at = seen(n, vec2i());
     let p = here(b, n);
     let l = local_problem(n, p, floor);
@@ -43,6 +43,7 @@ fn step_node(b: u32, n: vec2u, floor: f32) {
     if !(-dot(l.gradient, delta) > NOTICEABLE * l.energy) {
         return;
     }
+    delta *= share;
     // The second try has half the step.
     for (var try_ = 0u; try_ < 2u; try_++) {
         let u = p.u + delta;
@@ -69,10 +70,12 @@ fn relax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t
     }
     load_patch(b, t);
     let floor = charts[blocks[b].chart].floor * params.scale;
-    for (var colour = 0u; colour < 4u; colour++) {
-        let n = node_of(own_slot(colour, t));
+    // Of a correction of which a chart takes a share, as much of a share.
+    let share = select(1.0, charts[blocks[b].chart].next, params.mode == 1u);
+    for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
+        let n = node_of(own_slot(sweep % 4u, t));
         if !fixed_in_patch(seen(n, vec2i())) {
-            step_node(b, n, floor);
+            step_node(b, n, floor, share);
         }
         workgroupBarrier();
     }

@@ -6,6 +6,7 @@
 mod stages;
 mod memory;
 mod record;
+mod prefetch;
 mod surface;
 mod refresh;
 mod row;
@@ -70,6 +71,8 @@ pub(crate) struct Run<'a> {
     result: &'a mut [[Plane; 2]],
     /// Per chart; of those that were solved.
     pub outcome: Vec<ChartResult>,
+    /// Per chart: the energy of the finest level's state, where a correction was the last to change it.
+    known: Vec<Option<f64>>,
     node_updates: AtomicU64,
     patches: Patches,
 }
@@ -126,6 +129,7 @@ impl<'a> Run<'a> {
             charts,
             result,
             outcome: vec![ChartResult::default(); charts.len()],
+            known: vec![None; charts.len()],
             node_updates: AtomicU64::new(0),
             patches: Patches::default(),
         }

@@ -72,7 +72,9 @@ pub enum Overlap {
 pub struct TileSettings {
     /// Cells of the grid in u and v; 0 = the rigidity map's size. Rounded up to a multiple of 16, at most 16384.
     pub grid: [u32; 2],
-    /// Smoothness λ of elastic material, >= 0.
+    /// Smoothness λ of elastic material against the stiffness 1 of rigid material, >= 0. A lower one lets rigid features
+    /// keep their shape better where elastic material has to give way for them, and makes material of little rigidity more
+    /// rigid: what counts is R against λ (1 - R).
     pub smoothness: f32,
     /// Smoothness λ0 of all material, > 0: keeps every node's problem well-posed.
     pub smoothness_floor: f32,
@@ -94,7 +96,7 @@ impl Default for TileSettings {
     fn default() -> Self {
         TileSettings {
             grid: [0, 0],
-            smoothness: 0.05,
+            smoothness: 0.02,
             smoothness_floor: 0.0005,
             orientation: 0.0,
             orientation_density: 0.0,
@@ -143,10 +145,9 @@ pub const MAX_GRID: u32 = 16384;
 /// How much work a solve does per level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
-    /// Relaxation only.
+    /// One correction per level, but relaxation alone on the finest.
     Draft,
-    /// Few sweeps, one correction per level; on the finest up to four where a chart is crowded, while they gain 0.3 % of its
-    /// energy.
+    /// One correction per level; on the finest up to four where a chart is crowded, while they gain 0.3 % of its energy.
     #[default]
     Normal,
     /// More sweeps, two corrections per level and up to twelve on the finest, while they gain 0.02 %.

@@ -1,5 +1,5 @@
 //! The schedule of a solve, written once over the stages that a backend implements:
-//! surface -> pyramid -> (prolong -> relax -> correct) per level, coarsest first -> certify. The paper's solver has its own
+//! surface -> pyramid -> (prolong -> correct, or relax alone) per level, coarsest first -> certify. The paper's solver has its own
 //! way through the levels (`pbd`).
 
 use std::time::{Duration, Instant};
@@ -67,6 +67,8 @@ pub(crate) trait Stages {
 pub(crate) struct Correction {
     /// The first one on its level: all charts take part again.
     pub first: bool,
+    /// Iterations of conjugate gradients.
+    pub iterations: u32,
     /// Sweeps after the step.
     pub sweeps: u32,
     /// A chart that gains less than this share of its energy sits out the level's further corrections.
@@ -74,35 +76,38 @@ pub(crate) struct Correction {
 }
 
 impl Correction {
-    /// The share of the next correction's step that a chart is to take; 0: it sits out the level's further corrections.
-    /// It does so if this one gained too little, or if it was the first and gained what its quadratic model had foretold:
-    /// the next one would gain about what the model missed, which on scenes with room is under 0.1 % of the energy after
-    /// a gain of 5 to 25 %, and in crowded ones, where steps are cut, 1 to 3 %. In between the share rises smoothly, so
-    /// that a warp does not jump from frame to frame where a chart crosses the line.
-    pub fn next(&self, energy: f64, gain: f64, predicted: f64) -> f32 {
-        let tolerance = f64::from(self.tolerance) * energy;
+    /// The share of the next correction's step that a chart is to take; 0: it sits out the level's further corrections. It
+    /// grows with what this one gained; and after the first, with how far that is from what its quadratic model had
+    /// foretold: the next one gains about what the model missed, which on scenes with room is next to nothing, and in
+    /// crowded ones, where steps are cut, 1 to 3 % of the energy. It grows smoothly, so that a warp does not jump from frame
+    /// to frame where a chart comes to need another correction.
+    ///
+    /// `identity` is the energy of the identity, 0 if it is not known: where little energy is left of much, a share of what
+    /// is left counts for nothing.
+    pub fn next(&self, energy: f64, identity: f64, gain: f64, predicted: f64) -> f32 {
+        let unit = f64::from(self.tolerance) * (energy + OF_IDENTITY * identity);
+        let ramp = |x: f64, [low, high]: [f64; 2]| ((x / unit - low) / (high - low)).clamp(0.0, 1.0);
+        let missed = if self.first { ramp((gain - predicted).abs(), MISSED) } else { 1.0 };
         // A comparison with NaN is false: no gain.
-        let gained = gain > tolerance;
-        match (gained, self.first) {
-            (false, _) => 0.0,
-            (true, false) => 1.0,
-            (true, true) => {
-                let missed = (gain - predicted).abs() / tolerance;
-                ((missed - FORETOLD[0]) / (FORETOLD[1] - FORETOLD[0])).clamp(0.0, 1.0) as f32
-            }
-        }
+        if gain > 0.0 { ramp(gain, GAINED).min(missed) as f32 } else { 0.0 }
     }
 }
 
-/// How far a first correction's gain may be from what its model foretold, in tolerances: up to the first there is no
-/// further correction, from the second on a whole one.
-const FORETOLD: [f64; 2] = [0.1, 0.9];
+/// Energy whose loss matters, as a share of the identity's.
+const OF_IDENTITY: f64 = 0.06;
+
+/// In tolerances, the gains from which and from up to which the next step's share grows, ...
+const GAINED: [f64; 2] = [1.0, 4.0];
+/// ... and likewise how much a first correction's gain differs from what was foretold.
+const MISSED: [f64; 2] = [0.1, 3.0];
 
 /// How much work to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plan {
-    /// Sweeps before and after each correction.
+    /// Sweeps after each correction; on a level without any, sweeps alone.
     pub sweeps: u32,
+    /// Iterations of conjugate gradients in each: more gain less than the next level or the next correction does.
+    pub iterations: u32,
     /// Corrections on the finest level and on the others.
     pub corrections: [u32; 2],
     pub tolerance: f32,
@@ -115,17 +120,19 @@ pub(crate) struct Plan {
 impl Plan {
     pub fn new(options: &SolveOptions) -> Plan {
         let pbd = (options.solver == Solver::Pbd).then(|| options.pbd.resolved());
-        // A chart with room is done after one or two corrections; the others go to crowded ones, which need them.
-        let (sweeps, corrections, tolerance) = match options.quality {
-            Quality::Draft => (4, [0, 0], 0.0),
-            Quality::Normal => (2, [4, 1], 3e-3),
-            Quality::High => (4, [12, 2], 2e-4),
+        // The coarser levels cost a third of the finest, and their corrections move features where sweeps alone would
+        // take hundreds. A chart with room is done after one correction on the finest; the others go to crowded ones.
+        let (sweeps, iterations, corrections, tolerance) = match options.quality {
+            Quality::Draft => (3, 2, [0, 1], 0.0),
+            Quality::Normal => (2, 2, [4, 1], 3e-3),
+            Quality::High => (4, 3, [12, 2], 2e-4),
         };
         let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
         // What a solver does not look at must not make two plans differ.
         let of_descent = pbd.is_none();
         Plan {
             sweeps: if of_descent { sweeps } else { 0 },
+            iterations: if of_descent { iterations } else { 0 },
             corrections: if of_descent { corrections.map(cap) } else { [0; 2] },
             tolerance: match options.tolerance {
                 _ if !of_descent => 0.0,
@@ -173,7 +180,14 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
             }
         });
         match &plan.pbd {
-            None => descend(stages, plan, level, start, &mut outcome, &mut times),
+            None => {
+                if warm {
+                    // The last frame's result has not seen this pose on any level.
+                    outcome.sweeps += plan.sweeps;
+                    timed(&mut times.relax, || stages.relax(level, plan.sweeps));
+                }
+                descend(stages, plan, level, start, &mut outcome, &mut times);
+            }
             Some(settings) => {
                 let late = |stages: &mut _| is_late(stages, plan, start);
                 timed(&mut times.pbd, || {
@@ -187,7 +201,8 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
     outcome
 }
 
-/// Relaxation and corrections of a level.
+/// Corrections of a level, each with its sweeps; or sweeps alone. None come before the first correction: it starts from a
+/// prolonged state as well as from a relaxed one (gaps of scenes with room are the same or smaller without).
 fn descend(
     stages: &mut impl Stages,
     plan: &Plan,
@@ -196,21 +211,32 @@ fn descend(
     outcome: &mut Outcome,
     times: &mut StageTimes,
 ) {
-    for step in 0..=plan.corrections[usize::from(level > 0)] {
+    let corrections = plan.corrections[usize::from(level > 0)];
+    for step in 0..corrections.max(1) {
         // Past the budget only prolongation is left: the state so far becomes the result.
         if is_late(stages, plan, start) {
             outcome.truncated = true;
             break;
         }
         outcome.sweeps += plan.sweeps;
-        if step == 0 {
+        if corrections == 0 {
             timed(&mut times.relax, || stages.relax(level, plan.sweeps));
         } else {
-            let correction = Correction { first: step == 1, sweeps: plan.sweeps, tolerance: plan.tolerance };
+            let Plan { iterations, sweeps, tolerance, .. } = *plan;
+            let correction = Correction { first: step == 0, iterations, sweeps, tolerance };
             timed(&mut times.correct, || stages.correct(level, &correction));
             outcome.corrections += 1;
         }
     }
+}
+
+/// Sweeps that are done on a block while it is at hand, its ring frozen: more would let what has not moved yet hold on to
+/// what is next to it.
+const SWEEPS_OF_A_PASS: u32 = 2;
+
+/// So many sweeps as passes over a level: how many each has.
+pub(crate) fn in_passes(sweeps: u32) -> impl Iterator<Item = u32> {
+    (0..sweeps).step_by(SWEEPS_OF_A_PASS as usize).map(move |done| (sweeps - done).min(SWEEPS_OF_A_PASS))
 }
 
 /// True past the time budget.

@@ -5,6 +5,7 @@ pub(crate) mod coverage;
 pub(crate) mod density;
 pub(crate) mod fill;
 pub(crate) mod halo;
+pub(crate) mod interpolation;
 pub(crate) mod metric;
 pub(crate) mod pose;
 pub(crate) mod pyramid;
@@ -14,6 +15,7 @@ use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::settings::{MAX_GRID, TileSettings};
 use blocks::{Block, Blocks, Plane, SIDE, slot};
 use coverage::Coverage;
+use interpolation::Stiffness;
 use metric::Gather;
 use pose::{Pose, PoseTriangle};
 use pyramid::NodeMaps;
@@ -87,6 +89,9 @@ pub struct Level {
     pub rigidity: Vec<Plane>,
     /// Per block, only if a setting asks for it: how dense rigid material is around each node, 0..1.
     pub density: Vec<Plane>,
+    /// Per block: what a correction's interpolation from the next coarser level gives to each node's lower neighbour, as
+    /// `interpolation` says; the upper one has the rest. Not on the coarsest level.
+    pub interpolation: Vec<Plane>,
     /// Per block: 1 may move, 0 fixed.
     pub movable: Vec<Plane<u8>>,
     /// Per block: rest length l of the edges `EDGES` of each node, in units of the chart.
@@ -133,6 +138,7 @@ impl Grid {
         let triangles = uv_triangles(tile, nx, ny);
         let density = (maps.settings.orientation_density > 0.0).then(|| density::density(&finest));
         let mut levels: Vec<Level> = Vec::new();
+        let mut stiffness = Stiffness::new(&finest, &maps.settings);
         let mut maps = finest;
         loop {
             let mut level = Level::new(&maps, charts, levels.last_mut());
@@ -140,11 +146,15 @@ impl Grid {
                 let step = 1 << levels.len();
                 level.density = planes(&level, |i, j| density[j * step * (nx + 1) + i * step]);
             }
-            levels.push(level);
-            maps = maps.coarser();
-            if maps.nx == 0 || maps.ny == 0 || maps.is_fixed() {
+            let coarser = maps.coarser();
+            if coarser.nx == 0 || coarser.ny == 0 || coarser.is_fixed() {
+                levels.push(level);
                 break;
             }
+            let (weights, next) = stiffness.coarser();
+            level.interpolation = planes(&level, |i, j| weights[j * (maps.nx + 1) + i]);
+            levels.push(level);
+            (maps, stiffness) = (coarser, next);
         }
         let triangle = planes(&levels[0], |i, j| coverage.triangle[j * (nx + 1) + i]);
         let mut gather = Gather::default();
@@ -181,7 +191,9 @@ impl Grid {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let per_block = NODE_BYTES * blocks::NODES;
-        let of_level = |l: &Level| l.blocks.list.len() * per_block + l.density.len() * size_of::<Plane>();
+        let of_level = |l: &Level| {
+            l.blocks.list.len() * per_block + (l.density.len() + l.interpolation.len()) * size_of::<Plane>()
+        };
         let levels: usize = self.levels.iter().map(of_level).sum();
         let finest = self.triangle.len() * blocks::NODES * 4;
         let triangles = self.triangles.len() * (size_of::<UvTriangle>() + 4);
@@ -211,6 +223,7 @@ impl Level {
             ny: maps.ny,
             rigidity: Vec::new(),
             density: Vec::new(),
+            interpolation: Vec::new(),
             movable: Vec::new(),
             rest_length: vec![[[1.0; blocks::NODES]; 4]; blocks.list.len()],
             floor: vec![0.0; charts],

@@ -34,11 +34,12 @@ fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
         ("right-hand side", _) => ([0.0; 2], [4e-5, 1e-6]),
         ("assembled rows", _) => ([1e-5, 1e-6], [0.0; 2]),
         // Of up to five levels of sums of 81 terms each, of either sign.
-        ("Galerkin rows", _) => ([1e-4, 1e-4], [0.0; 2]),
-        // Four iterations on a system with a condition of 1e3 and more.
+        ("Galerkin rows", _) => ([1.5e-4, 1e-4], [0.0; 2]),
+        // Two iterations on a system with a condition of 1e3 and more.
         ("step (cells)", _) => ([1e-3, 1e-4], [1e-5, 1e-6]),
-        // Halved shares: a corner within rounding of the bound could fall on either side, none does.
-        ("cut of the step", _) => ([0.0; 2], [0.0; 2]),
+        // A root of a quadratic in the step. (Where shares are halved as well, a corner within rounding of the bound could
+        // fall on either side; none does.)
+        ("cut of the step", _) => ([0.0; 2], [3e-5, 2e-6]),
         // A first correction is enough if its gain is within 0.03 % of the energy of what was foretold. The energy of a
         // chart that is hardly strained has no digits for that (see below): two of the eleven of ict_inner decide
         // otherwise, and no chart of any other model does.
@@ -47,8 +48,9 @@ fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
         // of the chart: 1e-5. A chart that is hardly strained has no more digits than that in its energy; what counts
         // is the sum, in which such charts are nothing.
         ("energy of a chart, relative" | "energy of the identity, relative", _) => ([0.0; 2], [5e-3, 2e-3]),
-        // A node's step does not raise the energy of what is around the node; the sum over the chart is rounded.
-        ("rise of a chart's energy, relative", _) => ([0.0; 2], [1e-6, 1e-6]),
+        // A node's step does not raise the energy of what is around the node; the sum over the chart is rounded, and that
+        // of a chart that is hardly strained has no more digits than said above: one of ict_inner.
+        ("rise of a chart's energy, relative", _) => ([0.0; 2], [5e-3, 2e-3]),
         ("energy of all charts, relative", _) => ([0.0; 2], [5e-5, 5e-5]),
         // WGSL has no f64: the GPU gives a lower bound, less by four units of rounding of (|a| + 1)(|b| + 1).
         ("smallest corner Jacobian", _) => ([0.0; 2], [4e-6, 4e-6]),
@@ -165,10 +167,15 @@ fn the_rest_on_the_other_backend() {
                 "{backend} to {stage:12} {from_cpu:.1e} cells from the CPU's result, {from_gpu:.1e} from the GPU's"
             );
             assert!(report.folds == 0 && report.min_jacobian > 0.0, "{stage}");
-            // Apart as a correction is (see above), wherever it begins.
-            assert!(from_cpu <= 5e-2 && from_gpu <= 5e-2, "{stage}");
+            // Apart as a correction is (see above), wherever it begins. A second one lacks the coarser systems of the
+            // first, which were made on the other backend, and solves worse.
+            let most = if stage == "correct@0.1" { 0.2 } else { 5e-2 };
+            assert!(from_cpu <= most && from_gpu <= most, "{stage}");
             let relative = report.energy / of_cpu.tile_report(0).unwrap().energy - 1.0;
-            assert!(relative.abs() <= 1e-4, "{stage}: E is {relative:.1e} apart");
+            assert!(
+                relative.abs() <= if stage == "correct@0.1" { 5e-3 } else { 1e-4 },
+                "{stage}: E is {relative:.1e} apart"
+            );
         }
     }
 }

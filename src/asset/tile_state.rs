@@ -85,7 +85,9 @@ impl TileState {
             self.coverage = None;
         }
         let dense = |maps: &TileMaps| maps.settings.orientation_density > 0.0;
-        let resized = resized || dense(&before) != dense(&self.maps);
+        let smoothness = |maps: &TileMaps| (maps.settings.smoothness, maps.settings.smoothness_floor);
+        let resized =
+            resized || dense(&before) != dense(&self.maps) || smoothness(&before) != smoothness(&self.maps);
         if resized || before.rigidity != self.maps.rigidity || before.mask != self.maps.mask {
             self.grid = None;
         } else if before.settings != self.maps.settings

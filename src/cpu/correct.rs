@@ -15,6 +15,7 @@ use crate::tile::halo::WINDOW_NODES;
 
 use super::lanes::{Kernel, LANES, Lanes, Truth, wide};
 use super::patch::State;
+use super::refresh::Start;
 use super::surface::Surface;
 use super::team::Shared;
 use super::{Run, SurfaceFn};
@@ -96,10 +97,6 @@ impl Systems {
     }
 }
 
-/// Iterations of conjugate gradients, on the finest level and on the others: more gain less than the next level or the
-/// next correction does.
-const ITERATIONS: [usize; 2] = [4, 2];
-
 /// No step is this long, in cells: more than the largest grid.
 const MAX_STEP: f32 = 32768.0;
 
@@ -124,7 +121,7 @@ impl Run<'_> {
             let (finer, coarser) = systems.levels.split_at_mut(k + 1);
             galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
         }
-        let predicted = self.conjugate_gradients(&mut systems.levels, level);
+        let predicted = self.conjugate_gradients(&mut systems.levels, level, plan.iterations);
         cut::shares(self, level, &mut systems.levels[level]);
         self.step(&mut systems, level, &before, &predicted, plan);
         self.memory.systems = systems;
@@ -133,11 +130,11 @@ impl Run<'_> {
 
     /// Solves the level's system for `x`, chart by chart: the charts only share the passes over memory. Gives, per chart,
     /// by how much the quadratic model of the energy falls.
-    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize) -> Vec<f64> {
+    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize, iterations: u32) -> Vec<f64> {
         let charts = self.charts.len();
         let mut rz = vec![0.0f64; charts];
         let mut predicted = vec![0.0f64; charts];
-        for iteration in 0..ITERATIONS[usize::from(level > 0)] {
+        for iteration in 0..iterations {
             let next = multigrid::cycle(self, systems, level);
             let system = &mut systems[level];
             let beta: Vec<f32> = (0..charts)
@@ -214,15 +211,20 @@ impl Run<'_> {
                     }
                 }
             });
-            self.refresh(level, &blocks);
-            self.relax_level(level, plan.sweeps);
+            self.refresh(level, &blocks, Start::Present);
+            self.relax_level(level, plan.sweeps, Some(&systems.next));
             let energies = self.energies(level);
             for c in 0..open.len() {
                 // A comparison with NaN is false: not accepted. The last trial is relaxation alone.
                 if open[c] && (energies[c] < before[c] || n == TRIALS.len()) {
                     open[c] = false;
+                    let mut identity = 0.0;
+                    if level == 0 {
+                        self.known[c] = Some(energies[c]);
+                        identity = self.outcome[c].energy_before;
+                    }
                     let gain = before[c] - energies[c];
-                    systems.next[c] = plan.next(before[c], gain, predicted[c]);
+                    systems.next[c] = plan.next(before[c], identity, gain, predicted[c]);
                 }
             }
         }

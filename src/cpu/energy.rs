@@ -6,7 +6,7 @@ use super::relax::MIN_JACOBIAN;
 use super::row::Row;
 use super::surface::Surface;
 use super::team::Shared;
-use super::terms::{Terms, room};
+use super::terms::{Terms, lowest, room};
 use super::{Run, SurfaceFn};
 use crate::tile::Level;
 
@@ -113,14 +113,17 @@ impl<V: Lanes> Total<V> {
         for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
             energy += (V::one() - patch.movable_near::<V>(row, di, dj) * 0.5) * terms.edges[k];
         }
-        for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
-            let (a, b) = (patch.movable_near::<V>(row, sx, 0), patch.movable_near::<V>(row, 0, sy));
-            let c = patch.movable_near::<V>(row, sx, sy);
-            let others = [a + b, a + c, b + c];
-            for k in 0..3 {
-                let jacobian = terms.corners[3 * q + k].0;
-                energy += room(jacobian, weights) / (others[k] + 1.0);
-                self.worst = jacobian.min(self.worst);
+        let low = lowest(&terms.corners);
+        self.worst = low.min(self.worst);
+        // Corners that lack no room are most of them.
+        if low.lt(V::splat(weights.room_threshold)).any() {
+            for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
+                let (a, b) = (patch.movable_near::<V>(row, sx, 0), patch.movable_near::<V>(row, 0, sy));
+                let c = patch.movable_near::<V>(row, sx, sy);
+                let others = [a + b, a + c, b + c];
+                for k in 0..3 {
+                    energy += room(terms.corners[3 * q + k].0, weights) / (others[k] + 1.0);
+                }
             }
         }
         // Fixed lanes may hold anything, even what is not a number.

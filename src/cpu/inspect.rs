@@ -64,6 +64,7 @@ impl Run<'_> {
     }
 
     pub fn set_state(&mut self, level: usize, bits: &[u32]) {
+        self.known.fill(None);
         let buffers = &mut self.memory.levels[level];
         for (b, bits) in bits.chunks(6 * NODES).enumerate() {
             set(&mut buffers.u[b], bits);

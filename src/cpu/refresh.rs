@@ -1,15 +1,28 @@
 //! Samples the surface anew under all nodes of some blocks, after their displacements were set from outside.
 
 use crate::mesh::NONE;
-use crate::tile::blocks::{NODES, SIDE, node_at, slot};
+use crate::tile::blocks::{SIDE, slot};
 
 use super::Run;
+use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
 use super::patch::State;
-use super::surface::{Chords, Metrics, Surface};
+use super::row::Row;
+use super::surface::{Chords, Metrics, Samples, Site, Surface};
+
+/// Where the walk to the triangle under W(p) begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Start {
+    /// W is the identity: each node lies on its own triangle, and none walks. Fixed nodes are sampled here alone.
+    Identity,
+    /// At the triangle of the node nearest to W(p): W may be anything.
+    Nearest,
+    /// At the triangle that the state has: W(p) was there and has moved a little.
+    Present,
+}
 
 impl Run<'_> {
     /// Samples the surface anew under all nodes of the blocks, from their displacements.
-    pub(super) fn refresh(&mut self, level: usize, blocks: &[u32]) {
+    pub(super) fn refresh(&mut self, level: usize, blocks: &[u32], start: Start) {
         let grid = self.grid;
         let (finest, coarser) = self.memory.levels.split_at_mut(1);
         let buffers = if level == 0 { &mut finest[0] } else { &mut coarser[level - 1] };
@@ -19,76 +32,122 @@ impl Run<'_> {
         let metrics = Metrics { level: &grid.levels[level], metric: &metric };
         self.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            // SAFETY: each item has its own block.
-            unsafe {
-                if level == 0 {
-                    refresh_chords(chords, state, b);
-                } else {
-                    refresh_metrics(metrics, state, b);
-                }
+            // Each item has its own block.
+            if level == 0 {
+                wide(RefreshChords { surface: chords, state, b, start });
+            } else {
+                wide(RefreshMetrics { surface: metrics, state, b, start });
             }
         });
         self.memory.levels[level].metric = metric;
     }
 }
 
-/// Samples all nodes of a finest block anew.
-///
-/// # Safety
-/// No other item touches this block now.
-unsafe fn refresh_chords(surface: Chords, state: State, b: usize) {
-    let level = &surface.grid.levels[0];
-    let block = &level.blocks.list[b];
-    // SAFETY: the caller's promise.
-    let (u, value, triangle) = unsafe { (state.u.get(b), state.value.get_mut(b), state.triangle.get_mut(b)) };
-    for s in 0..NODES {
-        let (i, j) = node_at(s);
-        let (i, j) =
-            (i64::from(block.x) * SIDE as i64 + i as i64, i64::from(block.y) * SIDE as i64 + j as i64);
-        let d = [u[0][s], u[1][s]];
-        let rest = surface.grid.triangle[b][s];
-        let sample = if level.movable[b][s] == 0 {
-            (rest != NONE).then(|| surface.on(rest, i, j, [0.0; 2]))
-        } else {
-            // The node nearest to W(p) is a better start than p.
-            let (x, y) = (i + d[0].round() as i64, j + d[1].round() as i64);
-            let near = match level.blocks.holding(b, x, y) {
-                NONE => NONE,
-                near => surface.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
-            };
-            let usable = near != NONE && surface.grid.chart_of[near as usize] == block.chart;
-            let start = if usable { near } else { rest };
-            Some(surface.sample(b, i, j, d, start).unwrap_or_else(|| surface.on(start, i, j, d)))
-        };
-        let sample = sample.unwrap_or_default();
-        for (plane, x) in value.iter_mut().zip(sample.value) {
-            plane[s] = x;
+/// Samples a finest block anew. No other item may touch it meanwhile.
+struct RefreshChords<'a> {
+    surface: Chords<'a>,
+    state: State,
+    b: usize,
+    start: Start,
+}
+
+impl Kernel for RefreshChords<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let RefreshChords { surface, state, b, start } = self;
+        let level = &surface.grid.levels[0];
+        let rest = &surface.grid.triangle[b];
+        // SAFETY: no other item touches the block.
+        let (u, value, triangle) =
+            unsafe { (state.u.get(b), state.value.get_mut(b), state.triangle.get_mut(b)) };
+        for row in Row::all() {
+            let s = row.slot();
+            let site = Site::new(level, b, row);
+            if start == Start::Identity {
+                let on = surface.on_row::<V>(&site, &[V::zero(); 2], V::load_index(rest, s));
+                V::store_index(V::load_index(rest, s), triangle, s);
+                for c in 0..3 {
+                    on.value[c].store(&mut value[c], s);
+                }
+                continue;
+            }
+            let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
+            if !lanes.any() {
+                continue;
+            }
+            let d = each!([0, 1], |c| V::load(&u[c], s));
+            let mut from = [NONE; LANES];
+            from.copy_from_slice(&triangle[s..s + LANES]);
+            if start == Start::Nearest {
+                let (x, y) = (d[0].to_array(), d[1].to_array());
+                for k in 0..LANES {
+                    from[k] = surface.nearest(&site, k, [x[k], y[k]]).unwrap_or(rest[s + k]);
+                }
+            }
+            let mut on =
+                Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: V::index_from(from) };
+            let found = surface.sample_row(&site, &d, lanes, &mut on);
+            if lanes.and_not(found).any() {
+                // W leaves the chart: what lies around the start is extended.
+                on.triangle = V::select_index(found, on.triangle, V::index_from(from));
+                on.value = surface.on_row::<V>(&site, &d, on.triangle).value;
+            }
+            for c in 0..3 {
+                lanes.select(on.value[c], V::load(&value[c], s)).store(&mut value[c], s);
+            }
+            V::store_index(V::select_index(lanes, on.triangle, V::load_index(triangle, s)), triangle, s);
         }
-        triangle[s] = if rest == NONE { NONE } else { sample.triangle };
     }
 }
 
-/// Samples all nodes of a coarser block anew.
-///
-/// # Safety
-/// No other item touches this block now.
-unsafe fn refresh_metrics(surface: Metrics, state: State, b: usize) {
-    let block = &surface.level.blocks.list[b];
-    // SAFETY: the caller's promise.
-    let (u, value) = unsafe { (state.u.get(b), state.value.get_mut(b)) };
-    for s in 0..NODES {
-        let d = [u[0][s], u[1][s]];
-        let mut metric = surface.metric[b].each_ref().map(|plane| plane[s]);
-        if surface.level.movable[b][s] != 0 {
-            let (i, j) = node_at(s);
-            let (i, j) =
-                (i64::from(block.x) * SIDE as i64 + i as i64, i64::from(block.y) * SIDE as i64 + j as i64);
-            if let Some(sample) = surface.sample(b, i, j, d, NONE) {
-                metric = sample.value;
-            }
+impl Chords<'_> {
+    /// The triangle of the node nearest to W(p), if that lies in the same chart.
+    #[inline(always)]
+    fn nearest(&self, site: &Site, lane: usize, u: [f32; 2]) -> Option<u32> {
+        let level = &self.grid.levels[0];
+        let (x, y) = (site.lane(lane) + u[0].round() as i64, site.j + u[1].round() as i64);
+        let triangle = match level.blocks.holding(site.block, x, y) {
+            NONE => NONE,
+            near => self.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
+        };
+        let chart = level.blocks.list[site.block].chart;
+        (triangle != NONE && self.grid.chart_of[triangle as usize] == chart).then_some(triangle)
+    }
+}
+
+/// Samples a coarser block anew. No other item may touch it meanwhile.
+struct RefreshMetrics<'a> {
+    surface: Metrics<'a>,
+    state: State,
+    b: usize,
+    start: Start,
+}
+
+impl Kernel for RefreshMetrics<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let RefreshMetrics { surface, state, b, start } = self;
+        let metric = &surface.metric[b];
+        // SAFETY: no other item touches the block.
+        let (u, value) = unsafe { (state.u.get(b), state.value.get_mut(b)) };
+        if start == Start::Identity {
+            *value = *metric;
+            return;
         }
-        for (plane, x) in value.iter_mut().zip(metric) {
-            plane[s] = x;
+        for row in Row::all() {
+            let s = row.slot();
+            let lanes = V::zero().lt(V::load_u8(&surface.level.movable[b], s));
+            let d = each!([0, 1], |c| V::load(&u[c], s));
+            let nowhere = V::index_from([NONE; LANES]);
+            let mut on = Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: nowhere };
+            let found = surface.sample_row(&Site::new(surface.level, b, row), &d, lanes, &mut on);
+            for c in 0..3 {
+                lanes.and(found).select(on.value[c], V::load(&metric[c], s)).store(&mut value[c], s);
+            }
         }
     }
 }

@@ -2,8 +2,10 @@
 //! Jacobian falls under ε, and only if its own energy falls.
 //!
 //! Blocks of one block colour (x & 1, y & 1) do not touch: they run in parallel, each with all four node colours inside,
-//! its ring frozen; the bits do not depend on the order.
+//! its ring frozen; the bits do not depend on the order. A third of a sweep is the gathering of the block: two sweeps are
+//! done on it at a time.
 
+use crate::solve::in_passes;
 use crate::tile::Level;
 
 use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
@@ -23,47 +25,53 @@ const MAX_STEP: f32 = 2.0;
 const NOTICEABLE: f32 = 1e-6;
 
 /// Sweeps over all blocks of a level.
-pub struct Relax {
+pub struct Relax<'a> {
     pub level: usize,
     pub sweeps: u32,
+    /// Per chart, the share of each step that is taken; all of it without any. What comes with a share of a correction is
+    /// as much of a share, or it would set in at once.
+    pub share: Option<&'a [f32]>,
 }
 
-impl SurfaceFn<()> for Relax {
+impl SurfaceFn<()> for Relax<'_> {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
         let level = &run.grid.levels[self.level];
-        for _ in 0..self.sweeps {
+        for sweeps in in_passes(self.sweeps) {
             run.each_colour(self.level, false, |b| {
                 // Blocks of one colour do not touch.
                 run.patches.with(|patch| {
-                    wide(Sweep { patch, level, state, surface, weights: &run.weights, b });
+                    let share = self.share.map_or(1.0, |share| share[level.blocks.list[b].chart as usize]);
+                    wide(Pass { patch, level, state, surface, weights: &run.weights, b, sweeps, share });
                 });
             });
         }
     }
 }
 
-/// One sweep over block `b`. No other item may touch this block, or write one around it, meanwhile.
-struct Sweep<'a, S> {
+/// Some sweeps over block `b`, its ring frozen. No other item may touch this block, or write one around it, meanwhile.
+struct Pass<'a, S> {
     patch: &'a mut Patch,
     level: &'a Level,
     state: State,
     surface: S,
     weights: &'a Weights,
     b: usize,
+    sweeps: u32,
+    share: f32,
 }
 
-impl<S: Surface> Kernel for Sweep<'_, S> {
+impl<S: Surface> Kernel for Pass<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Sweep { patch, level, state, surface, weights, b } = self;
+        let Pass { patch, level, state, surface, weights, b, sweeps, share } = self;
         // SAFETY: no other item touches the block, or writes one around it.
         unsafe { patch.load::<V, S>(level, state, b) };
         patch.load_slopes::<V, S>(surface);
-        for colour in 0..4 {
-            for row in Row::of_colour(colour) {
-                step::<V, S>(patch, surface, weights, row);
+        for _ in 0..sweeps {
+            for row in Row::all() {
+                step::<V, S>(patch, surface, weights, row, share);
             }
         }
         // SAFETY: as above.
@@ -79,7 +87,7 @@ impl<S: Surface> Kernel for Sweep<'_, S> {
 unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
     // SAFETY: the caller's promise.
     let (u, value) = unsafe { (state.u.get_mut(b), state.value.get_mut(b)) };
-    for row in (0..4).flat_map(Row::of_colour) {
+    for row in Row::all() {
         let (at, s) = (row.at(0, 0), row.slot());
         for c in 0..2 {
             u[c][s..s + LANES].copy_from_slice(&patch.u[c][at..at + LANES]);
@@ -91,16 +99,16 @@ unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
     if S::CHORDS {
         // SAFETY: the caller's promise.
         let triangle = unsafe { state.triangle.get_mut(b) };
-        for row in (0..4).flat_map(Row::of_colour) {
+        for row in Row::all() {
             let (at, s) = (row.at(0, 0), row.slot());
             triangle[s..s + LANES].copy_from_slice(&patch.triangle[at..at + LANES]);
         }
     }
 }
 
-/// One row's step.
+/// A share of one row's step.
 #[inline(always)]
-fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row) {
+fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row, share: f32) {
     let mut lanes = patch.movable_lanes::<V>(row);
     if !lanes.any() {
         return;
@@ -114,6 +122,7 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
     if !lanes.any() {
         return;
     }
+    delta = each!([0, 1], |c| delta[c] * share);
     // The second try has half the step, for lanes whose first one did not lower their energy.
     for _ in 0..2 {
         let u = each!([0, 1], |c| lanes.select(here.u[c] + delta[c], here.u[c]));
@@ -144,9 +153,11 @@ fn newton_step<V: Lanes>(local: &Local<V>) -> [V; 2] {
     for (jacobian, slope) in &local.terms.corners {
         let change = slope[0] * delta[0] + slope[1] * delta[1];
         let margin = (*jacobian - V::splat(MIN_JACOBIAN)).max(V::zero());
-        // Only corners that shrink limit the step.
-        let limit = change.lt(V::zero()).select(margin / -change, V::one());
-        share = share.min(limit);
+        // Only corners that shrink by more than there is limit the step: few.
+        let limits = margin.lt(-change);
+        if limits.any() {
+            share = share.min(limits.select(margin / -change, V::one()));
+        }
     }
     // A hair less, against rounding.
     each!([0, 1], |c| delta[c] * share * 0.999)

@@ -9,6 +9,7 @@ use crate::tile::metric;
 
 use super::certify::{self, Certificate};
 use super::record::Record;
+use super::refresh::Start;
 use super::relax::Relax;
 use super::team::Shared;
 use super::{Run, prolong};
@@ -67,7 +68,7 @@ impl Stages for Run<'_> {
             unsafe { *u.get_mut(blocks[k] as usize) = [[0.0; NODES]; 2] };
         });
         let stored = std::mem::take(&mut self.work[level].stored);
-        self.refresh(level, &stored);
+        self.refresh(level, &stored, Start::Identity);
         self.work[level].stored = stored;
         if level == 0 {
             self.energy_before();
@@ -80,7 +81,7 @@ impl Stages for Run<'_> {
             self.memory.levels[0].u[b as usize] = self.result[b as usize];
         }
         let active = std::mem::take(&mut self.work[0].active);
-        self.refresh(0, &active);
+        self.refresh(0, &active, Start::Nearest);
         self.work[0].active = active;
     }
 
@@ -98,17 +99,18 @@ impl Stages for Run<'_> {
         let blocks = &self.work[level].active;
         self.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            // SAFETY: each item has its own block. The factor: a coarse cell is two fine ones.
+            // SAFETY: each item has its own block.
             let out = unsafe { u.get_mut(b) };
-            prolong::block(fine_level, coarse_level, |b, c| &coarse[b][c], b, 2.0, out);
+            prolong::block(fine_level, coarse_level, |b, c| &coarse[b][c], b, out);
         });
         let active = std::mem::take(&mut self.work[level].active);
-        self.refresh(level, &active);
+        self.refresh(level, &active, Start::Nearest);
         self.work[level].active = active;
     }
 
     fn relax(&mut self, level: usize, sweeps: u32) {
-        self.relax_level(level, sweeps);
+        self.known.fill(None);
+        self.relax_level(level, sweeps, None);
     }
 
     fn correct(&mut self, level: usize, correction: &Correction) {
@@ -124,7 +126,12 @@ impl Stages for Run<'_> {
     }
 
     fn certify(&mut self, as_is: bool) {
-        let energies = if as_is { self.energies_as_is(0) } else { self.energies(0) };
+        let all_known = (0..self.charts.len()).all(|c| !self.charts[c] || self.known[c].is_some());
+        let energies = match (as_is, all_known) {
+            (true, _) => self.energies_as_is(0),
+            (false, true) => self.known.iter().map(|energy| energy.unwrap_or_default()).collect(),
+            (false, false) => self.energies(0),
+        };
         let certificates = self.certificates();
         for c in 0..self.charts.len() {
             if !self.charts[c] {
@@ -165,7 +172,7 @@ impl Run<'_> {
         for &b in &still {
             self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
         }
-        self.refresh(level, &still);
+        self.refresh(level, &still, Start::Identity);
     }
 
     /// Per chart, what its corners say.
@@ -186,12 +193,13 @@ impl Run<'_> {
         certificates
     }
 
-    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32) {
+    /// Sweeps of which each chart's nodes take a share: all of each step without any.
+    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, share: Option<&[f32]>) {
         let grid = &self.grid.levels[level];
         let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
         let nodes: u64 = self.work[level].active.iter().map(movable).sum();
         self.node_updates.fetch_add(nodes * u64::from(sweeps), Ordering::Relaxed);
-        self.with_surface(level, Relax { level, sweeps });
+        self.with_surface(level, Relax { level, sweeps, share });
     }
 
     fn energy_before(&mut self) {

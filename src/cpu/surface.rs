@@ -4,23 +4,18 @@ mod chords;
 mod metrics;
 
 use super::lanes::{LANES, Lanes};
+use super::row::Row;
+use crate::tile::Level;
+use crate::tile::blocks::SIDE;
 pub use chords::Chords;
 pub use metrics::Metrics;
-
-/// What an edge needs to know of one of its ends.
-/// Finest level: `value` = position, `slope` = df/dx and df/dy. Coarser: `value` = (E, F, G), `slope` = its d/dx, d/dy.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Sample {
-    pub value: [f32; 3],
-    pub slope: [f32; 6],
-    /// The triangle under W(p); finest level only.
-    pub triangle: u32,
-}
 
 /// The slopes at a row's eight nodes.
 pub type Slopes<V> = [V; 6];
 
-/// Samples at a row's eight nodes, and the triangles they lie on.
+/// What edges need to know of their ends, at a row's eight nodes.
+/// Finest level: `value` = position, `slope` = df/dx and df/dy, and the triangles under W(p). Coarser: `value` =
+/// (E, F, G), `slope` = its d/dx, d/dy.
 #[derive(Clone, Copy)]
 pub struct Samples<V: Lanes> {
     pub value: [V; 3],
@@ -37,9 +32,17 @@ pub struct Site {
 }
 
 impl Site {
-    /// A lane's node.
+    /// Of a row of block `b`.
     #[inline(always)]
-    fn lane(&self, k: usize) -> i64 {
+    pub fn new(level: &Level, b: usize, row: Row) -> Site {
+        let block = &level.blocks.list[b];
+        let [x, y] = [block.x, block.y].map(|n| i64::from(n) * SIDE as i64);
+        Site { block: b, i: x + row.column() as i64, j: y + row.line() as i64 }
+    }
+
+    /// A lane's node: its column.
+    #[inline(always)]
+    pub fn lane(&self, k: usize) -> i64 {
         self.i + 2 * k as i64
     }
 }
@@ -49,12 +52,9 @@ pub trait Surface: Copy + Sync {
     /// True on the finest level.
     const CHORDS: bool;
 
-    /// Samples the surface at node (i, j) + u of block `b`'s chart, starting at triangle `start`; `None` where W
-    /// leaves the chart.
-    fn sample(&self, b: usize, i: i64, j: i64, u: [f32; 2], start: u32) -> Option<Sample>;
-
-    /// The same for those of a row's nodes that the mask names, starting at the triangles in `samples`; the mask that
-    /// comes back says where there is a sample. Other lanes of `samples` may be anything after it.
+    /// Samples the surface at those of a row's nodes that the mask names, displaced by u, starting at the triangles in
+    /// `samples`; the mask that comes back says where there is a sample: elsewhere W leaves the chart. Other lanes of
+    /// `samples` may be anything after it.
     fn sample_row<V: Lanes>(
         &self,
         site: &Site,
@@ -98,6 +98,14 @@ pub struct Chord<V> {
     along: [V; 3],
     d: [V; 2],
     inverse_length: V,
+}
+
+impl<V: Lanes> Chord<V> {
+    /// Of an edge that pulls at nothing.
+    #[inline(always)]
+    pub fn zero() -> Chord<V> {
+        Chord { along: [V::zero(); 3], d: [V::zero(); 2], inverse_length: V::zero() }
+    }
 }
 
 /// Keeps 1 / L finite; lengths of a chart of unit size are far longer.

@@ -13,9 +13,9 @@ use crate::settings::{PbdSettings, Quality, SolveOptions, Solver};
 
 /// How much work a solve does on each level of its grid.
 pub type vrtm_quality = i32;
-/// Few sweeps and one correction; the default.
+/// One correction on each level, and more on the finest where a chart is crowded; the default.
 pub const VRTM_QUALITY_NORMAL: vrtm_quality = 0;
-/// Relaxation only: a preview.
+/// The same, but relaxation alone on the finest level: a preview.
 pub const VRTM_QUALITY_DRAFT: vrtm_quality = 1;
 /// More sweeps, and corrections until little is left to gain.
 pub const VRTM_QUALITY_HIGH: vrtm_quality = 2;

@@ -54,7 +54,8 @@ pub struct vrtm_tile_settings {
     pub grid_width: u32,
     /// Cells of the grid in v, likewise.
     pub grid_height: u32,
-    /// Smoothness of elastic material, up to 1e6; 0 = 0.05, VRTM_OFF = none. A lower one does not lower the strain.
+    /// Smoothness of elastic material against the stiffness 1 of rigid material, up to 1e6; 0 = 0.02, VRTM_OFF = none. A
+    /// lower one lets rigid features keep their shape better and makes material of little rigidity more rigid.
     pub smoothness: f32,
     /// Smoothness of all material, 1e-6 to 1e6; 0 = 0.0005.
     pub smoothness_floor: f32,

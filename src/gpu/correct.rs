@@ -6,12 +6,12 @@ use super::stages::{Charts, Decision};
 use super::{GateSet, Run, Shared};
 use crate::solve::Correction;
 
-/// Iterations of conjugate gradients, on the finest level and on the others.
-const ITERATIONS: [u32; 2] = [4, 2];
 /// Sweeps on either side of a V-cycle.
 const SWEEPS: u32 = 2;
 /// Rounds of them in each direction on the coarsest level.
 const COARSEST_ROUNDS: u32 = 4;
+/// Falloffs, of two passes, before the first round.
+const FALLOFFS: u32 = 2;
 /// Rounds of halving the step's local share, and rounds in all.
 const HALVINGS: u32 = 8;
 const ROUNDS: u32 = 16;
@@ -36,14 +36,14 @@ impl Run<'_> {
                 self.galerkin(k);
             }
         }
-        self.conjugate_gradients(level);
+        self.conjugate_gradients(level, correction.iterations);
         self.cut(level);
         self.gate = correcting;
         for (n, part) in TRIALS.into_iter().enumerate() {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
             let params = Params { part, mode: u32::from(n > 0), ..self.at_level(level) };
             self.each_active(kernel, level, params, Some(Shared::State));
-            self.relax_level(level, correction.sweeps);
+            self.relax_level(level, correction.sweeps, true);
             let last = n + 1 == TRIALS.len();
             let decision = if last { Decision::LastTrial } else { Decision::Trial };
             self.energy(level, decision, correction.tolerance);
@@ -75,8 +75,7 @@ impl Run<'_> {
         self.exchange(k, Shared::Rows);
     }
 
-    fn conjugate_gradients(&mut self, level: usize) {
-        let iterations = ITERATIONS[usize::from(level > 0)];
+    fn conjugate_gradients(&mut self, level: usize, iterations: u32) {
         for mode in 0..iterations {
             self.cycle(level);
             let decision = if mode == 0 { Decision::FirstDirection } else { Decision::Direction };
@@ -157,12 +156,17 @@ impl Run<'_> {
 
     /// The step's local share.
     fn cut(&mut self, level: usize) {
-        for mode in 0..ROUNDS {
-            let part = if mode < HALVINGS { 0.5 } else { 0.0 };
+        self.each_active(Kernel::Parts, level, self.params, Some(Shared::Vectors));
+        self.open_gate(GateSet::Cut, true);
+        for mode in 0..FALLOFFS + ROUNDS {
+            let part = match mode {
+                ..FALLOFFS => 1.0,
+                _ if mode < FALLOFFS + HALVINGS => 0.5,
+                _ => 0.0,
+            };
             let params = Params { mode, part, ..self.params };
-            self.each_active(Kernel::Mark, level, params, Some(Shared::Vectors));
-            if mode == 0 {
-                self.open_gate(GateSet::Cut, true);
+            if mode >= FALLOFFS {
+                self.each_active(Kernel::Mark, level, params, Some(Shared::Vectors));
             }
             self.each_active(Kernel::Shrink, level, params, Some(Shared::Vectors));
         }

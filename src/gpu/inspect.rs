@@ -91,7 +91,8 @@ impl Run<'_> {
         Ok([self.rows(level)?, choose(&vectors, &RIGHT_HAND_SIDE)])
     }
 
-    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16).
+    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16), interpolation's
+    /// weights (1).
     pub fn rows(&mut self, level: usize) -> Result<Vec<u32>> {
         self.read(level, Shared::Rows)
     }

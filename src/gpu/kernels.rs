@@ -72,6 +72,7 @@ pub enum Kernel {
     Direction,
     Curvature,
     Advance,
+    Parts,
     Mark,
     Shrink,
     ProjectChords,
@@ -118,7 +119,7 @@ macro_rules! source {
 
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
-pub const SOURCES: [Source; 39] = [
+pub const SOURCES: [Source; 40] = [
     source!(Surface, "surface", ["triangle", "surface"], [W(SURFACE), R(OWN), R(OWN + 1)], 0),
     source!(Gather, "gather", ["triangle", "gather"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), W(OWN + 2)], 52),
@@ -166,6 +167,7 @@ pub const SOURCES: [Source; 39] = [
     source!(Curvature, "curvature", ["multigrid", "krylov"],
         [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS)], 92),
     source!(Advance, "advance", ["multigrid", "krylov"], [R(BLOCKS), R(LISTS), W(VECTORS)], 48),
+    source!(Parts, "parts", ["cut"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 24),
     source!(Mark, "mark", ["cut"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 24),
     source!(Shrink, "shrink", ["cut"], [R(BLOCKS), R(LISTS), W(VECTORS)], 16),
     source!(ProjectChords, "project", [CHORDS[0], CHORDS[1], "pbd", "moves", "project"],

@@ -9,8 +9,8 @@ use super::context::Context;
 use super::cycle::{CycleBlock, SmallLevels};
 use super::kernels::{Binding, Kernel, slot};
 use super::layout::{
-    Block, Chart, METRIC_PLANES, NODE_PLANES, Params, RESULT_PLANES, ROW_PLANES, STATE_PLANES, Triangle,
-    VECTOR_PLANES,
+    Block, Chart, INTERPOLATION, METRIC_PLANES, NODE_PLANES, Params, RESULT_PLANES, ROW_PLANES, STATE_PLANES,
+    Triangle, VECTOR_PLANES,
 };
 use super::lists::{GATES, Lists, MOST_GATES, active, band_lists, list_bytes, size_bytes};
 use super::recorder::Recording;
@@ -92,6 +92,17 @@ fn capacity(context: &Context) -> usize {
     context.options.band.map_or(most, |band| band.min(most))
 }
 
+/// Copies interpolation's weights, a plane per block, to their places in the rows of `count` blocks, the first of which is
+/// block `base` there.
+fn put_weights(context: &Context, weights: &wgpu::Buffer, rows: &wgpu::Buffer, base: u32, count: u64) {
+    let mut encoder = context.device.create_command_encoder(&Default::default());
+    for b in 0..count {
+        let to = (u64::from(base) + b) * ROW_PLANES as u64 + INTERPOLATION as u64;
+        encoder.copy_buffer_to_buffer(weights, b * PLANE, rows, to * PLANE, PLANE);
+    }
+    context.queue.submit([encoder.finish()]);
+}
+
 impl Memory {
     /// Allocates for a grid, and uploads what does not depend on the pose.
     pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
@@ -144,16 +155,21 @@ impl Memory {
                     }
                     _ => None,
                 };
+                let rows = match base {
+                    Some(_) => small_rows.clone(),
+                    None => storage("rows", planes(ROW_PLANES))?,
+                };
+                if let Some(weights) = level.interpolation.get(band.held.clone()) {
+                    let weights = upload("interpolation", bytemuck::cast_slice(weights))?;
+                    put_weights(context, &weights, &rows, base.unwrap_or(0), count);
+                }
                 of_level.push(BandBuffers {
                     blocks: upload("blocks", bytemuck::cast_slice(&band_blocks(grid, &bands, k, band)))?,
                     lists: storage("lists", list_bytes(count))?,
                     nodes: upload("nodes", bytemuck::cast_slice(&constants(grid, level, k, band)))?,
                     state: storage("state", planes(STATE_PLANES))?,
                     metric: (k > 0).then(|| storage("metric", planes(METRIC_PLANES))).transpose()?,
-                    rows: match base {
-                        Some(_) => small_rows.clone(),
-                        None => storage("rows", planes(ROW_PLANES))?,
-                    },
+                    rows,
                     vectors: match base {
                         Some(_) => small_vectors.clone(),
                         None => storage("vectors", planes(VECTOR_PLANES))?,

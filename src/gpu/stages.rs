@@ -5,7 +5,7 @@ use super::kernels::Kernel;
 use super::layout::{Params, THREADS};
 use super::recorder::Size;
 use crate::pbd::Iteration;
-use crate::solve::{Correction, Stages};
+use crate::solve::{Correction, Stages, in_passes};
 
 /// What a chart's sum decides; the numbers are `shaders/control.wgsl`'s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,7 +127,7 @@ impl Stages for Run<'_> {
 
     fn relax(&mut self, level: usize, sweeps: u32) {
         self.recorder.stage(Stage::Relax as usize);
-        self.relax_level(level, sweeps);
+        self.relax_level(level, sweeps, false);
     }
 
     fn correct(&mut self, level: usize, correction: &Correction) {
@@ -168,14 +168,15 @@ impl Stages for Run<'_> {
 }
 
 impl Run<'_> {
-    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32) {
+    /// Sweeps; `shared`: each chart's nodes take the share of each step that it takes of the correction under way.
+    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, shared: bool) {
         let nodes: u64 =
             self.charts.iter().zip(&self.grid.movable).filter(|(solve, _)| **solve).map(|(_, n)| n).sum();
         // Of coarser levels, as if each had a quarter of the nodes.
         self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
         let kernel = if level == 0 { Kernel::RelaxChords } else { Kernel::RelaxMetrics };
-        for _ in 0..sweeps {
-            let params = self.at_level(level);
+        for sweeps in in_passes(sweeps) {
+            let params = Params { sweeps, mode: u32::from(shared), ..self.at_level(level) };
             self.each_colour(level, false, super::Shared::State, |run, band, list| {
                 run.run_list(kernel, [level, band], &[], list, params);
             });

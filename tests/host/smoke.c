@@ -94,7 +94,7 @@ int main(void)
 
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     succeeds("get_settings", vrtm_tile_get_settings(tile, &settings));
-    check_that(settings.smoothness > 0.04f && settings.room > 0.2f && settings.struct_size == sizeof settings,
+    check_that(settings.smoothness > 0.01f && settings.room > 0.2f && settings.struct_size == sizeof settings,
                "get_settings fills the defaults in", "");
     settings.room = VRTM_OFF;
     settings.smoothness = 0.1f;

@@ -152,9 +152,9 @@ fn block_row<V: Lanes, S: Surface>(
         let smooth = -edge.smoothness(weights);
         let mut pair = [smooth, V::zero(), V::zero(), smooth];
         if rigid {
-            let (_, near, chord) = S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
+            let (near, chord) = &local.own[k];
             let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&slopes[c], di, dj));
-            let far = S::far_gradient(&chord, &slope_n);
+            let far = S::far_gradient(chord, &slope_n);
             let square = edge.weight * edge.inverse * edge.inverse;
             for c in 0..4 {
                 pair[c] += square * (near[c / 2] * far[c % 2]);

@@ -1,5 +1,6 @@
-//! The step's local share: 1 where the whole step keeps every corner Jacobian at ε or more, halved around corners that
-//! would fall under it, and falling off smoothly around those.
+//! The step's local share: the part of it that leaves every corner Jacobian some of what it has over ε, falling off smoothly
+//! around corners that would lose more. It depends on the step continuously, so that a warp does not jump where a corner
+//! comes to need it. Nodes of one corner may take different parts: what folds all the same is halved.
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
@@ -14,20 +15,43 @@ const HALVINGS: usize = 8;
 /// Rounds in all: after the halvings, nodes around cells that still fold stay where they are. A chart that is not
 /// free of folds then is refused by its energy.
 const ROUNDS: usize = 16;
+/// Passes of the falloff before the first round, and in each.
+const PASSES: [usize; 2] = [4, 2];
 
 /// Sets `share` so that u + share x has no corner under ε.
 pub fn shares(run: &mut Run, level: usize, system: &mut System) {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
     let share = Shared::new(&mut system.share);
+    // Only active blocks are written: in the others, z has to stay 0 for the next cycle.
     let mark = Shared::new(&mut system.z);
     let x = &system.x;
-    // Only active blocks are written: in the others, z has to stay 0 for the next cycle.
-    run.each_block(level, |b, _| {
-        // SAFETY: each item has its own block.
-        unsafe { *share.get_mut(b) = [1.0; NODES] };
-    });
     let mut blocks = run.work[level].active.clone();
+    let mut cuts = vec![false; blocks.len()];
+    let cuts_of = Shared::new(&mut cuts);
+    run.team.run(blocks.len(), |k| {
+        let b = blocks[k] as usize;
+        let (mut from, mut step) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
+        let around = super::multigrid::masked(grid, b);
+        for c in 0..2 {
+            halo::load(&grid.blocks.around[b], 0.0, |b| &u[b][c], &mut from[c]);
+            // Blocks without movable nodes have no step.
+            halo::load(&around, 0.0, |b| &x[b][c], &mut step[c]);
+        }
+        // SAFETY: each item has its own block and flag.
+        unsafe { *cuts_of.get_mut(k) = wide(Parts { from: &from, step: &step, share: share.get_mut(b) }) };
+    });
+    // Charts whose whole step leaves enough are done: what happens to the others must not touch them.
+    let keep_open = |blocks: &mut Vec<u32>, flags: &[bool]| {
+        let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
+        let mut open = vec![false; run.charts.len()];
+        for (&b, _) in blocks.iter().zip(flags).filter(|(_, flag)| **flag) {
+            open[chart_of(b)] = true;
+        }
+        blocks.retain(|&b| open[chart_of(b)]);
+    };
+    keep_open(&mut blocks, &cuts);
+    smooth_falloff(run, level, &blocks, share, mark, PASSES[0]);
     for round in 0..ROUNDS {
         let mut folds = vec![false; blocks.len()];
         let folds_of = Shared::new(&mut folds);
@@ -55,13 +79,7 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
             // SAFETY: each item has its own flag.
             unsafe { *folds_of.get_mut(k) = any };
         });
-        // Charts that are free of folds are done: what happens to the others must not touch them.
-        let mut open = vec![false; run.charts.len()];
-        let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
-        for (&b, _) in blocks.iter().zip(&folds).filter(|(_, fold)| **fold) {
-            open[chart_of(b)] = true;
-        }
-        blocks.retain(|&b| open[chart_of(b)]);
+        keep_open(&mut blocks, &folds);
         if blocks.is_empty() {
             return;
         }
@@ -84,17 +102,24 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
                 }
             }
         });
-        smooth_falloff(run, level, &blocks, share, mark);
+        smooth_falloff(run, level, &blocks, share, mark, PASSES[1]);
     }
 }
 
 /// A share exceeds its neighbours' by at most this: a step that changes abruptly folds by itself.
 const FALLOFF: f32 = 0.125;
 
-/// One pass of share <= min(neighbours) + FALLOFF, through the second mark plane.
-fn smooth_falloff(run: &Run, level: usize, blocks: &[u32], share: Shared<Plane>, mark: Shared<[Plane; 2]>) {
+/// Passes of share <= min(neighbours) + FALLOFF, through the second mark plane.
+fn smooth_falloff(
+    run: &Run,
+    level: usize,
+    blocks: &[u32],
+    share: Shared<Plane>,
+    mark: Shared<[Plane; 2]>,
+    passes: usize,
+) {
     let grid = &run.grid.levels[level];
-    for _ in 0..2 {
+    for _ in 0..passes {
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             let mut shares: Window = [1.0; WINDOW_NODES];
@@ -111,6 +136,71 @@ fn smooth_falloff(run: &Run, level: usize, blocks: &[u32], share: Shared<Plane>,
             unsafe { *share.get_mut(b) = mark.get(b)[1] };
         });
     }
+}
+
+/// The part of the step that a block's nodes may take, were the nodes around them to take the same; true if it is not the
+/// whole anywhere.
+struct Parts<'a> {
+    from: &'a [Window; 2],
+    step: &'a [Window; 2],
+    share: &'a mut Plane,
+}
+
+/// A step leaves at least this share of what a corner Jacobian has over the bound.
+const KEPT: f32 = 0.1;
+
+impl Kernel for Parts<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> bool {
+        let mut any = false;
+        for row in Row::all() {
+            let share = part::<V>(self.from, self.step, row);
+            any |= share.lt(V::one()).any();
+            row.set(self.share, share);
+        }
+        any
+    }
+}
+
+/// The smallest part over the twelve corners that a row's nodes touch.
+#[inline(always)]
+fn part<V: Lanes>(from: &[Window; 2], step: &[Window; 2], row: Row) -> V {
+    let [p, dp] = [from, step].map(|w| each!([0, 1], |c| row.near::<V>(&w[c], 0, 0)));
+    let mut part = V::one();
+    for &(sx, sy) in &QUADRANTS {
+        let sign = (sx * sy) as f32;
+        let [a, b, c] =
+            [row.offset(from, &p, sx, 0), row.offset(from, &p, 0, sy), row.offset(from, &p, sx, sy)];
+        let [da, db, dc] =
+            [change(step, &dp, row, sx, 0), change(step, &dp, row, 0, sy), change(step, &dp, row, sx, sy)];
+        for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
+            // J over what is to be left of it, at the part s of the step: start + s first + s² second, which starts at 0
+            // or more. If it ends under 0, it has one root in between.
+            let over = (cross(a, b, sign) - V::splat(MIN_JACOBIAN)).max(V::zero());
+            let start = over * (1.0 - KEPT);
+            let (first, second) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
+            let bad = (start + first + second).lt(V::zero());
+            if bad.any() {
+                let root = (first * first - start * second * 4.0).max(V::zero()).sqrt() - first;
+                let found = (start + start) / root.max(V::splat(f32::MIN_POSITIVE));
+                part = bad.select(found.min(part), part);
+            }
+        }
+    }
+    part
+}
+
+/// How the offset from a row's nodes to their neighbours at (di, dj) changes over a step.
+#[inline(always)]
+fn change<V: Lanes>(step: &[Window; 2], own: &[V; 2], row: Row, di: i64, dj: i64) -> [V; 2] {
+    each!([0, 1], |c| row.near::<V>(&step[c], di, dj) - own[c])
+}
+
+#[inline(always)]
+fn cross<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> V {
+    (a[0] * b[1] - a[1] * b[0]) * sign
 }
 
 /// One pass of the falloff over a block.

@@ -1,6 +1,6 @@
-//! The coarser level's system: Pᵀ A P with bilinear P, again 9-point and symmetric. Bilinear is linear in x, then linear
-//! in y: the product is formed row by row in x, and then between rows, which takes a third of the operations of the
-//! whole stencil at once.
+//! The coarser level's system: Pᵀ A P, again 9-point and symmetric. P is linear in x, then in y, each with the weights of
+//! `tile/interpolation.rs`: the product is formed row by row in x, and then between rows, which takes a third of the
+//! operations of the whole stencil at once.
 
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
 use super::multigrid::masked;
@@ -21,6 +21,7 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
         *out = Rows::default();
         let mut movable = [0; WINDOW_NODES];
         halo::load(&level.blocks.around[b], 0, |b| &level.movable[b], &mut movable);
+        let mut weights: Window = [0.0; WINDOW_NODES];
         for (quarter, &child) in level.children[b].iter().enumerate() {
             if child != NONE && fine_level.blocks.list[child as usize].active {
                 let around = masked(fine_level, child as usize);
@@ -28,7 +29,9 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
                     NONE => None,
                     b => Some(&fine.rows[b as usize]),
                 });
-                wide(QuarterRows { fine: near, movable: &movable, quarter, out });
+                halo::load(&around, 0.0, |b| &fine_level.interpolation[b], &mut weights);
+                let west = (around[3] != NONE).then(|| &fine_level.interpolation[around[3] as usize]);
+                wide(QuarterRows { fine: near, weights: &weights, west, movable: &movable, quarter, out });
             }
         }
         for s in 0..NODES {
@@ -45,6 +48,9 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
 struct QuarterRows<'a> {
     /// Of the fine blocks to the south-west, south and west, and of the block itself.
     fine: [Option<&'a Rows>; 4],
+    /// Of the fine block, and of the one to the west.
+    weights: &'a Window,
+    west: Option<&'a Plane>,
     movable: &'a Window<u8>,
     quarter: usize,
     out: &'a mut Rows,
@@ -73,14 +79,22 @@ impl Kernel for QuarterRows<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let QuarterRows { fine: [south_west, south, west, own], movable, quarter, out } = self;
+        let QuarterRows {
+            fine: [south_west, south, west, own],
+            weights,
+            west: west_weights,
+            movable,
+            quarter,
+            out,
+        } = self;
         let Some(own) = own else { return };
         // Row -1 lies in the blocks to the south, but its pairs are also on this block's ring.
-        let mut below = line::<V>(own, 0, south, south_west, SIDE - 1);
+        let mut below = line::<V>(own, weights, 0, south, south_west, SIDE - 1);
         for j in 0..LANES {
-            let middle = line::<V>(own, 2 * j + 1, Some(own), west, 2 * j);
-            let above = line::<V>(own, 2 * j + 2, Some(own), west, 2 * j + 1);
-            put::<V>(&across_rows(&below, &middle, &above), j, movable, quarter, out);
+            let middle = line::<V>(own, weights, 2 * j + 1, Some(own), west, 2 * j);
+            let above = line::<V>(own, weights, 2 * j + 2, Some(own), west, 2 * j + 1);
+            let in_y = InY::new(weights, west_weights, j);
+            put::<V>(&across_rows(&below, &middle, &above, &in_y), j, movable, quarter, out);
             below = above;
         }
     }
@@ -89,7 +103,14 @@ impl Kernel for QuarterRows<'_> {
 /// The product in x for the fine row at `w` of the window, which is row `y` of the blocks `here` and `west` (where its
 /// diagonals are).
 #[inline(always)]
-fn line<V: Lanes>(own: &Rows, w: usize, here: Option<&Rows>, west: Option<&Rows>, y: usize) -> Line<V> {
+fn line<V: Lanes>(
+    own: &Rows,
+    weights: &Window,
+    w: usize,
+    here: Option<&Rows>,
+    west: Option<&Rows>,
+    y: usize,
+) -> Line<V> {
     const NOTHING: Plane = [0.0; NODES];
     // Columns 2I - 1, 2I, 2I + 1 and 2I + 2.
     let (l, c, r, n) = (place(0, w), place(1, w), place(2, w), place(3, w));
@@ -111,46 +132,87 @@ fn line<V: Lanes>(own: &Rows, w: usize, here: Option<&Rows>, west: Option<&Rows>
         let first = west.map_or(0.0, |rows| rows.pair[k][place(SIDE - 1, y + 1)]);
         with_first(V::load(&own.pair[k], c - 1), first)
     });
+    // What columns 2I - 1 and 2I + 1 give to the lower one of the coarse columns next to them, on this row and the next.
+    let (l_north, r_north) = (place(0, w + 1), place(2, w + 1));
+    let [wl, wr, wl_north, wr_north] = each!([0, 1, 2, 3], |k| V::load(weights, [l, r, l_north, r_north][k]));
+    // And to the upper one.
+    let (lw, lw_north) = (V::one() - wl, V::one() - wl_north);
+    let (rw, rw_north) = (V::one() - wr, V::one() - wr_north);
     Line {
         own: each!([0, 1, 2, 3], |k| {
             let t = TRANSPOSED[k];
-            dc[k] + (dl[k] + dr[k]) * 0.25 + ((el[k] + el[t]) + (ec[k] + ec[t])) * 0.5
+            dc[k] + (dl[k] * lw * lw + dr[k] * wr * wr) + (el[k] + el[t]) * lw + (ec[k] + ec[t]) * wr
         }),
-        east: each!([0, 1, 2, 3], |k| (ec[k] + er[k]) * 0.5 + dr[k] * 0.25),
+        east: each!([0, 1, 2, 3], |k| ec[k] * rw + er[k] * wr + dr[k] * (wr * rw)),
         north: each!([0, 1, 2, 3], |k| {
-            nc[k] + (nl[k] + nr[k]) * 0.25 + ((nel[k] + nec[k]) + (nwc[k] + nwr[k])) * 0.5
+            nc[k]
+                + (nl[k] * (lw * lw_north) + nr[k] * (wr * wr_north))
+                + ((nel[k] * lw + nec[k] * wr_north) + (nwc[k] * lw_north + nwr[k] * wr))
         }),
-        north_east: each!([0, 1, 2, 3], |k| (nec[k] + ner[k]) * 0.5 + nr[k] * 0.25),
-        north_west: each!([0, 1, 2, 3], |k| (nwc[k] + nwl[k]) * 0.5 + nl[k] * 0.25),
-        next_north_west: each!([0, 1, 2, 3], |k| (nwn[k] + nwr[k]) * 0.5 + nr[k] * 0.25),
-        last_east: each!([0, 1, 2, 3], |k| (east_before[k] + el[k]) * 0.5 + dl[k] * 0.25),
+        north_east: each!([0, 1, 2, 3], |k| nec[k] * rw_north + ner[k] * wr + nr[k] * (wr * rw_north)),
+        north_west: each!([0, 1, 2, 3], |k| nwc[k] * wl_north + nwl[k] * lw + nl[k] * (lw * wl_north)),
+        next_north_west: each!([0, 1, 2, 3], |k| nwn[k] * wr_north + nwr[k] * rw + nr[k] * (rw * wr_north)),
+        last_east: each!([0, 1, 2, 3], |k| east_before[k] * lw + el[k] * wl + dl[k] * (wl * lw)),
     }
 }
 
 /// Where a row-major 2x2 block's numbers are in its transpose.
 const TRANSPOSED: [usize; 4] = [0, 2, 1, 3];
 
+/// What the fine rows 2J - 1 and 2J + 1 give to coarse row J, at columns I and the ones beside them.
+struct InY<V> {
+    below: V,
+    below_east: V,
+    above: V,
+    above_east: V,
+    above_west: V,
+}
+
+impl<V: Lanes> InY<V> {
+    #[inline(always)]
+    fn new(weights: &Window, west: Option<&Plane>, j: usize) -> InY<V> {
+        let (below, above) = (2 * j, 2 * j + 2);
+        let first = west.map_or(0.0, |west| west[slot(SIDE - 2, 2 * j + 1)]);
+        InY {
+            below: V::one() - V::load(weights, place(1, below)),
+            below_east: V::one() - V::load(weights, place(3, below)),
+            above: V::load(weights, place(1, above)),
+            above_east: V::load(weights, place(3, above)),
+            above_west: with_first(V::load(weights, place(1, above) - 1), first),
+        }
+    }
+}
+
 /// The product in y, at coarse row J: own, east, north, north-east, north-west. `below`, `middle` and `above` are the fine
 /// rows 2J - 1, 2J and 2J + 1.
 #[inline(always)]
-fn across_rows<V: Lanes>(below: &Line<V>, middle: &Line<V>, above: &Line<V>) -> [Block<V>; 5] {
+fn across_rows<V: Lanes>(below: &Line<V>, middle: &Line<V>, above: &Line<V>, in_y: &InY<V>) -> [Block<V>; 5] {
+    let (b, a) = (in_y.below, in_y.above);
+    // Of row 2J + 1, to the row above.
+    let rest = V::one() - a;
+    let (rest_east, rest_west) = (V::one() - in_y.above_east, V::one() - in_y.above_west);
     let own = each!([0, 1, 2, 3], |k| {
         let t = TRANSPOSED[k];
-        let between = (below.north[k] + below.north[t]) + (middle.north[k] + middle.north[t]);
-        middle.own[k] + (below.own[k] + above.own[k]) * 0.25 + between * 0.5
+        middle.own[k]
+            + (below.own[k] * b * b + above.own[k] * a * a)
+            + (below.north[k] + below.north[t]) * b
+            + (middle.north[k] + middle.north[t]) * a
     });
     let east = each!([0, 1, 2, 3], |k| {
         let t = TRANSPOSED[k];
-        let up = below.north_east[k] + middle.north_east[k];
-        let down = below.next_north_west[t] + middle.next_north_west[t];
-        middle.east[k] + (below.east[k] + above.east[k]) * 0.25 + (up + down) * 0.5
+        middle.east[k]
+            + (below.east[k] * (b * in_y.below_east) + above.east[k] * (a * in_y.above_east))
+            + (below.north_east[k] * b + middle.north_east[k] * in_y.above_east)
+            + (below.next_north_west[t] * in_y.below_east + middle.next_north_west[t] * a)
     });
-    let north = each!([0, 1, 2, 3], |k| (middle.north[k] + above.north[k]) * 0.5 + above.own[k] * 0.25);
-    let north_east =
-        each!([0, 1, 2, 3], |k| (middle.north_east[k] + above.north_east[k]) * 0.5 + above.east[k] * 0.25);
+    let north =
+        each!([0, 1, 2, 3], |k| middle.north[k] * rest + above.north[k] * a + above.own[k] * (a * rest));
+    let north_east = each!([0, 1, 2, 3], |k| {
+        middle.north_east[k] * rest_east + above.north_east[k] * a + above.east[k] * (a * rest_east)
+    });
     let north_west = each!([0, 1, 2, 3], |k| {
         let west = above.last_east[TRANSPOSED[k]];
-        (middle.north_west[k] + above.north_west[k]) * 0.5 + west * 0.25
+        middle.north_west[k] * rest_west + above.north_west[k] * a + west * (a * rest_west)
     });
     [east, north, north_east, north_west, own]
 }
@@ -218,31 +280,38 @@ struct Segment {
     to: [usize; 2],
     /// Place in the window of the block in which it lies.
     at: [usize; 2],
-    /// From one to the next.
-    step: [usize; 2],
-    count: usize,
+    extent: Extent,
+}
+
+/// The nodes that follow a segment's first.
+enum Extent {
+    /// None.
+    Single,
+    /// Every other one of a row: those of one colour, which lie side by side.
+    Row,
+    /// A whole column.
+    Column,
 }
 
 impl Segment {
-    const fn new(from: usize, to: [usize; 2], at: [usize; 2], step: [usize; 2], count: usize) -> Segment {
-        Segment { from, to, at, step, count }
+    const fn new(from: usize, to: [usize; 2], at: [usize; 2], extent: Extent) -> Segment {
+        Segment { from, to, at, extent }
     }
 }
 
 /// The last place of a window on each side.
 const LAST: usize = SIDE + 1;
 
-/// South-west, south, south-east, west, east, north-west, north-east. Nodes of one colour follow one another, so x goes in
-/// twos. No node of the north owns a pair with the block.
+/// South-west, south, south-east, west, east, north-west, north-east. No node of the north owns a pair with the block.
 const RING: [Segment; 8] = [
-    Segment::new(0, [0, 0], [SIDE, SIDE], [0, 0], 1),
-    Segment::new(1, [1, 0], [1, SIDE], [2, 0], SIDE / 2),
-    Segment::new(1, [2, 0], [2, SIDE], [2, 0], SIDE / 2),
-    Segment::new(2, [LAST, 0], [1, SIDE], [0, 0], 1),
-    Segment::new(3, [0, 1], [SIDE, 1], [0, 1], SIDE),
-    Segment::new(5, [LAST, 1], [1, 1], [0, 1], SIDE),
-    Segment::new(6, [0, LAST], [SIDE, 1], [0, 0], 1),
-    Segment::new(8, [LAST, LAST], [1, 1], [0, 0], 1),
+    Segment::new(0, [0, 0], [SIDE, SIDE], Extent::Single),
+    Segment::new(1, [1, 0], [1, SIDE], Extent::Row),
+    Segment::new(1, [2, 0], [2, SIDE], Extent::Row),
+    Segment::new(2, [LAST, 0], [1, SIDE], Extent::Single),
+    Segment::new(3, [0, 1], [SIDE, 1], Extent::Column),
+    Segment::new(5, [LAST, 1], [1, 1], Extent::Column),
+    Segment::new(6, [0, LAST], [SIDE, 1], Extent::Single),
+    Segment::new(8, [LAST, LAST], [1, 1], Extent::Single),
 ];
 
 /// Copies all pairs that nodes on a block's ring own.
@@ -250,20 +319,28 @@ const RING: [Segment; 8] = [
 /// # Safety
 /// No item writes the own nodes' places of any block now, nor the ring of this one.
 unsafe fn copy_ring(rows: Shared<Rows>, around: &[u32; 9]) {
-    let to = rows.pointer(around[4] as usize);
-    for &Segment { from, to: [ti, tj], at: [fi, fj], step: [di, dj], count } in &RING {
+    static NOTHING: [[f32; WINDOW_NODES]; 16] = [[0.0; WINDOW_NODES]; 16];
+    // SAFETY: only an address; no reference to the whole of another item's rows is made.
+    let pairs = |b: u32| unsafe { &raw mut (*rows.pointer(b as usize)).pair }.cast::<f32>();
+    let to = pairs(around[4]);
+    for &Segment { from, to: [ti, tj], at: [fi, fj], ref extent } in &RING {
         let from = match around[from] {
-            NONE => None,
-            b => Some(rows.pointer(b as usize)),
+            NONE => NOTHING.as_ptr().cast::<f32>(),
+            b => pairs(b).cast_const(),
         };
         for c in 0..16 {
-            for n in 0..count {
-                // SAFETY: the caller's promise; no reference to the whole of another item's rows is made.
-                unsafe {
-                    let value = from.map_or(0.0, |from| {
-                        (&raw const (*from).pair[c][place(fi + n * di, fj + n * dj)]).read()
-                    });
-                    (&raw mut (*to).pair[c][place(ti + n * di, tj + n * dj)]).write(value);
+            let (first_to, first_from) = (place(ti, tj), place(fi, fj));
+            // SAFETY: places of a window, in plane c of both; the caller's promise.
+            unsafe {
+                let (to, from) = (to.add(c * WINDOW_NODES), from.add(c * WINDOW_NODES));
+                match extent {
+                    Extent::Single => to.add(first_to).write(from.add(first_from).read()),
+                    Extent::Row => to.add(first_to).copy_from_nonoverlapping(from.add(first_from), LANES),
+                    Extent::Column => {
+                        for j in 0..SIDE {
+                            to.add(place(ti, tj + j)).write(from.add(place(fi, fj + j)).read());
+                        }
+                    }
                 }
             }
         }

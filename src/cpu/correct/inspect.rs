@@ -14,10 +14,11 @@ impl Run<'_> {
         [self.rows(level), flat(&self.memory.systems.levels[level].r)]
     }
 
-    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16).
+    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16), interpolation's
+    /// weights (1; none on the coarsest level).
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
-        for rows in &self.memory.systems.levels[level].rows {
+        for (b, rows) in self.memory.systems.levels[level].rows.iter().enumerate() {
             all.extend(flat(&[rows.diagonal]));
             for pair in &rows.pair {
                 all.extend((0..NODES).map(|s| {
@@ -25,6 +26,8 @@ impl Run<'_> {
                     pair[place(i + 1, j + 1)].to_bits()
                 }));
             }
+            let weights = self.grid.levels[level].interpolation.get(b).unwrap_or(&[0.0; NODES]);
+            all.extend(weights.map(f32::to_bits));
         }
         all
     }

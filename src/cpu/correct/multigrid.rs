@@ -3,12 +3,13 @@
 
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
 use super::super::patch::NEIGHBOURS;
+use super::super::prefetch::prefetch;
 use super::super::prolong;
 use super::super::row::Row;
 use super::*;
 use crate::mesh::NONE;
 use crate::tile::Level;
-use crate::tile::blocks::slot;
+use crate::tile::blocks::{SIDE, slot};
 use crate::tile::halo::{self, Window, place};
 
 /// Sweeps on either side.
@@ -70,6 +71,7 @@ fn smooth(run: &Run, level: usize, system: &mut System, sweeps: Sweeps, dots: Op
         block.y % 2 * 2 + block.x % 2
     };
     run.each_colour(level, sweeps.backwards, |b| {
+        prefetch(&system.rows[b]);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         let mut around = grid.blocks.around[b];
         if sweeps.from_zero {
@@ -199,6 +201,7 @@ pub fn multiply(
     let mut dots = vec![0.0f64; grid.blocks.list.len()];
     let shared = Shared::new(&mut dots);
     run.each_block(level, |b, _| {
+        prefetch(&rows[b]);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &v[b][c], &mut windows);
         // SAFETY: each item has its own block and sum.
@@ -216,6 +219,7 @@ fn residual(run: &Run, level: usize, system: &mut System) {
     let t = Shared::new(&mut system.t);
     let (rows, z, r) = (&system.rows, &system.z, &system.r);
     run.each_block(level, |b, _| {
+        prefetch(&rows[b]);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &z[b][c], &mut windows);
         // SAFETY: each item has its own block.
@@ -290,6 +294,7 @@ fn restrict(run: &Run, finer: usize, t: &[[Plane; 2]], r: &mut [[Plane; 2]]) {
         let r = unsafe { r.get_mut(b) };
         *r = [[0.0; NODES]; 2];
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
+        let mut weights: Window = [0.0; WINDOW_NODES];
         for (quarter, &child) in coarse.children[b].iter().enumerate() {
             // A block without movable nodes has no residual; its memory may be stale.
             if child == NONE || !fine.blocks.list[child as usize].active {
@@ -299,7 +304,14 @@ fn restrict(run: &Run, finer: usize, t: &[[Plane; 2]], r: &mut [[Plane; 2]]) {
             for c in 0..2 {
                 halo::load(&around, 0.0, |b| &t[b][c], &mut windows[c]);
             }
-            wide(RestrictQuarter { windows: &windows, movable: &coarse.movable[b], quarter, r });
+            halo::load(&around, 0.0, |b| &fine.interpolation[b], &mut weights);
+            wide(RestrictQuarter {
+                windows: &windows,
+                weights: &weights,
+                movable: &coarse.movable[b],
+                quarter,
+                r,
+            });
         }
     });
 }
@@ -307,6 +319,7 @@ fn restrict(run: &Run, finer: usize, t: &[[Plane; 2]], r: &mut [[Plane; 2]]) {
 /// Pᵀ of one fine block.
 struct RestrictQuarter<'a> {
     windows: &'a [Window; 2],
+    weights: &'a Window,
     movable: &'a Plane<u8>,
     quarter: usize,
     r: &'a mut [Plane; 2],
@@ -317,16 +330,21 @@ impl Kernel for RestrictQuarter<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let RestrictQuarter { windows, movable, quarter, r } = self;
+        let RestrictQuarter { windows, weights, movable, quarter, r } = self;
         let (x, y) = (quarter % 2 * LANES, quarter / 2 * LANES);
-        for (window, r) in windows.iter().zip(r) {
-            for j in 0..LANES {
-                // Rows of fine nodes 2j - 1, 2j and 2j + 1, at fine columns 2i - 1, 2i and 2i + 1.
+        for j in 0..LANES {
+            // Rows of fine nodes 2j - 1, 2j and 2j + 1; their columns 2i - 1 and 2i + 1.
+            let rows = [2 * j, 2 * j + 1, 2 * j + 2];
+            let west = each!([0, 1, 2], |k| V::one() - V::load(weights, place(0, rows[k])));
+            let east = each!([0, 1, 2], |k| V::load(weights, place(2, rows[k])));
+            let (south, north) =
+                (V::one() - V::load(weights, place(1, rows[0])), V::load(weights, place(1, rows[2])));
+            for (window, r) in windows.iter().zip(&mut *r) {
                 let [low, middle, high] = each!([0, 1, 2], |k| {
-                    let [l, c, r] = each!([0, 1, 2], |n| V::load(window, place(n, 2 * j + k)));
-                    (l + r, c)
+                    let [l, c, r] = each!([0, 1, 2], |n| V::load(window, place(n, rows[k])));
+                    c + (l * west[k] + r * east[k])
                 });
-                let sum = middle.1 + (low.1 + high.1 + middle.0) * 0.5 + (low.0 + high.0) * 0.25;
+                let sum = middle + (low * south + high * north);
                 for (lane, sum) in sum.to_array().into_iter().enumerate() {
                     let s = slot(x + lane, y + j);
                     if movable[s] != 0 {
@@ -348,26 +366,49 @@ fn add_coarse(run: &Run, finer: usize, z: &mut [[Plane; 2]], coarse: &[[Plane; 2
     let (fine_level, coarse_level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     let z = Shared::new(z);
     run.each_block(finer, |b, _| {
-        let mut add = [[0.0; NODES]; 2];
-        prolong::block(fine_level, coarse_level, |b, c| &coarse[b][c], b, 1.0, &mut add);
+        let mut weights: Window = [0.0; WINDOW_NODES];
+        halo::load(&fine_level.blocks.around[b], 0.0, |b| &fine_level.interpolation[b], &mut weights);
         // SAFETY: each item has its own block.
-        wide(AddTo { z: unsafe { z.get_mut(b) }, add: &add });
+        let z = unsafe { z.get_mut(b) };
+        for (c, z) in z.iter_mut().enumerate() {
+            let Some(nodes) = prolong::coarse_nodes(fine_level, coarse_level, |b| &coarse[b][c], b) else {
+                continue;
+            };
+            wide(AddInterpolated { nodes: &nodes, weights: &weights, movable: &fine_level.movable[b], z });
+        }
     });
 }
 
-struct AddTo<'a> {
-    z: &'a mut [Plane; 2],
-    add: &'a [Plane; 2],
+/// Adds to one block's plane what P makes of the coarse nodes over it.
+struct AddInterpolated<'a> {
+    nodes: &'a prolong::CoarseNodes,
+    weights: &'a Window,
+    movable: &'a Plane<u8>,
+    z: &'a mut Plane,
 }
 
-impl Kernel for AddTo<'_> {
+impl Kernel for AddInterpolated<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        for (z, add) in self.z.iter_mut().zip(self.add) {
-            for s in (0..NODES).step_by(LANES) {
-                (V::load(z, s) + V::load(add, s)).store(z, s);
+        let AddInterpolated { nodes, weights, movable, z } = self;
+        for j in 0..SIDE {
+            // In y first: at coarse columns i, and i + 1.
+            let [own, east] = each!([0, 1], |k| {
+                let low = V::load(&nodes[j / 2], k);
+                if j % 2 == 0 {
+                    low
+                } else {
+                    let weight = V::load(weights, place(1 + 2 * k, j + 1));
+                    low * weight + V::load(&nodes[j / 2 + 1], k) * (V::one() - weight)
+                }
+            });
+            let weight = V::load(weights, place(2, j + 1));
+            for (ci, add) in [own, own * weight + east * (V::one() - weight)].into_iter().enumerate() {
+                let s = slot(ci, j);
+                let movable = V::zero().lt(V::load_u8(movable, s));
+                (V::load(z, s) + movable.select(add, V::zero())).store(z, s);
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::super::lanes::{LANES, Lanes, Truth, each};
 use super::super::record::Record;
-use super::{Chord, Sample, Samples, Site, Slopes, Surface, TINY};
+use super::{Chord, Samples, Site, Slopes, Surface, TINY};
 use crate::mesh::NONE;
 use crate::tile::Grid;
 use crate::tile::blocks::{SIDE, slot};
@@ -19,11 +19,6 @@ const SLACK: f32 = 1e-6;
 
 impl Surface for Chords<'_> {
     const CHORDS: bool = true;
-
-    #[inline]
-    fn sample(&self, b: usize, i: i64, j: i64, u: [f32; 2], start: u32) -> Option<Sample> {
-        Some(self.on(self.find(b, i, j, u, start)?, i, j, u))
-    }
 
     #[inline(always)]
     fn sample_row<V: Lanes>(
@@ -64,10 +59,7 @@ impl Surface for Chords<'_> {
         }
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[1]));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
-        let origin = [first[6], first[7], second[0]];
-        samples.slope = each!([0, 1, 2, 3, 4, 5], |k| second[k + 1]);
-        let slope = &samples.slope;
-        samples.value = each!([0, 1, 2], |k| origin[k] + (slope[k] * d[0] + slope[k + 3] * d[1]));
+        (samples.value, samples.slope) = on_plane(&first, &second, &d);
         found
     }
 
@@ -118,6 +110,14 @@ impl Surface for Chords<'_> {
             (slope_n[k] * c[0] + slope_n[k + 1] * c[1] + slope_n[k + 2] * c[2]) * chord.inverse_length
         })
     }
+}
+
+/// Position and tangents at the offset d from a record's origin.
+#[inline(always)]
+fn on_plane<V: Lanes>(first: &[V; LANES], second: &[V; LANES], d: &[V; 2]) -> ([V; 3], Slopes<V>) {
+    let origin = [first[6], first[7], second[0]];
+    let slope = each!([0, 1, 2, 3, 4, 5], |k| second[k + 1]);
+    (each!([0, 1, 2], |k| origin[k] + (slope[k] * d[0] + slope[k + 3] * d[1])), slope)
 }
 
 /// The chord itself: from the triangle's tangents where both ends lie on one, the difference of positions elsewhere.
@@ -178,17 +178,19 @@ impl Chords<'_> {
         None
     }
 
-    /// The sample at node (i, j) + u on triangle `t`, extrapolated if it lies outside.
+    /// The samples at a row's nodes, displaced by u, on their triangles, extrapolated where they lie outside; 0 on none.
     #[inline(always)]
-    pub fn on(&self, t: u32, i: i64, j: i64, u: [f32; 2]) -> Sample {
-        let record = &self.triangles[t as usize];
-        let origin = record.uv_origin();
-        let d = [(i as f32 - origin[0]) + u[0], (j as f32 - origin[1]) + u[1]];
-        let (pose, slope) = (record.pose().origin, record.slope());
-        Sample {
-            value: each!([0, 1, 2], |k| pose[k] + (slope[k] * d[0] + slope[k + 3] * d[1])),
-            slope,
-            triangle: t,
-        }
+    pub fn on_row<V: Lanes>(&self, site: &Site, u: &[V; 2], triangle: V::Index) -> Samples<V> {
+        const NOWHERE: [f32; LANES] = [0.0; LANES];
+        let at = V::index_array(triangle);
+        let half =
+            |t: u32, h: usize| self.triangles.get(t as usize).map_or(&NOWHERE, |record| &record.halves[h]);
+        let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 0)));
+        let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 1)));
+        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| site.lane(k) as f32);
+        let (column, row) = (V::from_array(column), V::splat(site.j as f32));
+        let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
+        let (value, slope) = on_plane(&first, &second, &d);
+        Samples { value, slope, triangle }
     }
 }

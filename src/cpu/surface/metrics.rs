@@ -1,7 +1,7 @@
 //! Coarser levels: metrics, bilinear between nodes, and their slopes.
 
 use super::super::lanes::{LANES, Lanes, Truth, each};
-use super::{Chord, Sample, Samples, Site, Slopes, Surface, TINY};
+use super::{Chord, Samples, Site, Slopes, Surface, TINY};
 use crate::mesh::NONE;
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE, slot};
@@ -88,22 +88,6 @@ impl Metrics<'_> {
 impl Surface for Metrics<'_> {
     const CHORDS: bool = false;
 
-    /// Bilinear between nodes.
-    #[inline]
-    fn sample(&self, b: usize, i: i64, j: i64, u: [f32; 2], _start: u32) -> Option<Sample> {
-        let whole = [u[0].floor(), u[1].floor()];
-        let [s, t] = [u[0] - whole[0], u[1] - whole[1]];
-        let [g00, g10, g01, g11] = self.corners(b, i + whole[0] as i64, j + whole[1] as i64)?;
-        let mut sample = Sample { triangle: NONE, ..Sample::default() };
-        for k in 0..3 {
-            let (low, high) = (g00[k] + s * (g10[k] - g00[k]), g01[k] + s * (g11[k] - g01[k]));
-            sample.value[k] = low + t * (high - low);
-            sample.slope[k] = (1.0 - t) * (g10[k] - g00[k]) + t * (g11[k] - g01[k]);
-            sample.slope[k + 3] = high - low;
-        }
-        Some(sample)
-    }
-
     #[inline(always)]
     fn sample_row<V: Lanes>(
         &self,
@@ -118,8 +102,16 @@ impl Surface for Metrics<'_> {
     }
 
     #[inline(always)]
-    fn slope(&self, b: usize, i: i64, j: i64, u: [f32; 2], triangle: u32) -> [f32; 6] {
-        self.sample(b, i, j, u, triangle).map_or([0.0; 6], |s| s.slope)
+    fn slope(&self, b: usize, i: i64, j: i64, u: [f32; 2], _triangle: u32) -> [f32; 6] {
+        let whole = [u[0].floor(), u[1].floor()];
+        let [s, t] = [u[0] - whole[0], u[1] - whole[1]];
+        let Some([g00, g10, g01, g11]) = self.corners(b, i + whole[0] as i64, j + whole[1] as i64) else {
+            return [0.0; 6];
+        };
+        let x = each!([0, 1, 2], |k| (1.0 - t) * (g10[k] - g00[k]) + t * (g11[k] - g01[k]));
+        let low = each!([0, 1, 2], |k| g00[k] + s * (g10[k] - g00[k]));
+        let high = each!([0, 1, 2], |k| g01[k] + s * (g11[k] - g01[k]));
+        [x[0], x[1], x[2], high[0] - low[0], high[1] - low[1], high[2] - low[2]]
     }
 
     #[inline(always)]

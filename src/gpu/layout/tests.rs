@@ -120,7 +120,8 @@ fn constants_agree() {
         // What the planes hold: displacement, value, triangle; diagonal, pairs; the last of the vectors.
         ("VALUE", 2),
         ("TRIANGLE", STATE_PLANES - 1),
-        ("PAIR", ROW_PLANES - 16),
+        ("PAIR", INTERPOLATION - 16),
+        ("INTERPOLATION", INTERPOLATION),
         ("MARK", VECTOR_PLANES - 1),
     ];
     for source in &SOURCES {

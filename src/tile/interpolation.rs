@@ -1,0 +1,271 @@
+//! How corrections are interpolated from a level to the next finer one: linear in x, then in y, but with more weight on
+//! the side that a node is held to more stiffly. Plain halves would tear rigid features from themselves on coarse levels,
+//! where one coarse cell holds rigid and elastic material: the preconditioner then stalls, the more the stiffer (200 to 1).
+//!
+//! The weights come from a scalar model of the energy's second derivative, of the same sparsity: each edge has a
+//! stiffness, interpolation has the rows that this stiffness gives (Dendy 1982, black-box multigrid, here split into an x
+//! and a y part), and the coarser level's stiffness is the Galerkin product of the finer one's. It knows rigidity, but not
+//! the pose: so it is built once per map.
+
+use super::EDGES;
+use super::pyramid::NodeMaps;
+use crate::settings::TileSettings;
+
+/// The stiffness of the edges `EDGES` at the nodes of a level, row by row.
+pub struct Stiffness {
+    columns: usize,
+    rows: usize,
+    edges: Vec<[f32; 4]>,
+}
+
+/// Where an edge is: the first edge of its owner is east, ...
+const EAST: usize = 0;
+const NORTH: usize = 1;
+const NORTH_EAST: usize = 2;
+const NORTH_WEST: usize = 3;
+
+impl Stiffness {
+    /// Of the finest level: half of the trace of the 2x2 block between two nodes, at rest.
+    pub fn new(maps: &NodeMaps, settings: &TileSettings) -> Stiffness {
+        let (columns, rows) = (maps.nx + 1, maps.ny + 1);
+        let stiffness = |i: usize, j: usize, (di, dj): (i64, i64)| {
+            let (x, y) = (i as i64 + di, j as i64 + dj);
+            if x < 0 || x >= columns as i64 || y >= rows as i64 {
+                return 0.0;
+            }
+            let far = maps.rigidity[y as usize * columns + x as usize];
+            let weight = maps.rigidity[j * columns + i].max(far);
+            let smooth = settings.smoothness * (1.0 - weight) + settings.smoothness_floor;
+            (0.5 * weight + smooth) / (di * di + dj * dj) as f32
+        };
+        let edges = (0..columns * rows).map(|n| EDGES.map(|e| stiffness(n % columns, n / columns, e)));
+        Stiffness { columns, rows, edges: edges.collect() }
+    }
+
+    /// An edge of a node, 0 beyond the level.
+    fn at(&self, i: i64, j: i64, edge: usize) -> f32 {
+        if i < 0 || j < 0 || i >= self.columns as i64 || j >= self.rows as i64 {
+            return 0.0;
+        }
+        self.edges[j as usize * self.columns + i as usize][edge]
+    }
+
+    /// Per node of this level the weight of its lower neighbour, row by row: of the one to the west at odd columns; of the
+    /// one to the south at even columns and odd rows. The upper one has the rest. And the next coarser level.
+    pub fn coarser(&self) -> (Vec<f32>, Stiffness) {
+        let (mut weights, halfway) = self.collapse_x();
+        let coarser = halfway.collapse_y(&mut weights, self.columns);
+        (weights, coarser)
+    }
+
+    /// The weights at odd columns, and the stiffness between even columns, all rows.
+    fn collapse_x(&self) -> (Vec<f32>, Stiffness) {
+        let mut weights = vec![HALF; self.columns * self.rows];
+        for j in 0..self.rows as i64 {
+            for i in (1..self.columns as i64).step_by(2) {
+                let west =
+                    [self.at(i - 1, j, EAST), self.at(i, j, NORTH_WEST), self.at(i - 1, j - 1, NORTH_EAST)];
+                let east =
+                    [self.at(i, j, EAST), self.at(i, j, NORTH_EAST), self.at(i + 1, j - 1, NORTH_WEST)];
+                weights[j as usize * self.columns + i as usize] = lower_weight(west, east);
+            }
+        }
+        let weight = |i: i64, j: i64| {
+            let inside = i >= 0 && j >= 0 && i < self.columns as i64 && j < self.rows as i64;
+            if inside { weights[j as usize * self.columns + i as usize] } else { HALF }
+        };
+        let columns = (self.columns - 1) / 2 + 1;
+        let halfway = (0..columns * self.rows).map(|n| {
+            let (i, j) = (2 * (n % columns) as i64, (n / columns) as i64);
+            let s = |di: i64, dj: i64, edge: usize| self.at(i + di, j + dj, edge);
+            // Of the odd columns on both sides, in this row and the next, towards this column.
+            let (west, north_west) = (1.0 - weight(i - 1, j), 1.0 - weight(i - 1, j + 1));
+            let (east, north_east) = (weight(i + 1, j), weight(i + 1, j + 1));
+            // Edges that leave the odd node to the east for other rows pull both of its neighbours together.
+            let aside = s(1, 0, NORTH)
+                + s(1, 0, NORTH_EAST)
+                + s(1, 0, NORTH_WEST)
+                + s(1, -1, NORTH)
+                + s(0, -1, NORTH_EAST)
+                + s(2, -1, NORTH_WEST);
+            [
+                s(0, 0, EAST) * (1.0 - east) * (1.0 - east) + s(1, 0, EAST) * east * east
+                    - aside * east * (1.0 - east),
+                s(0, 0, NORTH)
+                    + s(1, 0, NORTH) * east * north_east
+                    + s(-1, 0, NORTH) * west * north_west
+                    + s(0, 0, NORTH_EAST) * north_east
+                    + s(-1, 0, NORTH_EAST) * west
+                    + s(0, 0, NORTH_WEST) * north_west
+                    + s(1, 0, NORTH_WEST) * east,
+                s(1, 0, NORTH) * east * (1.0 - north_east)
+                    + s(0, 0, NORTH_EAST) * (1.0 - north_east)
+                    + s(1, 0, NORTH_EAST) * east,
+                s(-1, 0, NORTH) * west * (1.0 - north_west)
+                    + s(0, 0, NORTH_WEST) * (1.0 - north_west)
+                    + s(-1, 0, NORTH_WEST) * west,
+            ]
+        });
+        let halfway = halfway.collect();
+        (weights, Stiffness { columns, rows: self.rows, edges: halfway })
+    }
+
+    /// The weights at odd rows and even ones of the `columns` columns that there were before `collapse_x`, and the coarser
+    /// level.
+    fn collapse_y(&self, weights: &mut [f32], columns: usize) -> Stiffness {
+        for j in (1..self.rows as i64).step_by(2) {
+            for i in 0..self.columns as i64 {
+                let south = [
+                    self.at(i, j - 1, NORTH),
+                    self.at(i - 1, j - 1, NORTH_EAST),
+                    self.at(i + 1, j - 1, NORTH_WEST),
+                ];
+                let north = [self.at(i, j, NORTH), self.at(i, j, NORTH_EAST), self.at(i, j, NORTH_WEST)];
+                weights[j as usize * columns + 2 * i as usize] = lower_weight(south, north);
+            }
+        }
+        let weight = |i: i64, j: i64| {
+            let inside = i >= 0 && j >= 0 && i < self.columns as i64 && j < self.rows as i64;
+            if inside { weights[j as usize * columns + 2 * i as usize] } else { HALF }
+        };
+        let rows = (self.rows - 1) / 2 + 1;
+        let edges = (0..self.columns * rows).map(|n| {
+            let (i, j) = ((n % self.columns) as i64, 2 * (n / self.columns) as i64);
+            let s = |di: i64, dj: i64, edge: usize| self.at(i + di, j + dj, edge);
+            // Of the odd rows on both sides, in this column and the ones beside it, towards this row.
+            let (south, south_east) = (1.0 - weight(i, j - 1), 1.0 - weight(i + 1, j - 1));
+            let (north, north_east, north_west) =
+                (weight(i, j + 1), weight(i + 1, j + 1), weight(i - 1, j + 1));
+            let aside = s(0, 1, EAST)
+                + s(-1, 1, EAST)
+                + s(0, 1, NORTH_EAST)
+                + s(0, 1, NORTH_WEST)
+                + s(1, 0, NORTH_WEST)
+                + s(-1, 0, NORTH_EAST);
+            [
+                s(0, 0, EAST)
+                    + s(0, 1, EAST) * north * north_east
+                    + s(0, -1, EAST) * south * south_east
+                    + s(0, 0, NORTH_EAST) * north_east
+                    + s(1, 0, NORTH_WEST) * north
+                    + s(0, -1, NORTH_EAST) * south
+                    + s(1, -1, NORTH_WEST) * south_east,
+                s(0, 0, NORTH) * (1.0 - north) * (1.0 - north) + s(0, 1, NORTH) * north * north
+                    - aside * north * (1.0 - north),
+                s(0, 1, EAST) * north * (1.0 - north_east)
+                    + s(0, 0, NORTH_EAST) * (1.0 - north_east)
+                    + s(0, 1, NORTH_EAST) * north,
+                s(-1, 1, EAST) * north * (1.0 - north_west)
+                    + s(0, 0, NORTH_WEST) * (1.0 - north_west)
+                    + s(0, 1, NORTH_WEST) * north,
+            ]
+        });
+        Stiffness { columns: self.columns, rows, edges: edges.collect() }
+    }
+}
+
+/// Without a difference.
+const HALF: f32 = 0.5;
+
+/// The lower neighbour's weight, given the stiffness of the edges to either side. Coarse edges may push: these do not count.
+fn lower_weight(lower: [f32; 3], upper: [f32; 3]) -> f32 {
+    let [lower, upper] = [lower, upper].map(|edges| edges.into_iter().map(|s| s.max(0.0)).sum::<f32>());
+    if lower + upper > 0.0 { lower / (lower + upper) } else { HALF }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::NONE;
+
+    fn level(nx: usize, ny: usize, rigidity: impl Fn(usize, usize) -> f32) -> Stiffness {
+        let nodes = (nx + 1) * (ny + 1);
+        let rigidity = (0..nodes).map(|k| rigidity(k % (nx + 1), k / (nx + 1))).collect();
+        Stiffness::new(&NodeMaps { nx, ny, rigidity, chart: vec![NONE; nodes] }, &TileSettings::default())
+    }
+
+    fn random(seed: &mut u32) -> f32 {
+        *seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (*seed >> 8) as f32 / (1 << 24) as f32
+    }
+
+    /// Σ s (u_a - u_b)² over all edges.
+    fn energy(level: &Stiffness, u: &[f32]) -> f64 {
+        let mut sum = 0.0;
+        for n in 0..level.columns * level.rows {
+            for (e, (di, dj)) in EDGES.into_iter().enumerate() {
+                let (i, j) = ((n % level.columns) as i64 + di, (n / level.columns) as i64 + dj);
+                if (0..level.columns as i64).contains(&i) && (0..level.rows as i64).contains(&j) {
+                    let d = u[n] - u[j as usize * level.columns + i as usize];
+                    sum += f64::from(level.edges[n][e]) * f64::from(d * d);
+                }
+            }
+        }
+        sum
+    }
+
+    /// What the weights make of a coarse level's values.
+    fn interpolate(weights: &[f32], columns: usize, rows: usize, coarse: &[f32]) -> Vec<f32> {
+        let wide = (columns - 1) / 2 + 1;
+        let in_y = |i: usize, j: usize| {
+            let low = coarse[j / 2 * wide + i];
+            let weight = weights[j * columns + 2 * i];
+            if j % 2 == 0 { low } else { low * weight + coarse[(j / 2 + 1) * wide + i] * (1.0 - weight) }
+        };
+        (0..columns * rows)
+            .map(|n| {
+                let (i, j) = (n % columns, n / columns);
+                let weight = weights[n];
+                if i % 2 == 0 {
+                    in_y(i / 2, j)
+                } else {
+                    in_y(i / 2, j) * weight + in_y(i / 2 + 1, j) * (1.0 - weight)
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_coarser_level_is_the_galerkin_product() {
+        let mut seed = 7;
+        let values: Vec<f32> = (0..33 * 25).map(|_| random(&mut seed)).collect();
+        let mut level = level(32, 24, |i, j| if values[j * 33 + i] < 0.4 { 1.0 } else { 0.0 });
+        for _ in 0..3 {
+            let (weights, coarser) = level.coarser();
+            let coarse: Vec<f32> = (0..coarser.columns * coarser.rows).map(|_| random(&mut seed)).collect();
+            let fine = interpolate(&weights, level.columns, level.rows, &coarse);
+            let (a, b) = (energy(&level, &fine), energy(&coarser, &coarse));
+            assert!((a / b - 1.0).abs() < 1e-5, "{a} {b}");
+            level = coarser;
+        }
+    }
+
+    #[test]
+    fn one_material_is_halved() {
+        for rigidity in [0.0, 0.3, 1.0] {
+            let (weights, coarser) = level(16, 16, |_, _| rigidity).coarser();
+            // The rim's nodes have neighbours on one side only; they are fixed anyway.
+            let inner = |n: &usize| (1..16).contains(&(n % 17)) && (1..16).contains(&(n / 17));
+            assert!((0..17 * 17).filter(inner).all(|n| (weights[n] - 0.5).abs() < 1e-6), "{rigidity}");
+            let (weights, _) = coarser.coarser();
+            assert!((weights[9 * 3 + 3] - 0.5).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn the_stiffer_side_weighs_more() {
+        // Rigid to the west of column 8: the edges up to it, too. Column 7 lies in it, column 9 in elastic material.
+        let (weights, _) = level(16, 16, |i, _| if i < 8 { 1.0 } else { 0.0 }).coarser();
+        let at = |i: usize| weights[17 * 6 + i];
+        assert!((at(7) - 0.5).abs() < 1e-6 && (at(9) - 0.5).abs() < 1e-6, "{} {}", at(7), at(9));
+        // Rigid up to column 6: what holds column 7 to the west is 0.5 + λ0 of what holds it to the east.
+        let (weights, _) = level(16, 16, |i, _| if i < 7 { 1.0 } else { 0.0 }).coarser();
+        let settings = TileSettings::default();
+        let (rigid, elastic) =
+            (0.5 + settings.smoothness_floor, settings.smoothness + settings.smoothness_floor);
+        assert!((weights[17 * 6 + 7] - rigid / (rigid + elastic)).abs() < 1e-6);
+        // The same in y.
+        let (weights, _) = level(16, 16, |_, j| if j < 7 { 1.0 } else { 0.0 }).coarser();
+        assert!((weights[17 * 7 + 6] - rigid / (rigid + elastic)).abs() < 1e-6);
+    }
+}
