@@ -163,7 +163,8 @@ impl Run<'_> {
             self.each_block(level, |b, c| {
                 // SAFETY: each item has its own block.
                 let (x, r) = unsafe { (x.get_mut(b), r.get_mut(b)) };
-                wide(Advance { x, r, p: &p[b], z: &z[b], alpha: alpha[c], first: iteration == 0 });
+                let (first, last) = (iteration == 0, iteration + 1 == iterations);
+                wide(Advance { x, r, p: &p[b], z: &z[b], alpha: alpha[c], first, last });
             });
         }
         predicted
@@ -271,7 +272,7 @@ impl Kernel for Direction<'_> {
     }
 }
 
-/// x += alpha p and r -= alpha z in one block; x = alpha p the first time.
+/// x += alpha p and r -= alpha z in one block; x = alpha p the first time. Nobody asks for the last r.
 struct Advance<'a> {
     x: &'a mut [Plane; 2],
     r: &'a mut [Plane; 2],
@@ -279,6 +280,7 @@ struct Advance<'a> {
     z: &'a [Plane; 2],
     alpha: f32,
     first: bool,
+    last: bool,
 }
 
 impl Kernel for Advance<'_> {
@@ -286,7 +288,7 @@ impl Kernel for Advance<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Advance { x, r, p, z, alpha, first } = self;
+        let Advance { x, r, p, z, alpha, first, last } = self;
         for c in 0..2 {
             for s in (0..NODES).step_by(LANES) {
                 let step = V::load(&p[c], s) * alpha;
@@ -294,7 +296,9 @@ impl Kernel for Advance<'_> {
                 // A system that f32 cannot solve must not spoil the state.
                 let small = sum.lt(V::splat(MAX_STEP)).and(V::splat(-MAX_STEP).lt(sum));
                 small.select(sum, V::zero()).store(&mut x[c], s);
-                (V::load(&r[c], s) - V::load(&z[c], s) * alpha).store(&mut r[c], s);
+                if !last {
+                    (V::load(&r[c], s) - V::load(&z[c], s) * alpha).store(&mut r[c], s);
+                }
             }
         }
     }
