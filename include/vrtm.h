@@ -734,8 +734,9 @@ typedef struct vrtm_solve_options {
     uint32_t warm;
     // Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
     uint32_t max_corrections;
-    // A chart is done when a correction gains less than this share of its energy, or when a level's first correction
-    // gained what its linear model foretold, to a tenth of that share; 0 <= tolerance < 1; 0 = the quality's own.
+    // A chart is done when a correction gains less than this share of its energy (to which 6 % of what the original UVs
+    // have is added), or when a level's first correction gained what its linear model foretold, to a tenth of that
+    // share; 0 <= tolerance < 1; 0 = the quality's own.
     float tolerance;
     // Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
     // depends on the speed of the machine.

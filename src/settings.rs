@@ -241,8 +241,9 @@ pub struct SolveOptions {
     /// Start from the previous result instead of the identity: faster on small changes, but the result then
     /// depends on the order of frames.
     pub warm: bool,
-    /// Stop correcting a chart when a correction gains less than this share of its energy, or when a level's first
-    /// correction gained what its linear model foretold, to a tenth of that share; 0 = the quality's own.
+    /// Stop correcting a chart when a correction gains less than this share of its energy (to which 6 % of what the
+    /// original UVs have is added), or when a level's first correction gained what its linear model foretold, to a tenth
+    /// of that share; 0 = the quality's own. Up to four times these the next correction is taken in part.
     pub tolerance: f32,
     /// Cap on corrections per level in place of the quality's own, at most 64; 0 = the quality's own.
     pub max_corrections: u32,

@@ -71,7 +71,7 @@ pub(crate) struct Correction {
     pub iterations: u32,
     /// Sweeps after the step.
     pub sweeps: u32,
-    /// A chart that gains less than this share of its energy sits out the level's further corrections.
+    /// A chart that gains less than this share of its energy sits out the level's further corrections; see `next`.
     pub tolerance: f32,
 }
 

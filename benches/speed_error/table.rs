@@ -26,7 +26,7 @@ pub fn text(
         let _ = write!(
             text,
             "\n## A node update\n\nOn the finest level of the bulge the plain loop (f64, scalar, one core) takes {:.0} ns, the \
-             library's relaxation {:.1} ns (f32, all cores, all levels of `draft`): {:.1} times less, pair by pair, {:.1} \
+             library's relaxation {:.1} ns (f32, all cores, in `draft`): {:.1} times less, pair by pair, {:.1} \
              between the quickest of each (bar: 20). Both count the same energy (they differ by {:.0e} at the identity).\n",
             node.plain_ns, node.library_ns, node.ratio, node.quickest, node.difference
         );

@@ -210,13 +210,17 @@ mod tests {
         let in_y = |i: usize, j: usize| {
             let low = coarse[j / 2 * wide + i];
             let weight = weights[j * columns + 2 * i];
-            if j % 2 == 0 { low } else { low * weight + coarse[(j / 2 + 1) * wide + i] * (1.0 - weight) }
+            if j.is_multiple_of(2) {
+                low
+            } else {
+                low * weight + coarse[(j / 2 + 1) * wide + i] * (1.0 - weight)
+            }
         };
         (0..columns * rows)
             .map(|n| {
                 let (i, j) = (n % columns, n / columns);
                 let weight = weights[n];
-                if i % 2 == 0 {
+                if i.is_multiple_of(2) {
                     in_y(i / 2, j)
                 } else {
                     in_y(i / 2, j) * weight + in_y(i / 2 + 1, j) * (1.0 - weight)
