@@ -181,7 +181,7 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
         });
         match &plan.pbd {
             None => {
-                if warm {
+                if warm && !is_late(stages, plan, start) {
                     // The last frame's result has not seen this pose on any level.
                     outcome.sweeps += plan.sweeps;
                     timed(&mut times.relax, || stages.relax(level, plan.sweeps));
