@@ -67,8 +67,6 @@ pub(crate) trait Stages {
 pub(crate) struct Correction {
     /// The first one on its level: all charts take part again.
     pub first: bool,
-    /// Iterations of conjugate gradients.
-    pub iterations: u32,
     /// Sweeps after the step.
     pub sweeps: u32,
     /// A chart that gains less than this share of its energy sits out the level's further corrections; see `next`.
@@ -101,13 +99,15 @@ const GAINED: [f64; 2] = [1.0, 4.0];
 /// ... and likewise how much a first correction's gain differs from what was foretold.
 const MISSED: [f64; 2] = [0.1, 3.0];
 
+/// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction does, and
+/// need more memory.
+pub(crate) const ITERATIONS: u32 = 2;
+
 /// How much work to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plan {
     /// Sweeps after each correction; on a level without any, sweeps alone.
     pub sweeps: u32,
-    /// Iterations of conjugate gradients in each: more gain less than the next level or the next correction does.
-    pub iterations: u32,
     /// Corrections on the finest level and on the others.
     pub corrections: [u32; 2],
     pub tolerance: f32,
@@ -122,17 +122,16 @@ impl Plan {
         let pbd = (options.solver == Solver::Pbd).then(|| options.pbd.resolved());
         // The coarser levels cost a third of the finest, and their corrections move features where sweeps alone would
         // take hundreds. A chart with room is done after one correction on the finest; the others go to crowded ones.
-        let (sweeps, iterations, corrections, tolerance) = match options.quality {
-            Quality::Draft => (3, 2, [0, 1], 0.0),
-            Quality::Normal => (2, 2, [4, 1], 3e-3),
-            Quality::High => (4, 3, [12, 2], 2e-4),
+        let (sweeps, corrections, tolerance) = match options.quality {
+            Quality::Draft => (3, [0, 1], 0.0),
+            Quality::Normal => (2, [4, 1], 3e-3),
+            Quality::High => (4, [12, 3], 1e-4),
         };
         let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
         // What a solver does not look at must not make two plans differ.
         let of_descent = pbd.is_none();
         Plan {
             sweeps: if of_descent { sweeps } else { 0 },
-            iterations: if of_descent { iterations } else { 0 },
             corrections: if of_descent { corrections.map(cap) } else { [0; 2] },
             tolerance: match options.tolerance {
                 _ if !of_descent => 0.0,
@@ -222,8 +221,8 @@ fn descend(
         if corrections == 0 {
             timed(&mut times.relax, || stages.relax(level, plan.sweeps));
         } else {
-            let Plan { iterations, sweeps, tolerance, .. } = *plan;
-            let correction = Correction { first: step == 0, iterations, sweeps, tolerance };
+            let Plan { sweeps, tolerance, .. } = *plan;
+            let correction = Correction { first: step == 0, sweeps, tolerance };
             timed(&mut times.correct, || stages.correct(level, &correction));
             outcome.corrections += 1;
         }

@@ -8,7 +8,7 @@ mod galerkin;
 mod inspect;
 mod multigrid;
 
-use crate::solve::Correction;
+use crate::solve::{Correction, ITERATIONS};
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::halo::WINDOW_NODES;
@@ -41,18 +41,17 @@ impl Default for Rows {
 #[derive(Debug, Default)]
 struct System {
     rows: Vec<Rows>,
-    /// Right-hand side, then residual.
+    /// Right-hand side, then residual; once the system is solved, the first plane is the share of the step that a node
+    /// takes.
     r: Vec<[Plane; 2]>,
-    /// The preconditioner's result; also A p, which is needed while it is not.
+    /// The preconditioner's result, then the search direction; once the system is solved, the state before the step. 0 in
+    /// blocks without movable nodes.
     z: Vec<[Plane; 2]>,
-    /// Residual inside the V-cycle; then the state before the step.
-    t: Vec<[Plane; 2]>,
-    /// Search direction.
-    p: Vec<[Plane; 2]>,
     /// Solution: the step.
     x: Vec<[Plane; 2]>,
-    /// Share of the step that a node takes.
-    share: Vec<Plane>,
+    /// Residual inside the V-cycle, and A z. While a system is solved, this is the memory of the level's samples, which
+    /// the step makes stale.
+    t: Vec<[Plane; 3]>,
 }
 
 /// The systems of all levels.
@@ -75,10 +74,8 @@ impl Systems {
                     rows: (0..n).map(|_| Rows::default()).collect(),
                     r: zero(n),
                     z: zero(n),
-                    t: zero(n),
-                    p: zero(n),
                     x: zero(n),
-                    share: vec![[1.0; NODES]; n],
+                    t: Vec::new(),
                 }
             })
             .collect();
@@ -92,7 +89,7 @@ impl Systems {
 
     /// Bytes that `new` takes.
     pub fn bytes_for(grid: &Grid) -> u64 {
-        let block = size_of::<Rows>() + (5 * 2 + 1) * NODES * 4;
+        let block = size_of::<Rows>() + 3 * 2 * NODES * 4;
         grid.levels.iter().map(|level| (level.blocks.list.len() * block) as u64).sum()
     }
 }
@@ -121,33 +118,50 @@ impl Run<'_> {
             let (finer, coarser) = systems.levels.split_at_mut(k + 1);
             galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
         }
-        let predicted = self.conjugate_gradients(&mut systems.levels, level, plan.iterations);
+        self.lend_samples(&mut systems.levels[level..], level);
+        let predicted = self.conjugate_gradients(&mut systems.levels, level);
+        self.lend_samples(&mut systems.levels[level..], level);
         cut::shares(self, level, &mut systems.levels[level]);
         self.step(&mut systems, level, &before, &predicted, plan);
         self.memory.systems = systems;
         self.work = work;
     }
 
+    /// Gives the samples' memory from `level` on to the systems, or back.
+    fn lend_samples(&mut self, systems: &mut [System], level: usize) {
+        for (system, buffers) in systems.iter_mut().zip(&mut self.memory.levels[level..]) {
+            std::mem::swap(&mut system.t, &mut buffers.value);
+        }
+    }
+
     /// Solves the level's system for `x`, chart by chart: the charts only share the passes over memory. Gives, per chart,
     /// by how much the quadratic model of the energy falls.
-    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize, iterations: u32) -> Vec<f64> {
+    ///
+    /// Two iterations: the second direction is a sum of the preconditioner's result and of the first step, so that no
+    /// direction needs to be kept.
+    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize) -> Vec<f64> {
         let charts = self.charts.len();
-        let mut rz = vec![0.0f64; charts];
         let mut predicted = vec![0.0f64; charts];
-        for iteration in 0..iterations {
-            let next = multigrid::cycle(self, systems, level);
+        // Of the first iteration.
+        let (mut first_rz, mut first_alpha) = (vec![0.0f64; charts], vec![0.0f32; charts]);
+        for iteration in 0..ITERATIONS {
+            let (first, last) = (iteration == 0, iteration + 1 == ITERATIONS);
+            let rz = multigrid::cycle(self, systems, level);
             let system = &mut systems[level];
-            let beta: Vec<f32> = (0..charts)
-                .map(|c| if iteration > 0 && rz[c] > 0.0 { (next[c] / rz[c]) as f32 } else { 0.0 })
-                .collect();
-            rz = next;
-            let (p, z) = (Shared::new(&mut system.p), &system.z);
-            self.each_block(level, |b, c| {
-                // SAFETY: each item has its own block.
-                let p = unsafe { p.get_mut(b) };
-                wide(Direction { p, z: &z[b], beta: if iteration > 0 { Some(beta[c]) } else { None } });
-            });
-            let curvature = multigrid::multiply(self, level, &system.rows, &system.p, &mut system.z);
+            let (z, x) = (Shared::new(&mut system.z), &system.x);
+            if !first {
+                let beta: Vec<f32> = (0..charts)
+                    .map(|c| {
+                        let beta = (rz[c] / first_rz[c]) as f32 / first_alpha[c];
+                        if beta.is_finite() { beta } else { 0.0 }
+                    })
+                    .collect();
+                self.each_block(level, |b, c| {
+                    // SAFETY: each item has its own block.
+                    wide(Direction { z: unsafe { z.get_mut(b) }, x: &x[b], beta: beta[c] });
+                });
+            }
+            let curvature = multigrid::multiply(self, level, &system.rows, &system.z, &mut system.t);
             let alpha: Vec<f32> = (0..charts)
                 .map(|c| {
                     let alpha = (rz[c] / curvature[c]) as f32;
@@ -159,13 +173,13 @@ impl Run<'_> {
                 predicted[c] += f64::from(alpha[c]) * rz[c];
             }
             let (x, r) = (Shared::new(&mut system.x), Shared::new(&mut system.r));
-            let (p, z) = (&system.p, &system.z);
+            let (z, t) = (&system.z, &system.t);
             self.each_block(level, |b, c| {
                 // SAFETY: each item has its own block.
                 let (x, r) = unsafe { (x.get_mut(b), r.get_mut(b)) };
-                let (first, last) = (iteration == 0, iteration + 1 == iterations);
-                wide(Advance { x, r, p: &p[b], z: &z[b], alpha: alpha[c], first, last });
+                wide(Advance { x, r, z: &z[b], t: &t[b], alpha: alpha[c], first, last });
             });
+            (first_rz, first_alpha) = (rz, alpha);
         }
         predicted
     }
@@ -182,10 +196,10 @@ impl Run<'_> {
         plan: &Correction,
     ) {
         let system = &mut systems.levels[level];
-        let (t, u) = (Shared::new(&mut system.t), &self.memory.levels[level].u);
+        let (before_step, u) = (Shared::new(&mut system.z), &self.memory.levels[level].u);
         self.each_block(level, |b, _| {
             // SAFETY: each item has its own block.
-            unsafe { *t.get_mut(b) = u[b] };
+            unsafe { *before_step.get_mut(b) = u[b] };
         });
         let list = &self.grid.levels[level].blocks.list;
         let mut open: Vec<bool> =
@@ -201,7 +215,7 @@ impl Run<'_> {
             self.team.run(blocks.len(), |k| {
                 let b = blocks[k] as usize;
                 let part = part * next[list[b].chart as usize];
-                let (from, step, share) = (&system.t[b], &system.x[b], &system.share[b]);
+                let (from, step, share) = (&system.z[b], &system.x[b], &system.r[b][0]);
                 // SAFETY: each item has its own block.
                 let u = unsafe { u.get_mut(b) };
                 for c in 0..2 {
@@ -248,11 +262,11 @@ impl Run<'_> {
     }
 }
 
-/// p = z + beta p in one block; p = z without a beta.
+/// z += beta x in one block.
 struct Direction<'a> {
-    p: &'a mut [Plane; 2],
-    z: &'a [Plane; 2],
-    beta: Option<f32>,
+    z: &'a mut [Plane; 2],
+    x: &'a [Plane; 2],
+    beta: f32,
 }
 
 impl Kernel for Direction<'_> {
@@ -260,24 +274,20 @@ impl Kernel for Direction<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Some(beta) = self.beta else {
-            *self.p = *self.z;
-            return;
-        };
-        for (p, z) in self.p.iter_mut().zip(self.z) {
+        for (z, x) in self.z.iter_mut().zip(self.x) {
             for s in (0..NODES).step_by(LANES) {
-                (V::load(z, s) + V::load(p, s) * beta).store(p, s);
+                (V::load(z, s) + V::load(x, s) * self.beta).store(z, s);
             }
         }
     }
 }
 
-/// x += alpha p and r -= alpha z in one block; x = alpha p the first time. Nobody asks for the last r.
+/// x += alpha z and r -= alpha t in one block; x = alpha z the first time. Nobody asks for the last r.
 struct Advance<'a> {
     x: &'a mut [Plane; 2],
     r: &'a mut [Plane; 2],
-    p: &'a [Plane; 2],
     z: &'a [Plane; 2],
+    t: &'a [Plane; 3],
     alpha: f32,
     first: bool,
     last: bool,
@@ -288,16 +298,16 @@ impl Kernel for Advance<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Advance { x, r, p, z, alpha, first, last } = self;
+        let Advance { x, r, z, t, alpha, first, last } = self;
         for c in 0..2 {
             for s in (0..NODES).step_by(LANES) {
-                let step = V::load(&p[c], s) * alpha;
+                let step = V::load(&z[c], s) * alpha;
                 let sum = if first { step } else { V::load(&x[c], s) + step };
                 // A system that f32 cannot solve must not spoil the state.
                 let small = sum.lt(V::splat(MAX_STEP)).and(V::splat(-MAX_STEP).lt(sum));
                 small.select(sum, V::zero()).store(&mut x[c], s);
                 if !last {
-                    (V::load(&r[c], s) - V::load(&z[c], s) * alpha).store(&mut r[c], s);
+                    (V::load(&r[c], s) - V::load(&t[c], s) * alpha).store(&mut r[c], s);
                 }
             }
         }

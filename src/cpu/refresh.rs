@@ -74,6 +74,13 @@ impl Kernel for RefreshChords<'_> {
                 continue;
             }
             let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
+            if start == Start::Present && lanes.bits() != u8::MAX {
+                // A correction has used the samples' memory.
+                let on = surface.on_row::<V>(&site, &[V::zero(); 2], V::load_index(rest, s));
+                for c in 0..3 {
+                    on.value[c].store(&mut value[c], s);
+                }
+            }
             if !lanes.any() {
                 continue;
             }

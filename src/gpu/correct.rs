@@ -4,7 +4,7 @@ use super::kernels::Kernel;
 use super::layout::Params;
 use super::stages::{Charts, Decision};
 use super::{GateSet, Run, Shared};
-use crate::solve::Correction;
+use crate::solve::{Correction, ITERATIONS};
 
 /// Sweeps on either side of a V-cycle.
 const SWEEPS: u32 = 2;
@@ -36,7 +36,7 @@ impl Run<'_> {
                 self.galerkin(k);
             }
         }
-        self.conjugate_gradients(level, correction.iterations);
+        self.conjugate_gradients(level);
         self.cut(level);
         self.gate = correcting;
         for (n, part) in TRIALS.into_iter().enumerate() {
@@ -75,15 +75,15 @@ impl Run<'_> {
         self.exchange(k, Shared::Rows);
     }
 
-    fn conjugate_gradients(&mut self, level: usize, iterations: u32) {
-        for mode in 0..iterations {
+    fn conjugate_gradients(&mut self, level: usize) {
+        for mode in 0..ITERATIONS {
             self.cycle(level);
             let decision = if mode == 0 { Decision::FirstDirection } else { Decision::Direction };
             self.reduce(Kernel::ResidualDot, level, self.params, decision);
             let params = Params { mode, ..self.params };
             self.each_active(Kernel::Direction, level, params, Some(Shared::Vectors));
             self.reduce(Kernel::Curvature, level, self.params, Decision::LengthOfStep);
-            let last = mode + 1 == iterations;
+            let last = mode + 1 == ITERATIONS;
             self.each_active(Kernel::Advance, level, params, last.then_some(Shared::Vectors));
         }
     }

@@ -18,11 +18,11 @@ const ROUNDS: usize = 16;
 /// Passes of the falloff before the first round, and in each.
 const PASSES: [usize; 2] = [4, 2];
 
-/// Sets `share` so that u + share x has no corner under ε.
+/// Sets the shares, in the first plane of `r`, so that u + share x has no corner under ε.
 pub fn shares(run: &mut Run, level: usize, system: &mut System) {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
-    let share = Shared::new(&mut system.share);
+    let share = Shared::new(&mut system.r);
     // Only active blocks are written: in the others, z has to stay 0 for the next cycle.
     let mark = Shared::new(&mut system.z);
     let x = &system.x;
@@ -39,7 +39,9 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
             halo::load(&around, 0.0, |b| &x[b][c], &mut step[c]);
         }
         // SAFETY: each item has its own block and flag.
-        unsafe { *cuts_of.get_mut(k) = wide(Parts { from: &from, step: &step, share: share.get_mut(b) }) };
+        unsafe {
+            *cuts_of.get_mut(k) = wide(Parts { from: &from, step: &step, share: &mut share.get_mut(b)[0] })
+        };
     });
     // Charts whose whole step leaves enough are done: what happens to the others must not touch them.
     let keep_open = |blocks: &mut Vec<u32>, flags: &[bool]| {
@@ -64,7 +66,7 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
             let around = super::multigrid::masked(grid, b);
             // SAFETY: shares are only read, and each item has its own marks.
             let mark = unsafe {
-                halo::load(&around, 1.0, |b| share.get(b), &mut shares);
+                halo::load(&around, 1.0, |b| &share.get(b)[0], &mut shares);
                 &mut mark.get_mut(b)[0]
             };
             for c in 0..2 {
@@ -90,7 +92,7 @@ pub fn shares(run: &mut Run, level: usize, system: &mut System) {
             // SAFETY: marks are only read, and each item has its own shares.
             let (share, mark) = unsafe {
                 halo::load(&super::multigrid::masked(grid, b), 1.0, |b| &mark.get(b)[0], &mut marks);
-                (share.get_mut(b), &mark.get(b)[0])
+                (&mut share.get_mut(b)[0], &mark.get(b)[0])
             };
             for j in 0..SIDE {
                 for i in 0..SIDE {
@@ -114,7 +116,7 @@ fn smooth_falloff(
     run: &Run,
     level: usize,
     blocks: &[u32],
-    share: Shared<Plane>,
+    share: Shared<[Plane; 2]>,
     mark: Shared<[Plane; 2]>,
     passes: usize,
 ) {
@@ -125,7 +127,7 @@ fn smooth_falloff(
             let mut shares: Window = [1.0; WINDOW_NODES];
             // SAFETY: shares are only read, and each item has its own second mark plane.
             let out = unsafe {
-                halo::load(&super::multigrid::masked(grid, b), 1.0, |b| share.get(b), &mut shares);
+                halo::load(&super::multigrid::masked(grid, b), 1.0, |b| &share.get(b)[0], &mut shares);
                 &mut mark.get_mut(b)[1]
             };
             wide(Falloff { shares: &shares, out });
@@ -133,7 +135,7 @@ fn smooth_falloff(
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             // SAFETY: each item has its own block.
-            unsafe { *share.get_mut(b) = mark.get(b)[1] };
+            unsafe { share.get_mut(b)[0] = mark.get(b)[1] };
         });
     }
 }

@@ -35,7 +35,7 @@ impl Run<'_> {
     /// The last step on a level, before it was cut, and its local share.
     pub fn step_of(&self, level: usize) -> [Vec<u32>; 2] {
         let system = &self.memory.systems.levels[level];
-        [flat(&system.x), system.share.as_flattened().iter().map(|x| x.to_bits()).collect()]
+        [flat(&system.x), system.r.iter().flat_map(|r| r[0]).map(f32::to_bits).collect()]
     }
 
     /// Per chart, the share of the next step that it is to take; 0: it sits out the level's further corrections.

@@ -137,7 +137,7 @@ impl Kernel for SmoothBlock<'_> {
                 row.set(&mut self.z[c], row.near::<V>(&self.windows[c], 0, 0));
             }
         }
-        if self.dot { dot::<V>(self.r, self.z) } else { 0.0 }
+        if self.dot { dot::<V>(self.r, &*self.z) } else { 0.0 }
     }
 }
 
@@ -188,13 +188,13 @@ fn product<V: Lanes>(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
     [ax + xx * x + xy * y, ay + xy * x + yy * y]
 }
 
-/// out = A v; gives v·out per chart.
+/// The first two planes of `out` become A v; gives v·out per chart.
 pub fn multiply(
     run: &Run,
     level: usize,
     rows: &[Rows],
     v: &[[Plane; 2]],
-    out: &mut [[Plane; 2]],
+    out: &mut [[Plane; 3]],
 ) -> Vec<f64> {
     let grid = &run.grid.levels[level];
     let out = Shared::new(out);
@@ -228,12 +228,12 @@ fn residual(run: &Run, level: usize, system: &mut System) {
     });
 }
 
-/// out = A v for one block; gives v·out.
+/// A v for one block; gives its product with v.
 struct BlockProduct<'a> {
     rows: &'a Rows,
     windows: &'a [Window; 2],
     v: &'a [Plane; 2],
-    out: &'a mut [Plane; 2],
+    out: &'a mut [Plane; 3],
 }
 
 impl Kernel for BlockProduct<'_> {
@@ -247,16 +247,16 @@ impl Kernel for BlockProduct<'_> {
                 row.set(&mut self.out[c], product[c]);
             }
         }
-        dot::<V>(self.v, self.out)
+        dot::<V>(self.v, &*self.out)
     }
 }
 
-/// out = r - A v for one block.
+/// r - A v for one block.
 struct BlockResidual<'a> {
     rows: &'a Rows,
     windows: &'a [Window; 2],
     r: &'a [Plane; 2],
-    out: &'a mut [Plane; 2],
+    out: &'a mut [Plane; 3],
 }
 
 impl Kernel for BlockResidual<'_> {
@@ -275,7 +275,7 @@ impl Kernel for BlockResidual<'_> {
 
 /// The dot product of two vectors in one block, in a fixed order.
 #[inline(always)]
-fn dot<V: Lanes>(a: &[Plane; 2], b: &[Plane; 2]) -> f32 {
+fn dot<V: Lanes>(a: &[Plane; 2], b: &[Plane]) -> f32 {
     let mut sum = V::zero();
     for c in 0..2 {
         for s in (0..NODES).step_by(LANES) {
@@ -286,7 +286,7 @@ fn dot<V: Lanes>(a: &[Plane; 2], b: &[Plane; 2]) -> f32 {
 }
 
 /// The coarser level's right-hand side: Pᵀ t, at its movable nodes.
-fn restrict(run: &Run, finer: usize, t: &[[Plane; 2]], r: &mut [[Plane; 2]]) {
+fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     let r = Shared::new(r);
     run.each_block(finer + 1, |b, _| {
