@@ -21,7 +21,7 @@ fn weight_at(b: u32, n: vec2u) -> f32 {
     if holder == NONE {
         return 0.0;
     }
-    return rows[row_at(holder, INTERPOLATION, source.y)];
+    return bitcast<f32>(rows[row_at(holder, INTERPOLATION, source.y)]);
 }
 
 /// z of the coarser level at coarse column `column` of block b (0 to 8), fine row `row`: interpolated in y alone.
@@ -46,7 +46,7 @@ fn correction(b: u32, s: u32) -> vec2f {
     if n.x % 2u == 0u {
         return west;
     }
-    let weight = rows[row_at(b, INTERPOLATION, s)];
+    let weight = bitcast<f32>(rows[row_at(b, INTERPOLATION, s)]);
     return west * weight + column_value(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
 }
 

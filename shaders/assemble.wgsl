@@ -1,6 +1,6 @@
 // correct, first step: the Gauss-Newton system of a level. For each pair of neighbours the sum of w / l^2 g_p g_n' over
 // what depends on both, stored once, with the node that owns the edge; the right-hand side is minus the gradient
-// (halves of the derivatives on both sides). Reads what relax reads, writes 84 bytes per node.
+// (halves of the derivatives on both sides). Reads what relax reads, writes 52 bytes per node.
 
 /// Under this corner Jacobian the step meets a wall ...
 const WALL_JACOBIAN: f32 = 0.05;
@@ -16,15 +16,12 @@ fn outer_pair(a: vec2f, b: vec2f) -> vec4f {
     return vec4f(a.x * b.x, a.x * b.y, a.y * b.x, a.y * b.y);
 }
 
-/// Which owned edge leads along o; 4 and more for those that the neighbour owns.
-fn edge_along(o: vec2i) -> u32 {
-    if o.y == 0 {
-        return select(4u, 0u, o.x > 0);
-    }
-    if o.y < 0 {
-        return 4u;
-    }
-    return select(select(3u, 2u, o.x > 0), 1u, o.x == 0);
+/// The neighbour at o: the inverse of `offset`.
+fn neighbour_at(o: vec2i) -> u32 {
+    let theirs = o.y < 0 || (o.y == 0 && o.x < 0);
+    let d = select(o, -o, theirs);
+    let e = select(select(select(3u, 2u, d.x > 0), 1u, d.x == 0), 0u, d.y == 0);
+    return e + select(0u, 4u, theirs);
 }
 
 @compute @workgroup_size(64)
@@ -41,11 +38,9 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
         if fixed_in_patch(seen(n, vec2i())) {
             // The identity, so that nothing divides by zero.
             let at = row_at(b, 0u, s);
-            rows[at] = 1.0;
-            rows[at + NODES] = 0.0;
-            rows[at + 2u * NODES] = 1.0;
-            for (var c = 0u; c < 16u; c++) {
-                rows[at + (PAIR + c) * NODES] = 0.0;
+            set_diagonal(at, vec3f(1.0, 0.0, 1.0));
+            for (var c = 0u; c < 8u; c++) {
+                rows[at + (PAIR + c) * NODES] = 0u;
             }
             vectors[vector_at(b, R, s)] = 0.0;
             vectors[vector_at(b, R + 1u, s)] = 0.0;
@@ -55,12 +50,17 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     }
 }
 
+fn set_diagonal(at: u32, diagonal: vec3f) {
+    for (var c = 0u; c < 3u; c++) {
+        rows[at + c * NODES] = bitcast<u32>(diagonal[c]);
+    }
+}
+
 fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
     let p = here(b, n);
     let l = local_problem(n, p, floor);
     var diagonal = l.matrix;
-    // One entry more, for edges that the neighbours own.
-    var pairs: array<vec4f, 5>;
+    var pairs: array<vec4f, 8>;
     for (var q = 0u; q < 4u; q++) {
         let m = arms(n, p.u, q);
         let sign = quadrant(q);
@@ -74,18 +74,15 @@ fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
             let own = vec2f(first.y - second.y, second.x - first.x);
             let to_first = select(vec2i(sign.x, 0), sign, k == 2u);
             let to_second = select(vec2i(0, sign.y), sign, k == 1u);
-            pairs[min(edge_along(to_first), 4u)] += beta * outer_pair(own, vec2f(second.y, -second.x));
-            pairs[min(edge_along(to_second), 4u)] += beta * outer_pair(own, vec2f(-first.y, first.x));
+            pairs[neighbour_at(to_first)] += beta * outer_pair(own, vec2f(second.y, -second.x));
+            pairs[neighbour_at(to_second)] += beta * outer_pair(own, vec2f(-first.y, first.x));
         }
     }
     let at = row_at(b, 0u, s);
-    for (var c = 0u; c < 3u; c++) {
-        rows[at + c * NODES] = diagonal[c];
-    }
     vectors[vector_at(b, R, s)] = -l.gradient.x;
     vectors[vector_at(b, R + 1u, s)] = -l.gradient.y;
     let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
-    for (var k = 0u; k < 4u; k++) {
+    for (var k = 0u; k < 8u; k++) {
         let e = edge(n, p, k, floor);
         var pair = vec4f();
         // Only pairs of movable nodes take part.
@@ -99,8 +96,12 @@ fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
                 - e.orientation * e.shorter * e.shorter * outer_pair(normal, normal)
                 + pairs[k];
         }
-        for (var c = 0u; c < 4u; c++) {
-            rows[at + (PAIR + 4u * k + c) * NODES] = pair[c];
+        diagonal += lost(pair);
+        if k < 4u {
+            let words = encode(pair);
+            rows[at + (PAIR + 2u * k) * NODES] = words.x;
+            rows[at + (PAIR + 2u * k + 1u) * NODES] = words.y;
         }
     }
+    set_diagonal(at, diagonal);
 }

@@ -114,9 +114,10 @@ struct Block {
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
 /// Per block: displacement (2), position or metric at W (3), triangle under W.
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
-/// Per block: diagonal (3), pairs of the owned edges (16), and, uploaded once, what a correction's interpolation from the
-/// next coarser level gives to the lower neighbour (of odd columns: to the west; of even columns in odd rows: to the south).
-@group(0) @binding(7) var<storage, read_write> rows: array<f32>;
+/// Per block: diagonal (3), pairs of the owned edges (two words each, see `encode`), and, uploaded once, what a correction's
+/// interpolation from the next coarser level gives to the lower neighbour (of odd columns: to the west; of even columns in
+/// odd rows: to the south).
+@group(0) @binding(7) var<storage, read_write> rows: array<u32>;
 /// Per block: r, z, t, p, x (2 each), share (2 in turn), mark.
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
 /// Per block of a list: what it gives to its chart.
@@ -133,9 +134,9 @@ const U: u32 = 0u;
 const VALUE: u32 = 2u;
 const TRIANGLE: u32 = 5u;
 
-const ROW_PLANES: u32 = 20u;
+const ROW_PLANES: u32 = 12u;
 const PAIR: u32 = 3u;
-const INTERPOLATION: u32 = 19u;
+const INTERPOLATION: u32 = 11u;
 
 const VECTOR_PLANES: u32 = 13u;
 const R: u32 = 0u;
@@ -158,6 +159,27 @@ fn row_at(b: u32, plane: u32, s: u32) -> u32 {
 }
 fn vector_at(b: u32, plane: u32, s: u32) -> u32 {
     return ((params.base + b) * VECTOR_PLANES + plane) * NODES + s;
+}
+
+/// A 2x2 block (row-major) as four bfloat16, that is f32 without the last 16 bits, rounded: xx and the mean of xy and yx;
+/// yy and half their difference. What rounding takes from a pair, the diagonals of both of its nodes give back, so that the
+/// sum of a row stays exact (src/cpu/correct/rows.rs).
+fn encode(a: vec4f) -> vec2u {
+    let bits = bitcast<vec4u>(vec4f(a.x, 0.5 * (a.y + a.z), a.w, 0.5 * (a.y - a.z)));
+    let rounded = bits + 0x7fffu + ((bits >> vec4u(16u)) & vec4u(1u));
+    return (rounded.xz & vec2u(0xffff0000u)) | (rounded.yw >> vec2u(16u));
+}
+
+fn decode(words: vec2u) -> vec4f {
+    let high = bitcast<vec2f>(words & vec2u(0xffff0000u));
+    let low = bitcast<vec2f>(words << vec2u(16u));
+    return vec4f(high.x, low.x + low.y, low.x - low.y, high.y);
+}
+
+/// (xx, xy, yy) of the symmetric part of what `encode` takes from a 2x2 block.
+fn lost(a: vec4f) -> vec3f {
+    let rest = a - decode(encode(a));
+    return vec3f(rest.x, 0.5 * (rest.y + rest.z), rest.w);
 }
 
 /// Slot of node (i, j) of a block in a plane.

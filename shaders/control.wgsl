@@ -77,9 +77,11 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
                 let gain = before - sum.x;
                 let identity = select(0.0, charts[c].identity, params.level == 0u);
                 let unit = params.tolerance * (before + OF_IDENTITY * identity);
-                // The first correction is enough if it gained what its model had foretold.
-                let missed = select(1.0, ramp(abs(gain - charts[c].predicted) / unit, MISSED), charts[c].first == 1u);
-                let next = select(0.0, min(ramp(gain / unit, GAINED), missed), gain > 0.0);
+                // A first correction that is trusted is enough if it gained what its model had foretold.
+                let trusted = charts[c].first == 1u && params.part != 0.0;
+                let missed = ramp(abs(gain - charts[c].predicted) / unit, MISSED);
+                let most = select(GROWTH * charts[c].next, missed, trusted);
+                let next = select(0.0, min(ramp(gain / unit, GAINED), most), gain > 0.0);
                 charts[c].next = next;
                 charts[c].done = u32(!(next > 0.0));
             }
@@ -102,6 +104,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
 
 /// As in src/solve.rs.
 const OF_IDENTITY: f32 = 0.06;
+const GROWTH: f32 = 4.0;
 const GAINED = vec2f(1.0, 4.0);
 const MISSED = vec2f(0.1, 3.0);
 

@@ -60,14 +60,11 @@ fn off_diagonal(b: u32, n: vec2u, window: u32) -> vec2f {
         let source = window_source(select(n + 1u, far, theirs));
         let owner = cycle_blocks[b].links[source.x];
         if owner != NONE {
-            let at = row_at(owner, PAIR + 4u * (k & 3u), source.y);
-            let xy = rows[at + NODES];
-            let yx = rows[at + 2u * NODES];
+            let at = row_at(owner, PAIR + 2u * (k & 3u), source.y);
+            let a = decode(vec2u(rows[at], rows[at + NODES]));
+            let across = select(a.yz, a.zy, theirs);
             let v = windows[window + place(far.x, far.y)];
-            sum += vec2f(
-                rows[at] * v.x + select(xy, yx, theirs) * v.y,
-                select(yx, xy, theirs) * v.x + rows[at + 3u * NODES] * v.y
-            );
+            sum += vec2f(a.x * v.x + across.x * v.y, across.y * v.x + a.w * v.y);
         }
     }
     return sum;
@@ -75,7 +72,7 @@ fn off_diagonal(b: u32, n: vec2u, window: u32) -> vec2f {
 
 fn diagonal(b: u32, s: u32) -> vec3f {
     let at = row_at(b, 0u, s);
-    return vec3f(rows[at], rows[at + NODES], rows[at + 2u * NODES]);
+    return bitcast<vec3f>(vec3u(rows[at], rows[at + NODES], rows[at + 2u * NODES]));
 }
 
 fn load_window(b: u32, lane: u32, window: u32, fresh: bool) {
@@ -167,7 +164,7 @@ fn weight_at(b: u32, n: vec2u) -> f32 {
     if holder == NONE {
         return 0.0;
     }
-    return rows[row_at(holder, INTERPOLATION, source.y)];
+    return bitcast<f32>(rows[row_at(holder, INTERPOLATION, source.y)]);
 }
 
 /// What the fine nodes n, n + (1, 0) and n + (2, 0) of a window give to the middle one's column.
@@ -222,7 +219,7 @@ fn add_level(c: u32, level: u32, t: u32) {
                 let n = node_of(s);
                 var add = column_value(b, parent, n.x / 2u, n.y);
                 if n.x % 2u == 1u {
-                    let weight = rows[row_at(b, INTERPOLATION, s)];
+                    let weight = bitcast<f32>(rows[row_at(b, INTERPOLATION, s)]);
                     add = add * weight + column_value(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
                 }
                 set_vector(b, Z, s, vector(b, Z, s) + add);

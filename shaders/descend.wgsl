@@ -1,5 +1,5 @@
 // correct, on the way to coarser levels: smoothing from z = 0, one dispatch a block colour, and the residual's
-// restriction. The latter reads 76 bytes of rows and 16 of vectors per node (half more at the rim), and writes 8 per
+// restriction. The latter reads 44 bytes of rows and 16 of vectors per node (half more at the rim), and writes 8 per
 // coarse node.
 
 /// Loads z around block b. Only colours before this one hold anything yet.
@@ -64,7 +64,7 @@ fn residual(b: u32, n: vec2i) -> vec2f {
         let source = wide_source(select(n, far, k > 3u));
         let owner = blocks[b].links[source.x];
         if owner != NONE {
-            sum += pair_times(row_at(owner, PAIR + 4u * (k & 3u), source.y), k, wide_z[wide_place(far)]);
+            sum += pair_times(row_at(owner, PAIR + 2u * (k & 3u), source.y), k, wide_z[wide_place(far)]);
         }
     }
     return vector(holder, R, own.y) - (sum + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y));
@@ -93,7 +93,7 @@ fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         let holder = blocks[b].links[source.x];
         weights[k] = 0.0;
         if holder != NONE {
-            weights[k] = rows[row_at(holder, INTERPOLATION, source.y)];
+            weights[k] = bitcast<f32>(rows[row_at(holder, INTERPOLATION, source.y)]);
         }
     }
     workgroupBarrier();

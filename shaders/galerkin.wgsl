@@ -1,5 +1,5 @@
 // correct: the coarser level's system P' A P, again 9-point and symmetric; P has the weights of
-// src/tile/interpolation.rs. Each coarse node reads the rows of 25 finer ones (80 bytes each) and writes 84 bytes.
+// src/tile/interpolation.rs. Each coarse node reads the rows of 25 finer ones (48 bytes each) and writes 52 bytes.
 
 @group(0) @binding(10) var<storage, read> fine_blocks: array<Block>;
 
@@ -19,7 +19,7 @@ fn fine_weight(child: u32, f: vec2i) -> f32 {
     if at == NONE {
         return 0.0;
     }
-    return fine_row_value(at + INTERPOLATION * NODES);
+    return bitcast<f32>(fine_row_value(at + INTERPOLATION * NODES));
 }
 
 /// P between the fine node f and the coarse node over the fine node c.
@@ -47,16 +47,16 @@ fn fine_entry(child: u32, f: vec2i, k: u32) -> vec4f {
         if at == NONE {
             return vec4f();
         }
-        let xy = fine_row_value(at + NODES);
-        return vec4f(fine_row_value(at), xy, xy, fine_row_value(at + 2u * NODES));
+        let xy = bitcast<f32>(fine_row_value(at + NODES));
+        return vec4f(bitcast<f32>(fine_row_value(at)), xy, xy, bitcast<f32>(fine_row_value(at + 2u * NODES)));
     }
     let theirs = k > 3u;
     let at = fine_row(child, select(f, f + offset(k), theirs));
     if at == NONE {
         return vec4f();
     }
-    let pair = at + (PAIR + 4u * (k & 3u)) * NODES;
-    let a = vec4f(fine_row_value(pair), fine_row_value(pair + NODES), fine_row_value(pair + 2u * NODES), fine_row_value(pair + 3u * NODES));
+    let pair = at + (PAIR + 2u * (k & 3u)) * NODES;
+    let a = decode(vec2u(fine_row_value(pair), fine_row_value(pair + NODES)));
     return select(a, a.xzyw, theirs);
 }
 
@@ -73,7 +73,8 @@ fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
 }
 
 fn galerkin_node(b: u32, n: vec2u, s: u32) {
-    var sums: array<vec4f, 5>;
+    // With each of the neighbours, and with itself.
+    var sums: array<vec4f, 9>;
     let child = blocks[b].children[n.y / 8u * 2u + n.x / 8u];
     let moves = !is_fixed(b, s) && child != NONE;
     if moves {
@@ -87,9 +88,9 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
                     g += offset(k);
                 }
                 let a = own * fine_entry(child, centre + f, k);
-                for (var e = 0u; e < 5u; e++) {
+                for (var e = 0u; e < 9u; e++) {
                     var c = vec2i();
-                    if e < 4u {
+                    if e < 8u {
                         c = 2 * offset(e);
                     }
                     sums[e] += interpolation(child, centre + g, centre + c) * a;
@@ -101,17 +102,25 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
     vectors[vector_at(b, R, s)] = 0.0;
     vectors[vector_at(b, R + 1u, s)] = 0.0;
     let at = row_at(b, 0u, s);
-    rows[at] = select(1.0, sums[4].x, moves);
-    rows[at + NODES] = select(0.0, sums[4].y, moves);
-    rows[at + 2u * NODES] = select(1.0, sums[4].w, moves);
-    for (var e = 0u; e < 4u; e++) {
+    var diagonal = vec3f(1.0, 0.0, 1.0);
+    if moves {
+        diagonal = vec3f(sums[8].x, sums[8].y, sums[8].w);
+    }
+    for (var e = 0u; e < 8u; e++) {
         // Only pairs of movable nodes.
         let far = vec2u(vec2i(n) + offset(e) + 1);
         let source = window_source(far);
         let holder = blocks[b].links[source.x];
         let both = moves && holder != NONE && !is_fixed(select(b, holder, holder != NONE), source.y);
-        for (var c = 0u; c < 4u; c++) {
-            rows[at + (PAIR + 4u * e + c) * NODES] = select(0.0, sums[e][c], both);
+        let pair = select(vec4f(), sums[e], both);
+        diagonal += lost(pair);
+        if e < 4u {
+            let words = encode(pair);
+            rows[at + (PAIR + 2u * e) * NODES] = words.x;
+            rows[at + (PAIR + 2u * e + 1u) * NODES] = words.y;
         }
+    }
+    for (var c = 0u; c < 3u; c++) {
+        rows[at + c * NODES] = bitcast<u32>(diagonal[c]);
     }
 }

@@ -1,5 +1,5 @@
 // correct: the preconditioner's smoother and products with the system. All of it works on the stored rows: per node a
-// pass reads 76 bytes of them (a quarter more at the rim) and 16 of vectors, and writes 8.
+// pass reads 44 bytes of them (a quarter more at the rim) and 16 of vectors, and writes 8.
 
 var<workgroup> near: array<vec2f, 324>;
 
@@ -9,7 +9,7 @@ fn block_colour(b: u32) -> u32 {
 
 fn diagonal(b: u32, s: u32) -> vec3f {
     let at = row_at(b, 0u, s);
-    return vec3f(rows[at], rows[at + NODES], rows[at + 2u * NODES]);
+    return bitcast<vec3f>(vec3u(rows[at], rows[at + NODES], rows[at + 2u * NODES]));
 }
 
 fn vector(b: u32, plane: u32, s: u32) -> vec2f {
@@ -23,15 +23,11 @@ fn set_vector(b: u32, plane: u32, s: u32, v: vec2f) {
     vectors[at + NODES] = v.y;
 }
 
-/// A_pn v for neighbour k of a node; `at` is the place of the pair's first plane in `rows`.
+/// A_pn v for neighbour k of a node; `at` is the place of the pair's first word in `rows`.
 fn pair_times(at: u32, k: u32, v: vec2f) -> vec2f {
-    let xy = rows[at + NODES];
-    let yx = rows[at + 2u * NODES];
-    let theirs = k > 3u;
-    return vec2f(
-        rows[at] * v.x + select(xy, yx, theirs) * v.y,
-        select(yx, xy, theirs) * v.x + rows[at + 3u * NODES] * v.y
-    );
+    let a = decode(vec2u(rows[at], rows[at + NODES]));
+    let across = select(a.yz, a.zy, k > 3u);
+    return vec2f(a.x * v.x + across.x * v.y, across.y * v.x + a.w * v.y);
 }
 
 /// The sum over neighbours of A_pn v_n, from the window.
@@ -42,7 +38,7 @@ fn off_diagonal(b: u32, n: vec2u) -> vec2f {
         let source = window_source(select(n + 1u, far, k > 3u));
         let owner = blocks[b].links[source.x];
         if owner != NONE {
-            sum += pair_times(row_at(owner, PAIR + 4u * (k & 3u), source.y), k, near[place(far.x, far.y)]);
+            sum += pair_times(row_at(owner, PAIR + 2u * (k & 3u), source.y), k, near[place(far.x, far.y)]);
         }
     }
     return sum;

@@ -1,7 +1,7 @@
 // The finer level's rows, in a buffer of their own.
 
-@group(0) @binding(11) var<storage, read> fine_rows: array<f32>;
+@group(0) @binding(11) var<storage, read> fine_rows: array<u32>;
 
-fn fine_row_value(at: u32) -> f32 {
+fn fine_row_value(at: u32) -> u32 {
     return fine_rows[at];
 }

@@ -1,5 +1,5 @@
 // The finer level's rows, in the same buffer as this level's.
 
-fn fine_row_value(at: u32) -> f32 {
+fn fine_row_value(at: u32) -> u32 {
     return rows[at];
 }

@@ -5,6 +5,7 @@
 
 mod stages;
 mod memory;
+mod constants;
 mod record;
 mod prefetch;
 mod surface;
@@ -24,17 +25,19 @@ mod lanes;
 mod team;
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use crate::mesh::TileMesh;
 use crate::solve::{ChartResult, Input};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
+use crate::tile::halo::WINDOW_NODES;
 use crate::tile::pose::Pose;
+use correct::Pairs;
 pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};
 use surface::{Chords, Metrics, Surface};
 pub(crate) use team::Team;
+use team::{Scratch, Worker};
 
 /// Blocks of one level that take part in a solve.
 #[derive(Clone, Debug, Default)]
@@ -74,23 +77,8 @@ pub(crate) struct Run<'a> {
     /// Per chart: the energy of the finest level's state, where a correction was the last to change it.
     known: Vec<Option<f64>>,
     node_updates: AtomicU64,
-    patches: Patches,
-}
-
-/// Patches that are not in use: each thread takes one while it works on a block.
-#[derive(Debug, Default)]
-struct Patches(Mutex<Vec<Box<Patch>>>);
-
-impl Patches {
-    /// Calls `f` with a patch of its own.
-    fn with<R>(&self, f: impl FnOnce(&mut Patch) -> R) -> R {
-        let pool = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let free = pool().pop();
-        let mut patch = free.unwrap_or_else(Patch::zeroed);
-        let result = f(&mut patch);
-        pool().push(patch);
-        result
-    }
+    patches: Scratch<Patch>,
+    pairs: Scratch<Pairs>,
 }
 
 impl<'a> Run<'a> {
@@ -131,7 +119,8 @@ impl<'a> Run<'a> {
             outcome: vec![ChartResult::default(); charts.len()],
             known: vec![None; charts.len()],
             node_updates: AtomicU64::new(0),
-            patches: Patches::default(),
+            patches: Scratch::new(team, Patch::zeroed),
+            pairs: Scratch::new(team, || Box::new([[0.0; WINDOW_NODES]; 16])),
         }
     }
 
@@ -146,10 +135,10 @@ impl<'a> Run<'a> {
     }
 
     /// Calls `f` on all active blocks of a level, block colour by block colour.
-    fn each_colour(&self, level: usize, backwards: bool, f: impl Fn(usize) + Sync) {
+    fn each_colour(&self, level: usize, backwards: bool, f: impl Fn(&Worker, usize) + Sync) {
         for k in 0..4 {
             let blocks = &self.work[level].colours[if backwards { 3 - k } else { k }];
-            self.team.run(blocks.len(), |k| f(blocks[k] as usize));
+            self.team.run_on(blocks.len(), |worker, k| f(worker, blocks[k] as usize));
         }
     }
 

@@ -1,4 +1,5 @@
-//! IEEE 754 binary16, converted with integer arithmetic alone so that every machine gives the same bits.
+//! Numbers of 16 bits: IEEE 754 binary16, converted with integer arithmetic alone so that every machine gives the same bits,
+//! and bfloat16.
 
 /// The f32 with the same value.
 pub fn to_f32(h: u16) -> f32 {
@@ -38,6 +39,11 @@ pub fn from_f32(value: f32) -> u16 {
     let tie = 1 << (shift - 1);
     let up = rest > tie || (rest == tie && kept & 1 == 1);
     sign | (kept + u32::from(up)) as u16
+}
+
+/// The f32 with the values of a word's upper and lower half, each a bfloat16: the first 16 bits of an f32.
+pub fn of_bfloat16(word: u32) -> [f32; 2] {
+    [word & 0xffff_0000, word << 16].map(f32::from_bits)
 }
 
 #[cfg(test)]

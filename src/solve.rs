@@ -71,28 +71,37 @@ pub(crate) struct Correction {
     pub sweeps: u32,
     /// A chart that gains less than this share of its energy sits out the level's further corrections; see `next`.
     pub tolerance: f32,
+    /// Whether a first correction that gained what was foretold is enough.
+    pub trusting: bool,
 }
 
 impl Correction {
     /// The share of the next correction's step that a chart is to take; 0: it sits out the level's further corrections. It
-    /// grows with what this one gained; and after the first, with how far that is from what its quadratic model had
-    /// foretold: the next one gains about what the model missed, which on scenes with room is next to nothing, and in
-    /// crowded ones, where steps are cut, 1 to 3 % of the energy. It grows smoothly, so that a warp does not jump from frame
-    /// to frame where a chart comes to need another correction.
+    /// grows with what this one gained, but no further than to a few times the share that this one took; and after a first one that is trusted,
+    /// with how far the gain is from what the quadratic model had foretold: the next one gains about what the model missed,
+    /// which on scenes with room is next to nothing, and in crowded ones, where steps are cut, 1 to 3 % of the energy. It
+    /// grows smoothly, so that a warp does not jump from frame to frame where a chart comes to need another correction.
     ///
     /// `identity` is the energy of the identity, 0 if it is not known: where little energy is left of much, a share of what
     /// is left counts for nothing.
-    pub fn next(&self, energy: f64, identity: f64, gain: f64, predicted: f64) -> f32 {
+    pub fn next(&self, energy: f64, identity: f64, gain: f64, predicted: f64, share: f32) -> f32 {
         let unit = f64::from(self.tolerance) * (energy + OF_IDENTITY * identity);
         let ramp = |x: f64, [low, high]: [f64; 2]| ((x / unit - low) / (high - low)).clamp(0.0, 1.0);
-        let missed = if self.first { ramp((gain - predicted).abs(), MISSED) } else { 1.0 };
+        let most = if self.first && self.trusting {
+            ramp((gain - predicted).abs(), MISSED)
+        } else {
+            GROWTH * f64::from(share)
+        };
         // A comparison with NaN is false: no gain.
-        if gain > 0.0 { ramp(gain, GAINED).min(missed) as f32 } else { 0.0 }
+        if gain > 0.0 { ramp(gain, GAINED).min(most) as f32 } else { 0.0 }
     }
 }
 
 /// Energy whose loss matters, as a share of the identity's.
 const OF_IDENTITY: f64 = 0.06;
+
+/// Times the share of one correction, the share of the next at most.
+const GROWTH: f64 = 4.0;
 
 /// In tolerances, the gains from which and from up to which the next step's share grows, ...
 const GAINED: [f64; 2] = [1.0, 4.0];
@@ -111,6 +120,8 @@ pub(crate) struct Plan {
     /// Corrections on the finest level and on the others.
     pub corrections: [u32; 2],
     pub tolerance: f32,
+    /// See `Correction`.
+    pub trusting: bool,
     /// The paper's solver in place of these, with all of its settings.
     pub pbd: Option<PbdSettings>,
     pub warm: bool,
@@ -122,10 +133,10 @@ impl Plan {
         let pbd = (options.solver == Solver::Pbd).then(|| options.pbd.resolved());
         // The coarser levels cost a third of the finest, and their corrections move features where sweeps alone would
         // take hundreds. A chart with room is done after one correction on the finest; the others go to crowded ones.
-        let (sweeps, corrections, tolerance) = match options.quality {
-            Quality::Draft => (3, [0, 1], 0.0),
-            Quality::Normal => (2, [4, 1], 3e-3),
-            Quality::High => (4, [12, 3], 1e-4),
+        let (sweeps, corrections, tolerance, trusting) = match options.quality {
+            Quality::Draft => (3, [0, 1], 0.0, true),
+            Quality::Normal => (2, [4, 1], 3e-3, true),
+            Quality::High => (4, [12, 2], 2e-4, false),
         };
         let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
         // What a solver does not look at must not make two plans differ.
@@ -138,6 +149,7 @@ impl Plan {
                 0.0 => tolerance,
                 own => own,
             },
+            trusting: of_descent && trusting,
             pbd,
             warm: options.warm,
             // A budget beyond what a duration can hold is none.
@@ -221,8 +233,8 @@ fn descend(
         if corrections == 0 {
             timed(&mut times.relax, || stages.relax(level, plan.sweeps));
         } else {
-            let Plan { sweeps, tolerance, .. } = *plan;
-            let correction = Correction { first: step == 0, sweeps, tolerance };
+            let Plan { sweeps, tolerance, trusting, .. } = *plan;
+            let correction = Correction { first: step == 0, sweeps, tolerance, trusting };
             timed(&mut times.correct, || stages.correct(level, &correction));
             outcome.corrections += 1;
         }

@@ -1,6 +1,7 @@
 //! A tile's maps: mobility, rigidity, node -> triangle coverage, active blocks, on every level of its grid.
 
 pub(crate) mod blocks;
+pub(crate) mod codes;
 pub(crate) mod coverage;
 pub(crate) mod density;
 pub(crate) mod fill;
@@ -14,6 +15,7 @@ use crate::image::Map;
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::settings::{MAX_GRID, TileSettings};
 use blocks::{Block, Blocks, Plane, SIDE, slot};
+use codes::Lengths;
 use coverage::Coverage;
 use interpolation::Stiffness;
 use metric::Gather;
@@ -85,17 +87,19 @@ pub struct Level {
     /// Cells in v.
     pub ny: usize,
     pub blocks: Blocks,
-    /// Per block.
-    pub rigidity: Vec<Plane>,
+    /// Per block: codes of `codes::share`.
+    pub rigidity: Vec<Plane<u16>>,
     /// Per block, only if a setting asks for it: how dense rigid material is around each node, 0..1.
     pub density: Vec<Plane>,
     /// Per block: what a correction's interpolation from the next coarser level gives to each node's lower neighbour, as
-    /// `interpolation` says; the upper one has the rest. Not on the coarsest level.
-    pub interpolation: Vec<Plane>,
+    /// `interpolation` says; the upper one has the rest. Codes of `codes::weight`. Not on the coarsest level.
+    pub interpolation: Vec<Plane<u8>>,
     /// Per block: 1 may move, 0 fixed.
     pub movable: Vec<Plane<u8>>,
-    /// Per block: rest length l of the edges `EDGES` of each node, in units of the chart.
-    pub rest_length: Vec<[Plane; 4]>,
+    /// Per block: rest length l of the edges `EDGES` of each node, in units of the chart; codes of its chart's `lengths`.
+    pub rest_length: Vec<[Plane<u16>; 4]>,
+    /// Per chart.
+    pub lengths: Vec<Lengths>,
     /// Per chart: floor of l.
     pub floor: Vec<f32>,
     /// Per block, on coarser levels: how much of each node's surroundings the chart covers, 0..1.
@@ -152,7 +156,7 @@ impl Grid {
                 break;
             }
             let (weights, next) = stiffness.coarser();
-            level.interpolation = planes(&level, |i, j| weights[j * (maps.nx + 1) + i]);
+            level.interpolation = planes(&level, |i, j| codes::weight(weights[j * (maps.nx + 1) + i]));
             levels.push(level);
             (maps, stiffness) = (coarser, next);
         }
@@ -192,7 +196,9 @@ impl Grid {
     pub fn bytes(&self) -> u64 {
         let per_block = NODE_BYTES * blocks::NODES;
         let of_level = |l: &Level| {
-            l.blocks.list.len() * per_block + (l.density.len() + l.interpolation.len()) * size_of::<Plane>()
+            l.blocks.list.len() * per_block
+                + (l.density.len() + l.coverage.len()) * size_of::<Plane>()
+                + l.interpolation.len() * blocks::NODES
         };
         let levels: usize = self.levels.iter().map(of_level).sum();
         let finest = self.triangle.len() * blocks::NODES * 4;
@@ -202,7 +208,7 @@ impl Grid {
 }
 
 /// Bytes per node of `Level`.
-const NODE_BYTES: usize = 4 + 1 + 16;
+const NODE_BYTES: usize = 2 + 1 + 8;
 
 impl Level {
     fn new(maps: &NodeMaps, charts: usize, finer: Option<&mut Level>) -> Level {
@@ -225,14 +231,15 @@ impl Level {
             density: Vec::new(),
             interpolation: Vec::new(),
             movable: Vec::new(),
-            rest_length: vec![[[1.0; blocks::NODES]; 4]; blocks.list.len()],
+            rest_length: vec![[[0; blocks::NODES]; 4]; blocks.list.len()],
+            lengths: vec![Lengths::default(); charts],
             floor: vec![0.0; charts],
             coverage: Vec::new(),
             children,
             parent: vec![NONE; blocks.list.len()],
             blocks,
         };
-        level.rigidity = planes(&level, |i, j| maps.rigidity[j * width + i]);
+        level.rigidity = planes(&level, |i, j| codes::share(maps.rigidity[j * width + i]));
         level.movable = level
             .blocks
             .list

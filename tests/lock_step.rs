@@ -12,9 +12,15 @@ use vrtm::{Asset, Backend, Device, DeviceSettings, ErrorKind, Quality, SolveOpti
 /// plus an absolute part. Both backends compute the same expressions in f32; a GPU may fuse multiplications and
 /// additions, and divides and takes roots to 2.5 units of rounding (WGSL's accuracy), where the CPU rounds each
 /// operation. All bounds are several times what is measured with Mesa's software driver.
-fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
+fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
     let stage = difference.stage.split('@').next().unwrap();
     match (difference.quantity, stage) {
+        // Where shares are halved, a corner within rounding of the bound falls on either side.
+        ("cut of the step", _) if model == CRUSHED => ([0.0; 2], [0.5, 2e-2]),
+        ("displacement (cells)", "correct") if model == CRUSHED => ([0.0; 2], [1.0, 2e-2]),
+        ("position under W (chart sizes)" | "metric under W", "correct") if model == CRUSHED => {
+            ([5e-3, 1e-3], [1e-4, 1e-5])
+        }
         // A few operations on the same numbers.
         ("pose triangles" | "metrics", _) => ([1e-6, 1e-7], [0.0; 2]),
         ("displacement (cells)", "prolong") => ([1e-6, 1e-7], [0.0; 2]),
@@ -32,14 +38,15 @@ fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
         ("position under W (chart sizes)" | "metric under W", _) => ([1e-3, 1e-4], [1e-4, 1e-5]),
         // Sums of products in which large terms cancel: at the minimum the right-hand side vanishes.
         ("right-hand side", _) => ([0.0; 2], [4e-5, 1e-6]),
-        ("assembled rows", _) => ([1e-5, 1e-6], [0.0; 2]),
-        // Of up to five levels of sums of 81 terms each, of either sign.
-        ("Galerkin rows", _) => ([1.5e-4, 1e-4], [0.0; 2]),
-        // Two iterations on a system with a condition of 1e3 and more.
-        ("step (cells)", _) => ([1e-3, 1e-4], [1e-5, 1e-6]),
-        // A root of a quadratic in the step. (Where shares are halved as well, a corner within rounding of the bound could
-        // fall on either side; none does.)
-        ("cut of the step", _) => ([0.0; 2], [3e-5, 2e-6]),
+        // Pairs are rounded to bfloat16: an error of an f32's size may take one to the next, 1/128 of it away. Few are as
+        // close to the middle between two, and the diagonal gives back what a pair lost, to either.
+        ("assembled rows", _) => ([8e-3, 1e-5], [0.0; 2]),
+        // Of up to five levels of sums of 81 terms each, of either sign; on regular grids many are close to a middle.
+        ("Galerkin rows", _) => ([8e-3, 4e-3], [0.0; 2]),
+        // Two iterations on such systems.
+        ("step (cells)", _) => ([4e-3, 4e-4], [1e-4, 1e-5]),
+        // A root of a quadratic in the step.
+        ("cut of the step", _) => ([0.0; 2], [2e-3, 1e-4]),
         // A first correction is enough if its gain is within 0.03 % of the energy of what was foretold. The energy of a
         // chart that is hardly strained has no digits for that (see below): two of the eleven of ict_inner decide
         // otherwise, and no chart of any other model does.
@@ -59,6 +66,9 @@ fn tolerance(difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
     }
 }
 
+/// The model whose cells are crushed everywhere.
+const CRUSHED: &str = "squash to 10 %";
+
 /// The largest differences of a quantity.
 #[derive(Default)]
 struct Row {
@@ -76,6 +86,7 @@ fn stages_from_the_same_state() {
     use common::scenes::{analytic::squash, arm, creature, mug_to_jug};
     let mut models = common::analytic();
     models.extend([squash(0.4), squash(0.1)].map(Model::from));
+    models.last_mut().unwrap().name = CRUSHED.to_owned();
     models.extend([mug_to_jug(), creature(), arm()].map(Model::from));
     models
         .extend(common::assets().into_iter().filter(|m| ["fox", "ict_inner", "mh_face"].contains(&&*m.name)));
@@ -88,7 +99,7 @@ fn stages_from_the_same_state() {
         assert!(!found.is_empty(), "{} has nothing to solve", model.name);
         for difference in found {
             let StageDifference { stage, quantity, max, rms, size, count, different } = &difference;
-            let (share, absolute) = tolerance(&difference);
+            let (share, absolute) = tolerance(&model.name, &difference);
             for (name, value, k) in [("max", *max, 0), ("RMS", *rms, 1)] {
                 let most = share[k] * size + absolute[k];
                 // What is not a number fails.

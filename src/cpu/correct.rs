@@ -7,6 +7,7 @@ mod cut;
 mod galerkin;
 mod inspect;
 mod multigrid;
+mod rows;
 
 use crate::solve::{Correction, ITERATIONS};
 use crate::tile::Grid;
@@ -18,29 +19,14 @@ use super::patch::State;
 use super::refresh::Start;
 use super::surface::Surface;
 use super::team::Shared;
-use super::{Run, SurfaceFn};
-
-/// One block's rows of the system. Symmetric: each pair of nodes is stored once, with the node that owns the edge;
-/// pairs with the ring are stored here too, so that a block's rows need no other block's.
-#[derive(Debug)]
-struct Rows {
-    /// (xx, xy, yy) per node.
-    diagonal: [Plane; 3],
-    /// Per owned edge (p, n), the 2x2 block between p (row) and n (column), row-major; at p's place in the window, which
-    /// also holds what the nodes on the ring own.
-    pair: [[f32; WINDOW_NODES]; 16],
-}
-
-impl Default for Rows {
-    fn default() -> Self {
-        Rows { diagonal: [[0.0; NODES]; 3], pair: [[0.0; WINDOW_NODES]; 16] }
-    }
-}
+use super::{Run, SurfaceFn, Worker};
+pub(super) use rows::Pairs;
+use rows::Rows;
 
 /// The system of one level and the vectors that the solution needs.
 #[derive(Debug, Default)]
 struct System {
-    rows: Vec<Rows>,
+    rows: Rows,
     /// Right-hand side, then residual; once the system is solved, the first plane is the share of the step that a node
     /// takes.
     r: Vec<[Plane; 2]>,
@@ -70,13 +56,7 @@ impl Systems {
             .iter()
             .map(|level| {
                 let n = level.blocks.list.len();
-                System {
-                    rows: (0..n).map(|_| Rows::default()).collect(),
-                    r: zero(n),
-                    z: zero(n),
-                    x: zero(n),
-                    t: Vec::new(),
-                }
+                System { rows: Rows::new(n), r: zero(n), z: zero(n), x: zero(n), t: Vec::new() }
             })
             .collect();
         Systems { levels, next: vec![1.0; grid.movable.len()] }
@@ -89,7 +69,7 @@ impl Systems {
 
     /// Bytes that `new` takes.
     pub fn bytes_for(grid: &Grid) -> u64 {
-        let block = size_of::<Rows>() + 3 * 2 * NODES * 4;
+        let block = rows::BYTES + 3 * 2 * NODES * 4;
         grid.levels.iter().map(|level| (level.blocks.list.len() * block) as u64).sum()
     }
 }
@@ -113,12 +93,16 @@ impl Run<'_> {
         let before =
             self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
         let coarsest = systems.levels.len() - 1;
-        // The coarser systems of the first correction precondition the next ones well enough.
-        for k in level..if plan.first { coarsest } else { level } {
-            let (finer, coarser) = systems.levels.split_at_mut(k + 1);
-            galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
-        }
         self.lend_samples(&mut systems.levels[level..], level);
+        // The coarser systems of the first correction precondition the next ones well enough.
+        let last = if plan.first { coarsest } else { level };
+        for k in level..=last {
+            rows::finish(self, k, &mut systems.levels[k], k < last);
+            if k < last {
+                let (finer, coarser) = systems.levels.split_at_mut(k + 1);
+                galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
+            }
+        }
         let predicted = self.conjugate_gradients(&mut systems.levels, level);
         self.lend_samples(&mut systems.levels[level..], level);
         cut::shares(self, level, &mut systems.levels[level]);
@@ -156,7 +140,7 @@ impl Run<'_> {
                         if beta.is_finite() { beta } else { 0.0 }
                     })
                     .collect();
-                self.each_block(level, |b, c| {
+                self.each_block(level, |_, b, c| {
                     // SAFETY: each item has its own block.
                     wide(Direction { z: unsafe { z.get_mut(b) }, x: &x[b], beta: beta[c] });
                 });
@@ -174,7 +158,7 @@ impl Run<'_> {
             }
             let (x, r) = (Shared::new(&mut system.x), Shared::new(&mut system.r));
             let (z, t) = (&system.z, &system.t);
-            self.each_block(level, |b, c| {
+            self.each_block(level, |_, b, c| {
                 // SAFETY: each item has its own block.
                 let (x, r) = unsafe { (x.get_mut(b), r.get_mut(b)) };
                 wide(Advance { x, r, z: &z[b], t: &t[b], alpha: alpha[c], first, last });
@@ -197,7 +181,7 @@ impl Run<'_> {
     ) {
         let system = &mut systems.levels[level];
         let (before_step, u) = (Shared::new(&mut system.z), &self.memory.levels[level].u);
-        self.each_block(level, |b, _| {
+        self.each_block(level, |_, b, _| {
             // SAFETY: each item has its own block.
             unsafe { *before_step.get_mut(b) = u[b] };
         });
@@ -239,7 +223,7 @@ impl Run<'_> {
                         identity = self.outcome[c].energy_before;
                     }
                     let gain = before[c] - energies[c];
-                    systems.next[c] = plan.next(before[c], identity, gain, predicted[c]);
+                    systems.next[c] = plan.next(before[c], identity, gain, predicted[c], systems.next[c]);
                 }
             }
         }
@@ -251,13 +235,13 @@ impl Run<'_> {
         self.per_chart(level, &active)
     }
 
-    /// Calls `f(block, chart)` for all active blocks of a level.
-    fn each_block(&self, level: usize, f: impl Fn(usize, usize) + Sync) {
+    /// Calls `f(thread, block, chart)` for all active blocks of a level.
+    fn each_block(&self, level: usize, f: impl Fn(&Worker, usize, usize) + Sync) {
         let blocks = &self.work[level].active;
         let list = &self.grid.levels[level].blocks.list;
-        self.team.run(blocks.len(), |k| {
+        self.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
-            f(b, list[b].chart as usize);
+            f(worker, b, list[b].chart as usize);
         });
     }
 }

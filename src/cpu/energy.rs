@@ -33,9 +33,9 @@ impl SurfaceFn<Vec<f64>> for Energies {
         let blocks = &run.work[self.level].active;
         let mut sums = vec![0.0f64; blocks.len()];
         let shared = Shared::new(&mut sums);
-        run.team.run(blocks.len(), |k| {
+        run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
-            let sum = run.patches.with(|patch| {
+            let sum = run.patches.with(worker, |patch| {
                 wide(StateEnergy {
                     patch,
                     level,

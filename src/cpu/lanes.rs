@@ -10,6 +10,8 @@ mod sse2;
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
+use crate::tile::codes::Lengths;
+
 #[cfg(not(target_arch = "x86_64"))]
 use Portable as Baseline;
 #[cfg(any(test, not(target_arch = "x86_64")))]
@@ -46,8 +48,12 @@ pub trait Lanes:
     fn to_array(self) -> [f32; LANES];
     /// `values[at..at + LANES]`.
     fn load(values: &[f32], at: usize) -> Self;
-    /// 0 and 1 as floats.
+    /// As floats.
     fn load_u8(values: &[u8], at: usize) -> Self;
+    /// As floats.
+    fn load_u16(values: &[u16], at: usize) -> Self;
+    /// The lengths that codes stand for.
+    fn load_lengths(values: &[u16], at: usize, lengths: Lengths) -> Self;
     fn store(self, values: &mut [f32], at: usize);
     fn sqrt(self) -> Self;
     fn floor(self) -> Self;
@@ -67,6 +73,11 @@ pub trait Lanes:
     fn same(a: Self::Index, b: Self::Index) -> Self::Mask;
     /// Where the mask is true `a`, elsewhere `b`.
     fn select_index(mask: Self::Mask, a: Self::Index, b: Self::Index) -> Self::Index;
+    /// Both operands without their last 16 bits, rounded (to even where that is a tie; what is not a number may become
+    /// one): the first in the upper half of each word, the other in the lower.
+    fn halves(high: Self, low: Self) -> Self::Index;
+    /// What `halves` kept.
+    fn from_halves(words: Self::Index) -> (Self, Self);
     /// Numbers at the same place of eight records: `out[k]` has in lane n the k-th number of record n.
     fn transpose(records: [&[f32; LANES]; LANES]) -> [Self; LANES];
 

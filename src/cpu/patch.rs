@@ -6,6 +6,7 @@ use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window};
 
+use super::constants::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Truth, each};
 use super::row::Row;
 use super::surface::{Samples, Site, Surface};
@@ -140,7 +141,7 @@ impl Patch {
                 halo::load(around, NONE, |b| state.triangle.get(b), &mut self.triangle);
             }
         }
-        halo::load(around, 0.0, |b| &level.rigidity[b], &mut self.rigidity);
+        constants::rigidity::<V>(level, b, &mut self.rigidity);
         halo::load(around, 0, |b| &level.movable[b], &mut self.movable);
         let floor = V::splat(self.floor);
         if !level.density.is_empty() {
@@ -150,9 +151,8 @@ impl Patch {
         }
         self.dense = !level.density.is_empty();
         for e in 0..4 {
-            halo::load(around, 0.0, |b| &level.rest_length[b][e], &mut self.length[e]);
-            // The last step overlaps the one before it.
-            for at in (0..WINDOW_NODES - LANES).step_by(LANES).chain([WINDOW_NODES - LANES]) {
+            constants::rest_length::<V>(level, b, e, &mut self.length[e]);
+            for at in window_vectors() {
                 (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse[e], at);
             }
         }

@@ -13,10 +13,10 @@ pub type CoarseNodes = [[f32; SIDE / 2 + 1]; SIDE / 2 + 1];
 /// The coarse nodes over the finer block `b`, of which `coarse(b)` is the plane of coarse block `b`; `None` if there are
 /// none.
 #[inline]
-pub fn coarse_nodes<'a>(
+pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a>(
     finer: &Level,
     coarser: &Level,
-    coarse: impl Fn(usize) -> &'a Plane,
+    coarse: impl Fn(usize) -> &'a Plane<T>,
     b: usize,
 ) -> Option<CoarseNodes> {
     let parent = finer.parent[b];
@@ -25,12 +25,12 @@ pub fn coarse_nodes<'a>(
     }
     let block = &finer.blocks.list[b];
     let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
-    let mut window: Window = [0.0; WINDOW_NODES];
-    halo::load(&coarser.blocks.around[parent as usize], 0.0, coarse, &mut window);
+    let mut window: Window<T> = [T::default(); WINDOW_NODES];
+    halo::load(&coarser.blocks.around[parent as usize], T::default(), coarse, &mut window);
     let mut nodes = [[0.0; SIDE / 2 + 1]; SIDE / 2 + 1];
     for (j, row) in nodes.iter_mut().enumerate() {
         for (i, node) in row.iter_mut().enumerate() {
-            *node = window[place(x + i + 1, y + j + 1)];
+            *node = window[place(x + i + 1, y + j + 1)].into();
         }
     }
     Some(nodes)

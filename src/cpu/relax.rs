@@ -37,9 +37,9 @@ impl SurfaceFn<()> for Relax<'_> {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
         let level = &run.grid.levels[self.level];
         for sweeps in in_passes(self.sweeps) {
-            run.each_colour(self.level, false, |b| {
+            run.each_colour(self.level, false, |worker, b| {
                 // Blocks of one colour do not touch.
-                run.patches.with(|patch| {
+                run.patches.with(worker, |patch| {
                     let share = self.share.map_or(1.0, |share| share[level.blocks.list[b].chart as usize]);
                     wide(Pass { patch, level, state, surface, weights: &run.weights, b, sweeps, share });
                 });

@@ -1,12 +1,13 @@
 //! Threads for one call: scoped, so that none outlives it, and kept awake between the short jobs of a solve.
 
 use std::any::Any;
+use std::cell::UnsafeCell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 
 /// A job's function with its lifetime erased; only read between `open` and the close that `run` waits for.
-type Job = *const (dyn Fn(usize) + Sync);
+type Job = *const (dyn Fn(&Worker, usize) + Sync);
 
 /// The threads of one call.
 pub struct Team {
@@ -22,6 +23,9 @@ pub struct Team {
     alarm: Condvar,
     panic: Mutex<Option<Box<dyn Any + Send>>>,
 }
+
+/// One of a team's threads: a job's items are given the one that runs them.
+pub struct Worker(usize);
 
 #[derive(Clone, Copy)]
 struct JobCell(Job);
@@ -55,7 +59,10 @@ impl Team {
         std::thread::scope(|scope| {
             // A helper that cannot be started is no error: the others do its work.
             let helpers: Vec<_> = (1..team.threads)
-                .filter_map(|_| std::thread::Builder::new().spawn_scoped(scope, || team.help()).ok())
+                .filter_map(|n| {
+                    let team = &team;
+                    std::thread::Builder::new().spawn_scoped(scope, move || team.help(&Worker(n))).ok()
+                })
                 .collect();
             let result = catch_unwind(AssertUnwindSafe(|| f(&team)));
             team.quit.store(true, Ordering::SeqCst);
@@ -71,13 +78,19 @@ impl Team {
 
     /// Calls `f(0)` to `f(count - 1)`, in any order and on any of the threads; returns when all are done.
     pub fn run(&self, count: usize, f: impl Fn(usize) + Sync) {
+        self.run_on(count, |_, k| f(k));
+    }
+
+    /// The same of a function that is told the thread, too.
+    pub fn run_on(&self, count: usize, f: impl Fn(&Worker, usize) + Sync) {
+        let caller = Worker(0);
         if self.threads == 1 || count <= 2 {
-            (0..count).for_each(f);
+            (0..count).for_each(|k| f(&caller, k));
             return;
         }
-        let job: &(dyn Fn(usize) + Sync) = &f;
+        let job: &(dyn Fn(&Worker, usize) + Sync) = &f;
         // SAFETY: only the lifetime changes; this function does not return before all helpers have left the job.
-        let job: Job = unsafe { std::mem::transmute::<&(dyn Fn(usize) + Sync), Job>(job) };
+        let job: Job = unsafe { std::mem::transmute::<&(dyn Fn(&Worker, usize) + Sync), Job>(job) };
         *self.job.lock().unwrap_or_else(PoisonError::into_inner) = Some(JobCell(job));
         self.count.store(count, Ordering::Relaxed);
         self.next.store(0, Ordering::Relaxed);
@@ -86,7 +99,7 @@ impl Team {
         if self.sleepers.load(Ordering::SeqCst) > 0 {
             self.wake();
         }
-        let own = catch_unwind(AssertUnwindSafe(|| self.work(&f)));
+        let own = catch_unwind(AssertUnwindSafe(|| self.work(&caller, &f)));
         self.state.fetch_and(!OPEN, Ordering::SeqCst);
         while self.state.load(Ordering::Acquire) & JOINED != 0 {
             std::hint::spin_loop();
@@ -102,7 +115,7 @@ impl Team {
     }
 
     /// Takes items until there are none; several at a time where there are many.
-    fn work(&self, f: &(dyn Fn(usize) + Sync)) {
+    fn work(&self, worker: &Worker, f: &(dyn Fn(&Worker, usize) + Sync)) {
         let count = self.count.load(Ordering::Relaxed);
         let chunk = (count / (self.threads * 8)).clamp(1, 16);
         loop {
@@ -110,11 +123,11 @@ impl Team {
             if first >= count {
                 return;
             }
-            (first..(first + chunk).min(count)).for_each(f);
+            (first..(first + chunk).min(count)).for_each(|k| f(worker, k));
         }
     }
 
-    fn help(&self) {
+    fn help(&self, worker: &Worker) {
         let mut seen = 0;
         let mut spins = 0;
         while !self.quit.load(Ordering::Relaxed) {
@@ -139,7 +152,7 @@ impl Team {
             let job = *self.job.lock().unwrap_or_else(PoisonError::into_inner);
             if let Some(JobCell(job)) = job {
                 // SAFETY: having joined an open job, `run` waits for us before its function goes.
-                let result = catch_unwind(AssertUnwindSafe(|| self.work(unsafe { &*job })));
+                let result = catch_unwind(AssertUnwindSafe(|| self.work(worker, unsafe { &*job })));
                 if let Err(panic) = result {
                     *self.panic.lock().unwrap_or_else(PoisonError::into_inner) = Some(panic);
                 }
@@ -167,6 +180,37 @@ impl Team {
     }
 }
 
+/// Scratch memory, a piece for each of a team's threads, made when it is first asked for. It holds anything.
+pub struct Scratch<T> {
+    pieces: Vec<Piece<T>>,
+    new: fn() -> Box<T>,
+}
+
+/// In cache lines of its own.
+#[repr(align(128))]
+struct Piece<T>(UnsafeCell<Option<Box<T>>>);
+
+// SAFETY: only a piece's own worker touches it, of which there is one per thread.
+unsafe impl<T: Send> Sync for Scratch<T> {}
+
+impl<T> Scratch<T> {
+    /// For a team's threads, each of which makes its piece with `new`.
+    pub fn new(team: &Team, new: fn() -> Box<T>) -> Scratch<T> {
+        Scratch { pieces: (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collect(), new }
+    }
+
+    /// Calls `f` with the worker's piece. Two jobs of one team do not run at once.
+    pub fn with<R>(&self, worker: &Worker, f: impl FnOnce(&mut T) -> R) -> R {
+        let piece = self.pieces[worker.0].0.get();
+        // SAFETY: no other thread has this worker, and no reference outlives its statement.
+        let mut own = unsafe { (*piece).take() }.unwrap_or_else(self.new);
+        let result = f(&mut own);
+        // SAFETY: as above.
+        unsafe { *piece = Some(own) };
+        result
+    }
+}
+
 /// A slice whose elements different items of one job may read and write: the caller sees to it that no element is
 /// written by one item while another one touches it.
 #[derive(Debug)]
@@ -186,14 +230,6 @@ unsafe impl<T: Send + Sync> Send for Shared<T> {}
 impl<T> Shared<T> {
     pub fn new(slice: &mut [T]) -> Shared<T> {
         Shared(slice.as_mut_ptr(), slice.len())
-    }
-
-    /// For access to parts of an element, where items share elements but not those parts.
-    #[inline(always)]
-    pub fn pointer(self, i: usize) -> *mut T {
-        assert!(i < self.1);
-        // SAFETY: in bounds.
-        unsafe { self.0.add(i) }
     }
 
     /// # Safety

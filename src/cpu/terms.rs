@@ -21,8 +21,8 @@ pub struct Local<V> {
     pub gradient: [V; 2],
     /// (xx, xy, yy).
     pub matrix: [V; 3],
-    /// Of the edges that the nodes own: dL/du of the node, and what its other end's needs; 0 where nothing is rigid.
-    pub own: [([V; 2], Chord<V>); 4],
+    /// Of the edges: dL/du of the node, and what its other end's needs; 0 where nothing is rigid.
+    pub ends: [([V; 2], Chord<V>); 8],
 }
 
 impl Patch {
@@ -115,14 +115,12 @@ impl Patch {
         let mut edges = [V::zero(); 8];
         let mut gradient = [V::zero(); 2];
         let mut matrix = [V::zero(); 3];
-        let mut own = [([V::zero(); 2], Chord::zero()); 4];
+        let mut ends = [([V::zero(); 2], Chord::zero()); 8];
         each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
             let (length, near, chord) =
                 S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
-            if k < 4 {
-                own[k] = (near, chord);
-            }
+            ends[k] = (near, chord);
             edges[k] = edge.energy(k, length, weights);
             let scaled = edge.weight * edge.inverse;
             let pull = scaled * ((length - edge.length) * edge.inverse);
@@ -146,7 +144,7 @@ impl Patch {
                 matrix[2] += kappa * (ny * ny);
             }
         });
-        Local { own, ..self.with_room(row, p, edges, gradient, matrix, weights) }
+        Local { ends, ..self.with_room(row, p, edges, gradient, matrix, weights) }
     }
 
     /// The same where nothing is rigid: smoothness alone.
@@ -195,7 +193,7 @@ impl Patch {
                 matrix[2] += beta * slope[1] * slope[1];
             }
         }
-        Local { terms, gradient, matrix, own: [([V::zero(); 2], Chord::zero()); 4] }
+        Local { terms, gradient, matrix, ends: [([V::zero(); 2], Chord::zero()); 8] }
     }
 
     /// Corner Jacobians that a row's nodes touch, each affine in the node, with their gradients: per cell that of the

@@ -4,6 +4,7 @@ use super::bands::Band;
 use super::layout::{Block, NODE_PLANES, Triangle};
 use crate::mesh::NONE;
 use crate::tile::blocks::NODES;
+use crate::tile::codes::of_share;
 use crate::tile::{Grid, Level};
 
 /// The blocks of a band, as the shaders see them.
@@ -47,9 +48,10 @@ pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> 
     let mut all = Vec::with_capacity(band.held.len() * NODE_PLANES * NODES);
     for b in band.held.clone() {
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
-        all.extend(rigidity.map(|(r, &movable)| r.abs().to_bits() | u32::from(movable == 0) << 31));
+        all.extend(rigidity.map(|(&r, &movable)| of_share(r).to_bits() | u32::from(movable == 0) << 31));
+        let lengths = level.lengths[level.blocks.list[b].chart as usize];
         for plane in &level.rest_length[b] {
-            all.extend(plane.iter().map(|length| length.to_bits()));
+            all.extend(plane.iter().map(|&code| lengths.length(code).to_bits()));
         }
         if k == 0 {
             all.extend(grid.triangle[b]);

@@ -27,7 +27,7 @@ impl Run<'_> {
         self.select(if correction.first { Charts::FirstCorrection } else { Charts::LaterCorrection });
         self.open_gate(GateSet::Correction, false);
         let correcting = self.gate;
-        self.energy(level, Decision::Before, 0.0);
+        self.energy(level, Decision::Before, None);
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         self.each_active(kernel, level, self.at_level(level), Some(Shared::Rows));
         // The coarser systems of the first correction precondition the next ones well enough.
@@ -46,7 +46,7 @@ impl Run<'_> {
             self.relax_level(level, correction.sweeps, true);
             let last = n + 1 == TRIALS.len();
             let decision = if last { Decision::LastTrial } else { Decision::Trial };
-            self.energy(level, decision, correction.tolerance);
+            self.energy(level, decision, Some(correction));
             if n == 0 {
                 // Nearly always all charts take the whole step.
                 self.open_gate(GateSet::Trial, false);

@@ -76,7 +76,7 @@ impl Run<'_> {
 
     /// Per chart, the energy of a level's present state.
     pub fn energies_of(&mut self, level: usize) -> Result<Vec<f64>> {
-        self.energy(level, Decision::Energy, 0.0);
+        self.energy(level, Decision::Energy, None);
         // What is worth nothing is infinite on the CPU.
         let energy = |x: f32| if x < WORTHLESS { f64::from(x) } else { f64::INFINITY };
         Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collect())

@@ -11,8 +11,8 @@ pub const SPREAD: u32 = 65535;
 pub const NODE_PLANES: usize = 7;
 /// Planes per block of a level's state: displacement (2), position or metric at W (3), triangle.
 pub const STATE_PLANES: usize = 6;
-/// Planes per block of the system: diagonal (3), pairs (16), interpolation's weights.
-pub const ROW_PLANES: usize = 20;
+/// Planes per block of the system: diagonal (3), words of pairs (8), interpolation's weights.
+pub const ROW_PLANES: usize = 12;
 /// The last of these: uploaded once per grid.
 pub const INTERPOLATION: usize = ROW_PLANES - 1;
 /// Planes per block of the vectors: r, z, t, p, x (2 each), share (2 in turn), mark.

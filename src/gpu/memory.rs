@@ -19,6 +19,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
+use crate::tile::codes::of_weight;
 
 /// Bytes of a plane.
 pub const PLANE: u64 = NODES as u64 * 4;
@@ -160,7 +161,9 @@ impl Memory {
                     None => storage("rows", planes(ROW_PLANES))?,
                 };
                 if let Some(weights) = level.interpolation.get(band.held.clone()) {
-                    let weights = upload("interpolation", bytemuck::cast_slice(weights))?;
+                    let weights: Vec<f32> =
+                        weights.as_flattened().iter().map(|&code| of_weight(code)).collect();
+                    let weights = upload("interpolation", bytemuck::cast_slice(&weights))?;
                     put_weights(context, &weights, &rows, base.unwrap_or(0), count);
                 }
                 of_level.push(BandBuffers {

@@ -97,7 +97,7 @@ impl Stages for Run<'_> {
         }
         self.exchange(level, super::Shared::State);
         if level == 0 {
-            self.energy(0, Decision::Identity, 0.0);
+            self.energy(0, Decision::Identity, None);
         }
     }
 
@@ -184,9 +184,11 @@ impl Run<'_> {
     }
 
     /// A level's energy, chart by chart, and what it decides.
-    pub(super) fn energy(&mut self, level: usize, decision: Decision, tolerance: f32) {
+    pub(super) fn energy(&mut self, level: usize, decision: Decision, correction: Option<&Correction>) {
         let kernel = if level == 0 { Kernel::EnergyChords } else { Kernel::EnergyMetrics };
-        let params = Params { tolerance, ..self.at_level(level) };
+        let tolerance = correction.map_or(0.0, |correction| correction.tolerance);
+        let part = correction.map_or(0.0, |correction| f32::from(u8::from(correction.trusting)));
+        let params = Params { tolerance, part, ..self.at_level(level) };
         self.reduce(kernel, level, params, decision);
     }
 }

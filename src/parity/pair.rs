@@ -3,6 +3,7 @@
 use super::{Point, StageDifference};
 use crate::error::{Error, Result};
 use crate::gpu::layout::{METRIC_PLANES, ROW_PLANES, STATE_PLANES};
+use crate::half::of_bfloat16;
 use crate::pbd::Iteration;
 use crate::solve::{Correction, Stages};
 use crate::tile::Grid;
@@ -23,6 +24,29 @@ pub(crate) struct Pair<'a> {
     energies: [Vec<f64>; 2],
     found: Vec<StageDifference>,
     error: Option<Error>,
+}
+
+/// Planes of `decoded`: diagonal (3), pairs (16), interpolation's weights.
+const DECODED_PLANES: usize = 20;
+
+/// Rows with their pairs decoded.
+fn decoded(rows: &[u32]) -> Vec<u32> {
+    let mut all = Vec::with_capacity(rows.len() / ROW_PLANES * DECODED_PLANES);
+    for block in rows.chunks(ROW_PLANES * NODES) {
+        all.extend_from_slice(&block[..3 * NODES]);
+        for edge in block[3 * NODES..11 * NODES].chunks(2 * NODES) {
+            let half = |plane: usize, half: usize| {
+                edge[plane * NODES..][..NODES].iter().map(move |&word| of_bfloat16(word)[half])
+            };
+            let off = || half(0, 1).zip(half(1, 1));
+            all.extend(half(0, 0).map(f32::to_bits));
+            all.extend(off().map(|(mean, half)| (mean + half).to_bits()));
+            all.extend(off().map(|(mean, half)| (mean - half).to_bits()));
+            all.extend(half(1, 0).map(f32::to_bits));
+        }
+        all.extend_from_slice(&block[11 * NODES..]);
+    }
+    all
 }
 
 /// What of a block's planes is compared.
@@ -158,8 +182,8 @@ impl<'a> Pair<'a> {
     /// The systems of a level and those below it, for charts that take part.
     fn rows(&mut self, at: Point, level: usize, quantity: &'static str, charts: &[bool]) -> Result<()> {
         let (cpu, gpu) = (self.cpu.rows(level), self.gpu.rows(level)?);
-        let part = Part { level, of: ROW_PLANES, first: 0, count: ROW_PLANES, movable: true };
-        self.compare(at, quantity, part, charts, &cpu, &gpu);
+        let part = Part { level, of: DECODED_PLANES, first: 0, count: DECODED_PLANES, movable: true };
+        self.compare(at, quantity, part, charts, &decoded(&cpu), &decoded(&gpu));
         Ok(())
     }
 

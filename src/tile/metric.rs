@@ -2,6 +2,7 @@
 //! on the finest).
 
 use super::blocks::{Block, NODES, Plane, SIDE, slot};
+use super::codes::Lengths;
 use super::halo::{self, WINDOW_NODES, Window, place};
 use super::{EDGES, FLOOR_SHARE, Grid, Level};
 use crate::mesh::{Mesh, NONE, TileMesh};
@@ -207,12 +208,13 @@ fn length2(a: [f32; 3], b: [f32; 3], d: [f32; 2]) -> f32 {
 pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
     let scales: Vec<f64> = grid.rest.charts.iter().map(|c| c.scale).collect();
     let [nx, ny] = [grid.levels[0].nx, grid.levels[0].ny];
+    let mut exact: Vec<[Plane; 4]> = Vec::with_capacity(grid.levels[0].blocks.list.len());
     for b in 0..grid.levels[0].blocks.list.len() {
         let scale = scales[grid.levels[0].blocks.list[b].chart as usize];
-        let lengths = chords(grid, mesh, tile, [nx as f64, ny as f64], b, scale);
-        grid.levels[0].rest_length[b] = lengths;
+        exact.push(chords(grid, mesh, tile, [nx as f64, ny as f64], b, scale));
     }
-    let medians: Vec<f32> = (0..tile.charts.len()).map(|c| median_length(&grid.levels[0], c)).collect();
+    let medians: Vec<f32> =
+        (0..tile.charts.len()).map(|c| median_length(&grid.levels[0], &exact, c)).collect();
     let triangle = grid.pose_triangles(tile, &grid.rest);
     let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collect();
     drop(triangle);
@@ -221,6 +223,8 @@ pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
         // A level-k edge is 2^k times as long.
         grid.levels[k].floor = medians.iter().map(|m| FLOOR_SHARE * m * (1u32 << k) as f32).collect();
         if k == 0 {
+            keep_lengths(&mut grid.levels[0], &exact);
+            exact.clear();
             continue;
         }
         let (finer, level) = grid.levels.split_at_mut(k);
@@ -237,8 +241,25 @@ pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
             }
         }
         metrics = next;
-        for b in 0..level.blocks.list.len() {
-            level.rest_length[b] = arc_lengths(&level.blocks.around[b], &metrics);
+        let lengths: Vec<_> =
+            level.blocks.around.iter().map(|around| arc_lengths(around, &metrics)).collect();
+        keep_lengths(level, &lengths);
+    }
+}
+
+/// Lengths up to this share of the floor are as good as none.
+const SHORTEST: f32 = 1.0 / 1024.0;
+
+/// Sets a level's rest lengths.
+fn keep_lengths(level: &mut Level, lengths: &[[Plane; 4]]) {
+    for (chart, range) in level.blocks.of_chart.iter().enumerate() {
+        let least = level.floor[chart] * SHORTEST;
+        let all = || lengths[range.clone()].as_flattened().as_flattened().iter();
+        let low = all().copied().filter(|&x| x > least).fold(f32::INFINITY, f32::min);
+        let codes = Lengths::between(low, all().copied().fold(0.0, f32::max));
+        level.lengths[chart] = codes;
+        for b in range.clone() {
+            level.rest_length[b] = lengths[b].map(|plane| plane.map(|length| codes.code(length)));
         }
     }
 }
@@ -315,11 +336,11 @@ fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, 
 
 /// Median rest length of a chart's east and of its north edges at movable nodes, whichever is shorter: on anisotropic
 /// charts the longer one would drown all edges of the other direction.
-fn median_length(level: &Level, chart: usize) -> f32 {
+fn median_length(level: &Level, exact: &[[Plane; 4]], chart: usize) -> f32 {
     let median = |edge: usize| {
         let mut lengths: Vec<f32> = Vec::new();
         for b in level.blocks.of_chart[chart].clone() {
-            let movable = level.movable[b].iter().zip(&level.rest_length[b][edge]).filter(|(m, _)| **m != 0);
+            let movable = level.movable[b].iter().zip(&exact[b][edge]).filter(|(m, _)| **m != 0);
             lengths.extend(movable.map(|(_, length)| length));
         }
         let middle = lengths.len() / 2;

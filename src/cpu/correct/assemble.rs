@@ -1,5 +1,6 @@
 //! The Gauss-Newton system of a level: for each pair of neighbours, the sum of w/l² g_p g_nᵀ over what depends on
-//! both; the right-hand side is minus the gradient (halves of the derivatives on both sides).
+//! both; the right-hand side is minus the gradient (halves of the derivatives on both sides). Of the diagonal only the sum
+//! of the row: what the pairs lose to rounding has to come back in it (`rows`).
 
 use super::super::energy::Total;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
@@ -8,12 +9,13 @@ use super::super::relax::MIN_JACOBIAN;
 use super::super::row::Row;
 use super::super::surface::Slopes;
 use super::super::terms::lowest;
+use super::rows::{Words, encode};
 use super::*;
 use crate::tile::Level;
 use crate::tile::blocks::SIDE;
 use crate::tile::halo::{Window, place};
 
-/// Assembles `system`; gives the energy per chart.
+/// Assembles own pairs and sums of the rows of `system`, and its right-hand side; gives the energy per chart.
 pub struct Assemble<'a> {
     pub system: &'a mut System,
     pub level: usize,
@@ -25,47 +27,57 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         let blocks = &run.work[self.level].active;
         let mut sums = vec![0.0f64; blocks.len()];
         let shared = Shared::new(&mut sums);
-        let (rows, r) = (Shared::new(&mut self.system.rows), Shared::new(&mut self.system.r));
-        run.team.run(blocks.len(), |k| {
+        let (sums_of_rows, words) =
+            (Shared::new(&mut self.system.rows.diagonal), Shared::new(&mut self.system.rows.words));
+        let r = Shared::new(&mut self.system.r);
+        run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
-            let sum = run.patches.with(|patch| {
+            let sum = run.patches.with(worker, |patch| {
                 // SAFETY: each item has its own rows.
-                let (rows, r) = unsafe { (rows.get_mut(b), r.get_mut(b)) };
-                wide(BlockRows { patch, level, state, surface, weights: &run.weights, b, rows, r })
+                let out = unsafe {
+                    Out { sums: sums_of_rows.get_mut(b), words: words.get_mut(b), r: r.get_mut(b) }
+                };
+                wide(AssembleBlock { patch, level, state, surface, weights: &run.weights, b, out })
             });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
         });
-        galerkin::copy_rings(run, self.level, rows);
         run.per_chart(self.level, &sums)
     }
 }
 
 /// One block's rows; gives the block's share of its chart's energy. Nothing may write the state meanwhile.
-struct BlockRows<'a, S> {
+struct AssembleBlock<'a, S> {
     patch: &'a mut Patch,
     level: &'a Level,
     state: State,
     surface: S,
     weights: &'a Weights,
     b: usize,
-    rows: &'a mut Rows,
+    out: Out<'a>,
+}
+
+/// Where a block's rows go.
+struct Out<'a> {
+    /// Per node, (xx, xy, yy) of its row's sum.
+    sums: &'a mut [Plane; 3],
+    words: &'a mut Words,
     r: &'a mut [Plane; 2],
 }
 
-impl<S: Surface> Kernel for BlockRows<'_, S> {
+impl<S: Surface> Kernel for AssembleBlock<'_, S> {
     type Output = f64;
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let BlockRows { patch, level, state, surface, weights, b, rows, r } = self;
+        let AssembleBlock { patch, level, state, surface, weights, b, mut out } = self;
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
         patch.load_slopes::<V, S>(surface);
         let slopes = window_slopes::<S>(patch, surface);
         let mut total = Total::new();
         for row in Row::all() {
-            block_row::<V, S>(patch, weights, &slopes, row, rows, r, &mut total);
+            block_row::<V, S>(patch, weights, &slopes, row, &mut out, &mut total);
         }
         total.energy()
     }
@@ -107,21 +119,16 @@ fn block_row<V: Lanes, S: Surface>(
     weights: &Weights,
     slopes: &[Window; 6],
     row: Row,
-    rows: &mut Rows,
-    r: &mut [Plane; 2],
+    out: &mut Out,
     total: &mut Total<V>,
 ) {
     let own = patch.movable_lanes::<V>(row);
     if !own.any() {
-        // The identity, so that nothing divides by zero.
-        for (c, x) in [1.0, 0.0, 1.0].into_iter().enumerate() {
-            row.set(&mut rows.diagonal[c], V::splat(x));
+        for plane in out.sums.iter_mut().chain(&mut *out.r) {
+            row.set(plane, V::zero());
         }
-        for r in r {
-            row.set(r, V::zero());
-        }
-        for pair in &mut rows.pair {
-            row.set_own(pair, V::zero());
+        for plane in out.words.as_flattened_mut() {
+            V::store_index(V::index_from([0; LANES]), plane, row.slot());
         }
         return;
     }
@@ -139,20 +146,18 @@ fn block_row<V: Lanes, S: Surface>(
             local.matrix[2] += wall * slope[1] * slope[1];
         }
     }
-    for c in 0..3 {
-        let identity = if c == 1 { V::zero() } else { V::one() };
-        row.set(&mut rows.diagonal[c], own.select(local.matrix[c], identity));
-    }
     for c in 0..2 {
-        row.set(&mut r[c], own.select(-local.gradient[c], V::zero()));
+        row.set(&mut out.r[c], own.select(-local.gradient[c], V::zero()));
     }
+    let mut sums = local.matrix;
     let corners = if crowded { corner_pairs(patch, row, &p, weights) } else { [[V::zero(); 4]; 8] };
-    for (k, &(di, dj, e, _)) in NEIGHBOURS[..4].iter().enumerate() {
+    each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+        let (di, dj, e, theirs) = NEIGHBOURS[k];
         let edge = patch.edge(row, &p, k);
         let smooth = -edge.smoothness(weights);
         let mut pair = [smooth, V::zero(), V::zero(), smooth];
         if rigid {
-            let (near, chord) = &local.own[k];
+            let (near, chord) = &local.ends[k];
             let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&slopes[c], di, dj));
             let far = S::far_gradient(chord, &slope_n);
             let square = edge.weight * edge.inverse * edge.inverse;
@@ -174,9 +179,18 @@ fn block_row<V: Lanes, S: Surface>(
         }
         // Only pairs of movable nodes count; a fixed lane's numbers may be anything.
         let both = own.and(V::zero().lt(V::load_u8(&patch.movable, row.at(di, dj))));
-        for c in 0..4 {
-            row.set_own(&mut rows.pair[4 * e + c], both.select(pair[c], V::zero()));
+        pair = each!([0, 1, 2, 3], |c| both.select(pair[c], V::zero()));
+        for (sum, x) in sums.iter_mut().zip([pair[0], (pair[1] + pair[2]) * 0.5, pair[3]]) {
+            *sum += x;
         }
+        if !theirs {
+            for (word, plane) in encode::<V>(pair).into_iter().zip(&mut out.words[e]) {
+                V::store_index(word, plane, row.slot());
+            }
+        }
+    });
+    for c in 0..3 {
+        row.set(&mut out.sums[c], own.select(sums[c], V::zero()));
     }
 }
 

@@ -3,57 +3,72 @@
 //! operations of the whole stencil at once.
 
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
-use super::multigrid::masked;
+use super::multigrid::{RestrictQuarter, masked};
+use super::rows::{BlockRows, Pairs, Words, decode_one, encode};
 use super::*;
+use crate::cpu::constants::interpolation;
 use crate::mesh::NONE;
 use crate::tile::EDGES;
 use crate::tile::blocks::{SIDE, slot};
+use crate::tile::codes::of_weight;
 use crate::tile::halo::{self, Window, place};
 
-/// Builds the rows of level `finer + 1` from those of `finer`.
+/// Builds own pairs and sums of the rows of level `finer + 1` from the rows of `finer`, and from what `rows::finish` left in
+/// `fine.t`.
 pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
     let (fine_level, level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
-    let rows = Shared::new(&mut coarse.rows);
-    // First each block's own nodes, then the copies of the pairs that lie on its ring.
-    run.each_block(finer + 1, |b, _| {
+    let (sums, words) = (Shared::new(&mut coarse.rows.diagonal), Shared::new(&mut coarse.rows.words));
+    run.each_block(finer + 1, |worker, b, _| {
         // SAFETY: each item has its own block.
-        let out = unsafe { rows.get_mut(b) };
-        *out = Rows::default();
+        let (sums, words) = unsafe { (sums.get_mut(b), words.get_mut(b)) };
+        *sums = [[0.0; NODES]; 3];
+        *words = [[[0; NODES]; 2]; 4];
         let mut movable = [0; WINDOW_NODES];
         halo::load(&level.blocks.around[b], 0, |b| &level.movable[b], &mut movable);
-        let mut weights: Window = [0.0; WINDOW_NODES];
         for (quarter, &child) in level.children[b].iter().enumerate() {
-            if child != NONE && fine_level.blocks.list[child as usize].active {
-                let around = masked(fine_level, child as usize);
-                let near = [0, 1, 3, 4].map(|k| match around[k] {
-                    NONE => None,
-                    b => Some(&fine.rows[b as usize]),
+            if child == NONE || !fine_level.blocks.list[child as usize].active {
+                continue;
+            }
+            let around = masked(fine_level, child as usize);
+            let weights = interpolation(fine_level, &around);
+            let mut windows = [[0.0f32; WINDOW_NODES]; 3];
+            for (c, window) in windows.iter_mut().enumerate() {
+                halo::load(&around, 0.0, |b| &fine.t[b][c], window);
+            }
+            let own = &level.movable[b];
+            wide(RestrictQuarter { windows: &windows, weights: &weights, movable: own, quarter, r: sums });
+            run.pairs.with(worker, |pairs| {
+                rows::ring_pairs(&fine.rows.words, &around, pairs);
+                let near = |k: usize| (around[k] != NONE).then(|| around[k] as usize);
+                let diagonal = [0, 1, 3, 4].map(|k| near(k).map(|b| &fine.rows.diagonal[b]));
+                wide(QuarterRows {
+                    own: fine.rows.of(child as usize),
+                    diagonal,
+                    west: near(3).map(|b| (&fine_level.interpolation[b], &fine.rows.words[b][0])),
+                    weights: &weights,
+                    pairs,
+                    movable: &movable,
+                    quarter,
+                    words,
                 });
-                halo::load(&around, 0.0, |b| &fine_level.interpolation[b], &mut weights);
-                let west = (around[3] != NONE).then(|| &fine_level.interpolation[around[3] as usize]);
-                wide(QuarterRows { fine: near, weights: &weights, west, movable: &movable, quarter, out });
-            }
-        }
-        for s in 0..NODES {
-            if level.movable[b][s] == 0 {
-                out.diagonal[0][s] = 1.0;
-                out.diagonal[2][s] = 1.0;
-            }
+            });
         }
     });
-    copy_rings(run, finer + 1, rows);
 }
 
 /// The 8x8 coarse nodes over one fine block, a row of eight at a time.
 struct QuarterRows<'a> {
+    own: BlockRows<'a>,
     /// Of the fine blocks to the south-west, south and west, and of the block itself.
-    fine: [Option<&'a Rows>; 4],
-    /// Of the fine block, and of the one to the west.
+    diagonal: [Option<&'a [Plane; 3]>; 4],
     weights: &'a Window,
-    west: Option<&'a Plane>,
+    /// Weights and pairs to the east of the fine block to the west.
+    west: Option<(&'a Plane<u8>, &'a [Plane<u32>; 2])>,
+    /// Those of the ring are there.
+    pairs: &'a mut Pairs,
     movable: &'a Window<u8>,
     quarter: usize,
-    out: &'a mut Rows,
+    words: &'a mut Words,
 }
 
 /// A row-major 2x2 block per lane.
@@ -70,7 +85,7 @@ struct Line<V> {
     north_west: Block<V>,
     /// North-west of I + 1.
     next_north_west: Block<V>,
-    /// East of I - 1.
+    /// East of I - 1; not asked for of a block's row -1.
     last_east: Block<V>,
 }
 
@@ -79,47 +94,42 @@ impl Kernel for QuarterRows<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let QuarterRows {
-            fine: [south_west, south, west, own],
-            weights,
-            west: west_weights,
-            movable,
-            quarter,
-            out,
-        } = self;
-        let Some(own) = own else { return };
+        let QuarterRows { own, diagonal, weights, west: beside, pairs, movable, quarter, words } = self;
+        own.own_pairs::<V>(pairs);
+        let [south_west, south, west, own] = diagonal;
+        let east_of_west = beside.map(|(_, words)| words);
         // Row -1 lies in the blocks to the south, but its pairs are also on this block's ring.
-        let mut below = line::<V>(own, weights, 0, south, south_west, SIDE - 1);
+        let mut below = line::<V>(pairs, weights, 0, [south, south_west], None, SIDE - 1);
         for j in 0..LANES {
-            let middle = line::<V>(own, weights, 2 * j + 1, Some(own), west, 2 * j);
-            let above = line::<V>(own, weights, 2 * j + 2, Some(own), west, 2 * j + 1);
-            let in_y = InY::new(weights, west_weights, j);
-            put::<V>(&across_rows(&below, &middle, &above, &in_y), j, movable, quarter, out);
+            let middle = line::<V>(pairs, weights, 2 * j + 1, [own, west], east_of_west, 2 * j);
+            let above = line::<V>(pairs, weights, 2 * j + 2, [own, west], east_of_west, 2 * j + 1);
+            let in_y = InY::new(weights, beside.map(|(weights, _)| weights), j);
+            put::<V>(&across_rows(&below, &middle, &above, &in_y), j, movable, quarter, words);
             below = above;
         }
     }
 }
 
-/// The product in x for the fine row at `w` of the window, which is row `y` of the blocks `here` and `west` (where its
-/// diagonals are).
+/// The product in x for the fine row at `w` of the window, which is row `y` of the blocks whose diagonals are `here` and
+/// `west`.
 #[inline(always)]
 fn line<V: Lanes>(
-    own: &Rows,
+    own: &Pairs,
     weights: &Window,
     w: usize,
-    here: Option<&Rows>,
-    west: Option<&Rows>,
+    [here, west]: [Option<&[Plane; 3]>; 2],
+    east_of_west: Option<&[Plane<u32>; 2]>,
     y: usize,
 ) -> Line<V> {
     const NOTHING: Plane = [0.0; NODES];
     // Columns 2I - 1, 2I, 2I + 1 and 2I + 2.
     let (l, c, r, n) = (place(0, w), place(1, w), place(2, w), place(3, w));
-    let diagonal = each!([0, 1, 2], |k| here.map_or(&NOTHING, |rows| &rows.diagonal[k]));
+    let diagonal = each!([0, 1, 2], |k| here.map_or(&NOTHING, |diagonal| &diagonal[k]));
     let (even, odd) = (slot(0, y), slot(1, y));
     let dc = symmetric(each!([0, 1, 2], |k| V::load(diagonal[k], even)));
     let dr = symmetric(each!([0, 1, 2], |k| V::load(diagonal[k], odd)));
     let dl = symmetric(each!([0, 1, 2], |k| {
-        let first = west.map_or(0.0, |rows| rows.diagonal[k][slot(SIDE - 1, y)]);
+        let first = west.map_or(0.0, |diagonal| diagonal[k][slot(SIDE - 1, y)]);
         with_first(V::load(diagonal[k], odd - 1), first)
     }));
     let (el, ec, er) = (pairs::<V>(own, 0, l), pairs::<V>(own, 0, c), pairs::<V>(own, 0, r));
@@ -127,11 +137,10 @@ fn line<V: Lanes>(
     let (nel, nec, ner) = (pairs::<V>(own, 2, l), pairs::<V>(own, 2, c), pairs::<V>(own, 2, r));
     let (nwl, nwc, nwr) = (pairs::<V>(own, 3, l), pairs::<V>(own, 3, c), pairs::<V>(own, 3, r));
     let nwn = pairs::<V>(own, 3, n);
-    let east_before = each!([0, 1, 2, 3], |k| {
-        // Column -2 is two columns into the block to the west.
-        let first = west.map_or(0.0, |rows| rows.pair[k][place(SIDE - 1, y + 1)]);
-        with_first(V::load(&own.pair[k], c - 1), first)
-    });
+    // Column -2 is two columns into the block to the west.
+    let first =
+        east_of_west.map_or([0.0; 4], |words| decode_one([0, 1].map(|w| words[w][slot(SIDE - 2, y)])));
+    let east_before = each!([0, 1, 2, 3], |k| with_first(V::load(&own[k], c - 1), first[k]));
     // What columns 2I - 1 and 2I + 1 give to the lower one of the coarse columns next to them, on this row and the next.
     let (l_north, r_north) = (place(0, w + 1), place(2, w + 1));
     let [wl, wr, wl_north, wr_north] = each!([0, 1, 2, 3], |k| V::load(weights, [l, r, l_north, r_north][k]));
@@ -170,9 +179,9 @@ struct InY<V> {
 
 impl<V: Lanes> InY<V> {
     #[inline(always)]
-    fn new(weights: &Window, west: Option<&Plane>, j: usize) -> InY<V> {
+    fn new(weights: &Window, west: Option<&Plane<u8>>, j: usize) -> InY<V> {
         let (below, above) = (2 * j, 2 * j + 2);
-        let first = west.map_or(0.0, |west| west[slot(SIDE - 2, 2 * j + 1)]);
+        let first = west.map_or(0.0, |west| of_weight(west[slot(SIDE - 2, 2 * j + 1)]));
         InY {
             below: V::one() - V::load(weights, place(1, below)),
             below_east: V::one() - V::load(weights, place(3, below)),
@@ -183,21 +192,14 @@ impl<V: Lanes> InY<V> {
     }
 }
 
-/// The product in y, at coarse row J: own, east, north, north-east, north-west. `below`, `middle` and `above` are the fine
+/// The product in y, at coarse row J: east, north, north-east, north-west. `below`, `middle` and `above` are the fine
 /// rows 2J - 1, 2J and 2J + 1.
 #[inline(always)]
-fn across_rows<V: Lanes>(below: &Line<V>, middle: &Line<V>, above: &Line<V>, in_y: &InY<V>) -> [Block<V>; 5] {
+fn across_rows<V: Lanes>(below: &Line<V>, middle: &Line<V>, above: &Line<V>, in_y: &InY<V>) -> [Block<V>; 4] {
     let (b, a) = (in_y.below, in_y.above);
     // Of row 2J + 1, to the row above.
     let rest = V::one() - a;
     let (rest_east, rest_west) = (V::one() - in_y.above_east, V::one() - in_y.above_west);
-    let own = each!([0, 1, 2, 3], |k| {
-        let t = TRANSPOSED[k];
-        middle.own[k]
-            + (below.own[k] * b * b + above.own[k] * a * a)
-            + (below.north[k] + below.north[t]) * b
-            + (middle.north[k] + middle.north[t]) * a
-    });
     let east = each!([0, 1, 2, 3], |k| {
         let t = TRANSPOSED[k];
         middle.east[k]
@@ -214,13 +216,13 @@ fn across_rows<V: Lanes>(below: &Line<V>, middle: &Line<V>, above: &Line<V>, in_
         let west = above.last_east[TRANSPOSED[k]];
         middle.north_west[k] * rest_west + above.north_west[k] * a + west * (a * rest_west)
     });
-    [east, north, north_east, north_west, own]
+    [east, north, north_east, north_west]
 }
 
 /// The pairs along owned edge `e` of the window's nodes from `at` on.
 #[inline(always)]
-fn pairs<V: Lanes>(rows: &Rows, e: usize, at: usize) -> Block<V> {
-    each!([0, 1, 2, 3], |c| V::load(&rows.pair[4 * e + c], at))
+fn pairs<V: Lanes>(pairs: &Pairs, e: usize, at: usize) -> Block<V> {
+    each!([0, 1, 2, 3], |c| V::load(&pairs[4 * e + c], at))
 }
 
 /// (xx, xy, yy) as a whole block.
@@ -237,110 +239,20 @@ fn with_first<V: Lanes>(v: V, first: f32) -> V {
     V::from_array(lanes)
 }
 
-/// Stores a row of coarse entries, in the order of `EDGES`, then the diagonal.
+/// Stores a row of coarse pairs, in the order of `EDGES`.
 #[inline(always)]
-fn put<V: Lanes>(entries: &[Block<V>; 5], row: usize, movable: &Window<u8>, quarter: usize, out: &mut Rows) {
+fn put<V: Lanes>(pairs: &[Block<V>; 4], row: usize, movable: &Window<u8>, quarter: usize, words: &mut Words) {
     let (x, j) = (quarter % 2 * LANES, quarter / 2 * LANES + row);
-    for (entry, block) in entries.iter().enumerate() {
-        let (di, dj) = if entry < 4 { EDGES[entry] } else { (0, 0) };
-        let block = each!([0, 1, 2, 3], |c| block[c].to_array());
+    for (e, &pair) in pairs.iter().enumerate() {
+        let (di, dj) = EDGES[e];
+        let pair = encode::<V>(pair).map(V::index_array);
         for lane in 0..LANES {
             let i = x + lane;
             // Only pairs of movable nodes: the others take no part.
             let far = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
-            if movable[place(i + 1, j + 1)] == 0 || movable[far] == 0 {
-                continue;
-            }
-            if entry == 4 {
-                for (c, from) in [0, 1, 3].into_iter().enumerate() {
-                    out.diagonal[c][slot(i, j)] = block[from][lane];
-                }
-            } else {
-                for c in 0..4 {
-                    out.pair[4 * entry + c][place(i + 1, j + 1)] = block[c][lane];
-                }
-            }
-        }
-    }
-}
-
-/// Copies all pairs that nodes on a block's ring own from the blocks in which they lie, for all active blocks.
-pub fn copy_rings(run: &Run, level: usize, rows: Shared<Rows>) {
-    run.each_block(level, |b, _| {
-        // SAFETY: items write places on the ring, which no item reads, and read own places, which none writes.
-        unsafe { copy_ring(rows, &masked(&run.grid.levels[level], b)) };
-    });
-}
-
-/// Some nodes of a block's ring, in a line: where they lie.
-struct Segment {
-    /// Which of the 3x3 blocks around.
-    from: usize,
-    /// Place of the first one in the block's window.
-    to: [usize; 2],
-    /// Place in the window of the block in which it lies.
-    at: [usize; 2],
-    extent: Extent,
-}
-
-/// The nodes that follow a segment's first.
-enum Extent {
-    /// None.
-    Single,
-    /// Every other one of a row: those of one colour, which lie side by side.
-    Row,
-    /// A whole column.
-    Column,
-}
-
-impl Segment {
-    const fn new(from: usize, to: [usize; 2], at: [usize; 2], extent: Extent) -> Segment {
-        Segment { from, to, at, extent }
-    }
-}
-
-/// The last place of a window on each side.
-const LAST: usize = SIDE + 1;
-
-/// South-west, south, south-east, west, east, north-west, north-east. No node of the north owns a pair with the block.
-const RING: [Segment; 8] = [
-    Segment::new(0, [0, 0], [SIDE, SIDE], Extent::Single),
-    Segment::new(1, [1, 0], [1, SIDE], Extent::Row),
-    Segment::new(1, [2, 0], [2, SIDE], Extent::Row),
-    Segment::new(2, [LAST, 0], [1, SIDE], Extent::Single),
-    Segment::new(3, [0, 1], [SIDE, 1], Extent::Column),
-    Segment::new(5, [LAST, 1], [1, 1], Extent::Column),
-    Segment::new(6, [0, LAST], [SIDE, 1], Extent::Single),
-    Segment::new(8, [LAST, LAST], [1, 1], Extent::Single),
-];
-
-/// Copies all pairs that nodes on a block's ring own.
-///
-/// # Safety
-/// No item writes the own nodes' places of any block now, nor the ring of this one.
-unsafe fn copy_ring(rows: Shared<Rows>, around: &[u32; 9]) {
-    static NOTHING: [[f32; WINDOW_NODES]; 16] = [[0.0; WINDOW_NODES]; 16];
-    // SAFETY: only an address; no reference to the whole of another item's rows is made.
-    let pairs = |b: u32| unsafe { &raw mut (*rows.pointer(b as usize)).pair }.cast::<f32>();
-    let to = pairs(around[4]);
-    for &Segment { from, to: [ti, tj], at: [fi, fj], ref extent } in &RING {
-        let from = match around[from] {
-            NONE => NOTHING.as_ptr().cast::<f32>(),
-            b => pairs(b).cast_const(),
-        };
-        for c in 0..16 {
-            let (first_to, first_from) = (place(ti, tj), place(fi, fj));
-            // SAFETY: places of a window, in plane c of both; the caller's promise.
-            unsafe {
-                let (to, from) = (to.add(c * WINDOW_NODES), from.add(c * WINDOW_NODES));
-                match extent {
-                    Extent::Single => to.add(first_to).write(from.add(first_from).read()),
-                    Extent::Row => to.add(first_to).copy_from_nonoverlapping(from.add(first_from), LANES),
-                    Extent::Column => {
-                        for j in 0..SIDE {
-                            to.add(place(ti, tj + j)).write(from.add(place(fi, fj + j)).read());
-                        }
-                    }
+            if movable[place(i + 1, j + 1)] != 0 && movable[far] != 0 {
+                for w in 0..2 {
+                    words[e][w][slot(i, j)] = pair[w][lane];
                 }
             }
         }

@@ -2,32 +2,28 @@
 
 use super::super::inspect::flat;
 use super::*;
-use crate::tile::blocks::node_at;
-use crate::tile::halo::place;
+use crate::tile::codes::of_weight;
 
 impl Run<'_> {
     /// Assembles a level's system for its present state. Gives its rows, as [`Run::rows`], and right-hand side.
     pub fn assembled(&mut self, level: usize) -> [Vec<u32>; 2] {
         let mut systems = std::mem::take(&mut self.memory.systems);
         self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
+        rows::finish(self, level, &mut systems.levels[level], false);
         self.memory.systems = systems;
         [self.rows(level), flat(&self.memory.systems.levels[level].r)]
     }
 
-    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16), interpolation's
-    /// weights (1; none on the coarsest level).
+    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (two words each),
+    /// interpolation's weights (1; none on the coarsest level).
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
-        for (b, rows) in self.memory.systems.levels[level].rows.iter().enumerate() {
-            all.extend(flat(&[rows.diagonal]));
-            for pair in &rows.pair {
-                all.extend((0..NODES).map(|s| {
-                    let (i, j) = node_at(s);
-                    pair[place(i + 1, j + 1)].to_bits()
-                }));
-            }
-            let weights = self.grid.levels[level].interpolation.get(b).unwrap_or(&[0.0; NODES]);
-            all.extend(weights.map(f32::to_bits));
+        let Rows { diagonal, words, .. } = &self.memory.systems.levels[level].rows;
+        for (b, (diagonal, words)) in diagonal.iter().zip(words).enumerate() {
+            all.extend(flat(&[*diagonal]));
+            all.extend_from_slice(words.as_flattened().as_flattened());
+            let weights = self.grid.levels[level].interpolation.get(b).unwrap_or(&[0; NODES]);
+            all.extend(weights.map(|code| of_weight(code).to_bits()));
         }
         all
     }

@@ -1,11 +1,12 @@
 //! The preconditioner: a V(2,2) cycle of four-colour block Gauss-Seidel. It runs backwards after the coarse correction,
 //! so that the whole cycle is symmetric, as conjugate gradients need.
 
+use super::super::constants::interpolation;
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
 use super::super::patch::NEIGHBOURS;
-use super::super::prefetch::prefetch;
 use super::super::prolong;
 use super::super::row::Row;
+use super::rows::{BlockRows, Pairs};
 use super::*;
 use crate::mesh::NONE;
 use crate::tile::Level;
@@ -70,8 +71,8 @@ fn smooth(run: &Run, level: usize, system: &mut System, sweeps: Sweeps, dots: Op
         let block = &grid.blocks.list[b as usize];
         block.y % 2 * 2 + block.x % 2
     };
-    run.each_colour(level, sweeps.backwards, |b| {
-        prefetch(&system.rows[b]);
+    run.each_colour(level, sweeps.backwards, |worker, b| {
+        let rows = system.rows.of(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         let mut around = grid.blocks.around[b];
         if sweeps.from_zero {
@@ -92,11 +93,12 @@ fn smooth(run: &Run, level: usize, system: &mut System, sweeps: Sweeps, dots: Op
         if sweeps.from_zero {
             clear_own(&mut windows);
         }
-        let (rows, r) = (&system.rows[b], &system.r[b]);
+        let r = &system.r[b];
         // SAFETY: as above.
         let z = unsafe { z.get_mut(b) };
-        let backwards = sweeps.backwards;
-        let dot = wide(SmoothBlock { rows, r, windows: &mut windows, backwards, dot: dots.is_some(), z });
+        let (backwards, dot, windows) = (sweeps.backwards, dots.is_some(), &mut windows);
+        let dot =
+            run.pairs.with(worker, |pairs| wide(SmoothBlock { rows, pairs, r, windows, backwards, dot, z }));
         if let Some(dots) = dots {
             // SAFETY: each item has its own sum.
             unsafe { *dots.get_mut(b) = f64::from(dot) };
@@ -115,7 +117,8 @@ fn clear_own(windows: &mut [Window; 2]) {
 
 /// Sweeps inside one block, its ring frozen. Gives the block's share of r·z.
 struct SmoothBlock<'a> {
-    rows: &'a Rows,
+    rows: BlockRows<'a>,
+    pairs: &'a mut Pairs,
     r: &'a [Plane; 2],
     windows: &'a mut [Window; 2],
     backwards: bool,
@@ -129,8 +132,9 @@ impl Kernel for SmoothBlock<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f32 {
+        self.rows.pairs::<V>(self.pairs);
         for _ in 0..SWEEPS {
-            smooth_block::<V>(self.rows, self.r, self.backwards, self.windows);
+            smooth_block::<V>(self.rows.diagonal, self.pairs, self.r, self.backwards, self.windows);
         }
         for row in Row::all() {
             for c in 0..2 {
@@ -150,12 +154,18 @@ fn load<'a>(level: &Level, b: usize, plane: impl Fn(usize, usize) -> &'a Plane, 
 
 /// One sweep inside a block. Fixed nodes have r = 0 and no pairs: they stay at 0.
 #[inline(always)]
-fn smooth_block<V: Lanes>(rows: &Rows, r: &[Plane; 2], backwards: bool, z: &mut [Window; 2]) {
+fn smooth_block<V: Lanes>(
+    diagonal: &[Plane; 3],
+    pairs: &Pairs,
+    r: &[Plane; 2],
+    backwards: bool,
+    z: &mut [Window; 2],
+) {
     for k in 0..4 {
         for row in Row::of_colour(if backwards { 3 - k } else { k }) {
-            let [ax, ay] = off_diagonal::<V>(rows, row, z);
+            let [ax, ay] = off_diagonal::<V>(pairs, row, z);
             let (rx, ry) = (row.of::<V>(&r[0]) - ax, row.of::<V>(&r[1]) - ay);
-            let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&rows.diagonal[c]));
+            let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&diagonal[c]));
             let inverse = V::one() / (xx * yy - xy * xy);
             row.set_own(&mut z[0], (yy * rx - xy * ry) * inverse);
             row.set_own(&mut z[1], (xx * ry - xy * rx) * inverse);
@@ -165,12 +175,12 @@ fn smooth_block<V: Lanes>(rows: &Rows, r: &[Plane; 2], backwards: bool, z: &mut 
 
 /// The sum over neighbours of A_pn z_n.
 #[inline(always)]
-fn off_diagonal<V: Lanes>(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
+fn off_diagonal<V: Lanes>(pairs: &Pairs, row: Row, z: &[Window; 2]) -> [V; 2] {
     let mut sum = [V::zero(); 2];
     each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
         let (di, dj, e, theirs) = NEIGHBOURS[k];
         let (oi, oj) = if theirs { (di, dj) } else { (0, 0) };
-        let pair = each!([0, 1, 2, 3], |c| row.near::<V>(&rows.pair[4 * e + c], oi, oj));
+        let pair = each!([0, 1, 2, 3], |c| row.near::<V>(&pairs[4 * e + c], oi, oj));
         let (b, c) = if theirs { (pair[2], pair[1]) } else { (pair[1], pair[2]) };
         let (x, y) = (row.near::<V>(&z[0], di, dj), row.near::<V>(&z[1], di, dj));
         sum[0] += pair[0] * x + b * y;
@@ -181,32 +191,27 @@ fn off_diagonal<V: Lanes>(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
 
 /// A z for one row.
 #[inline(always)]
-fn product<V: Lanes>(rows: &Rows, row: Row, z: &[Window; 2]) -> [V; 2] {
-    let [ax, ay] = off_diagonal::<V>(rows, row, z);
+fn product<V: Lanes>(diagonal: &[Plane; 3], pairs: &Pairs, row: Row, z: &[Window; 2]) -> [V; 2] {
+    let [ax, ay] = off_diagonal::<V>(pairs, row, z);
     let (x, y) = (row.near::<V>(&z[0], 0, 0), row.near::<V>(&z[1], 0, 0));
-    let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&rows.diagonal[c]));
+    let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&diagonal[c]));
     [ax + xx * x + xy * y, ay + xy * x + yy * y]
 }
 
 /// The first two planes of `out` become A v; gives v·out per chart.
-pub fn multiply(
-    run: &Run,
-    level: usize,
-    rows: &[Rows],
-    v: &[[Plane; 2]],
-    out: &mut [[Plane; 3]],
-) -> Vec<f64> {
+pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mut [[Plane; 3]]) -> Vec<f64> {
     let grid = &run.grid.levels[level];
     let out = Shared::new(out);
     let mut dots = vec![0.0f64; grid.blocks.list.len()];
     let shared = Shared::new(&mut dots);
-    run.each_block(level, |b, _| {
-        prefetch(&rows[b]);
+    run.each_block(level, |worker, b, _| {
+        let rows = rows.of(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &v[b][c], &mut windows);
         // SAFETY: each item has its own block and sum.
         unsafe {
-            let dot = wide(BlockProduct { rows: &rows[b], windows: &windows, v: &v[b], out: out.get_mut(b) });
+            let (v, out, windows) = (&v[b], out.get_mut(b), &windows);
+            let dot = run.pairs.with(worker, |pairs| wide(BlockProduct { rows, pairs, windows, v, out }));
             *shared.get_mut(b) = f64::from(dot);
         }
     });
@@ -218,19 +223,21 @@ fn residual(run: &Run, level: usize, system: &mut System) {
     let grid = &run.grid.levels[level];
     let t = Shared::new(&mut system.t);
     let (rows, z, r) = (&system.rows, &system.z, &system.r);
-    run.each_block(level, |b, _| {
-        prefetch(&rows[b]);
+    run.each_block(level, |worker, b, _| {
+        let rows = rows.of(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &z[b][c], &mut windows);
         // SAFETY: each item has its own block.
         let t = unsafe { t.get_mut(b) };
-        wide(BlockResidual { rows: &rows[b], windows: &windows, r: &r[b], out: t });
+        let (windows, r) = (&windows, &r[b]);
+        run.pairs.with(worker, |pairs| wide(BlockResidual { rows, pairs, windows, r, out: t }));
     });
 }
 
 /// A v for one block; gives its product with v.
 struct BlockProduct<'a> {
-    rows: &'a Rows,
+    rows: BlockRows<'a>,
+    pairs: &'a mut Pairs,
     windows: &'a [Window; 2],
     v: &'a [Plane; 2],
     out: &'a mut [Plane; 3],
@@ -241,8 +248,9 @@ impl Kernel for BlockProduct<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f32 {
+        self.rows.pairs::<V>(self.pairs);
         for row in Row::all() {
-            let product = product::<V>(self.rows, row, self.windows);
+            let product = product::<V>(self.rows.diagonal, self.pairs, row, self.windows);
             for c in 0..2 {
                 row.set(&mut self.out[c], product[c]);
             }
@@ -253,7 +261,8 @@ impl Kernel for BlockProduct<'_> {
 
 /// r - A v for one block.
 struct BlockResidual<'a> {
-    rows: &'a Rows,
+    rows: BlockRows<'a>,
+    pairs: &'a mut Pairs,
     windows: &'a [Window; 2],
     r: &'a [Plane; 2],
     out: &'a mut [Plane; 3],
@@ -264,8 +273,9 @@ impl Kernel for BlockResidual<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
+        self.rows.pairs::<V>(self.pairs);
         for row in Row::all() {
-            let product = product::<V>(self.rows, row, self.windows);
+            let product = product::<V>(self.rows.diagonal, self.pairs, row, self.windows);
             for c in 0..2 {
                 row.set(&mut self.out[c], row.of::<V>(&self.r[c]) - product[c]);
             }
@@ -289,12 +299,11 @@ fn dot<V: Lanes>(a: &[Plane; 2], b: &[Plane]) -> f32 {
 fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     let r = Shared::new(r);
-    run.each_block(finer + 1, |b, _| {
+    run.each_block(finer + 1, |_, b, _| {
         // SAFETY: each item has its own block.
         let r = unsafe { r.get_mut(b) };
         *r = [[0.0; NODES]; 2];
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        let mut weights: Window = [0.0; WINDOW_NODES];
         for (quarter, &child) in coarse.children[b].iter().enumerate() {
             // A block without movable nodes has no residual; its memory may be stale.
             if child == NONE || !fine.blocks.list[child as usize].active {
@@ -304,28 +313,23 @@ fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
             for c in 0..2 {
                 halo::load(&around, 0.0, |b| &t[b][c], &mut windows[c]);
             }
-            halo::load(&around, 0.0, |b| &fine.interpolation[b], &mut weights);
-            wide(RestrictQuarter {
-                windows: &windows,
-                weights: &weights,
-                movable: &coarse.movable[b],
-                quarter,
-                r,
-            });
+            let weights = interpolation(fine, &around);
+            let (windows, weights, movable) = (&windows, &weights, &coarse.movable[b]);
+            wide(RestrictQuarter { windows, weights, movable, quarter, r });
         }
     });
 }
 
-/// Pᵀ of one fine block.
-struct RestrictQuarter<'a> {
-    windows: &'a [Window; 2],
-    weights: &'a Window,
-    movable: &'a Plane<u8>,
-    quarter: usize,
-    r: &'a mut [Plane; 2],
+/// Pᵀ of one fine block, for each of some quantities.
+pub struct RestrictQuarter<'a, const N: usize> {
+    pub windows: &'a [Window; N],
+    pub weights: &'a Window,
+    pub movable: &'a Plane<u8>,
+    pub quarter: usize,
+    pub r: &'a mut [Plane; N],
 }
 
-impl Kernel for RestrictQuarter<'_> {
+impl<const N: usize> Kernel for RestrictQuarter<'_, N> {
     type Output = ();
 
     #[inline(always)]
@@ -363,20 +367,30 @@ pub fn masked(level: &Level, b: usize) -> [u32; 9] {
 
 /// z += P z_coarse.
 fn add_coarse(run: &Run, finer: usize, z: &mut [[Plane; 2]], coarse: &[[Plane; 2]]) {
-    let (fine_level, coarse_level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
+    let level = &run.grid.levels[finer];
     let z = Shared::new(z);
-    run.each_block(finer, |b, _| {
-        let mut weights: Window = [0.0; WINDOW_NODES];
-        halo::load(&fine_level.blocks.around[b], 0.0, |b| &fine_level.interpolation[b], &mut weights);
+    run.each_block(finer, |_, b, _| {
+        let weights = interpolation(level, &level.blocks.around[b]);
         // SAFETY: each item has its own block.
-        let z = unsafe { z.get_mut(b) };
-        for (c, z) in z.iter_mut().enumerate() {
-            let Some(nodes) = prolong::coarse_nodes(fine_level, coarse_level, |b| &coarse[b][c], b) else {
-                continue;
-            };
-            wide(AddInterpolated { nodes: &nodes, weights: &weights, movable: &fine_level.movable[b], z });
+        for (c, z) in unsafe { z.get_mut(b) }.iter_mut().enumerate() {
+            add_interpolated(run, finer, b, &weights, |b| &coarse[b][c], z);
         }
     });
+}
+
+/// Adds to a plane of block `b` what P makes of a coarser level's planes.
+pub fn add_interpolated<'a, T: Copy + Default + Into<f32> + 'a>(
+    run: &Run,
+    finer: usize,
+    b: usize,
+    weights: &Window,
+    coarse: impl Fn(usize) -> &'a Plane<T>,
+    z: &mut Plane,
+) {
+    let (fine_level, coarse_level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
+    if let Some(nodes) = prolong::coarse_nodes(fine_level, coarse_level, coarse, b) {
+        wide(AddInterpolated { nodes: &nodes, weights, movable: &fine_level.movable[b], z });
+    }
 }
 
 /// Adds to one block's plane what P makes of the coarse nodes over it.

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::{LANES, Lanes, Truth};
+use super::{LANES, Lanes, Lengths, Truth};
 
 /// Eight f32.
 #[derive(Clone, Copy, Debug)]
@@ -98,6 +98,24 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
+    fn load_u16(values: &[u16], at: usize) -> Self {
+        let values = &values[at..at + LANES];
+        Avx2(unsafe { _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(_mm_loadu_si128(values.as_ptr().cast()))) })
+    }
+
+    #[inline(always)]
+    fn load_lengths(values: &[u16], at: usize, lengths: Lengths) -> Self {
+        let values = &values[at..at + LANES];
+        Avx2(unsafe {
+            let codes = _mm256_cvtepu16_epi32(_mm_loadu_si128(values.as_ptr().cast()));
+            let some = _mm256_cmpgt_epi32(codes, _mm256_setzero_si256());
+            let shifted = _mm256_sll_epi32(codes, _mm_cvtsi32_si128(lengths.shift as i32));
+            let bits = _mm256_add_epi32(shifted, _mm256_set1_epi32(lengths.base as i32));
+            _mm256_castsi256_ps(_mm256_and_si256(bits, some))
+        })
+    }
+
+    #[inline(always)]
     fn store(self, values: &mut [f32], at: usize) {
         let values = &mut values[at..at + LANES];
         unsafe { _mm256_storeu_ps(values.as_mut_ptr(), self.0) };
@@ -171,6 +189,28 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn select_index(mask: Mask, a: __m256i, b: __m256i) -> __m256i {
         unsafe { _mm256_blendv_epi8(b, a, _mm256_castps_si256(mask.0)) }
+    }
+
+    #[inline(always)]
+    fn halves(high: Self, low: Self) -> __m256i {
+        unsafe {
+            let rounded = |x: Avx2| {
+                let bits = _mm256_castps_si256(x.0);
+                let odd = _mm256_and_si256(_mm256_srli_epi32::<16>(bits), _mm256_set1_epi32(1));
+                _mm256_add_epi32(bits, _mm256_add_epi32(odd, _mm256_set1_epi32(0x7fff)))
+            };
+            let low = _mm256_srli_epi32::<16>(rounded(low));
+            _mm256_blend_epi16::<0b1010_1010>(low, rounded(high))
+        }
+    }
+
+    #[inline(always)]
+    fn from_halves(words: __m256i) -> (Self, Self) {
+        unsafe {
+            let high = _mm256_and_si256(words, _mm256_set1_epi32(0xffff_0000u32 as i32));
+            let low = _mm256_slli_epi32::<16>(words);
+            (Avx2(_mm256_castsi256_ps(high)), Avx2(_mm256_castsi256_ps(low)))
+        }
     }
 
     #[inline(always)]

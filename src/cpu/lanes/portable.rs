@@ -2,7 +2,7 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::{LANES, Lanes, Truth};
+use super::{LANES, Lanes, Lengths, Truth};
 
 /// Eight f32.
 #[derive(Clone, Copy, Debug, Default)]
@@ -117,6 +117,24 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn load_u16(values: &[u16], at: usize) -> Self {
+        let mut out = [0.0; LANES];
+        for (x, &v) in out.iter_mut().zip(&values[at..at + LANES]) {
+            *x = f32::from(v);
+        }
+        Portable(out)
+    }
+
+    #[inline(always)]
+    fn load_lengths(values: &[u16], at: usize, lengths: Lengths) -> Self {
+        let mut out = [0.0; LANES];
+        for (x, &code) in out.iter_mut().zip(&values[at..at + LANES]) {
+            *x = lengths.length(code);
+        }
+        Portable(out)
+    }
+
+    #[inline(always)]
     fn store(self, values: &mut [f32], at: usize) {
         values[at..at + LANES].copy_from_slice(&self.0);
     }
@@ -195,6 +213,29 @@ impl Lanes for Portable {
             out[k] = (a[k] & mask.0[k]) | (b[k] & !mask.0[k]);
         }
         out
+    }
+
+    #[inline(always)]
+    fn halves(high: Self, low: Self) -> [u32; LANES] {
+        let rounded = |x: f32| {
+            let bits = x.to_bits();
+            bits.wrapping_add(0x7fff + (bits >> 16 & 1))
+        };
+        let mut out = [0; LANES];
+        for k in 0..LANES {
+            out[k] = rounded(high.0[k]) & 0xffff_0000 | rounded(low.0[k]) >> 16;
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn from_halves(words: [u32; LANES]) -> (Self, Self) {
+        let (mut high, mut low) = (words, words);
+        for k in 0..LANES {
+            high[k] &= 0xffff_0000;
+            low[k] <<= 16;
+        }
+        (Portable(high.map(f32::from_bits)), Portable(low.map(f32::from_bits)))
     }
 
     #[inline(always)]

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::{LANES, Lanes, Truth};
+use super::{LANES, Lanes, Lengths, Truth};
 
 /// Eight f32: lanes 0 to 3, then 4 to 7.
 #[derive(Clone, Copy, Debug)]
@@ -109,6 +109,33 @@ impl Lanes for Sse2 {
     }
 
     #[inline(always)]
+    fn load_u16(values: &[u16], at: usize) -> Self {
+        let values = &values[at..at + LANES];
+        unsafe {
+            let (zero, codes) = (_mm_setzero_si128(), _mm_loadu_si128(values.as_ptr().cast()));
+            Sse2(
+                _mm_cvtepi32_ps(_mm_unpacklo_epi16(codes, zero)),
+                _mm_cvtepi32_ps(_mm_unpackhi_epi16(codes, zero)),
+            )
+        }
+    }
+
+    #[inline(always)]
+    fn load_lengths(values: &[u16], at: usize, lengths: Lengths) -> Self {
+        let values = &values[at..at + LANES];
+        unsafe {
+            let (zero, codes) = (_mm_setzero_si128(), _mm_loadu_si128(values.as_ptr().cast()));
+            let length = |codes: __m128i| {
+                let some = _mm_cmpgt_epi32(codes, zero);
+                let shifted = _mm_sll_epi32(codes, _mm_cvtsi32_si128(lengths.shift as i32));
+                let bits = _mm_add_epi32(shifted, _mm_set1_epi32(lengths.base as i32));
+                _mm_castsi128_ps(_mm_and_si128(bits, some))
+            };
+            Sse2(length(_mm_unpacklo_epi16(codes, zero)), length(_mm_unpackhi_epi16(codes, zero)))
+        }
+    }
+
+    #[inline(always)]
     fn store(self, values: &mut [f32], at: usize) {
         let values = &mut values[at..at + LANES];
         unsafe {
@@ -203,6 +230,32 @@ impl Lanes for Sse2 {
                 _mm_castps_si128(choose(mask, _mm_castsi128_ps(a), _mm_castsi128_ps(b)))
             };
             [half(mask.0, a[0], b[0]), half(mask.1, a[1], b[1])]
+        }
+    }
+
+    #[inline(always)]
+    fn halves(high: Self, low: Self) -> [__m128i; 2] {
+        unsafe {
+            let rounded = |x: __m128| {
+                let bits = _mm_castps_si128(x);
+                let odd = _mm_and_si128(_mm_srli_epi32::<16>(bits), _mm_set1_epi32(1));
+                _mm_add_epi32(bits, _mm_add_epi32(odd, _mm_set1_epi32(0x7fff)))
+            };
+            let word = |high: __m128, low: __m128| {
+                let high = _mm_and_si128(rounded(high), _mm_set1_epi32(0xffff_0000u32 as i32));
+                _mm_or_si128(high, _mm_srli_epi32::<16>(rounded(low)))
+            };
+            [word(high.0, low.0), word(high.1, low.1)]
+        }
+    }
+
+    #[inline(always)]
+    fn from_halves(words: [__m128i; 2]) -> (Self, Self) {
+        unsafe {
+            let mask = _mm_set1_epi32(0xffff_0000u32 as i32);
+            let [high, low] = [words.map(|w| _mm_and_si128(w, mask)), words.map(|w| _mm_slli_epi32::<16>(w))]
+                .map(|[a, b]| Sse2(_mm_castsi128_ps(a), _mm_castsi128_ps(b)));
+            (high, low)
         }
     }
 

@@ -37,6 +37,18 @@ impl Kernel for Everything {
             keep(V::same(i, j).select(a, b));
             let chosen = V::index_array(V::select_index(V::same(i, j), i, V::index_from([9; LANES])));
             keep(V::from_array(chosen.map(|x| x as f32)));
+            let codes: [u16; LANES] = [0, 1, 2, 500, 32_767, 32_768, 65_534, 65_535];
+            keep(V::load_u16(&codes, 0));
+            for lengths in
+                [Lengths::between(0.3, 0.3), Lengths::between(0.3, 7.0), Lengths::between(1e-30, 1e30)]
+            {
+                keep(V::load_lengths(&codes, 0, lengths));
+            }
+            let words = V::halves(a, b);
+            let (high, low) = V::from_halves(words);
+            keep(high);
+            keep(low);
+            keep(V::from_array(V::index_array(words).map(|word| (word >> 8) as f32)));
             let records: [[f32; LANES]; LANES] =
                 std::array::from_fn(|r| std::array::from_fn(|c| (10 * r + c) as f32));
             for row in V::transpose(records.each_ref()) {

@@ -7,6 +7,7 @@ use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window};
 
+use super::super::constants;
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, State};
 use super::super::row::Row;
@@ -82,9 +83,9 @@ impl<S: Surface> Kernel for Block<'_, S> {
             *to_value = *state.value.get(b);
             (to_u, to_value)
         };
-        halo::load(around, 0.0, |b| &level.rigidity[b], &mut rigidity);
+        constants::rigidity::<V>(level, b, &mut rigidity);
         halo::load(around, 0, |b| &level.movable[b], &mut movable);
-        halo::load(around, 0.0, |b| &level.rest_length[b][set.edge], &mut length);
+        constants::rest_length::<V>(level, b, set.edge, &mut length);
         let dense = density > 0.0 && !level.density.is_empty();
         let mut near: Window = [0.0; WINDOW_NODES];
         if dense {

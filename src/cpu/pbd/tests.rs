@@ -10,6 +10,7 @@ use crate::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
 use crate::solve::{Input, Stages};
 use crate::tile::blocks::slot;
+use crate::tile::codes::{of_share, share};
 use crate::tile::coverage::Coverage;
 use crate::tile::pose::Pose;
 
@@ -131,8 +132,9 @@ fn the_larger_rigidity_is_the_stiffness_and_elastic_segments_are_left_alone() {
     let left = |u: f64, _: f64| if u < 0.5 { 0.5 } else { 0.0 };
     with_sheet(left, stretched, |run| {
         // Maps are resampled to nodes: what these got is what counts.
-        let rigidity = |i: usize| run.grid.levels[0].rigidity[0][slot(i, 8)];
-        assert_eq!([rigidity(4), rigidity(7), rigidity(9), rigidity(10)], [0.5, 0.5, 0.0, 0.0]);
+        let rigidity = |i: usize| of_share(run.grid.levels[0].rigidity[0][slot(i, 8)]);
+        let half = of_share(share(0.5));
+        assert_eq!([rigidity(4), rigidity(7), rigidity(9), rigidity(10)], [half, half, 0.0, 0.0]);
         let border = rigidity(8);
         project(run, 0, 0);
         close(at(run, 4, 8), [0.125, 0.0]);

@@ -120,7 +120,7 @@ fn constants_agree() {
         // What the planes hold: displacement, value, triangle; diagonal, pairs; the last of the vectors.
         ("VALUE", 2),
         ("TRIANGLE", STATE_PLANES - 1),
-        ("PAIR", INTERPOLATION - 16),
+        ("PAIR", INTERPOLATION - 8),
         ("INTERPOLATION", INTERPOLATION),
         ("MARK", VECTOR_PLANES - 1),
     ];
