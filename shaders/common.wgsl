@@ -118,7 +118,9 @@ struct Block {
 /// interpolation from the next coarser level gives to the lower neighbour (of odd columns: to the west; of even columns in
 /// odd rows: to the south).
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
-/// Per block: r, z, t, p, x (2 each), share (2 in turn), mark.
+/// Per block: r, z, t, x (2 each). r is the right-hand side, then the residual; z the preconditioner's result, then the
+/// direction; t A z, and the residual inside the V-cycle; x the step. Once the system is solved, r is the share of the step
+/// that a node takes (the two planes in turn), and t first a mark, then the state before the step.
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
 /// Per block of a list: what it gives to its chart.
 @group(0) @binding(9) var<storage, read_write> partials: array<vec4f>;
@@ -138,14 +140,13 @@ const ROW_PLANES: u32 = 12u;
 const PAIR: u32 = 3u;
 const INTERPOLATION: u32 = 11u;
 
-const VECTOR_PLANES: u32 = 13u;
+const VECTOR_PLANES: u32 = 8u;
 const R: u32 = 0u;
 const Z: u32 = 2u;
 const T: u32 = 4u;
-const P: u32 = 6u;
-const X: u32 = 8u;
-const SHARE: u32 = 10u;
-const MARK: u32 = 12u;
+const X: u32 = 6u;
+const SHARE: u32 = 0u;
+const MARK: u32 = 4u;
 
 /// Place of a node in `nodes`, `state`, `rows`, `vectors`.
 fn node_at(b: u32, plane: u32, s: u32) -> u32 {

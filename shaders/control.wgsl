@@ -59,8 +59,9 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             charts[c].before = sum.x;
         }
         case DIRECTION, FIRST_DIRECTION: {
-            let last = charts[c].rz;
-            charts[c].beta = select(0.0, sum.x / last, params.mode == DIRECTION && last > 0.0);
+            // In steps, of which the last one was alpha directions.
+            let beta = sum.x / charts[c].rz / charts[c].alpha;
+            charts[c].beta = select(0.0, beta, params.mode == DIRECTION && is_number(beta));
             charts[c].rz = sum.x;
         }
         case LENGTH_OF_STEP: {

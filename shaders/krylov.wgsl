@@ -40,7 +40,7 @@ fn residual_dot(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     write_sum(group, t, sum);
 }
 
-/// p = z + beta p.
+/// z += beta x: the second direction, since the first one is a share of the first step.
 @compute @workgroup_size(64)
 fn direction(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
@@ -50,15 +50,11 @@ fn direction(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     let beta = charts[blocks[b].chart].beta;
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
-        var p = vector(b, Z, s);
-        if params.mode > 0u {
-            p += beta * vector(b, P, s);
-        }
-        set_vector(b, P, s, p);
+        set_vector(b, Z, s, vector(b, Z, s) + beta * vector(b, X, s));
     }
 }
 
-/// z = A p, and p . A p.
+/// t = A z, and z . A z.
 @compute @workgroup_size(64)
 fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
@@ -70,7 +66,7 @@ fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
         let holder = blocks[b].links[source.x];
         near[k] = vec2f();
         if holder != NONE {
-            near[k] = vector(holder, P, source.y);
+            near[k] = vector(holder, Z, source.y);
         }
     }
     workgroupBarrier();
@@ -78,8 +74,8 @@ fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
         let v = product(b, s);
-        set_vector(b, Z, s, v);
-        sum += dot(vector(b, P, s), v);
+        set_vector(b, T, s, v);
+        sum += dot(vector(b, Z, s), v);
     }
     write_sum(group, t, sum);
 }
@@ -87,7 +83,7 @@ fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
 /// No step is this long, in cells: more than the largest grid.
 const LONGEST: f32 = 32768.0;
 
-/// x += alpha p, r -= alpha A p.
+/// x += alpha z, r -= alpha t.
 @compute @workgroup_size(64)
 fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
@@ -97,15 +93,15 @@ fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     let alpha = charts[blocks[b].chart].alpha;
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
-        var x = alpha * vector(b, P, s);
+        var x = alpha * vector(b, Z, s);
         if params.mode > 0u {
             x += vector(b, X, s);
         }
         // A system that f32 cannot solve must not spoil the state.
         set_vector(b, X, s, select(vec2f(), x, abs(x) < vec2f(LONGEST)));
-        // No step leaves r as it is, also where A p is not a number.
+        // No step leaves r as it is, also where t is not a number.
         if alpha != 0.0 {
-            set_vector(b, R, s, vector(b, R, s) - alpha * vector(b, Z, s));
+            set_vector(b, R, s, vector(b, R, s) - alpha * vector(b, T, s));
         }
     }
 }

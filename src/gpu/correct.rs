@@ -81,7 +81,9 @@ impl Run<'_> {
             let decision = if mode == 0 { Decision::FirstDirection } else { Decision::Direction };
             self.reduce(Kernel::ResidualDot, level, self.params, decision);
             let params = Params { mode, ..self.params };
-            self.each_active(Kernel::Direction, level, params, Some(Shared::Vectors));
+            if mode > 0 {
+                self.each_active(Kernel::Direction, level, params, Some(Shared::Vectors));
+            }
             self.reduce(Kernel::Curvature, level, self.params, Decision::LengthOfStep);
             let last = mode + 1 == ITERATIONS;
             self.each_active(Kernel::Advance, level, params, last.then_some(Shared::Vectors));

@@ -11,8 +11,8 @@ use crate::tile::blocks::{NODES, Plane};
 
 /// Planes of the right-hand side, of the step and of its share among the vectors.
 const RIGHT_HAND_SIDE: [usize; 2] = [0, 1];
-const STEP: [usize; 2] = [8, 9];
-const SHARE: usize = 10;
+const STEP: [usize; 2] = [6, 7];
+const SHARE: usize = 0;
 
 /// As in `shaders/common.wgsl`.
 const WORTHLESS: f32 = 3e38;

@@ -15,8 +15,8 @@ pub const STATE_PLANES: usize = 6;
 pub const ROW_PLANES: usize = 12;
 /// The last of these: uploaded once per grid.
 pub const INTERPOLATION: usize = ROW_PLANES - 1;
-/// Planes per block of the vectors: r, z, t, p, x (2 each), share (2 in turn), mark.
-pub const VECTOR_PLANES: usize = 13;
+/// Planes per block of the vectors: r, z, t, x (2 each).
+pub const VECTOR_PLANES: usize = 8;
 /// Planes per block of a metric.
 pub const METRIC_PLANES: usize = 3;
 /// Planes per block of a result.

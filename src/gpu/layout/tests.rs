@@ -122,7 +122,7 @@ fn constants_agree() {
         ("TRIANGLE", STATE_PLANES - 1),
         ("PAIR", INTERPOLATION - 8),
         ("INTERPOLATION", INTERPOLATION),
-        ("MARK", VECTOR_PLANES - 1),
+        ("X", VECTOR_PLANES - 2),
     ];
     for source in &SOURCES {
         let (module, _) = module(source);
