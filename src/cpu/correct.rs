@@ -180,11 +180,6 @@ impl Run<'_> {
         plan: &Correction,
     ) {
         let system = &mut systems.levels[level];
-        let (before_step, u) = (Shared::new(&mut system.z), &self.memory.levels[level].u);
-        self.each_block(level, |_, b, _| {
-            // SAFETY: each item has its own block.
-            unsafe { *before_step.get_mut(b) = u[b] };
-        });
         let list = &self.grid.levels[level].blocks.list;
         let mut open: Vec<bool> =
             (0..self.charts.len()).map(|c| self.charts[c] && systems.next[c] > 0.0).collect();
@@ -194,14 +189,16 @@ impl Run<'_> {
             if blocks.is_empty() {
                 break;
             }
-            let u = Shared::new(&mut self.memory.levels[level].u);
-            let next = &systems.next;
-            self.team.run(blocks.len(), |k| {
-                let b = blocks[k] as usize;
-                let part = part * next[list[b].chart as usize];
-                let (from, step, share) = (&system.z[b], &system.x[b], &system.r[b][0]);
+            let (from, next) = (Shared::new(&mut system.z), &systems.next);
+            let (x, r) = (&system.x, &system.r);
+            self.move_and_refresh(level, &blocks, Start::Present, |b, u| {
                 // SAFETY: each item has its own block.
-                let u = unsafe { u.get_mut(b) };
+                let from = unsafe { from.get_mut(b) };
+                if n == 0 {
+                    *from = *u;
+                }
+                let part = part * next[list[b].chart as usize];
+                let (step, share) = (&x[b], &r[b][0]);
                 for c in 0..2 {
                     for s in 0..NODES {
                         // No part of a step that is not a number is no step.
@@ -210,7 +207,6 @@ impl Run<'_> {
                     }
                 }
             });
-            self.refresh(level, &blocks, Start::Present);
             self.relax_level(level, plan.sweeps, Some(&systems.next));
             let energies = self.energies(level);
             for c in 0..open.len() {

@@ -1,7 +1,7 @@
 //! Samples the surface anew under all nodes of some blocks, after their displacements were set from outside.
 
 use crate::mesh::NONE;
-use crate::tile::blocks::{SIDE, slot};
+use crate::tile::blocks::{Plane, SIDE, slot};
 
 use super::Run;
 use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
@@ -23,6 +23,17 @@ pub(super) enum Start {
 impl Run<'_> {
     /// Samples the surface anew under all nodes of the blocks, from their displacements.
     pub(super) fn refresh(&mut self, level: usize, blocks: &[u32], start: Start) {
+        self.move_and_refresh(level, blocks, start, |_, _| {});
+    }
+
+    /// The same after `set(block, displacements)` has set those of each block.
+    pub(super) fn move_and_refresh(
+        &mut self,
+        level: usize,
+        blocks: &[u32],
+        start: Start,
+        set: impl Fn(usize, &mut [Plane; 2]) + Sync,
+    ) {
         let grid = self.grid;
         let (finest, coarser) = self.memory.levels.split_at_mut(1);
         let buffers = if level == 0 { &mut finest[0] } else { &mut coarser[level - 1] };
@@ -32,7 +43,8 @@ impl Run<'_> {
         let metrics = Metrics { level: &grid.levels[level], metric: &metric };
         self.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            // Each item has its own block.
+            // SAFETY: each item has its own block.
+            set(b, unsafe { state.u.get_mut(b) });
             if level == 0 {
                 wide(RefreshChords { surface: chords, state, b, start });
             } else {

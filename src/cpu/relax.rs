@@ -115,7 +115,7 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
     }
     let here = patch.here::<V>(row);
     let rigid = patch.is_rigid::<V>(row, weights);
-    let local = patch.local::<V, S>(row, &here, weights, rigid);
+    let local = patch.local::<V, S>(row, &here, weights, rigid, &mut ());
     let mut delta = newton_step(&local);
     let foretold = -(local.gradient[0] * delta[0] + local.gradient[1] * delta[1]);
     lanes = lanes.and((local.terms.energy * NOTICEABLE).lt(foretold));

@@ -100,13 +100,5 @@ pub struct Chord<V> {
     inverse_length: V,
 }
 
-impl<V: Lanes> Chord<V> {
-    /// Of an edge that pulls at nothing.
-    #[inline(always)]
-    pub fn zero() -> Chord<V> {
-        Chord { along: [V::zero(); 3], d: [V::zero(); 2], inverse_length: V::zero() }
-    }
-}
-
 /// Keeps 1 / L finite; lengths of a chart of unit size are far longer.
 const TINY: f32 = 1e-24;

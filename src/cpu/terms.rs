@@ -21,8 +21,17 @@ pub struct Local<V> {
     pub gradient: [V; 2],
     /// (xx, xy, yy).
     pub matrix: [V; 3],
-    /// Of the edges: dL/du of the node, and what its other end's needs; 0 where nothing is rigid.
-    pub ends: [([V; 2], Chord<V>); 8],
+}
+
+/// Sees the edges of a row's nodes: the neighbour's number, the edge, dL/du of the node, and what the other end's needs.
+pub trait Visitor<V: Lanes> {
+    fn edge<S: Surface>(&mut self, row: Row, k: usize, edge: &Edge<V>, near: &[V; 2], chord: &Chord<V>);
+}
+
+/// Looks at none of them.
+impl<V: Lanes> Visitor<V> for () {
+    #[inline(always)]
+    fn edge<S: Surface>(&mut self, _: Row, _: usize, _: &Edge<V>, _: &[V; 2], _: &Chord<V>) {}
 }
 
 impl Patch {
@@ -100,7 +109,7 @@ impl Patch {
         Terms { energy, edges, corners }
     }
 
-    /// Everything a node's own Gauss-Newton step needs; `rigid` as `is_rigid` says.
+    /// Everything a node's own Gauss-Newton step needs; `rigid` as `is_rigid` says. `visitor` sees the edges where it is.
     #[inline(always)]
     pub fn local<V: Lanes, S: Surface>(
         &self,
@@ -108,6 +117,7 @@ impl Patch {
         p: &Place<V>,
         weights: &Weights,
         rigid: bool,
+        visitor: &mut impl Visitor<V>,
     ) -> Local<V> {
         if !rigid {
             return self.elastic(row, p, weights);
@@ -115,12 +125,11 @@ impl Patch {
         let mut edges = [V::zero(); 8];
         let mut gradient = [V::zero(); 2];
         let mut matrix = [V::zero(); 3];
-        let mut ends = [([V::zero(); 2], Chord::zero()); 8];
         each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
             let (length, near, chord) =
                 S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
-            ends[k] = (near, chord);
+            visitor.edge::<S>(row, k, &edge, &near, &chord);
             edges[k] = edge.energy(k, length, weights);
             let scaled = edge.weight * edge.inverse;
             let pull = scaled * ((length - edge.length) * edge.inverse);
@@ -144,7 +153,7 @@ impl Patch {
                 matrix[2] += kappa * (ny * ny);
             }
         });
-        Local { ends, ..self.with_room(row, p, edges, gradient, matrix, weights) }
+        self.with_room(row, p, edges, gradient, matrix, weights)
     }
 
     /// The same where nothing is rigid: smoothness alone.
@@ -193,7 +202,7 @@ impl Patch {
                 matrix[2] += beta * slope[1] * slope[1];
             }
         }
-        Local { terms, gradient, matrix, ends: [([V::zero(); 2], Chord::zero()); 8] }
+        Local { terms, gradient, matrix }
     }
 
     /// Corner Jacobians that a row's nodes touch, each affine in the node, with their gradients: per cell that of the

@@ -7,8 +7,8 @@ use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, Patch, Place, QUADRANTS, Weights};
 use super::super::relax::MIN_JACOBIAN;
 use super::super::row::Row;
-use super::super::surface::Slopes;
-use super::super::terms::lowest;
+use super::super::surface::{Chord, Slopes};
+use super::super::terms::{Edge, Visitor, lowest};
 use super::rows::{Words, encode};
 use super::*;
 use crate::tile::Level;
@@ -134,7 +134,8 @@ fn block_row<V: Lanes, S: Surface>(
     }
     let p = patch.here::<V>(row);
     let rigid = patch.is_rigid::<V>(row, weights);
-    let mut local = patch.local::<V, S>(row, &p, weights, rigid);
+    let mut rank_one = RankOne { slopes, pairs: [[V::zero(); 4]; 8] };
+    let mut local = patch.local::<V, S>(row, &p, weights, rigid, &mut rank_one);
     total.add(patch, row, own, weights, &local.terms);
     // Corners that neither the room term nor the wall sees are most of them.
     let crowded = lowest(&local.terms.corners).lt(V::splat(weights.room_threshold.max(WALL_JACOBIAN))).any();
@@ -154,17 +155,10 @@ fn block_row<V: Lanes, S: Surface>(
     each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
         let (di, dj, e, theirs) = NEIGHBOURS[k];
         let edge = patch.edge(row, &p, k);
-        let smooth = -edge.smoothness(weights);
-        let mut pair = [smooth, V::zero(), V::zero(), smooth];
-        if rigid {
-            let (near, chord) = &local.ends[k];
-            let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&slopes[c], di, dj));
-            let far = S::far_gradient(chord, &slope_n);
-            let square = edge.weight * edge.inverse * edge.inverse;
-            for c in 0..4 {
-                pair[c] += square * (near[c / 2] * far[c % 2]);
-            }
-        }
+        let smooth = edge.smoothness(weights);
+        let mut pair = rank_one.pairs[k];
+        pair[0] -= smooth;
+        pair[3] -= smooth;
         if weights.orients() {
             let n = edge.normal;
             let kappa = edge.orientation(weights);
@@ -191,6 +185,23 @@ fn block_row<V: Lanes, S: Surface>(
     });
     for c in 0..3 {
         row.set(&mut out.sums[c], own.select(sums[c], V::zero()));
+    }
+}
+
+/// What the lengths of edges bring to the pairs of a row's nodes: w/l² g_p g_nᵀ, row-major.
+struct RankOne<'a, V> {
+    slopes: &'a [Window; 6],
+    pairs: [[V; 4]; 8],
+}
+
+impl<V: Lanes> Visitor<V> for RankOne<'_, V> {
+    #[inline(always)]
+    fn edge<S: Surface>(&mut self, row: Row, k: usize, edge: &Edge<V>, near: &[V; 2], chord: &Chord<V>) {
+        let (di, dj, ..) = NEIGHBOURS[k];
+        let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&self.slopes[c], di, dj));
+        let far = S::far_gradient(chord, &slope_n);
+        let square = edge.weight * edge.inverse * edge.inverse;
+        self.pairs[k] = each!([0, 1, 2, 3], |c| square * (near[c / 2] * far[c % 2]));
     }
 }
 

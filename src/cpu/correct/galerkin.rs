@@ -4,7 +4,7 @@
 
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
 use super::multigrid::{RestrictQuarter, masked};
-use super::rows::{BlockRows, Pairs, Words, decode_one, encode};
+use super::rows::{BlockRows, Pairs, Words, decode_one, encode, ring_pairs};
 use super::*;
 use crate::cpu::constants::interpolation;
 use crate::mesh::NONE;
@@ -38,11 +38,12 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
             let own = &level.movable[b];
             wide(RestrictQuarter { windows: &windows, weights: &weights, movable: own, quarter, r: sums });
             run.pairs.with(worker, |pairs| {
-                rows::ring_pairs(&fine.rows.words, &around, pairs);
                 let near = |k: usize| (around[k] != NONE).then(|| around[k] as usize);
                 let diagonal = [0, 1, 3, 4].map(|k| near(k).map(|b| &fine.rows.diagonal[b]));
                 wide(QuarterRows {
                     own: fine.rows.of(child as usize),
+                    all: &fine.rows.words,
+                    around: &around,
                     diagonal,
                     west: near(3).map(|b| (&fine_level.interpolation[b], &fine.rows.words[b][0])),
                     weights: &weights,
@@ -59,12 +60,14 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
 /// The 8x8 coarse nodes over one fine block, a row of eight at a time.
 struct QuarterRows<'a> {
     own: BlockRows<'a>,
+    /// Pairs of all fine blocks, and which of them lie around.
+    all: &'a [Words],
+    around: &'a [u32; 9],
     /// Of the fine blocks to the south-west, south and west, and of the block itself.
     diagonal: [Option<&'a [Plane; 3]>; 4],
     weights: &'a Window,
     /// Weights and pairs to the east of the fine block to the west.
     west: Option<(&'a Plane<u8>, &'a [Plane<u32>; 2])>,
-    /// Those of the ring are there.
     pairs: &'a mut Pairs,
     movable: &'a Window<u8>,
     quarter: usize,
@@ -94,7 +97,9 @@ impl Kernel for QuarterRows<'_> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let QuarterRows { own, diagonal, weights, west: beside, pairs, movable, quarter, words } = self;
+        let QuarterRows { own, all, around, diagonal, weights, west: beside, pairs, movable, quarter, words } =
+            self;
+        ring_pairs::<V>(all, around, pairs);
         own.own_pairs::<V>(pairs);
         let [south_west, south, west, own] = diagonal;
         let east_of_west = beside.map(|(_, words)| words);

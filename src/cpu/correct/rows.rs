@@ -178,32 +178,49 @@ impl BlockRows<'_> {
 }
 
 /// Decodes all pairs that nodes on a block's ring own, from the blocks in which they lie, into the window. `around` as in
-/// `masked`.
-pub fn ring_pairs(words: &[Words], around: &[u32; 9], pairs: &mut Pairs) {
-    let mut set = |from: usize, [i, j]: [usize; 2], to: usize| {
-        for e in 0..4 {
-            let pair = match around[from] {
-                NONE => [0.0; 4],
-                b => {
-                    let words = &words[b as usize][e];
-                    decode_one([words[0][slot(i, j)], words[1][slot(i, j)]])
-                }
-            };
+/// `masked`. No node of the north owns a pair that matters here.
+#[inline(always)]
+pub fn ring_pairs<V: Lanes>(words: &[Words], around: &[u32; 9], pairs: &mut Pairs) {
+    const NOTHING: &[Plane<u32>; 2] = &[[0; NODES]; 2];
+    const LAST: usize = SIDE - 1;
+    for e in 0..4 {
+        let from = |k: usize| match around[k] {
+            NONE => NOTHING,
+            b => &words[b as usize][e],
+        };
+        let pairs = &mut pairs[4 * e..4 * e + 4];
+        let south = from(1);
+        for ci in 0..2 {
+            let pair = decode::<V>(each!([0, 1], |w| V::load_index(&south[w], slot(ci, LAST))));
             for c in 0..4 {
-                pairs[4 * e + c][to] = pair[c];
+                pair[c].store(&mut pairs[c], place(ci + 1, 0));
             }
         }
-    };
-    const LAST: usize = SIDE - 1;
-    for k in 0..SIDE {
-        set(1, [k, LAST], place(k + 1, 0));
-        set(3, [LAST, k], place(0, k + 1));
-        set(5, [0, k], place(SIDE + 1, k + 1));
+        for (k, i, to) in [(3, LAST, 0), (5, 0, SIDE + 1)] {
+            let column = from(k);
+            for cj in 0..2 {
+                let words = each!([0, 1], |w| {
+                    let at = slot(i, cj);
+                    V::index_from(each!([0, 1, 2, 3, 4, 5, 6, 7], |n| column[w][at + n * (SIDE / 2)]))
+                });
+                for (c, x) in decode::<V>(words).into_iter().enumerate() {
+                    for (n, x) in x.to_array().into_iter().enumerate() {
+                        pairs[c][place(to, cj + 1) + 9 * n] = x;
+                    }
+                }
+            }
+        }
+        for (k, at, to) in [
+            (0, slot(LAST, LAST), place(0, 0)),
+            (2, slot(0, LAST), place(SIDE + 1, 0)),
+            (6, slot(LAST, 0), place(0, SIDE + 1)),
+            (8, slot(0, 0), place(SIDE + 1, SIDE + 1)),
+        ] {
+            for (c, x) in decode_one(from(k).map(|plane| plane[at])).into_iter().enumerate() {
+                pairs[c][to] = x;
+            }
+        }
     }
-    set(0, [LAST, LAST], place(0, 0));
-    set(2, [0, LAST], place(SIDE + 1, 0));
-    set(6, [LAST, 0], place(0, SIDE + 1));
-    set(8, [0, 0], place(SIDE + 1, SIDE + 1));
 }
 
 /// Completes a level's rows, of which the own pairs and the sums are there: the ring's pairs and the diagonals. With a
