@@ -66,7 +66,8 @@ pub(crate) struct Run<'a> {
     mesh: &'a TileMesh,
     pose: &'a Pose,
     memory: &'a mut Memory,
-    weights: Weights,
+    /// Per level.
+    weights: Vec<Weights>,
     work: Vec<Work>,
     /// The charts to solve.
     charts: &'a [bool],
@@ -88,7 +89,7 @@ impl<'a> Run<'a> {
         memory: &'a mut Memory,
         result: &'a mut [[Plane; 2]],
     ) -> Run<'a> {
-        let Input { grid, mesh, pose, settings, charts } = *input;
+        let Input { grid, mesh, pose, charts, .. } = *input;
         let work = grid
             .levels
             .iter()
@@ -112,7 +113,7 @@ impl<'a> Run<'a> {
             mesh,
             pose,
             memory,
-            weights: Weights::new(settings),
+            weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collect(),
             work,
             charts,
             result,

@@ -48,6 +48,8 @@ pub(crate) struct Run<'a> {
     /// The charts to solve.
     charts: &'a [bool],
     /// The settings' weights; every dispatch starts from these.
+    /// λ of each level.
+    smoothness: Vec<f32>,
     params: Params,
     last: Option<Arc<ResultBuffers>>,
     result: Arc<ResultBuffers>,
@@ -125,7 +127,6 @@ impl<'a> Run<'a> {
             .collect();
         context.queue.write_buffer(&memory.charts, 0, bytemuck::cast_slice(&records));
         let params = Params {
-            smoothness: settings.smoothness,
             smoothness_floor: settings.smoothness_floor,
             orientation: settings.orientation,
             orientation_density: settings.orientation_density,
@@ -142,6 +143,7 @@ impl<'a> Run<'a> {
             memory,
             recorder,
             charts,
+            smoothness: (0..grid.levels.len()).map(|level| input.smoothness(level)).collect(),
             params,
             last,
             result,
@@ -215,7 +217,7 @@ impl<'a> Run<'a> {
     }
 
     fn at_level(&self, level: usize) -> Params {
-        Params { scale: (1u32 << level) as f32, ..self.params }
+        Params { scale: (1u32 << level) as f32, smoothness: self.smoothness[level], ..self.params }
     }
 
     fn select(&mut self, charts: Charts) {

@@ -185,22 +185,22 @@ fn difference(a: [f32; 2], b: [f32; 2]) -> [f64; 2] {
 
 fn motions() -> Vec<Motion> {
     let scenes = [
-        // Discs that come to touch give way to one side or the other: W moves by 2e-2 cells RMS in one frame.
-        (analytic::squash(0.7), 3.88),
-        (analytic::bulge(), 0.43),
-        (analytic::pinch(), 1.54),
+        // Discs that come to touch give way to one side or the other: W moves by 1e-2 cells RMS in one frame.
+        (analytic::squash(0.7), 1.80),
+        (analytic::bulge(), 0.47),
+        (analytic::pinch(), 1.23),
         (analytic::shear(0.5), 0.086),
-        (analytic::torus(), 1.11),
-        (mug_to_jug(), 2.82),
-        (creature(), 0.21),
-        (arm(), 0.36),
+        (analytic::torus(), 1.26),
+        (mug_to_jug(), 3.03),
+        (creature(), 0.20),
+        (arm(), 0.61),
     ];
     let mut list: Vec<Motion> =
         scenes.into_iter().map(|(scene, measured)| Motion::new(scene, measured)).collect();
     for model in common::assets() {
         match model.name.as_str() {
-            "cesium_man" => list.push(Motion::new(model, 0.92)),
-            "mh_face" => list.push(Motion::new(model, 0.62)),
+            "cesium_man" => list.push(Motion::new(model, 1.09)),
+            "mh_face" => list.push(Motion::new(model, 0.46)),
             _ => {}
         }
     }

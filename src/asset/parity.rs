@@ -42,8 +42,9 @@ impl Asset {
             return Ok(Vec::new());
         }
         let settings = &self.tiles[tile].maps.settings;
-        let input = Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts };
         let plan = Plan::new(options);
+        let continuation = plan.continuation;
+        let input = Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts, continuation };
         Team::with(self.device.threads(), |team| {
             let mut of_cpu = cpu::Memory::new(&grid, plan.solver());
             let mut of_gpu = gpu::Memory::new(context, &grid, mesh)?;

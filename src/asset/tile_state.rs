@@ -204,7 +204,9 @@ impl TileState {
             let mut memory =
                 self.memory.take().ok_or_else(|| Error::new(ErrorKind::Internal, "no memory"))?;
             let settings = &self.maps.settings;
-            let input = Input { grid: &grid, mesh: source, pose: &pose, settings, charts: &charts };
+            let continuation = plan.continuation;
+            let input =
+                Input { grid: &grid, mesh: source, pose: &pose, settings, charts: &charts, continuation };
             let keep: Vec<bool> = state.iter().map(|&s| s != ChartState::Identity).collect();
             let ran = match memory.run(team, &input, &grid, plan, called, last.as_deref(), &keep) {
                 Ok(ran) => ran,

@@ -33,8 +33,6 @@ struct System {
     /// The preconditioner's result, then the search direction; once the system is solved, the state before the step. 0 in
     /// blocks without movable nodes.
     z: Vec<[Plane; 2]>,
-    /// Solution: the step.
-    x: Vec<[Plane; 2]>,
     /// Residual inside the V-cycle, and A z. While a system is solved, this is the memory of the level's samples, which
     /// the step makes stale.
     t: Vec<[Plane; 3]>,
@@ -44,6 +42,8 @@ struct System {
 #[derive(Debug, Default)]
 pub(super) struct Systems {
     levels: Vec<System>,
+    /// Solution on the coarser level that is corrected: the step. That of the finest level is where the result will be.
+    x: Vec<[Plane; 2]>,
     /// Per chart: the share of the level's next step that it is to take; 0 if the last one gained too little to try again.
     next: Vec<f32>,
 }
@@ -56,22 +56,28 @@ impl Systems {
             .iter()
             .map(|level| {
                 let n = level.blocks.list.len();
-                System { rows: Rows::new(n), r: zero(n), z: zero(n), x: zero(n), t: Vec::new() }
+                System { rows: Rows::new(n), r: zero(n), z: zero(n), t: Vec::new() }
             })
             .collect();
-        Systems { levels, next: vec![1.0; grid.movable.len()] }
+        Systems { levels, x: zero(longest_step(grid)), next: vec![1.0; grid.movable.len()] }
     }
 
     /// For a solver that corrects nothing.
     pub fn none(grid: &Grid) -> Systems {
-        Systems { levels: Vec::new(), next: vec![1.0; grid.movable.len()] }
+        Systems { levels: Vec::new(), x: Vec::new(), next: vec![1.0; grid.movable.len()] }
     }
 
     /// Bytes that `new` takes.
     pub fn bytes_for(grid: &Grid) -> u64 {
-        let block = rows::BYTES + 3 * 2 * NODES * 4;
-        grid.levels.iter().map(|level| (level.blocks.list.len() * block) as u64).sum()
+        let block = rows::BYTES + 2 * 2 * NODES * 4;
+        let blocks: usize = grid.levels.iter().map(|level| level.blocks.list.len()).sum();
+        (blocks * block + longest_step(grid) * 2 * NODES * 4) as u64
     }
+}
+
+/// Blocks of the largest of the coarser levels.
+fn longest_step(grid: &Grid) -> usize {
+    grid.levels[1..].iter().map(|level| level.blocks.list.len()).max().unwrap_or(0)
 }
 
 /// No step is this long, in cells: more than the largest grid.
@@ -103,10 +109,16 @@ impl Run<'_> {
                 galerkin::restrict(self, k, &finer[k], &mut coarser[0]);
             }
         }
-        let predicted = self.conjugate_gradients(&mut systems.levels, level);
+        // A warm start has read the last result by now.
+        let result = std::mem::take(&mut self.result);
+        let mut coarse = std::mem::take(&mut systems.x);
+        let x: &mut [[Plane; 2]] = if level == 0 { &mut *result } else { &mut coarse };
+        let predicted = self.conjugate_gradients(&mut systems.levels, level, x);
         self.lend_samples(&mut systems.levels[level..], level);
-        cut::shares(self, level, &mut systems.levels[level]);
-        self.step(&mut systems, level, &before, &predicted, plan);
+        cut::shares(self, level, &mut systems.levels[level], x);
+        self.step(&mut systems, level, x, &before, &predicted, plan);
+        self.result = result;
+        systems.x = coarse;
         self.memory.systems = systems;
         self.work = work;
     }
@@ -123,7 +135,12 @@ impl Run<'_> {
     ///
     /// Two iterations: the second direction is a sum of the preconditioner's result and of the first step, so that no
     /// direction needs to be kept.
-    fn conjugate_gradients(&mut self, systems: &mut [System], level: usize) -> Vec<f64> {
+    fn conjugate_gradients(
+        &mut self,
+        systems: &mut [System],
+        level: usize,
+        x: &mut [[Plane; 2]],
+    ) -> Vec<f64> {
         let charts = self.charts.len();
         let mut predicted = vec![0.0f64; charts];
         // Of the first iteration.
@@ -132,7 +149,7 @@ impl Run<'_> {
             let (first, last) = (iteration == 0, iteration + 1 == ITERATIONS);
             let rz = multigrid::cycle(self, systems, level);
             let system = &mut systems[level];
-            let (z, x) = (Shared::new(&mut system.z), &system.x);
+            let z = Shared::new(&mut system.z);
             if !first {
                 let beta: Vec<f32> = (0..charts)
                     .map(|c| {
@@ -156,7 +173,7 @@ impl Run<'_> {
             for c in 0..charts {
                 predicted[c] += f64::from(alpha[c]) * rz[c];
             }
-            let (x, r) = (Shared::new(&mut system.x), Shared::new(&mut system.r));
+            let (x, r) = (Shared::new(x), Shared::new(&mut system.r));
             let (z, t) = (&system.z, &system.t);
             self.each_block(level, |_, b, c| {
                 // SAFETY: each item has its own block.
@@ -175,6 +192,7 @@ impl Run<'_> {
         &mut self,
         systems: &mut Systems,
         level: usize,
+        x: &[[Plane; 2]],
         before: &[f64],
         predicted: &[f64],
         plan: &Correction,
@@ -190,7 +208,7 @@ impl Run<'_> {
                 break;
             }
             let (from, next) = (Shared::new(&mut system.z), &systems.next);
-            let (x, r) = (&system.x, &system.r);
+            let r = &system.r;
             self.move_and_refresh(level, &blocks, Start::Present, |b, u| {
                 // SAFETY: each item has its own block.
                 let from = unsafe { from.get_mut(b) };

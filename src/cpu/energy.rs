@@ -41,7 +41,7 @@ impl SurfaceFn<Vec<f64>> for Energies {
                     level,
                     state,
                     surface,
-                    weights: &run.weights,
+                    weights: &run.weights[self.level],
                     b,
                     as_is: self.as_is,
                 })

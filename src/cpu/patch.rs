@@ -1,7 +1,7 @@
 //! One block's problem with its ring, gathered for work.
 
 use crate::mesh::NONE;
-use crate::settings::TileSettings;
+use crate::solve::Input;
 use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::halo::{self, WINDOW_NODES, Window};
@@ -45,9 +45,11 @@ impl Weights {
         self.orientation > 0.0 || self.orientation_density > 0.0
     }
 
-    pub fn new(settings: &TileSettings) -> Weights {
+    /// Of a level.
+    pub fn new(input: &Input, level: usize) -> Weights {
+        let settings = input.settings;
         Weights {
-            smoothness: settings.smoothness,
+            smoothness: input.smoothness(level),
             smoothness_floor: settings.smoothness_floor,
             orientation: settings.orientation,
             orientation_density: settings.orientation_density,

@@ -132,7 +132,7 @@ impl SurfaceFn<()> for Everywhere {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
         let Everywhere { level, pass, next, previous } = self;
         let blocks = &run.work[level].active;
-        let (level, density) = (&run.grid.levels[level], run.weights.orientation_density);
+        let (level, density) = (&run.grid.levels[level], run.weights[level].orientation_density);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             // SAFETY: nothing writes `state` now, and each item has its own block of `next` and `previous`.

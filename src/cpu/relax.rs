@@ -41,7 +41,16 @@ impl SurfaceFn<()> for Relax<'_> {
                 // Blocks of one colour do not touch.
                 run.patches.with(worker, |patch| {
                     let share = self.share.map_or(1.0, |share| share[level.blocks.list[b].chart as usize]);
-                    wide(Pass { patch, level, state, surface, weights: &run.weights, b, sweeps, share });
+                    wide(Pass {
+                        patch,
+                        level,
+                        state,
+                        surface,
+                        weights: &run.weights[self.level],
+                        b,
+                        sweeps,
+                        share,
+                    });
                 });
             });
         }

@@ -37,7 +37,15 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
                 let out = unsafe {
                     Out { sums: sums_of_rows.get_mut(b), words: words.get_mut(b), r: r.get_mut(b) }
                 };
-                wide(AssembleBlock { patch, level, state, surface, weights: &run.weights, b, out })
+                wide(AssembleBlock {
+                    patch,
+                    level,
+                    state,
+                    surface,
+                    weights: &run.weights[self.level],
+                    b,
+                    out,
+                })
             });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };

@@ -19,13 +19,12 @@ const ROUNDS: usize = 16;
 const PASSES: [usize; 2] = [4, 2];
 
 /// Sets the shares, in the first plane of `r`, so that u + share x has no corner under ε.
-pub fn shares(run: &mut Run, level: usize, system: &mut System) {
+pub fn shares(run: &mut Run, level: usize, system: &mut System, x: &[[Plane; 2]]) {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
     let share = Shared::new(&mut system.r);
     // Only active blocks are written: in the others, z has to stay 0 for the next cycle.
     let mark = Shared::new(&mut system.z);
-    let x = &system.x;
     let mut blocks = run.work[level].active.clone();
     let mut cuts = vec![false; blocks.len()];
     let cuts_of = Shared::new(&mut cuts);

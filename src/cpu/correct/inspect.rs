@@ -30,8 +30,10 @@ impl Run<'_> {
 
     /// The last step on a level, before it was cut, and its local share.
     pub fn step_of(&self, level: usize) -> [Vec<u32>; 2] {
-        let system = &self.memory.systems.levels[level];
-        [flat(&system.x), system.r.iter().flat_map(|r| r[0]).map(f32::to_bits).collect()]
+        let systems = &self.memory.systems;
+        let n = self.grid.levels[level].blocks.list.len();
+        let x = if level == 0 { &*self.result } else { &systems.x[..n] };
+        [flat(x), systems.levels[level].r.iter().flat_map(|r| r[0]).map(f32::to_bits).collect()]
     }
 
     /// Per chart, the share of the next step that it is to take; 0: it sits out the level's further corrections.

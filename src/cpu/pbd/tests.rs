@@ -37,7 +37,14 @@ fn with_sheet(
     let grid = Arc::new(Grid::new(&mesh, tile, &maps, &coverage));
     let positions = posed(1, pose);
     let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
-    let input = Input { grid: &grid, mesh: tile, pose: &pose, settings: &maps.settings, charts: &[true] };
+    let input = Input {
+        grid: &grid,
+        mesh: tile,
+        pose: &pose,
+        settings: &maps.settings,
+        charts: &[true],
+        continuation: 1.0,
+    };
     let mut memory = Memory::new(&grid, Solver::Pbd);
     let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(1, |team| {
