@@ -8,6 +8,8 @@ mod galerkin;
 mod inspect;
 mod multigrid;
 mod rows;
+#[cfg(test)]
+mod tests;
 
 use crate::solve::{Correction, ITERATIONS};
 use crate::tile::Grid;

@@ -1,0 +1,71 @@
+use std::sync::Arc;
+
+use super::*;
+use crate::cpu::{Memory, Team};
+use crate::reference::tests::{maps, posed, sheet};
+use crate::settings::{Solver, TileSettings};
+use crate::solve::{Input, Stages};
+use crate::tile::EDGES;
+use crate::tile::blocks::{SIDE, slot};
+use crate::tile::coverage::Coverage;
+use crate::tile::pose::Pose;
+
+const GRID: usize = 64;
+
+/// (xx, xy, yy) of the sum of a node's row, and the largest number in it, from what is stored.
+fn sum_of_row(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
+    let rows = &run.memory.systems.levels[level].rows;
+    let find = |i: usize, j: usize| {
+        let b = run.grid.levels[level].blocks.find(0, (i / SIDE) as i64, (j / SIDE) as i64) as usize;
+        (b, slot(i % SIDE, j % SIDE))
+    };
+    let (b, s) = find(i, j);
+    let mut sum = rows.diagonal[b].map(|plane| f64::from(plane[s]));
+    let mut largest = sum[0].max(sum[2]);
+    for (e, (di, dj)) in EDGES.into_iter().enumerate() {
+        let owner = ((i as i64 - di) as usize, (j as i64 - dj) as usize);
+        for (b, s) in [find(i, j), find(owner.0, owner.1)] {
+            let [xx, xy, yx, yy] = rows::decode_one(rows.words[b][e].map(|plane| plane[s])).map(f64::from);
+            for (sum, x) in sum.iter_mut().zip([xx, 0.5 * (xy + yx), yy]) {
+                *sum += x;
+                largest = largest.max(x.abs());
+            }
+        }
+    }
+    (sum, largest)
+}
+
+#[test]
+fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
+    // Where the surface is flat, nothing but what holds a body's border resists if the body moves as a whole: the sum of
+    // each row inside is 0, on every level.
+    let mesh = sheet(4, |u, v| [u, v, 0.0]);
+    let stiff = |u: f64, v: f64| if (u - 0.5).hypot(v - 0.5) < 0.3 { 1.0 } else { 0.37 };
+    let maps = maps(GRID, TileSettings::default(), stiff);
+    let tile = &mesh.tiles[0];
+    let coverage = Coverage::new(tile, GRID, GRID, maps.settings.overlap);
+    let grid = Arc::new(Grid::new(&mesh, tile, &maps, &coverage));
+    let positions = posed(4, |u, v| [1.31 * u + 0.17 * v, 0.83 * v - 0.09 * u, 0.0]);
+    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
+    let (settings, charts) = (&maps.settings, &[true]);
+    let input = Input { grid: &grid, mesh: tile, pose: &pose, settings, charts, continuation: 1.0 };
+    let mut memory = Memory::new(&grid, Solver::Descent);
+    let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+    Team::with(1, |team| {
+        let mut run = Run::new(team, &input, &mut memory, &mut result);
+        run.surface();
+        run.pyramid();
+        run.identity(0);
+        run.correct(0, &Correction { first: true, sweeps: 0, tolerance: 1e-3, trusting: true });
+        for level in 0..3 {
+            let nodes = GRID >> level;
+            // Two nodes from the ones that are fixed: all that a sum is made of may move.
+            for (i, j) in (4..nodes - 3).flat_map(|j| (4..nodes - 3).map(move |i| (i, j))) {
+                let (sum, largest) = sum_of_row(&run, level, i, j);
+                let most = sum.into_iter().map(f64::abs).fold(0.0, f64::max);
+                // Eight pairs are rounded by up to 1/256 each.
+                assert!(largest > 0.1 && most < 2e-5 * largest, "level {level}, ({i}, {j}): {sum:?}");
+            }
+        }
+    });
+}
