@@ -150,7 +150,7 @@ pub enum Quality {
     /// One correction per level; on the finest up to four where a chart is crowded, while they gain 0.3 % of its energy.
     #[default]
     Normal,
-    /// More sweeps, two corrections per level and up to twelve on the finest, while they gain 0.02 %.
+    /// As `Normal` on coarser levels; up to twelve corrections on the finest, with more sweeps, while they gain 0.01 %.
     High,
 }
 

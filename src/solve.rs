@@ -124,8 +124,8 @@ pub(crate) const ITERATIONS: u32 = 2;
 /// How much work to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plan {
-    /// Sweeps after each correction; on a level without any, sweeps alone.
-    pub sweeps: u32,
+    /// Sweeps after each correction, on the finest level and on the others; on a level without any, sweeps alone.
+    pub sweeps: [u32; 2],
     /// Corrections on the finest level and on the others.
     pub corrections: [u32; 2],
     pub tolerance: f32,
@@ -145,17 +145,18 @@ impl Plan {
         let pbd = (options.solver == Solver::Pbd).then(|| options.pbd.resolved());
         // The coarser levels cost a third of the finest, and their corrections move features where sweeps alone would
         // take hundreds. A chart with room is done after one correction on the finest; the others go to crowded ones.
+        // `high` comes to the finest level as `normal` does, and goes on from there: it is never to end higher.
         let (sweeps, corrections, tolerance, trusting, continuation) = match options.quality {
             // No correction follows on the finest level, so the next one has to be as strained as it will be.
-            Quality::Draft => (3, [0, 1], 0.0, true, 1.0),
-            Quality::Normal => (2, [4, 1], 3e-3, true, 2.0),
-            Quality::High => (4, [12, 2], 2e-4, false, 2.0),
+            Quality::Draft => ([3, 3], [0, 1], 0.0, true, 1.0),
+            Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
+            Quality::High => ([4, 2], [12, 1], 1e-4, false, 2.0),
         };
         let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
         // What a solver does not look at must not make two plans differ.
         let of_descent = pbd.is_none();
         Plan {
-            sweeps: if of_descent { sweeps } else { 0 },
+            sweeps: if of_descent { sweeps } else { [0; 2] },
             corrections: if of_descent { corrections.map(cap) } else { [0; 2] },
             tolerance: match options.tolerance {
                 _ if !of_descent => 0.0,
@@ -208,8 +209,8 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
             None => {
                 if warm && !is_late(stages, plan, start) {
                     // The last frame's result has not seen this pose on any level.
-                    outcome.sweeps += plan.sweeps;
-                    timed(&mut times.relax, || stages.relax(level, plan.sweeps));
+                    outcome.sweeps += plan.sweeps[0];
+                    timed(&mut times.relax, || stages.relax(level, plan.sweeps[0]));
                 }
                 descend(stages, plan, level, start, &mut outcome, &mut times);
             }
@@ -236,18 +237,19 @@ fn descend(
     outcome: &mut Outcome,
     times: &mut StageTimes,
 ) {
-    let corrections = plan.corrections[usize::from(level > 0)];
+    let coarser = usize::from(level > 0);
+    let (corrections, sweeps) = (plan.corrections[coarser], plan.sweeps[coarser]);
     for step in 0..corrections.max(1) {
         // Past the budget only prolongation is left: the state so far becomes the result.
         if is_late(stages, plan, start) {
             outcome.truncated = true;
             break;
         }
-        outcome.sweeps += plan.sweeps;
+        outcome.sweeps += sweeps;
         if corrections == 0 {
-            timed(&mut times.relax, || stages.relax(level, plan.sweeps));
+            timed(&mut times.relax, || stages.relax(level, sweeps));
         } else {
-            let Plan { sweeps, tolerance, trusting, .. } = *plan;
+            let Plan { tolerance, trusting, .. } = *plan;
             let correction = Correction { first: step == 0, sweeps, tolerance, trusting };
             timed(&mut times.correct, || stages.correct(level, &correction));
             outcome.corrections += 1;

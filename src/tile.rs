@@ -96,10 +96,10 @@ pub struct Level {
     pub interpolation: Vec<Plane<u8>>,
     /// Per block: 1 may move, 0 fixed.
     pub movable: Vec<Plane<u8>>,
-    /// Per block: rest length l of the edges `EDGES` of each node, in units of the chart; codes of its chart's `lengths`.
+    /// Per block: rest length l of the edges `EDGES` of each node, in units of the chart; codes of `lengths`.
     pub rest_length: Vec<[Plane<u16>; 4]>,
-    /// Per chart.
-    pub lengths: Vec<Lengths>,
+    /// Per chart, of each of `EDGES`.
+    pub lengths: Vec<[Lengths; 4]>,
     /// Per chart: floor of l.
     pub floor: Vec<f32>,
     /// Per block, on coarser levels: how much of each node's surroundings the chart covers, 0..1.
@@ -232,7 +232,7 @@ impl Level {
             interpolation: Vec::new(),
             movable: Vec::new(),
             rest_length: vec![[[0; blocks::NODES]; 4]; blocks.list.len()],
-            lengths: vec![Lengths::default(); charts],
+            lengths: vec![[Lengths::default(); 4]; charts],
             floor: vec![0.0; charts],
             coverage: Vec::new(),
             children,

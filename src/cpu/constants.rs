@@ -25,7 +25,7 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
 /// Rest lengths of the edges `e` that the nodes around block `b` own; 0 where nothing is stored.
 #[inline(always)]
 pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window) {
-    let lengths = level.lengths[level.blocks.list[b].chart as usize];
+    let lengths = level.lengths[level.blocks.list[b].chart as usize][e];
     let mut codes: Window<u16> = [0; WINDOW_NODES];
     halo::load(&level.blocks.around[b], 0, |b| &level.rest_length[b][e], &mut codes);
     for at in window_vectors() {

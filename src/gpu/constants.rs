@@ -50,7 +50,7 @@ pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> 
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
         all.extend(rigidity.map(|(&r, &movable)| of_share(r).to_bits() | u32::from(movable == 0) << 31));
         let lengths = level.lengths[level.blocks.list[b].chart as usize];
-        for plane in &level.rest_length[b] {
+        for (plane, lengths) in level.rest_length[b].iter().zip(lengths) {
             all.extend(plane.iter().map(|&code| lengths.length(code).to_bits()));
         }
         if k == 0 {

@@ -254,12 +254,14 @@ const SHORTEST: f32 = 1.0 / 1024.0;
 fn keep_lengths(level: &mut Level, lengths: &[[Plane; 4]]) {
     for (chart, range) in level.blocks.of_chart.iter().enumerate() {
         let least = level.floor[chart] * SHORTEST;
-        let all = || lengths[range.clone()].as_flattened().as_flattened().iter();
-        let low = all().copied().filter(|&x| x > least).fold(f32::INFINITY, f32::min);
-        let codes = Lengths::between(low, all().copied().fold(0.0, f32::max));
-        level.lengths[chart] = codes;
-        for b in range.clone() {
-            level.rest_length[b] = lengths[b].map(|plane| plane.map(|length| codes.code(length)));
+        for e in 0..4 {
+            let all = || lengths[range.clone()].iter().flat_map(|planes| planes[e]);
+            let low = all().filter(|&x| x > least).fold(f32::INFINITY, f32::min);
+            let codes = Lengths::between(low, all().fold(0.0, f32::max));
+            level.lengths[chart][e] = codes;
+            for b in range.clone() {
+                level.rest_length[b][e] = lengths[b][e].map(|length| codes.code(length));
+            }
         }
     }
 }

@@ -152,10 +152,10 @@ fn vertex_rigidity_is_the_same_map_painted() {
     let vertices = Warp::of(&asset, 0);
     assert!(painted.largest() > 1.0);
     // Nodes differ by their rounding, 1e-7. Coarse levels blur the map across the sheet's border, where vertices give
-    // nothing: the way to the minimum is another one. `high` ends 1e-6 of the energy above it, which is about 1e-3 of
+    // nothing: the way to the minimum is another one. `high` ends 4e-5 of the energy above it, which is about 4e-3 of
     // the displacement.
     let difference = painted.u.iter().zip(&vertices.u).flat_map(|(a, b)| [a[0] - b[0], a[1] - b[1]]);
     let largest = difference.fold(0.0f32, |m, x| m.max(x.abs()));
     println!("vertices against map: {largest:e} cells of {}", painted.largest());
-    assert!(largest < 2e-3 * painted.largest(), "{largest}");
+    assert!(largest < 8e-3 * painted.largest(), "{largest}");
 }
