@@ -73,7 +73,8 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         case TRIAL, LAST_TRIAL: {
             let before = charts[c].before;
             // The last trial is relaxation alone.
-            if sum.x < before || params.mode == LAST_TRIAL {
+            let enough = SUFFICIENT * charts[c].next * charts[c].predicted;
+            if before - sum.x > enough || params.mode == LAST_TRIAL {
                 charts[c].working = 0u;
                 let gain = before - sum.x;
                 let identity = select(0.0, charts[c].identity, params.level == 0u);
@@ -105,6 +106,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
 
 /// As in src/solve.rs.
 const OF_IDENTITY: f32 = 0.06;
+const SUFFICIENT: f32 = 0.02;
 const GROWTH: f32 = 4.0;
 const GAINED = vec2f(1.0, 4.0);
 const MISSED = vec2f(0.1, 3.0);

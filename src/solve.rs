@@ -106,6 +106,10 @@ impl Correction {
     }
 }
 
+/// A part of a step is taken if it gains more than this share of what was foretold: a whole step that gains next to nothing
+/// ends a chart's corrections where half of it would have gone on.
+pub(crate) const SUFFICIENT: f32 = 0.02;
+
 /// Energy whose loss matters, as a share of the identity's.
 const OF_IDENTITY: f64 = 0.06;
 

@@ -11,7 +11,7 @@ mod rows;
 #[cfg(test)]
 mod tests;
 
-use crate::solve::{Correction, ITERATIONS};
+use crate::solve::{Correction, ITERATIONS, SUFFICIENT};
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::halo::WINDOW_NODES;
@@ -230,8 +230,9 @@ impl Run<'_> {
             self.relax_level(level, plan.sweeps, Some(&systems.next));
             let energies = self.energies(level);
             for c in 0..open.len() {
+                let enough = f64::from(SUFFICIENT * systems.next[c]) * predicted[c];
                 // A comparison with NaN is false: not accepted. The last trial is relaxation alone.
-                if open[c] && (energies[c] < before[c] || n == TRIALS.len()) {
+                if open[c] && (before[c] - energies[c] > enough || n == TRIALS.len()) {
                     open[c] = false;
                     let mut identity = 0.0;
                     if level == 0 {
