@@ -8,6 +8,7 @@ use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
+use std::time::Duration;
 
 use super::kernels::Pipelines;
 use crate::error::{Error, ErrorKind, Result};
@@ -162,7 +163,14 @@ impl Context {
     pub fn check(&self) -> Result<()> {
         let error = self.trouble.take();
         self.alive()?;
-        error.map_or(Ok(()), Err)
+        let Some(error) = error else { return Ok(()) };
+        // A device that goes away rejects calls before it says that it is lost: it gets a moment to say so.
+        for _ in 0..if error.kind == ErrorKind::Internal { 20 } else { 0 } {
+            let _ = contain(|| self.device.poll(wgpu::PollType::Poll));
+            self.alive()?;
+            thread::sleep(Duration::from_millis(1));
+        }
+        Err(error)
     }
 
     /// Runs wgpu calls that may panic where they should fail, and checks.
