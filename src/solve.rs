@@ -86,10 +86,11 @@ pub(crate) struct Correction {
 
 impl Correction {
     /// The share of the next correction's step that a chart is to take; 0: it sits out the level's further corrections. It
-    /// grows with what this one gained, but no further than to a few times the share that this one took; and after a first one that is trusted,
-    /// with how far the gain is from what the quadratic model had foretold: the next one gains about what the model missed,
-    /// which on scenes with room is next to nothing, and in crowded ones, where steps are cut, 1 to 3 % of the energy. It
-    /// grows smoothly, so that a warp does not jump from frame to frame where a chart comes to need another correction.
+    /// grows with what this one gained, but no further than to a few times the share that this one took; and after a first
+    /// one that is trusted, with how far the gain is from what the quadratic model had foretold: the next one gains about
+    /// what the model missed, which on scenes with room is next to nothing, and in crowded ones, where steps are cut, 1 to
+    /// 3 % of the energy. It grows smoothly, so that a warp does not jump from frame to frame where a chart comes to need
+    /// another correction.
     ///
     /// `identity` is the energy of the identity, 0 if it is not known: where little energy is left of much, a share of what
     /// is left counts for nothing.
@@ -124,6 +125,8 @@ const MISSED: [f64; 2] = [0.1, 3.0];
 /// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction does, and
 /// need more memory.
 pub(crate) const ITERATIONS: u32 = 2;
+// Both backends form the second direction from the first step, which further ones could not be formed from.
+const _: () = assert!(ITERATIONS <= 2);
 
 /// How much work to do.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -18,7 +18,7 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
     let mut codes: Window<u16> = [0; WINDOW_NODES];
     halo::load(&level.blocks.around[b], 0, |b| &level.rigidity[b], &mut codes);
     for at in window_vectors() {
-        (V::load_u16(&codes, at) / V::splat(65535.0)).store(out, at);
+        (V::load_u16(&codes, at) / V::splat(codes::SHARES)).store(out, at);
     }
 }
 
@@ -33,7 +33,7 @@ pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window
     }
 }
 
-/// P's weights around block `b`, of blocks with movable nodes and of the others; 0 where nothing is stored.
+/// P's weights in a block and on its ring, from the blocks `around`; 0 where there is none.
 pub fn interpolation(level: &Level, around: &[u32; 9]) -> Window {
     let mut codes: Window<u8> = [0; WINDOW_NODES];
     halo::load(around, 0, |b| &level.interpolation[b], &mut codes);

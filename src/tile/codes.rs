@@ -1,14 +1,17 @@
 //! A grid's constants in few bytes: they are most of what a solve reads, beside its own state.
 
-/// A number from 0 to 1 in steps of 1/65535.
+/// The code of 1 in `share`.
+pub const SHARES: f32 = 65535.0;
+
+/// A number from 0 to 1 in steps of 1 / `SHARES`.
 pub fn share(x: f32) -> u16 {
     // What is not a number becomes 0.
-    (x.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16
+    (x.clamp(0.0, 1.0) * SHARES + 0.5) as u16
 }
 
 /// What `share` kept: 0 and 1 exactly.
 pub fn of_share(code: u16) -> f32 {
-    f32::from(code) / 65535.0
+    f32::from(code) / SHARES
 }
 
 /// A weight from 0 to 1 in steps of 1/254: one half is among them.

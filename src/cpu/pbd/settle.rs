@@ -3,6 +3,7 @@
 
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE};
+use crate::tile::codes::SHARES;
 use crate::tile::halo::{self, WINDOW_NODES, Window};
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
@@ -87,7 +88,7 @@ impl<S: Surface> Kernel for Block<'_, S> {
                 continue;
             }
             // Eq. 4 where M is 1: b = (1 - R) + R s.
-            let rigidity = V::load_u16(&level.rigidity[b], row.slot()) / V::splat(65535.0);
+            let rigidity = V::load_u16(&level.rigidity[b], row.slot()) / V::splat(SHARES);
             let blend = (V::one() - rigidity) + rigidity * smoothing;
             let here = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
             // Eq. 5. The Gaussian leaves the grid at rest as it is, so displacements can be smoothed for positions.
