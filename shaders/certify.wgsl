@@ -29,7 +29,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     for (var k = t; k < WINDOW; k += 64u) {
         let n = window_node(k);
         let source = window_source(n);
-        let holder = blocks[b].around[source.x];
+        let holder = blocks[b].neighbours[source.x];
         near[k] = vec2f();
         if holder != NONE {
             near[k] = displacement(holder, source.y);
@@ -46,7 +46,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     for (var k = t; k < 289u; k += 64u) {
         let cell = vec2u(k % 17u, k / 17u);
         let holder = select(3u, 0u, cell.y == 0u) + select(0u, 1u, cell.x > 0u);
-        if holder == 4u || blocks[b].links[holder] == NONE {
+        if holder == 4u || blocks[b].active_neighbours[holder] == NONE {
             // Displacements relative to the lower left node's: the cell's own size stays exact.
             let u = near[place(cell.x, cell.y)];
             let right = near[place(cell.x + 1u, cell.y)] - u + vec2f(1.0, 0.0);
@@ -61,7 +61,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
                 if corners[c] > 0.0 && is_number(corners[c]) {
                     worst = min(worst, corners[c]);
                 } else {
-                    worst = min(worst, select(-WORTHLESS, corners[c], is_number(corners[c])));
+                    worst = min(worst, select(-INVALID_ENERGY, corners[c], is_number(corners[c])));
                     folds += 1.0;
                 }
             }

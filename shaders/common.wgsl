@@ -1,114 +1,12 @@
-// What all stages share: the layout of the buffers (its Rust twin is src/gpu/layout.rs; a test compares them), and
-// how a thread finds its node.
+// What all kernels share: the buffers, and how a thread finds its node. The structs in the buffers and the constants stand
+// in generated.wgsl.
 //
 // A workgroup of 64 threads works on one block of 16x16 nodes; thread t is the node of row t / 8 and column t % 8 of
 // each of the four colours in turn. A plane is one quantity at a block's nodes, colour after colour.
 
-const NONE: u32 = 0xffffffffu;
-const NODES: u32 = 256u;
-const WINDOW: u32 = 324u;
-const SPREAD: u32 = 65535u;
-
-/// Corner Jacobians of a result are at least this.
-const MIN_JACOBIAN: f32 = 0.02;
-/// More than any energy: that of a state that is worth nothing.
-const WORTHLESS: f32 = 3e38;
-/// Keeps 1 / L finite; lengths of a chart of unit size are far longer.
-const TINY: f32 = 1e-24;
-
-/// One dispatch.
-struct Params {
-    /// The range of `lists` with the blocks to work on.
-    first: u32,
-    count: u32,
-    /// Where the first of these blocks' sums go.
-    partial: u32,
-    /// A stage's own choice.
-    mode: u32,
-    sweeps: u32,
-    /// Charts, or other things to work on.
-    items: u32,
-    /// Length of this level's cells, in those of level 0.
-    scale: f32,
-    /// Part of a step, or another factor.
-    part: f32,
-    tolerance: f32,
-    smoothness: f32,
-    smoothness_floor: f32,
-    orientation: f32,
-    room: f32,
-    room_threshold: f32,
-    level: u32,
-    /// Where this level's blocks begin in `rows` and `vectors`, and the other level's in its own.
-    base: u32,
-    other_base: u32,
-    /// Of the paper's solver: factor on a level's corrections, share of the rotation toward rest, share of a velocity that is
-    /// kept, smoothing s of eq. 4.
-    correction: f32,
-    preservation: f32,
-    momentum: f32,
-    smoothing: f32,
-    /// What orientation preservation grows by where rigid material is dense.
-    orientation_density: f32,
-}
-
-/// A chart, and what is decided about it on the way.
-struct Chart {
-    /// 1 if it takes part in this solve.
-    solve: u32,
-    /// 1 if stages work on it now.
-    working: u32,
-    /// 1 if it sits out the level's further corrections.
-    done: u32,
-    /// 1 if the result is the identity because nothing better was found.
-    fallback: u32,
-    /// Floor of rest lengths on level 0.
-    floor: f32,
-    /// Energy of the identity, before the correction under way, and now.
-    identity: f32,
-    before: f32,
-    energy: f32,
-    /// Conjugate gradients.
-    rz: f32,
-    alpha: f32,
-    beta: f32,
-    /// By how much the quadratic model of the energy falls.
-    predicted: f32,
-    /// 1 during a level's first correction.
-    first: u32,
-    /// Share of the next correction's step that the chart is to take.
-    next: f32,
-    min_jacobian: f32,
-    max_displacement: f32,
-    folds: u32,
-    /// Rounds of cutting the step under way that found folds.
-    cuts: atomic<u32>,
-}
-
-struct Block {
-    /// The 3x3 blocks of the same chart around it, itself in the middle; NONE where there is none.
-    around: array<u32, 9>,
-    /// The same without blocks that have no movable node.
-    links: array<u32, 9>,
-    chart: u32,
-    x: u32,
-    y: u32,
-    /// 1 if it has a movable node.
-    moves: u32,
-    /// The block of the next coarser level that holds its even nodes.
-    parent: u32,
-    /// The blocks of the next finer level over its quarters.
-    children: array<u32, 4>,
-    /// Its chart's blocks here, sorted by y, then x.
-    chart_first: u32,
-    chart_count: u32,
-    /// Bits: 1 if the chart goes on below what is held here, 2 if above.
-    continues: u32,
-}
-
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> charts: array<Chart>;
-@group(0) @binding(2) var<storage, read> blocks: array<Block>;
+@group(0) @binding(2) var<storage, read> blocks: array<BlockRecord>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
 /// Per block: rigidity (sign bit: fixed), four rest lengths, triangle under the node or coverage, density of rigid material.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
@@ -124,29 +22,6 @@ struct Block {
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
 /// Per block of a list: what it gives to its chart.
 @group(0) @binding(9) var<storage, read_write> partials: array<vec4f>;
-
-const NODE_PLANES: u32 = 7u;
-const RIGIDITY: u32 = 0u;
-const LENGTH: u32 = 1u;
-const UNDER: u32 = 5u;
-const DENSITY: u32 = 6u;
-
-const STATE_PLANES: u32 = 6u;
-const U: u32 = 0u;
-const VALUE: u32 = 2u;
-const TRIANGLE: u32 = 5u;
-
-const ROW_PLANES: u32 = 12u;
-const PAIR: u32 = 3u;
-const INTERPOLATION: u32 = 11u;
-
-const VECTOR_PLANES: u32 = 8u;
-const R: u32 = 0u;
-const Z: u32 = 2u;
-const T: u32 = 4u;
-const X: u32 = 6u;
-const SHARE: u32 = 0u;
-const MARK: u32 = 4u;
 
 /// Place of a node in `nodes`, `state`, `rows`, `vectors`.
 fn node_at(b: u32, plane: u32, s: u32) -> u32 {
@@ -259,7 +134,7 @@ fn holding(b: u32, i: i32, j: i32) -> u32 {
     let at = vec2i(i >> 4u, j >> 4u);
     let d = at - vec2i(i32(blocks[b].x), i32(blocks[b].y));
     if all(abs(d) <= vec2i(1)) {
-        return blocks[b].around[(d.y + 1) * 3 + d.x + 1];
+        return blocks[b].neighbours[(d.y + 1) * 3 + d.x + 1];
     }
     let found = find(b, at);
     if found == NONE && blocks[b].continues != 0u {

@@ -1,9 +1,6 @@
 // The energy of a level's present state, block by block. An edge or a corner between several movable nodes is shared
 // among them. Reads what relax reads; writes 16 bytes per block.
 
-/// Modes: 0, or whatever the state is like.
-const AS_IS: u32 = 1u;
-
 var<workgroup> sums: array<f32, 64>;
 var<workgroup> crushed: array<u32, 64>;
 
@@ -14,7 +11,7 @@ fn energy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         return;
     }
     load_patch(b, t);
-    let floor = charts[blocks[b].chart].floor * params.scale;
+    let floor = charts[blocks[b].chart].length_floor * params.scale;
     var sum = 0.0;
     var worst = 1.0;
     for (var colour = 0u; colour < 4u; colour++) {
@@ -31,7 +28,7 @@ fn energy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
     sums[t] = sum;
     // A state with crushed cells is worth nothing, however low its energy; unless it is taken as it is.
-    crushed[t] = select(1u, 0u, worst >= 0.5 * MIN_JACOBIAN || params.mode == AS_IS);
+    crushed[t] = select(1u, 0u, worst >= CRUSHED_JACOBIAN || params.mode == ENERGY_AS_IS);
     workgroupBarrier();
     for (var half = 32u; half > 0u; half /= 2u) {
         if t < half {
@@ -42,7 +39,7 @@ fn energy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
     if t == 0u {
         let good = crushed[0] == 0u && is_number(sums[0]);
-        partials[params.partial + group.y * SPREAD + group.x] = vec4f(select(WORTHLESS, sums[0], good), 0.0, 0.0, 0.0);
+        partials[params.partial + group.y * SPREAD + group.x] = vec4f(select(INVALID_ENERGY, sums[0], good), 0.0, 0.0, 0.0);
     }
 }
 

@@ -1,4 +1,4 @@
-// invert: W⁻¹ at texel centres (the paper's eq. 9). Each warped cell is two triangles, its diagonal from (0,0) to (1,1).
+// invert: W⁻¹ at texel centres (method §9; the paper's eq. 9). Each warped cell is two triangles, its diagonal from (0,0) to (1,1).
 // Where W(p) = c, the way from c to p is -u(p): a centre inside a triangle gets the displacements of its corners,
 // interpolated, which keeps as many digits as they have.
 //
@@ -12,24 +12,6 @@
 //
 // A workgroup takes a block, or every parts-th row of texels of it. Reads 8 bytes per node and part, and 8 per texel row
 // and column of a cell's bounds; writes 8 per texel. Blocks at rest cost the reading of their nodes only.
-
-struct Request {
-    /// Places of the blocks to look at.
-    first: u32,
-    count: u32,
-    /// Workgroups per block.
-    parts: u32,
-    /// A cell is 2^bits steps of the lattice.
-    bits: u32,
-    /// Texels of the whole image.
-    width: u32,
-    height: u32,
-    /// The rows that are written here.
-    row: u32,
-    rows: u32,
-    /// Texels per step.
-    texels: vec2f,
-}
 
 @group(0) @binding(10) var<storage, read> request: Request;
 /// Texel centres on the lattice: columns, then rows.
@@ -144,7 +126,7 @@ fn invert(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     let b = request.first + k / request.parts;
     for (var n = t; n < 289u; n += 64u) {
         let source = window_source(vec2u(n % 17u, n / 17u) + 1u);
-        let holder = blocks[b].around[source.x];
+        let holder = blocks[b].neighbours[source.x];
         near[n] = vec2f();
         if holder != NONE {
             let at = 2u * holder * NODES + source.y;

@@ -2,12 +2,12 @@
 // corner Jacobians inside the cell's own range, so it cannot fold. Reads 2 bytes per node of the coarser level and the
 // triangle under it, writes 24.
 
-@group(0) @binding(10) var<storage, read> coarse_blocks: array<Block>;
+@group(0) @binding(10) var<storage, read> coarse_blocks: array<BlockRecord>;
 @group(0) @binding(11) var<storage, read> coarse_state: array<u32>;
 
 fn coarse(parent: u32, n: vec2u) -> vec2f {
     let source = window_source(n);
-    let holder = coarse_blocks[parent].around[source.x];
+    let holder = coarse_blocks[parent].neighbours[source.x];
     if holder == NONE {
         return vec2f();
     }

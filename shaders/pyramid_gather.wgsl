@@ -8,7 +8,7 @@
 @group(0) @binding(12) var<storage, read_write> metric: array<f32>;
 
 @compute @workgroup_size(64)
-fn gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn pyramid_gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
     if b == NONE {
         return;

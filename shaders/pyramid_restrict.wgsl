@@ -1,12 +1,12 @@
 // pyramid: coverage-weighted 3x3 Gaussian of the finer level's metrics. Reads 16 bytes of each of 9 finer nodes, writes
 // 12 per node.
 
-@group(0) @binding(10) var<storage, read> fine_blocks: array<Block>;
+@group(0) @binding(10) var<storage, read> fine_blocks: array<BlockRecord>;
 @group(0) @binding(11) var<storage, read> fine_nodes: array<u32>;
 @group(0) @binding(12) var<storage, read> fine_metric: array<f32>;
 
 @compute @workgroup_size(64)
-fn pyramid(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn pyramid_restrict(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
     if b == NONE {
         return;
@@ -21,7 +21,7 @@ fn pyramid(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
             for (var k = 0u; k < 9u; k++) {
                 let d = vec2u(k % 3u, k / 3u);
                 let source = window_source(2u * (n % 8u) + d);
-                let holder = fine_blocks[child].around[source.x];
+                let holder = fine_blocks[child].neighbours[source.x];
                 if holder != NONE {
                     let kernel = select(0.25, 0.5, d.x == 1u) * select(0.25, 0.5, d.y == 1u);
                     let weight = kernel * bitcast<f32>(fine_nodes[node_at(holder, UNDER, source.y)]);

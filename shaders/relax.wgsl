@@ -4,12 +4,6 @@
 // One dispatch is one block colour, all sweeps of a pass: blocks of a colour do not touch. Per node it reads 24 bytes of state and 20 of
 // constants (a quarter more for the ring) and the triangle under it (36), and writes 24.
 
-/// A node's step per sweep, in cells, at most: the linear model is not to be trusted further.
-const MAX_STEP: f32 = 2.0;
-
-/// A step that is to gain less than this share of the node's energy drowns in the energy's rounding: none is taken.
-const NOTICEABLE: f32 = 1e-6;
-
 /// -H^-1 g, cut to the trusted length and to J >= epsilon at every corner.
 fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
     let determinant = l.matrix.x * l.matrix.z - l.matrix.y * l.matrix.y;
@@ -17,8 +11,8 @@ fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
         l.matrix.y * l.gradient.y - l.matrix.z * l.gradient.x,
         l.matrix.y * l.gradient.x - l.matrix.x * l.gradient.y
     ) / select(determinant, TINY, determinant == 0.0);
-    let delta = clamp(full, vec2f(-MAX_STEP), vec2f(MAX_STEP));
-    var share = 1.0;
+    let delta = clamp(full, vec2f(-MAX_NODE_STEP), vec2f(MAX_NODE_STEP));
+    var bound = 1.0;
     for (var q = 0u; q < 4u; q++) {
         let m = arms(n, u, q);
         for (var k = 0u; k < 3u; k++) {
@@ -26,24 +20,23 @@ fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
             let change = dot(c.slope, delta);
             // Only corners that shrink limit the step.
             if change < 0.0 {
-                share = min(share, max(c.jacobian - MIN_JACOBIAN, 0.0) / -change);
+                bound = min(bound, max(c.jacobian - MIN_JACOBIAN, 0.0) / -change);
             }
         }
     }
-    // A hair less, against rounding.
-    return delta * share * 0.999;
+    return delta * bound * BOUND_SAFETY;
 }
 
-fn step_node(b: u32, n: vec2u, floor: f32, share: f32) {
+fn step_node(b: u32, n: vec2u, floor: f32, fraction: f32) {
     let at = seen(n, vec2i());
     let p = here(b, n);
     let l = local_problem(n, p, floor);
     let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
     var delta = newton_step(n, p.u, l);
-    if !(-dot(l.gradient, delta) > NOTICEABLE * l.energy) {
+    if !(-dot(l.gradient, delta) > MIN_RELATIVE_GAIN * l.energy) {
         return;
     }
-    delta *= share;
+    delta *= fraction;
     // The second try has half the step.
     for (var try_ = 0u; try_ < 2u; try_++) {
         let u = p.u + delta;
@@ -51,7 +44,7 @@ fn step_node(b: u32, n: vec2u, floor: f32, share: f32) {
         if found.found {
             let there = Here(u, found.value, mat2x3f(found.slope_x, found.slope_y), found.triangle << 1u);
             let energy = node_energy(n, there, floor);
-            if energy <= l.energy && energy < WORTHLESS {
+            if energy <= l.energy && energy < INVALID_ENERGY {
                 near_u[at] = u;
                 near_value[at] = vec4f(found.value, near_value[at].w);
                 near_tag[at] = found.triangle << 1u;
@@ -69,13 +62,13 @@ fn relax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t
         return;
     }
     load_patch(b, t);
-    let floor = charts[blocks[b].chart].floor * params.scale;
-    // Of a correction of which a chart takes a share, as much of a share.
-    let share = select(1.0, charts[blocks[b].chart].next, params.mode == 1u);
+    let floor = charts[blocks[b].chart].length_floor * params.scale;
+    // After a partial correction sweeps take the same fraction of their steps, so that both set in together.
+    let fraction = select(1.0, charts[blocks[b].chart].fraction, params.mode == RELAX_FRACTION);
     for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
         let n = node_of(own_slot(sweep % 4u, t));
         if !fixed_in_patch(seen(n, vec2i())) {
-            step_node(b, n, floor, share);
+            step_node(b, n, floor, fraction);
         }
         workgroupBarrier();
     }

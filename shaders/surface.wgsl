@@ -13,7 +13,7 @@ fn position(v: u32) -> vec3f {
 @compute @workgroup_size(64)
 fn surface(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let at = (group.y * SPREAD + group.x) * 64u + t;
-    if at >= params.items || charts[triangles[at].chart].solve == 0u {
+    if at >= params.items || charts[triangles[at].chart].solved == 0u {
         return;
     }
     let a = position(corners[3u * at]);

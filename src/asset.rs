@@ -5,6 +5,7 @@ mod fetch;
 mod inspect;
 mod output;
 mod parity;
+mod switched;
 mod tile_state;
 
 use std::time::Instant;
@@ -14,15 +15,15 @@ use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{ImageView, ImageViewMut};
 use crate::mesh::{Mesh, MeshSource};
+use crate::method::schedule::Plan;
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileInfo, TileReport};
 use crate::settings::{LogLevel, SolveOptions, TileSettings};
-use crate::solve::Plan;
 use crate::tile::Rigidity;
 use crate::view::Strided;
 pub use fetch::FetchKind;
 pub use inspect::ReferenceMinimum;
 use output::Outputs;
-use tile_state::{Solved, TileState};
+use tile_state::{SolveCall, Solved, TileState};
 
 /// One output of [`Asset::redirect`].
 #[derive(Debug)]
@@ -200,10 +201,11 @@ impl Asset {
         let start = Instant::now();
         let plan = Plan::new(options);
         Team::with(self.device.threads(), |team| {
+            let (device, mesh) = (&self.device, &self.mesh);
+            let call = SolveCall { team, device, mesh, positions, plan: &plan, start };
             let mut results = Vec::with_capacity(self.tiles.len());
             for (tile, state) in self.tiles.iter_mut().enumerate() {
-                let position = |v: u32| positions.get3(v as usize);
-                results.push(state.solve(team, &self.device, &self.mesh, tile, position, &plan, start)?);
+                results.push(state.solve(&call, tile)?);
             }
             for (state, result) in self.tiles.iter_mut().zip(results) {
                 state.solved = Some(result);

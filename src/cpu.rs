@@ -4,40 +4,43 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN must fail a check, not pass it")]
 
 mod stages;
-mod memory;
-mod constants;
-mod record;
-mod prefetch;
 mod surface;
-mod refresh;
-mod row;
-mod patch;
-mod terms;
-mod energy;
+mod pyramid;
 mod prolong;
 mod relax;
 mod correct;
 mod pbd;
 mod certify;
 pub(crate) mod invert;
+
+mod energy;
+mod terms;
+mod patch;
+mod sampling;
+mod constants;
+mod allocate;
+mod memory;
 mod inspect;
+
+mod row;
 mod lanes;
+mod prefetch;
 mod team;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::mesh::TileMesh;
-use crate::solve::{ChartResult, Input};
+use crate::method::schedule::{ChartResult, Input};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
-use crate::tile::halo::WINDOW_NODES;
 use crate::tile::pose::Pose;
+use crate::tile::window::WINDOW_NODES;
 use correct::Pairs;
 pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};
-use surface::{Chords, Metrics, Surface};
+use sampling::{Chords, Metrics, Surface};
 pub(crate) use team::Team;
-use team::{Scratch, Worker};
+use team::{PerThread, Worker};
 
 /// Blocks of one level that take part in a solve.
 #[derive(Clone, Debug, Default)]
@@ -74,12 +77,12 @@ pub(crate) struct Run<'a> {
     /// Displacements of the previous result, then of this one.
     result: &'a mut [[Plane; 2]],
     /// Per chart; of those that were solved.
-    pub outcome: Vec<ChartResult>,
+    pub results: Vec<ChartResult>,
     /// Per chart: the energy of the finest level's state, where a correction was the last to change it.
-    known: Vec<Option<f64>>,
+    known_energies: Vec<Option<f64>>,
     node_updates: AtomicU64,
-    patches: Scratch<Patch>,
-    pairs: Scratch<Pairs>,
+    patches: PerThread<Patch>,
+    pairs: PerThread<Pairs>,
 }
 
 impl<'a> Run<'a> {
@@ -117,11 +120,11 @@ impl<'a> Run<'a> {
             work,
             charts,
             result,
-            outcome: vec![ChartResult::default(); charts.len()],
-            known: vec![None; charts.len()],
+            results: vec![ChartResult::default(); charts.len()],
+            known_energies: vec![None; charts.len()],
             node_updates: AtomicU64::new(0),
-            patches: Scratch::new(team, Patch::zeroed),
-            pairs: Scratch::new(team, || Box::new([[0.0; WINDOW_NODES]; 16])),
+            patches: PerThread::new(team, Patch::zeroed),
+            pairs: PerThread::new(team, || Box::new([[0.0; WINDOW_NODES]; 16])),
         }
     }
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{self, Survey};
 use crate::gpu::context::{self, Context};
-use crate::parity::Switch;
+use crate::method::point::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{Backend, DeviceSettings, LogLevel};
 

@@ -6,7 +6,7 @@ mod clock;
 mod constants;
 pub(crate) mod context;
 mod correct;
-mod cycle;
+mod generated;
 mod inspect;
 mod invert;
 mod kernels;
@@ -16,14 +16,16 @@ mod memory;
 mod pbd;
 mod recorder;
 mod results;
+mod sizes;
 mod stages;
 mod transfer;
+mod upload;
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use crate::error::{Error, Result};
-use crate::solve::{ChartResult, Input};
+use crate::method::schedule::{ChartResult, Input};
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
 use context::Context;
@@ -37,7 +39,6 @@ pub(crate) use recorder::Tally;
 use recorder::{Recorder, Size};
 use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
-use stages::{Charts, Decision};
 
 /// One solve of one tile.
 pub(crate) struct Run<'a> {
@@ -47,9 +48,9 @@ pub(crate) struct Run<'a> {
     recorder: Recorder,
     /// The charts to solve.
     charts: &'a [bool],
-    /// The settings' weights; every dispatch starts from these.
     /// λ of each level.
     smoothness: Vec<f32>,
+    /// The settings' weights; every dispatch starts from these.
     params: Params,
     last: Option<Arc<ResultBuffers>>,
     result: Arc<ResultBuffers>,
@@ -58,7 +59,7 @@ pub(crate) struct Run<'a> {
     /// Gates so far.
     gates: u32,
     /// True while the paper's solver has a level's state among the vectors.
-    aside: bool,
+    state_in_vectors: bool,
     /// Nodes that an iteration of it updates.
     nodes_of_level: u64,
     upload_ms: f32,
@@ -80,15 +81,15 @@ struct Gate {
 #[derive(Clone, Copy, Debug)]
 enum GateSet {
     Correction,
-    Cut,
+    StepLimit,
     Trial,
 }
 
 /// What a solve gives when all of it has run.
 #[derive(Debug)]
-pub(crate) struct Finished {
+pub(crate) struct Solution {
     /// Per chart; of those that were solved.
-    pub outcome: Vec<ChartResult>,
+    pub charts: Vec<ChartResult>,
     pub result: Arc<ResultBuffers>,
     pub node_updates: u64,
     pub tally: Tally,
@@ -96,7 +97,7 @@ pub(crate) struct Finished {
 
 /// Which of a band's buffers its neighbours have copies of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Shared {
+enum BandBuffer {
     State,
     Metric,
     Rows,
@@ -123,7 +124,11 @@ impl<'a> Run<'a> {
         let records: Vec<Chart> = charts
             .iter()
             .zip(&grid.levels[0].floor)
-            .map(|(&solve, &floor)| Chart { solve: u32::from(solve), floor, ..Chart::default() })
+            .map(|(&solve, &floor)| Chart {
+                solved: u32::from(solve),
+                length_floor: floor,
+                ..Chart::default()
+            })
             .collect();
         context.queue.write_buffer(&memory.charts, 0, bytemuck::cast_slice(&records));
         let params = Params {
@@ -150,7 +155,7 @@ impl<'a> Run<'a> {
             node_updates: 0,
             gate: None,
             gates: 0,
-            aside: false,
+            state_in_vectors: false,
             nodes_of_level: 0,
             upload_ms: 0.0,
             recording: start,
@@ -182,7 +187,7 @@ impl<'a> Run<'a> {
     }
 
     /// Waits for all of it, and reads what it came to.
-    pub fn finish(mut self) -> Result<Finished> {
+    pub fn finish(mut self) -> Result<Solution> {
         if let Some(error) = self.failed {
             return Err(error);
         }
@@ -203,8 +208,8 @@ impl<'a> Run<'a> {
             self.recorder.close(bytemuck::pod_collect_to_vec(&parts[1]).as_slice(), &parts[2..].concat());
         self.memory.recording = recording;
         let records = parts[0].chunks_exact(size_of::<Chart>());
-        Ok(Finished {
-            outcome: records.map(|bytes| outcome(&bytemuck::pod_read_unaligned(bytes))).collect(),
+        Ok(Solution {
+            charts: records.map(|bytes| chart_result(&bytemuck::pod_read_unaligned(bytes))).collect(),
             result: self.result,
             node_updates: self.node_updates,
             tally: Tally { upload_ms: self.upload_ms, record_ms, wait_ms, ..tally },
@@ -220,8 +225,9 @@ impl<'a> Run<'a> {
         Params { scale: (1u32 << level) as f32, smoothness: self.smoothness[level], ..self.params }
     }
 
-    fn select(&mut self, charts: Charts) {
-        let params = Params { mode: charts as u32, ..self.params };
+    /// Chooses the charts that the next kernels work on: `mode` is one of `SELECT_`.
+    fn select(&mut self, mode: u32) {
+        let params = Params { mode, ..self.params };
         let size = Size::of(params.items.div_ceil(layout::THREADS));
         self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, size, 0);
     }
@@ -235,15 +241,15 @@ impl<'a> Run<'a> {
         Size { most, gate }
     }
 
-    /// What follows runs only if a chart is at work now (and, with `cut_only`, has its step cut), until the gate is
+    /// What follows runs only if a chart is at work now (with `GATE_LIMITED`, one whose step is limited), until the gate is
     /// taken away again.
-    fn open_gate(&mut self, set: GateSet, cut_only: bool) {
+    fn open_gate(&mut self, set: GateSet, mode: u32) {
         let count = self.memory.size_count;
         let number = self.gates.min(MOST_GATES - 1);
         self.gates += 1;
         self.gate = None;
         let first = set as u32 * count;
-        let params = Params { first, count, partial: number, mode: u32::from(cut_only), ..self.params };
+        let params = Params { first, count, partial: number, mode, ..self.params };
         let own = [self.memory.sizes.clone(), self.memory.gates.clone(), self.memory.opened.clone()];
         self.dispatch(Kernel::Gate, [0, 0], &own, &params, Size::of(1), 0);
         self.gate = Some(Gate { set, number });
@@ -295,7 +301,7 @@ impl<'a> Run<'a> {
     }
 
     /// Runs a kernel on all active blocks of a level; then the copies of what it wrote are renewed.
-    fn each_active(&mut self, kernel: Kernel, level: usize, params: Params, written: Option<Shared>) {
+    fn each_active(&mut self, kernel: Kernel, level: usize, params: Params, written: Option<BandBuffer>) {
         for band in 0..self.memory.bands[level].len() {
             let active = self.memory.lists[level][band].active;
             self.run_list(kernel, [level, band], &[], active, params);
@@ -310,7 +316,7 @@ impl<'a> Run<'a> {
         &mut self,
         level: usize,
         backwards: bool,
-        written: Shared,
+        written: BandBuffer,
         f: impl Fn(&mut Run, usize, List),
     ) {
         for k in 0..4 {
@@ -322,21 +328,21 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Runs a kernel that gives a sum per active block, adds them up chart by chart, and decides.
-    fn reduce(&mut self, kernel: Kernel, level: usize, params: Params, decision: Decision) {
+    /// Runs a kernel that gives a sum per active block, adds them up chart by chart, and decides: `decision` is one of `DECIDE_`.
+    fn reduce(&mut self, kernel: Kernel, level: usize, params: Params, decision: u32) {
         for band in 0..self.memory.bands[level].len() {
             let (active, partial) =
                 (self.memory.lists[level][band].active, self.memory.lists[level][band].partial);
             self.run_list(kernel, [level, band], &[], active, Params { partial, ..params });
         }
-        let params = Params { mode: decision as u32, level: level as u32, ..params };
+        let params = Params { mode: decision, level: level as u32, ..params };
         let own = [self.memory.ranges.clone()];
         let size = self.gated(0, params.items);
         self.dispatch(Kernel::Decide, [0, 0], &own, &params, size, 0);
     }
 
     /// Renews the copies that bands have of each other's blocks.
-    fn exchange(&mut self, level: usize, what: Shared) {
+    fn exchange(&mut self, level: usize, what: BandBuffer) {
         let bands = &self.memory.bands[level];
         if bands.len() == 1 {
             return;
@@ -344,11 +350,11 @@ impl<'a> Run<'a> {
         let buffer = |band: usize| {
             let buffers = &self.memory.buffers[level][band];
             match what {
-                Shared::State => Some((&buffers.state, STATE_PLANES)),
-                Shared::Metric => buffers.metric.as_ref().map(|metric| (metric, METRIC_PLANES)),
-                Shared::Rows => Some((&buffers.rows, ROW_PLANES)),
-                Shared::Vectors => Some((&buffers.vectors, VECTOR_PLANES)),
-                Shared::Result => Some((&self.result.bands[band].1, layout::RESULT_PLANES)),
+                BandBuffer::State => Some((&buffers.state, STATE_PLANES)),
+                BandBuffer::Metric => buffers.metric.as_ref().map(|metric| (metric, METRIC_PLANES)),
+                BandBuffer::Rows => Some((&buffers.rows, ROW_PLANES)),
+                BandBuffer::Vectors => Some((&buffers.vectors, VECTOR_PLANES)),
+                BandBuffer::Result => Some((&self.result.bands[band].1, layout::RESULT_PLANES)),
             }
         };
         for (a, source) in bands.iter().enumerate() {
@@ -375,7 +381,7 @@ fn milliseconds(since: Instant) -> f32 {
     since.elapsed().as_secs_f32() * 1000.0
 }
 
-fn outcome(chart: &Chart) -> ChartResult {
+fn chart_result(chart: &Chart) -> ChartResult {
     let fallback = chart.fallback != 0;
     ChartResult {
         energy_before: f64::from(chart.identity),

@@ -56,19 +56,17 @@ pub mod image;
 mod half;
 mod mesh;
 mod tile;
-mod solve;
-mod pbd;
+mod method;
 mod cpu;
 mod gpu;
-mod parity;
-mod exact;
-mod measure;
-mod reference;
+mod oracle;
 mod asset;
 mod device;
 mod settings;
 mod report;
 mod error;
+mod panics;
+mod line;
 #[doc(hidden)]
 pub mod ffi;
 
@@ -78,7 +76,7 @@ pub use error::{Error, ErrorKind, Result};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
 pub use mesh::{MeshSource, UvSource};
 #[doc(hidden)]
-pub use parity::StageDifference;
+pub use oracle::parity::StageDifference;
 pub use report::{
     AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,
     TileInfo, TileReport,

@@ -187,6 +187,15 @@ impl PbdSettings {
     /// 0, in a field whose 0 means the default.
     pub const OFF: f32 = -1.0;
 
+    /// What 0 stands for; `method/pbd.rs` has the figures that chose them.
+    const DEFAULTS: PbdSettings = PbdSettings {
+        iterations: 16,
+        damping: 0.0,
+        orientation_preservation: 0.0,
+        smoothing: 0.8,
+        coarse_correction: 0.7,
+    };
+
     /// All fields with a value.
     pub(crate) fn resolved(&self) -> PbdSettings {
         let or_default = |value: f32, default: f32| match value {
@@ -194,7 +203,7 @@ impl PbdSettings {
             PbdSettings::OFF => 0.0,
             _ => value,
         };
-        let default = crate::pbd::DEFAULT;
+        let default = PbdSettings::DEFAULTS;
         PbdSettings {
             iterations: if self.iterations == 0 { default.iterations } else { self.iterations },
             damping: or_default(self.damping, default.damping),
@@ -279,5 +288,18 @@ impl SolveOptions {
             )));
         }
         self.pbd.check()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zero_means_the_default_and_off_means_none() {
+        assert_eq!(PbdSettings::default().resolved(), PbdSettings::DEFAULTS);
+        let off = PbdSettings { smoothing: PbdSettings::OFF, damping: 0.25, ..PbdSettings::default() };
+        let resolved = PbdSettings { smoothing: 0.0, damping: 0.25, ..PbdSettings::DEFAULTS };
+        assert_eq!(off.resolved(), resolved);
     }
 }

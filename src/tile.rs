@@ -5,7 +5,7 @@ pub(crate) mod codes;
 pub(crate) mod coverage;
 pub(crate) mod density;
 pub(crate) mod fill;
-pub(crate) mod halo;
+pub(crate) mod window;
 pub(crate) mod interpolation;
 pub(crate) mod metric;
 pub(crate) mod pose;

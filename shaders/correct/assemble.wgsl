@@ -2,13 +2,9 @@
 // what depends on both, stored once, with the node that owns the edge; the right-hand side is minus the gradient
 // (halves of the derivatives on both sides). Reads what relax reads, writes 52 bytes per node.
 
-/// Under this corner Jacobian the step meets a wall ...
-const WALL_JACOBIAN: f32 = 0.05;
-/// ... of this weight, in the step's system only: where the bound on J is active, the step slides along it.
-const WALL: f32 = 10.0;
-
-fn wall(jacobian: f32) -> f32 {
-    return select(0.0, WALL, jacobian < WALL_JACOBIAN);
+/// The near-bound penalty's stiffness at a corner (method §7.1).
+fn near_bound(jacobian: f32) -> f32 {
+    return select(0.0, NEAR_BOUND_STIFFNESS, jacobian < NEAR_BOUND_JACOBIAN);
 }
 
 /// a b', row-major.
@@ -31,7 +27,7 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
         return;
     }
     load_patch(b, t);
-    let floor = charts[blocks[b].chart].floor * params.scale;
+    let floor = charts[blocks[b].chart].length_floor * params.scale;
     for (var colour = 0u; colour < 4u; colour++) {
         let s = own_slot(colour, t);
         let n = node_of(s);
@@ -42,8 +38,8 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
             for (var c = 0u; c < 8u; c++) {
                 rows[at + (PAIR + c) * NODES] = 0u;
             }
-            vectors[vector_at(b, R, s)] = 0.0;
-            vectors[vector_at(b, R + 1u, s)] = 0.0;
+            vectors[vector_at(b, RESIDUAL, s)] = 0.0;
+            vectors[vector_at(b, RESIDUAL + 1u, s)] = 0.0;
         } else {
             assemble_node(b, n, s, floor);
         }
@@ -68,8 +64,8 @@ fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
             let first = select(m.a, m.c, k == 2u);
             let second = select(m.b, m.c, k == 1u);
             let c = corner(first, second, m.sign);
-            diagonal += wall(c.jacobian) * outer(c.slope);
-            let beta = select(0.0, params.room, c.jacobian < params.room_threshold) + wall(c.jacobian);
+            diagonal += near_bound(c.jacobian) * outer(c.slope);
+            let beta = select(0.0, params.room, c.jacobian < params.room_threshold) + near_bound(c.jacobian);
             // dJ/dp, dJ/da and dJ/db; the sign squares away.
             let own = vec2f(first.y - second.y, second.x - first.x);
             let to_first = select(vec2i(sign.x, 0), sign, k == 2u);
@@ -79,8 +75,8 @@ fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
         }
     }
     let at = row_at(b, 0u, s);
-    vectors[vector_at(b, R, s)] = -l.gradient.x;
-    vectors[vector_at(b, R + 1u, s)] = -l.gradient.y;
+    vectors[vector_at(b, RESIDUAL, s)] = -l.gradient.x;
+    vectors[vector_at(b, RESIDUAL + 1u, s)] = -l.gradient.y;
     let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
     for (var k = 0u; k < 8u; k++) {
         let e = edge(n, p, k, floor);

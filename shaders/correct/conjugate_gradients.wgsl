@@ -35,7 +35,7 @@ fn residual_dot(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
-        sum += dot(vector(b, R, s), vector(b, Z, s));
+        sum += dot(vector(b, RESIDUAL, s), vector(b, DIRECTION, s));
     }
     write_sum(group, t, sum);
 }
@@ -50,7 +50,7 @@ fn direction(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     let beta = charts[blocks[b].chart].beta;
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
-        set_vector(b, Z, s, vector(b, Z, s) + beta * vector(b, X, s));
+        set_vector(b, DIRECTION, s, vector(b, DIRECTION, s) + beta * vector(b, STEP, s));
     }
 }
 
@@ -63,10 +63,10 @@ fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     }
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
-        let holder = blocks[b].links[source.x];
+        let holder = blocks[b].active_neighbours[source.x];
         near[k] = vec2f();
         if holder != NONE {
-            near[k] = vector(holder, Z, source.y);
+            near[k] = vector(holder, DIRECTION, source.y);
         }
     }
     workgroupBarrier();
@@ -74,14 +74,11 @@ fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_inde
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
         let v = product(b, s);
-        set_vector(b, T, s, v);
-        sum += dot(vector(b, Z, s), v);
+        set_vector(b, PRODUCT, s, v);
+        sum += dot(vector(b, DIRECTION, s), v);
     }
     write_sum(group, t, sum);
 }
-
-/// No step is this long, in cells: more than the largest grid.
-const LONGEST: f32 = 32768.0;
 
 /// x += alpha z, r -= alpha t.
 @compute @workgroup_size(64)
@@ -93,15 +90,15 @@ fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     let alpha = charts[blocks[b].chart].alpha;
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
-        var x = alpha * vector(b, Z, s);
+        var x = alpha * vector(b, DIRECTION, s);
         if params.mode > 0u {
-            x += vector(b, X, s);
+            x += vector(b, STEP, s);
         }
         // A system that f32 cannot solve must not spoil the state.
-        set_vector(b, X, s, select(vec2f(), x, abs(x) < vec2f(LONGEST)));
+        set_vector(b, STEP, s, select(vec2f(), x, abs(x) < vec2f(MAX_STEP)));
         // No step leaves r as it is, also where t is not a number.
         if alpha != 0.0 {
-            set_vector(b, R, s, vector(b, R, s) - alpha * vector(b, T, s));
+            set_vector(b, RESIDUAL, s, vector(b, RESIDUAL, s) - alpha * vector(b, PRODUCT, s));
         }
     }
 }

@@ -9,7 +9,7 @@ var<workgroup> totals: array<vec4f, 64>;
 /// Sums a chart's partials: of y the smallest, of w the largest.
 fn total(c: u32, t: u32) -> vec4f {
     let range = ranges[params.level * params.items + c];
-    var sum = vec4f(0.0, WORTHLESS, 0.0, 0.0);
+    var sum = vec4f(0.0, INVALID_ENERGY, 0.0, 0.0);
     for (var k = t; k < range.y; k += 64u) {
         sum = add(sum, partials[range.x + k]);
     }
@@ -28,18 +28,33 @@ fn add(a: vec4f, b: vec4f) -> vec4f {
     return vec4f(a.x + b.x, min(a.y, b.y), a.z + b.z, max(a.w, b.w));
 }
 
-/// What the total is for.
-const IDENTITY: u32 = 0u;
-const BEFORE: u32 = 1u;
-const DIRECTION: u32 = 2u;
-const FIRST_DIRECTION: u32 = 3u;
-const LENGTH_OF_STEP: u32 = 4u;
-const TRIAL: u32 = 5u;
-const LAST_TRIAL: u32 = 6u;
-const ENERGY: u32 = 7u;
-const CERTIFICATE: u32 = 8u;
-/// A certificate that decides nothing: any result that is a number counts.
-const AS_IT_IS: u32 = 9u;
+/// 0 up to the first end, 1 from the second one on, linear in between.
+fn ramp(x: f32, ends: vec2f) -> f32 {
+    return clamp((x - ends.x) / (ends.y - ends.x), 0.0, 1.0);
+}
+
+/// A chart's energies around a correction; the twin of `Gain` in src/method/acceptance.rs, like the functions below.
+struct Gain {
+    before: f32,
+    after: f32,
+    identity: f32,
+    predicted: f32,
+    fraction: f32,
+}
+
+/// True if a trial gained enough to be accepted.
+fn suffices(gain: Gain) -> bool {
+    return gain.before - gain.after > SUFFICIENT_DECREASE * gain.fraction * gain.predicted;
+}
+
+/// The fraction of the next correction's step that a chart is to take (method §7.7).
+fn next_fraction(gain: Gain, tolerance: f32, trusted: bool) -> f32 {
+    let unit = tolerance * (gain.before + IDENTITY_ENERGY_WEIGHT * gain.identity);
+    let gained = gain.before - gain.after;
+    let model_error = ramp(abs(gained - gain.predicted) / unit, MODEL_ERROR_RAMP);
+    let most = select(FRACTION_GROWTH * gain.fraction, model_error, trusted);
+    return select(0.0, min(ramp(gained / unit, GAIN_RAMP), most), gained > 0.0);
+}
 
 @compute @workgroup_size(64)
 fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
@@ -52,72 +67,51 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         return;
     }
     switch params.mode {
-        case IDENTITY: {
+        case DECIDE_IDENTITY: {
             charts[c].identity = sum.x;
         }
-        case BEFORE: {
+        case DECIDE_BEFORE: {
             charts[c].before = sum.x;
         }
-        case DIRECTION, FIRST_DIRECTION: {
+        case DECIDE_DIRECTION, DECIDE_FIRST_DIRECTION: {
             // In steps, of which the last one was alpha directions.
             let beta = sum.x / charts[c].rz / charts[c].alpha;
-            charts[c].beta = select(0.0, beta, params.mode == DIRECTION && is_number(beta));
+            charts[c].beta = select(0.0, beta, params.mode == DECIDE_DIRECTION && is_number(beta));
             charts[c].rz = sum.x;
         }
-        case LENGTH_OF_STEP: {
+        case DECIDE_STEP_LENGTH: {
             let alpha = charts[c].rz / select(1.0, sum.x, sum.x > 0.0);
-            // Nothing left to solve, or not a number: no step.
+            // Nothing left to solve, or NaN: no step.
             charts[c].alpha = select(0.0, alpha, sum.x > 0.0 && is_number(alpha));
             charts[c].predicted += charts[c].alpha * charts[c].rz;
         }
-        case TRIAL, LAST_TRIAL: {
-            let before = charts[c].before;
+        case DECIDE_TRIAL, DECIDE_LAST_TRIAL: {
+            let identity = select(0.0, charts[c].identity, params.level == 0u);
+            let gain = Gain(charts[c].before, sum.x, identity, charts[c].predicted, charts[c].fraction);
             // The last trial is relaxation alone.
-            let enough = SUFFICIENT * charts[c].next * charts[c].predicted;
-            if before - sum.x > enough || params.mode == LAST_TRIAL {
+            if suffices(gain) || params.mode == DECIDE_LAST_TRIAL {
                 charts[c].working = 0u;
-                let gain = before - sum.x;
-                let identity = select(0.0, charts[c].identity, params.level == 0u);
-                let unit = params.tolerance * (before + OF_IDENTITY * identity);
-                // A first correction that is trusted is enough if it gained what its model had foretold.
-                let trusted = charts[c].first == 1u && params.part != 0.0;
-                let missed = ramp(abs(gain - charts[c].predicted) / unit, MISSED);
-                let most = select(GROWTH * charts[c].next, missed, trusted);
-                let next = select(0.0, min(ramp(gain / unit, GAINED), most), gain > 0.0);
-                charts[c].next = next;
-                charts[c].done = u32(!(next > 0.0));
+                let trusted = charts[c].first == 1u && params.trusts_model == 1u;
+                let fraction = next_fraction(gain, params.tolerance, trusted);
+                charts[c].fraction = fraction;
+                charts[c].finished = u32(!(fraction > 0.0));
             }
         }
-        case ENERGY: {
+        case DECIDE_ENERGY: {
             charts[c].energy = sum.x;
         }
-        case CERTIFICATE, AS_IT_IS: {
+        case DECIDE_CERTIFICATE, DECIDE_AS_IS: {
             charts[c].min_jacobian = min(sum.y, 1.0);
             charts[c].folds = u32(sum.z);
             charts[c].max_displacement = sum.w;
             let energy = charts[c].energy;
-            let counts = energy < WORTHLESS && is_number(energy);
+            let counts = energy < INVALID_ENERGY && is_number(energy);
             let better = energy <= charts[c].identity && sum.z == 0.0;
-            charts[c].fallback = u32(!(counts && (better || params.mode == AS_IT_IS)));
+            charts[c].fallback = u32(!(counts && (better || params.mode == DECIDE_AS_IS)));
         }
         default: {}
     }
 }
-
-/// As in src/solve.rs.
-const OF_IDENTITY: f32 = 0.06;
-const SUFFICIENT: f32 = 0.02;
-const GROWTH: f32 = 4.0;
-const GAINED = vec2f(1.0, 4.0);
-const MISSED = vec2f(0.1, 3.0);
-
-fn ramp(x: f32, ends: vec2f) -> f32 {
-    return clamp((x - ends.x) / (ends.y - ends.x), 0.0, 1.0);
-}
-
-const ALL: u32 = 0u;
-const FIRST_CORRECTION: u32 = 1u;
-const LATER_CORRECTION: u32 = 2u;
 
 /// Which charts the next stages work on.
 @compute @workgroup_size(64)
@@ -126,14 +120,14 @@ fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     if c >= params.items {
         return;
     }
-    if params.mode == FIRST_CORRECTION {
-        charts[c].done = 0u;
-        charts[c].next = 1.0;
+    if params.mode == SELECT_FIRST_CORRECTION {
+        charts[c].finished = 0u;
+        charts[c].fraction = 1.0;
     }
-    if params.mode != ALL {
-        charts[c].first = u32(params.mode == FIRST_CORRECTION);
+    if params.mode != SELECT_ALL {
+        charts[c].first = u32(params.mode == SELECT_FIRST_CORRECTION);
         charts[c].predicted = 0.0;
-        atomicStore(&charts[c].cuts, 0u);
+        atomicStore(&charts[c].limit_rounds, 0u);
     }
-    charts[c].working = charts[c].solve & select(1u, 1u - charts[c].done, params.mode != ALL);
+    charts[c].working = charts[c].solved & select(1u, 1u - charts[c].finished, params.mode != SELECT_ALL);
 }

@@ -1,12 +1,12 @@
 // correct: the coarser level's system P' A P, again 9-point and symmetric; P has the weights of
 // src/tile/interpolation.rs. Each coarse node reads the rows of 25 finer ones (48 bytes each) and writes 52 bytes.
 
-@group(0) @binding(10) var<storage, read> fine_blocks: array<Block>;
+@group(0) @binding(10) var<storage, read> fine_blocks: array<BlockRecord>;
 
 /// Place in the finer level's rows of the first plane of the node at f (relative to the fine block `child`), or NONE.
 fn fine_row(child: u32, f: vec2i) -> u32 {
     let shifted = vec2u(f + 16);
-    let holder = fine_blocks[child].links[shifted.y / 16u * 3u + shifted.x / 16u];
+    let holder = fine_blocks[child].active_neighbours[shifted.y / 16u * 3u + shifted.x / 16u];
     if holder == NONE {
         return NONE;
     }
@@ -99,8 +99,8 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
         }
     }
     // Restriction leaves some fixed nodes out: whatever an earlier solve left there must not be read.
-    vectors[vector_at(b, R, s)] = 0.0;
-    vectors[vector_at(b, R + 1u, s)] = 0.0;
+    vectors[vector_at(b, RESIDUAL, s)] = 0.0;
+    vectors[vector_at(b, RESIDUAL + 1u, s)] = 0.0;
     let at = row_at(b, 0u, s);
     var diagonal = vec3f(1.0, 0.0, 1.0);
     if moves {
@@ -110,7 +110,7 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
         // Only pairs of movable nodes.
         let far = vec2u(vec2i(n) + offset(e) + 1);
         let source = window_source(far);
-        let holder = blocks[b].links[source.x];
+        let holder = blocks[b].active_neighbours[source.x];
         let both = moves && holder != NONE && !is_fixed(select(b, holder, holder != NONE), source.y);
         let pair = select(vec4f(), sums[e], both);
         diagonal += lost(pair);

@@ -8,17 +8,14 @@
 /// Per gate of this solve: 1 if it let its dispatches through.
 @group(0) @binding(12) var<storage, read_write> opened: array<u32>;
 
-/// Mode bits: only charts whose step is cut count.
-const CUT_ONLY: u32 = 1u;
-
 var<workgroup> open: array<u32, 64>;
 
 @compute @workgroup_size(64)
 fn gate(@builtin(local_invocation_index) t: u32) {
     var any = 0u;
     for (var c = t; c < params.items; c += 64u) {
-        let cut = (params.mode & CUT_ONLY) == 0u || atomicLoad(&charts[c].cuts) > 0u;
-        any |= select(0u, charts[c].working, cut);
+        let counts = (params.mode & GATE_LIMITED) == 0u || atomicLoad(&charts[c].limit_rounds) > 0u;
+        any |= select(0u, charts[c].working, counts);
     }
     open[t] = any;
     workgroupBarrier();

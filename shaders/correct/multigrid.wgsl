@@ -36,7 +36,7 @@ fn off_diagonal(b: u32, n: vec2u) -> vec2f {
     for (var k = 0u; k < 8u; k++) {
         let far = vec2u(vec2i(n) + 1 + offset(k));
         let source = window_source(select(n + 1u, far, k > 3u));
-        let owner = blocks[b].links[source.x];
+        let owner = blocks[b].active_neighbours[source.x];
         if owner != NONE {
             sum += pair_times(row_at(owner, PAIR + 2u * (k & 3u), source.y), k, near[place(far.x, far.y)]);
         }
@@ -54,7 +54,7 @@ fn sweep_block(b: u32, t: u32, backwards: bool) {
     for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
         let s = own_slot(select(sweep & 3u, 3u - (sweep & 3u), backwards), t);
         let d = diagonal(b, s);
-        let rest = vector(b, R, s) - off_diagonal(b, node_of(s));
+        let rest = vector(b, RESIDUAL, s) - off_diagonal(b, node_of(s));
         // A fixed node has r = 0 and no pairs: it stays at 0.
         near[own_place(s)] =
             vec2f(d.z * rest.x - d.y * rest.y, d.x * rest.y - d.y * rest.x) / (d.x * d.z - d.y * d.y);
@@ -62,6 +62,6 @@ fn sweep_block(b: u32, t: u32, backwards: bool) {
     }
     for (var k = 0u; k < 4u; k++) {
         let s = own_slot(k, t);
-        set_vector(b, Z, s, near[own_place(s)]);
+        set_vector(b, DIRECTION, s, near[own_place(s)]);
     }
 }

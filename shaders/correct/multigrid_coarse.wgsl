@@ -2,30 +2,17 @@
 // workgroup a chart, four blocks at a time: on such levels a dispatch of its own would cost more than its work. The
 // twin of smooth_z, restrict_residual and ascend; the levels' vectors and rows stand one after the other.
 
-/// A block of one of these levels; places are in the levels' common buffers.
-struct CycleBlock {
-    links: array<u32, 9>,
-    parent: u32,
-    children: array<u32, 4>,
-    /// Colour of the block: its quarter of the parent, too.
-    colour: u32,
-    /// A bit per slot.
-    fixed: array<u32, 8>,
-}
-
-@group(0) @binding(10) var<storage, read> cycle_blocks: array<CycleBlock>;
+@group(0) @binding(10) var<storage, read> coarse_blocks: array<CoarseBlock>;
 /// Per chart, level and colour: first and count of its blocks, further on.
-@group(0) @binding(11) var<storage, read> cycle_lists: array<u32>;
+@group(0) @binding(11) var<storage, read> coarse_lists: array<u32>;
 
-/// Rounds of sweeps in each direction on the coarsest level.
-const COARSEST_ROUNDS: u32 = 4u;
 const TEAMS: u32 = 4u;
 
 var<workgroup> windows: array<vec2f, 1296>;
 var<workgroup> shared_range: vec2u;
 
 fn fixed_node(b: u32, s: u32) -> bool {
-    return ((cycle_blocks[b].fixed[s / 32u] >> (s % 32u)) & 1u) != 0u;
+    return ((coarse_blocks[b].fixed[s / 32u] >> (s % 32u)) & 1u) != 0u;
 }
 
 fn vector(b: u32, plane: u32, s: u32) -> vec2f {
@@ -43,10 +30,10 @@ fn set_vector(b: u32, plane: u32, s: u32, v: vec2f) {
 fn range_of(c: u32, level: u32, colour: u32, t: u32) -> vec2u {
     if t == 0u {
         let at = ((c * params.count + level) * 4u + colour % 4u) * 2u;
-        shared_range = vec2u(cycle_lists[at], cycle_lists[at + 1u]);
+        shared_range = vec2u(coarse_lists[at], coarse_lists[at + 1u]);
         if colour == 4u {
             // The colours' lists stand one after the other.
-            shared_range.y += cycle_lists[at + 3u] + cycle_lists[at + 5u] + cycle_lists[at + 7u];
+            shared_range.y += coarse_lists[at + 3u] + coarse_lists[at + 5u] + coarse_lists[at + 7u];
         }
     }
     return workgroupUniformLoad(&shared_range);
@@ -58,7 +45,7 @@ fn off_diagonal(b: u32, n: vec2u, window: u32) -> vec2f {
         let far = vec2u(vec2i(n) + 1 + offset(k));
         let theirs = k > 3u;
         let source = window_source(select(n + 1u, far, theirs));
-        let owner = cycle_blocks[b].links[source.x];
+        let owner = coarse_blocks[b].active_neighbours[source.x];
         if owner != NONE {
             let at = row_at(owner, PAIR + 2u * (k & 3u), source.y);
             let a = decode(vec2u(rows[at], rows[at + NODES]));
@@ -75,18 +62,18 @@ fn diagonal(b: u32, s: u32) -> vec3f {
     return bitcast<vec3f>(vec3u(rows[at], rows[at + NODES], rows[at + 2u * NODES]));
 }
 
-fn load_window(b: u32, lane: u32, window: u32, fresh: bool) {
+fn load_window(b: u32, lane: u32, window: u32, from_zero: bool) {
     for (var k = lane; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
-        let holder = cycle_blocks[b].links[source.x];
+        let holder = coarse_blocks[b].active_neighbours[source.x];
         windows[window + k] = vec2f();
-        if holder != NONE && (!fresh || cycle_blocks[holder].colour < cycle_blocks[b].colour) {
-            windows[window + k] = vector(holder, Z, source.y);
+        if holder != NONE && (!from_zero || coarse_blocks[holder].colour < coarse_blocks[b].colour) {
+            windows[window + k] = vector(holder, DIRECTION, source.y);
         }
     }
 }
 
-fn smooth_level(c: u32, level: u32, t: u32, backwards: bool, fresh: bool) {
+fn smooth_level(c: u32, level: u32, t: u32, backwards: bool, from_zero: bool) {
     let lane = t % 64u;
     let window = t / 64u * WINDOW;
     for (var q = 0u; q < 4u; q++) {
@@ -94,9 +81,9 @@ fn smooth_level(c: u32, level: u32, t: u32, backwards: bool, fresh: bool) {
         for (var first = 0u; first < range.y; first += TEAMS) {
             let k = first + t / 64u;
             let works = k < range.y;
-            let b = cycle_lists[range.x + min(k, range.y - 1u)];
+            let b = coarse_lists[range.x + min(k, range.y - 1u)];
             if works {
-                load_window(b, lane, window, fresh);
+                load_window(b, lane, window, from_zero);
             }
             workgroupBarrier();
             for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
@@ -104,7 +91,7 @@ fn smooth_level(c: u32, level: u32, t: u32, backwards: bool, fresh: bool) {
                 let n = node_of(s);
                 if works {
                     let d = diagonal(b, s);
-                    let rest = vector(b, R, s) - off_diagonal(b, n, window);
+                    let rest = vector(b, RESIDUAL, s) - off_diagonal(b, n, window);
                     windows[window + place(n.x + 1u, n.y + 1u)] =
                         vec2f(d.z * rest.x - d.y * rest.y, d.x * rest.y - d.y * rest.x) / (d.x * d.z - d.y * d.y);
                 }
@@ -113,7 +100,7 @@ fn smooth_level(c: u32, level: u32, t: u32, backwards: bool, fresh: bool) {
             for (var k4 = 0u; k4 < 4u && works; k4++) {
                 let s = own_slot(k4, lane);
                 let n = node_of(s);
-                set_vector(b, Z, s, windows[window + place(n.x + 1u, n.y + 1u)]);
+                set_vector(b, DIRECTION, s, windows[window + place(n.x + 1u, n.y + 1u)]);
             }
             workgroupBarrier();
         }
@@ -129,7 +116,7 @@ fn residual_level(c: u32, level: u32, t: u32) {
     for (var first = 0u; first < range.y; first += TEAMS) {
         let k = first + t / 64u;
         let works = k < range.y;
-        let b = cycle_lists[range.x + min(k, range.y - 1u)];
+        let b = coarse_lists[range.x + min(k, range.y - 1u)];
         if works {
             load_window(b, lane, window, false);
         }
@@ -140,7 +127,7 @@ fn residual_level(c: u32, level: u32, t: u32) {
             let d = diagonal(b, s);
             let v = windows[window + place(n.x + 1u, n.y + 1u)];
             let product = off_diagonal(b, n, window) + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
-            set_vector(b, T, s, vector(b, R, s) - product);
+            set_vector(b, PRODUCT, s, vector(b, RESIDUAL, s) - product);
         }
         workgroupBarrier();
     }
@@ -150,7 +137,7 @@ fn residual_level(c: u32, level: u32, t: u32) {
 /// A vector of another level at the window's node n of its block b.
 fn other(b: u32, plane: u32, n: vec2u) -> vec2f {
     let source = window_source(n);
-    let holder = cycle_blocks[b].links[source.x];
+    let holder = coarse_blocks[b].active_neighbours[source.x];
     if holder == NONE {
         return vec2f();
     }
@@ -160,7 +147,7 @@ fn other(b: u32, plane: u32, n: vec2u) -> vec2f {
 /// The lower neighbour's weight at the window's node n of block b.
 fn weight_at(b: u32, n: vec2u) -> f32 {
     let source = window_source(n);
-    let holder = cycle_blocks[b].links[source.x];
+    let holder = coarse_blocks[b].active_neighbours[source.x];
     if holder == NONE {
         return 0.0;
     }
@@ -170,30 +157,30 @@ fn weight_at(b: u32, n: vec2u) -> f32 {
 /// What the fine nodes n, n + (1, 0) and n + (2, 0) of a window give to the middle one's column.
 fn restricted_line(b: u32, n: vec2u) -> vec2f {
     let east = n + vec2u(2u, 0u);
-    return other(b, T, n + vec2u(1u, 0u))
-        + ((1.0 - weight_at(b, n)) * other(b, T, n) + weight_at(b, east) * other(b, T, east));
+    return other(b, PRODUCT, n + vec2u(1u, 0u))
+        + ((1.0 - weight_at(b, n)) * other(b, PRODUCT, n) + weight_at(b, east) * other(b, PRODUCT, east));
 }
 
 /// z of the coarser level at coarse column `column` of block b (0 to 8), fine row `row`: interpolated in y alone.
 fn column_value(b: u32, parent: u32, column: u32, row: u32) -> vec2f {
-    let low = vec2u(cycle_blocks[b].colour & 1u, cycle_blocks[b].colour >> 1u) * 8u + vec2u(column, row / 2u) + 1u;
-    let own = other(parent, Z, low);
+    let low = vec2u(coarse_blocks[b].colour & 1u, coarse_blocks[b].colour >> 1u) * 8u + vec2u(column, row / 2u) + 1u;
+    let own = other(parent, DIRECTION, low);
     if row % 2u == 0u {
         return own;
     }
     let weight = weight_at(b, vec2u(2u * column + 1u, row + 1u));
-    return own * weight + other(parent, Z, low + vec2u(0u, 1u)) * (1.0 - weight);
+    return own * weight + other(parent, DIRECTION, low + vec2u(0u, 1u)) * (1.0 - weight);
 }
 
 /// r = P' t of the finer level.
 fn restrict_level(c: u32, level: u32, t: u32) {
     let range = range_of(c, level, 4u, t);
     for (var k = t / 64u; k < range.y; k += TEAMS) {
-        let b = cycle_lists[range.x + k];
+        let b = coarse_lists[range.x + k];
         for (var k4 = 0u; k4 < 4u; k4++) {
             let s = own_slot(k4, t % 64u);
             let n = node_of(s);
-            let child = cycle_blocks[b].children[n.y / 8u * 2u + n.x / 8u];
+            let child = coarse_blocks[b].children[n.y / 8u * 2u + n.x / 8u];
             var sum = vec2f();
             if child != NONE && !fixed_node(b, s) {
                 let at = 2u * (n % 8u);
@@ -201,7 +188,7 @@ fn restrict_level(c: u32, level: u32, t: u32) {
                     + ((1.0 - weight_at(child, at + vec2u(1u, 0u))) * restricted_line(child, at)
                         + weight_at(child, at + vec2u(1u, 2u)) * restricted_line(child, at + vec2u(0u, 2u)));
             }
-            set_vector(b, R, s, sum);
+            set_vector(b, RESIDUAL, s, sum);
         }
     }
     storageBarrier();
@@ -211,8 +198,8 @@ fn restrict_level(c: u32, level: u32, t: u32) {
 fn add_level(c: u32, level: u32, t: u32) {
     let range = range_of(c, level, 4u, t);
     for (var k = t / 64u; k < range.y; k += TEAMS) {
-        let b = cycle_lists[range.x + k];
-        let parent = cycle_blocks[b].parent;
+        let b = coarse_lists[range.x + k];
+        let parent = coarse_blocks[b].parent;
         for (var k4 = 0u; k4 < 4u; k4++) {
             let s = own_slot(k4, t % 64u);
             if parent != NONE && !fixed_node(b, s) {
@@ -222,7 +209,7 @@ fn add_level(c: u32, level: u32, t: u32) {
                     let weight = bitcast<f32>(rows[row_at(b, INTERPOLATION, s)]);
                     add = add * weight + column_value(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
                 }
-                set_vector(b, Z, s, vector(b, Z, s) + add);
+                set_vector(b, DIRECTION, s, vector(b, DIRECTION, s) + add);
             }
         }
     }
@@ -231,7 +218,7 @@ fn add_level(c: u32, level: u32, t: u32) {
 
 /// z = M^-1 r of a V-cycle from level `mode` of these `count` levels down.
 @compute @workgroup_size(256)
-fn cycle(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn multigrid_coarse(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let c = group.y * SPREAD + group.x;
     if c >= params.items {
         return;

@@ -3,31 +3,27 @@
 // coarse node.
 
 /// Loads z around block b. Only colours before this one hold anything yet.
-fn load_fresh(b: u32, t: u32, fresh: bool) {
+fn load_direction(b: u32, t: u32, from_zero: bool) {
     let colour = block_colour(b);
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
-        let holder = blocks[b].links[source.x];
+        let holder = blocks[b].active_neighbours[source.x];
         near[k] = vec2f();
-        if holder != NONE && (!fresh || block_colour(holder) < colour) {
-            near[k] = vector(holder, Z, source.y);
+        if holder != NONE && (!from_zero || block_colour(holder) < colour) {
+            near[k] = vector(holder, DIRECTION, source.y);
         }
     }
     workgroupBarrier();
 }
 
-const BACKWARDS: u32 = 1u;
-/// z is zero before this pass over the block colours.
-const FRESH: u32 = 2u;
-
 @compute @workgroup_size(64)
-fn smooth_z(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn smooth_direction(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
     if b == NONE {
         return;
     }
-    load_fresh(b, t, (params.mode & FRESH) != 0u);
-    sweep_block(b, t, (params.mode & BACKWARDS) != 0u);
+    load_direction(b, t, (params.mode & SMOOTH_FROM_ZERO) != 0u);
+    sweep_block(b, t, (params.mode & SMOOTH_BACKWARDS) != 0u);
 }
 
 @group(0) @binding(10) var<storage, read> coarse_nodes: array<u32>;
@@ -51,7 +47,7 @@ fn wide_place(n: vec2i) -> u32 {
 
 fn residual(b: u32, n: vec2i) -> vec2f {
     let own = wide_source(n);
-    let holder = blocks[b].links[own.x];
+    let holder = blocks[b].active_neighbours[own.x];
     if holder == NONE {
         return vec2f();
     }
@@ -62,12 +58,12 @@ fn residual(b: u32, n: vec2i) -> vec2f {
     for (var k = 0u; k < 8u; k++) {
         let far = n + offset(k);
         let source = wide_source(select(n, far, k > 3u));
-        let owner = blocks[b].links[source.x];
+        let owner = blocks[b].active_neighbours[source.x];
         if owner != NONE {
             sum += pair_times(row_at(owner, PAIR + 2u * (k & 3u), source.y), k, wide_z[wide_place(far)]);
         }
     }
-    return vector(holder, R, own.y) - (sum + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y));
+    return vector(holder, RESIDUAL, own.y) - (sum + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y));
 }
 
 /// The quarter of the coarser level's right-hand side over this block: P' (r - A z), at movable nodes.
@@ -79,10 +75,10 @@ fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     }
     for (var k = t; k < 400u; k += 64u) {
         let source = wide_source(vec2i(i32(k % 20u), i32(k / 20u)) - 2);
-        let holder = blocks[b].links[source.x];
+        let holder = blocks[b].active_neighbours[source.x];
         wide_z[k] = vec2f();
         if holder != NONE {
-            wide_z[k] = vector(holder, Z, source.y);
+            wide_z[k] = vector(holder, DIRECTION, source.y);
         }
     }
     workgroupBarrier();
@@ -90,7 +86,7 @@ fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         let n = vec2i(i32(k % 17u), i32(k / 17u)) - 1;
         residuals[k] = residual(b, n);
         let source = wide_source(n);
-        let holder = blocks[b].links[source.x];
+        let holder = blocks[b].active_neighbours[source.x];
         weights[k] = 0.0;
         if holder != NONE {
             weights[k] = bitcast<f32>(rows[row_at(holder, INTERPOLATION, source.y)]);
@@ -109,7 +105,7 @@ fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
     let parent = blocks[b].parent;
     let s = slot(c.x + (blocks[b].x & 1u) * 8u, c.y + (blocks[b].y & 1u) * 8u);
     let fixed = (coarse_nodes[node_at(parent, RIGIDITY, s)] >> 31u) != 0u;
-    let at = ((params.other_base + parent) * VECTOR_PLANES + R) * NODES + s;
+    let at = ((params.other_base + parent) * VECTOR_PLANES + RESIDUAL) * NODES + s;
     coarse_vectors[at] = select(sum.x, 0.0, fixed);
     coarse_vectors[at + NODES] = select(sum.y, 0.0, fixed);
 }

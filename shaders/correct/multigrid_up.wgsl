@@ -1,23 +1,23 @@
 // correct, on the way back from a coarser level: z += P z of the coarser level, then smoothing backwards, one dispatch a
 // block colour. Adding happens where a block is first read: blocks of the colours that came before have it already.
 
-@group(0) @binding(10) var<storage, read> coarse_blocks: array<Block>;
+@group(0) @binding(10) var<storage, read> coarse_blocks: array<BlockRecord>;
 @group(0) @binding(11) var<storage, read> coarse_vectors: array<f32>;
 
 fn coarse_z(parent: u32, n: vec2u) -> vec2f {
     let source = window_source(n);
-    let holder = coarse_blocks[parent].links[source.x];
+    let holder = coarse_blocks[parent].active_neighbours[source.x];
     if holder == NONE {
         return vec2f();
     }
-    let at = ((params.other_base + holder) * VECTOR_PLANES + Z) * NODES + source.y;
+    let at = ((params.other_base + holder) * VECTOR_PLANES + DIRECTION) * NODES + source.y;
     return vec2f(coarse_vectors[at], coarse_vectors[at + NODES]);
 }
 
 /// The lower neighbour's weight at the node n of block b's window.
 fn weight_at(b: u32, n: vec2u) -> f32 {
     let source = window_source(n);
-    let holder = blocks[b].links[source.x];
+    let holder = blocks[b].active_neighbours[source.x];
     if holder == NONE {
         return 0.0;
     }
@@ -51,7 +51,7 @@ fn correction(b: u32, s: u32) -> vec2f {
 }
 
 @compute @workgroup_size(64)
-fn ascend(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
     if b == NONE {
         return;
@@ -59,10 +59,10 @@ fn ascend(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     let colour = block_colour(b);
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
-        let holder = blocks[b].links[source.x];
+        let holder = blocks[b].active_neighbours[source.x];
         near[k] = vec2f();
         if holder != NONE {
-            near[k] = vector(holder, Z, source.y);
+            near[k] = vector(holder, DIRECTION, source.y);
             if block_colour(holder) <= colour {
                 near[k] += correction(holder, source.y);
             }

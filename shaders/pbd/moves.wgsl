@@ -26,7 +26,7 @@ var<workgroup> near_u: array<vec2f, 324>;
 fn load_u(b: u32, t: u32) {
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
-        let holder = blocks[b].around[source.x];
+        let holder = blocks[b].neighbours[source.x];
         near_u[k] = vec2f();
         if holder != NONE {
             near_u[k] = get_u(holder, source.y);

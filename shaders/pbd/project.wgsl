@@ -15,7 +15,7 @@ fn load_ends(b: u32, t: u32) {
     let edge = (params.mode & 7u) >> 1u;
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
-        let holder = blocks[b].around[source.x];
+        let holder = blocks[b].neighbours[source.x];
         near_value[k] = vec3f();
         near_rigidity[k] = 0x80000000u;
         near_length[k] = 0.0;
@@ -78,15 +78,15 @@ fn project_node(n: vec2u, floor: f32) -> Moved {
     let d = (near_u[other] - here) + d0;
     let current = chord(near_value[own], mat2x3f(), near_value[other], false, d).length;
     let rest = max(near_length[select(other, own, owned)], floor);
-    var share = params.preservation;
+    var share = params.orientation_fraction;
     if params.orientation_density > 0.0 {
         share = min(share + 0.5 * params.orientation_density * (near_density[own] + near_density[other]), 1.0);
     }
     let target_ = projected(d, d0, rest / current, weight * params.correction, share * params.correction);
     // An end that is fixed leaves the whole way to the other one.
     var u = here + (d - target_) * select(0.5, 1.0, is_still(other));
-    var low = vec2f(WORTHLESS);
-    var high = vec2f(-WORTHLESS);
+    var low = vec2f(INVALID_ENERGY);
+    var high = vec2f(-INVALID_ENERGY);
     for (var k = 0u; k < 8u; k++) {
         let at = near_u[seen(n, offset(k))] + vec2f(offset(k));
         low = min(low, at);
@@ -104,7 +104,7 @@ fn project(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     }
     load_u(b, t);
     load_ends(b, t);
-    let floor = charts[blocks[b].chart].floor * params.scale;
+    let floor = charts[blocks[b].chart].length_floor * params.scale;
     for (var colour = 0u; colour < 4u; colour++) {
         let s = own_slot(colour, t);
         let moved = project_node(node_of(s), floor);

@@ -14,7 +14,7 @@ fn gaussian(n: vec2u) -> vec2f {
 }
 
 @compute @workgroup_size(64)
-fn settle(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn regularise(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
     if b == NONE {
         return;
@@ -31,16 +31,16 @@ fn settle(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         // for positions.
         let rigidity = bitcast<f32>(tag & 0x7fffffffu);
         let blend = (1.0 - rigidity) + rigidity * params.smoothing;
-        let settled = here + blend * (gaussian(n) - here);
-        var u = settled;
-        if (params.mode & STILL) == 0u {
+        let integrated = here + blend * (gaussian(n) - here);
+        var u = integrated;
+        if (params.mode & PBD_WITHOUT_VELOCITY) == 0u {
             let at = vector_at(b, PREVIOUS, s);
-            if (params.mode & LAST) == 0u {
-                let before = bitcast<vec2f>(vec2u(aside[at], aside[at + NODES]));
-                u = settled + (settled - before) * params.momentum;
+            if (params.mode & PBD_LAST) == 0u {
+                let before = bitcast<vec2f>(vec2u(other_state[at], other_state[at + NODES]));
+                u = integrated + (integrated - before) * params.momentum;
             }
-            aside[at] = bitcast<u32>(settled.x);
-            aside[at + NODES] = bitcast<u32>(settled.y);
+            other_state[at] = bitcast<u32>(integrated.x);
+            other_state[at + NODES] = bitcast<u32>(integrated.y);
         }
         move_to(b, s, u, moves);
     }

@@ -3,27 +3,20 @@
 
 /// The other state, in the vectors' place, which this solver does not need: displacement (2), position or metric at W (3),
 /// triangle, displacement as it was integrated last (2).
-@group(0) @binding(10) var<storage, read_write> aside: array<u32>;
-
-const PREVIOUS: u32 = 6u;
-
-/// Bits of the mode: the state is in `aside`; the level's last iteration; no velocities at all.
-const FROM_ASIDE: u32 = 16u;
-const LAST: u32 = 32u;
-const STILL: u32 = 64u;
+@group(0) @binding(10) var<storage, read_write> other_state: array<u32>;
 
 fn get_state(b: u32, plane: u32, s: u32) -> u32 {
-    if (params.mode & FROM_ASIDE) != 0u {
-        return aside[vector_at(b, plane, s)];
+    if (params.mode & PBD_FROM_VECTORS) != 0u {
+        return other_state[vector_at(b, plane, s)];
     }
     return state[state_at(b, plane, s)];
 }
 
 fn put_state(b: u32, plane: u32, s: u32, bits: u32) {
-    if (params.mode & FROM_ASIDE) != 0u {
+    if (params.mode & PBD_FROM_VECTORS) != 0u {
         state[state_at(b, plane, s)] = bits;
     } else {
-        aside[vector_at(b, plane, s)] = bits;
+        other_state[vector_at(b, plane, s)] = bits;
     }
 }
 

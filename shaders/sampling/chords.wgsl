@@ -1,5 +1,5 @@
 // The surface of the finest level: exact positions and tangents on the triangle under W(p), found by walking
-// (DESIGN 4). The length of an edge is the chord between its ends.
+// (method §2). The length of an edge is the chord between its ends.
 
 struct Sample {
     found: bool,
@@ -24,7 +24,7 @@ fn barycentrics(t: u32, node: vec2i, u: vec2f) -> vec3f {
 /// The triangle under a node's displaced place, by walking from `start`; NONE at a border or after too many steps.
 fn locate(node: vec2i, u: vec2f, start: u32) -> u32 {
     var t = start;
-    for (var step = 0u; step < 256u; step++) {
+    for (var step = 0u; step < WALK_STEPS; step++) {
         let l = barycentrics(t, node, u);
         var low = l.x;
         var corner = 0u;
@@ -36,7 +36,7 @@ fn locate(node: vec2i, u: vec2f, start: u32) -> u32 {
             low = l.z;
             corner = 2u;
         }
-        if low >= -1e-6 {
+        if low >= -INSIDE_TOLERANCE {
             return t;
         }
         var next = triangles[t].neighbours[corner];
@@ -44,12 +44,12 @@ fn locate(node: vec2i, u: vec2f, start: u32) -> u32 {
             // On the border: the other negative corner, if there is one; rounding may put a point just outside.
             for (var k = 0u; k < 3u && next == NONE; k++) {
                 let other = select(select(l.x, l.y, k == 1u), l.z, k == 2u);
-                if k != corner && other < -1e-6 {
+                if k != corner && other < -INSIDE_TOLERANCE {
                     next = triangles[t].neighbours[k];
                 }
             }
             if next == NONE {
-                return select(NONE, t, low >= -1e-3);
+                return select(NONE, t, low >= -BORDER_TOLERANCE);
             }
         }
         t = next;

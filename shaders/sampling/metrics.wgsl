@@ -1,4 +1,4 @@
-// The surface of the coarser levels: metrics, bilinear between nodes, so that an edge has arc length (DESIGN 4).
+// The surface of the coarser levels: metrics, bilinear between nodes, so that an edge has arc length (method §3).
 
 /// Per block: (E, F, G) of the pose, per cell squared of this level.
 @group(0) @binding(6) var<storage, read_write> metric: array<f32>;

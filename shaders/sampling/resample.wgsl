@@ -40,7 +40,7 @@ fn previous(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     }
 }
 
-/// u = what it was before the step, and `part` of the share of the step. The first trial keeps what it was.
+/// u = what it was before the step, and `factor` of the fraction of the step. The first trial keeps what it was.
 @compute @workgroup_size(64)
 fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = choose(group, t);
@@ -49,18 +49,19 @@ fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
     }
     for (var colour = 0u; colour < 4u; colour++) {
         let s = own_slot(colour, t);
-        let keep = vector_at(b, T, s);
-        if params.mode == 0u {
+        let keep = vector_at(b, BEFORE, s);
+        if params.mode == STEP_FIRST_TRIAL {
             let u = displacement(b, s);
             vectors[keep] = u.x;
             vectors[keep + NODES] = u.y;
         }
         var u = vec2f(vectors[keep], vectors[keep + NODES]);
-        if params.part > 0.0 {
-            let x = vector_at(b, X, s);
-            let share_plane = SHARE + (atomicLoad(&charts[blocks[b].chart].cuts) & 1u);
-            let part = params.part * charts[blocks[b].chart].next;
-            u += part * vectors[vector_at(b, share_plane, s)] * vec2f(vectors[x], vectors[x + NODES]);
+        if params.factor > 0.0 {
+            let x = vector_at(b, STEP, s);
+            // Each round of the step limit wrote the other plane.
+            let plane = FRACTION + (atomicLoad(&charts[blocks[b].chart].limit_rounds) & 1u);
+            let part = params.factor * charts[blocks[b].chart].fraction;
+            u += part * vectors[vector_at(b, plane, s)] * vec2f(vectors[x], vectors[x + NODES]);
         }
         put(b, s, u);
     }

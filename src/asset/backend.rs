@@ -3,15 +3,16 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::switched::Switched;
 use crate::cpu::Team;
 use crate::device::Device;
 use crate::error::Result;
+use crate::gpu::context::Context;
 use crate::mesh::TileMesh;
-use crate::parity::Switch;
-use crate::parity::switched::Switched;
+use crate::method::point::Switch;
+use crate::method::schedule::{self, ChartResult, Input, Plan, Stages, Summary};
 use crate::report::GpuWork;
 use crate::settings::Solver;
-use crate::solve::{self, ChartResult, Input, Outcome, Plan};
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::{cpu, gpu};
@@ -33,21 +34,21 @@ impl Warp {
     }
 }
 
-/// A tile's solver.
+/// A tile's solver: the memory that a backend keeps from one solve to the next.
 #[derive(Debug)]
-pub(super) enum Memory {
+pub(super) enum TileSolver {
     Cpu(cpu::Memory),
     Gpu(Box<gpu::Memory>),
 }
 
-impl Memory {
+impl TileSolver {
     /// Allocates for a grid.
-    pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<Memory> {
+    pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<TileSolver> {
         match device.gpu() {
             Some(context) => {
-                gpu::Memory::new(context, grid, tile).map(|memory| Memory::Gpu(Box::new(memory)))
+                gpu::Memory::new(context, grid, tile).map(|memory| TileSolver::Gpu(Box::new(memory)))
             }
-            None => Ok(Memory::Cpu(cpu::Memory::new(grid, solver))),
+            None => Ok(TileSolver::Cpu(cpu::Memory::new(grid, solver))),
         }
     }
 
@@ -62,121 +63,132 @@ impl Memory {
     /// True if this is the memory of a solver on a grid (grids of other sizes or maps have other blocks).
     pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
         match self {
-            Memory::Cpu(memory) => memory.is_for(grid, solver),
-            Memory::Gpu(memory) => memory.is_for(grid),
+            TileSolver::Cpu(memory) => memory.is_for(grid, solver),
+            TileSolver::Gpu(memory) => memory.is_for(grid),
         }
     }
 }
 
-/// What a run gave.
-pub(super) struct Ran {
+/// One solve of one tile.
+pub(super) struct Job<'a> {
+    pub team: &'a Team,
+    pub input: Input<'a>,
+    pub grid: &'a Arc<Grid>,
+    pub plan: &'a Plan,
+    /// When the call began: the time budget counts from then.
+    pub called: Instant,
+    /// The tile's last result on the same grid.
+    pub last: Option<&'a Warp>,
+    /// Charts that are not solved keep their last result if they are in here, and become the identity if not.
+    pub keep: &'a [bool],
+}
+
+/// What a job gives.
+pub(super) struct TileSolution {
     pub warp: Warp,
     /// Per chart; of those that were solved.
     pub charts: Vec<ChartResult>,
-    pub outcome: Outcome,
+    pub summary: Summary,
     pub node_updates: u64,
     pub blocks_active: u64,
     /// What a GPU had to do.
     pub work: Option<GpuWork>,
 }
 
-impl Memory {
-    /// Solves the input's charts. Others keep their last result if they are in `keep`, and become the identity if not.
-    #[allow(clippy::too_many_arguments, reason = "one caller, and a struct for it would only rename them")]
-    pub fn run(
-        &mut self,
-        team: &Team,
-        input: &Input,
-        grid: &Arc<Grid>,
-        plan: &Plan,
-        called: Instant,
-        last: Option<&Warp>,
-        keep: &[bool],
-    ) -> Result<Ran> {
-        let any = input.charts.contains(&true);
-        let warm = plan.warm && last.is_some();
+impl Job<'_> {
+    /// True if a chart has to be solved.
+    fn solves(&self) -> bool {
+        self.input.charts.contains(&true)
+    }
+
+    /// Runs the schedule, if a chart has to be solved.
+    fn run(&self, stages: &mut impl Stages) -> Summary {
+        let warm = self.plan.warm && self.last.is_some();
+        if self.solves() { schedule::run(stages, self.plan, warm, self.called) } else { Summary::default() }
+    }
+
+    /// The last result of the charts that keep it, the identity elsewhere, in host memory.
+    fn start(&self) -> Result<Vec<[Plane; 2]>> {
+        let blocks = &self.grid.levels[0].blocks;
+        let Some(last) = self.last else { return Ok(vec![[[0.0; NODES]; 2]; blocks.list.len()]) };
+        let mut u = last.host()?.to_vec();
+        for (range, _) in blocks.of_chart.iter().zip(self.keep).filter(|(_, keep)| !**keep) {
+            u[range.clone()].fill([[0.0; NODES]; 2]);
+        }
+        Ok(u)
+    }
+
+    /// The last result, on the GPU.
+    fn last_on_gpu(&self) -> Option<Arc<gpu::ResultBuffers>> {
+        match self.last {
+            Some(Warp::Gpu(last)) => Some(last.buffers.clone()),
+            _ => None,
+        }
+    }
+}
+
+impl TileSolver {
+    /// Solves the job's charts.
+    pub fn run(&mut self, job: &Job) -> Result<TileSolution> {
         match self {
-            Memory::Cpu(memory) => {
-                let mut u = start(grid, last, keep)?;
-                let mut run = cpu::Run::new(team, input, memory, &mut u);
-                let outcome = if any { solve::run(&mut run, plan, warm, called) } else { Outcome::default() };
-                let (charts, node_updates) = (std::mem::take(&mut run.outcome), run.node_updates());
-                let blocks_active = run.blocks_active();
-                let warp = Warp::Host(u);
-                Ok(Ran { warp, charts, outcome, node_updates, blocks_active, work: None })
-            }
-            Memory::Gpu(memory) => {
+            TileSolver::Cpu(memory) => run_on_cpu(memory, job),
+            TileSolver::Gpu(memory) => {
                 let context = memory.context.clone();
-                if let (Some(switch), true) = (context.options.switch, any) {
-                    return switched(switch, memory, team, input, grid, plan, called, last, keep);
-                }
-                context.contain(|| {
-                    let last = match last {
-                        Some(Warp::Gpu(last)) => Some(last.buffers.clone()),
-                        _ => None,
-                    };
-                    let mut run = gpu::Run::new(input, memory, last, keep)?;
-                    let mut outcome =
-                        if any { solve::run(&mut run, plan, warm, called) } else { Outcome::default() };
-                    let blocks_active = run.blocks_active();
-                    let done = run.finish()?;
-                    outcome.times = done.tally.times();
-                    let warp = Warp::Gpu(gpu::Displacements::new(context.clone(), grid.clone(), done.result));
-                    Ok(Ran {
-                        warp,
-                        charts: done.outcome,
-                        outcome,
-                        node_updates: done.node_updates,
-                        blocks_active,
-                        work: Some(done.tally.work()),
-                    })
+                context.contain(|| match context.options.switch.filter(|_| job.solves()) {
+                    Some(switch) => run_on_both(switch, memory, job),
+                    None => run_on_gpu(memory, job),
                 })?
             }
         }
     }
 }
 
-/// The same with some stages on the CPU.
-#[allow(clippy::too_many_arguments, reason = "those of Memory::run")]
-fn switched(
-    switch: Switch,
-    memory: &mut gpu::Memory,
-    team: &Team,
-    input: &Input,
-    grid: &Arc<Grid>,
-    plan: &Plan,
-    called: Instant,
-    last: Option<&Warp>,
-    keep: &[bool],
-) -> Result<Ran> {
-    let context = memory.context.clone();
-    context.contain(|| {
-        let mut of_cpu = cpu::Memory::new(grid, plan.solver());
-        let mut u = start(grid, last, keep)?;
-        let warm = plan.warm && last.is_some();
-        let cpu = cpu::Run::new(team, input, &mut of_cpu, &mut u);
-        let last = match last {
-            Some(Warp::Gpu(last)) => Some(last.buffers.clone()),
-            _ => None,
-        };
-        let gpu = gpu::Run::new(input, memory, last, keep)?;
-        let mut run = Switched::new(cpu, gpu, switch);
-        let outcome = solve::run(&mut run, plan, warm, called);
-        let blocks_active = run.gpu.blocks_active();
-        let done = run.finish()?;
-        let warp = Warp::Gpu(gpu::Displacements::new(context.clone(), grid.clone(), done.result));
-        let (charts, node_updates, work) = (done.outcome, done.node_updates, Some(done.tally.work()));
-        Ok(Ran { warp, charts, outcome, node_updates, blocks_active, work })
-    })?
+fn run_on_cpu(memory: &mut cpu::Memory, job: &Job) -> Result<TileSolution> {
+    let mut u = job.start()?;
+    let mut run = cpu::Run::new(job.team, &job.input, memory, &mut u);
+    let summary = job.run(&mut run);
+    let (charts, node_updates) = (std::mem::take(&mut run.results), run.node_updates());
+    let blocks_active = run.blocks_active();
+    Ok(TileSolution { warp: Warp::Host(u), charts, summary, node_updates, blocks_active, work: None })
 }
 
-/// The last result of charts in `keep`, the identity elsewhere.
-fn start(grid: &Grid, last: Option<&Warp>, keep: &[bool]) -> Result<Vec<[Plane; 2]>> {
-    let blocks = &grid.levels[0].blocks;
-    let Some(last) = last else { return Ok(vec![[[0.0; NODES]; 2]; blocks.list.len()]) };
-    let mut u = last.host()?.to_vec();
-    for (range, _) in blocks.of_chart.iter().zip(keep).filter(|(_, keep)| !**keep) {
-        u[range.clone()].fill([[0.0; NODES]; 2]);
+fn run_on_gpu(memory: &mut gpu::Memory, job: &Job) -> Result<TileSolution> {
+    let context = memory.context.clone();
+    let mut run = gpu::Run::new(&job.input, memory, job.last_on_gpu(), job.keep)?;
+    let summary = job.run(&mut run);
+    let blocks_active = run.blocks_active();
+    let done = run.finish()?;
+    let summary = Summary { times: done.tally.times(), ..summary };
+    Ok(on_gpu(context, job, done, summary, blocks_active))
+}
+
+/// Runs some stages on the CPU, the rest on the GPU.
+fn run_on_both(switch: Switch, memory: &mut gpu::Memory, job: &Job) -> Result<TileSolution> {
+    let context = memory.context.clone();
+    let mut of_cpu = cpu::Memory::new(job.grid, job.plan.solver());
+    let mut u = job.start()?;
+    let cpu = cpu::Run::new(job.team, &job.input, &mut of_cpu, &mut u);
+    let gpu = gpu::Run::new(&job.input, memory, job.last_on_gpu(), job.keep)?;
+    let mut run = Switched::new(cpu, gpu, switch);
+    let summary = job.run(&mut run);
+    let blocks_active = run.gpu.blocks_active();
+    let done = run.finish()?;
+    Ok(on_gpu(context, job, done, summary, blocks_active))
+}
+
+fn on_gpu(
+    context: Arc<Context>,
+    job: &Job,
+    done: gpu::Solution,
+    summary: Summary,
+    blocks_active: u64,
+) -> TileSolution {
+    TileSolution {
+        work: Some(done.tally.work()),
+        warp: Warp::Gpu(gpu::Displacements::new(context, job.grid.clone(), done.result)),
+        charts: done.charts,
+        summary,
+        node_updates: done.node_updates,
+        blocks_active,
     }
-    Ok(u)
 }

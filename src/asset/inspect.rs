@@ -2,8 +2,8 @@
 
 use super::{Asset, fetch, not_solved};
 use crate::error::Result;
-use crate::measure::measure;
-use crate::reference::{Options, Problem};
+use crate::oracle::measure::measure;
+use crate::oracle::reference::{Options, Problem};
 use crate::tile::coverage::Coverage;
 use crate::tile::node_maps;
 use crate::view::Strided;
@@ -77,7 +77,7 @@ impl Asset {
         let mut problem = Problem::new(&self.mesh, tile, &self.tiles[tile].maps, &pose)?;
         let minimum = problem.minimise(start, &Options { thorough, ..Options::default() });
         let min_jacobian = problem.min_jacobian(&minimum.u);
-        let crate::reference::Minimum { u, energy, converged, .. } = minimum;
+        let crate::oracle::reference::Minimum { u, energy, converged, .. } = minimum;
         Ok(ReferenceMinimum { u, energy, min_jacobian, converged })
     }
 }

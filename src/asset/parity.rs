@@ -5,10 +5,10 @@ use std::time::Instant;
 use super::Asset;
 use crate::cpu::Team;
 use crate::error::{Error, ErrorKind, Result};
-use crate::parity::StageDifference;
-use crate::parity::pair::Pair;
+use crate::method::schedule::{self, Input, Plan};
+use crate::oracle::parity::StageDifference;
+use crate::oracle::parity::pair::Pair;
 use crate::settings::SolveOptions;
-use crate::solve::{self, Input, Plan};
 use crate::tile::blocks::NODES;
 use crate::tile::pose::Pose;
 use crate::view::Strided;
@@ -53,7 +53,7 @@ impl Asset {
             context.contain(|| {
                 let gpu = gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()])?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
-                solve::run(&mut pair, &plan, false, Instant::now());
+                schedule::run(&mut pair, &plan, false, Instant::now());
                 pair.finish()
             })?
         })

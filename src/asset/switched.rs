@@ -1,9 +1,10 @@
 //! The schedule on one backend up to a point, on the other from there.
 
-use super::{Point, Switch};
 use crate::error::{Error, Result};
-use crate::pbd::Iteration;
-use crate::solve::{Correction, Stages};
+use crate::method::acceptance::Correction;
+use crate::method::pbd::Iteration;
+use crate::method::point::{Point, Switch};
+use crate::method::schedule::Stages;
 use crate::{cpu, gpu};
 
 /// A run on each backend, of which one is on at a time.
@@ -42,9 +43,9 @@ impl<'a> Switched<'a> {
         }
         let mut records = self.gpu.chart_records()?;
         for (c, record) in records.iter_mut().enumerate() {
-            record.identity = self.cpu.outcome[c].energy_before as f32;
-            record.next = self.cpu.next()[c];
-            record.done = u32::from(record.next == 0.0);
+            record.identity = self.cpu.results[c].energy_before as f32;
+            record.fraction = self.cpu.next_fraction()[c];
+            record.finished = u32::from(record.fraction == 0.0);
         }
         self.gpu.set_chart_records(&records)
     }
@@ -56,16 +57,16 @@ impl<'a> Switched<'a> {
             self.cpu.set_state(level, &self.gpu.state(level)?);
         }
         let records = self.gpu.chart_records()?;
-        let next: Vec<f32> = records.iter().map(|r| if r.done == 0 { r.next } else { 0.0 }).collect();
-        self.cpu.set_next(&next);
-        for (outcome, record) in self.cpu.outcome.iter_mut().zip(&records) {
+        let next: Vec<f32> = records.iter().map(|r| if r.finished == 0 { r.fraction } else { 0.0 }).collect();
+        self.cpu.set_next_fraction(&next);
+        for (outcome, record) in self.cpu.results.iter_mut().zip(&records) {
             outcome.energy_before = f64::from(record.identity);
         }
         Ok(())
     }
 
     /// Waits for all of it. The result is on the GPU, whichever backend certified it.
-    pub fn finish(mut self) -> Result<gpu::Finished> {
+    pub fn finish(mut self) -> Result<gpu::Solution> {
         if let Some(error) = self.error {
             return Err(error);
         }
@@ -77,7 +78,7 @@ impl<'a> Switched<'a> {
         self.gpu.set_result(self.cpu.result())?;
         let mut done = self.gpu.finish()?;
         done.node_updates += self.cpu.node_updates();
-        done.outcome = self.cpu.outcome;
+        done.charts = self.cpu.results;
         Ok(done)
     }
 }
@@ -128,8 +129,8 @@ impl Stages for Switched<'_> {
         self.at(Point::Certify).certify(as_is);
     }
 
-    fn settle(&mut self) {
+    fn wait(&mut self) {
         let on: &mut dyn Stages = if self.on_gpu { &mut self.gpu } else { &mut self.cpu };
-        on.settle();
+        on.wait();
     }
 }

@@ -8,15 +8,16 @@ use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::Map;
 use crate::mesh::{Mesh, TileMesh};
+use crate::method::schedule::{ChartResult, Input, Plan, Summary};
 use crate::report::{GpuWork, TileInfo, TileReport};
 use crate::settings::{LogLevel, Overlap, Solver};
-use crate::solve::{ChartResult, Input, Plan};
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::coverage::Coverage;
 use crate::tile::pose::{ChartPose, Pose};
 use crate::tile::{Grid, Rigidity, TileMaps};
+use crate::view::Strided;
 
-use super::backend::{Memory, Warp};
+use super::backend::{Job, TileSolution, TileSolver, Warp};
 
 /// A tile's last good solve.
 #[derive(Debug)]
@@ -26,7 +27,7 @@ pub(super) struct Solved {
     pub warp: Arc<Warp>,
     /// What each chart's result was computed from; `None` where it is not a function of its inputs.
     inputs: Vec<Option<ChartInput>>,
-    outcome: Vec<ChartResult>,
+    results: Vec<ChartResult>,
     /// The setting that it was solved with.
     overlap: Overlap,
     pub report: TileReport,
@@ -42,12 +43,12 @@ impl Solved {
 
     /// Largest displacement of a chart, in cells.
     pub fn reach(&self, chart: u32) -> f32 {
-        self.outcome[chart as usize].max_displacement
+        self.results[chart as usize].max_displacement
     }
 
     /// Charts whose warp may move a corner of `chart`: its own, and where the first face owns shared texels, any.
     pub fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
-        let others = if self.overlap == Overlap::FirstFace { self.outcome.len() as u32 } else { 0 };
+        let others = if self.overlap == Overlap::FirstFace { self.results.len() as u32 } else { 0 };
         std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
     }
 }
@@ -58,15 +59,26 @@ struct ChartInput {
     plan: Plan,
 }
 
+/// A call that solves all tiles of an asset.
+pub(super) struct SolveCall<'a> {
+    pub team: &'a Team,
+    pub device: &'a Device,
+    pub mesh: &'a Mesh,
+    pub positions: Strided<'a>,
+    pub plan: &'a Plan,
+    /// When it began.
+    pub start: Instant,
+}
+
 /// One tile of an asset.
 #[derive(Debug, Default)]
 pub(super) struct TileState {
     pub maps: TileMaps,
     coverage: Option<Coverage>,
     grid: Option<Arc<Grid>>,
-    memory: Option<Memory>,
-    /// What the memory takes.
-    memory_bytes: u64,
+    solver: Option<TileSolver>,
+    /// Bytes of the solver's memory.
+    solver_bytes: u64,
     pub solved: Option<Solved>,
     /// What the device's books say.
     booked: u64,
@@ -144,129 +156,175 @@ impl TileState {
         };
         let coverage = self.coverage.as_ref().map_or(0, |c| c.triangle.len() as u64 * 5);
         let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
-        rigidity + self.maps.mask.as_ref().map_or(0, map) + coverage + grid + self.memory_bytes
+        rigidity + self.maps.mask.as_ref().map_or(0, map) + coverage + grid + self.solver_bytes
     }
 
     /// Solves the tile for a pose. Nothing of `solved` changes: the caller puts the result there when all tiles have
     /// theirs.
-    #[allow(clippy::too_many_arguments, reason = "one caller, and a struct for it would only rename them")]
-    pub fn solve(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        position: impl Fn(u32) -> [f64; 3],
-        plan: &Plan,
-        called: Instant,
-    ) -> Result<Solved> {
+    pub fn solve(&mut self, call: &SolveCall, tile: usize) -> Result<Solved> {
         let start = Instant::now();
-        let grid = self.grid(device, mesh, tile)?;
-        let source = &mesh.tiles[tile];
-        let pose = Pose::new(source, position, Some(&grid.rest));
-        let last = self.solved.as_ref().filter(|solved| Arc::ptr_eq(&solved.grid, &grid));
-        let state: Vec<ChartState> = (0..source.charts.len())
-            .map(|c| {
-                if grid.is_still(source, &pose, c) {
-                    return ChartState::Identity;
-                }
-                let same = last
-                    .and_then(|solved| solved.inputs[c].as_ref())
-                    .is_some_and(|input| input.plan == *plan && input.pose == pose.charts[c]);
-                if same { ChartState::Reused } else { ChartState::Active }
-            })
-            .collect();
-        let reused: Vec<Option<ChartInput>> = (0..state.len())
-            .map(|c| last.filter(|_| state[c] == ChartState::Reused).and_then(|last| last.inputs[c].clone()))
-            .collect();
-        let charts: Vec<bool> = state.iter().map(|&s| s == ChartState::Active).collect();
-        let any = charts.contains(&true);
-
-        let mut outcome =
-            last.map_or_else(|| vec![ChartResult::default(); charts.len()], |last| last.outcome.clone());
-        // A chart that has become the identity takes its part of the last result along.
-        let mut unchanged = !any && last.is_some();
-        for (c, _) in state.iter().enumerate().filter(|(_, state)| **state == ChartState::Identity) {
-            unchanged &= outcome[c].max_displacement == 0.0;
-            outcome[c] = ChartResult { min_jacobian: 1.0, ..ChartResult::default() };
-        }
-
-        let mut report = TileReport::default();
-        let mut work = None;
-        let warp = if let (true, Some(last)) = (unchanged, last) {
-            last.warp.clone()
-        } else if !any && !state.contains(&ChartState::Reused) {
-            Arc::new(Warp::Host(vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()]))
-        } else {
-            let last = last.map(|last| last.warp.clone());
-            self.allocate(device, &grid, source, plan.solver())?;
-            // Taken out for the time being: should a stage panic, the memory goes with it.
-            let mut memory =
-                self.memory.take().ok_or_else(|| Error::new(ErrorKind::Internal, "no memory"))?;
-            let settings = &self.maps.settings;
-            let continuation = plan.continuation;
-            let input =
-                Input { grid: &grid, mesh: source, pose: &pose, settings, charts: &charts, continuation };
-            let keep: Vec<bool> = state.iter().map(|&s| s != ChartState::Identity).collect();
-            let ran = match memory.run(team, &input, &grid, plan, called, last.as_deref(), &keep) {
-                Ok(ran) => ran,
-                Err(error) => {
-                    drop(memory);
-                    return Err(self.give_up(device, source, error));
-                }
-            };
-            for c in (0..charts.len()).filter(|&c| charts[c]) {
-                outcome[c] = ran.charts[c];
-            }
-            report.times = ran.outcome.times;
-            report.sweeps = ran.outcome.sweeps;
-            report.corrections = ran.outcome.corrections;
-            report.truncated = ran.outcome.truncated;
-            report.node_updates = ran.node_updates;
-            report.blocks_active = ran.blocks_active;
-            report.levels = grid.levels.len() as u32;
-            self.memory = Some(memory);
-            work = ran.work;
-            Arc::new(ran.warp)
-        };
-        let count = |wanted: ChartState| state.iter().filter(|&&s| s == wanted).count() as u32;
-        report.udim = source.udim;
-        report.grid = [grid.levels[0].nx as u32, grid.levels[0].ny as u32];
-        report.energy_before = outcome.iter().map(|o| o.energy_before).sum();
-        report.energy = outcome.iter().map(|o| o.energy).sum();
-        report.min_jacobian = outcome.iter().map(|o| o.min_jacobian).fold(1.0, f64::min);
-        report.folds = outcome.iter().map(|o| o.folds).sum();
-        report.max_displacement = outcome.iter().map(|o| o.max_displacement).fold(0.0, f32::max);
-        report.charts = charts.len() as u32;
-        report.charts_active = count(ChartState::Active);
-        report.charts_reused = count(ChartState::Reused);
-        report.charts_identity = count(ChartState::Identity);
-        report.charts_fallback = (0..charts.len())
-            .filter(|&c| state[c] != ChartState::Identity && outcome[c].fallback)
-            .count() as u32;
-        report.blocks = report.grid.map(|n| (n as usize + 1).div_ceil(SIDE) as u64).iter().product();
-        report.nodes_active = (0..charts.len()).filter(|&c| charts[c]).map(|c| grid.movable[c]).sum();
-        report.times.maps = std::mem::take(&mut self.build_ms);
-        let inputs = pose
-            .charts
-            .into_iter()
-            .zip(reused)
-            .map(|(pose, reused)| match reused {
-                Some(input) => Some(input),
-                // A warm or truncated result depends on more than its inputs.
-                None => (!plan.warm && !report.truncated).then_some(ChartInput { pose, plan: *plan }),
-            })
-            .collect();
-        report.bytes = self.held();
+        let grid = self.grid(call.device, call.mesh, tile)?;
+        let source = &call.mesh.tiles[tile];
+        let pose = Pose::new(source, |v| call.positions.get3(v as usize), Some(&grid.rest));
+        let tasks = self.tasks(&grid, source, &pose, call.plan);
+        let (warp, results, mut report, work) = self.warp(call, &grid, source, &pose, &tasks)?;
+        self.fill_report(&mut report, &grid, source, &tasks, &results);
+        let inputs = self.inputs(&grid, pose, &tasks, call.plan, report.truncated);
         report.times.total = start.elapsed().as_secs_f32() * 1000.0;
         let overlap = self.maps.settings.overlap;
-        Ok(Solved { grid, warp, inputs, outcome, overlap, report, work })
+        Ok(Solved { grid, warp, inputs, results, overlap, report, work })
+    }
+
+    /// The last result, if it was solved on this grid.
+    fn last(&self, grid: &Arc<Grid>) -> Option<&Solved> {
+        self.solved.as_ref().filter(|solved| Arc::ptr_eq(&solved.grid, grid))
+    }
+
+    /// What there is to do for each chart.
+    fn tasks(&self, grid: &Arc<Grid>, tile: &TileMesh, pose: &Pose, plan: &Plan) -> Vec<ChartTask> {
+        let last = self.last(grid);
+        let same = |c: usize| {
+            let input = last.and_then(|solved| solved.inputs[c].as_ref());
+            input.is_some_and(|input| input.plan == *plan && input.pose == pose.charts[c])
+        };
+        let task = |c: usize| match () {
+            () if grid.is_still(tile, pose, c) => ChartTask::Identity,
+            () if same(c) => ChartTask::Reuse,
+            () => ChartTask::Solve,
+        };
+        (0..tile.charts.len()).map(task).collect()
+    }
+
+    /// The warp, solved where need be, each chart's result, what a solve has to report, and what a GPU had to do.
+    fn warp(
+        &mut self,
+        call: &SolveCall,
+        grid: &Arc<Grid>,
+        tile: &TileMesh,
+        pose: &Pose,
+        tasks: &[ChartTask],
+    ) -> Result<(Arc<Warp>, Vec<ChartResult>, TileReport, Option<GpuWork>)> {
+        let last = self.last(grid);
+        let mut results =
+            last.map_or_else(|| vec![ChartResult::default(); tasks.len()], |l| l.results.clone());
+        let solves = tasks.contains(&ChartTask::Solve);
+        // A chart that has become the identity takes its part of the last result along.
+        let mut unchanged = !solves && last.is_some();
+        for (result, _) in results.iter_mut().zip(tasks).filter(|(_, task)| **task == ChartTask::Identity) {
+            unchanged &= result.max_displacement == 0.0;
+            *result = ChartResult { min_jacobian: 1.0, ..ChartResult::default() };
+        }
+        let last = last.map(|last| last.warp.clone());
+        let report = TileReport::default();
+        if let (true, Some(last)) = (unchanged, &last) {
+            return Ok((last.clone(), results, report, None));
+        }
+        if !solves && !tasks.contains(&ChartTask::Reuse) {
+            let identity = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+            return Ok((Arc::new(Warp::Host(identity)), results, report, None));
+        }
+        let solution = self.run(call, grid, tile, pose, last.as_deref(), tasks)?;
+        for c in (0..tasks.len()).filter(|&c| tasks[c] == ChartTask::Solve) {
+            results[c] = solution.charts[c];
+        }
+        let Summary { times, sweeps, corrections, truncated } = solution.summary;
+        let report = TileReport {
+            times,
+            sweeps,
+            corrections,
+            truncated,
+            node_updates: solution.node_updates,
+            blocks_active: solution.blocks_active,
+            levels: grid.levels.len() as u32,
+            ..report
+        };
+        Ok((Arc::new(solution.warp), results, report, solution.work))
+    }
+
+    /// Runs the tile's solver, which is made if need be.
+    fn run(
+        &mut self,
+        call: &SolveCall,
+        grid: &Arc<Grid>,
+        tile: &TileMesh,
+        pose: &Pose,
+        last: Option<&Warp>,
+        tasks: &[ChartTask],
+    ) -> Result<TileSolution> {
+        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collect();
+        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collect();
+        self.allocate(call.device, grid, tile, call.plan.solver())?;
+        // Taken out for the time being: should a stage panic, the memory goes with it.
+        let missing = || Error::new(ErrorKind::Internal, "the tile has no solver");
+        let mut solver = self.solver.take().ok_or_else(missing)?;
+        let settings = &self.maps.settings;
+        let continuation = call.plan.continuation;
+        let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation };
+        let (team, plan, called) = (call.team, call.plan, call.start);
+        let job = Job { team, input, grid, plan, called, last, keep: &keep };
+        let solution = solver.run(&job);
+        match solution {
+            Ok(_) => self.solver = Some(solver),
+            Err(error) => {
+                drop(solver);
+                return Err(self.give_up(call.device, tile, error));
+            }
+        }
+        solution
+    }
+
+    /// Fills in what follows from the charts' results.
+    fn fill_report(
+        &mut self,
+        report: &mut TileReport,
+        grid: &Grid,
+        tile: &TileMesh,
+        tasks: &[ChartTask],
+        results: &[ChartResult],
+    ) {
+        let count = |wanted: ChartTask| tasks.iter().filter(|&&task| task == wanted).count() as u32;
+        report.udim = tile.udim;
+        report.grid = [grid.levels[0].nx as u32, grid.levels[0].ny as u32];
+        report.energy_before = results.iter().map(|r| r.energy_before).sum();
+        report.energy = results.iter().map(|r| r.energy).sum();
+        report.min_jacobian = results.iter().map(|r| r.min_jacobian).fold(1.0, f64::min);
+        report.folds = results.iter().map(|r| r.folds).sum();
+        report.max_displacement = results.iter().map(|r| r.max_displacement).fold(0.0, f32::max);
+        report.charts = tasks.len() as u32;
+        report.charts_active = count(ChartTask::Solve);
+        report.charts_reused = count(ChartTask::Reuse);
+        report.charts_identity = count(ChartTask::Identity);
+        let fell_back =
+            |(task, result): &(&ChartTask, &ChartResult)| **task != ChartTask::Identity && result.fallback;
+        report.charts_fallback = tasks.iter().zip(results).filter(fell_back).count() as u32;
+        report.blocks = report.grid.map(|n| (n as usize + 1).div_ceil(SIDE) as u64).iter().product();
+        let solved = tasks.iter().zip(&grid.movable).filter(|(task, _)| **task == ChartTask::Solve);
+        report.nodes_active = solved.map(|(_, movable)| movable).sum();
+        report.times.maps = std::mem::take(&mut self.build_ms);
+        report.bytes = self.held();
+    }
+
+    /// What each chart's result was computed from.
+    fn inputs(
+        &self,
+        grid: &Arc<Grid>,
+        pose: Pose,
+        tasks: &[ChartTask],
+        plan: &Plan,
+        truncated: bool,
+    ) -> Vec<Option<ChartInput>> {
+        let last = self.last(grid);
+        let reused = |c: usize| last.filter(|_| tasks[c] == ChartTask::Reuse)?.inputs[c].clone();
+        // A warm or truncated result depends on more than its inputs.
+        let depends_on_more = plan.warm || truncated;
+        let input = |pose| (!depends_on_more).then_some(ChartInput { pose, plan: *plan });
+        pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collect()
     }
 
     /// What is left of the solver's memory after a failure goes, and is taken out of the books.
     fn give_up(&mut self, device: &Device, tile: &TileMesh, error: Error) -> Error {
-        self.memory = None;
-        self.memory_bytes = 0;
+        self.solver = None;
+        self.solver_bytes = 0;
         if let Some(gpu) = device.gpu() {
             gpu.reclaim();
         }
@@ -275,29 +333,29 @@ impl TileState {
         error
     }
 
-    /// Lets the solver's memory go.
+    /// Drops the solver.
     fn forget(&mut self, device: &Device) {
-        self.memory_bytes = 0;
-        if self.memory.take().is_some()
+        self.solver_bytes = 0;
+        if self.solver.take().is_some()
             && let Some(gpu) = device.gpu()
         {
             gpu.reclaim();
         }
     }
 
-    /// The solver's memory for a grid, booked before it is taken.
+    /// Makes the solver for a grid, if there is none yet. Its memory is booked before it is taken.
     fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<()> {
-        let fits = self.memory.as_ref().is_some_and(|memory| memory.is_for(grid, solver));
+        let fits = self.solver.as_ref().is_some_and(|solver_of| solver_of.is_for(grid, solver));
         if !fits {
             // The old memory goes before the new one comes.
             self.forget(device);
-            let bytes = Memory::bytes_for(device, grid, tile, solver)?;
+            let bytes = TileSolver::bytes_for(device, grid, tile, solver)?;
             self.book(device, bytes, tile.udim)?;
-            match Memory::new(device, grid, tile, solver) {
-                Ok(memory) => self.memory = Some(memory),
+            match TileSolver::new(device, grid, tile, solver) {
+                Ok(solver) => self.solver = Some(solver),
                 Err(error) => return Err(self.give_up(device, tile, error)),
             }
-            self.memory_bytes = bytes;
+            self.solver_bytes = bytes;
         }
         Ok(())
     }
@@ -325,9 +383,13 @@ impl TileState {
     }
 }
 
+/// What there is to do for a chart.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum ChartState {
-    Active,
-    Reused,
+enum ChartTask {
+    /// It has to be solved.
+    Solve,
+    /// None of its inputs changed: it keeps its last result.
+    Reuse,
+    /// The identity is its best warp.
     Identity,
 }

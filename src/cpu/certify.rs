@@ -1,9 +1,72 @@
 //! certify: all corner Jacobians of a warp, in f64. With the borders fixed, all > 0 means one-to-one and onto.
 
 use crate::mesh::NONE;
+use crate::method::schedule::ChartResult;
 use crate::tile::Level;
-use crate::tile::blocks::Plane;
-use crate::tile::halo::{self, WINDOW_NODES, place};
+use crate::tile::blocks::{NODES, Plane};
+use crate::tile::window::{self, WINDOW_NODES, place};
+
+use super::Run;
+use super::team::SharedSlice;
+
+impl Run<'_> {
+    /// Certifies the finest level's state and makes it the result; a chart that is folded or no better than the identity
+    /// becomes the identity, with `as_is` only one whose energy is NaN or infinite.
+    pub(super) fn certify_result(&mut self, as_is: bool) {
+        let all_known = (0..self.charts.len()).all(|c| !self.charts[c] || self.known_energies[c].is_some());
+        let energies = match (as_is, all_known) {
+            (true, _) => self.energies_as_is(0),
+            (false, true) => self.known_energies.iter().map(|energy| energy.unwrap_or_default()).collect(),
+            (false, false) => self.energies(0),
+        };
+        let certificates = self.certificates();
+        for c in 0..self.charts.len() {
+            if !self.charts[c] {
+                continue;
+            }
+            let certificate = &certificates[c];
+            let result = &mut self.results[c];
+            result.energy = energies[c];
+            result.min_jacobian = certificate.min_jacobian;
+            result.folds = certificate.folds;
+            result.max_displacement = certificate.max_displacement;
+            // A comparison with NaN is false: then too, the identity.
+            let better = result.energy.is_finite()
+                && (as_is || (result.energy <= result.energy_before && certificate.folds == 0));
+            if !better {
+                *result = ChartResult {
+                    energy: result.energy_before,
+                    min_jacobian: 1.0,
+                    folds: 0,
+                    max_displacement: 0.0,
+                    fallback: true,
+                    ..*result
+                };
+            }
+            for b in self.grid.levels[0].blocks.of_chart[c].clone() {
+                self.result[b] = if better { self.memory.levels[0].u[b] } else { [[0.0; NODES]; 2] };
+            }
+        }
+    }
+
+    /// The certificate of each chart.
+    fn certificates(&self) -> Vec<Certificate> {
+        let blocks = &self.work[0].active;
+        let level = &self.grid.levels[0];
+        let u = &self.memory.levels[0].u;
+        let mut parts = vec![Certificate::default(); blocks.len()];
+        let shared = SharedSlice::new(&mut parts);
+        self.team.run(blocks.len(), |k| {
+            // SAFETY: each item has its own certificate.
+            unsafe { *shared.get_mut(k) = block(level, u, blocks[k] as usize) };
+        });
+        let mut certificates = vec![Certificate::default(); self.charts.len()];
+        for (part, &b) in parts.iter().zip(blocks) {
+            certificates[level.blocks.list[b as usize].chart as usize].add(part);
+        }
+        certificates
+    }
+}
 
 /// What the corners of a chart, or of a part of it, say.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,11 +109,11 @@ pub(crate) fn block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
     let mut certificate = Certificate::default();
     let mut windows = [[0.0f32; WINDOW_NODES]; 2];
     for (c, window) in windows.iter_mut().enumerate() {
-        halo::load(&level.blocks.around[b], 0.0, |b| &u[b][c], window);
+        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
         u[b][c].iter().for_each(|x| certificate.displacement(x.abs()));
     }
     let is_active = |k: usize| {
-        let b = level.blocks.around[b][k];
+        let b = level.blocks.neighbours[b][k];
         b != NONE && level.blocks.list[b as usize].active
     };
     // Cells from (-1, -1) to (15, 15); one on the rim is left to the block that holds its lower left node, if that

@@ -2,7 +2,7 @@
 
 use crate::tile::Level;
 use crate::tile::codes;
-use crate::tile::halo::{self, WINDOW_NODES, Window};
+use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::lanes::{LANES, Lanes};
 
@@ -16,7 +16,7 @@ pub fn window_vectors() -> impl Iterator<Item = usize> {
 #[inline(always)]
 pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
     let mut codes: Window<u16> = [0; WINDOW_NODES];
-    halo::load(&level.blocks.around[b], 0, |b| &level.rigidity[b], &mut codes);
+    window::load(&level.blocks.neighbours[b], 0, |b| &level.rigidity[b], &mut codes);
     for at in window_vectors() {
         (V::load_u16(&codes, at) / V::splat(codes::SHARES)).store(out, at);
     }
@@ -27,7 +27,7 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
 pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window) {
     let lengths = level.lengths[level.blocks.list[b].chart as usize][e];
     let mut codes: Window<u16> = [0; WINDOW_NODES];
-    halo::load(&level.blocks.around[b], 0, |b| &level.rest_length[b][e], &mut codes);
+    window::load(&level.blocks.neighbours[b], 0, |b| &level.rest_length[b][e], &mut codes);
     for at in window_vectors() {
         V::load_lengths(&codes, at, lengths).store(out, at);
     }
@@ -36,6 +36,6 @@ pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window
 /// P's weights in a block and on its ring, from the blocks `around`; 0 where there is none.
 pub fn interpolation(level: &Level, around: &[u32; 9]) -> Window {
     let mut codes: Window<u8> = [0; WINDOW_NODES];
-    halo::load(around, 0, |b| &level.interpolation[b], &mut codes);
+    window::load(around, 0, |b| &level.interpolation[b], &mut codes);
     codes.map(codes::of_weight)
 }

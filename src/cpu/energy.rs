@@ -2,12 +2,12 @@
 
 use super::lanes::{Kernel, Lanes, Truth, wide};
 use super::patch::{NEIGHBOURS, Patch, QUADRANTS, State, Weights};
-use super::relax::MIN_JACOBIAN;
 use super::row::Row;
-use super::surface::Surface;
-use super::team::Shared;
+use super::sampling::Surface;
+use super::team::SharedSlice;
 use super::terms::{Terms, lowest, room};
 use super::{Run, SurfaceFn};
+use crate::method::law::CRUSHED_JACOBIAN;
 use crate::tile::Level;
 
 impl Run<'_> {
@@ -32,7 +32,7 @@ impl SurfaceFn<Vec<f64>> for Energies {
         let level = &run.grid.levels[self.level];
         let blocks = &run.work[self.level].active;
         let mut sums = vec![0.0f64; blocks.len()];
-        let shared = Shared::new(&mut sums);
+        let shared = SharedSlice::new(&mut sums);
         run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
             let sum = run.patches.with(worker, |patch| {
@@ -140,7 +140,7 @@ impl<V: Lanes> Total<V> {
     #[inline(always)]
     pub fn energy(&self) -> f64 {
         // A state with crushed cells is worth nothing, however low its energy.
-        let crushed = self.worst.lt(V::splat(0.5 * MIN_JACOBIAN)).any();
+        let crushed = self.worst.lt(V::splat(CRUSHED_JACOBIAN)).any();
         if crushed { f64::INFINITY } else { self.sum() }
     }
 }

@@ -6,7 +6,7 @@ use crate::tile::blocks::{NODES, Plane};
 use crate::tile::pose::PoseTriangle;
 
 use super::Run;
-use super::record::Record;
+use super::sampling::Record;
 
 /// Planes of one quantity, per block, as bits.
 fn bits<const N: usize>(planes: &[Plane; N]) -> impl Iterator<Item = u32> {
@@ -64,7 +64,7 @@ impl Run<'_> {
     }
 
     pub fn set_state(&mut self, level: usize, bits: &[u32]) {
-        self.known.fill(None);
+        self.known_energies.fill(None);
         let buffers = &mut self.memory.levels[level];
         for (b, bits) in bits.chunks(6 * NODES).enumerate() {
             set(&mut buffers.u[b], bits);

@@ -4,7 +4,7 @@
 
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::fill::Fill;
-use crate::tile::halo::{self, WINDOW_NODES, Window, place};
+use crate::tile::window::{self, WINDOW_NODES, Window, place};
 use crate::tile::{Grid, Level};
 
 use super::team::Team;
@@ -53,7 +53,7 @@ pub(crate) fn texels(
 /// Loads a block's displacements; false if all of them are 0.
 fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) -> bool {
     for (c, window) in windows.iter_mut().enumerate() {
-        halo::load(&level.blocks.around[b], 0.0, |b| &u[b][c], window);
+        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
     }
     windows.iter().flatten().any(|&x| x != 0.0)
 }

@@ -7,18 +7,19 @@ use crate::settings::Solver;
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 
-use super::correct::Systems;
+use super::allocate::{Allocate, Count, Heap};
+use super::correct::Workspace;
 use super::patch::State;
-use super::pbd::Scratch;
-use super::record::Record;
-use super::team::Shared;
+use super::pbd::PbdBuffers;
+use super::sampling::Record;
+use super::team::SharedSlice;
 
 /// The changing state of one level.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     /// Displacements, in cells of this level.
     pub u: Vec<[Plane; 2]>,
-    /// Positions (finest) or metrics at W(p).
+    /// Positions (finest level) or metrics (coarser levels) at W(p).
     pub value: Vec<[Plane; 3]>,
     /// The triangle under W(p); finest level only.
     pub triangle: Vec<Plane<u32>>,
@@ -27,73 +28,70 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// Of `n` blocks, without metrics.
-    pub fn new(n: usize, finest: bool) -> Buffers {
+    /// Of `blocks` blocks, without metrics.
+    pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
         Buffers {
-            u: vec![[[0.0; NODES]; 2]; n],
-            value: vec![[[0.0; NODES]; 3]; n],
-            triangle: if finest { vec![[NONE; NODES]; n] } else { Vec::new() },
+            u: allocator.array([[0.0; NODES]; 2], blocks),
+            value: allocator.array([[0.0; NODES]; 3], blocks),
+            triangle: allocator.array([NONE; NODES], if finest { blocks } else { 0 }),
             metric: Vec::new(),
         }
     }
 
+    /// The state, for the items of a job.
     pub fn state(&mut self) -> State {
         State {
-            u: Shared::new(&mut self.u),
-            value: Shared::new(&mut self.value),
-            triangle: Shared::new(&mut self.triangle),
+            u: SharedSlice::new(&mut self.u),
+            value: SharedSlice::new(&mut self.value),
+            triangle: SharedSlice::new(&mut self.triangle),
         }
     }
 }
 
-/// The memory of one tile's solver, kept between solves.
+/// The memory of one tile's solver.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
     grid: Weak<Grid>,
     solver: Solver,
+    /// Per level.
     pub(super) levels: Vec<Buffers>,
-    pub(super) systems: Systems,
-    /// Per level; of the paper's solver.
-    pub(super) pbd: Vec<Scratch>,
+    /// Of corrections; empty for the paper's solver.
+    pub(super) workspace: Workspace,
+    /// Per level; empty for `descent`.
+    pub(super) pbd: Vec<PbdBuffers>,
+    /// Per triangle, its UVs and its pose.
     pub(super) triangles: Vec<Record>,
+    /// Per triangle, the pose's metric.
     pub(super) metrics: Vec<[f32; 3]>,
 }
 
 impl Memory {
     /// Allocates for a grid.
     pub fn new(grid: &Arc<Grid>, solver: Solver) -> Memory {
-        let mut levels: Vec<Buffers> = Vec::with_capacity(grid.levels.len());
-        for (k, level) in grid.levels.iter().enumerate() {
-            let n = level.blocks.list.len();
-            levels.push(Buffers {
-                metric: if k > 0 { vec![[[0.0; NODES]; 3]; n] } else { Vec::new() },
-                ..Buffers::new(n, k == 0)
-            });
-        }
-        Memory {
-            grid: Arc::downgrade(grid),
-            solver,
-            levels,
-            systems: if solver == Solver::Descent { Systems::new(grid) } else { Systems::none(grid) },
-            pbd: if solver == Solver::Pbd { Scratch::new(grid) } else { Vec::new() },
-            triangles: vec![Record::default(); grid.triangles.len()],
-            metrics: vec![[0.0; 3]; grid.triangles.len()],
-        }
+        Memory { grid: Arc::downgrade(grid), ..Memory::lay_out(&mut Heap, grid, solver) }
     }
 
     /// Bytes that `new` takes for a grid.
     pub fn bytes_for(grid: &Grid, solver: Solver) -> u64 {
-        let plane = NODES * 4;
-        let levels: usize =
-            grid.levels.iter().map(|level| level.blocks.list.len() * (2 + 3 + 3) * plane).sum();
-        // The finest level has triangles where the others have metrics.
-        let finest = grid.levels[0].blocks.list.len() * 2 * plane;
-        let triangles = grid.triangles.len() * (size_of::<Record>() + 12);
-        let of_solver = match solver {
-            Solver::Descent => Systems::bytes_for(grid),
-            Solver::Pbd => Scratch::bytes_for(grid),
+        let mut count = Count::default();
+        Memory::lay_out(&mut count, grid, solver);
+        count.bytes
+    }
+
+    fn lay_out(allocator: &mut impl Allocate, grid: &Grid, solver: Solver) -> Memory {
+        let mut levels = Vec::with_capacity(grid.levels.len());
+        for (k, level) in grid.levels.iter().enumerate() {
+            let blocks = level.blocks.list.len();
+            let metric = allocator.array([[0.0; NODES]; 3], if k > 0 { blocks } else { 0 });
+            levels.push(Buffers { metric, ..Buffers::new(allocator, blocks, k == 0) });
+        }
+        let (workspace, pbd) = match solver {
+            Solver::Descent => (Workspace::new(allocator, grid), Vec::new()),
+            Solver::Pbd => (Workspace::default(), PbdBuffers::new(allocator, grid)),
         };
-        (levels - finest + triangles) as u64 + of_solver
+        let triangles = allocator.array(Record::default(), grid.triangles.len());
+        let metrics = allocator.array([0.0; 3], grid.triangles.len());
+        Memory { grid: Weak::new(), solver, levels, workspace, pbd, triangles, metrics }
     }
 
     /// True if this is the memory of a solver on a grid (grids of other sizes or maps have other blocks).

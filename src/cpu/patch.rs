@@ -1,16 +1,16 @@
 //! One block's problem with its ring, gathered for work.
 
 use crate::mesh::NONE;
-use crate::solve::Input;
+use crate::method::schedule::Input;
 use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE};
-use crate::tile::halo::{self, WINDOW_NODES, Window};
+use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::constants::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Truth, each};
 use super::row::Row;
-use super::surface::{Samples, Site, Surface};
-use super::team::Shared;
+use super::sampling::{Samples, Site, Surface};
+use super::team::SharedSlice;
 
 /// The eight neighbours of a node: offset, which owned edge leads there, and whether the neighbour owns it.
 pub const NEIGHBOURS: [(i64, i64, usize, bool); 8] = [
@@ -62,11 +62,11 @@ impl Weights {
 /// Per block, the state of a level that a sweep changes.
 #[derive(Clone, Copy)]
 pub struct State {
-    pub u: Shared<[Plane; 2]>,
+    pub u: SharedSlice<[Plane; 2]>,
     /// Positions on the finest level, metrics on coarser ones, at W(p).
-    pub value: Shared<[Plane; 3]>,
+    pub value: SharedSlice<[Plane; 3]>,
     /// The triangle under W(p): finest level only, empty elsewhere.
-    pub triangle: Shared<Plane<u32>>,
+    pub triangle: SharedSlice<Plane<u32>>,
 }
 
 /// A block with its ring.
@@ -125,7 +125,7 @@ impl Patch {
     /// No other item writes this block or one around it now.
     #[inline(always)]
     pub unsafe fn load<V: Lanes, S: Surface>(&mut self, level: &Level, state: State, b: usize) {
-        let around = &level.blocks.around[b];
+        let around = &level.blocks.neighbours[b];
         let block = &level.blocks.list[b];
         self.block = b;
         self.x = i64::from(block.x) * SIDE as i64;
@@ -134,20 +134,20 @@ impl Patch {
         // SAFETY: the caller's promise.
         unsafe {
             for c in 0..2 {
-                halo::load(around, 0.0, |b| &state.u.get(b)[c], &mut self.u[c]);
+                window::load(around, 0.0, |b| &state.u.get(b)[c], &mut self.u[c]);
             }
             for c in 0..3 {
-                halo::load(around, 0.0, |b| &state.value.get(b)[c], &mut self.value[c]);
+                window::load(around, 0.0, |b| &state.value.get(b)[c], &mut self.value[c]);
             }
             if S::CHORDS {
-                halo::load(around, NONE, |b| state.triangle.get(b), &mut self.triangle);
+                window::load(around, NONE, |b| state.triangle.get(b), &mut self.triangle);
             }
         }
         constants::rigidity::<V>(level, b, &mut self.rigidity);
-        halo::load(around, 0, |b| &level.movable[b], &mut self.movable);
+        window::load(around, 0, |b| &level.movable[b], &mut self.movable);
         let floor = V::splat(self.floor);
         if !level.density.is_empty() {
-            halo::load(around, 0.0, |b| &level.density[b], &mut self.density);
+            window::load(around, 0.0, |b| &level.density[b], &mut self.density);
         } else if self.dense {
             self.density = [0.0; WINDOW_NODES];
         }

@@ -2,50 +2,44 @@
 //! place: what a node becomes depends on nothing that the same pass writes, so that neither threads nor their order matter.
 
 mod project;
-mod settle;
+mod regularise;
 #[cfg(test)]
 mod tests;
 
 use std::sync::atomic::Ordering;
 
-use crate::pbd::{Iteration, SETS};
+use crate::method::pbd::{Iteration, SETS};
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 
+use super::allocate::Allocate;
 use super::memory::Buffers;
 use super::patch::State;
-use super::surface::Surface;
-use super::team::Shared;
+use super::sampling::Surface;
+use super::team::SharedSlice;
 use super::{Run, SurfaceFn};
 use project::Project;
-use settle::{Settle, Velocity};
+use regularise::{Regularise, Velocity};
 
 /// What a level's iterations need beside its state.
 #[derive(Debug, Default)]
-pub(super) struct Scratch {
+pub(super) struct PbdBuffers {
     /// The state that a pass writes.
     next: Buffers,
     /// Displacements as they were integrated last: the velocity is what the present ones differ by.
     previous: Vec<[Plane; 2]>,
 }
 
-impl Scratch {
+impl PbdBuffers {
     /// Of all levels.
-    pub fn new(grid: &Grid) -> Vec<Scratch> {
-        let of_level = |(k, level): (usize, &crate::tile::Level)| {
-            let n = level.blocks.list.len();
-            let next = Buffers { metric: Vec::new(), ..Buffers::new(n, k == 0) };
-            Scratch { next, previous: vec![[[0.0; NODES]; 2]; n] }
-        };
-        grid.levels.iter().enumerate().map(of_level).collect()
-    }
-
-    /// Bytes that `new` takes.
-    pub fn bytes_for(grid: &Grid) -> u64 {
-        let planes = |(k, level): (usize, &crate::tile::Level)| {
-            level.blocks.list.len() * (2 + 3 + usize::from(k == 0) + 2) * NODES * 4
-        };
-        grid.levels.iter().enumerate().map(planes).sum::<usize>() as u64
+    pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Vec<PbdBuffers> {
+        let mut all = Vec::with_capacity(grid.levels.len());
+        for (k, level) in grid.levels.iter().enumerate() {
+            let blocks = level.blocks.list.len();
+            let next = Buffers::new(allocator, blocks, k == 0);
+            all.push(PbdBuffers { next, previous: allocator.array([[0.0; NODES]; 2], blocks) });
+        }
+        all
     }
 }
 
@@ -58,10 +52,10 @@ impl Run<'_> {
         for set in SETS {
             self.pass(level, Pass::Project(Project { set, iteration: *iteration }));
         }
-        if iteration.settle {
+        if iteration.regularise {
             let velocity = Velocity { last: iteration.last, momentum: iteration.momentum };
-            let settle = Settle { smoothing: iteration.smoothing, velocity: Some(velocity) };
-            self.pass(level, Pass::Settle(settle));
+            let regularise = Regularise { smoothing: iteration.smoothing, velocity: Some(velocity) };
+            self.pass(level, Pass::Regularise(regularise));
         }
         let grid = &self.grid.levels[level];
         let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
@@ -71,13 +65,13 @@ impl Run<'_> {
 
     /// Eq. 4-5 alone.
     pub(super) fn smooth_level(&mut self, level: usize, smoothing: f32) {
-        self.copy_still_blocks(level);
-        self.pass(level, Pass::Settle(Settle { smoothing, velocity: None }));
+        self.copy_inactive_blocks(level);
+        self.pass(level, Pass::Regularise(Regularise { smoothing, velocity: None }));
     }
 
     /// Velocities of 0.
     fn begin_level(&mut self, level: usize) {
-        self.copy_still_blocks(level);
+        self.copy_inactive_blocks(level);
         for &b in &self.work[level].active {
             let b = b as usize;
             self.memory.pbd[level].previous[b] = self.memory.levels[level].u[b];
@@ -85,7 +79,7 @@ impl Run<'_> {
     }
 
     /// Blocks that no pass visits are the same in both states.
-    fn copy_still_blocks(&mut self, level: usize) {
+    fn copy_inactive_blocks(&mut self, level: usize) {
         let (state, next) = (&self.memory.levels[level], &mut self.memory.pbd[level].next);
         for &b in &self.work[level].stored {
             let b = b as usize;
@@ -101,15 +95,15 @@ impl Run<'_> {
 
     /// Runs a pass over all active blocks of a level; what it wrote becomes the level's state.
     fn pass(&mut self, level: usize, pass: Pass) {
-        let mut scratch = std::mem::take(&mut self.memory.pbd[level]);
-        let next = scratch.next.state();
-        let previous = Shared::new(&mut scratch.previous);
+        let mut buffers = std::mem::take(&mut self.memory.pbd[level]);
+        let next = buffers.next.state();
+        let previous = SharedSlice::new(&mut buffers.previous);
         self.with_surface(level, Everywhere { level, pass, next, previous });
         let state = &mut self.memory.levels[level];
-        std::mem::swap(&mut state.u, &mut scratch.next.u);
-        std::mem::swap(&mut state.value, &mut scratch.next.value);
-        std::mem::swap(&mut state.triangle, &mut scratch.next.triangle);
-        self.memory.pbd[level] = scratch;
+        std::mem::swap(&mut state.u, &mut buffers.next.u);
+        std::mem::swap(&mut state.value, &mut buffers.next.value);
+        std::mem::swap(&mut state.triangle, &mut buffers.next.triangle);
+        self.memory.pbd[level] = buffers;
     }
 }
 
@@ -117,7 +111,7 @@ impl Run<'_> {
 #[derive(Clone, Copy)]
 enum Pass {
     Project(Project),
-    Settle(Settle),
+    Regularise(Regularise),
 }
 
 /// A pass over all active blocks of a level.
@@ -125,7 +119,7 @@ struct Everywhere {
     level: usize,
     pass: Pass,
     next: State,
-    previous: Shared<[Plane; 2]>,
+    previous: SharedSlice<[Plane; 2]>,
 }
 
 impl SurfaceFn<()> for Everywhere {
@@ -139,7 +133,9 @@ impl SurfaceFn<()> for Everywhere {
             unsafe {
                 match &pass {
                     Pass::Project(project) => project.block(level, state, next, surface, density, b),
-                    Pass::Settle(settle) => settle.block(level, state, next, previous, surface, b),
+                    Pass::Regularise(regularise) => {
+                        regularise.block(level, state, next, previous, surface, b)
+                    }
                 }
             }
         });

@@ -1,11 +1,87 @@
-//! prolong: bilinear interpolation of displacements to the next finer level. A quarter of a bilinear cell has its
-//! corner Jacobians inside the cell's own range, so it cannot fold.
+//! prolong: where a level starts from. Displacements come from the next coarser level by bilinear interpolation: a quarter
+//! of a bilinear cell has its corner Jacobians inside the cell's own range, so it cannot fold (method §3). The coarsest
+//! level starts from the identity, a warm start from the previous result.
 
+use super::Run;
 use super::lanes::{Kernel, Lanes, Truth, wide};
+use super::sampling::Start;
+use super::team::SharedSlice;
 use crate::mesh::NONE;
 use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE, slot};
-use crate::tile::halo::{self, WINDOW_NODES, Window, place};
+use crate::tile::window::{self, WINDOW_NODES, Window, place};
+
+impl Run<'_> {
+    /// Sets a level to the identity.
+    pub(super) fn start_from_identity(&mut self, level: usize) {
+        let u = SharedSlice::new(&mut self.memory.levels[level].u);
+        let blocks = &self.work[level].stored;
+        self.team.run(blocks.len(), |k| {
+            // SAFETY: each item has its own block.
+            unsafe { *u.get_mut(blocks[k] as usize) = [[0.0; NODES]; 2] };
+        });
+        let stored = std::mem::take(&mut self.work[level].stored);
+        self.resample(level, &stored, Start::Identity);
+        self.work[level].stored = stored;
+        if level == 0 {
+            self.energy_before();
+        }
+    }
+
+    /// Sets the finest level to the previous result.
+    pub(super) fn start_from_previous(&mut self) {
+        self.start_from_identity(0);
+        for &b in &self.work[0].active {
+            self.memory.levels[0].u[b as usize] = self.result[b as usize];
+        }
+        let active = std::mem::take(&mut self.work[0].active);
+        self.resample(0, &active, Start::Nearest);
+        self.work[0].active = active;
+    }
+
+    /// Sets a level to what the next coarser one interpolates to.
+    pub(super) fn prolong_level(&mut self, level: usize) {
+        if level == 0 {
+            // For the energy of the identity.
+            self.start_from_identity(level);
+        } else {
+            self.reset_inactive_blocks(level);
+        }
+        let (finer, coarser) = self.memory.levels.split_at_mut(level + 1);
+        let coarse = &coarser[0].u;
+        let u = SharedSlice::new(&mut finer[level].u);
+        let (fine_level, coarse_level) = (&self.grid.levels[level], &self.grid.levels[level + 1]);
+        let blocks = &self.work[level].active;
+        self.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
+            // SAFETY: each item has its own block.
+            let out = unsafe { u.get_mut(b) };
+            block(fine_level, coarse_level, |b, c| &coarse[b][c], b, out);
+        });
+        let active = std::mem::take(&mut self.work[level].active);
+        self.resample(level, &active, Start::Nearest);
+        self.work[level].active = active;
+    }
+
+    /// Sets the blocks of a level that no stage visits, since they have no movable node, to the identity.
+    fn reset_inactive_blocks(&mut self, level: usize) {
+        let list = &self.grid.levels[level].blocks.list;
+        let inactive: Vec<u32> =
+            self.work[level].stored.iter().copied().filter(|&b| !list[b as usize].active).collect();
+        for &b in &inactive {
+            self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
+        }
+        self.resample(level, &inactive, Start::Identity);
+    }
+
+    /// The energy of the identity, which the finest level is at now.
+    fn energy_before(&mut self) {
+        let energies = self.energies(0);
+        for (result, energy) in self.results.iter_mut().zip(energies) {
+            result.energy_before = energy;
+        }
+    }
+}
 
 /// The coarse nodes over a finer block, and one more on two sides, row by row.
 pub type CoarseNodes = [[f32; SIDE / 2 + 1]; SIDE / 2 + 1];
@@ -26,7 +102,7 @@ pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a>(
     let block = &finer.blocks.list[b];
     let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
     let mut window: Window<T> = [T::default(); WINDOW_NODES];
-    halo::load(&coarser.blocks.around[parent as usize], T::default(), coarse, &mut window);
+    window::load(&coarser.blocks.neighbours[parent as usize], T::default(), coarse, &mut window);
     let mut nodes = [[0.0; SIDE / 2 + 1]; SIDE / 2 + 1];
     for (j, row) in nodes.iter_mut().enumerate() {
         for (i, node) in row.iter_mut().enumerate() {

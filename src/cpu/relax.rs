@@ -5,24 +5,29 @@
 //! its ring frozen; the bits do not depend on the order. A third of a sweep is the gathering of the block: two sweeps are
 //! done on it at a time.
 
-use crate::solve::in_passes;
+use crate::method::law::{BOUND_SAFETY, MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN};
+use crate::method::schedule::passes;
 use crate::tile::Level;
 
 use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use std::sync::atomic::Ordering;
+
 use super::patch::{Patch, Place, State, Weights};
 use super::row::Row;
-use super::surface::Surface;
+use super::sampling::Surface;
 use super::terms::Local;
 use super::{Run, SurfaceFn};
 
-/// Corner Jacobians of a result are at least this.
-pub const MIN_JACOBIAN: f32 = 0.02;
-
-/// A node's step per sweep, in cells, at most: the linear model is not to be trusted further.
-const MAX_STEP: f32 = 2.0;
-
-/// A step that is to gain less than this share of the node's energy drowns in the energy's rounding: none is taken.
-const NOTICEABLE: f32 = 1e-6;
+impl Run<'_> {
+    /// Sweeps of which each chart's nodes take a share: all of each step without any.
+    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, share: Option<&[f32]>) {
+        let grid = &self.grid.levels[level];
+        let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
+        let nodes: u64 = self.work[level].active.iter().map(movable).sum();
+        self.node_updates.fetch_add(nodes * u64::from(sweeps), Ordering::Relaxed);
+        self.with_surface(level, Relax { level, sweeps, share });
+    }
+}
 
 /// Sweeps over all blocks of a level.
 pub struct Relax<'a> {
@@ -36,7 +41,7 @@ pub struct Relax<'a> {
 impl SurfaceFn<()> for Relax<'_> {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
         let level = &run.grid.levels[self.level];
-        for sweeps in in_passes(self.sweeps) {
+        for sweeps in passes(self.sweeps) {
             run.each_colour(self.level, false, |worker, b| {
                 // Blocks of one colour do not touch.
                 run.patches.with(worker, |patch| {
@@ -126,8 +131,8 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
     let rigid = patch.is_rigid::<V>(row, weights);
     let local = patch.local::<V, S>(row, &here, weights, rigid, &mut ());
     let mut delta = newton_step(&local);
-    let foretold = -(local.gradient[0] * delta[0] + local.gradient[1] * delta[1]);
-    lanes = lanes.and((local.terms.energy * NOTICEABLE).lt(foretold));
+    let predicted = -(local.gradient[0] * delta[0] + local.gradient[1] * delta[1]);
+    lanes = lanes.and((local.terms.energy * MIN_RELATIVE_GAIN).lt(predicted));
     if !lanes.any() {
         return;
     }
@@ -157,7 +162,7 @@ fn newton_step<V: Lanes>(local: &Local<V>) -> [V; 2] {
     let inverse = V::one() / (xx * yy - xy * xy);
     let mut delta = [(xy * gy - yy * gx) * inverse, (xy * gx - xx * gy) * inverse];
     // This also turns what is not a number into a step, which the energy then has to approve.
-    delta = each!([0, 1], |c| delta[c].max(V::splat(-MAX_STEP)).min(V::splat(MAX_STEP)));
+    delta = each!([0, 1], |c| delta[c].max(V::splat(-MAX_NODE_STEP)).min(V::splat(MAX_NODE_STEP)));
     let mut share = V::one();
     for (jacobian, slope) in &local.terms.corners {
         let change = slope[0] * delta[0] + slope[1] * delta[1];
@@ -169,5 +174,5 @@ fn newton_step<V: Lanes>(local: &Local<V>) -> [V; 2] {
         }
     }
     // A hair less, against rounding.
-    each!([0, 1], |c| delta[c] * share * 0.999)
+    each!([0, 1], |c| delta[c] * share * BOUND_SAFETY)
 }

@@ -1,7 +1,7 @@
 //! Eight nodes of one colour in one row of a block: what a vector holds, and where they and their neighbours lie.
 
 use crate::tile::blocks::{Plane, SIDE};
-use crate::tile::halo::{Window, place};
+use crate::tile::window::{Window, place};
 
 use super::lanes::{LANES, Lanes};
 

@@ -2,6 +2,8 @@
 
 mod chords;
 mod metrics;
+mod record;
+mod resample;
 
 use super::lanes::{LANES, Lanes};
 use super::row::Row;
@@ -9,6 +11,8 @@ use crate::tile::Level;
 use crate::tile::blocks::SIDE;
 pub use chords::Chords;
 pub use metrics::Metrics;
+pub use record::Record;
+pub use resample::Start;
 
 /// The slopes at a row's eight nodes.
 pub type Slopes<V> = [V; 6];
@@ -99,6 +103,3 @@ pub struct Chord<V> {
     d: [V; 2],
     inverse_length: V,
 }
-
-/// Keeps 1 / L finite; lengths of a chart of unit size are far longer.
-const TINY: f32 = 1e-24;

@@ -181,7 +181,7 @@ impl Team {
 }
 
 /// Scratch memory, a piece for each of a team's threads, made when it is first asked for. It holds anything.
-pub struct Scratch<T> {
+pub struct PerThread<T> {
     pieces: Vec<Piece<T>>,
     new: fn() -> Box<T>,
 }
@@ -191,12 +191,12 @@ pub struct Scratch<T> {
 struct Piece<T>(UnsafeCell<Option<Box<T>>>);
 
 // SAFETY: only a piece's own worker touches it, of which there is one per thread.
-unsafe impl<T: Send> Sync for Scratch<T> {}
+unsafe impl<T: Send> Sync for PerThread<T> {}
 
-impl<T> Scratch<T> {
+impl<T> PerThread<T> {
     /// For a team's threads, each of which makes its piece with `new`.
-    pub fn new(team: &Team, new: fn() -> Box<T>) -> Scratch<T> {
-        Scratch { pieces: (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collect(), new }
+    pub fn new(team: &Team, new: fn() -> Box<T>) -> PerThread<T> {
+        PerThread { pieces: (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collect(), new }
     }
 
     /// Calls `f` with the worker's piece. Two jobs of one team do not run at once.
@@ -214,22 +214,22 @@ impl<T> Scratch<T> {
 /// A slice whose elements different items of one job may read and write: the caller sees to it that no element is
 /// written by one item while another one touches it.
 #[derive(Debug)]
-pub struct Shared<T>(*mut T, usize);
+pub struct SharedSlice<T>(*mut T, usize);
 
-impl<T> Clone for Shared<T> {
+impl<T> Clone for SharedSlice<T> {
     fn clone(&self) -> Self {
         *self
     }
 }
-impl<T> Copy for Shared<T> {}
+impl<T> Copy for SharedSlice<T> {}
 // SAFETY: access goes through the unsafe methods below, whose callers keep elements apart.
-unsafe impl<T: Send + Sync> Sync for Shared<T> {}
+unsafe impl<T: Send + Sync> Sync for SharedSlice<T> {}
 // SAFETY: as above.
-unsafe impl<T: Send + Sync> Send for Shared<T> {}
+unsafe impl<T: Send + Sync> Send for SharedSlice<T> {}
 
-impl<T> Shared<T> {
-    pub fn new(slice: &mut [T]) -> Shared<T> {
-        Shared(slice.as_mut_ptr(), slice.len())
+impl<T> SharedSlice<T> {
+    pub fn new(slice: &mut [T]) -> SharedSlice<T> {
+        SharedSlice(slice.as_mut_ptr(), slice.len())
     }
 
     /// # Safety

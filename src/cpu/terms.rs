@@ -3,7 +3,7 @@
 use super::lanes::{Lanes, Truth, each};
 use super::patch::{NEIGHBOURS, Patch, Place, QUADRANTS, Weights};
 use super::row::Row;
-use super::surface::{Chord, Surface};
+use super::sampling::{Chord, Surface};
 
 /// The energy of what a row's nodes touch.
 pub struct Terms<V> {

@@ -13,7 +13,7 @@ pub mod asset;
 mod desc;
 pub mod device;
 pub mod fetch;
-pub(crate) mod guard;
+mod guard;
 pub mod handle;
 pub mod report;
 pub mod solve;

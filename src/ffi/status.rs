@@ -1,10 +1,11 @@
 //! Version, status values and the message of a thread's last failure.
 
-use std::cell::{Cell, UnsafeCell};
+use std::cell::UnsafeCell;
 use std::ffi::{CStr, c_char};
 use std::fmt::{self, Write};
 
 use crate::error::{Error, ErrorKind};
+use crate::line::Line;
 
 /// Major version of this header: functions and structs of another major version do not fit.
 pub const VRTM_VERSION_MAJOR: u32 = 0;
@@ -113,13 +114,11 @@ impl From<Error> for Failure {
 pub(super) type Outcome<T> = Result<T, Failure>;
 
 const MESSAGE_BYTES: usize = 512;
-const PLACE_BYTES: usize = 128;
 
 // Plain bytes, initialised at compile time: no destructor is registered with the thread, which would keep the
 // library from being unloaded or run after it was.
 thread_local! {
     static LAST_ERROR: UnsafeCell<[u8; MESSAGE_BYTES]> = const { UnsafeCell::new([0; MESSAGE_BYTES]) };
-    static PANIC_PLACE: Cell<Line<PLACE_BYTES>> = const { Cell::new(Line::new()) };
 }
 
 /// Keeps a message for [`vrtm_last_error`].
@@ -128,57 +127,7 @@ pub(super) fn set_last_error(function: &str, message: impl fmt::Display) {
     // A line that is full is cut: that is no failure.
     let _ = write!(line, "{function}: {message}");
     // SAFETY: the storage belongs to this thread, and no reference into it is ever made.
-    let _ = LAST_ERROR.try_with(|text| unsafe { text.get().write(line.bytes) });
-}
-
-/// Keeps where a panic of this thread came from, until the guard takes it.
-pub(super) fn set_panic_place(place: impl fmt::Display) {
-    let mut line = Line::new();
-    let _ = write!(line, "{place}");
-    let _ = PANIC_PLACE.try_with(|kept| kept.set(line));
-}
-
-/// Where this thread's last panic came from.
-pub(super) fn take_panic_place() -> Line<PLACE_BYTES> {
-    PANIC_PLACE.try_with(|kept| kept.replace(Line::new())).unwrap_or(Line::new())
-}
-
-/// A zero-terminated line of text in place: messages must not need memory when memory is what is short.
-#[derive(Clone, Copy)]
-pub(super) struct Line<const N: usize> {
-    bytes: [u8; N],
-    length: usize,
-}
-
-impl<const N: usize> Line<N> {
-    pub const fn new() -> Line<N> {
-        Line { bytes: [0; N], length: 0 }
-    }
-
-    pub fn as_str(&self) -> &str {
-        std::str::from_utf8(&self.bytes[..self.length]).unwrap_or("")
-    }
-
-    /// The text as a C array.
-    pub fn as_chars(&self) -> [c_char; N] {
-        self.bytes.map(|byte| byte as c_char)
-    }
-}
-
-impl<const N: usize> Write for Line<N> {
-    /// Cuts at a character's border; a zero or a line break inside the text becomes a space.
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        for character in text.chars() {
-            let character = if matches!(character, '\0' | '\n' | '\r') { ' ' } else { character };
-            let end = self.length + character.len_utf8();
-            if end >= N {
-                return Err(fmt::Error);
-            }
-            character.encode_utf8(&mut self.bytes[self.length..end]);
-            self.length = end;
-        }
-        Ok(())
-    }
+    let _ = LAST_ERROR.try_with(|text| unsafe { text.get().write(*line.bytes()) });
 }
 
 /// `text` as a C array of a struct that a host gets.

@@ -1,6 +1,6 @@
 //! The GPUs of this machine: Vulkan, Direct3D 12 and Metal, never GL, whose drivers have no place in render threads.
 
-use crate::ffi::guard::contain;
+use crate::panics::contain;
 use crate::report::AdapterInfo;
 
 const BACKENDS: wgpu::Backends =

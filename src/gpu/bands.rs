@@ -70,7 +70,7 @@ pub fn bands(levels: &[Level], capacity: usize) -> Result<Vec<Vec<Band>>> {
 fn split(level: &Level, range: Range<usize>, above: usize, capacity: usize) -> Result<Vec<Band>> {
     let list = &level.blocks.list;
     let held = |own: &Range<usize>| {
-        let around = || level.blocks.around[own.clone()].iter().flatten().filter(|&&b| b != NONE);
+        let around = || level.blocks.neighbours[own.clone()].iter().flatten().filter(|&&b| b != NONE);
         let low = around().min().map_or(own.start, |&b| b as usize);
         let high = around().max().map_or(own.end, |&b| b as usize + 1);
         low..high

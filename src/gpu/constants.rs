@@ -1,14 +1,14 @@
 //! What does not depend on the pose, as the shaders see it: blocks, nodes, triangles.
 
 use super::bands::Band;
-use super::layout::{Block, NODE_PLANES, Triangle};
-use crate::mesh::NONE;
+use super::layout::{BlockRecord, NODE_PLANES, Triangle};
+use crate::mesh::{NONE, TileMesh};
 use crate::tile::blocks::NODES;
 use crate::tile::codes::of_share;
 use crate::tile::{Grid, Level};
 
 /// The blocks of a band, as the shaders see them.
-pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<Block> {
+pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<BlockRecord> {
     let level = &grid.levels[k];
     let list = &level.blocks.list;
     let above = bands.get(k + 1).map(|bands| &bands[band.above]);
@@ -17,8 +17,8 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
         .clone()
         .map(|b| {
             let block = &list[b];
-            let around = level.blocks.around[b];
-            let links = around.map(|b| if b != NONE && list[b as usize].active { b } else { NONE });
+            let neighbours = level.blocks.neighbours[b];
+            let active = neighbours.map(|b| if b != NONE && list[b as usize].active { b } else { NONE });
             let children = level.children[b].map(|child| {
                 let band =
                     below.and_then(|bands| bands.iter().find(|band| band.own.contains(&(child as usize))));
@@ -26,13 +26,13 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
             });
             let chart = level.blocks.of_chart[block.chart as usize].clone();
             let (first, end) = (chart.start.max(band.held.start), chart.end.min(band.held.end));
-            Block {
-                around: around.map(|b| band.place(b)),
-                links: links.map(|b| band.place(b)),
+            BlockRecord {
+                neighbours: neighbours.map(|b| band.place(b)),
+                active_neighbours: active.map(|b| band.place(b)),
                 chart: block.chart,
                 x: block.x,
                 y: block.y,
-                moves: u32::from(block.active),
+                is_active: u32::from(block.active),
                 parent: above.map_or(NONE, |above| above.place(level.parent[b])),
                 children,
                 chart_first: (first - band.held.start) as u32,
@@ -80,5 +80,20 @@ pub fn triangles(grid: &Grid) -> Vec<Triangle> {
                 pose: [0.0; 9],
             }
         })
+        .collect()
+}
+
+/// Per triangle, the places of its vertices among those of all charts.
+pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
+    let mut first_vertex = Vec::with_capacity(tile.charts.len());
+    let mut vertices = 0u32;
+    for chart in &tile.charts {
+        first_vertex.push(vertices);
+        vertices += chart.vertices.len() as u32;
+    }
+    tile.triangles
+        .iter()
+        .zip(&grid.chart_of)
+        .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
         .collect()
 }

@@ -12,8 +12,8 @@ use std::time::Duration;
 
 use super::kernels::Pipelines;
 use crate::error::{Error, ErrorKind, Result};
-use crate::ffi::guard::contain;
-use crate::parity::Switch;
+use crate::method::point::Switch;
+use crate::panics::contain;
 
 /// How a GPU is opened.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,6 +41,11 @@ pub(crate) struct Context {
     pub pipelines: Pipelines,
     time_kernels: AtomicBool,
     trouble: Arc<Trouble>,
+}
+
+/// Bytes of a buffer for `size` bytes.
+pub fn padded(size: u64) -> u64 {
+    size.max(16).next_multiple_of(16)
 }
 
 /// What went wrong since the last look.
@@ -210,7 +215,7 @@ impl Context {
             Error::new(ErrorKind::OutOfMemory, format!("{label}: {size} bytes on the GPU: {why}"))
         };
         let most = self.limits.max_buffer_size;
-        let padded = size.max(16).checked_next_multiple_of(16).filter(|&padded| padded <= most);
+        let padded = size.checked_add(16).map(|_| padded(size)).filter(|&padded| padded <= most);
         let padded = padded.ok_or_else(|| short(&format!("its buffers hold at most {most}")))?;
         let descriptor =
             wgpu::BufferDescriptor { label: Some(label), size: padded, usage, mapped_at_creation: false };

@@ -1,35 +1,28 @@
-//! correct: one Gauss-Newton step for all nodes of a level at once; the twin of `cpu/correct.rs`.
+//! correct: one Gauss-Newton step for all nodes of a level at once (method §7); the twin of `cpu/correct.rs`.
+
+pub(super) mod coarse_levels;
 
 use super::kernels::Kernel;
-use super::layout::Params;
-use super::stages::{Charts, Decision};
-use super::{GateSet, Run, Shared};
-use crate::solve::{Correction, ITERATIONS};
-
-/// Sweeps on either side of a V-cycle.
-const SWEEPS: u32 = 2;
-/// Rounds of them in each direction on the coarsest level.
-const COARSEST_ROUNDS: u32 = 4;
-/// Falloffs, of two passes, before the first round.
-const FALLOFFS: u32 = 2;
-/// Rounds of halving the step's local share, and rounds in all.
-const HALVINGS: u32 = 8;
-const ROUNDS: u32 = 16;
-/// Parts of the step that are tried until the energy falls; the last is relaxation alone.
-const TRIALS: [f32; 4] = [1.0, 0.5, 0.25, 0.0];
-
-/// Modes of `smooth_z`.
-const BACKWARDS: u32 = 1;
-const FRESH: u32 = 2;
+use super::layout::{
+    DECIDE_BEFORE, DECIDE_DIRECTION, DECIDE_FIRST_DIRECTION, DECIDE_LAST_TRIAL, DECIDE_STEP_LENGTH,
+    DECIDE_TRIAL, GATE_LIMITED, Params, RELAX_FRACTION, SELECT_ALL, SELECT_FIRST_CORRECTION,
+    SELECT_LATER_CORRECTION, SMOOTH_BACKWARDS, SMOOTH_FROM_ZERO, STEP_FIRST_TRIAL, STEP_LATER_TRIAL,
+};
+use super::{BandBuffer, GateSet, Run};
+use crate::method::acceptance::Correction;
+use crate::method::law::{
+    CG_ITERATIONS, COARSEST_ROUNDS, FALLOFF_PASSES, FIRST_FALLOFF_PASSES, HALVING_ROUNDS, LIMIT_ROUNDS,
+    SMOOTHER_SWEEPS, TRIAL_FRACTIONS,
+};
 
 impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
-        self.select(if correction.first { Charts::FirstCorrection } else { Charts::LaterCorrection });
-        self.open_gate(GateSet::Correction, false);
+        self.select(if correction.first { SELECT_FIRST_CORRECTION } else { SELECT_LATER_CORRECTION });
+        self.open_gate(GateSet::Correction, 0);
         let correcting = self.gate;
-        self.energy(level, Decision::Before, None);
+        self.energy(level, DECIDE_BEFORE, None);
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
-        self.each_active(kernel, level, self.at_level(level), Some(Shared::Rows));
+        self.each_active(kernel, level, self.at_level(level), Some(BandBuffer::Rows));
         // The coarser systems of the first correction precondition the next ones well enough.
         if correction.first {
             for k in level + 1..self.grid.levels.len() {
@@ -37,23 +30,25 @@ impl Run<'_> {
             }
         }
         self.conjugate_gradients(level);
-        self.cut(level);
+        self.limit_step(level);
         self.gate = correcting;
-        for (n, part) in TRIALS.into_iter().enumerate() {
+        for (n, factor) in TRIAL_FRACTIONS.into_iter().chain([0.0]).enumerate() {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
-            let params = Params { part, mode: u32::from(n > 0), ..self.at_level(level) };
-            self.each_active(kernel, level, params, Some(Shared::State));
-            self.relax_level(level, correction.sweeps, true);
-            let last = n + 1 == TRIALS.len();
-            let decision = if last { Decision::LastTrial } else { Decision::Trial };
+            let mode = if n == 0 { STEP_FIRST_TRIAL } else { STEP_LATER_TRIAL };
+            let params = Params { factor, mode, ..self.at_level(level) };
+            self.each_active(kernel, level, params, Some(BandBuffer::State));
+            self.relax_level(level, correction.sweeps, RELAX_FRACTION);
+            // The last trial is relaxation alone.
+            let last = n == TRIAL_FRACTIONS.len();
+            let decision = if last { DECIDE_LAST_TRIAL } else { DECIDE_TRIAL };
             self.energy(level, decision, Some(correction));
             if n == 0 {
                 // Nearly always all charts take the whole step.
-                self.open_gate(GateSet::Trial, false);
+                self.open_gate(GateSet::Trial, 0);
             }
         }
         self.gate = None;
-        self.select(Charts::All);
+        self.select(SELECT_ALL);
     }
 
     /// The system of level `k` from the next finer one's.
@@ -72,53 +67,53 @@ impl Run<'_> {
                 self.run_list(kernel, [k, band], &own, over, params);
             }
         }
-        self.exchange(k, Shared::Rows);
+        self.exchange(k, BandBuffer::Rows);
     }
 
     fn conjugate_gradients(&mut self, level: usize) {
-        for mode in 0..ITERATIONS {
-            self.cycle(level);
-            let decision = if mode == 0 { Decision::FirstDirection } else { Decision::Direction };
+        for mode in 0..CG_ITERATIONS {
+            self.precondition(level);
+            let decision = if mode == 0 { DECIDE_FIRST_DIRECTION } else { DECIDE_DIRECTION };
             self.reduce(Kernel::ResidualDot, level, self.params, decision);
             let params = Params { mode, ..self.params };
             if mode > 0 {
-                self.each_active(Kernel::Direction, level, params, Some(Shared::Vectors));
+                self.each_active(Kernel::Direction, level, params, Some(BandBuffer::Vectors));
             }
-            self.reduce(Kernel::Curvature, level, self.params, Decision::LengthOfStep);
-            let last = mode + 1 == ITERATIONS;
-            self.each_active(Kernel::Advance, level, params, last.then_some(Shared::Vectors));
+            self.reduce(Kernel::Curvature, level, self.params, DECIDE_STEP_LENGTH);
+            let last = mode + 1 == CG_ITERATIONS;
+            self.each_active(Kernel::Advance, level, params, last.then_some(BandBuffer::Vectors));
         }
     }
 
-    /// z = M⁻¹ r on `level`.
-    fn cycle(&mut self, level: usize) {
+    /// A V-cycle: direction = M⁻¹ residual on `level`.
+    fn precondition(&mut self, level: usize) {
         let coarsest = self.grid.levels.len() - 1;
-        let small = self.memory.small.as_ref().map(|small| small.levels.first);
-        let turn = small.unwrap_or(coarsest).max(level);
+        let first_coarse = self.memory.coarse.as_ref().map(|coarse| coarse.levels.first);
+        let turn = first_coarse.unwrap_or(coarsest).max(level);
         for k in level..turn {
-            self.smooth(k, FRESH);
+            self.smooth(k, SMOOTH_FROM_ZERO);
             self.restrict(k);
         }
-        match small {
-            Some(first) => self.cycle_small(turn - first),
+        match first_coarse {
+            Some(first) => self.coarse_cycle(turn - first),
             None => {
                 for round in 0..COARSEST_ROUNDS {
-                    self.smooth(coarsest, if round == 0 { FRESH } else { 0 });
+                    self.smooth(coarsest, if round == 0 { SMOOTH_FROM_ZERO } else { 0 });
                 }
                 for _ in 0..COARSEST_ROUNDS {
-                    self.smooth(coarsest, BACKWARDS);
+                    self.smooth(coarsest, SMOOTH_BACKWARDS);
                 }
             }
         }
         for k in (level..turn).rev() {
-            self.ascend(k);
+            self.multigrid_up(k);
         }
     }
 
     fn smooth(&mut self, k: usize, mode: u32) {
-        let params = Params { mode, sweeps: SWEEPS, ..self.params };
-        self.each_colour(k, mode == BACKWARDS, Shared::Vectors, |run, band, list| {
-            run.run_list(Kernel::Smooth, [k, band], &[], list, params);
+        let params = Params { mode, sweeps: SMOOTHER_SWEEPS, ..self.params };
+        self.each_colour(k, mode == SMOOTH_BACKWARDS, BandBuffer::Vectors, |run, band, list| {
+            run.run_list(Kernel::SmoothDirection, [k, band], &[], list, params);
         });
     }
 
@@ -134,43 +129,48 @@ impl Run<'_> {
     }
 
     /// Takes the correction of level `k + 1` in, and smooths.
-    fn ascend(&mut self, k: usize) {
-        self.each_colour(k, true, Shared::Vectors, |run, band, list| {
+    fn multigrid_up(&mut self, k: usize) {
+        self.each_colour(k, true, BandBuffer::Vectors, |run, band, list| {
             let coarse = &run.memory.buffers[k + 1][run.memory.bands[k][band].above];
-            let params = Params { sweeps: SWEEPS, other_base: coarse.base.unwrap_or(0), ..run.params };
+            let params =
+                Params { sweeps: SMOOTHER_SWEEPS, other_base: coarse.base.unwrap_or(0), ..run.params };
             let own = [coarse.blocks.clone(), coarse.vectors.clone()];
-            run.run_list(Kernel::Ascend, [k, band], &own, list, params);
+            run.run_list(Kernel::MultigridUp, [k, band], &own, list, params);
         });
     }
 
-    /// The V-cycle from the small level `top` down.
-    fn cycle_small(&mut self, top: usize) {
-        let Some(small) = &self.memory.small else { return };
-        let count = small.levels.bases.len() as u32;
-        let params = Params { mode: top as u32, count, sweeps: SWEEPS, ..self.params };
-        let bytes = small.levels.bytes_moved(self.grid, small.levels.first + top);
-        let own = [small.blocks.clone(), small.lists.clone()];
+    /// The V-cycle from coarse level `top` down.
+    fn coarse_cycle(&mut self, top: usize) {
+        let Some(coarse) = &self.memory.coarse else { return };
+        let count = coarse.levels.bases.len() as u32;
+        let params = Params { mode: top as u32, count, sweeps: SMOOTHER_SWEEPS, ..self.params };
+        let bytes = coarse.levels.bytes_moved(self.grid, coarse.levels.first + top);
+        let own = [coarse.blocks.clone(), coarse.lists.clone()];
         // Any of these levels: their rows and vectors are the same buffers.
-        let at = [small.levels.first, 0];
+        let at = [coarse.levels.first, 0];
         let size = self.gated(0, params.items);
-        self.dispatch(Kernel::Cycle, at, &own, &params, size, bytes);
+        self.dispatch(Kernel::MultigridCoarse, at, &own, &params, size, bytes);
     }
 
-    /// The step's local share.
-    fn cut(&mut self, level: usize) {
-        self.each_active(Kernel::Parts, level, self.params, Some(Shared::Vectors));
-        self.open_gate(GateSet::Cut, true);
-        for mode in 0..FALLOFFS + ROUNDS {
-            let part = match mode {
-                ..FALLOFFS => 1.0,
-                _ if mode < FALLOFFS + HALVINGS => 0.5,
-                _ => 0.0,
+    /// Sets the step fraction of each node.
+    fn limit_step(&mut self, level: usize) {
+        self.each_active(Kernel::FirstFractions, level, self.params, Some(BandBuffer::Vectors));
+        self.open_gate(GateSet::StepLimit, GATE_LIMITED);
+        // A dispatch does `FALLOFF_PASSES` passes; the first ones shrink nothing.
+        let falloffs = FIRST_FALLOFF_PASSES / FALLOFF_PASSES;
+        for mode in 0..falloffs + LIMIT_ROUNDS {
+            let factor = if mode < falloffs {
+                1.0
+            } else if mode < falloffs + HALVING_ROUNDS {
+                0.5
+            } else {
+                0.0
             };
-            let params = Params { mode, part, ..self.params };
-            if mode >= FALLOFFS {
-                self.each_active(Kernel::Mark, level, params, Some(Shared::Vectors));
+            let params = Params { mode, factor, ..self.params };
+            if mode >= falloffs {
+                self.each_active(Kernel::MarkFolds, level, params, Some(BandBuffer::Vectors));
             }
-            self.each_active(Kernel::Shrink, level, params, Some(Shared::Vectors));
+            self.each_active(Kernel::ShrinkFractions, level, params, Some(BandBuffer::Vectors));
         }
     }
 }

@@ -2,20 +2,14 @@
 //! Every call submits what was recorded; reading waits for it.
 
 use super::kernels::Kernel;
-use super::layout::{Chart, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, STATE_PLANES, Triangle, VECTOR_PLANES};
+use super::layout::{
+    Chart, DECIDE_ENERGY, FRACTION, INVALID_ENERGY, METRIC_PLANES, RESIDUAL, RESULT_PLANES, ROW_PLANES,
+    SELECT_ALL, STATE_PLANES, STEP, Triangle, VECTOR_PLANES,
+};
 use super::memory::PLANE;
-use super::stages::{Charts, Decision};
-use super::{Run, Shared};
+use super::{BandBuffer, Run};
 use crate::error::Result;
 use crate::tile::blocks::{NODES, Plane};
-
-/// Planes of the right-hand side, of the step and of its share among the vectors.
-const RIGHT_HAND_SIDE: [usize; 2] = [0, 1];
-const STEP: [usize; 2] = [6, 7];
-const SHARE: usize = 0;
-
-/// As in `shaders/common.wgsl`.
-const WORTHLESS: f32 = 3e38;
 
 impl Run<'_> {
     /// Per pose triangle: position at the first corner, df/dx, df/dy.
@@ -49,36 +43,36 @@ impl Run<'_> {
 
     /// Makes all charts of this solve take part in what comes next, as `surface` does.
     pub fn select_all(&mut self) {
-        self.select(Charts::All);
+        self.select(SELECT_ALL);
     }
 
     /// The pose's metric on a coarser level: three planes per block.
     pub fn metric(&mut self, level: usize) -> Result<Vec<u32>> {
-        self.read(level, Shared::Metric)
+        self.read(level, BandBuffer::Metric)
     }
 
     pub fn set_metric(&mut self, level: usize, bits: &[u32]) -> Result<()> {
-        self.write(level, Shared::Metric, bits)
+        self.write(level, BandBuffer::Metric, bits)
     }
 
     /// A level's displacements (2), values (3) and triangles (1) per block.
     pub fn state(&mut self, level: usize) -> Result<Vec<u32>> {
-        self.read(level, Shared::State)
+        self.read(level, BandBuffer::State)
     }
 
     pub fn set_state(&mut self, level: usize, bits: &[u32]) -> Result<()> {
-        self.write(level, Shared::State, bits)
+        self.write(level, BandBuffer::State, bits)
     }
 
     pub fn set_result(&mut self, result: &[[Plane; 2]]) -> Result<()> {
-        self.write(0, Shared::Result, bytemuck::cast_slice(result.as_flattened().as_flattened()))
+        self.write(0, BandBuffer::Result, bytemuck::cast_slice(result.as_flattened().as_flattened()))
     }
 
     /// Per chart, the energy of a level's present state.
     pub fn energies_of(&mut self, level: usize) -> Result<Vec<f64>> {
-        self.energy(level, Decision::Energy, None);
-        // What is worth nothing is infinite on the CPU.
-        let energy = |x: f32| if x < WORTHLESS { f64::from(x) } else { f64::INFINITY };
+        self.energy(level, DECIDE_ENERGY, None);
+        // What has no energy is infinite on the CPU.
+        let energy = |x: f32| if x < INVALID_ENERGY { f64::from(x) } else { f64::INFINITY };
         Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collect())
     }
 
@@ -86,31 +80,31 @@ impl Run<'_> {
     pub fn assembled(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         self.select_all();
-        self.each_active(kernel, level, self.at_level(level), Some(Shared::Rows));
-        let vectors = self.read(level, Shared::Vectors)?;
-        Ok([self.rows(level)?, choose(&vectors, &RIGHT_HAND_SIDE)])
+        self.each_active(kernel, level, self.at_level(level), Some(BandBuffer::Rows));
+        let vectors = self.read(level, BandBuffer::Vectors)?;
+        Ok([self.rows(level)?, choose(&vectors, RESIDUAL)])
     }
 
     /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16), interpolation's
     /// weights (1).
     pub fn rows(&mut self, level: usize) -> Result<Vec<u32>> {
-        self.read(level, Shared::Rows)
+        self.read(level, BandBuffer::Rows)
     }
 
-    /// The last step on a level, before it was cut, and its local share.
+    /// The last step on a level, before it was limited, and the step fraction of each node.
     pub fn step_of(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
-        let vectors = self.read(level, Shared::Vectors)?;
+        let vectors = self.read(level, BandBuffer::Vectors)?;
         let records = self.chart_records()?;
         let list = &self.grid.levels[level].blocks.list;
-        // Each round of cutting writes the other plane.
-        let plane = |b: usize| SHARE + (records[list[b].chart as usize].cuts & 1) as usize;
-        let share =
+        // Each round of the step limit writes the other plane.
+        let plane = |b: usize| FRACTION + (records[list[b].chart as usize].limit_rounds & 1) as usize;
+        let fraction =
             (0..list.len()).flat_map(|b| vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES].to_vec());
-        Ok([choose(&vectors, &STEP), share.collect()])
+        Ok([choose(&vectors, STEP), fraction.collect()])
     }
 
     /// All planes of a level's buffers, in the order of its blocks.
-    fn read(&mut self, level: usize, what: Shared) -> Result<Vec<u32>> {
+    fn read(&mut self, level: usize, what: BandBuffer) -> Result<Vec<u32>> {
         self.recorder.flush();
         let mut all = Vec::new();
         for (n, band) in self.memory.bands[level].iter().enumerate() {
@@ -123,7 +117,7 @@ impl Run<'_> {
     }
 
     /// Sets them, copies for other bands included.
-    fn write(&mut self, level: usize, what: Shared, bits: &[u32]) -> Result<()> {
+    fn write(&mut self, level: usize, what: BandBuffer, bits: &[u32]) -> Result<()> {
         self.recorder.flush();
         for (n, band) in self.memory.bands[level].iter().enumerate() {
             let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
@@ -139,25 +133,22 @@ impl Run<'_> {
     }
 
     /// A band's buffer, its planes per block, and its first block there.
-    fn buffer(&self, level: usize, band: usize, what: Shared) -> Option<(wgpu::Buffer, u64, usize)> {
+    fn buffer(&self, level: usize, band: usize, what: BandBuffer) -> Option<(wgpu::Buffer, u64, usize)> {
         let buffers = &self.memory.buffers[level][band];
         let base = buffers.base.unwrap_or(0) as usize;
         let (buffer, planes, base) = match what {
-            Shared::State => (&buffers.state, STATE_PLANES, 0),
-            Shared::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
-            Shared::Rows => (&buffers.rows, ROW_PLANES, base),
-            Shared::Vectors => (&buffers.vectors, VECTOR_PLANES, base),
-            Shared::Result => (&self.result.bands[band].1, RESULT_PLANES, 0),
+            BandBuffer::State => (&buffers.state, STATE_PLANES, 0),
+            BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
+            BandBuffer::Rows => (&buffers.rows, ROW_PLANES, base),
+            BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES, base),
+            BandBuffer::Result => (&self.result.bands[band].1, RESULT_PLANES, 0),
         };
         Some((buffer.clone(), planes as u64, base))
     }
 }
 
-/// Some planes of all vectors, per block.
-fn choose(vectors: &[u32], planes: &[usize]) -> Vec<u32> {
-    let plane = |block: &[u32], k: usize| block[k * NODES..(k + 1) * NODES].to_vec();
-    vectors
-        .chunks(VECTOR_PLANES * NODES)
-        .flat_map(|b| planes.iter().flat_map(move |&k| plane(b, k)))
-        .collect()
+/// A pair of planes of all vectors, per block.
+fn choose(vectors: &[u32], first: usize) -> Vec<u32> {
+    let pair = first * NODES..(first + 2) * NODES;
+    vectors.chunks(VECTOR_PLANES * NODES).flat_map(|block| block[pair.clone()].to_vec()).collect()
 }

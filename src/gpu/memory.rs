@@ -4,17 +4,16 @@ use std::collections::HashMap;
 use std::sync::{Arc, Weak};
 
 use super::bands::{Band, bands};
-use super::constants::{band_blocks, constants, triangles};
+use super::constants::{band_blocks, constants, corners, triangles};
 use super::context::Context;
-use super::cycle::{CycleBlock, SmallLevels};
+use super::correct::coarse_levels::CoarseLevels;
 use super::kernels::{Binding, Kernel, slot};
-use super::layout::{
-    Block, Chart, INTERPOLATION, METRIC_PLANES, NODE_PLANES, Params, RESULT_PLANES, ROW_PLANES, STATE_PLANES,
-    Triangle, VECTOR_PLANES,
-};
-use super::lists::{GATES, Lists, MOST_GATES, active, band_lists, list_bytes, size_bytes};
+use super::layout::{INTERPOLATION, Params, ROW_PLANES};
+use super::lists::{Lists, active, band_lists};
 use super::recorder::Recording;
 use super::results::ResultBuffers;
+use super::sizes::Sizes;
+use super::upload::Uploader;
 use crate::error::{Error, ErrorKind, Result};
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
@@ -37,14 +36,14 @@ pub struct BandBuffers {
     pub vectors: wgpu::Buffer,
     /// Level 1 only: the entries of its gather.
     pub gather: Option<[wgpu::Buffer; 2]>,
-    /// Where its blocks begin in `rows` and `vectors`, which small levels have in common; `None` for other levels.
+    /// Where its blocks begin in `rows` and `vectors`, which coarse levels have in common; `None` for other levels.
     pub base: Option<u32>,
 }
 
-/// What the small levels have in common beside rows and vectors.
+/// What the coarse levels that one kernel does have in common, beside rows and vectors.
 #[derive(Debug)]
-pub struct Small {
-    pub levels: SmallLevels,
+pub struct Coarse {
+    pub levels: CoarseLevels,
     pub blocks: wgpu::Buffer,
     pub lists: wgpu::Buffer,
 }
@@ -55,7 +54,7 @@ pub(crate) struct Memory {
     grid: Weak<Grid>,
     pub context: Arc<Context>,
     pub bands: Vec<Vec<Band>>,
-    pub small: Option<Small>,
+    pub coarse: Option<Coarse>,
     pub buffers: Vec<Vec<BandBuffers>>,
     /// Per level and band, for the charts of the last solve.
     pub lists: Vec<Vec<Lists>>,
@@ -78,9 +77,6 @@ pub(crate) struct Memory {
     /// Bind groups that were made, by kernel, band and the kernel's own buffers.
     pub groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), wgpu::BindGroup>,
 }
-
-/// Bytes that are handed over at a time.
-const UPLOAD: usize = 32 << 20;
 
 /// Most bytes per block in one buffer.
 const LARGEST: u64 = ROW_PLANES as u64 * PLANE;
@@ -107,120 +103,82 @@ fn put_weights(context: &Context, weights: &wgpu::Buffer, rows: &wgpu::Buffer, b
 impl Memory {
     /// Allocates for a grid, and uploads what does not depend on the pose.
     pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
-        use wgpu::BufferUsages as Usage;
         let bands = bands(&grid.levels, capacity(context))?;
-        let storage = |label: &str, bytes: u64| {
-            let limit = context.limits.max_storage_buffer_binding_size.min(context.limits.max_buffer_size);
-            if bytes > limit {
-                let message = format!("{label}: {bytes} bytes, but the GPU binds at most {limit}");
-                return Err(Error::new(ErrorKind::Unsupported, message));
-            }
-            context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
-        };
-        let waiting = std::cell::Cell::new(0);
-        let upload = |label: &str, bytes: &[u8]| {
-            let buffer = storage(label, bytes.len() as u64)?;
-            // What is written waits in host memory until it is submitted: not too much of it at a time.
-            for (n, part) in bytes.chunks(UPLOAD).enumerate() {
-                context.queue.write_buffer(&buffer, (n * UPLOAD) as u64, part);
-                waiting.set(waiting.get() + part.len());
-                if waiting.get() >= UPLOAD {
-                    context.queue.submit([]);
-                    context.wait()?;
-                    waiting.set(0);
-                }
-            }
-            Ok::<_, Error>(buffer)
-        };
-        let small = SmallLevels::new(grid, &bands, capacity(context));
-        let common =
-            |planes: usize| small.as_ref().map_or(0, |small| small.blocks as u64 * planes as u64 * PLANE);
-        let (small_rows, small_vectors) =
-            (storage("rows", common(ROW_PLANES))?, storage("vectors", common(VECTOR_PLANES))?);
+        let coarse = CoarseLevels::new(grid, &bands, capacity(context));
+        let sizes = Sizes::new(grid, tile, &bands, coarse.as_ref());
+        let uploader = Uploader::new(context);
+        let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
+        let coarse_rows = storage("rows", sizes.coarse_rows)?;
+        let coarse_vectors = storage("vectors", sizes.coarse_vectors)?;
         let mut buffers = Vec::with_capacity(bands.len());
         for (k, level) in grid.levels.iter().enumerate() {
-            let base = small.as_ref().and_then(|small| small.base(k));
+            let base = coarse.as_ref().and_then(|coarse| coarse.base(k));
             let mut of_level = Vec::with_capacity(bands[k].len());
-            for band in &bands[k] {
-                let count = band.held.len() as u64;
-                let planes = |n: usize| count * n as u64 * PLANE;
-                let gather = match k {
-                    1 => {
+            for (band, sizes) in bands[k].iter().zip(&sizes.bands[k]) {
+                let gather = match sizes.gather {
+                    Some([starts_size, entries_size]) => {
                         let (starts, entries) = grid.gather.of_blocks(band.held.clone());
                         let entries: Vec<[u32; 2]> =
                             entries.iter().map(|&(t, share)| [t, share.to_bits()]).collect();
                         Some([
-                            upload("gather", bytemuck::cast_slice(&starts))?,
-                            upload("gather", bytemuck::cast_slice(&entries))?,
+                            uploader.upload("gather", starts_size, bytemuck::cast_slice(&starts))?,
+                            uploader.upload("gather", entries_size, bytemuck::cast_slice(&entries))?,
                         ])
                     }
-                    _ => None,
+                    None => None,
                 };
-                let rows = match base {
-                    Some(_) => small_rows.clone(),
-                    None => storage("rows", planes(ROW_PLANES))?,
-                };
+                let rows =
+                    sizes.rows.map_or_else(|| Ok(coarse_rows.clone()), |bytes| storage("rows", bytes))?;
                 if let Some(weights) = level.interpolation.get(band.held.clone()) {
                     let weights: Vec<f32> =
                         weights.as_flattened().iter().map(|&code| of_weight(code)).collect();
-                    let weights = upload("interpolation", bytemuck::cast_slice(&weights))?;
-                    put_weights(context, &weights, &rows, base.unwrap_or(0), count);
+                    let bytes: &[u8] = bytemuck::cast_slice(&weights);
+                    let weights = uploader.upload("interpolation", bytes.len() as u64, bytes)?;
+                    put_weights(context, &weights, &rows, base.unwrap_or(0), band.held.len() as u64);
                 }
+                let vectors = sizes.vectors;
+                let blocks = band_blocks(grid, &bands, k, band);
+                let nodes = constants(grid, level, k, band);
                 of_level.push(BandBuffers {
-                    blocks: upload("blocks", bytemuck::cast_slice(&band_blocks(grid, &bands, k, band)))?,
-                    lists: storage("lists", list_bytes(count))?,
-                    nodes: upload("nodes", bytemuck::cast_slice(&constants(grid, level, k, band)))?,
-                    state: storage("state", planes(STATE_PLANES))?,
-                    metric: (k > 0).then(|| storage("metric", planes(METRIC_PLANES))).transpose()?,
+                    blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
+                    lists: storage("lists", sizes.lists)?,
+                    nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
+                    state: storage("state", sizes.state)?,
+                    metric: sizes.metric.map(|bytes| storage("metric", bytes)).transpose()?,
                     rows,
-                    vectors: match base {
-                        Some(_) => small_vectors.clone(),
-                        None => storage("vectors", planes(VECTOR_PLANES))?,
-                    },
+                    vectors: vectors
+                        .map_or_else(|| Ok(coarse_vectors.clone()), |bytes| storage("vectors", bytes))?,
                     gather,
                     base,
                 });
             }
             buffers.push(of_level);
         }
-        let mut first_vertex = Vec::with_capacity(tile.charts.len());
-        let mut vertices = 0u32;
-        for chart in &tile.charts {
-            first_vertex.push(vertices);
-            vertices += chart.vertices.len() as u32;
-        }
-        let corners: Vec<u32> = tile
-            .triangles
-            .iter()
-            .zip(&grid.chart_of)
-            .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
-            .collect();
-        let small = small
+        let coarse = coarse
             .map(|levels| {
-                let blocks =
-                    upload("small levels", bytemuck::cast_slice::<CycleBlock, u8>(&levels.blocks(grid)))?;
-                let lists = upload("small levels", bytemuck::cast_slice(&levels.lists(grid)))?;
-                Ok::<_, Error>(Small { levels, blocks, lists })
+                let (blocks, lists) = (levels.blocks(grid), levels.lists(grid));
+                let blocks: &[u8] = bytemuck::cast_slice(&blocks);
+                let blocks = uploader.upload("coarse levels", sizes.coarse_blocks, blocks)?;
+                let lists = bytemuck::cast_slice(&lists);
+                let lists = uploader.upload("coarse levels", sizes.coarse_lists, lists)?;
+                Ok::<_, Error>(Coarse { levels, blocks, lists })
             })
             .transpose()?;
-        let charts = tile.charts.len() as u64;
         let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collect();
         let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
+        let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
+        let (triangles, corners) = (triangles(grid), corners(grid, tile));
         let memory = Memory {
             grid: Arc::downgrade(grid),
-            triangles: upload("triangles", bytemuck::cast_slice(&triangles(grid)))?,
-            corners: upload("corners", bytemuck::cast_slice(&corners))?,
-            positions: storage("positions", u64::from(vertices) * 12)?,
-            charts: storage("charts", charts * size_of::<Chart>() as u64)?,
-            ranges: storage("ranges", charts * grid.levels.len() as u64 * 8)?,
-            partials: storage("partials", grid.levels[0].blocks.list.len() as u64 * 16)?,
-            sizes: storage("sizes", size_bytes(&bands))?,
-            gates: context.buffer(
-                "gates",
-                GATES as u64 * 4 * size_bytes(&bands),
-                Usage::STORAGE | Usage::INDIRECT,
-            )?,
-            opened: storage("gates", u64::from(MOST_GATES) * 4)?,
+            triangles: uploader.upload("triangles", sizes.triangles, bytemuck::cast_slice(&triangles))?,
+            corners: uploader.upload("corners", sizes.corners, bytemuck::cast_slice(&corners))?,
+            positions: storage("positions", sizes.positions)?,
+            charts: storage("charts", sizes.charts)?,
+            ranges: storage("ranges", sizes.ranges)?,
+            partials: storage("partials", sizes.partials)?,
+            sizes: storage("sizes", sizes.sizes)?,
+            gates: context.buffer("gates", sizes.gates, indirect)?,
+            opened: storage("gates", sizes.opened)?,
             size_count: 0,
             recording: Recording::new(context)?,
             results: [result()?, result()?],
@@ -228,7 +186,7 @@ impl Memory {
             listed: None,
             groups: HashMap::new(),
             context: context.clone(),
-            small,
+            coarse,
             bands,
             buffers,
         };
@@ -239,22 +197,8 @@ impl Memory {
     /// Bytes that `new` takes for a grid.
     pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
         let bands = bands(&grid.levels, capacity(context))?;
-        let small = SmallLevels::new(grid, &bands, capacity(context));
-        let mut bytes = Recording::BYTES + small.map_or(0, |small| small.bytes(grid));
-        for (k, bands) in bands.iter().enumerate() {
-            for band in bands {
-                let count = band.held.len() as u64;
-                let planes = NODE_PLANES + STATE_PLANES + ROW_PLANES + VECTOR_PLANES;
-                let other = if k == 0 { 2 * RESULT_PLANES } else { METRIC_PLANES };
-                bytes +=
-                    count * ((planes + other) as u64 * PLANE + size_of::<Block>() as u64) + list_bytes(count);
-            }
-        }
-        let vertices: usize = tile.charts.iter().map(|chart| chart.vertices.len()).sum();
-        bytes += (tile.triangles.len() * (size_of::<Triangle>() + 12) + vertices * 12) as u64;
-        bytes += (tile.charts.len() * (size_of::<Chart>() + 8 * grid.levels.len())) as u64;
-        bytes += (1 + 4 * GATES as u64) * size_bytes(&bands) + u64::from(MOST_GATES) * 4;
-        Ok(bytes + grid.gather.bytes() as u64 + grid.levels[0].blocks.list.len() as u64 * 16)
+        let coarse = CoarseLevels::new(grid, &bands, capacity(context));
+        Ok(Sizes::new(grid, tile, &bands, coarse.as_ref()).total())
     }
 
     /// True if this is the memory of a grid.
@@ -324,7 +268,7 @@ impl Memory {
                     slot::NODES => &band.nodes,
                     slot::STATE => &band.state,
                     // The first steps of the pyramid look at triangles, whatever the level.
-                    slot::SURFACE if kernel == Kernel::Gather => &self.triangles,
+                    slot::SURFACE if kernel == Kernel::PyramidGather => &self.triangles,
                     slot::SURFACE => band.metric.as_ref().unwrap_or(&self.triangles),
                     slot::ROWS => &band.rows,
                     slot::VECTORS => &band.vectors,
@@ -348,5 +292,29 @@ impl Memory {
             layout,
             entries: &entries,
         })
+    }
+
+    /// Each buffer once.
+    #[cfg(test)]
+    pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {
+        let bands = self.buffers.iter().flatten().flat_map(|band| {
+            let always = [&band.blocks, &band.lists, &band.nodes, &band.state, &band.rows, &band.vectors];
+            always.into_iter().chain(&band.metric).chain(band.gather.iter().flatten())
+        });
+        let coarse = self.coarse.iter().flat_map(|coarse| [&coarse.blocks, &coarse.lists]);
+        let results = self.results.iter().flat_map(|result| result.bands.iter().map(|(_, buffer)| buffer));
+        let single = [
+            &self.triangles,
+            &self.corners,
+            &self.positions,
+            &self.charts,
+            &self.ranges,
+            &self.partials,
+            &self.sizes,
+            &self.gates,
+            &self.opened,
+            &self.recording.params,
+        ];
+        bands.chain(coarse).chain(results).chain(single).cloned().collect()
     }
 }

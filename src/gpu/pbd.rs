@@ -2,29 +2,24 @@
 //! it to another one, the vectors', which this solver has no other use for.
 
 use super::kernels::Kernel;
-use super::layout::Params;
-use super::{Run, Shared};
-use crate::pbd::{Iteration, SETS};
-
-/// Bits of a pass's mode beside its set; the numbers are `shaders/pbd.wgsl`'s.
-const FROM_ASIDE: u32 = 16;
-const LAST: u32 = 32;
-const STILL: u32 = 64;
+use super::layout::{PBD_FROM_VECTORS, PBD_LAST, PBD_WITHOUT_VELOCITY, Params};
+use super::{BandBuffer, Run};
+use crate::method::pbd::{Iteration, SETS};
 
 impl Run<'_> {
     /// One iteration: the eight sets in turn; at times regularisation, integration, and the next prediction.
     pub(super) fn iterate_level(&mut self, level: usize, iteration: &Iteration) {
         if iteration.first {
             // Both places, and velocities of 0.
-            self.hand_over(level, 0);
-            self.aside = false;
+            self.copy_state(level, 0);
+            self.state_in_vectors = false;
             let nodes: u64 =
                 self.charts.iter().zip(&self.grid.movable).filter(|(solve, _)| **solve).map(|(_, n)| n).sum();
             self.nodes_of_level = nodes >> (2 * level);
         }
         let params = Params {
             correction: iteration.correction,
-            preservation: iteration.orientation,
+            orientation_fraction: iteration.orientation,
             momentum: iteration.momentum,
             smoothing: iteration.smoothing,
             ..self.at_level(level)
@@ -34,57 +29,60 @@ impl Run<'_> {
             let mode = (2 * set.edge + set.parity) as u32;
             self.pass(kernel, level, Params { mode, ..params });
         }
-        if iteration.settle {
-            let mode = if iteration.last { LAST } else { 0 };
-            self.settle_pass(level, Params { mode, ..params });
+        if iteration.regularise {
+            let mode = if iteration.last { PBD_LAST } else { 0 };
+            self.regularise_pass(level, Params { mode, ..params });
         }
         self.node_updates += self.nodes_of_level;
         if iteration.last {
-            self.come_home(level);
+            self.copy_back(level);
         }
     }
 
     /// Eq. 4-5 alone.
     pub(super) fn smooth_level(&mut self, level: usize, smoothing: f32) {
-        self.hand_over(level, STILL);
-        self.aside = false;
-        self.settle_pass(level, Params { mode: STILL, smoothing, ..self.at_level(level) });
-        self.come_home(level);
+        self.copy_state(level, PBD_WITHOUT_VELOCITY);
+        self.state_in_vectors = false;
+        self.regularise_pass(level, Params { mode: PBD_WITHOUT_VELOCITY, smoothing, ..self.at_level(level) });
+        self.copy_back(level);
     }
 
     /// Brings a level's state to where the other stages look for it.
-    pub fn come_home(&mut self, level: usize) {
-        if self.aside {
-            self.hand_over(level, STILL | FROM_ASIDE);
-            self.aside = false;
+    pub fn copy_back(&mut self, level: usize) {
+        if self.state_in_vectors {
+            self.copy_state(level, PBD_WITHOUT_VELOCITY | PBD_FROM_VECTORS);
+            self.state_in_vectors = false;
         }
     }
 
-    fn settle_pass(&mut self, level: usize, params: Params) {
-        let kernel = if level == 0 { Kernel::SettleChords } else { Kernel::SettleMetrics };
+    fn regularise_pass(&mut self, level: usize, params: Params) {
+        let kernel = if level == 0 { Kernel::RegulariseChords } else { Kernel::RegulariseMetrics };
         self.pass(kernel, level, params);
     }
 
     /// Runs a pass over all active blocks; the state is then in the other place.
     fn pass(&mut self, kernel: Kernel, level: usize, params: Params) {
-        let mode = params.mode | if self.aside { FROM_ASIDE } else { 0 };
+        let mode = params.mode | if self.state_in_vectors { PBD_FROM_VECTORS } else { 0 };
         for band in 0..self.memory.bands[level].len() {
             let own = [self.memory.buffers[level][band].vectors.clone()];
             let active = self.memory.lists[level][band].active;
             self.run_list(kernel, [level, band], &own, active, Params { mode, ..params });
         }
-        self.aside = !self.aside;
-        self.exchange(level, if self.aside { Shared::Vectors } else { Shared::State });
+        self.state_in_vectors = !self.state_in_vectors;
+        self.exchange(level, if self.state_in_vectors { BandBuffer::Vectors } else { BandBuffer::State });
     }
 
     /// Copies the state of all stored blocks.
-    fn hand_over(&mut self, level: usize, mode: u32) {
+    fn copy_state(&mut self, level: usize, mode: u32) {
         for band in 0..self.memory.bands[level].len() {
             let own = [self.memory.buffers[level][band].vectors.clone()];
             let stored = self.memory.lists[level][band].stored;
             let params = Params { mode, ..self.at_level(level) };
-            self.run_list(Kernel::HandOver, [level, band], &own, stored, params);
+            self.run_list(Kernel::CopyState, [level, band], &own, stored, params);
         }
-        self.exchange(level, if mode & FROM_ASIDE == 0 { Shared::Vectors } else { Shared::State });
+        self.exchange(
+            level,
+            if mode & PBD_FROM_VECTORS == 0 { BandBuffer::Vectors } else { BandBuffer::State },
+        );
     }
 }

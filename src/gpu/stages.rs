@@ -1,34 +1,15 @@
 //! The stages, as the schedule calls them: each records its dispatches, and nothing is read back before the end.
 
-use super::Run;
 use super::kernels::Kernel;
-use super::layout::{Params, THREADS};
+use super::layout::{
+    DECIDE_AS_IS, DECIDE_CERTIFICATE, DECIDE_ENERGY, DECIDE_IDENTITY, ENERGY_AS_IS, ENERGY_VALID, Params,
+    RELAX_WHOLE, SELECT_ALL, THREADS,
+};
 use super::recorder::Size;
-use crate::pbd::Iteration;
-use crate::solve::{Correction, Stages, in_passes};
-
-/// What a chart's sum decides; the numbers are `shaders/control.wgsl`'s.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Decision {
-    Identity = 0,
-    Before = 1,
-    Direction = 2,
-    FirstDirection = 3,
-    LengthOfStep = 4,
-    Trial = 5,
-    LastTrial = 6,
-    Energy = 7,
-    Certificate = 8,
-    AsItIs = 9,
-}
-
-/// Which charts the next kernels work on; the numbers are `shaders/control.wgsl`'s.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Charts {
-    All = 0,
-    FirstCorrection = 1,
-    LaterCorrection = 2,
-}
+use super::{BandBuffer, Run};
+use crate::method::acceptance::Correction;
+use crate::method::pbd::Iteration;
+use crate::method::schedule::{Stages, passes};
 
 /// Stages, as times are told apart; the order of `StageTimes`.
 #[derive(Clone, Copy, Debug)]
@@ -49,7 +30,7 @@ impl Stages for Run<'_> {
 
     fn surface(&mut self) {
         self.recorder.stage(Stage::Surface as usize);
-        self.select(Charts::All);
+        self.select(SELECT_ALL);
         let items = self.grid.triangles.len() as u32;
         let params = Params { items, ..self.params };
         let own = [self.memory.corners.clone(), self.memory.positions.clone()];
@@ -71,7 +52,7 @@ impl Stages for Run<'_> {
                 if let Some([starts, entries]) = self.memory.buffers[k][band].gather.clone() {
                     let own: Vec<_> = [starts, entries].into_iter().chain(to).collect();
                     let stored = self.memory.lists[k][band].stored;
-                    self.run_list(Kernel::Gather, [k, band], &own, stored, self.params);
+                    self.run_list(Kernel::PyramidGather, [k, band], &own, stored, self.params);
                     continue;
                 }
                 for (n, below) in self.memory.bands[k][band].below.clone().enumerate() {
@@ -81,10 +62,10 @@ impl Stages for Run<'_> {
                         .chain(fine.metric.clone())
                         .collect();
                     let over = self.memory.lists[k][band].stored_over[n];
-                    self.run_list(Kernel::Pyramid, [k, band], &own, over, self.params);
+                    self.run_list(Kernel::PyramidRestrict, [k, band], &own, over, self.params);
                 }
             }
-            self.exchange(k, super::Shared::Metric);
+            self.exchange(k, BandBuffer::Metric);
         }
     }
 
@@ -95,9 +76,9 @@ impl Stages for Run<'_> {
             let stored = self.memory.lists[level][band].stored;
             self.run_list(kernel, [level, band], &[], stored, self.at_level(level));
         }
-        self.exchange(level, super::Shared::State);
+        self.exchange(level, BandBuffer::State);
         if level == 0 {
-            self.energy(0, Decision::Identity, None);
+            self.energy(0, DECIDE_IDENTITY, None);
         }
     }
 
@@ -109,7 +90,7 @@ impl Stages for Run<'_> {
             let active = self.memory.lists[0][band].active;
             self.run_list(Kernel::Previous, [0, band], &own, active, self.at_level(0));
         }
-        self.exchange(0, super::Shared::State);
+        self.exchange(0, BandBuffer::State);
     }
 
     fn prolong(&mut self, level: usize) {
@@ -122,12 +103,12 @@ impl Stages for Run<'_> {
             let active = self.memory.lists[level][band].active;
             self.run_list(kernel, [level, band], &own, active, self.at_level(level));
         }
-        self.exchange(level, super::Shared::State);
+        self.exchange(level, BandBuffer::State);
     }
 
     fn relax(&mut self, level: usize, sweeps: u32) {
         self.recorder.stage(Stage::Relax as usize);
-        self.relax_level(level, sweeps, false);
+        self.relax_level(level, sweeps, RELAX_WHOLE);
     }
 
     fn correct(&mut self, level: usize, correction: &Correction) {
@@ -147,19 +128,19 @@ impl Stages for Run<'_> {
 
     fn certify(&mut self, as_is: bool) {
         self.recorder.stage(Stage::Certify as usize);
-        let params = Params { mode: u32::from(as_is), ..self.at_level(0) };
-        self.reduce(Kernel::EnergyChords, 0, params, Decision::Energy);
-        let certificate = if as_is { Decision::AsItIs } else { Decision::Certificate };
+        let params = Params { mode: if as_is { ENERGY_AS_IS } else { ENERGY_VALID }, ..self.at_level(0) };
+        self.reduce(Kernel::EnergyChords, 0, params, DECIDE_ENERGY);
+        let certificate = if as_is { DECIDE_AS_IS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
         for band in 0..self.memory.bands[0].len() {
             let own = [self.result.bands[band].1.clone()];
             let stored = self.memory.lists[0][band].stored;
             self.run_list(Kernel::Finish, [0, band], &own, stored, self.params);
         }
-        self.exchange(0, super::Shared::Result);
+        self.exchange(0, BandBuffer::Result);
     }
 
-    fn settle(&mut self) {
+    fn wait(&mut self) {
         self.recorder.flush();
         if let Err(error) = self.context.wait() {
             self.failed.get_or_insert(error);
@@ -168,27 +149,28 @@ impl Stages for Run<'_> {
 }
 
 impl Run<'_> {
-    /// Sweeps; `shared`: each chart's nodes take the share of each step that it takes of the correction under way.
-    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, shared: bool) {
+    /// Sweeps. With `RELAX_FRACTION` each chart's nodes take the fraction of each step that the chart takes of the correction
+    /// under way.
+    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, mode: u32) {
         let nodes: u64 =
             self.charts.iter().zip(&self.grid.movable).filter(|(solve, _)| **solve).map(|(_, n)| n).sum();
         // Of coarser levels, as if each had a quarter of the nodes.
         self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
         let kernel = if level == 0 { Kernel::RelaxChords } else { Kernel::RelaxMetrics };
-        for sweeps in in_passes(sweeps) {
-            let params = Params { sweeps, mode: u32::from(shared), ..self.at_level(level) };
-            self.each_colour(level, false, super::Shared::State, |run, band, list| {
+        for sweeps in passes(sweeps) {
+            let params = Params { sweeps, mode, ..self.at_level(level) };
+            self.each_colour(level, false, BandBuffer::State, |run, band, list| {
                 run.run_list(kernel, [level, band], &[], list, params);
             });
         }
     }
 
     /// A level's energy, chart by chart, and what it decides.
-    pub(super) fn energy(&mut self, level: usize, decision: Decision, correction: Option<&Correction>) {
+    pub(super) fn energy(&mut self, level: usize, decision: u32, correction: Option<&Correction>) {
         let kernel = if level == 0 { Kernel::EnergyChords } else { Kernel::EnergyMetrics };
         let tolerance = correction.map_or(0.0, |correction| correction.tolerance);
-        let part = correction.map_or(0.0, |correction| f32::from(u8::from(correction.trusting)));
-        let params = Params { tolerance, part, ..self.at_level(level) };
+        let trusts_model = correction.map_or(0, |correction| u32::from(correction.trusts_model));
+        let params = Params { tolerance, trusts_model, ..self.at_level(level) };
         self.reduce(kernel, level, params, decision);
     }
 }

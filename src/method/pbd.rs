@@ -36,18 +36,9 @@
 //! Sixteen projections to a regularisation and 64 in all bring the strain to 0.025, a quarter of what `descent` leaves, at an
 //! E of 0.159: features then take their room from elastic material, whose own deformation is in E.
 
+use super::schedule::{Stages, Summary};
 use crate::settings::PbdSettings;
-use crate::solve::{Outcome, Stages};
 use crate::tile::EDGES;
-
-/// What stands for 0 in the settings.
-pub(crate) const DEFAULT: PbdSettings = PbdSettings {
-    iterations: 16,
-    damping: 0.0,
-    orientation_preservation: 0.0,
-    smoothing: 0.8,
-    coarse_correction: 0.7,
-};
 
 /// Iterations to a regularisation.
 const PROJECTIONS: u32 = 4;
@@ -58,7 +49,7 @@ pub(crate) struct Iteration {
     /// The level's first: velocities are 0.
     pub first: bool,
     /// Regularisation and integration follow.
-    pub settle: bool,
+    pub regularise: bool,
     /// Its last: no positions are predicted any more.
     pub last: bool,
     /// Share of its velocity that a node keeps.
@@ -107,22 +98,22 @@ pub(crate) fn level<S: Stages>(
     level: usize,
     coarsest: usize,
     late: impl Fn(&mut S) -> bool,
-    outcome: &mut Outcome,
+    summary: &mut Summary,
 ) {
     if level < coarsest {
         stages.smooth(level, settings.smoothing);
     }
-    if outcome.truncated {
+    if summary.truncated {
         return;
     }
     let correction = (0..level).fold(1.0, |factor, _| factor * settings.coarse_correction);
     for n in 1..=settings.iterations {
         // The last one leaves the positions where they are integrated, so this has to be known before it.
-        outcome.truncated = late(stages);
-        let last = n == settings.iterations || outcome.truncated;
+        summary.truncated = late(stages);
+        let last = n == settings.iterations || summary.truncated;
         let iteration = Iteration {
             first: n == 1,
-            settle: last || n % PROJECTIONS == 0,
+            regularise: last || n % PROJECTIONS == 0,
             last,
             momentum: 1.0 - settings.damping,
             orientation: settings.orientation_preservation,
@@ -130,8 +121,8 @@ pub(crate) fn level<S: Stages>(
             correction,
         };
         stages.iterate(level, &iteration);
-        outcome.sweeps += 1;
-        if outcome.truncated {
+        summary.sweeps += 1;
+        if summary.truncated {
             return;
         }
     }
@@ -166,12 +157,5 @@ mod tests {
         }
         // 15 x 16 along each axis, 15 x 15 along each diagonal.
         assert_eq!(edges.len(), 2 * 15 * 16 + 2 * 15 * 15);
-    }
-
-    #[test]
-    fn zero_means_the_default_and_off_means_none() {
-        assert_eq!(PbdSettings::default().resolved(), DEFAULT);
-        let off = PbdSettings { smoothing: PbdSettings::OFF, damping: 0.25, ..PbdSettings::default() };
-        assert_eq!(off.resolved(), PbdSettings { smoothing: 0.0, damping: 0.25, ..DEFAULT });
     }
 }

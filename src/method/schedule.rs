@@ -4,8 +4,10 @@
 
 use std::time::{Duration, Instant};
 
+use super::acceptance::Correction;
+use super::law::SWEEPS_PER_PASS;
+use super::pbd;
 use crate::mesh::TileMesh;
-use crate::pbd;
 use crate::report::StageTimes;
 use crate::settings::{PbdSettings, Quality, SolveOptions, Solver, TileSettings};
 use crate::tile::Grid;
@@ -68,65 +70,8 @@ pub(crate) trait Stages {
     /// becomes the identity; with `as_is`, only one that is not a number does.
     fn certify(&mut self, as_is: bool);
     /// Waits until what was called has been done. Called before the clock is looked at, if there is a time budget.
-    fn settle(&mut self) {}
+    fn wait(&mut self) {}
 }
-
-/// One correction.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Correction {
-    /// The first one on its level: all charts take part again.
-    pub first: bool,
-    /// Sweeps after the step.
-    pub sweeps: u32,
-    /// A chart that gains less than this share of its energy sits out the level's further corrections; see `next`.
-    pub tolerance: f32,
-    /// Whether a first correction that gained what was foretold is enough.
-    pub trusting: bool,
-}
-
-impl Correction {
-    /// The share of the next correction's step that a chart is to take; 0: it sits out the level's further corrections. It
-    /// grows with what this one gained, but no further than to a few times the share that this one took; and after a first
-    /// one that is trusted, with how far the gain is from what the quadratic model had foretold: the next one gains about
-    /// what the model missed, which on scenes with room is next to nothing, and in crowded ones, where steps are cut, 1 to
-    /// 3 % of the energy. It grows smoothly, so that a warp does not jump from frame to frame where a chart comes to need
-    /// another correction.
-    ///
-    /// `identity` is the energy of the identity, 0 if it is not known: where little energy is left of much, a share of what
-    /// is left counts for nothing.
-    pub fn next(&self, energy: f64, identity: f64, gain: f64, predicted: f64, share: f32) -> f32 {
-        let unit = f64::from(self.tolerance) * (energy + OF_IDENTITY * identity);
-        let ramp = |x: f64, [low, high]: [f64; 2]| ((x / unit - low) / (high - low)).clamp(0.0, 1.0);
-        let most = if self.first && self.trusting {
-            ramp((gain - predicted).abs(), MISSED)
-        } else {
-            GROWTH * f64::from(share)
-        };
-        // A comparison with NaN is false: no gain.
-        if gain > 0.0 { ramp(gain, GAINED).min(most) as f32 } else { 0.0 }
-    }
-}
-
-/// A part of a step is taken if it gains more than this share of what was foretold: a whole step that gains next to nothing
-/// ends a chart's corrections where half of it would have gone on.
-pub(crate) const SUFFICIENT: f32 = 0.02;
-
-/// Energy whose loss matters, as a share of the identity's.
-const OF_IDENTITY: f64 = 0.06;
-
-/// Times the share of one correction, the share of the next at most.
-const GROWTH: f64 = 4.0;
-
-/// In tolerances, the gains from which and from up to which the next step's share grows, ...
-const GAINED: [f64; 2] = [1.0, 4.0];
-/// ... and likewise how much a first correction's gain differs from what was foretold.
-const MISSED: [f64; 2] = [0.1, 3.0];
-
-/// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction does, and
-/// need more memory.
-pub(crate) const ITERATIONS: u32 = 2;
-// Both backends form the second direction from the first step, which further ones could not be formed from.
-const _: () = assert!(ITERATIONS <= 2);
 
 /// How much work to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -137,7 +82,7 @@ pub(crate) struct Plan {
     pub corrections: [u32; 2],
     pub tolerance: f32,
     /// See `Correction`.
-    pub trusting: bool,
+    pub trusts_model: bool,
     /// λ of a level, in that of the next finer one. What is smoother on coarser levels leaves the finer ones the choice
     /// which of two features gives way: the squash to 40 % ends 2 % lower, strips 1.6 %, scenes with room 0.1 to 0.4 %.
     pub continuation: f32,
@@ -153,7 +98,7 @@ impl Plan {
         // The coarser levels cost a third of the finest, and their corrections move features where sweeps alone would
         // take hundreds. A chart with room is done after one correction on the finest; the others go to crowded ones.
         // `high` comes to the finest level as `normal` does, and goes on from there: it is never to end higher.
-        let (sweeps, corrections, tolerance, trusting, continuation) = match options.quality {
+        let (sweeps, corrections, tolerance, trusts_model, continuation) = match options.quality {
             // No correction follows on the finest level, so the next one has to be as strained as it will be.
             Quality::Draft => ([3, 3], [0, 1], 0.0, true, 1.0),
             Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
@@ -170,7 +115,7 @@ impl Plan {
                 0.0 => tolerance,
                 own => own,
             },
-            trusting: of_descent && trusting,
+            trusts_model: of_descent && trusts_model,
             continuation: if of_descent { continuation } else { 1.0 },
             pbd,
             warm: options.warm,
@@ -188,7 +133,7 @@ impl Plan {
 
 /// What the schedule did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Outcome {
+pub(crate) struct Summary {
     pub times: StageTimes,
     pub sweeps: u32,
     pub corrections: u32,
@@ -196,8 +141,8 @@ pub(crate) struct Outcome {
 }
 
 /// Runs the schedule. The plan's budget counts from `start`.
-pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Instant) -> Outcome {
-    let mut outcome = Outcome::default();
+pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Instant) -> Summary {
+    let mut summary = Summary::default();
     let mut times = StageTimes::default();
     timed(&mut times.surface, || stages.surface());
     timed(&mut times.pyramid, || stages.pyramid());
@@ -216,32 +161,32 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
             None => {
                 if warm && !is_late(stages, plan, start) {
                     // The last frame's result has not seen this pose on any level.
-                    outcome.sweeps += plan.sweeps[0];
+                    summary.sweeps += plan.sweeps[0];
                     timed(&mut times.relax, || stages.relax(level, plan.sweeps[0]));
                 }
-                descend(stages, plan, level, start, &mut outcome, &mut times);
+                correct_level(stages, plan, level, start, &mut summary, &mut times);
             }
             Some(settings) => {
                 let late = |stages: &mut _| is_late(stages, plan, start);
                 timed(&mut times.pbd, || {
-                    pbd::level(stages, settings, level, coarsest, late, &mut outcome);
+                    pbd::level(stages, settings, level, coarsest, late, &mut summary);
                 });
             }
         }
     }
     timed(&mut times.certify, || stages.certify(plan.pbd.is_some()));
-    outcome.times = times;
-    outcome
+    summary.times = times;
+    summary
 }
 
 /// Corrections of a level, each with its sweeps; or sweeps alone. None come before the first correction: it starts from a
 /// prolonged state as well as from a relaxed one (gaps of scenes with room are the same or smaller without).
-fn descend(
+fn correct_level(
     stages: &mut impl Stages,
     plan: &Plan,
     level: usize,
     start: Instant,
-    outcome: &mut Outcome,
+    summary: &mut Summary,
     times: &mut StageTimes,
 ) {
     let coarser = usize::from(level > 0);
@@ -249,34 +194,30 @@ fn descend(
     for step in 0..corrections.max(1) {
         // Past the budget only prolongation is left: the state so far becomes the result.
         if is_late(stages, plan, start) {
-            outcome.truncated = true;
+            summary.truncated = true;
             break;
         }
-        outcome.sweeps += sweeps;
+        summary.sweeps += sweeps;
         if corrections == 0 {
             timed(&mut times.relax, || stages.relax(level, sweeps));
         } else {
-            let Plan { tolerance, trusting, .. } = *plan;
-            let correction = Correction { first: step == 0, sweeps, tolerance, trusting };
+            let Plan { tolerance, trusts_model, .. } = *plan;
+            let correction = Correction { first: step == 0, sweeps, tolerance, trusts_model };
             timed(&mut times.correct, || stages.correct(level, &correction));
-            outcome.corrections += 1;
+            summary.corrections += 1;
         }
     }
 }
 
-/// Sweeps that are done on a block while it is at hand, its ring frozen: more would let what has not moved yet hold on to
-/// what is next to it.
-const SWEEPS_OF_A_PASS: u32 = 2;
-
-/// So many sweeps as passes over a level: how many each has.
-pub(crate) fn in_passes(sweeps: u32) -> impl Iterator<Item = u32> {
-    (0..sweeps).step_by(SWEEPS_OF_A_PASS as usize).map(move |done| (sweeps - done).min(SWEEPS_OF_A_PASS))
+/// The sweeps of each pass over a level.
+pub(crate) fn passes(sweeps: u32) -> impl Iterator<Item = u32> {
+    (0..sweeps).step_by(SWEEPS_PER_PASS as usize).map(move |done| (sweeps - done).min(SWEEPS_PER_PASS))
 }
 
 /// True past the time budget.
 fn is_late(stages: &mut impl Stages, plan: &Plan, start: Instant) -> bool {
     plan.budget.is_some_and(|budget| {
-        stages.settle();
+        stages.wait();
         start.elapsed() > budget
     })
 }

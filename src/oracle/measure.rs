@@ -3,8 +3,8 @@
 //! A segment that is painted into the texture from node a to node b lies on the surface from W(a) to W(b). Its
 //! strain is its chord in the pose over its chord at rest, less 1; both ends are located in the triangles exactly.
 
-use crate::exact::{Locator, Surface};
 use crate::mesh::{Mesh, NONE};
+use crate::oracle::exact::{Locator, Surface};
 use crate::report::{Strain, StrainReport};
 use crate::tile::EDGES;
 use crate::tile::coverage::Coverage;

@@ -11,8 +11,8 @@ mod minimise;
 mod step;
 
 use crate::error::{Error, Result};
-use crate::exact::{Locator, Surface};
 use crate::mesh::{Mesh, TileMesh};
+use crate::oracle::exact::{Locator, Surface};
 use crate::tile::coverage::Coverage;
 use crate::tile::{TileMaps, node_maps};
 use chart::{ChartProblem, DIM};

@@ -45,7 +45,7 @@ pub struct Blocks {
     /// Sorted by chart, y, x.
     pub list: Vec<Block>,
     /// The 3x3 blocks of the same chart around each block (itself at 4), or `NONE`.
-    pub around: Vec<[u32; 9]>,
+    pub neighbours: Vec<[u32; 9]>,
     /// The range of each chart in `list`.
     pub of_chart: Vec<Range<usize>>,
 }
@@ -99,8 +99,8 @@ impl Blocks {
             of_chart.push(start..end);
             start = end;
         }
-        let mut blocks = Blocks { list, around: Vec::new(), of_chart };
-        blocks.around = blocks
+        let mut blocks = Blocks { list, neighbours: Vec::new(), of_chart };
+        blocks.neighbours = blocks
             .list
             .iter()
             .map(|b| {
@@ -129,7 +129,7 @@ impl Blocks {
         let b = &self.list[from];
         let (dx, dy) = (x - i64::from(b.x), y - i64::from(b.y));
         if dx.abs() <= 1 && dy.abs() <= 1 {
-            self.around[from][((dy + 1) * 3 + dx + 1) as usize]
+            self.neighbours[from][((dy + 1) * 3 + dx + 1) as usize]
         } else {
             self.find(b.chart, x, y)
         }
@@ -157,9 +157,9 @@ mod tests {
         assert_eq!(active.len(), 1);
         assert_eq!((active[0].x, active[0].y), (2, 1));
         let at = blocks.find(1, 2, 1) as usize;
-        assert_eq!(blocks.around[at][4], at as u32);
-        assert_eq!(blocks.around[at][3], blocks.find(1, 1, 1));
-        assert_eq!(blocks.around[at][5], NONE);
+        assert_eq!(blocks.neighbours[at][4], at as u32);
+        assert_eq!(blocks.neighbours[at][3], blocks.find(1, 1, 1));
+        assert_eq!(blocks.neighbours[at][5], NONE);
         assert_eq!(blocks.holding(at, 31, 32), blocks.find(1, 1, 2));
         assert_eq!(blocks.holding(at, 0, 0), NONE);
     }

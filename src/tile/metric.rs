@@ -3,7 +3,7 @@
 
 use super::blocks::{Block, NODES, Plane, SIDE, slot};
 use super::codes::Lengths;
-use super::halo::{self, WINDOW_NODES, Window, place};
+use super::window::{self, WINDOW_NODES, Window, place};
 use super::{EDGES, FLOOR_SHARE, Grid, Level};
 use crate::mesh::{Mesh, NONE, TileMesh};
 
@@ -63,6 +63,12 @@ impl Gather {
         let starts = &self.starts[blocks.start * NODES..=blocks.end * NODES];
         let (first, end) = (starts[0], starts[starts.len() - 1]);
         (starts.iter().map(|start| start - first).collect(), &self.entries[first as usize..end as usize])
+    }
+
+    /// Bytes of what `of_blocks` gives, an entry being 8.
+    pub fn bytes_of(&self, blocks: std::ops::Range<usize>) -> [u64; 2] {
+        let [first, end] = [blocks.start, blocks.end].map(|b| self.starts[b * NODES]);
+        [(blocks.len() * NODES + 1) as u64 * 4, u64::from(end - first) * 8]
     }
 
     /// Bytes held.
@@ -149,10 +155,10 @@ pub fn restrict_block(level: &Level, finer: &Level, fine: &[[Plane; 3]], b: usiz
         if child == NONE {
             continue;
         }
-        let around = &finer.blocks.around[child as usize];
-        halo::load(around, 0.0, |b| &finer.coverage[b], &mut weights);
+        let around = &finer.blocks.neighbours[child as usize];
+        window::load(around, 0.0, |b| &finer.coverage[b], &mut weights);
         for (c, plane) in out.iter_mut().enumerate() {
-            halo::load(around, 0.0, |b| &fine[b][c], &mut window);
+            window::load(around, 0.0, |b| &fine[b][c], &mut window);
             each_coarse_node(quarter, |s, i, j| {
                 let (sum, weight) = gaussian(&window, &weights, i, j);
                 plane[s] = if weight > 0.0 { 4.0 * sum / weight } else { 0.0 };
@@ -167,7 +173,7 @@ fn restrict_coverage(level: &Level, finer: &Level, b: usize) -> Plane {
     let mut window = [0.0f32; WINDOW_NODES];
     for (quarter, &child) in level.children[b].iter().enumerate() {
         if child != NONE {
-            halo::load(&finer.blocks.around[child as usize], 0.0, |b| &finer.coverage[b], &mut window);
+            window::load(&finer.blocks.neighbours[child as usize], 0.0, |b| &finer.coverage[b], &mut window);
             each_coarse_node(quarter, |s, i, j| out[s] = gaussian(&window, &[1.0; WINDOW_NODES], i, j).0);
         }
     }
@@ -242,7 +248,7 @@ pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
         }
         metrics = next;
         let lengths: Vec<_> =
-            level.blocks.around.iter().map(|around| arc_lengths(around, &metrics)).collect();
+            level.blocks.neighbours.iter().map(|around| arc_lengths(around, &metrics)).collect();
         keep_lengths(level, &lengths);
     }
 }
@@ -270,7 +276,7 @@ fn keep_lengths(level: &mut Level, lengths: &[[Plane; 4]]) {
 fn arc_lengths(around: &[u32; 9], metrics: &[[Plane; 3]]) -> [Plane; 4] {
     let mut windows = [[0.0f32; WINDOW_NODES]; 3];
     for (c, window) in windows.iter_mut().enumerate() {
-        halo::load(around, 0.0, |b| &metrics[b][c], window);
+        window::load(around, 0.0, |b| &metrics[b][c], window);
     }
     let metric = |at: usize| windows.each_ref().map(|w| w[at]);
     edges(|i, j, (di, dj)| {
@@ -298,7 +304,7 @@ fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, 
     let level = &grid.levels[0];
     let Block { x, y, chart, .. } = level.blocks.list[b];
     let mut triangles = [NONE; WINDOW_NODES];
-    halo::load(&level.blocks.around[b], NONE, |b| &grid.triangle[b], &mut triangles);
+    window::load(&level.blocks.neighbours[b], NONE, |b| &grid.triangle[b], &mut triangles);
     let vertices = &tile.charts[chart as usize].vertices;
     // Position relative to the triangle's first corner, that corner, and the tangents.
     let sample = |i: usize, j: usize| {

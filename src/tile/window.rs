@@ -93,7 +93,7 @@ mod tests {
         assert_eq!(NODES, 256);
         let mut window = [0i64; WINDOW_NODES];
         for (b, block) in blocks.list.iter().enumerate() {
-            load(&blocks.around[b], -1, |b| &planes[b], &mut window);
+            load(&blocks.neighbours[b], -1, |b| &planes[b], &mut window);
             for j in 0..18 {
                 for i in 0..18 {
                     let x = i64::from(block.x) * 16 + i as i64 - 1;

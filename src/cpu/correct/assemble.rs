@@ -1,23 +1,25 @@
-//! The Gauss-Newton system of a level: for each pair of neighbours, the sum of w/l² g_p g_nᵀ over what depends on
-//! both; the right-hand side is minus the gradient (halves of the derivatives on both sides). Of the diagonal only the sum
-//! of the row: what the pairs lose to rounding has to come back in it (`rows`).
+//! The Gauss-Newton system of a level (method §7.1): for each pair of neighbours, the sum of w/l² g_p g_nᵀ over what depends
+//! on both; the right-hand side is minus the gradient (halves of the derivatives on both sides). Of the diagonal only the
+//! sum of the row is formed here: what the pairs lose to rounding has to come back in it (`rows`).
 
 use super::super::energy::Total;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, Patch, Place, QUADRANTS, Weights};
-use super::super::relax::MIN_JACOBIAN;
 use super::super::row::Row;
-use super::super::surface::{Chord, Slopes};
+use super::super::sampling::{Chord, Slopes};
 use super::super::terms::{Edge, Visitor, lowest};
 use super::rows::{Words, encode};
 use super::*;
+use crate::method::law::{NEAR_BOUND_JACOBIAN, NEAR_BOUND_STIFFNESS};
 use crate::tile::Level;
 use crate::tile::blocks::SIDE;
-use crate::tile::halo::{Window, place};
+use crate::tile::window::{Window, place};
 
-/// Assembles own pairs and sums of the rows of `system`, and its right-hand side; gives the energy per chart.
+/// Assembles the owned pairs and the sums of a level's rows, and the right-hand side; gives the energy per chart.
 pub struct Assemble<'a> {
-    pub system: &'a mut System,
+    pub rows: &'a mut Rows,
+    /// Of a step of 0: the right-hand side.
+    pub residual: &'a mut [[Plane; 2]],
     pub level: usize,
 }
 
@@ -26,10 +28,10 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         let level = &run.grid.levels[self.level];
         let blocks = &run.work[self.level].active;
         let mut sums = vec![0.0f64; blocks.len()];
-        let shared = Shared::new(&mut sums);
-        let (sums_of_rows, words) =
-            (Shared::new(&mut self.system.rows.diagonal), Shared::new(&mut self.system.rows.words));
-        let r = Shared::new(&mut self.system.r);
+        let shared = SharedSlice::new(&mut sums);
+        let Rows { diagonal, words, .. } = self.rows;
+        let (sums_of_rows, words) = (SharedSlice::new(diagonal), SharedSlice::new(words));
+        let r = SharedSlice::new(self.residual);
         run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
             let sum = run.patches.with(worker, |patch| {
@@ -54,7 +56,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
     }
 }
 
-/// One block's rows; gives the block's share of its chart's energy. Nothing may write the state meanwhile.
+/// One block's rows; gives the block's part of its chart's energy. Nothing may write the state meanwhile.
 struct AssembleBlock<'a, S> {
     patch: &'a mut Patch,
     level: &'a Level,
@@ -65,7 +67,7 @@ struct AssembleBlock<'a, S> {
     out: Out<'a>,
 }
 
-/// Where a block's rows go.
+/// Where a block's rows are written.
 struct Out<'a> {
     /// Per node, (xx, xy, yy) of its row's sum.
     sums: &'a mut [Plane; 3],
@@ -145,14 +147,15 @@ fn block_row<V: Lanes, S: Surface>(
     let mut rank_one = RankOne { slopes, pairs: [[V::zero(); 4]; 8] };
     let mut local = patch.local::<V, S>(row, &p, weights, rigid, &mut rank_one);
     total.add(patch, row, own, weights, &local.terms);
-    // Corners that neither the room term nor the wall sees are most of them.
-    let crowded = lowest(&local.terms.corners).lt(V::splat(weights.room_threshold.max(WALL_JACOBIAN))).any();
+    // Most corners are under neither the room term's threshold nor the near-bound penalty's.
+    let crowded =
+        lowest(&local.terms.corners).lt(V::splat(weights.room_threshold.max(NEAR_BOUND_JACOBIAN))).any();
     if crowded {
         for (jacobian, slope) in &local.terms.corners {
-            let wall = wall(*jacobian);
-            local.matrix[0] += wall * slope[0] * slope[0];
-            local.matrix[1] += wall * slope[0] * slope[1];
-            local.matrix[2] += wall * slope[1] * slope[1];
+            let stiffness = near_bound(*jacobian);
+            local.matrix[0] += stiffness * slope[0] * slope[0];
+            local.matrix[1] += stiffness * slope[0] * slope[1];
+            local.matrix[2] += stiffness * slope[1] * slope[1];
         }
     }
     for c in 0..2 {
@@ -213,16 +216,10 @@ impl<V: Lanes> Visitor<V> for RankOne<'_, V> {
     }
 }
 
-/// Under this corner Jacobian the step meets a wall, ...
-const WALL_JACOBIAN: f32 = 2.5 * MIN_JACOBIAN;
-/// ... of this weight in the step's system (not in the energy): where the bound on J is active, the step slides along it
-/// instead of being cut by it.
-const WALL: f32 = 10.0;
-
-/// The wall's weight at a corner.
+/// The near-bound penalty's stiffness at a corner.
 #[inline(always)]
-fn wall<V: Lanes>(jacobian: V) -> V {
-    jacobian.lt(V::splat(WALL_JACOBIAN)).select(V::splat(WALL), V::zero())
+fn near_bound<V: Lanes>(jacobian: V) -> V {
+    jacobian.lt(V::splat(NEAR_BOUND_JACOBIAN)).select(V::splat(NEAR_BOUND_STIFFNESS), V::zero())
 }
 
 /// The room term's part of the pairs of a row's nodes with their neighbours, row-major.
@@ -240,7 +237,7 @@ fn corner_pairs<V: Lanes>(patch: &Patch, row: Row, p: &Place<V>, weights: &Weigh
             let jacobian = (a[0] * b[1] - a[1] * b[0]) * sign;
             let room =
                 jacobian.lt(V::splat(weights.room_threshold)).select(V::splat(weights.room), V::zero());
-            let beta = room + wall(jacobian);
+            let beta = room + near_bound(jacobian);
             let own = [a[1] - b[1], b[0] - a[0]];
             let first = [b[1], -b[0]];
             let second = [-a[1], a[0]];

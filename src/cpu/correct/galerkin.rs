@@ -11,20 +11,21 @@ use crate::mesh::NONE;
 use crate::tile::EDGES;
 use crate::tile::blocks::{SIDE, slot};
 use crate::tile::codes::of_weight;
-use crate::tile::halo::{self, Window, place};
+use crate::tile::window::{self, Window, place};
 
-/// Builds own pairs and sums of the rows of level `finer + 1` from the rows of `finer`, and from what `rows::finish` left in
-/// `fine.t`.
-pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
+/// Forms the owned pairs and the sums of the rows of level `finer + 1` from the rows of `finer`, and from the product A P 1
+/// that `rows::finish` left there.
+pub fn restrict(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut SolvingLevel) {
     let (fine_level, level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
-    let (sums, words) = (Shared::new(&mut coarse.rows.diagonal), Shared::new(&mut coarse.rows.words));
+    let (sums, words) =
+        (SharedSlice::new(&mut coarse.rows.diagonal), SharedSlice::new(&mut coarse.rows.words));
     run.each_block(finer + 1, |worker, b, _| {
         // SAFETY: each item has its own block.
         let (sums, words) = unsafe { (sums.get_mut(b), words.get_mut(b)) };
         *sums = [[0.0; NODES]; 3];
         *words = [[[0; NODES]; 2]; 4];
         let mut movable = [0; WINDOW_NODES];
-        halo::load(&level.blocks.around[b], 0, |b| &level.movable[b], &mut movable);
+        window::load(&level.blocks.neighbours[b], 0, |b| &level.movable[b], &mut movable);
         for (quarter, &child) in level.children[b].iter().enumerate() {
             if child == NONE || !fine_level.blocks.list[child as usize].active {
                 continue;
@@ -33,7 +34,7 @@ pub fn restrict(run: &Run, finer: usize, fine: &System, coarse: &mut System) {
             let weights = interpolation(fine_level, &around);
             let mut windows = [[0.0f32; WINDOW_NODES]; 3];
             for (c, window) in windows.iter_mut().enumerate() {
-                halo::load(&around, 0.0, |b| &fine.t[b][c], window);
+                window::load(&around, 0.0, |b| &fine.product[b][c], window);
             }
             let own = &level.movable[b];
             wide(RestrictQuarter { windows: &windows, weights: &weights, movable: own, quarter, r: sums });

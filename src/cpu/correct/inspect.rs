@@ -7,18 +7,22 @@ use crate::tile::codes::of_weight;
 impl Run<'_> {
     /// Assembles a level's system for its present state. Gives its rows, as [`Run::rows`], and right-hand side.
     pub fn assembled(&mut self, level: usize) -> [Vec<u32>; 2] {
-        let mut systems = std::mem::take(&mut self.memory.systems);
-        self.with_surface(level, assemble::Assemble { system: &mut systems.levels[level], level });
-        rows::finish(self, level, &mut systems.levels[level], false);
-        self.memory.systems = systems;
-        [self.rows(level), flat(&self.memory.systems.levels[level].r)]
+        let mut workspace = std::mem::take(&mut self.memory.workspace);
+        let mut assembling = workspace.assembling(level, &mut []);
+        let (rows, residual) = assembling.system();
+        self.with_surface(level, assemble::Assemble { rows, residual, level });
+        let mut samples = std::mem::take(&mut self.memory.levels);
+        rows::finish(self, level, &mut assembling.solving(&mut samples[level..]).levels[0], false);
+        self.memory.levels = samples;
+        self.memory.workspace = workspace;
+        [self.rows(level), flat(self.memory.workspace.residual(level))]
     }
 
     /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (two words each),
     /// interpolation's weights (1; none on the coarsest level).
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
-        let Rows { diagonal, words, .. } = &self.memory.systems.levels[level].rows;
+        let Rows { diagonal, words, .. } = self.memory.workspace.rows(level);
         for (b, (diagonal, words)) in diagonal.iter().zip(words).enumerate() {
             all.extend(flat(&[*diagonal]));
             all.extend_from_slice(words.as_flattened().as_flattened());
@@ -28,20 +32,21 @@ impl Run<'_> {
         all
     }
 
-    /// The last step on a level, before it was cut, and its local share.
+    /// The last step on a level, before it was limited, and the step fraction of each node.
     pub fn step_of(&self, level: usize) -> [Vec<u32>; 2] {
-        let systems = &self.memory.systems;
-        let n = self.grid.levels[level].blocks.list.len();
-        let x = if level == 0 { &*self.result } else { &systems.x[..n] };
-        [flat(x), systems.levels[level].r.iter().flat_map(|r| r[0]).map(f32::to_bits).collect()]
+        let workspace = &self.memory.workspace;
+        let blocks = self.grid.levels[level].blocks.list.len();
+        let step = if level == 0 { &*self.result } else { &workspace.coarse_step()[..blocks] };
+        let fraction = (0..blocks).flat_map(|b| workspace.step_fraction(level, b).map(f32::to_bits));
+        [flat(step), fraction.collect()]
     }
 
-    /// Per chart, the share of the next step that it is to take; 0: it sits out the level's further corrections.
-    pub fn next(&self) -> &[f32] {
-        &self.memory.systems.next
+    /// Per chart, the fraction of the next step that it is to take; 0: it sits out the level's further corrections.
+    pub fn next_fraction(&self) -> &[f32] {
+        &self.memory.workspace.next_fraction
     }
 
-    pub fn set_next(&mut self, next: &[f32]) {
-        self.memory.systems.next.copy_from_slice(next);
+    pub fn set_next_fraction(&mut self, next: &[f32]) {
+        self.memory.workspace.next_fraction.copy_from_slice(next);
     }
 }

@@ -9,21 +9,18 @@ use super::super::row::Row;
 use super::rows::{BlockRows, Pairs};
 use super::*;
 use crate::mesh::NONE;
+use crate::method::law::{COARSEST_ROUNDS, SMOOTHER_SWEEPS};
 use crate::tile::Level;
 use crate::tile::blocks::{SIDE, slot};
-use crate::tile::halo::{self, Window, place};
+use crate::tile::window::{self, Window, place};
 
-/// Sweeps on either side.
-const SWEEPS: usize = 2;
-/// Rounds of them in each direction on the coarsest level, where a block or a few hold all of it.
-const COARSEST_ROUNDS: usize = 4;
-
-/// z = M⁻¹ r on `level`; gives r·z per chart. Leaves `r` alone.
-pub fn cycle(run: &Run, systems: &mut [System], level: usize) -> Vec<f64> {
-    let coarsest = systems.len() - 1;
+/// A V-cycle: direction = M⁻¹ residual on `level`, with which `levels` begin; gives their product per chart. Leaves the
+/// residual of `level` alone.
+pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec<f64> {
+    let coarsest = level + levels.len() - 1;
     let mut dots = vec![0.0f64; run.grid.levels[level].blocks.list.len()];
     for k in level..=coarsest {
-        let system = &mut systems[k];
+        let system = &mut levels[k - level];
         let first = Sweeps { from_zero: true, ..Sweeps::FORWARD };
         if k == coarsest {
             for round in 0..COARSEST_ROUNDS {
@@ -36,14 +33,14 @@ pub fn cycle(run: &Run, systems: &mut [System], level: usize) -> Vec<f64> {
         } else {
             smooth(run, k, system, first, None);
             residual(run, k, system);
-            let (finer, coarser) = systems.split_at_mut(k + 1);
-            restrict(run, k, &finer[k].t, &mut coarser[0].r);
+            let (finer, coarser) = levels.split_at_mut(k - level + 1);
+            restrict(run, k, finer[k - level].product, coarser[0].residual);
         }
     }
     for k in (level..coarsest).rev() {
-        let (finer, coarser) = systems.split_at_mut(k + 1);
-        add_coarse(run, k, &mut finer[k].z, &coarser[0].z);
-        smooth(run, k, &mut systems[k], Sweeps::BACKWARD, (k == level).then_some(&mut dots));
+        let (finer, coarser) = levels.split_at_mut(k - level + 1);
+        add_coarse(run, k, finer[k - level].direction, coarser[0].direction);
+        smooth(run, k, &mut levels[k - level], Sweeps::BACKWARD, (k == level).then_some(&mut dots));
     }
     run.per_chart_of_blocks(level, &dots)
 }
@@ -63,10 +60,10 @@ impl Sweeps {
 
 /// Sweeps of z towards A z = r: all of them on a block while it is in the cache, its ring frozen. Gives each block's
 /// share of r·z if it is asked for.
-fn smooth(run: &Run, level: usize, system: &mut System, sweeps: Sweeps, dots: Option<&mut Vec<f64>>) {
+fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, dots: Option<&mut Vec<f64>>) {
     let grid = &run.grid.levels[level];
-    let z = Shared::new(&mut system.z);
-    let dots = dots.map(|dots| Shared::new(dots));
+    let z = SharedSlice::new(system.direction);
+    let dots = dots.map(|dots| SharedSlice::new(dots));
     let colour = |b: u32| {
         let block = &grid.blocks.list[b as usize];
         block.y % 2 * 2 + block.x % 2
@@ -74,7 +71,7 @@ fn smooth(run: &Run, level: usize, system: &mut System, sweeps: Sweeps, dots: Op
     run.each_colour(level, sweeps.backwards, |worker, b| {
         let rows = system.rows.of(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        let mut around = grid.blocks.around[b];
+        let mut around = grid.blocks.neighbours[b];
         if sweeps.from_zero {
             // Only blocks of the colours before this one have a z.
             let own = colour(b as u32);
@@ -87,13 +84,13 @@ fn smooth(run: &Run, level: usize, system: &mut System, sweeps: Sweeps, dots: Op
         // SAFETY: blocks of one colour do not touch.
         unsafe {
             for (c, window) in windows.iter_mut().enumerate() {
-                halo::load(&around, 0.0, |b| &z.get(b)[c], window);
+                window::load(&around, 0.0, |b| &z.get(b)[c], window);
             }
         }
         if sweeps.from_zero {
             clear_own(&mut windows);
         }
-        let r = &system.r[b];
+        let r = &system.residual[b];
         // SAFETY: as above.
         let z = unsafe { z.get_mut(b) };
         let (backwards, dot, windows) = (sweeps.backwards, dots.is_some(), &mut windows);
@@ -133,7 +130,7 @@ impl Kernel for SmoothBlock<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) -> f32 {
         self.rows.pairs::<V>(self.pairs);
-        for _ in 0..SWEEPS {
+        for _ in 0..SMOOTHER_SWEEPS {
             smooth_block::<V>(self.rows.diagonal, self.pairs, self.r, self.backwards, self.windows);
         }
         for row in Row::all() {
@@ -148,7 +145,7 @@ impl Kernel for SmoothBlock<'_> {
 #[inline(always)]
 fn load<'a>(level: &Level, b: usize, plane: impl Fn(usize, usize) -> &'a Plane, windows: &mut [Window; 2]) {
     for (c, window) in windows.iter_mut().enumerate() {
-        halo::load(&level.blocks.around[b], 0.0, |b| plane(b, c), window);
+        window::load(&level.blocks.neighbours[b], 0.0, |b| plane(b, c), window);
     }
 }
 
@@ -201,9 +198,9 @@ fn product<V: Lanes>(diagonal: &[Plane; 3], pairs: &Pairs, row: Row, z: &[Window
 /// The first two planes of `out` become A v; gives v·out per chart.
 pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mut [[Plane; 3]]) -> Vec<f64> {
     let grid = &run.grid.levels[level];
-    let out = Shared::new(out);
+    let out = SharedSlice::new(out);
     let mut dots = vec![0.0f64; grid.blocks.list.len()];
-    let shared = Shared::new(&mut dots);
+    let shared = SharedSlice::new(&mut dots);
     run.each_block(level, |worker, b, _| {
         let rows = rows.of(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
@@ -218,11 +215,11 @@ pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mu
     run.per_chart_of_blocks(level, &dots)
 }
 
-/// t = r - A z.
-fn residual(run: &Run, level: usize, system: &mut System) {
+/// product = residual - A direction.
+fn residual(run: &Run, level: usize, system: &mut SolvingLevel) {
     let grid = &run.grid.levels[level];
-    let t = Shared::new(&mut system.t);
-    let (rows, z, r) = (&system.rows, &system.z, &system.r);
+    let t = SharedSlice::new(system.product);
+    let (rows, z, r) = (&*system.rows, &*system.direction, &*system.residual);
     run.each_block(level, |worker, b, _| {
         let rows = rows.of(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
@@ -298,7 +295,7 @@ fn dot<V: Lanes>(a: &[Plane; 2], b: &[Plane]) -> f32 {
 /// The coarser level's right-hand side: Pᵀ t, at its movable nodes.
 fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
-    let r = Shared::new(r);
+    let r = SharedSlice::new(r);
     run.each_block(finer + 1, |_, b, _| {
         // SAFETY: each item has its own block.
         let r = unsafe { r.get_mut(b) };
@@ -311,7 +308,7 @@ fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
             }
             let around = masked(fine, child as usize);
             for c in 0..2 {
-                halo::load(&around, 0.0, |b| &t[b][c], &mut windows[c]);
+                window::load(&around, 0.0, |b| &t[b][c], &mut windows[c]);
             }
             let weights = interpolation(fine, &around);
             let (windows, weights, movable) = (&windows, &weights, &coarse.movable[b]);
@@ -362,15 +359,16 @@ impl<const N: usize> Kernel for RestrictQuarter<'_, N> {
 
 /// A block's surroundings without the blocks that are stored for their neighbours' sake only.
 pub fn masked(level: &Level, b: usize) -> [u32; 9] {
-    level.blocks.around[b].map(|b| if b != NONE && level.blocks.list[b as usize].active { b } else { NONE })
+    level.blocks.neighbours[b]
+        .map(|b| if b != NONE && level.blocks.list[b as usize].active { b } else { NONE })
 }
 
 /// z += P z_coarse.
 fn add_coarse(run: &Run, finer: usize, z: &mut [[Plane; 2]], coarse: &[[Plane; 2]]) {
     let level = &run.grid.levels[finer];
-    let z = Shared::new(z);
+    let z = SharedSlice::new(z);
     run.each_block(finer, |_, b, _| {
-        let weights = interpolation(level, &level.blocks.around[b]);
+        let weights = interpolation(level, &level.blocks.neighbours[b]);
         // SAFETY: each item has its own block.
         for (c, z) in unsafe { z.get_mut(b) }.iter_mut().enumerate() {
             add_interpolated(run, finer, b, &weights, |b| &coarse[b][c], z);

@@ -3,6 +3,7 @@
 //! that the sum of a row stays exact: a rigid feature that moves as a whole feels what is around it, a sum over thousands
 //! of pairs, and no rounding.
 
+use super::super::allocate::Allocate;
 use super::super::constants;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
 use super::super::patch::NEIGHBOURS;
@@ -12,7 +13,7 @@ use super::*;
 use crate::half;
 use crate::mesh::NONE;
 use crate::tile::blocks::{SIDE, slot};
-use crate::tile::halo::{self, Window, place};
+use crate::tile::window::{self, Window, place};
 
 /// Per owned edge (p, n), the 2x2 block between p (row) and n (column), row-major, at p's place in the window: all pairs that
 /// a block's rows need.
@@ -34,16 +35,12 @@ pub struct Rows {
     pub ring: Vec<Ring>,
 }
 
-/// Bytes of a block's rows.
-pub const BYTES: usize = size_of::<[Plane; 3]>() + size_of::<Words>() + size_of::<Ring>();
-
 impl Rows {
-    /// Of `n` blocks.
-    pub fn new(n: usize) -> Rows {
+    pub fn new(allocator: &mut impl Allocate, blocks: usize) -> Rows {
         Rows {
-            diagonal: vec![[[0.0; NODES]; 3]; n],
-            words: vec![[[[0; NODES]; 2]; 4]; n],
-            ring: vec![[[0; GROUPS.len() * LANES + CORNERS.len()]; 2]; n],
+            diagonal: allocator.array([[0.0; NODES]; 3], blocks),
+            words: allocator.array([[[0; NODES]; 2]; 4], blocks),
+            ring: allocator.array([[0; GROUPS.len() * LANES + CORNERS.len()]; 2], blocks),
         }
     }
 
@@ -223,22 +220,23 @@ pub fn ring_pairs<V: Lanes>(words: &[Words], around: &[u32; 9], pairs: &mut Pair
     }
 }
 
-/// Completes a level's rows, of which the own pairs and the sums are there: the ring's pairs and the diagonals. With a
-/// coarser level, `t` becomes A P 1, of which it makes the sums of its own rows; `z` is used.
-pub fn finish(run: &Run, level: usize, system: &mut System, coarser: bool) {
+/// Completes a level's rows, of which the owned pairs and the sums are there: the halo's pairs and the diagonals. With a
+/// coarser level, the product becomes A P 1, of which that level makes the sums of its own rows; the direction is used.
+pub fn finish(run: &Run, level: usize, system: &mut SolvingLevel, coarser: bool) {
     let grid = &run.grid.levels[level];
     if coarser {
-        interpolated_ones(run, level, &mut system.z);
+        interpolated_ones(run, level, system.direction);
     }
-    let Rows { diagonal, words, ring } = &mut system.rows;
-    let (diagonal, ring, t) = (Shared::new(diagonal), Shared::new(ring), Shared::new(&mut system.t));
-    let (words, z) = (&*words, &system.z);
+    let Rows { diagonal, words, ring } = &mut *system.rows;
+    let (diagonal, ring, t) =
+        (SharedSlice::new(diagonal), SharedSlice::new(ring), SharedSlice::new(system.product));
+    let (words, z) = (&*words, &*system.direction);
     run.each_block(level, |worker, b, _| {
         prefetch(&words[b]);
         let around = super::multigrid::masked(grid, b);
         let mut ones: Window = [0.0; WINDOW_NODES];
         if coarser {
-            halo::load(&around, 0.0, |b| &z[b][0], &mut ones);
+            window::load(&around, 0.0, |b| &z[b][0], &mut ones);
         }
         // SAFETY: each item has its own block.
         let (diagonal, ring) = unsafe { (diagonal.get_mut(b), ring.get_mut(b)) };
@@ -278,12 +276,12 @@ fn ring_of(words: &[Words], around: &[u32; 9]) -> Ring {
 fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[level], &run.grid.levels[level + 1]);
     let movable = |b: usize| &coarse.movable[b];
-    let z = Shared::new(z);
+    let z = SharedSlice::new(z);
     run.each_block(level, |_, b, _| {
         // SAFETY: each item has its own block.
         let ones = unsafe { &mut z.get_mut(b)[0] };
         *ones = [0.0; NODES];
-        let weights = constants::interpolation(fine, &fine.blocks.around[b]);
+        let weights = constants::interpolation(fine, &fine.blocks.neighbours[b]);
         super::multigrid::add_interpolated(run, level, b, &weights, movable, ones);
     });
 }

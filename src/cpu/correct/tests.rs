@@ -2,19 +2,19 @@ use std::sync::Arc;
 
 use super::*;
 use crate::cpu::{Memory, Team};
-use crate::reference::tests::{maps, posed, sheet};
+use crate::method::schedule::{Input, Stages};
+use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
-use crate::solve::{Input, Stages};
-use crate::tile::EDGES;
 use crate::tile::blocks::{SIDE, slot};
 use crate::tile::coverage::Coverage;
 use crate::tile::pose::Pose;
+use crate::tile::{EDGES, Grid};
 
 const GRID: usize = 64;
 
 /// (xx, xy, yy) of the sum of a node's row, and the largest number in it, from what is stored.
 fn sum_of_row(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
-    let rows = &run.memory.systems.levels[level].rows;
+    let rows = run.memory.workspace.rows(level);
     let find = |i: usize, j: usize| {
         let b = run.grid.levels[level].blocks.find(0, (i / SIDE) as i64, (j / SIDE) as i64) as usize;
         (b, slot(i % SIDE, j % SIDE))
@@ -56,7 +56,7 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
         run.surface();
         run.pyramid();
         run.identity(0);
-        run.correct(0, &Correction { first: true, sweeps: 0, tolerance: 1e-3, trusting: true });
+        run.correct(0, &Correction { first: true, sweeps: 0, tolerance: 1e-3, trusts_model: true });
         for level in 0..3 {
             let nodes = GRID >> level;
             // Two nodes from the ones that are fixed: all that a sum is made of may move.

@@ -2,19 +2,17 @@
 //! rigid, is turned back toward its rest direction, and no end leaves the bounding box of its neighbours.
 
 use crate::mesh::NONE;
-use crate::pbd::{Iteration, Set};
+use crate::method::law::TINY;
+use crate::method::pbd::{Iteration, Set};
 use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE};
-use crate::tile::halo::{self, WINDOW_NODES, Window};
+use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::super::constants;
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, State};
 use super::super::row::Row;
-use super::super::surface::{Samples, Site, Surface};
-
-/// Keeps 1 / |d| finite.
-const TINY: f32 = 1e-24;
+use super::super::sampling::{Samples, Site, Surface};
 
 /// One set's projection.
 #[derive(Clone, Copy)]
@@ -38,11 +36,11 @@ impl Project {
         density: f32,
         b: usize,
     ) {
-        wide(Block { project: self, level, state, next, surface, density, b });
+        wide(ProjectBlock { project: self, level, state, next, surface, density, b });
     }
 }
 
-struct Block<'a, S> {
+struct ProjectBlock<'a, S> {
     project: Project,
     level: &'a Level,
     state: State,
@@ -52,13 +50,14 @@ struct Block<'a, S> {
     b: usize,
 }
 
-impl<S: Surface> Kernel for Block<'_, S> {
+impl<S: Surface> Kernel for ProjectBlock<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Block { project: Project { set, iteration }, level, state, next, surface, density, b } = self;
-        let around = &level.blocks.around[b];
+        let ProjectBlock { project: Project { set, iteration }, level, state, next, surface, density, b } =
+            self;
+        let around = &level.blocks.neighbours[b];
         let block = &level.blocks.list[b];
         let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
         let floor = V::splat(level.floor[block.chart as usize]);
@@ -70,10 +69,10 @@ impl<S: Surface> Kernel for Block<'_, S> {
         // SAFETY: the caller's promise.
         let (to_u, to_value) = unsafe {
             for c in 0..2 {
-                halo::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
+                window::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
             }
             for c in 0..3 {
-                halo::load(around, 0.0, |b| &state.value.get(b)[c], &mut value[c]);
+                window::load(around, 0.0, |b| &state.value.get(b)[c], &mut value[c]);
             }
             if S::CHORDS {
                 *next.triangle.get_mut(b) = *state.triangle.get(b);
@@ -84,12 +83,12 @@ impl<S: Surface> Kernel for Block<'_, S> {
             (to_u, to_value)
         };
         constants::rigidity::<V>(level, b, &mut rigidity);
-        halo::load(around, 0, |b| &level.movable[b], &mut movable);
+        window::load(around, 0, |b| &level.movable[b], &mut movable);
         constants::rest_length::<V>(level, b, set.edge, &mut length);
         let dense = density > 0.0 && !level.density.is_empty();
         let mut near: Window = [0.0; WINDOW_NODES];
         if dense {
-            halo::load(around, 0.0, |b| &level.density[b], &mut near);
+            window::load(around, 0.0, |b| &level.density[b], &mut near);
         }
         for row in Row::all() {
             let ((di, dj), theirs) = set.partner(row.column(), row.line());

@@ -4,13 +4,13 @@
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE};
 use crate::tile::codes::SHARES;
-use crate::tile::halo::{self, WINDOW_NODES, Window};
+use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::State;
 use super::super::row::Row;
-use super::super::surface::Surface;
-use super::super::team::Shared;
+use super::super::sampling::Surface;
+use super::super::team::SharedSlice;
 use super::project::{put, site};
 
 /// Integration and prediction.
@@ -24,14 +24,14 @@ pub struct Velocity {
 
 /// One pass.
 #[derive(Clone, Copy)]
-pub struct Settle {
+pub struct Regularise {
     pub smoothing: f32,
     /// None: regularisation alone.
     pub velocity: Option<Velocity>,
 }
 
-impl Settle {
-    /// Settles block `b`'s own nodes.
+impl Regularise {
+    /// Regularises block `b`'s own nodes.
     ///
     /// # Safety
     /// Nothing writes `state` now, and nothing else touches block `b` of `next` and of `previous`.
@@ -40,38 +40,46 @@ impl Settle {
         level: &Level,
         state: State,
         next: State,
-        previous: Shared<[Plane; 2]>,
+        previous: SharedSlice<[Plane; 2]>,
         surface: S,
         b: usize,
     ) {
-        wide(Block { settle: self, level, state, next, previous, surface, b });
+        wide(RegulariseBlock { regularise: self, level, state, next, previous, surface, b });
     }
 }
 
-struct Block<'a, S> {
-    settle: Settle,
+struct RegulariseBlock<'a, S> {
+    regularise: Regularise,
     level: &'a Level,
     state: State,
     next: State,
-    previous: Shared<[Plane; 2]>,
+    previous: SharedSlice<[Plane; 2]>,
     surface: S,
     b: usize,
 }
 
-impl<S: Surface> Kernel for Block<'_, S> {
+impl<S: Surface> Kernel for RegulariseBlock<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Block { settle: Settle { smoothing, velocity }, level, state, next, previous, surface, b } = self;
-        let around = &level.blocks.around[b];
+        let RegulariseBlock {
+            regularise: Regularise { smoothing, velocity },
+            level,
+            state,
+            next,
+            previous,
+            surface,
+            b,
+        } = self;
+        let around = &level.blocks.neighbours[b];
         let block = &level.blocks.list[b];
         let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
         let mut u: [Window; 2] = [[0.0; WINDOW_NODES]; 2];
         // SAFETY: the caller's promise.
         let (to_u, to_value, previous) = unsafe {
             for c in 0..2 {
-                halo::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
+                window::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
             }
             if S::CHORDS {
                 *next.triangle.get_mut(b) = *state.triangle.get(b);
@@ -94,13 +102,13 @@ impl<S: Surface> Kernel for Block<'_, S> {
             // Eq. 5. The Gaussian leaves the grid at rest as it is, so displacements can be smoothed for positions.
             let mut moved = each!([0, 1], |c| here[c] + blend * (gaussian::<V>(&u[c], row) - here[c]));
             if let Some(Velocity { last, momentum }) = velocity {
-                let settled = moved;
+                let integrated = moved;
                 if !last {
                     let before = each!([0, 1], |c| V::load(&previous[c], s));
-                    moved = each!([0, 1], |c| settled[c] + (settled[c] - before[c]) * momentum);
+                    moved = each!([0, 1], |c| integrated[c] + (integrated[c] - before[c]) * momentum);
                 }
                 for c in 0..2 {
-                    lanes.select(settled[c], V::zero()).store(&mut previous[c], s);
+                    lanes.select(integrated[c], V::zero()).store(&mut previous[c], s);
                 }
             }
             // SAFETY: the caller's promise.

@@ -5,10 +5,10 @@ use super::project::projected;
 use super::*;
 use crate::cpu::{Memory, Team};
 use crate::mesh::Mesh;
-use crate::pbd::Set;
-use crate::reference::tests::{maps, posed, sheet};
+use crate::method::pbd::Set;
+use crate::method::schedule::{Input, Stages};
+use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
-use crate::solve::{Input, Stages};
 use crate::tile::blocks::slot;
 use crate::tile::codes::{of_share, share};
 use crate::tile::coverage::Coverage;
@@ -16,7 +16,7 @@ use crate::tile::pose::Pose;
 
 const FULL: Iteration = Iteration {
     first: true,
-    settle: true,
+    regularise: true,
     last: true,
     momentum: 0.0,
     orientation: 0.0,
@@ -213,7 +213,7 @@ fn positions_are_integrated_and_predicted_from_their_velocity() {
             set(run, 4, 8, [0.5, 0.25]);
             let settle = |last| {
                 let velocity = Some(Velocity { last, momentum: 0.5 });
-                Pass::Settle(Settle { smoothing: 0.0, velocity })
+                Pass::Regularise(Regularise { smoothing: 0.0, velocity })
             };
             run.pass(0, settle(false));
             // From 0 to there is the velocity, of which half is kept.
@@ -235,10 +235,10 @@ fn a_node_that_would_leave_its_chart_stays() {
         stretched,
         |run| {
             set(run, 4, 8, [-9.0, 0.0]);
-            run.copy_still_blocks(0);
+            run.copy_inactive_blocks(0);
             // The Gaussian of a node far outside is outside, too.
             let before = at(run, 4, 8);
-            run.pass(0, Pass::Settle(Settle { smoothing: 0.01, velocity: None }));
+            run.pass(0, Pass::Regularise(Regularise { smoothing: 0.01, velocity: None }));
             assert_eq!(at(run, 4, 8), before);
         },
     );

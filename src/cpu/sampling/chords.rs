@@ -1,9 +1,10 @@
 //! The finest level: exact positions and tangents on the triangle under W(p), which is found by walking.
 
 use super::super::lanes::{LANES, Lanes, Truth, each};
-use super::super::record::Record;
-use super::{Chord, Samples, Site, Slopes, Surface, TINY};
+use super::Record;
+use super::{Chord, Samples, Site, Slopes, Surface};
 use crate::mesh::NONE;
+use crate::method::law::{BORDER_TOLERANCE, INSIDE_TOLERANCE, TINY, WALK_STEPS};
 use crate::tile::Grid;
 use crate::tile::blocks::{SIDE, slot};
 
@@ -13,9 +14,6 @@ pub struct Chords<'a> {
     pub grid: &'a Grid,
     pub triangles: &'a [Record],
 }
-
-/// Outside a triangle by less than this share of it counts as inside.
-const SLACK: f32 = 1e-6;
 
 impl Surface for Chords<'_> {
     const CHORDS: bool = true;
@@ -37,7 +35,7 @@ impl Surface for Chords<'_> {
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
         let (l1, l2) = (first[2] * d[0] + first[3] * d[1], first[4] * d[0] + first[5] * d[1]);
         let l0 = V::one() - l1 - l2;
-        let slack = V::splat(-SLACK);
+        let slack = V::splat(-INSIDE_TOLERANCE);
         let inside = slack.le(l0).and(slack.le(l1)).and(slack.le(l2));
         let outside = lanes.and_not(inside).bits();
         let (mut first, mut found) = (first, lanes);
@@ -145,9 +143,7 @@ impl Chords<'_> {
 
     /// The triangle under node (i, j) + u, by walking from `t`; `None` at a border or after too many steps.
     fn locate(&self, i: i64, j: i64, u: [f32; 2], mut t: u32) -> Option<u32> {
-        // A node moves a few cells at most before its start is renewed; fine meshes have several triangles a cell.
-        const STEPS: usize = 256;
-        for _ in 0..STEPS {
+        for _ in 0..WALK_STEPS {
             let record = &self.triangles[t as usize];
             let origin = record.uv_origin();
             let [l0, l1, l2] =
@@ -159,7 +155,7 @@ impl Chords<'_> {
             if l2 < low {
                 (low, corner) = (l2, 2);
             }
-            if low >= -SLACK {
+            if low >= -INSIDE_TOLERANCE {
                 return Some(t);
             }
             let neighbours = &self.grid.triangles[t as usize].neighbours;
@@ -167,10 +163,11 @@ impl Chords<'_> {
             if next == NONE {
                 // On the border: the other negative corner, if there is one; rounding may put a point just outside.
                 let all = [l0, l1, l2];
-                let other = (0..3).find(|&k| k != corner && all[k] < -SLACK && neighbours[k] != NONE);
+                let other =
+                    (0..3).find(|&k| k != corner && all[k] < -INSIDE_TOLERANCE && neighbours[k] != NONE);
                 match other {
                     Some(k) => next = neighbours[k],
-                    None => return (low >= -1e-3).then_some(t),
+                    None => return (low >= -BORDER_TOLERANCE).then_some(t),
                 }
             }
             t = next;

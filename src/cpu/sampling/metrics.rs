@@ -1,8 +1,9 @@
 //! Coarser levels: metrics, bilinear between nodes, and their slopes.
 
 use super::super::lanes::{LANES, Lanes, Truth, each};
-use super::{Chord, Samples, Site, Slopes, Surface, TINY};
+use super::{Chord, Samples, Site, Slopes, Surface};
 use crate::mesh::NONE;
+use crate::method::law::TINY;
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE, slot};
 

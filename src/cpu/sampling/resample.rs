@@ -3,15 +3,15 @@
 use crate::mesh::NONE;
 use crate::tile::blocks::{Plane, SIDE, slot};
 
-use super::Run;
-use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
-use super::patch::State;
-use super::row::Row;
-use super::surface::{Chords, Metrics, Samples, Site, Surface};
+use super::super::Run;
+use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use super::super::patch::State;
+use super::super::row::Row;
+use super::{Chords, Metrics, Samples, Site, Surface};
 
 /// Where the walk to the triangle under W(p) begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Start {
+pub enum Start {
     /// W is the identity: each node lies on its own triangle, and none walks. Fixed nodes are sampled here alone.
     Identity,
     /// At the triangle of the node nearest to W(p): W may be anything.
@@ -22,12 +22,12 @@ pub(super) enum Start {
 
 impl Run<'_> {
     /// Samples the surface anew under all nodes of the blocks, from their displacements.
-    pub(super) fn refresh(&mut self, level: usize, blocks: &[u32], start: Start) {
-        self.move_and_refresh(level, blocks, start, |_, _| {});
+    pub(in crate::cpu) fn resample(&mut self, level: usize, blocks: &[u32], start: Start) {
+        self.move_and_resample(level, blocks, start, |_, _| {});
     }
 
     /// The same after `set(block, displacements)` has set those of each block.
-    pub(super) fn move_and_refresh(
+    pub(in crate::cpu) fn move_and_resample(
         &mut self,
         level: usize,
         blocks: &[u32],
@@ -46,9 +46,9 @@ impl Run<'_> {
             // SAFETY: each item has its own block.
             set(b, unsafe { state.u.get_mut(b) });
             if level == 0 {
-                wide(RefreshChords { surface: chords, state, b, start });
+                wide(ResampleChords { surface: chords, state, b, start });
             } else {
-                wide(RefreshMetrics { surface: metrics, state, b, start });
+                wide(ResampleMetrics { surface: metrics, state, b, start });
             }
         });
         self.memory.levels[level].metric = metric;
@@ -56,19 +56,19 @@ impl Run<'_> {
 }
 
 /// Samples a finest block anew. No other item may touch it meanwhile.
-struct RefreshChords<'a> {
+struct ResampleChords<'a> {
     surface: Chords<'a>,
     state: State,
     b: usize,
     start: Start,
 }
 
-impl Kernel for RefreshChords<'_> {
+impl Kernel for ResampleChords<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let RefreshChords { surface, state, b, start } = self;
+        let ResampleChords { surface, state, b, start } = self;
         let level = &surface.grid.levels[0];
         let rest = &surface.grid.triangle[b];
         // SAFETY: no other item touches the block.
@@ -137,19 +137,19 @@ impl Chords<'_> {
 }
 
 /// Samples a coarser block anew. No other item may touch it meanwhile.
-struct RefreshMetrics<'a> {
+struct ResampleMetrics<'a> {
     surface: Metrics<'a>,
     state: State,
     b: usize,
     start: Start,
 }
 
-impl Kernel for RefreshMetrics<'_> {
+impl Kernel for ResampleMetrics<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let RefreshMetrics { surface, state, b, start } = self;
+        let ResampleMetrics { surface, state, b, start } = self;
         let metric = &surface.metric[b];
         // SAFETY: no other item touches the block.
         let (u, value) = unsafe { (state.u.get(b), state.value.get_mut(b)) };

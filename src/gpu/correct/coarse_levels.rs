@@ -1,8 +1,7 @@
 //! The coarse end of the V-cycle: levels whose charts have so few blocks that all of them are done in one dispatch.
 
-use bytemuck::{Pod, Zeroable};
-
-use super::bands::Band;
+use crate::gpu::bands::Band;
+use crate::gpu::layout::CoarseBlock;
 use crate::mesh::NONE;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
@@ -11,7 +10,7 @@ use crate::tile::blocks::NODES;
 const MOST_BLOCKS: usize = 36;
 /// Which levels they are, and where their blocks stand in common buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SmallLevels {
+pub struct CoarseLevels {
     /// The finest of them; all coarser ones belong to them too.
     pub first: usize,
     /// Per such level, its first block.
@@ -20,48 +19,37 @@ pub struct SmallLevels {
     pub blocks: usize,
 }
 
-/// A block as the kernel sees it; its twin is in `shaders/cycle.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct CycleBlock {
-    pub links: [u32; 9],
-    pub parent: u32,
-    pub children: [u32; 4],
-    pub colour: u32,
-    pub fixed: [u32; 8],
-}
-
-impl SmallLevels {
+impl CoarseLevels {
     /// Finds them; none if not even the coarsest level's blocks fit, or if there is one level only.
-    pub fn new(grid: &Grid, bands: &[Vec<Band>], capacity: usize) -> Option<SmallLevels> {
-        let mut small = SmallLevels { first: grid.levels.len(), bases: Vec::new(), blocks: 0 };
+    pub fn new(grid: &Grid, bands: &[Vec<Band>], capacity: usize) -> Option<CoarseLevels> {
+        let mut coarse = CoarseLevels { first: grid.levels.len(), bases: Vec::new(), blocks: 0 };
         for k in (1..grid.levels.len()).rev() {
             let blocks = &grid.levels[k].blocks;
             let active = |range: &std::ops::Range<usize>| {
                 blocks.list[range.clone()].iter().filter(|b| b.active).count()
             };
             let fits = blocks.of_chart.iter().all(|range| active(range) <= MOST_BLOCKS);
-            if !fits || bands[k].len() > 1 || small.blocks + blocks.list.len() > capacity {
+            if !fits || bands[k].len() > 1 || coarse.blocks + blocks.list.len() > capacity {
                 break;
             }
-            small.first = k;
-            small.blocks += blocks.list.len();
+            coarse.first = k;
+            coarse.blocks += blocks.list.len();
         }
         let mut base = 0;
-        for level in &grid.levels[small.first..] {
-            small.bases.push(base);
+        for level in &grid.levels[coarse.first..] {
+            coarse.bases.push(base);
             base += level.blocks.list.len() as u32;
         }
-        (!small.bases.is_empty()).then_some(small)
+        (!coarse.bases.is_empty()).then_some(coarse)
     }
 
-    /// Where the blocks of a level begin in the common buffers; `None` for a level that is not small.
+    /// Where the blocks of a level begin in the common buffers; `None` for a level that is finer.
     pub fn base(&self, level: usize) -> Option<u32> {
         level.checked_sub(self.first).map(|k| self.bases[k])
     }
 
     /// All blocks, level by level.
-    pub fn blocks(&self, grid: &Grid) -> Vec<CycleBlock> {
+    pub fn blocks(&self, grid: &Grid) -> Vec<CoarseBlock> {
         let mut all = Vec::with_capacity(self.blocks);
         for k in self.first..grid.levels.len() {
             let level = &grid.levels[k];
@@ -76,8 +64,8 @@ impl SmallLevels {
                 for (s, _) in level.movable[b].iter().enumerate().filter(|(_, movable)| **movable == 0) {
                     fixed[s / 32] |= 1 << (s % 32);
                 }
-                all.push(CycleBlock {
-                    links: level.blocks.around[b].map(|b| place(k, active(b))),
+                all.push(CoarseBlock {
+                    active_neighbours: level.blocks.neighbours[b].map(|b| place(k, active(b))),
                     parent: if k + 1 < grid.levels.len() { place(k + 1, level.parent[b]) } else { NONE },
                     children: level.children[b].map(|child| place(k - 1, child)),
                     colour: block.y % 2 * 2 + block.x % 2,
@@ -111,9 +99,12 @@ impl SmallLevels {
         heads
     }
 
-    /// Bytes that `blocks` and `lists` take, at most.
-    pub fn bytes(&self, grid: &Grid) -> u64 {
-        (self.blocks * (size_of::<CycleBlock>() + 4) + grid.movable.len() * self.bases.len() * 32) as u64
+    /// Numbers in `lists`.
+    pub fn list_length(&self, grid: &Grid) -> usize {
+        let active =
+            |level: &crate::tile::Level| level.blocks.list.iter().filter(|block| block.active).count();
+        let blocks: usize = grid.levels[self.first..].iter().map(active).sum();
+        grid.movable.len() * self.bases.len() * 8 + blocks
     }
 
     /// Bytes that one V-cycle from `level` down moves at least.

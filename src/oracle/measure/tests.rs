@@ -1,5 +1,5 @@
 use super::*;
-use crate::reference::tests::{discs, maps, posed, sheet};
+use crate::oracle::reference::tests::{discs, maps, posed, sheet};
 use crate::settings::TileSettings;
 use crate::tile::{TileMaps, node_maps};
 

@@ -4,8 +4,9 @@ use super::{Point, StageDifference};
 use crate::error::{Error, Result};
 use crate::gpu::layout::{METRIC_PLANES, ROW_PLANES, STATE_PLANES};
 use crate::half::of_bfloat16;
-use crate::pbd::Iteration;
-use crate::solve::{Correction, Stages};
+use crate::method::acceptance::Correction;
+use crate::method::pbd::Iteration;
+use crate::method::schedule::Stages;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
 use crate::{cpu, gpu};
@@ -90,10 +91,10 @@ impl<'a> Pair<'a> {
             return Err(error);
         }
         let done = self.gpu.finish()?;
-        let mut add = |quantity, of: &dyn Fn(&crate::solve::ChartResult) -> f64| {
+        let mut add = |quantity, of: &dyn Fn(&crate::method::schedule::ChartResult) -> f64| {
             let solved = |c: &usize| self.charts[*c];
             let pairs = (0..self.charts.len()).filter(solved).map(|c| {
-                let (cpu, gpu) = (&self.cpu.outcome[c], &done.outcome[c]);
+                let (cpu, gpu) = (&self.cpu.results[c], &done.charts[c]);
                 (of(cpu), of(gpu))
             });
             self.found.push(StageDifference::new(Point::Certify, quantity, pairs));
@@ -170,7 +171,7 @@ impl<'a> Pair<'a> {
             pair.state(at, level)?;
             if step == 0 && level == 0 {
                 let records = pair.gpu.chart_records()?;
-                let before: Vec<f64> = pair.cpu.outcome.iter().map(|chart| chart.energy_before).collect();
+                let before: Vec<f64> = pair.cpu.results.iter().map(|chart| chart.energy_before).collect();
                 pair.per_chart(at, "energy of the identity, relative", |c| {
                     relative(before[c], f64::from(records[c].identity))
                 });
@@ -211,16 +212,16 @@ impl<'a> Pair<'a> {
         let part = Part { of: 1, count: 1, ..part };
         self.compare(at, "cut of the step", part, charts, &cut, &other_cut);
         let mut records = self.gpu.chart_records()?;
-        let next = self.cpu.next().to_vec();
+        let next = self.cpu.next_fraction().to_vec();
         let blocks = &self.grid.levels[level].blocks;
         // A chart that has nothing to move on this level has nothing to decide.
         let moves = |c: usize| blocks.list[blocks.of_chart[c].clone()].iter().any(|block| block.active);
         let deciding = (0..charts.len()).filter(|&c| charts[c] && moves(c));
-        let pairs = deciding.map(|c| (f64::from(u8::from(next[c] == 0.0)), f64::from(records[c].done)));
+        let pairs = deciding.map(|c| (f64::from(u8::from(next[c] == 0.0)), f64::from(records[c].finished)));
         self.found.push(StageDifference::new(at, "decision to stop", pairs));
         if self.lockstep {
             for (record, &next) in records.iter_mut().zip(&next) {
-                (record.next, record.done) = (next, u32::from(next == 0.0));
+                (record.fraction, record.finished) = (next, u32::from(next == 0.0));
             }
             self.gpu.set_chart_records(&records)?;
         }
@@ -299,7 +300,11 @@ impl Stages for Pair<'_> {
         let taking_part: Vec<bool> = if correction.first {
             self.charts.to_vec()
         } else {
-            self.charts.iter().zip(self.cpu.next()).map(|(&solve, &next)| solve && next > 0.0).collect()
+            self.charts
+                .iter()
+                .zip(self.cpu.next_fraction())
+                .map(|(&solve, &next)| solve && next > 0.0)
+                .collect()
         };
         let mut before = [vec![], vec![]];
         self.look(|pair| {
@@ -327,7 +332,7 @@ impl Stages for Pair<'_> {
     fn iterate(&mut self, level: usize, iteration: &Iteration) {
         self.cpu.iterate(level, iteration);
         self.gpu.iterate(level, iteration);
-        self.gpu.come_home(level);
+        self.gpu.copy_back(level);
         self.level(level, 1);
     }
 

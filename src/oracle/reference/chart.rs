@@ -2,8 +2,8 @@
 
 use super::energy::{Edge, Law};
 use super::linear::neighbour;
-use crate::exact::{Locator, Surface};
 use crate::mesh::NONE;
+use crate::oracle::exact::{Locator, Surface};
 use crate::settings::TileSettings;
 use crate::tile::EDGES;
 use crate::tile::density::density;

@@ -7,7 +7,7 @@
 
 use super::chart::{ChartProblem, DIM};
 use super::linear::Stencil;
-use crate::exact::{Locator, Surface};
+use crate::oracle::exact::{Locator, Surface};
 use crate::settings::TileSettings;
 
 /// No corner Jacobian of a result is less.

@@ -9,7 +9,7 @@ use super::chart::{ChartProblem, DIM};
 use super::energy::{BARRIER_WIDTH, BOUND, Shape};
 use super::linear::{Multigrid, Stencil};
 use super::step::State;
-use crate::exact::{Locator, Surface};
+use crate::oracle::exact::{Locator, Surface};
 
 /// What became of one chart.
 pub(super) struct Descent {

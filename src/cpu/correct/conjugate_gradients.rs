@@ -1,0 +1,109 @@
+//! The system's solution: conjugate gradients around a V-cycle (method §7.3).
+
+use crate::method::law::{CG_ITERATIONS, MAX_STEP};
+
+use super::workspace::Solving;
+use super::*;
+
+impl Run<'_> {
+    /// Solves the system of `level` for the step, chart by chart: charts share only the passes over memory. Gives, per
+    /// chart, by how much the quadratic model of the energy falls.
+    ///
+    /// With two iterations the second direction is a sum of the preconditioned residual and of the first step, so that no
+    /// direction has to be kept.
+    pub(super) fn conjugate_gradients(&self, level: usize, solving: &mut Solving) -> Vec<f64> {
+        let charts = self.charts.len();
+        let mut predicted = vec![0.0f64; charts];
+        // Of the first iteration: the product of residual and preconditioned residual, and the length of the step.
+        let (mut first_rz, mut first_alpha) = (vec![0.0f64; charts], vec![0.0f32; charts]);
+        for iteration in 0..CG_ITERATIONS {
+            let (first, last) = (iteration == 0, iteration + 1 == CG_ITERATIONS);
+            let rz = multigrid::precondition(self, level, &mut solving.levels);
+            let SolvingLevel { rows, residual, direction, product } = &mut solving.levels[0];
+            if !first {
+                let beta: Vec<f32> = (0..charts)
+                    .map(|c| {
+                        let beta = (rz[c] / first_rz[c]) as f32 / first_alpha[c];
+                        if beta.is_finite() { beta } else { 0.0 }
+                    })
+                    .collect();
+                let (direction, step) = (SharedSlice::new(direction), &*solving.step);
+                self.each_block(level, |_, b, c| {
+                    // SAFETY: each item has its own block.
+                    wide(Direction { z: unsafe { direction.get_mut(b) }, x: &step[b], beta: beta[c] });
+                });
+            }
+            let curvature = multigrid::multiply(self, level, rows, direction, product);
+            let alpha: Vec<f32> = (0..charts)
+                .map(|c| {
+                    let alpha = (rz[c] / curvature[c]) as f32;
+                    // Nothing left to solve, or NaN: no step.
+                    if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
+                })
+                .collect();
+            for c in 0..charts {
+                predicted[c] += f64::from(alpha[c]) * rz[c];
+            }
+            let (step, residual) = (SharedSlice::new(solving.step), SharedSlice::new(residual));
+            self.each_block(level, |_, b, c| {
+                // SAFETY: each item has its own block.
+                let (x, r) = unsafe { (step.get_mut(b), residual.get_mut(b)) };
+                wide(Advance { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
+            });
+            (first_rz, first_alpha) = (rz, alpha);
+        }
+        predicted
+    }
+}
+
+/// z += beta x in one block.
+struct Direction<'a> {
+    z: &'a mut [Plane; 2],
+    x: &'a [Plane; 2],
+    beta: f32,
+}
+
+impl Kernel for Direction<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for (z, x) in self.z.iter_mut().zip(self.x) {
+            for s in (0..NODES).step_by(LANES) {
+                (V::load(z, s) + V::load(x, s) * self.beta).store(z, s);
+            }
+        }
+    }
+}
+
+/// x += alpha z and r -= alpha t in one block, where t = A z. The first time x = alpha z; the last r is of no more use.
+struct Advance<'a> {
+    x: &'a mut [Plane; 2],
+    r: &'a mut [Plane; 2],
+    z: &'a [Plane; 2],
+    t: &'a [Plane; 3],
+    alpha: f32,
+    first: bool,
+    last: bool,
+}
+
+impl Kernel for Advance<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let Advance { x, r, z, t, alpha, first, last } = self;
+        for c in 0..2 {
+            for s in (0..NODES).step_by(LANES) {
+                let step = V::load(&z[c], s) * alpha;
+                let sum = if first { step } else { V::load(&x[c], s) + step };
+                // A system that f32 cannot solve must not spoil the state.
+                let small = sum.lt(V::splat(MAX_STEP)).and(V::splat(-MAX_STEP).lt(sum));
+                small.select(sum, V::zero()).store(&mut x[c], s);
+                if !last {
+                    (V::load(&r[c], s) - V::load(&t[c], s) * alpha).store(&mut r[c], s);
+                }
+            }
+        }
+    }
+}

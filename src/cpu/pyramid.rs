@@ -1,0 +1,31 @@
+//! pyramid: the pose's metrics on the coarser levels, gathered from the triangles on level 1 and restricted from there
+//! (method §3).
+
+use crate::tile::metric;
+
+use super::Run;
+use super::team::SharedSlice;
+
+impl Run<'_> {
+    /// Forms the metrics of all coarser levels from those of the triangles.
+    pub(super) fn pose_metrics(&mut self) {
+        for k in 1..self.grid.levels.len() {
+            let (finer, coarser) = self.memory.levels.split_at_mut(k);
+            let (finer, buffers) = (&finer[k - 1], &mut coarser[0]);
+            let metric = SharedSlice::new(&mut buffers.metric);
+            let (grid, metrics) = (self.grid, &self.memory.metrics);
+            let blocks = &self.work[k].stored;
+            self.team.run(blocks.len(), |n| {
+                let b = blocks[n] as usize;
+                // SAFETY: each item has its own block.
+                let out = unsafe { metric.get_mut(b) };
+                match k {
+                    1 => grid.gather.block(b, metrics, out),
+                    _ => {
+                        metric::restrict_block(&grid.levels[k], &grid.levels[k - 1], &finer.metric, b, out);
+                    }
+                }
+            });
+        }
+    }
+}

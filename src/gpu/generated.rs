@@ -1,0 +1,126 @@
+//! `shaders/generated.wgsl`: the constants and structs that Rust and WGSL share, written from their declarations in Rust. The
+//! file is committed, so that the shaders can be read and checked by themselves; a test compares it with the declarations.
+
+/// Declares structs of public fields that WGSL has, too, and for tests a function
+/// `struct_declarations` that lists them. A type that WGSL has another name for follows `as`.
+macro_rules! structs {
+    ($($(#[doc = $doc:literal])+ $(#[derive($derive:ident)])? pub struct $struct:ident {
+        $($(#[doc = $field_doc:literal])* $field:ident: $ty:ty $(as $wgsl:literal)?,)+
+    })+) => {
+        $(
+            $(#[doc = $doc])+
+            #[repr(C)]
+            #[derive(Clone, Copy, Debug, Pod, Zeroable $(, $derive)?)]
+            pub struct $struct {
+                $($(#[doc = $field_doc])* pub $field: $ty,)+
+            }
+        )+
+
+        /// All of these structs.
+        #[cfg(test)]
+        pub fn struct_declarations() -> Vec<$crate::gpu::generated::Struct> {
+            vec![$((
+                &[$($doc),+],
+                stringify!($struct),
+                vec![$((
+                    &[$($field_doc),*],
+                    stringify!($field),
+                    // The first one counts.
+                    [$($wgsl.to_owned(),)? <$ty as WgslType>::name()].into_iter().next().unwrap_or_default(),
+                )),+],
+            )),+]
+        }
+    };
+}
+pub(crate) use structs;
+
+#[cfg(test)]
+pub use text::{Struct, WgslType};
+
+#[cfg(test)]
+mod text {
+    use std::fmt::Write;
+
+    use super::super::layout;
+    use crate::method::constants::Declaration;
+    use crate::method::law;
+
+    /// A type of a struct's field, as WGSL names it.
+    pub trait WgslType {
+        fn name() -> String;
+    }
+
+    impl WgslType for u32 {
+        fn name() -> String {
+            "u32".to_owned()
+        }
+    }
+
+    impl WgslType for f32 {
+        fn name() -> String {
+            "f32".to_owned()
+        }
+    }
+
+    impl<T: WgslType, const N: usize> WgslType for [T; N] {
+        fn name() -> String {
+            format!("array<{}, {N}>", T::name())
+        }
+    }
+
+    /// A struct's field: its comment's lines, its name, its type in WGSL.
+    pub type Field = (&'static [&'static str], &'static str, String);
+
+    /// A struct: its comment's lines, its name, its fields.
+    pub type Struct = (&'static [&'static str], &'static str, Vec<Field>);
+
+    /// The file's text.
+    pub fn text() -> String {
+        let mut text =
+            String::from("// Written from src/method/law.rs and src/gpu/layout.rs. Change those, then\n");
+        text += "// VRTM_UPDATE_SHADERS=1 cargo test --lib generated\n";
+        // Writing to a string does not fail.
+        let _ = constants(&mut text, &law::declarations());
+        let _ = constants(&mut text, &layout::shared::declarations());
+        let _ = structs(&mut text, &layout::struct_declarations());
+        text
+    }
+
+    fn comment(text: &mut String, indent: &str, lines: &[&str]) -> std::fmt::Result {
+        lines.iter().try_for_each(|line| writeln!(text, "{indent}///{line}"))
+    }
+
+    fn constants(text: &mut String, all: &[Declaration]) -> std::fmt::Result {
+        writeln!(text)?;
+        for (lines, name, value) in all {
+            comment(text, "", lines)?;
+            let (ty, value) = value.wgsl();
+            writeln!(text, "const {name}: {ty} = {value};")?;
+        }
+        Ok(())
+    }
+
+    fn structs(text: &mut String, all: &[Struct]) -> std::fmt::Result {
+        for (lines, name, fields) in all {
+            writeln!(text)?;
+            comment(text, "", lines)?;
+            writeln!(text, "struct {name} {{")?;
+            for (lines, name, ty) in fields {
+                comment(text, "    ", lines)?;
+                writeln!(text, "    {name}: {ty},")?;
+            }
+            writeln!(text, "}}")?;
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn the_committed_file_is_the_generated_one() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/generated.wgsl");
+        if std::env::var_os("VRTM_UPDATE_SHADERS").is_some_and(|value| value == "1") {
+            std::fs::write(file, text()).unwrap();
+        }
+        let differs = "shaders/generated.wgsl differs: VRTM_UPDATE_SHADERS=1 cargo test --lib generated";
+        assert!(std::fs::read_to_string(file).unwrap() == text(), "{differs}");
+    }
+}

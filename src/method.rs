@@ -1,0 +1,9 @@
+//! The method, apart from any backend: the schedule of a solve, which both backends follow, and the rules and constants
+//! that both obey. `docs/method.md` derives all of it; comments cite it as "method §n".
+
+pub(crate) mod constants;
+pub(crate) mod law;
+pub(crate) mod schedule;
+pub(crate) mod acceptance;
+pub(crate) mod pbd;
+pub(crate) mod point;

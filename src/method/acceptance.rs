@@ -1,0 +1,142 @@
+//! What a correction's gain decides: whether it is accepted, and which fraction of the next one's step a chart takes
+//! (method §7.7).
+
+use super::law::{FRACTION_GROWTH, GAIN_RAMP, IDENTITY_ENERGY_WEIGHT, MODEL_ERROR_RAMP, SUFFICIENT_DECREASE};
+
+/// One correction: a Gauss-Newton step for all nodes of a level, then sweeps.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Correction {
+    /// The first one on its level: all charts take part again.
+    pub first: bool,
+    /// Sweeps after the step.
+    pub sweeps: u32,
+    /// Gain, as a fraction of a chart's energy, from which the chart takes part in the level's next correction.
+    pub tolerance: f32,
+    /// Whether a first correction that gained what the quadratic model predicted is the last one.
+    pub trusts_model: bool,
+}
+
+/// One chart's energies around a correction, in the precision in which a backend sums them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gain<F> {
+    /// Energy before the correction.
+    pub before: F,
+    /// Energy after it.
+    pub after: F,
+    /// Energy of the identity; 0 where it is not known, which is on the coarser levels.
+    pub identity: F,
+    /// Gain that the quadratic model predicts for the whole step.
+    pub predicted: F,
+    /// The fraction of the step that the chart was to take.
+    pub fraction: f32,
+}
+
+impl<F: Real> Gain<F> {
+    /// True if a trial gained enough to be accepted. A comparison with NaN is false: not accepted.
+    pub fn suffices(&self) -> bool {
+        self.before - self.after > F::from(SUFFICIENT_DECREASE * self.fraction) * self.predicted
+    }
+}
+
+impl Correction {
+    /// The fraction of the next correction's step that a chart is to take; 0: it sits out the level's further corrections.
+    ///
+    /// It grows with the gain of this correction, but to at most [`FRACTION_GROWTH`] times this one's fraction. After a
+    /// first correction whose model is trusted it grows with the error of the model's prediction instead: the next
+    /// correction gains about as much as the prediction was wrong, which is next to nothing on scenes with room and 1 to
+    /// 3 % of the energy in crowded ones, where the step is limited. Both ramps are continuous, so that a warp does not
+    /// jump from one frame to the next where a chart comes to need another correction.
+    pub fn next_fraction<F: Real>(&self, gain: &Gain<F>) -> F {
+        let identity = F::from_f64(IDENTITY_ENERGY_WEIGHT) * gain.identity;
+        let unit = F::from(self.tolerance) * (gain.before + identity);
+        let gained = gain.before - gain.after;
+        let most = if self.first && self.trusts_model {
+            ramp((gained - gain.predicted).abs() / unit, MODEL_ERROR_RAMP)
+        } else {
+            F::from_f64(FRACTION_GROWTH) * F::from(gain.fraction)
+        };
+        // A comparison with NaN is false: no gain.
+        if gained > F::from(0.0) { ramp(gained / unit, GAIN_RAMP).min(most) } else { F::from(0.0) }
+    }
+}
+
+/// 0 up to the first end, 1 from the second one on, linear in between.
+fn ramp<F: Real>(x: F, [low, high]: [f64; 2]) -> F {
+    let (low, high) = (F::from_f64(low), F::from_f64(high));
+    ((x - low) / (high - low)).clamp_to_unit()
+}
+
+/// f64, in which the CPU sums energies, or f32, in which a GPU does.
+pub(crate) trait Real:
+    Copy
+    + PartialOrd
+    + From<f32>
+    + std::ops::Add<Output = Self>
+    + std::ops::Sub<Output = Self>
+    + std::ops::Mul<Output = Self>
+    + std::ops::Div<Output = Self>
+{
+    /// The nearest number.
+    fn from_f64(x: f64) -> Self;
+    fn abs(self) -> Self;
+    /// The other operand where this one is NaN.
+    fn min(self, other: Self) -> Self;
+    /// Clamped to 0..1.
+    fn clamp_to_unit(self) -> Self;
+}
+
+macro_rules! real {
+    ($($float:ident)*) => {$(
+        impl Real for $float {
+            fn from_f64(x: f64) -> Self {
+                x as $float
+            }
+            fn abs(self) -> Self {
+                $float::abs(self)
+            }
+            fn min(self, other: Self) -> Self {
+                $float::min(self, other)
+            }
+            fn clamp_to_unit(self) -> Self {
+                self.clamp(0.0, 1.0)
+            }
+        }
+    )*};
+}
+
+real!(f32 f64);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn next(first: bool, trusts_model: bool, gain: f64, predicted: f64, fraction: f32) -> f64 {
+        let correction = Correction { first, sweeps: 2, tolerance: 1e-2, trusts_model };
+        // An energy whose unit is 1: gains are in tolerances.
+        let before = 100.0;
+        correction.next_fraction(&Gain { before, after: before - gain, identity: 0.0, predicted, fraction })
+    }
+
+    #[test]
+    fn a_trusted_first_correction_goes_on_where_its_model_erred() {
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{a} {b}");
+        near(next(true, true, 10.0, 10.0, 1.0), 0.0);
+        near(next(true, true, 10.0, 10.05, 1.0), 0.0);
+        near(next(true, true, 10.0, 11.55, 1.0), 0.5);
+        near(next(true, true, 10.0, 15.0, 1.0), 1.0);
+        // No more than the gain's own ramp.
+        near(next(true, true, 2.5, 15.0, 1.0), 0.5);
+        // Without trust, and later, the fraction grows fourfold at most.
+        near(next(true, false, 10.0, 10.0, 1.0), 1.0);
+        near(next(false, true, 10.0, 10.0, 0.05), 0.2);
+        for nothing in [0.0, -1.0, f64::NAN] {
+            assert_eq!(next(false, true, nothing, 10.0, 1.0), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_trial_is_accepted_for_a_fiftieth_of_its_prediction() {
+        let gain = |after: f64| Gain { before: 1.0, after, identity: 0.0, predicted: 0.5, fraction: 1.0 };
+        assert!(gain(0.98).suffices() && !gain(0.995).suffices() && !gain(f64::NAN).suffices());
+    }
+}

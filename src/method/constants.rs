@@ -1,0 +1,79 @@
+//! Constants that Rust and WGSL share: declared once, in Rust, with their comments.
+
+/// A constant's type and value in WGSL.
+#[cfg(test)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Constant {
+    U32(u32),
+    F32(f32),
+    Vec2([f32; 2]),
+}
+
+/// A constant: its comment's lines, its name, its value.
+#[cfg(test)]
+pub(crate) type Declaration = (&'static [&'static str], &'static str, Constant);
+
+#[cfg(test)]
+impl From<u32> for Constant {
+    fn from(x: u32) -> Constant {
+        Constant::U32(x)
+    }
+}
+
+/// Sizes and counts are u32 in WGSL.
+#[cfg(test)]
+impl From<usize> for Constant {
+    fn from(x: usize) -> Constant {
+        Constant::U32(x as u32)
+    }
+}
+
+#[cfg(test)]
+impl From<f32> for Constant {
+    fn from(x: f32) -> Constant {
+        Constant::F32(x)
+    }
+}
+
+/// Where the CPU decides in f64, a GPU does with the nearest f32.
+#[cfg(test)]
+impl From<f64> for Constant {
+    fn from(x: f64) -> Constant {
+        Constant::F32(x as f32)
+    }
+}
+
+#[cfg(test)]
+impl From<[f64; 2]> for Constant {
+    fn from(ends: [f64; 2]) -> Constant {
+        Constant::Vec2(ends.map(|x| x as f32))
+    }
+}
+
+#[cfg(test)]
+impl Constant {
+    /// As WGSL writes it.
+    pub fn wgsl(self) -> (&'static str, String) {
+        match self {
+            Constant::U32(x) if x > 1 << 16 => ("u32", format!("{x:#x}u")),
+            Constant::U32(x) => ("u32", format!("{x}u")),
+            Constant::F32(x) => ("f32", format!("{x:?}")),
+            Constant::Vec2([x, y]) => ("vec2f", format!("vec2f({x:?}, {y:?})")),
+        }
+    }
+}
+
+/// Declares public constants, and for tests a function `declarations` that lists them in their order.
+macro_rules! constants {
+    ($($(#[doc = $doc:literal])+ $name:ident: $ty:ty = $value:expr;)+) => {
+        // Some are for one backend, or for the shaders alone.
+        $($(#[doc = $doc])+ #[allow(dead_code)] pub const $name: $ty = $value;)+
+
+        /// All of these constants.
+        #[cfg(test)]
+        pub fn declarations() -> Vec<$crate::method::constants::Declaration> {
+            vec![$((&[$($doc),+], stringify!($name), $name.into())),+]
+        }
+    };
+}
+pub(crate) use constants;

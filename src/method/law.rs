@@ -1,0 +1,84 @@
+//! The constants that both backends obey. `shaders/generated.wgsl` is written from them (`gpu/generated.rs`), so that each
+//! number stands once.
+
+use super::constants::constants;
+
+constants! {
+    /// ε: every corner Jacobian of a descent's warp is at least this (method §6).
+    MIN_JACOBIAN: f32 = 0.02;
+    /// A state with a corner Jacobian under this has no energy: rounding may take one a little under `MIN_JACOBIAN`.
+    CRUSHED_JACOBIAN: f32 = 0.5 * MIN_JACOBIAN;
+    /// Keeps 1 / L finite; lengths of a chart of unit size are far longer.
+    TINY: f32 = 1e-24;
+
+    /// A point counts as inside a triangle if no barycentric coordinate is under minus this.
+    INSIDE_TOLERANCE: f32 = 1e-6;
+    /// The same at a chart's border, where there is no neighbour to walk to (method §2).
+    BORDER_TOLERANCE: f32 = 1e-3;
+    /// Triangles that a walk to a point visits at most. A node moves a few cells before its start is renewed; fine meshes
+    /// have several triangles per cell.
+    WALK_STEPS: u32 = 256;
+
+    /// Length of a node's step in a sweep, in cells along either axis, at most: the linear model is not trusted further.
+    MAX_NODE_STEP: f32 = 2.0;
+    /// Part of the step up to the bound on the Jacobian that is taken: a little less than all, because of rounding.
+    BOUND_SAFETY: f32 = 0.999;
+    /// A step whose predicted gain is under this fraction of the node's energy is lost in that energy's rounding: it is
+    /// not taken.
+    MIN_RELATIVE_GAIN: f32 = 1e-6;
+    /// Sweeps that are done on a block while it is gathered, its halo frozen. With more, what has not moved yet would hold
+    /// back what is next to it.
+    SWEEPS_PER_PASS: u32 = 2;
+
+    /// Corners with a Jacobian under this get the near-bound penalty (method §7.1) ...
+    NEAR_BOUND_JACOBIAN: f32 = 2.5 * MIN_JACOBIAN;
+    /// ... of this stiffness, in the step's system only, not in the energy: where the bound is active, the step slides
+    /// along it instead of being limited by it.
+    NEAR_BOUND_STIFFNESS: f32 = 10.0;
+
+    /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
+    SMOOTHER_SWEEPS: u32 = 2;
+    /// Rounds of these in each direction on the coarsest level, where a block or a few hold all of it.
+    COARSEST_ROUNDS: u32 = 4;
+    /// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction does,
+    /// and need more memory (method §7.3).
+    CG_ITERATIONS: u32 = 2;
+    /// A step of this length, in cells, is none: more than the largest grid.
+    MAX_STEP: f32 = 32768.0;
+
+    /// A step leaves at least this fraction of what a corner Jacobian has over `MIN_JACOBIAN` (method §7.6).
+    KEPT_MARGIN: f32 = 0.1;
+    /// A node's step fraction exceeds those of its neighbours by at most this: a step that changes abruptly folds by
+    /// itself.
+    FRACTION_FALLOFF: f32 = 0.125;
+    /// Passes of this falloff before the first round of halving, and after each.
+    FIRST_FALLOFF_PASSES: u32 = 4;
+    /// See `FIRST_FALLOFF_PASSES`.
+    FALLOFF_PASSES: u32 = 2;
+    /// Rounds that halve the step fraction around corners which would still fall under the bound.
+    HALVING_ROUNDS: u32 = 8;
+    /// Rounds in all: after the halvings, nodes around such corners stay where they are. A chart that is not free of folds
+    /// after them is refused for its energy.
+    LIMIT_ROUNDS: u32 = 16;
+
+    /// A fraction of a step is accepted if it gains at least this much of what its model predicts (method §7.7): a whole
+    /// step that gains next to nothing would end a chart's corrections where half of it would go on.
+    SUFFICIENT_DECREASE: f32 = 0.02;
+    /// Weight of the identity's energy in the unit of a gain: where little energy is left of much, a fraction of what is
+    /// left counts for nothing.
+    IDENTITY_ENERGY_WEIGHT: f64 = 0.06;
+    /// The step fraction of one correction over that of the one before, at most.
+    FRACTION_GROWTH: f64 = 4.0;
+    /// Gains, in units of tolerance times energy, from which and from up to which the next step fraction grows.
+    GAIN_RAMP: [f64; 2] = [1.0, 4.0];
+    /// The same for the error of a first correction's prediction.
+    MODEL_ERROR_RAMP: [f64; 2] = [0.1, 3.0];
+}
+
+/// Fractions of the step that are tried until one is accepted; then comes relaxation alone.
+pub const TRIAL_FRACTIONS: [f32; 3] = [1.0, 0.5, 0.25];
+
+// Both backends form the second direction from the first step, which further ones could not be formed from.
+const _: () = assert!(CG_ITERATIONS <= 2);
+// A GPU's falloff does two passes per dispatch.
+const _: () = assert!(FALLOFF_PASSES == 2 && FIRST_FALLOFF_PASSES % FALLOFF_PASSES == 0);
