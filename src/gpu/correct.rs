@@ -1,6 +1,8 @@
 //! correct: one Gauss-Newton step for all nodes of a level at once (method §7); the twin of `cpu/correct.rs`.
 
 pub(super) mod coarse_levels;
+#[cfg(test)]
+mod tests;
 
 use super::kernels::Kernel;
 use super::layout::{
