@@ -2,9 +2,15 @@
 
 mod backend;
 mod fetch;
-mod inspect;
+mod measure;
+#[cfg(feature = "oracle")]
+mod oracle;
 mod output;
+#[cfg(all(feature = "oracle", feature = "gpu"))]
 mod parity;
+#[cfg(feature = "gpu")]
+mod on_gpu;
+#[cfg(feature = "gpu")]
 mod switched;
 mod tile_state;
 
@@ -21,7 +27,8 @@ use crate::settings::{LogLevel, SolveOptions, TileSettings};
 use crate::tile::Rigidity;
 use crate::view::Strided;
 pub use fetch::FetchKind;
-pub use inspect::ReferenceMinimum;
+#[cfg(feature = "oracle")]
+pub use oracle::ReferenceMinimum;
 use output::Outputs;
 use tile_state::{SolveCall, Solved, TileState};
 

@@ -20,6 +20,7 @@ mod sampling;
 mod constants;
 mod allocate;
 mod memory;
+#[cfg(feature = "gpu")]
 mod inspect;
 
 mod row;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::gpu::adapters::{self, Survey};
+use crate::gpu::adapters::{Survey, interfaces};
 use crate::gpu::context::{self, Context};
 use crate::method::point::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
@@ -69,7 +69,7 @@ fn variable(name: &str) -> Option<String> {
 /// Each call loads the drivers, which takes tens of milliseconds, the first one more. Nothing is printed by this
 /// library, but a driver may: with Mesa's on Linux, a line about XDG_RUNTIME_DIR where that is not set.
 pub fn adapters() -> Vec<AdapterInfo> {
-    Survey::new().usable.iter().map(|adapter| adapters::describe(&adapter.get_info())).collect()
+    Survey::new().adapters()
 }
 
 impl Device {
@@ -92,7 +92,7 @@ impl Device {
     }
 
     /// The same with other variables than the environment's, and with buffers of at most `band` blocks on a GPU.
-    #[doc(hidden)]
+    #[cfg(feature = "oracle")]
     pub fn with_variables(
         settings: &DeviceSettings,
         variables: &[(&str, &str)],
@@ -147,7 +147,7 @@ impl Device {
         DeviceInfo {
             backend: if self.0.gpu.is_some() { Backend::Gpu } else { Backend::Cpu },
             name: match &self.0.gpu {
-                Some(gpu) => gpu.adapter.name.clone(),
+                Some(gpu) => gpu.describe().name,
                 None => format!("CPU ({})", std::env::consts::ARCH),
             },
             reason,
@@ -167,12 +167,13 @@ impl Device {
     }
 
     /// Destroys the GPU, as if it went away; true if this device has one.
-    #[doc(hidden)]
+    #[cfg(feature = "oracle")]
     pub fn lose_for_tests(&self) -> bool {
         self.gpu().map(|gpu| gpu.lose()).is_some()
     }
 
     /// On a GPU, times each kernel by itself from now on ([`crate::GpuKernel::ms`]): for benches, since it costs time.
+    #[cfg(feature = "oracle")]
     pub fn time_kernels(&self, yes: bool) {
         if let Some(gpu) = self.gpu() {
             gpu.time_kernels(yes);
@@ -217,19 +218,18 @@ fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)>
         Error::new(ErrorKind::Unsupported, format!("backend: gpu was asked for{origin}, but {why}"))
     };
     let survey = Survey::new();
-    let count = survey.usable.len();
+    let count = survey.adapters().len();
     if count == 0 {
         return Err(unsupported(&format!(
             "there is no GPU that runs compute shaders with WebGPU's default limits (looked through {}; found: {})",
-            adapters::interfaces(),
+            interfaces(),
             survey.found()
         )));
     }
-    let adapter = survey.usable.get(index as usize).ok_or_else(|| {
+    let gpu = survey.open(index as usize, options.gpu).ok_or_else(|| {
         let s = if count == 1 { "" } else { "s" };
         Error::argument(format!("adapter: {index} is out of range, there is {count} adapter{s}"))
-    })?;
-    let gpu = Context::open(adapter, options.gpu)?;
+    })??;
     let which = format!("adapter {index} of {count}, {}", through(&gpu));
     Ok((gpu, which))
 }
@@ -237,8 +237,9 @@ fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)>
 /// The GPU that `auto` takes, or the CPU, and why.
 fn choose(options: Options) -> (Option<Context>, String) {
     let survey = Survey::new();
-    match survey.hardware() {
-        Some(adapter) => or_the_cpu(Context::open(adapter, options.gpu)),
+    let hardware = survey.adapters().first().is_some_and(|adapter| !adapter.software);
+    match hardware.then(|| survey.open(0, options.gpu)).flatten() {
+        Some(opened) => or_the_cpu(opened),
         None => (None, format!("no hardware GPU (found: {})", survey.found())),
     }
 }
@@ -255,7 +256,7 @@ fn or_the_cpu(opened: Result<Context>) -> (Option<Context>, String) {
 }
 
 fn through(gpu: &Context) -> String {
-    let info = adapters::describe(&gpu.adapter);
+    let info = gpu.describe();
     let software = if info.software { ", a software driver" } else { "" };
     let limits = if gpu.options.webgpu_limits { ", with WebGPU's default limits" } else { "" };
     format!("through {} ({}){software}{limits}", info.api, info.driver)

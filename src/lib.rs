@@ -58,6 +58,10 @@ mod mesh;
 mod tile;
 mod method;
 mod cpu;
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(not(feature = "gpu"))]
+#[path = "gpu_absent.rs"]
 mod gpu;
 mod oracle;
 mod asset;
@@ -67,15 +71,21 @@ mod report;
 mod error;
 mod panics;
 mod line;
+#[cfg(not(feature = "oracle"))]
+mod ffi;
+/// The C API, for tests that call it from Rust.
+#[cfg(feature = "oracle")]
 #[doc(hidden)]
 pub mod ffi;
 
-pub use asset::{Asset, Fetch, FetchKind, ReferenceMinimum};
+#[cfg(feature = "oracle")]
+pub use asset::ReferenceMinimum;
+pub use asset::{Asset, Fetch, FetchKind};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
 pub use mesh::{MeshSource, UvSource};
-#[doc(hidden)]
+#[cfg(all(feature = "oracle", feature = "gpu"))]
 pub use oracle::parity::StageDifference;
 pub use report::{
     AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,

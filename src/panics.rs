@@ -64,6 +64,7 @@ pub(crate) fn catch<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
 }
 
 /// Runs code of others that panics where it should fail (wgpu on a lost device). `Err` holds the panic's text and place.
+#[cfg(any(test, feature = "gpu"))]
 pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
     install_hook();
     catch_here(body).map_err(|panic| format!("{} ({})", panic.text(), panic.place()))

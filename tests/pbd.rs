@@ -126,6 +126,7 @@ fn both_backends_give_the_same_warp() {
 }
 
 /// Stage by stage in lockstep, and one backend after the other.
+#[cfg(feature = "gpu")]
 #[test]
 fn backends_can_be_compared_and_switched() {
     if !common::has_gpu() {

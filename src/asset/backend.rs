@@ -3,13 +3,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::switched::Switched;
 use crate::cpu::Team;
 use crate::device::Device;
 use crate::error::Result;
-use crate::gpu::context::Context;
 use crate::mesh::TileMesh;
-use crate::method::point::Switch;
 use crate::method::schedule::{self, ChartResult, Input, Plan, Stages, Summary};
 use crate::report::GpuWork;
 use crate::settings::Solver;
@@ -17,10 +14,14 @@ use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::{cpu, gpu};
 
+#[cfg(feature = "gpu")]
+use super::on_gpu;
+
 /// Displacements in cells, per block of the finest level.
 #[derive(Debug)]
 pub(super) enum Warp {
     Host(Vec<[Plane; 2]>),
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
     Gpu(gpu::Displacements),
 }
 
@@ -97,18 +98,18 @@ pub(super) struct TileSolution {
 
 impl Job<'_> {
     /// True if a chart has to be solved.
-    fn solves(&self) -> bool {
+    pub fn solves(&self) -> bool {
         self.input.charts.contains(&true)
     }
 
     /// Runs the schedule, if a chart has to be solved.
-    fn run(&self, stages: &mut impl Stages) -> Summary {
+    pub fn run(&self, stages: &mut impl Stages) -> Summary {
         let warm = self.plan.warm && self.last.is_some();
         if self.solves() { schedule::run(stages, self.plan, warm, self.called) } else { Summary::default() }
     }
 
     /// The last result of the charts that keep it, the identity elsewhere, in host memory.
-    fn start(&self) -> Result<Vec<[Plane; 2]>> {
+    pub fn start(&self) -> Result<Vec<[Plane; 2]>> {
         let blocks = &self.grid.levels[0].blocks;
         let Some(last) = self.last else { return Ok(vec![[[0.0; NODES]; 2]; blocks.list.len()]) };
         let mut u = last.host()?.to_vec();
@@ -117,14 +118,6 @@ impl Job<'_> {
         }
         Ok(u)
     }
-
-    /// The last result, on the GPU.
-    fn last_on_gpu(&self) -> Option<Arc<gpu::ResultBuffers>> {
-        match self.last {
-            Some(Warp::Gpu(last)) => Some(last.buffers.clone()),
-            _ => None,
-        }
-    }
 }
 
 impl TileSolver {
@@ -132,13 +125,7 @@ impl TileSolver {
     pub fn run(&mut self, job: &Job) -> Result<TileSolution> {
         match self {
             TileSolver::Cpu(memory) => run_on_cpu(memory, job),
-            TileSolver::Gpu(memory) => {
-                let context = memory.context.clone();
-                context.contain(|| match context.options.switch.filter(|_| job.solves()) {
-                    Some(switch) => run_on_both(switch, memory, job),
-                    None => run_on_gpu(memory, job),
-                })?
-            }
+            TileSolver::Gpu(memory) => on_gpu::run(memory, job),
         }
     }
 }
@@ -152,43 +139,12 @@ fn run_on_cpu(memory: &mut cpu::Memory, job: &Job) -> Result<TileSolution> {
     Ok(TileSolution { warp: Warp::Host(u), charts, summary, node_updates, blocks_active, work: None })
 }
 
-fn run_on_gpu(memory: &mut gpu::Memory, job: &Job) -> Result<TileSolution> {
-    let context = memory.context.clone();
-    let mut run = gpu::Run::new(&job.input, memory, job.last_on_gpu(), job.keep)?;
-    let summary = job.run(&mut run);
-    let blocks_active = run.blocks_active();
-    let done = run.finish()?;
-    let summary = Summary { times: done.tally.times(), ..summary };
-    Ok(on_gpu(context, job, done, summary, blocks_active))
-}
+#[cfg(not(feature = "gpu"))]
+mod on_gpu {
+    use super::{Job, Result, TileSolution, gpu};
 
-/// Runs some stages on the CPU, the rest on the GPU.
-fn run_on_both(switch: Switch, memory: &mut gpu::Memory, job: &Job) -> Result<TileSolution> {
-    let context = memory.context.clone();
-    let mut of_cpu = cpu::Memory::new(job.grid, job.plan.solver());
-    let mut u = job.start()?;
-    let cpu = cpu::Run::new(job.team, &job.input, &mut of_cpu, &mut u);
-    let gpu = gpu::Run::new(&job.input, memory, job.last_on_gpu(), job.keep)?;
-    let mut run = Switched::new(cpu, gpu, switch);
-    let summary = job.run(&mut run);
-    let blocks_active = run.gpu.blocks_active();
-    let done = run.finish()?;
-    Ok(on_gpu(context, job, done, summary, blocks_active))
-}
-
-fn on_gpu(
-    context: Arc<Context>,
-    job: &Job,
-    done: gpu::Solution,
-    summary: Summary,
-    blocks_active: u64,
-) -> TileSolution {
-    TileSolution {
-        work: Some(done.tally.work()),
-        warp: Warp::Gpu(gpu::Displacements::new(context, job.grid.clone(), done.result)),
-        charts: done.charts,
-        summary,
-        node_updates: done.node_updates,
-        blocks_active,
+    /// Is never called: there is no such memory.
+    pub fn run(memory: &mut gpu::Memory, _: &Job) -> Result<TileSolution> {
+        memory.absent()
     }
 }

@@ -5,6 +5,7 @@
 mod assemble;
 mod conjugate_gradients;
 mod galerkin;
+#[cfg(all(feature = "gpu", feature = "oracle"))]
 mod inspect;
 mod multigrid;
 mod rows;

@@ -76,8 +76,18 @@ impl Run<'_> {
     }
 
     /// Per chart, the energy of a level's present state.
+    #[cfg(feature = "oracle")]
     pub fn energies_of(&mut self, level: usize) -> Vec<f64> {
         self.energies(level)
+    }
+
+    /// Per chart, the fraction of the next step that it is to take; 0: it sits out the level's further corrections.
+    pub fn next_fraction(&self) -> &[f32] {
+        &self.memory.workspace.next_fraction
+    }
+
+    pub fn set_next_fraction(&mut self, next: &[f32]) {
+        self.memory.workspace.next_fraction.copy_from_slice(next);
     }
 
     /// The result, once it is certified.

@@ -23,9 +23,9 @@ pub(crate) fn gpu() -> Option<Device> {
 fn auto_takes_hardware_only_and_says_what_it_found() {
     let info = make(Backend::Auto, 9).unwrap().info();
     let survey = Survey::new();
-    match survey.hardware() {
+    match survey.adapters().into_iter().find(|adapter| !adapter.software) {
         Some(adapter) => {
-            assert_eq!((info.backend, info.name), (Backend::Gpu, adapter.get_info().name));
+            assert_eq!((info.backend, info.name), (Backend::Gpu, adapter.name));
             assert!(info.reason.starts_with("auto: a hardware GPU, through "), "{}", info.reason);
         }
         None => {
@@ -33,8 +33,8 @@ fn auto_takes_hardware_only_and_says_what_it_found() {
             assert_eq!(info.reason, format!("auto: no hardware GPU (found: {})", survey.found()));
         }
     }
-    for adapter in survey.usable.iter().filter(|adapter| adapters::is_software(&adapter.get_info())) {
-        assert!(survey.found().contains(&format!("{}, a software driver", adapter.get_info().name)));
+    for adapter in survey.adapters().into_iter().filter(|adapter| adapter.software) {
+        assert!(survey.found().contains(&format!("{}, a software driver", adapter.name)));
     }
 }
 

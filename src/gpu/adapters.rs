@@ -1,5 +1,7 @@
 //! The GPUs of this machine: Vulkan, Direct3D 12 and Metal, never GL, whose drivers have no place in render threads.
 
+use super::context::{Context, Options};
+use crate::error::Result;
 use crate::panics::contain;
 use crate::report::AdapterInfo;
 
@@ -34,9 +36,14 @@ impl Survey {
         survey
     }
 
-    /// The GPU that `auto` takes.
-    pub fn hardware(&self) -> Option<&wgpu::Adapter> {
-        self.usable.first().filter(|adapter| !is_software(&adapter.get_info()))
+    /// The GPUs that can be used.
+    pub fn adapters(&self) -> Vec<AdapterInfo> {
+        self.usable.iter().map(|adapter| describe(&adapter.get_info())).collect()
+    }
+
+    /// Opens one of these, `None` if there is none of that number.
+    pub fn open(&self, index: usize, options: Options) -> Option<Result<Context>> {
+        self.usable.get(index).map(|adapter| Context::open(adapter, options))
     }
 
     /// What was found, for a message.
@@ -63,7 +70,7 @@ pub(crate) fn interfaces() -> String {
 }
 
 /// What a host is told of an adapter.
-pub(crate) fn describe(info: &wgpu::AdapterInfo) -> AdapterInfo {
+pub(super) fn describe(info: &wgpu::AdapterInfo) -> AdapterInfo {
     let driver = format!("{} {}", info.driver, info.driver_info);
     AdapterInfo {
         name: info.name.clone(),

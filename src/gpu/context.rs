@@ -10,10 +10,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, ThreadId};
 use std::time::Duration;
 
+use super::adapters::describe;
 use super::kernels::Pipelines;
 use crate::error::{Error, ErrorKind, Result};
 use crate::method::point::Switch;
 use crate::panics::contain;
+use crate::report::AdapterInfo;
 
 /// How a GPU is opened.
 #[derive(Clone, Copy, Debug, Default)]
@@ -142,12 +144,18 @@ impl Context {
         Ok(Context { device, queue, adapter, limits, options, timestamps, pipelines, time_kernels, trouble })
     }
 
+    /// What a host is told of the adapter.
+    pub fn describe(&self) -> AdapterInfo {
+        describe(&self.adapter)
+    }
+
     /// True if each dispatch has a pass of its own, so that each kernel's time is known.
     pub fn times_kernels(&self) -> bool {
         self.time_kernels.load(Ordering::Relaxed)
     }
 
     /// Times each kernel by itself from now on, which costs some time.
+    #[cfg(feature = "oracle")]
     pub fn time_kernels(&self, yes: bool) {
         self.time_kernels.store(yes, Ordering::Relaxed);
     }
@@ -234,6 +242,7 @@ impl Context {
     }
 
     /// Destroys the GPU's device, as if it went away: for tests.
+    #[cfg(feature = "oracle")]
     pub fn lose(&self) {
         self.device.destroy();
         // The loss is reported once the queue is empty.

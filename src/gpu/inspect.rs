@@ -1,11 +1,13 @@
 //! A run's state, read and set from outside: for the comparison with the other backend, and for the switch to it.
 //! Every call submits what was recorded; reading waits for it.
 
+#[cfg(feature = "oracle")]
 use super::kernels::Kernel;
 use super::layout::{
-    Chart, DECIDE_ENERGY, FRACTION, INVALID_ENERGY, METRIC_PLANES, RESIDUAL, RESULT_PLANES, ROW_PLANES,
-    SELECT_ALL, STATE_PLANES, STEP, Triangle, VECTOR_PLANES,
+    Chart, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SELECT_ALL, STATE_PLANES, Triangle, VECTOR_PLANES,
 };
+#[cfg(feature = "oracle")]
+use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
 use super::memory::PLANE;
 use super::{BandBuffer, Run};
 use crate::error::Result;
@@ -69,6 +71,7 @@ impl Run<'_> {
     }
 
     /// Per chart, the energy of a level's present state.
+    #[cfg(feature = "oracle")]
     pub fn energies_of(&mut self, level: usize) -> Result<Vec<f64>> {
         self.energy(level, DECIDE_ENERGY, None);
         // What has no energy is infinite on the CPU.
@@ -77,6 +80,7 @@ impl Run<'_> {
     }
 
     /// Assembles a level's system for its present state. Gives its rows and right-hand side.
+    #[cfg(feature = "oracle")]
     pub fn assembled(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         self.select_all();
@@ -87,11 +91,13 @@ impl Run<'_> {
 
     /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16), interpolation's
     /// weights (1).
+    #[cfg(feature = "oracle")]
     pub fn rows(&mut self, level: usize) -> Result<Vec<u32>> {
         self.read(level, BandBuffer::Rows)
     }
 
     /// The last step on a level, before it was limited, and the step fraction of each node.
+    #[cfg(feature = "oracle")]
     pub fn step_of(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
         let vectors = self.read(level, BandBuffer::Vectors)?;
         let records = self.chart_records()?;
@@ -148,6 +154,7 @@ impl Run<'_> {
 }
 
 /// A pair of planes of all vectors, per block.
+#[cfg(feature = "oracle")]
 fn choose(vectors: &[u32], first: usize) -> Vec<u32> {
     let pair = first * NODES..(first + 2) * NODES;
     vectors.chunks(VECTOR_PLANES * NODES).flat_map(|block| block[pair.clone()].to_vec()).collect()

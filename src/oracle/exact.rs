@@ -155,6 +155,7 @@ impl<const D: usize> Surface<D> {
     }
 
     /// df/dx and df/dy on a triangle, per cell.
+    #[cfg(feature = "oracle")]
     pub fn tangent(&self, triangle: u32) -> &[[f64; D]; 2] {
         &self.triangles[triangle as usize].tangent
     }

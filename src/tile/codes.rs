@@ -10,6 +10,7 @@ pub fn share(x: f32) -> u16 {
 }
 
 /// What `share` kept: 0 and 1 exactly.
+#[cfg(any(test, feature = "gpu"))]
 pub fn of_share(code: u16) -> f32 {
     f32::from(code) / SHARES
 }
@@ -51,6 +52,7 @@ impl Lengths {
         (1 + ((beyond + (1 << self.shift >> 1)) >> self.shift)).min(i64::from(u16::MAX)) as u16
     }
 
+    #[cfg(any(test, feature = "gpu"))]
     pub fn length(self, code: u16) -> f32 {
         match code {
             0 => 0.0,

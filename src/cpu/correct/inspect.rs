@@ -40,13 +40,4 @@ impl Run<'_> {
         let fraction = (0..blocks).flat_map(|b| workspace.step_fraction(level, b).map(f32::to_bits));
         [flat(step), fraction.collect()]
     }
-
-    /// Per chart, the fraction of the next step that it is to take; 0: it sits out the level's further corrections.
-    pub fn next_fraction(&self) -> &[f32] {
-        &self.memory.workspace.next_fraction
-    }
-
-    pub fn set_next_fraction(&mut self, next: &[f32]) {
-        self.memory.workspace.next_fraction.copy_from_slice(next);
-    }
 }

@@ -61,7 +61,11 @@ impl Workspace {
         let step = if level == 0 { result } else { &mut self.coarse_step };
         Assembling { levels: &mut self.levels[level..], step }
     }
+}
 
+/// What a correction left, for comparisons of both backends.
+#[cfg(all(feature = "gpu", feature = "oracle"))]
+impl Workspace {
     /// A level's system, as the last correction left it.
     pub fn rows(&self, level: usize) -> &Rows {
         &self.levels[level].rows

@@ -1,0 +1,32 @@
+//! The strain of a result on the mesh, for reports.
+
+use super::{Asset, fetch};
+use crate::error::Result;
+use crate::oracle::measure::measure;
+use crate::tile::coverage::Coverage;
+use crate::tile::node_maps;
+use crate::view::Strided;
+
+impl Asset {
+    /// Fills the strain of every tile's report.
+    pub(super) fn measure(&mut self, positions: Strided) -> Result<()> {
+        let pose = gather(positions);
+        for (tile, state) in self.tiles.iter_mut().enumerate() {
+            let Some(solved) = &mut state.solved else { continue };
+            let mesh = &self.mesh.tiles[tile];
+            let level = &solved.grid.levels[0];
+            let coverage = Coverage::new(mesh, level.nx, level.ny, state.maps.settings.overlap);
+            let maps = node_maps(&self.mesh, mesh, &state.maps, &coverage);
+            let nodes = fetch::dense(solved)?;
+            let width = level.nx + 1;
+            let strain = measure(&self.mesh, tile, &coverage, &maps, &pose, &|i, j| nodes[j * width + i]);
+            solved.report.strain = Some(strain);
+        }
+        Ok(())
+    }
+}
+
+/// The positions as they are measured.
+pub(super) fn gather(positions: Strided) -> Vec<[f64; 3]> {
+    (0..positions.len()).map(|v| positions.get3(v)).collect()
+}

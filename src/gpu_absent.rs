@@ -1,0 +1,152 @@
+//! Stands in for the GPU backend in a build without the cargo feature `gpu`: the same names, but no adapter is ever found, and
+//! of the other types there is no value.
+
+use std::sync::Arc;
+
+use crate::error::Result;
+use crate::mesh::TileMesh;
+use crate::tile::Grid;
+use crate::tile::blocks::Plane;
+
+/// Has no value.
+#[derive(Clone, Copy, Debug)]
+enum Absent {}
+
+pub(crate) mod adapters {
+    use super::context::{Context, Options};
+    use crate::error::Result;
+    use crate::report::AdapterInfo;
+
+    pub(crate) struct Survey;
+
+    impl Survey {
+        pub fn new() -> Survey {
+            Survey
+        }
+
+        pub fn adapters(&self) -> Vec<AdapterInfo> {
+            Vec::new()
+        }
+
+        pub fn open(&self, _: usize, _: Options) -> Option<Result<Context>> {
+            None
+        }
+
+        pub fn found(&self) -> String {
+            "none".to_owned()
+        }
+    }
+
+    pub(crate) fn interfaces() -> String {
+        "none: this build has no GPU backend".to_owned()
+    }
+}
+
+pub(crate) mod context {
+    use super::Absent;
+    use crate::error::Result;
+    use crate::method::point::Switch;
+    use crate::report::AdapterInfo;
+
+    #[derive(Clone, Copy, Debug, Default)]
+    pub(crate) struct Options {
+        pub webgpu_limits: bool,
+        pub switch: Option<Switch>,
+        #[cfg_attr(not(feature = "oracle"), allow(dead_code))]
+        pub band: Option<usize>,
+    }
+
+    #[derive(Debug)]
+    pub(crate) struct Context {
+        pub options: Options,
+        absent: Absent,
+    }
+
+    impl Context {
+        pub fn describe(&self) -> AdapterInfo {
+            match self.absent {}
+        }
+
+        pub fn alive(&self) -> Result<()> {
+            match self.absent {}
+        }
+
+        #[cfg(feature = "oracle")]
+        pub fn lose(&self) {
+            match self.absent {}
+        }
+
+        pub fn reclaim(&self) {
+            match self.absent {}
+        }
+
+        #[cfg(feature = "oracle")]
+        pub fn time_kernels(&self, _: bool) {
+            match self.absent {}
+        }
+
+        pub(super) fn absent(&self) -> ! {
+            match self.absent {}
+        }
+    }
+}
+
+use context::Context;
+
+#[derive(Debug)]
+pub(crate) struct Memory(Absent);
+
+impl Memory {
+    pub fn new(context: &Arc<Context>, _: &Arc<Grid>, _: &TileMesh) -> Result<Memory> {
+        context.absent()
+    }
+
+    pub fn bytes_for(context: &Context, _: &Grid, _: &TileMesh) -> Result<u64> {
+        context.absent()
+    }
+
+    pub fn is_for(&self, _: &Arc<Grid>) -> bool {
+        match self.0 {}
+    }
+
+    pub fn absent(&self) -> ! {
+        match self.0 {}
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct Displacements {
+    pub context: Arc<Context>,
+    absent: Absent,
+}
+
+impl Displacements {
+    pub fn host(&self) -> Result<&[[Plane; 2]]> {
+        match self.absent {}
+    }
+}
+
+#[derive(Debug)]
+pub(crate) struct Output(Absent);
+
+impl Output {
+    pub fn suits(context: &Context, _: [usize; 2]) -> bool {
+        context.absent()
+    }
+
+    pub fn bytes_for(context: &Context, _: [usize; 2]) -> u64 {
+        context.absent()
+    }
+
+    pub fn new(context: &Arc<Context>, _: [usize; 2]) -> Result<Output> {
+        context.absent()
+    }
+
+    pub fn holds(&self, _: [usize; 2]) -> bool {
+        match self.0 {}
+    }
+
+    pub fn invert(&self, _: &Displacements, _: [usize; 2], _: impl FnMut(usize, &[[f32; 2]])) -> Result<()> {
+        match self.0 {}
+    }
+}
