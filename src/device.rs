@@ -262,5 +262,5 @@ fn through(gpu: &Context) -> String {
     format!("through {} ({}){software}{limits}", info.api, info.driver)
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 pub(crate) mod tests;

@@ -5,8 +5,8 @@ mod common;
 
 use common::{Model, Warp, bits, cpu, fetch, gpu, scenes};
 use vrtm::{
-    Asset, Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat,
-    Quality, SolveOptions, Solver, Strided, TileReport, TileSettings,
+    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat, Quality,
+    SolveOptions, Solver, Strided, TileReport, TileSettings,
 };
 
 fn pbd(iterations: u32) -> SolveOptions {
@@ -134,7 +134,7 @@ fn backends_can_be_compared_and_switched() {
     }
     let model = Model::from(scenes::analytic::torus());
     let on = |variables: &[(&str, &str)]| {
-        let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
+        let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
         model.asset_on(&Device::with_variables(&settings, variables, None).unwrap(), 64)
     };
     let differences = on(&[]).compare_backends(0, model.frame(1), &pbd(5), true).unwrap();

@@ -106,7 +106,7 @@ impl Outputs {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 mod tests {
     use std::sync::Arc;
 

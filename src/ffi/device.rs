@@ -258,7 +258,7 @@ pub unsafe extern "C" fn vrtm_adapter_info(index: u32, info: *mut vrtm_adapter_d
     })
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 mod tests {
     use std::ffi::CStr;
 

@@ -63,14 +63,17 @@ impl Workspace {
     }
 }
 
-/// What a correction left, for comparisons of both backends.
-#[cfg(all(feature = "gpu", feature = "oracle"))]
+#[cfg(any(test, all(feature = "gpu", feature = "oracle")))]
 impl Workspace {
     /// A level's system, as the last correction left it.
     pub fn rows(&self, level: usize) -> &Rows {
         &self.levels[level].rows
     }
+}
 
+/// What a correction left, for comparisons of both backends.
+#[cfg(all(feature = "gpu", feature = "oracle"))]
+impl Workspace {
     /// A level's residual, as assembling left it.
     pub fn residual(&self, level: usize) -> &[[Plane; 2]] {
         &self.levels[level].a
