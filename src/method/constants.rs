@@ -1,7 +1,7 @@
 //! Constants that Rust and WGSL share: declared once, in Rust, with their comments.
 
 /// A constant's type and value in WGSL.
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Constant {
     U32(u32),
@@ -10,10 +10,10 @@ pub(crate) enum Constant {
 }
 
 /// A constant: its comment's lines, its name, its value.
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 pub(crate) type Declaration = (&'static [&'static str], &'static str, Constant);
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 impl From<u32> for Constant {
     fn from(x: u32) -> Constant {
         Constant::U32(x)
@@ -21,14 +21,14 @@ impl From<u32> for Constant {
 }
 
 /// Sizes and counts are u32 in WGSL.
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 impl From<usize> for Constant {
     fn from(x: usize) -> Constant {
         Constant::U32(x as u32)
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 impl From<f32> for Constant {
     fn from(x: f32) -> Constant {
         Constant::F32(x)
@@ -36,21 +36,21 @@ impl From<f32> for Constant {
 }
 
 /// Where the CPU decides in f64, a GPU does with the nearest f32.
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 impl From<f64> for Constant {
     fn from(x: f64) -> Constant {
         Constant::F32(x as f32)
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 impl From<[f64; 2]> for Constant {
     fn from(ends: [f64; 2]) -> Constant {
         Constant::Vec2(ends.map(|x| x as f32))
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "gpu"))]
 impl Constant {
     /// As WGSL writes it.
     pub fn wgsl(self) -> (&'static str, String) {
@@ -70,7 +70,7 @@ macro_rules! constants {
         $($(#[doc = $doc])+ #[allow(dead_code)] pub const $name: $ty = $value;)+
 
         /// All of these constants.
-        #[cfg(test)]
+        #[cfg(all(test, feature = "gpu"))]
         pub fn declarations() -> Vec<$crate::method::constants::Declaration> {
             vec![$((&[$($doc),+], stringify!($name), $name.into())),+]
         }

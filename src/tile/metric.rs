@@ -59,7 +59,7 @@ impl Gather {
     }
 
     /// Per node of some blocks, its first entry (one more at the end), and these entries.
-    #[cfg(any(test, feature = "gpu"))]
+    #[cfg(feature = "gpu")]
     pub fn of_blocks(&self, blocks: std::ops::Range<usize>) -> (Vec<u32>, &[(u32, f32)]) {
         let starts = &self.starts[blocks.start * NODES..=blocks.end * NODES];
         let (first, end) = (starts[0], starts[starts.len() - 1]);
@@ -67,7 +67,7 @@ impl Gather {
     }
 
     /// Bytes of what `of_blocks` gives, an entry being 8.
-    #[cfg(any(test, feature = "gpu"))]
+    #[cfg(feature = "gpu")]
     pub fn bytes_of(&self, blocks: std::ops::Range<usize>) -> [u64; 2] {
         let [first, end] = [blocks.start, blocks.end].map(|b| self.starts[b * NODES]);
         [(blocks.len() * NODES + 1) as u64 * 4, u64::from(end - first) * 8]

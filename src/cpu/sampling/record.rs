@@ -41,7 +41,7 @@ impl Record {
         [a, b, c, d, e, f]
     }
 
-    #[cfg(any(test, feature = "gpu"))]
+    #[cfg(feature = "gpu")]
     pub fn pose(&self) -> PoseTriangle {
         let ([.., px, py], [pz, x0, x1, x2, y0, y1, y2, _]) = (self.halves[0], self.halves[1]);
         PoseTriangle { origin: [px, py, pz], tangent: [[x0, x1, x2], [y0, y1, y2]] }
