@@ -67,7 +67,7 @@ fn run(args: &Args) -> Result<()> {
     let settings = DeviceSettings {
         backend: args.device.into(),
         adapter: args.adapter,
-        threads: args.threads,
+        threads: std::num::NonZeroU32::new(args.threads),
         ..DeviceSettings::default()
     };
     let device = Device::new(&settings).map_err(|e| Failure::named("--device", e))?;
@@ -162,7 +162,7 @@ impl<'a> Bake<'a> {
             let own = rigidity.map_or(fallback, |map| [map.width, map.height]);
             let size = args.size.map_or(own, |n| [n, n]);
             let mut settings = asset.settings(index).map_err(mesh_failure)?;
-            settings.grid = size.map(|n| n.min(vrtm::MAX_GRID));
+            settings.grid = size.map(|n| Some(n.min(vrtm::MAX_GRID)));
             asset.set_settings(index, &settings).map_err(|e| Failure::named("--size", e))?;
             tiles.push(Tile { udim, rigidity, mask, size });
         }
@@ -188,7 +188,7 @@ impl<'a> Bake<'a> {
         let options = SolveOptions {
             quality: args.quality.into(),
             solver: args.solver.into(),
-            pbd: PbdSettings { iterations: args.iterations.unwrap_or(0), ..PbdSettings::default() },
+            pbd: PbdSettings { iterations: args.iterations, ..PbdSettings::default() },
             measure: true,
             ..SolveOptions::default()
         };

@@ -79,21 +79,25 @@ impl Asset {
     }
 
     /// The device it was made on.
+    #[must_use]
     pub fn device(&self) -> &Device {
         &self.device
     }
 
     /// What was read.
+    #[must_use]
     pub fn info(&self) -> AssetInfo {
         self.mesh.info
     }
 
     /// Number of tiles; tiles are indexed from 0 in the order of their UDIM numbers.
+    #[must_use]
     pub fn tile_count(&self) -> usize {
         self.tiles.len()
     }
 
     /// Index of the tile with this UDIM number.
+    #[must_use]
     pub fn find_tile(&self, udim: u32) -> Option<usize> {
         self.mesh.tiles.iter().position(|tile| tile.udim == udim)
     }

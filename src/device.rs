@@ -1,5 +1,6 @@
 //! A device: which backend, how many threads, how much memory, where the log goes.
 
+use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -9,6 +10,9 @@ use crate::gpu::context::{self, Context};
 use crate::method::point::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{Backend, DeviceSettings, LogLevel};
+
+/// Most CPU threads per solve.
+const MAX_THREADS: u32 = 1024;
 
 /// Where assets are solved. Cloning gives another handle to the same device.
 #[derive(Clone, Debug)]
@@ -27,7 +31,7 @@ struct Inner {
 #[derive(Clone, Copy, Debug, Default)]
 struct Options {
     backend: Option<Backend>,
-    threads: Option<u32>,
+    threads: Option<Option<NonZeroU32>>,
     gpu: context::Options,
 }
 
@@ -43,9 +47,10 @@ impl Options {
             });
         }
         if let Some(value) = variable("VRTM_THREADS") {
-            options.threads = Some(value.parse().map_err(|_| {
+            let threads: u32 = value.parse().map_err(|_| {
                 Error::argument(format!("VRTM_THREADS: '{value}' is not a number of threads"))
-            })?);
+            })?;
+            options.threads = Some(NonZeroU32::new(threads));
         }
         if let Some(value) = variable("VRTM_GPU_LIMITS") {
             if value != "webgpu" {
@@ -68,6 +73,7 @@ fn variable(name: &str) -> Option<String> {
 ///
 /// Each call loads the drivers, which takes tens of milliseconds, the first one more. Nothing is printed by this
 /// library, but a driver may: with Mesa's on Linux, a line about XDG_RUNTIME_DIR where that is not set.
+#[must_use]
 pub fn adapters() -> Vec<AdapterInfo> {
     Survey::new().adapters()
 }
@@ -110,8 +116,8 @@ impl Device {
         settings.threads = options.threads.unwrap_or(settings.threads);
         settings.backend = options.backend.unwrap_or(settings.backend);
         let origin = if options.backend.is_some() { " (VRTM_DEVICE)" } else { "" };
-        if settings.threads > 1024 {
-            return Err(Error::argument(format!("threads: {} is over 1024", settings.threads)));
+        if let Some(threads) = settings.threads.filter(|threads| threads.get() > MAX_THREADS) {
+            return Err(Error::argument(format!("threads: {threads} is over {MAX_THREADS}")));
         }
         let (gpu, reason) = match settings.backend {
             Backend::Cpu => (None, format!("cpu was asked for{origin}")),
@@ -125,7 +131,7 @@ impl Device {
             }
         };
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
-        let threads = if settings.threads == 0 { cores.min(1024) } else { settings.threads };
+        let threads = settings.threads.map_or(cores.min(MAX_THREADS), NonZeroU32::get);
         if gpu.is_none() && options.gpu.switch.is_some() {
             let why = "VRTM_SWITCH: the device is the CPU, but the switch needs a GPU";
             return Err(Error::new(ErrorKind::Unsupported, why));
@@ -139,6 +145,7 @@ impl Device {
     }
 
     /// What this device is, and why.
+    #[must_use]
     pub fn info(&self) -> DeviceInfo {
         let mut reason = self.0.reason.clone();
         if let Err(error) = self.alive() {
@@ -197,15 +204,16 @@ impl Device {
             .bytes_held
             .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |held| {
                 let next = held - before.min(held) + after;
-                (after <= before || budget == 0 || next <= budget).then_some(next)
+                (after <= before || budget.is_none_or(|budget| next <= budget)).then_some(next)
             })
             .map(drop)
             .map_err(|held| {
                 Error::new(
                     ErrorKind::OutOfMemory,
                     format!(
-                        "{what} needs {after} bytes; {} of the device's {budget} are in use",
-                        held - before.min(held)
+                        "{what} needs {after} bytes; {} of the device's {} are in use",
+                        held - before.min(held),
+                        budget.unwrap_or_default()
                     ),
                 )
             })

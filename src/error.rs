@@ -4,6 +4,7 @@ use std::fmt;
 
 /// The kinds of failure; the C API's `vrtm_status` has the same ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ErrorKind {
     /// An argument is out of its documented range; the message names it.
     InvalidArgument,
@@ -21,6 +22,7 @@ pub enum ErrorKind {
 
 /// A failure: nothing was written, and the last good result is still readable.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Error {
     /// What kind of failure.
     pub kind: ErrorKind,

@@ -1,7 +1,7 @@
 //! vrtm keeps painted features rigid while the surface under them deforms.
 //!
 //! The data flows through the modules in the order in which they stand here:
-//! a host's arrays ([`view`], [`image`]) become a validated mesh with tiles and charts (`mesh`), each tile's maps
+//! a host's arrays (`view`, `image`) become a validated mesh with tiles and charts (`mesh`), each tile's maps
 //! become a grid with movable nodes and active blocks (`tile`), `solve` runs the schedule over a backend's
 //! stages (`cpu`, `gpu`), and [`Asset`] hands out the redirection map, the warp, corner UVs and reports. Beside that way stand
 //! `exact`, `measure` and `reference`: the f64 side that results are measured with.
@@ -51,8 +51,8 @@
 //! # }
 //! ```
 
-pub mod view;
-pub mod image;
+mod view;
+mod image;
 mod half;
 mod mesh;
 mod tile;

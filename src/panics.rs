@@ -50,6 +50,7 @@ impl Panicked {
 }
 
 /// Runs an entry point of the library. Panics of the worker threads that it starts are kept, too.
+#[allow(clippy::result_large_err, reason = "a box would need memory, which may be what is short")]
 pub(crate) fn catch<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     struct WithWorkers;
     impl Drop for WithWorkers {
@@ -71,6 +72,7 @@ pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
 }
 
 /// Catches this thread's panics.
+#[allow(clippy::result_large_err, reason = "a box would need memory, which may be what is short")]
 fn catch_here<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     struct Inside;
     impl Drop for Inside {

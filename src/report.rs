@@ -4,6 +4,7 @@ use crate::settings::Backend;
 
 /// What a device turned out to be.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct DeviceInfo {
     /// The backend in use, never `Auto`.
     pub backend: Backend,
@@ -19,6 +20,7 @@ pub struct DeviceInfo {
 
 /// A GPU that a device could be made on.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct AdapterInfo {
     /// The adapter's name.
     pub name: String,
@@ -32,6 +34,7 @@ pub struct AdapterInfo {
 
 /// What was read from a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct AssetInfo {
     /// Vertices in the position arrays.
     pub vertices: u64,
@@ -55,6 +58,7 @@ pub struct AssetInfo {
 
 /// What is known of a tile before a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct TileInfo {
     /// UDIM number: 1001 + U + 10 V.
     pub udim: u32,
@@ -73,6 +77,7 @@ pub struct TileInfo {
 /// Milliseconds per stage of one solve. On a GPU those of surface to certify are measured there, and 0 where it has no
 /// timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct StageTimes {
     /// Positions to triangles, metrics and samples.
     pub surface: f32,
@@ -98,6 +103,7 @@ pub struct StageTimes {
 
 /// One distribution of |strain|.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Strain {
     /// Root of the mean square.
     pub rms: f32,
@@ -119,6 +125,7 @@ pub struct Strain {
 
 /// Strain on the mesh itself, over grid edges with rigidity over 0.5 at both ends that are not both fixed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct StrainReport {
     /// How many edges were measured.
     pub edges: u64,
@@ -134,6 +141,7 @@ pub struct StrainReport {
 
 /// A tile's last solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct TileReport {
     /// UDIM number.
     pub udim: u32,
@@ -188,6 +196,7 @@ pub struct TileReport {
 
 /// An asset's last solve, over all tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct AssetReport {
     /// Tiles in the asset.
     pub tiles: u32,
@@ -215,6 +224,7 @@ pub struct AssetReport {
 
 /// What a tile's last solve had the GPU do.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct GpuWork {
     /// Milliseconds on the host until positions and lists were handed over, ...
     pub upload_ms: f32,
@@ -222,8 +232,8 @@ pub struct GpuWork {
     pub record_ms: f32,
     /// ... and until the GPU was done and the outcome read.
     pub wait_ms: f32,
-    /// Milliseconds on the GPU, all stages; 0 where it has no timestamps.
-    pub gpu_ms: f32,
+    /// Milliseconds on the GPU, all stages; `None` where it has no timestamps.
+    pub gpu_ms: Option<f32>,
     /// Command submissions.
     pub submissions: u64,
     /// Dispatches that turned out empty: corrections and trials that no chart needed.
@@ -234,6 +244,7 @@ pub struct GpuWork {
 
 /// One kernel's part of a solve.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct GpuKernel {
     /// Its entry point, and its parts of `shaders/`.
     pub name: String,
@@ -243,17 +254,19 @@ pub struct GpuKernel {
     pub workgroups: u64,
     /// Bytes that these move at least, each datum counted once per dispatch.
     pub bytes: u64,
-    /// Milliseconds on the GPU; 0 unless kernels are timed one by one.
-    pub ms: f32,
+    /// Milliseconds on the GPU; `None` unless kernels are timed one by one.
+    pub ms: Option<f32>,
 }
 
 impl GpuWork {
     /// Of all kernels.
+    #[must_use]
     pub fn dispatches(&self) -> u64 {
         self.kernels.iter().map(|kernel| kernel.dispatches).sum()
     }
 
     /// Of all kernels.
+    #[must_use]
     pub fn bytes(&self) -> u64 {
         self.kernels.iter().map(|kernel| kernel.bytes).sum()
     }

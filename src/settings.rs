@@ -1,12 +1,15 @@
 //! What a host may set: per device, per tile, per solve.
 
 use std::fmt;
+use std::num::NonZeroU32;
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::error::{Error, Result};
 
 /// Which backend a device runs on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Backend {
     /// A hardware GPU if there is one, the CPU otherwise; [`crate::DeviceInfo::reason`] says why.
     #[default]
@@ -19,6 +22,7 @@ pub enum Backend {
 
 /// How important a log line is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum LogLevel {
     /// Something the host may want to show: clipped faces, overlaps.
     Warning,
@@ -36,11 +40,11 @@ pub struct DeviceSettings {
     pub backend: Backend,
     /// Which adapter, for [`Backend::Gpu`].
     pub adapter: u32,
-    /// CPU threads per solve; 0 = one per core.
-    pub threads: u32,
+    /// CPU threads per solve, at most 1024; `None` = one per core.
+    pub threads: Option<NonZeroU32>,
     /// Most bytes that the tiles of all assets of the device may hold together, while no call is under way: maps, grids,
-    /// solvers, results; 0 = no limit.
-    pub memory_budget: u64,
+    /// solvers, results; `None` = no limit.
+    pub memory_budget: Option<u64>,
     /// Where warnings go; `None` = nowhere.
     pub log: Option<LogFn>,
 }
@@ -59,6 +63,7 @@ impl fmt::Debug for DeviceSettings {
 
 /// Texels that faces of different charts, or two layers of one chart, share.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Overlap {
     /// They do not move, so nothing gets worse.
     #[default]
@@ -70,8 +75,8 @@ pub enum Overlap {
 /// A tile's settings. All have a working default; a change rebuilds only what depends on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileSettings {
-    /// Cells of the grid in u and v; 0 = the rigidity map's size. Rounded up to a multiple of 16, at most 16384.
-    pub grid: [u32; 2],
+    /// Cells of the grid in u and v, 1..=16384, rounded up to a multiple of 16; `None` = the rigidity map's size.
+    pub grid: [Option<u32>; 2],
     /// Smoothness λ of elastic material against the stiffness 1 of rigid material, >= 0. A lower one lets rigid features
     /// keep their shape better where elastic material has to give way for them, and makes material of little rigidity more
     /// rigid: what counts is R against λ (1 - R).
@@ -95,7 +100,7 @@ pub struct TileSettings {
 impl Default for TileSettings {
     fn default() -> Self {
         TileSettings {
-            grid: [0, 0],
+            grid: [None; 2],
             smoothness: 0.02,
             smoothness_floor: 0.0005,
             orientation: 0.0,
@@ -131,9 +136,10 @@ impl TileSettings {
         if !(0.0..=1.0).contains(&self.room_threshold) {
             return bad("room_threshold", self.room_threshold, "in 0..1");
         }
-        if self.grid.iter().any(|&n| n > MAX_GRID) {
-            let [nx, ny] = self.grid;
-            return Err(Error::argument(format!("settings.grid: {nx}x{ny} is over {MAX_GRID} cells a side")));
+        for n in self.grid.into_iter().flatten() {
+            if !(1..=MAX_GRID).contains(&n) {
+                return Err(Error::argument(format!("settings.grid: {n} cells are not in 1..={MAX_GRID}")));
+            }
         }
         Ok(())
     }
@@ -144,6 +150,7 @@ pub const MAX_GRID: u32 = 16384;
 
 /// How much work a solve does per level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Quality {
     /// One correction per level, but relaxation alone on the finest.
     Draft,
@@ -156,6 +163,7 @@ pub enum Quality {
 
 /// How a solve finds its warp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Solver {
     /// Block descent with Gauss-Newton corrections: never folds.
     #[default]
@@ -165,62 +173,62 @@ pub enum Solver {
     Pbd,
 }
 
-/// Settings of [`Solver::Pbd`], with the paper's names. 0 in a field means its default, and [`PbdSettings::OFF`] in one
-/// that is a share means 0.
+/// Settings of [`Solver::Pbd`], with the paper's names. `None` means the default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PbdSettings {
     /// Iterations per level, 1..=1024: projections of all constraints, of which every fourth is followed by a
     /// regularisation.
-    pub iterations: u32,
-    /// Velocity damping, 0..=1: the share of its velocity that a node loses from one regularisation to the next. There is no time
-    /// step to set: without forces it cancels out.
-    pub damping: f32,
-    /// Orientation preservation, 0..=1: the share of its turn that a segment takes back after its projection.
-    pub orientation_preservation: f32,
+    pub iterations: Option<u32>,
+    /// Velocity damping, 0..=1: the fraction of its velocity that a node loses from one regularisation to the next. There
+    /// is no time step to set: without forces it cancels out.
+    pub damping: Option<f32>,
+    /// Orientation preservation, 0..=1: the fraction of its turn that a segment takes back after its projection.
+    pub orientation_preservation: Option<f32>,
     /// Smoothing s of eq. 4, 0..=1: how much as-rigid-as-possible material is smoothed.
-    pub smoothing: f32,
+    pub smoothing: Option<f32>,
     /// Factor on the corrections of each level over those of the next finer one, 0..=1.
+    pub coarse_correction: Option<f32>,
+}
+
+/// [`PbdSettings`] with a value in each field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PbdValues {
+    pub iterations: u32,
+    pub damping: f32,
+    pub orientation_preservation: f32,
+    pub smoothing: f32,
     pub coarse_correction: f32,
 }
 
-impl PbdSettings {
-    /// 0, in a field whose 0 means the default.
-    pub const OFF: f32 = -1.0;
-
-    /// What 0 stands for; `method/pbd.rs` has the figures that chose them.
-    const DEFAULTS: PbdSettings = PbdSettings {
+impl PbdValues {
+    /// The defaults; `method/pbd.rs` has the figures that chose them.
+    const DEFAULTS: PbdValues = PbdValues {
         iterations: 16,
         damping: 0.0,
         orientation_preservation: 0.0,
         smoothing: 0.8,
         coarse_correction: 0.7,
     };
+}
 
-    /// All fields with a value.
-    pub(crate) fn resolved(&self) -> PbdSettings {
-        let or_default = |value: f32, default: f32| match value {
-            0.0 => default,
-            PbdSettings::OFF => 0.0,
-            _ => value,
-        };
-        let default = PbdSettings::DEFAULTS;
-        PbdSettings {
-            iterations: if self.iterations == 0 { default.iterations } else { self.iterations },
-            damping: or_default(self.damping, default.damping),
-            orientation_preservation: or_default(
-                self.orientation_preservation,
-                default.orientation_preservation,
-            ),
-            smoothing: or_default(self.smoothing, default.smoothing),
-            coarse_correction: or_default(self.coarse_correction, default.coarse_correction),
+impl PbdSettings {
+    /// The settings, and the defaults where there are none.
+    pub(crate) fn resolved(&self) -> PbdValues {
+        let default = PbdValues::DEFAULTS;
+        let orientation_preservation = self.orientation_preservation;
+        PbdValues {
+            iterations: self.iterations.unwrap_or(default.iterations),
+            damping: self.damping.unwrap_or(default.damping),
+            orientation_preservation: orientation_preservation.unwrap_or(default.orientation_preservation),
+            smoothing: self.smoothing.unwrap_or(default.smoothing),
+            coarse_correction: self.coarse_correction.unwrap_or(default.coarse_correction),
         }
     }
 
     fn check(&self) -> Result<()> {
-        if self.iterations > MAX_ITERATIONS {
+        if let Some(n) = self.iterations.filter(|n| !(1..=MAX_ITERATIONS).contains(n)) {
             return Err(Error::argument(format!(
-                "options.pbd.iterations: {} is over {MAX_ITERATIONS}",
-                self.iterations
+                "options.pbd.iterations: {n} is not in 1..={MAX_ITERATIONS}"
             )));
         }
         for (name, value) in [
@@ -229,10 +237,8 @@ impl PbdSettings {
             ("smoothing", self.smoothing),
             ("coarse_correction", self.coarse_correction),
         ] {
-            if !(0.0..=1.0).contains(&value) && value != PbdSettings::OFF {
-                return Err(Error::argument(format!(
-                    "options.pbd.{name}: {value} is neither in 0..1 nor -1 (none)"
-                )));
+            if let Some(value) = value.filter(|value| !(0.0..=1.0).contains(value)) {
+                return Err(Error::argument(format!("options.pbd.{name}: {value} is not in 0..=1")));
             }
         }
         Ok(())
@@ -250,14 +256,16 @@ pub struct SolveOptions {
     /// Start from the previous result instead of the identity: faster on small changes, but the result then
     /// depends on the order of frames.
     pub warm: bool,
-    /// Stop correcting a chart when a correction gains less than this share of its energy (to which 6 % of what the
-    /// original UVs have is added), or when a level's first correction gained what its linear model foretold, to a tenth
-    /// of that share; 0 = the quality's own. Up to four times these the next correction is taken in part.
-    pub tolerance: f32,
-    /// Cap on corrections per level in place of the quality's own, at most 64; 0 = the quality's own.
-    pub max_corrections: u32,
-    /// Stop after about this many milliseconds with the best state so far; 0 = no limit.
-    pub time_budget_ms: f32,
+    /// Stop correcting a chart when a correction gains less than this fraction of its energy (to which 6 % of what the
+    /// original UVs have is added), or when a level's first correction gained what its quadratic model predicted, to a
+    /// tenth of that fraction; over 0 and under 1. Up to four times these the next correction is taken in part. `None` = the
+    /// quality's own.
+    pub tolerance: Option<f32>,
+    /// Cap on corrections per level in place of the quality's own, 1..=64; `None` = the quality's own.
+    pub max_corrections: Option<u32>,
+    /// Stop after about this time with the best state so far; `None` = no limit. With a limit the result depends on the speed
+    /// of the machine.
+    pub time_budget: Option<Duration>,
     /// Also measure the strain on the mesh (slow, f64): fills [`crate::TileReport::strain`].
     pub measure: bool,
     /// How the warp is found. `quality`, `tolerance` and `max_corrections` speak to [`Solver::Descent`] alone, `pbd` to
@@ -272,19 +280,12 @@ const MAX_CORRECTIONS: u32 = 64;
 
 impl SolveOptions {
     pub(crate) fn check(&self) -> Result<()> {
-        if !(0.0..1.0).contains(&self.tolerance) {
-            return Err(Error::argument(format!("options.tolerance: {} is not in 0..1", self.tolerance)));
+        if let Some(tolerance) = self.tolerance.filter(|x| !(*x > 0.0 && *x < 1.0)) {
+            return Err(Error::argument(format!("options.tolerance: {tolerance} is not in 0..1")));
         }
-        if self.max_corrections > MAX_CORRECTIONS {
+        if let Some(n) = self.max_corrections.filter(|n| !(1..=MAX_CORRECTIONS).contains(n)) {
             return Err(Error::argument(format!(
-                "options.max_corrections: {} is over {MAX_CORRECTIONS}",
-                self.max_corrections
-            )));
-        }
-        if !(self.time_budget_ms >= 0.0 && self.time_budget_ms.is_finite()) {
-            return Err(Error::argument(format!(
-                "options.time_budget_ms: {} is not a finite, non-negative number",
-                self.time_budget_ms
+                "options.max_corrections: {n} is not in 1..={MAX_CORRECTIONS}"
             )));
         }
         self.pbd.check()
@@ -296,10 +297,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn zero_means_the_default_and_off_means_none() {
-        assert_eq!(PbdSettings::default().resolved(), PbdSettings::DEFAULTS);
-        let off = PbdSettings { smoothing: PbdSettings::OFF, damping: 0.25, ..PbdSettings::default() };
-        let resolved = PbdSettings { smoothing: 0.0, damping: 0.25, ..PbdSettings::DEFAULTS };
-        assert_eq!(off.resolved(), resolved);
+    fn none_means_the_default() {
+        assert_eq!(PbdSettings::default().resolved(), PbdValues::DEFAULTS);
+        let given = PbdSettings { smoothing: Some(0.0), damping: Some(0.25), ..PbdSettings::default() };
+        let resolved = PbdValues { smoothing: 0.0, damping: 0.25, ..PbdValues::DEFAULTS };
+        assert_eq!(given.resolved(), resolved);
     }
 }

@@ -59,10 +59,7 @@ impl TileMaps {
             Rigidity::None => [SIDE; 2],
         };
         std::array::from_fn(|axis| {
-            let n = match self.settings.grid[axis] {
-                0 => default[axis],
-                n => n as usize,
-            };
+            let n = self.settings.grid[axis].map_or(default[axis], |n| n as usize);
             n.next_multiple_of(SIDE).min(MAX_GRID as usize)
         })
     }

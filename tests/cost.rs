@@ -195,7 +195,10 @@ fn work_is_bounded() {
             assert!(report.node_updates <= most && report.node_updates > 0, "{quality:?}");
         }
         // A budget that is gone at once: little is done, what comes out is sound, and nothing reuses it.
-        let hurried = SolveOptions { time_budget_ms: 1e-3, ..SolveOptions::default() };
+        let hurried = SolveOptions {
+            time_budget: Some(std::time::Duration::from_micros(1)),
+            ..SolveOptions::default()
+        };
         asset.solve(model.frame(2), &hurried).unwrap();
         let report = asset.tile_report(0).unwrap();
         assert!(report.truncated && report.folds == 0 && report.energy <= report.energy_before);

@@ -210,7 +210,11 @@ fn the_same_bits_every_time() {
         assert!(bits(&first).iter().all(|u| *u == [0; 2]), "{}: rest", model.name);
         first.solve(model.frame(1), &options(quality)).unwrap();
         assert!(same(&first), "{}: the same asset again", model.name);
-        let other = common::gpu(&DeviceSettings { threads: 1, ..DeviceSettings::default() }).unwrap();
+        let other = common::gpu(&DeviceSettings {
+            threads: std::num::NonZeroU32::new(1),
+            ..DeviceSettings::default()
+        })
+        .unwrap();
         assert!(same(&solve(model, &model.frames[0], &other, &case)), "{}: another device", model.name);
     }
 }

@@ -94,7 +94,7 @@ fn iterations_in_bands_give_the_same_bits() {
     if !common::has_gpu() {
         return;
     }
-    let pbd = PbdSettings { iterations: 5, ..PbdSettings::default() };
+    let pbd = PbdSettings { iterations: Some(5), ..PbdSettings::default() };
     let options = SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() };
     for (scene, blocks) in [(common::scenes::mug_to_jug(), 30), (common::scenes::arm(), 36)] {
         let model = Model::from(scene);
@@ -127,7 +127,7 @@ fn far_steps_across_bands_are_refused() {
         *rigidity = if x.hypot(y) < 0.25 { 255 } else { 0 };
     }
     // Rows of eight blocks on level 0 and of four on level 1: bands on both.
-    let settings = TileSettings { grid: [128, 512], ..TileSettings::default() };
+    let settings = TileSettings { grid: [Some(128), Some(512)], ..TileSettings::default() };
     let assets = [None, Some(32)].map(|band| {
         let mut asset = model.asset_on(&limited(band), 128);
         asset.set_settings(0, &settings).unwrap();

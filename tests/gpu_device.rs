@@ -10,7 +10,7 @@ mod common;
 use common::{Model, gpu, has_gpu, options};
 
 fn settings(backend: Backend, adapter: u32) -> DeviceSettings {
-    DeviceSettings { backend, adapter, threads: 1, ..DeviceSettings::default() }
+    DeviceSettings { backend, adapter, threads: std::num::NonZeroU32::new(1), ..DeviceSettings::default() }
 }
 
 const CHILD: &str = "VRTM_TEST_CHILD";
@@ -236,7 +236,7 @@ fn a_device_that_is_lost_during_solves_fails_them_cleanly() {
 
 #[test]
 fn a_budget_that_is_too_small_is_out_of_memory() {
-    let Some(device) = gpu(&DeviceSettings { memory_budget: 5000, ..settings(Backend::Gpu, 0) }) else {
+    let Some(device) = gpu(&DeviceSettings { memory_budget: Some(5000), ..settings(Backend::Gpu, 0) }) else {
         return;
     };
     let model = &common::analytic()[0];

@@ -146,7 +146,7 @@ fn an_image_that_does_not_fit_is_an_error_and_a_smaller_one_comes() {
     }
     let model = Model::from(scenes::analytic::bulge());
     let budget = 64 << 20;
-    let device = gpu(&DeviceSettings { memory_budget: budget, ..DeviceSettings::default() }).unwrap();
+    let device = gpu(&DeviceSettings { memory_budget: Some(budget), ..DeviceSettings::default() }).unwrap();
     let mut asset = solved(&model, &device, 64);
     let before = device.info().bytes_held;
     let small = fetch(&mut asset, 0, FetchKind::Redirection, [64; 2]);

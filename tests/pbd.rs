@@ -10,7 +10,7 @@ use vrtm::{
 };
 
 fn pbd(iterations: u32) -> SolveOptions {
-    let pbd = PbdSettings { iterations, ..PbdSettings::default() };
+    let pbd = PbdSettings { iterations: Some(iterations), ..PbdSettings::default() };
     SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() }
 }
 
@@ -117,7 +117,7 @@ fn both_backends_give_the_same_warp() {
             let apart = u.iter().flatten().zip(v.iter().flatten());
             let most = apart.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             let [a, b] = [&a, &b].map(report);
-            println!("{}, {}: {most:.1e} cells", model.name, options.pbd.iterations);
+            println!("{}, {:?}: {most:.1e} cells", model.name, options.pbd.iterations);
             assert!(most < 2e-5, "{}: {most} cells", model.name);
             assert!((a.energy / b.energy - 1.0).abs() < 1e-5, "{} {}", a.energy, b.energy);
             assert_eq!((a.sweeps, a.folds, a.charts_fallback), (b.sweeps, b.folds, b.charts_fallback));
@@ -158,9 +158,9 @@ fn a_folded_result_is_told_and_returned() {
     let model = Model::from(scenes::analytic::squash(0.1));
     // Nothing that holds it back: no turning back, no smoothing.
     let settings = PbdSettings {
-        iterations: 1,
-        orientation_preservation: PbdSettings::OFF,
-        smoothing: PbdSettings::OFF,
+        iterations: Some(1),
+        orientation_preservation: Some(0.0),
+        smoothing: Some(0.0),
         ..PbdSettings::default()
     };
     let options = SolveOptions { solver: Solver::Pbd, pbd: settings, ..SolveOptions::default() };
@@ -189,7 +189,12 @@ fn a_budget_ends_it_early_and_a_warm_start_goes_on() {
     let model = Model::from(scenes::analytic::bulge());
     for device in devices() {
         let mut asset = model.asset_on(&device, 64);
-        asset.solve(model.frame(1), &SolveOptions { time_budget_ms: 1e-3, ..pbd(64) }).unwrap();
+        asset
+            .solve(
+                model.frame(1),
+                &SolveOptions { time_budget: Some(std::time::Duration::from_micros(1)), ..pbd(64) },
+            )
+            .unwrap();
         let cut = report(&asset);
         assert!(cut.truncated && cut.sweeps == 1, "{} iterations", cut.sweeps);
         // From its own result on the finest level alone.
@@ -215,7 +220,7 @@ fn solvers_take_turns_on_one_asset() {
         let (other, of_pbd) = solve(&pbd(2));
         assert!(first != other && of_pbd.energy > of_descent.energy);
         // Settings of the solver that is not asked make no difference: the result is kept.
-        let (same, kept) = solve(&SolveOptions { quality: Quality::High, tolerance: 0.5, ..pbd(2) });
+        let (same, kept) = solve(&SolveOptions { quality: Quality::High, tolerance: Some(0.5), ..pbd(2) });
         assert!(other == same && kept.charts_reused == kept.charts && kept.charts_active == 0);
         assert!(first == solve(&SolveOptions::default()).0);
     }
@@ -225,16 +230,19 @@ fn solvers_take_turns_on_one_asset() {
 fn settings_out_of_range_are_refused_by_name() {
     let model = Model::from(scenes::analytic::bulge());
     let mut asset = model.asset(1, 32);
-    let half = PbdSettings { damping: 0.5, ..PbdSettings::default() };
+    let half = PbdSettings { damping: Some(0.5), ..PbdSettings::default() };
     for (pbd, culprit) in [
-        (PbdSettings { iterations: 1025, ..half }, "options.pbd.iterations: 1025 is over 1024"),
-        (PbdSettings { damping: 1.5, ..half }, "options.pbd.damping: 1.5 is neither in 0..1 nor -1 (none)"),
+        (PbdSettings { iterations: Some(1025), ..half }, "options.pbd.iterations: 1025 is not in 1..=1024"),
+        (PbdSettings { damping: Some(1.5), ..half }, "options.pbd.damping: 1.5 is not in 0..=1"),
         (
-            PbdSettings { orientation_preservation: -0.5, ..half },
+            PbdSettings { orientation_preservation: Some(-0.5), ..half },
             "options.pbd.orientation_preservation: -0.5",
         ),
-        (PbdSettings { smoothing: f32::NAN, ..half }, "options.pbd.smoothing: NaN"),
-        (PbdSettings { coarse_correction: f32::INFINITY, ..half }, "options.pbd.coarse_correction: inf"),
+        (PbdSettings { smoothing: Some(f32::NAN), ..half }, "options.pbd.smoothing: NaN"),
+        (
+            PbdSettings { coarse_correction: Some(f32::INFINITY), ..half },
+            "options.pbd.coarse_correction: inf",
+        ),
     ] {
         let options = SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() };
         let error = asset.solve(model.frame(1), &options).unwrap_err();
@@ -251,7 +259,7 @@ fn compressed(rigidity: &[u8], options: &SolveOptions, settings: impl FnOnce(&mu
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
     let image = ImageView::new("rigidity", rigidity, ImageLayout::packed(64, 64, PixelFormat::U8)).unwrap();
     asset.set_rigidity(0, Some(image)).unwrap();
-    let mut own = TileSettings { grid: [64; 2], ..asset.settings(0).unwrap() };
+    let mut own = TileSettings { grid: [Some(64); 2], ..asset.settings(0).unwrap() };
     settings(&mut own);
     asset.set_settings(0, &own).unwrap();
     asset.solve(model.frame(1), options).unwrap();
@@ -290,7 +298,7 @@ fn sparse_features_keep_their_shape_if_dense_ones_keep_their_orientation() {
     for solver in [Solver::Pbd, Solver::Descent] {
         // Mean strain of the sparse features and of the dense ones; rows of the map count from v = 1.
         let strains = |orientation: f32, density: f32| {
-            let pbd = PbdSettings { orientation_preservation: orientation, ..PbdSettings::default() };
+            let pbd = PbdSettings { orientation_preservation: Some(orientation), ..PbdSettings::default() };
             let options = SolveOptions { solver, pbd, ..SolveOptions::default() };
             let warp = compressed(&map, &options, |settings| {
                 (settings.orientation, settings.orientation_density) = (orientation, density);

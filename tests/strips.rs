@@ -72,7 +72,7 @@ fn solve(n: u32, options: &SolveOptions) -> Row {
     asset.set_rigidity(0, Some(ImageView::new("map", &bytes, layout).unwrap())).unwrap();
     set_grid(&mut asset, n);
     let settings = TileSettings {
-        grid: [n, ROWS],
+        grid: [Some(n), Some(ROWS)],
         smoothness: 0.0,
         smoothness_floor: 1e-6,
         room: 0.0,
@@ -112,7 +112,12 @@ fn solve(n: u32, options: &SolveOptions) -> Row {
 
 /// Corrections per level until nothing is left to gain: what is off then is the grid's share.
 fn patient() -> SolveOptions {
-    SolveOptions { quality: Quality::High, tolerance: 1e-7, max_corrections: 30, ..SolveOptions::default() }
+    SolveOptions {
+        quality: Quality::High,
+        tolerance: Some(1e-7),
+        max_corrections: Some(30),
+        ..SolveOptions::default()
+    }
 }
 
 #[test]

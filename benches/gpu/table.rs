@@ -49,7 +49,7 @@ fn once(
     times.wall.push(report.times.total);
     if let Some(work) = asset.gpu_work(0)? {
         times.upload.push(work.upload_ms);
-        times.gpu.push(work.gpu_ms);
+        times.gpu.push(work.gpu_ms.unwrap_or(f32::NAN));
     }
     let [width, height] = report.grid;
     let image = ImageViewMut::new("map", map, ImageLayout::packed(width, height, PixelFormat::F32))?;
@@ -72,7 +72,7 @@ pub fn rows(
     let poses = poses(model, frame);
     let mut asset = model.asset_on(device, size);
     let mut map = vec![0u8; size as usize * size as usize * 8];
-    let best = SolveOptions { quality: Quality::High, tolerance: 1e-6, ..SolveOptions::default() };
+    let best = SolveOptions { quality: Quality::High, tolerance: Some(1e-6), ..SolveOptions::default() };
     once(&mut asset, &poses[1], &best, &mut map, &mut Times::default()).map_err(fail)?;
     let best = asset.tile_report(0).map_err(fail)?.energy;
     for (name, quality) in [("draft", Quality::Draft), ("normal", Quality::Normal), ("high", Quality::High)] {
@@ -129,7 +129,7 @@ pub fn kernels(device: &Device, size: u32, ceiling: f64) -> Result<String, Strin
             kernel.dispatches,
             kernel.workgroups,
             kernel.bytes as f64 * 1e-6,
-            kernel.ms,
+            kernel.ms.unwrap_or(f32::NAN),
             kernel.bytes as f64 / ceiling * 1e3
         );
     }

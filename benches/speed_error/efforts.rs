@@ -45,7 +45,12 @@ pub fn efforts(quick: bool) -> Vec<Effort> {
         who: Who::Descent,
         name: name.into(),
         iterations: max_corrections,
-        options: SolveOptions { quality, max_corrections, tolerance, ..SolveOptions::default() },
+        options: SolveOptions {
+            quality,
+            max_corrections: (max_corrections > 0).then_some(max_corrections),
+            tolerance: (tolerance > 0.0).then_some(tolerance),
+            ..SolveOptions::default()
+        },
     })
     .collect();
     all.extend((0..8).map(|k| pbd(1 << k)));
@@ -59,7 +64,7 @@ pub fn efforts(quick: bool) -> Vec<Effort> {
 
 /// The paper's solver with so many iterations per level.
 fn pbd(iterations: u32) -> Effort {
-    let pbd = PbdSettings { iterations, ..PbdSettings::default() };
+    let pbd = PbdSettings { iterations: Some(iterations), ..PbdSettings::default() };
     let name = format!("{iterations} iteration{}", if iterations == 1 { "" } else { "s" });
     let options = SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() };
     Effort { who: Who::Pbd, name, iterations, options }

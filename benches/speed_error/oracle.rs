@@ -51,9 +51,12 @@ impl Done {
         let mut rows = Vec::new();
         if let Some(Ran { row, .. }) = ran.first() {
             // What was measured before is the strain of the original UVs.
-            let strain =
-                row.strain.map(|s| vrtm::StrainReport { after: s.before, harm: 0.0, help: 0.0, ..s });
-            let report = TileReport { min_jacobian: 1.0, ..TileReport::default() };
+            let strain = row.strain.map(|mut strain| {
+                (strain.after, strain.harm, strain.help) = (strain.before, 0.0, 0.0);
+                strain
+            });
+            let mut report = TileReport::default();
+            report.min_jacobian = 1.0;
             rows.push(Row { solver: "identity", energy: *before, gap: 1.0, strain, report, ..blank.clone() });
         }
         rows.extend(ran.iter().map(|ran| Row { gap: gap(ran.row.energy), ..ran.row.clone() }));

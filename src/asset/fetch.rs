@@ -15,6 +15,7 @@ use super::tile_state::Solved;
 
 /// What a fetch writes: two channels (u, v) per texel, f32 or f16.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum FetchKind {
     /// Inverse warp at texel centres, absolute within the tile (0..1). f16 holds less than a texel from 1024 on.
     Redirection,

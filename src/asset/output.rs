@@ -145,7 +145,9 @@ mod tests {
             (0..64 * 64).map(|i| if i / 8 % 3 == 0 && i / 512 % 2 == 0 { 255 } else { 0 }).collect();
         let map = ImageView::new("rigidity", &spots, ImageLayout::packed(64, 64, PixelFormat::U8)).unwrap();
         asset.set_rigidity(0, Some(map)).unwrap();
-        asset.set_settings(0, &TileSettings { grid: [128, 96], ..TileSettings::default() }).unwrap();
+        asset
+            .set_settings(0, &TileSettings { grid: [Some(128), Some(96)], ..TileSettings::default() })
+            .unwrap();
         let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
         asset.solve(Strided::from_f32x3(pose.as_flattened()), &options).unwrap();
         assert!(asset.tile_report(0).unwrap().max_displacement > 1.0);

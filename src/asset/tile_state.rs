@@ -167,7 +167,7 @@ impl TileState {
         let source = &call.mesh.tiles[tile];
         let pose = Pose::new(source, |v| call.positions.get3(v as usize), Some(&grid.rest));
         let tasks = self.tasks(&grid, source, &pose, call.plan);
-        let (warp, results, mut report, work) = self.warp(call, &grid, source, &pose, &tasks)?;
+        let WarpResult { warp, results, mut report, work } = self.warp(call, &grid, source, &pose, &tasks)?;
         self.fill_report(&mut report, &grid, source, &tasks, &results);
         let inputs = self.inputs(&grid, pose, &tasks, call.plan, report.truncated);
         report.times.total = start.elapsed().as_secs_f32() * 1000.0;
@@ -195,7 +195,7 @@ impl TileState {
         (0..tile.charts.len()).map(task).collect()
     }
 
-    /// The warp, solved where need be, each chart's result, what a solve has to report, and what a GPU had to do.
+    /// The warp, solved where need be, and what came of it.
     fn warp(
         &mut self,
         call: &SolveCall,
@@ -203,7 +203,7 @@ impl TileState {
         tile: &TileMesh,
         pose: &Pose,
         tasks: &[ChartTask],
-    ) -> Result<(Arc<Warp>, Vec<ChartResult>, TileReport, Option<GpuWork>)> {
+    ) -> Result<WarpResult> {
         let last = self.last(grid);
         let mut results =
             last.map_or_else(|| vec![ChartResult::default(); tasks.len()], |l| l.results.clone());
@@ -217,11 +217,12 @@ impl TileState {
         let last = last.map(|last| last.warp.clone());
         let report = TileReport::default();
         if let (true, Some(last)) = (unchanged, &last) {
-            return Ok((last.clone(), results, report, None));
+            return Ok(WarpResult { warp: last.clone(), results, report, work: None });
         }
         if !solves && !tasks.contains(&ChartTask::Reuse) {
             let identity = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
-            return Ok((Arc::new(Warp::Host(identity)), results, report, None));
+            let warp = Arc::new(Warp::Host(identity));
+            return Ok(WarpResult { warp, results, report, work: None });
         }
         let solution = self.run(call, grid, tile, pose, last.as_deref(), tasks)?;
         for c in (0..tasks.len()).filter(|&c| tasks[c] == ChartTask::Solve) {
@@ -238,7 +239,7 @@ impl TileState {
             levels: grid.levels.len() as u32,
             ..report
         };
-        Ok((Arc::new(solution.warp), results, report, solution.work))
+        Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
     }
 
     /// Runs the tile's solver, which is made if need be.
@@ -381,6 +382,17 @@ impl TileState {
         let _ = device.rebook(self.booked, 0, "");
         self.booked = 0;
     }
+}
+
+/// A tile's new warp.
+struct WarpResult {
+    warp: Arc<Warp>,
+    /// Per chart.
+    results: Vec<ChartResult>,
+    /// Filled as far as it follows from the solve itself.
+    report: TileReport,
+    /// What a GPU had to do.
+    work: Option<GpuWork>,
 }
 
 /// What there is to do for a chart.

@@ -8,7 +8,7 @@ use crate::{Asset, Fetch, FetchKind, ImageLayout, ImageView, ImageViewMut, Pixel
 
 fn make(backend: Backend, adapter: u32) -> Result<Device> {
     Device::with(
-        &DeviceSettings { backend, adapter, threads: 1, ..DeviceSettings::default() },
+        &DeviceSettings { backend, adapter, threads: NonZeroU32::new(1), ..DeviceSettings::default() },
         Options::default(),
     )
 }
@@ -161,8 +161,8 @@ fn a_budget_that_is_too_small_is_out_of_memory() {
     }
     let settings = DeviceSettings {
         backend: Backend::Gpu,
-        memory_budget: 1000,
-        threads: 1,
+        memory_budget: Some(1000),
+        threads: NonZeroU32::new(1),
         ..DeviceSettings::default()
     };
     let device = Device::with(&settings, Options::default()).unwrap();

@@ -1,6 +1,7 @@
 //! Devices and adapters.
 
 use std::ffi::{CString, c_char, c_void};
+use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use super::desc::{self, Out, Place, Sized32};
@@ -154,8 +155,8 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     Ok(DeviceSettings {
         backend,
         adapter: desc.adapter,
-        threads: desc.threads,
-        memory_budget: desc.memory_budget,
+        threads: NonZeroU32::new(desc.threads),
+        memory_budget: (desc.memory_budget != 0).then_some(desc.memory_budget),
         log,
     })
 }

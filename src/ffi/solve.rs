@@ -1,6 +1,7 @@
 //! Solving, and the one call of a host's compute().
 
 use std::mem::offset_of;
+use std::time::Duration;
 
 use super::desc::{self, Sized32};
 use super::fetch::{targets, vrtm_fetch};
@@ -97,9 +98,9 @@ unsafe fn options(pointer: *const vrtm_solve_options) -> Outcome<SolveOptions> {
             }
         },
         warm: flag(from.warm, "options.warm")?,
-        tolerance: from.tolerance,
-        max_corrections: from.max_corrections,
-        time_budget_ms: from.time_budget_ms,
+        tolerance: (from.tolerance != 0.0).then_some(from.tolerance),
+        max_corrections: (from.max_corrections != 0).then_some(from.max_corrections),
+        time_budget: time_budget(from.time_budget_ms)?,
         measure: flag(from.measure, "options.measure")?,
         solver: match from.solver {
             VRTM_SOLVER_DESCENT => Solver::Descent,
@@ -108,15 +109,36 @@ unsafe fn options(pointer: *const vrtm_solve_options) -> Outcome<SolveOptions> {
                 return Err(Failure::argument(format!("options.solver is {other}, no VRTM_SOLVER_ value")));
             }
         },
-        // Their zeros and their "off" mean the same.
         pbd: PbdSettings {
-            iterations: from.pbd.iterations,
-            damping: from.pbd.damping,
-            orientation_preservation: from.pbd.orientation_preservation,
-            smoothing: from.pbd.smoothing,
-            coarse_correction: from.pbd.coarse_correction,
+            iterations: (from.pbd.iterations != 0).then_some(from.pbd.iterations),
+            damping: fraction(from.pbd.damping, "damping")?,
+            orientation_preservation: fraction(
+                from.pbd.orientation_preservation,
+                "orientation_preservation",
+            )?,
+            smoothing: fraction(from.pbd.smoothing, "smoothing")?,
+            coarse_correction: fraction(from.pbd.coarse_correction, "coarse_correction")?,
         },
     })
+}
+
+/// Milliseconds, 0 for no limit. A limit beyond what a duration can hold is none.
+fn time_budget(ms: f32) -> Outcome<Option<Duration>> {
+    if !(ms >= 0.0 && ms.is_finite()) {
+        let message = format!("options.time_budget_ms: {ms} is not a finite, non-negative number");
+        return Err(Failure::argument(message));
+    }
+    Ok(Duration::try_from_secs_f32(ms / 1000.0).ok().filter(|_| ms > 0.0))
+}
+
+/// A field of the settings of VRTM_SOLVER_PBD: 0 is its default, and -1 is 0.
+fn fraction(value: f32, name: &str) -> Outcome<Option<f32>> {
+    match value {
+        0.0 => Ok(None),
+        -1.0 => Ok(Some(0.0)),
+        _ if (0.0..=1.0).contains(&value) => Ok(Some(value)),
+        _ => Err(Failure::argument(format!("options.pbd.{name}: {value} is neither in 0..1 nor -1 (none)"))),
+    }
 }
 
 /// Solves every tile for a pose; returns when that is done. `positions` are the deformed positions of all vertices (3
@@ -173,4 +195,32 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
         }
         shared.write(|asset| Ok(asset.redirect(positions, &options, &mut wanted)?))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn zeros_mean_the_default_and_what_cannot_be_is_named() {
+        let message = |outcome: Outcome<_>| match outcome {
+            Err(failure) => failure.message,
+            Ok(budget) => panic!("{budget:?}"),
+        };
+        assert_eq!(time_budget(0.0).unwrap(), None);
+        assert_eq!(time_budget(2.0).unwrap(), Some(Duration::from_millis(2)));
+        assert_eq!(time_budget(f32::MAX).unwrap(), None);
+        for (ms, text) in [(-1.0, "-1"), (f32::NAN, "NaN"), (f32::INFINITY, "inf")] {
+            let expected = format!("options.time_budget_ms: {text} is not a finite, non-negative number");
+            assert_eq!(message(time_budget(ms)), expected);
+        }
+        for (value, expected) in [(0.0, None), (-1.0, Some(0.0)), (0.25, Some(0.25)), (1.0, Some(1.0))] {
+            assert_eq!(fraction(value, "damping").unwrap(), expected);
+        }
+        for value in [-0.5, 1.5, f32::NAN] {
+            let failure = fraction(value, "damping").unwrap_err();
+            let expected = format!("options.pbd.damping: {value} is neither in 0..1 nor -1 (none)");
+            assert_eq!(failure.message, expected);
+        }
+    }
 }

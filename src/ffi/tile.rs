@@ -110,7 +110,7 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
     };
     let default = TileSettings::default();
     Ok(TileSettings {
-        grid: [from.grid_width, from.grid_height],
+        grid: [from.grid_width, from.grid_height].map(|n| (n != 0).then_some(n)),
         smoothness: or_default(from.smoothness, default.smoothness),
         // It has no "off": without it a node may have no say in where it goes.
         smoothness_floor: if from.smoothness_floor == 0.0 {
@@ -239,8 +239,8 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
                 Overlap::Fixed => VRTM_OVERLAP_FIXED,
                 Overlap::FirstFace => VRTM_OVERLAP_FIRST_FACE,
             },
-            grid_width: now.grid[0],
-            grid_height: now.grid[1],
+            grid_width: now.grid[0].unwrap_or(0),
+            grid_height: now.grid[1].unwrap_or(0),
             smoothness: or_off(now.smoothness),
             smoothness_floor: now.smoothness_floor,
             orientation: now.orientation,

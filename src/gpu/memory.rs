@@ -296,6 +296,7 @@ impl Memory {
 
     /// Each buffer once.
     #[cfg(test)]
+    #[allow(clippy::mutable_key_type, reason = "a buffer is compared by its identity")]
     pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {
         let bands = self.buffers.iter().flatten().flat_map(|band| {
             let always = [&band.blocks, &band.lists, &band.nodes, &band.state, &band.rows, &band.vectors];

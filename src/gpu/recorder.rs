@@ -134,13 +134,13 @@ impl Tally {
             dispatches: tally.dispatches,
             workgroups: tally.workgroups,
             bytes: tally.bytes,
-            ms: tally.ms,
+            ms: (tally.ms > 0.0).then_some(tally.ms),
         });
         GpuWork {
             upload_ms: self.upload_ms,
             record_ms: self.record_ms,
             wait_ms: self.wait_ms,
-            gpu_ms: self.stages.unwrap_or_default().iter().sum(),
+            gpu_ms: self.stages.map(|stages| stages.iter().sum()),
             submissions: self.submissions,
             skipped: self.skipped,
             kernels: kernels.collect(),

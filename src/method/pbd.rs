@@ -37,7 +37,7 @@
 //! E of 0.159: features then take their room from elastic material, whose own deformation is in E.
 
 use super::schedule::{Stages, Summary};
-use crate::settings::PbdSettings;
+use crate::settings::PbdValues;
 use crate::tile::EDGES;
 
 /// Iterations to a regularisation.
@@ -94,7 +94,7 @@ impl Set {
 /// A level's iterations. `late` tells when the time is up.
 pub(crate) fn level<S: Stages>(
     stages: &mut S,
-    settings: &PbdSettings,
+    settings: &PbdValues,
     level: usize,
     coarsest: usize,
     late: impl Fn(&mut S) -> bool,

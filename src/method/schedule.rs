@@ -9,7 +9,7 @@ use super::law::SWEEPS_PER_PASS;
 use super::pbd;
 use crate::mesh::TileMesh;
 use crate::report::StageTimes;
-use crate::settings::{PbdSettings, Quality, SolveOptions, Solver, TileSettings};
+use crate::settings::{PbdValues, Quality, SolveOptions, Solver, TileSettings};
 use crate::tile::Grid;
 use crate::tile::pose::Pose;
 
@@ -87,7 +87,7 @@ pub(crate) struct Plan {
     /// which of two features gives way: the squash to 40 % ends 2 % lower, strips 1.6 %, scenes with room 0.1 to 0.4 %.
     pub continuation: f32,
     /// The paper's solver in place of these, with all of its settings.
-    pub pbd: Option<PbdSettings>,
+    pub pbd: Option<PbdValues>,
     pub warm: bool,
     pub budget: Option<Duration>,
 }
@@ -104,25 +104,18 @@ impl Plan {
             Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
             Quality::High => ([4, 2], [12, 1], 1e-4, false, 2.0),
         };
-        let cap = |n: u32| if options.max_corrections > 0 { options.max_corrections } else { n };
+        let cap = |n: u32| options.max_corrections.unwrap_or(n);
         // What a solver does not look at must not make two plans differ.
         let of_descent = pbd.is_none();
         Plan {
             sweeps: if of_descent { sweeps } else { [0; 2] },
             corrections: if of_descent { corrections.map(cap) } else { [0; 2] },
-            tolerance: match options.tolerance {
-                _ if !of_descent => 0.0,
-                0.0 => tolerance,
-                own => own,
-            },
+            tolerance: if of_descent { options.tolerance.unwrap_or(tolerance) } else { 0.0 },
             trusts_model: of_descent && trusts_model,
             continuation: if of_descent { continuation } else { 1.0 },
             pbd,
             warm: options.warm,
-            // A budget beyond what a duration can hold is none.
-            budget: Some(options.time_budget_ms)
-                .filter(|&ms| ms > 0.0)
-                .and_then(|ms| Duration::try_from_secs_f32(ms / 1000.0).ok()),
+            budget: options.time_budget,
         }
     }
 

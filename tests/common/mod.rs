@@ -126,7 +126,12 @@ impl Model {
 
 /// A CPU device of so many threads.
 pub fn cpu(threads: u32) -> Device {
-    Device::new(&DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() }).unwrap()
+    Device::new(&DeviceSettings {
+        backend: Backend::Cpu,
+        threads: std::num::NonZeroU32::new(threads),
+        ..DeviceSettings::default()
+    })
+    .unwrap()
 }
 
 /// The analytic scenes, each one frame.
@@ -142,7 +147,7 @@ pub fn view(bytes: &[u8], width: u32, height: u32) -> ImageView<'_> {
 /// Gives every tile a square grid.
 pub fn set_grid(asset: &mut Asset, grid: u32) {
     for tile in 0..asset.tile_count() {
-        let settings = TileSettings { grid: [grid; 2], ..asset.settings(tile).unwrap() };
+        let settings = TileSettings { grid: [Some(grid); 2], ..asset.settings(tile).unwrap() };
         asset.set_settings(tile, &settings).unwrap();
     }
 }

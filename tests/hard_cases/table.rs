@@ -58,7 +58,7 @@ fn fine(name: &'static str, n: usize, expect: Expect, pose: impl Fn([f64; 3]) ->
         rest,
         rigidity: Some(discs(GRID)),
         mask: None,
-        settings: TileSettings { grid: [GRID as u32; 2], ..TileSettings::default() },
+        settings: TileSettings { grid: [Some(GRID as u32); 2], ..TileSettings::default() },
         options: SolveOptions::default(),
         expect,
     }
@@ -115,7 +115,7 @@ fn charts(name: &'static str, grid: u32, texels: f64, count: usize) -> Case {
         }
     }
     let uvs = rest.iter().map(|p| [p[0] as f32, p[1] as f32]).collect();
-    let settings = TileSettings { grid: [grid; 2], ..TileSettings::default() };
+    let settings = TileSettings { grid: [Some(grid); 2], ..TileSettings::default() };
     let (rigidity, poses) = (Some(all(0.9)), vec![pose]);
     Case { triangles, uvs, rest, poses, rigidity, settings, ..sheet(name, Expect::Certified, |p| p) }
 }
@@ -191,7 +191,7 @@ pub fn cases() -> Vec<Case> {
         bulged("1:1000 in UV, tall grid", Gain(0.99), |case| {
             case.uvs.iter_mut().for_each(|uv| uv[0] = 0.5 + (uv[0] - 0.5) * 1e-3);
             case.rigidity = Some(all(1.0));
-            case.settings.grid = [8192, 16];
+            case.settings.grid = [Some(8192), Some(16)];
         }),
         bulged("rest is a point, pose is not", Certified, |case| case.rest.fill([0.5; 3])),
         // UVs.
@@ -268,12 +268,12 @@ pub fn cases() -> Vec<Case> {
         bulged("odd maps, grid from the map", Certified, |case| {
             case.rigidity = Some(Map::new([77, 33], |x, y| ((x / 9 + y / 5) % 2) as f32));
             case.mask = Some(Map::new([5, 201], |_, y| f32::from(y != 100)));
-            case.settings.grid = [0, 0];
+            case.settings.grid = [None; 2];
         }),
-        bulged("grid 16x16", Certified, |case| case.settings.grid = [16, 16]),
-        bulged("grid 1x1, rounded up", Certified, |case| case.settings.grid = [1, 1]),
-        bulged("grid 16x4096", Certified, |case| case.settings.grid = [16, 4096]),
-        bulged("grid 4096x16", Certified, |case| case.settings.grid = [4096, 16]),
+        bulged("grid 16x16", Certified, |case| case.settings.grid = [Some(16), Some(16)]),
+        bulged("grid 1x1, rounded up", Certified, |case| case.settings.grid = [Some(1), Some(1)]),
+        bulged("grid 16x4096", Certified, |case| case.settings.grid = [Some(16), Some(4096)]),
+        bulged("grid 4096x16", Certified, |case| case.settings.grid = [Some(4096), Some(16)]),
         bulged("map 4096x1", Certified, |case| {
             case.rigidity = Some(Map::new([4096, 1], |x, _| (x / 300 % 2) as f32))
         }),
@@ -315,7 +315,9 @@ pub fn cases() -> Vec<Case> {
         // Options.
         bulged("draft", Gain(0.99), |case| case.options.quality = Quality::Draft),
         bulged("high", Gain(0.99), |case| case.options.quality = Quality::High),
-        bulged("budget of 0.01 ms", Truncated, |case| case.options.time_budget_ms = 0.01),
+        bulged("budget of 0.01 ms", Truncated, |case| {
+            case.options.time_budget = Some(std::time::Duration::from_micros(10));
+        }),
         bulged("measured", Gain(0.99), |case| case.options.measure = true),
     ];
     // Strain is measured, too, where numbers are at their ends.
@@ -397,6 +399,6 @@ pub fn units() -> Vec<Case> {
 /// A million triangles on a grid of 512 cells a side.
 pub fn million() -> Case {
     let mut case = fine("a million triangles", 708, Expect::Gain(0.99), bulge);
-    case.settings.grid = [512; 2];
+    case.settings.grid = [Some(512); 2];
     case
 }

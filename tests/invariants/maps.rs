@@ -86,7 +86,7 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
     type Change<'a> = Box<dyn Fn(&mut vrtm::Asset) + 'a>;
     let settings =
         |asset: &mut vrtm::Asset, settings: TileSettings| asset.set_settings(0, &settings).unwrap();
-    let grid = TileSettings { grid: [N; 2], ..TileSettings::default() };
+    let grid = TileSettings { grid: [Some(N); 2], ..TileSettings::default() };
     // Each sets all that it depends on, so that it can be done on a fresh asset too.
     let changes: Vec<(&str, Change)> = vec![
         ("as it was", Box::new(|_| {})),
@@ -98,7 +98,7 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
             "finer",
             Box::new(|a| {
                 a.set_rigidity(0, Some(common::view(&other, w, h))).unwrap();
-                settings(a, TileSettings { grid: [320, 272], ..grid });
+                settings(a, TileSettings { grid: [Some(320), Some(272)], ..grid });
             }),
         ),
         (

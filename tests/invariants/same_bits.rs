@@ -162,7 +162,7 @@ fn failed_calls_leave_the_result(asset: impl Fn(&Model) -> Asset) {
     }
     let short = Strided::from_f32x3(&model.rest[1..]);
     assert!(asset.solve(short, &SolveOptions::default()).is_err());
-    let bad = SolveOptions { tolerance: f32::NAN, ..SolveOptions::default() };
+    let bad = SolveOptions { tolerance: Some(f32::NAN), ..SolveOptions::default() };
     assert!(asset.solve(model.frame(1), &bad).is_err());
     let layout = ImageLayout::packed(2, 1, PixelFormat::F32);
     let bytes: Vec<u8> = [0.5, f32::NAN].iter().flat_map(|x: &f32| x.to_ne_bytes()).collect();

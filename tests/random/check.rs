@@ -10,7 +10,12 @@ use super::recipe::{Layer, Recipe, Refusal, Then};
 use super::warp::Warp;
 
 pub fn cpu(threads: u32) -> Device {
-    Device::new(&DeviceSettings { backend: Backend::Cpu, threads, ..DeviceSettings::default() }).unwrap()
+    Device::new(&DeviceSettings {
+        backend: Backend::Cpu,
+        threads: std::num::NonZeroU32::new(threads),
+        ..DeviceSettings::default()
+    })
+    .unwrap()
 }
 
 /// What a case came to, for the count of those that say something.
@@ -267,7 +272,7 @@ fn refused(recipe: &Recipe, model: &Model, asset: &mut Asset, refusal: &Refusal)
             (recipe.solve(asset, &pose), "positions: ".into())
         }
         Refusal::BadOption => {
-            let options = SolveOptions { tolerance: -1.0, ..recipe.options };
+            let options = SolveOptions { tolerance: Some(-1.0), ..recipe.options };
             (recipe.solve_with(asset, &pose, &options), "options.tolerance: ".into())
         }
         Refusal::NanTexel | Refusal::BadSetting if asset.tile_count() == 0 => return,

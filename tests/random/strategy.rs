@@ -23,7 +23,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
         let (frames, output, threads, then) = runs;
         if matches!(rigidity, Rigidity::Vertices(_)) {
             // Without a map's size the grid would have 1024 cells a side.
-            settings.grid = settings.grid.map(|n| n.max(16));
+            settings.grid = settings.grid.map(|n| Some(n.unwrap_or(0).max(16)));
         }
         Recipe {
             pieces,
@@ -156,7 +156,7 @@ fn settings() -> impl Strategy<Value = TileSettings> {
     ];
     let density = prop_oneof![6 => Just(0.0f32), 1 => magnitude(-3.0, 1.0)];
     ([cells(), cells()], weights, density, overlap).prop_map(|(grid, w, density, overlap)| TileSettings {
-        grid,
+        grid: grid.map(|n| (n > 0).then_some(n)),
         smoothness: w[0],
         smoothness_floor: w[1],
         orientation: w[2],
@@ -176,10 +176,9 @@ fn options() -> impl Strategy<Value = SolveOptions> {
         |(quality, warm, tolerance, max_corrections, measure)| SolveOptions {
             quality,
             warm,
-            tolerance,
-            max_corrections,
+            tolerance: (tolerance > 0.0).then_some(tolerance),
+            max_corrections: (max_corrections > 0).then_some(max_corrections),
             measure,
-            time_budget_ms: 0.0,
             ..SolveOptions::default()
         },
     )

@@ -91,7 +91,11 @@ fn displacements(quality: crate::Quality) -> Vec<[u32; 2]> {
         (0..8).map(|k| [(k % 4) as f32, (k / 4) as f32, (k % 3) as f32 * 0.1]).collect();
     let uvs: Vec<[f32; 2]> = rest.iter().map(|[x, y, _]| [x / 3.0, *y]).collect();
     let corners = [0, 1, 5, 4, 1, 2, 6, 5, 2, 3, 7, 6];
-    let settings = DeviceSettings { backend: crate::Backend::Cpu, threads: 2, ..DeviceSettings::default() };
+    let settings = DeviceSettings {
+        backend: crate::Backend::Cpu,
+        threads: std::num::NonZeroU32::new(2),
+        ..DeviceSettings::default()
+    };
     let mut asset = Asset::new(
         &Device::new(&settings).unwrap(),
         &MeshSource {

@@ -31,7 +31,7 @@ fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
     let mesh = mesh.unwrap();
     let maps = TileMaps {
         rigidity: Rigidity::Map(Map { width: 1, height: 1, values: vec![1.0] }),
-        settings: TileSettings { grid: cells, ..TileSettings::default() },
+        settings: TileSettings { grid: cells.map(Some), ..TileSettings::default() },
         ..TileMaps::default()
     };
     let [nx, ny] = maps.grid_size();

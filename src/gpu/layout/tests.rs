@@ -48,8 +48,11 @@ macro_rules! fields {
     };
 }
 
+/// A struct's name, its bytes, and the offsets of some of its fields.
+type Offsets = (&'static str, usize, Vec<(&'static str, usize)>);
+
 /// The offsets in Rust of some of each struct's fields: WGSL's layout has its own rules of alignment.
-fn structs() -> [(&'static str, usize, Vec<(&'static str, usize)>); 6] {
+fn structs() -> [Offsets; 6] {
     [
         fields!(Params: first factor smoothing),
         fields!(Chart: solved fraction limit_rounds),

@@ -238,7 +238,7 @@ fn strips_meet_their_closed_form() {
         let mesh = sheet(8, |u, v| [size * u, 18.0 * 64.0 * v, 0.0]);
         let pose = posed(8, |u, v| [size * g(u), 18.0 * 64.0 * v, 0.0]);
         let maps = TileMaps {
-            settings: TileSettings { grid: [n as u32, 64], ..settings },
+            settings: TileSettings { grid: [Some(n as u32), Some(64)], ..settings },
             ..maps(n, settings, soft)
         };
         let mut problem = Problem::new(&mesh, 0, &maps, &pose).unwrap();
