@@ -1,8 +1,8 @@
 // certify: the certificate of a warp on level 0, from all corner Jacobians of its cells (method §8). WGSL has no f64: a
-// bound of the rounding error is subtracted from each Jacobian. For offsets of up to about 4 cells within a cell a
-// positive difference proves that the exact Jacobian is positive. For longer ones the bound may be too small (method §8
-// has figures); they are covered by the condition that the energy is finite, that is, that all Jacobians are at least
-// CRUSHED_JACOBIAN in f32, which suffices for offsets of up to 100 cells.
+// bound of the rounding error is subtracted from each Jacobian. For offsets of up to a few cells within a cell (a
+// search found no exception up to 4) a positive difference proves that the exact Jacobian is positive. For longer ones
+// the bound may be too small (method §8 has figures); they are covered by the condition that the energy is finite, that
+// is, that all Jacobians are at least CRUSHED_JACOBIAN in f32, which suffices for offsets of up to 100 cells.
 //
 // The entry `certify` reads 8 bytes per node (a quarter more for the halo) and writes 16 per block. The entry `finish`
 // then writes the result: it reads and writes 8 bytes per node.
@@ -13,7 +13,7 @@
 var<workgroup> window_u: array<vec2f, 324>;
 var<workgroup> certificates: array<vec4f, 64>;
 
-/// Four units of rounding, 4 x 2^-24, rounded up. For offsets of up to about 4 cells this exceeds the error of the two
+/// Four units of rounding, 4 x 2^-24, rounded up. For offsets of up to a few cells this exceeds the error of the two
 /// subtractions, of the products and of their difference; for longer offsets it need not (method §8).
 const ROUNDING: f32 = 2.4e-7;
 
@@ -53,7 +53,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         let cell = vec2u(k % 17u, k / 17u);
         let holder = select(3u, 0u, cell.y == 0u) + select(0u, 1u, cell.x > 0u);
         if holder == 4u || blocks[b].active_neighbours[holder] == NONE {
-            // Displacements are taken relative to that of the lower left node, and offsets of a cell at rest are exact.
+            // The displacement of the lower left node is subtracted first, and the exact offset at rest is added then.
             let u = window_u[place(cell.x, cell.y)];
             let right = window_u[place(cell.x + 1u, cell.y)] - u + vec2f(1.0, 0.0);
             let up = window_u[place(cell.x, cell.y + 1u)] - u + vec2f(0.0, 1.0);

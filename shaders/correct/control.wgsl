@@ -107,9 +107,9 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             charts[c].folds = u32(sum.z);
             charts[c].max_displacement = sum.w;
             let energy = charts[c].energy;
-            let counts = energy < INVALID_ENERGY && is_finite(energy);
+            let valid = energy < INVALID_ENERGY && is_finite(energy);
             let better = energy <= charts[c].identity && sum.z == 0.0;
-            charts[c].fallback = u32(!(counts && (better || params.mode == DECIDE_ALLOWING_FOLDS)));
+            charts[c].fallback = u32(!(valid && (better || params.mode == DECIDE_ALLOWING_FOLDS)));
         }
         default: {}
     }

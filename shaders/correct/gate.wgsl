@@ -15,8 +15,8 @@ var<workgroup> working: array<u32, 64>;
 fn gate(@builtin(local_invocation_index) t: u32) {
     var any = 0u;
     for (var c = t; c < params.items; c += 64u) {
-        let counts = (params.mode & GATE_LIMITED) == 0u || atomicLoad(&charts[c].limit_rounds) > 0u;
-        any |= select(0u, charts[c].working, counts);
+        let may_open = (params.mode & GATE_LIMITED) == 0u || atomicLoad(&charts[c].limit_rounds) > 0u;
+        any |= select(0u, charts[c].working, may_open);
     }
     working[t] = any;
     workgroupBarrier();
