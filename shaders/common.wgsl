@@ -1,45 +1,48 @@
-// What all kernels share: the buffers, and how a thread finds its node. The structs in the buffers and the constants stand
-// in generated.wgsl.
+// Declarations common to all kernels: the buffers, and the mapping from threads to nodes (method §1, Blocks). The
+// structs in the buffers and the constants stand in generated.wgsl.
 //
-// A workgroup of 64 threads works on one block of 16x16 nodes; thread t is the node of row t / 8 and column t % 8 of
-// each of the four colours in turn. A plane is one quantity at a block's nodes, colour after colour.
+// A workgroup of 64 threads works on one block of 16x16 nodes. For each of the four node colours in turn, thread t
+// works on the node in row t / 8 and column t % 8 of that colour. A plane holds one quantity at all nodes of a block,
+// sorted by colour; a slot is the index of a node in a plane.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> charts: array<Chart>;
 @group(0) @binding(2) var<storage, read> blocks: array<BlockRecord>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
-/// Per block: rigidity (sign bit: fixed), four rest lengths, triangle under the node or coverage, density of rigid material.
+/// Constants, per block: rigidity (sign bit: fixed), four rest lengths, triangle under the node (level 0) or coverage
+/// (coarser levels), density of rigid material.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
-/// Per block: displacement (2), position or metric at W (3), triangle under W.
+/// State, per block: displacement (2), position (level 0) or metric (coarser levels) at W (3), triangle under W.
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
-/// Per block: diagonal (3), pairs of the owned edges (two words each, see `encode`), and, uploaded once, what a correction's
-/// interpolation from the next coarser level gives to the lower neighbour (of odd columns: to the west; of even columns in
-/// odd rows: to the south).
+/// Rows of the linear system, per block: diagonal (3), pairs of the owned edges (two words each, see `encode`), and,
+/// uploaded once per grid, the weight ω of the lower neighbour in the interpolation from the next coarser level (method
+/// §7.5): the neighbour to the west at nodes in odd columns, to the south at nodes in even columns and odd rows.
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
-/// Per block: r, z, t, x (2 each). r is the right-hand side, then the residual; z the preconditioner's result, then the
-/// direction; t A z, and the residual inside the V-cycle; x the step. Once the system is solved, r is the share of the step
-/// that a node takes (the two planes in turn), and t first a mark, then the state before the step.
+/// Vectors of a correction, per block: r, z, t, x (2 planes each). r is the right-hand side, then the residual; z the
+/// result of the preconditioner, then the direction; t is A z, and the residual inside the V-cycle; x is the step.
+/// After the system is solved, r holds the step fraction of each node (its two planes are used alternately), and t
+/// first the marks of the step limit, then the displacement before the step.
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
-/// Per block of a list: what it gives to its chart.
+/// Per active block: its contribution to the sum of its chart.
 @group(0) @binding(9) var<storage, read_write> partials: array<vec4f>;
 
-/// Place of a node in `nodes`, `state`, `rows`, `vectors`.
-fn node_at(b: u32, plane: u32, s: u32) -> u32 {
+/// Indices of plane `plane` of block b at slot s in `nodes`, `state`, `rows` and `vectors`.
+fn node_index(b: u32, plane: u32, s: u32) -> u32 {
     return (b * NODE_PLANES + plane) * NODES + s;
 }
-fn state_at(b: u32, plane: u32, s: u32) -> u32 {
+fn state_index(b: u32, plane: u32, s: u32) -> u32 {
     return (b * STATE_PLANES + plane) * NODES + s;
 }
-fn row_at(b: u32, plane: u32, s: u32) -> u32 {
+fn row_index(b: u32, plane: u32, s: u32) -> u32 {
     return ((params.base + b) * ROW_PLANES + plane) * NODES + s;
 }
-fn vector_at(b: u32, plane: u32, s: u32) -> u32 {
+fn vector_index(b: u32, plane: u32, s: u32) -> u32 {
     return ((params.base + b) * VECTOR_PLANES + plane) * NODES + s;
 }
 
-/// A 2x2 block (row-major) as four bfloat16, that is f32 without the last 16 bits, rounded: xx and the mean of xy and yx;
-/// yy and half their difference. What rounding takes from a pair, the diagonals of both of its nodes give back, so that the
-/// sum of a row stays exact (src/cpu/correct/rows.rs).
+/// Encodes a 2x2 block (row-major) as four bfloat16, which are f32 without the last 16 bits, rounded to nearest: xx and
+/// the mean of xy and yx in the first word, yy and half of their difference in the second (method §7.2). The rounding
+/// error of a pair is added to the diagonals of both of its nodes, so that the sum of each row stays exact.
 fn encode(a: vec4f) -> vec2u {
     let bits = bitcast<vec4u>(vec4f(a.x, 0.5 * (a.y + a.z), a.w, 0.5 * (a.y - a.z)));
     let rounded = bits + 0x7fffu + ((bits >> vec4u(16u)) & vec4u(1u));
@@ -52,43 +55,43 @@ fn decode(words: vec2u) -> vec4f {
     return vec4f(high.x, low.x + low.y, low.x - low.y, high.y);
 }
 
-/// (xx, xy, yy) of the symmetric part of what `encode` takes from a 2x2 block.
-fn lost(a: vec4f) -> vec3f {
+/// Returns (xx, xy, yy) of the symmetric part of a 2x2 block's rounding error in `encode`.
+fn rounding_loss(a: vec4f) -> vec3f {
     let rest = a - decode(encode(a));
     return vec3f(rest.x, 0.5 * (rest.y + rest.z), rest.w);
 }
 
-/// Slot of node (i, j) of a block in a plane.
+/// Slot of node (i, j) of a block.
 fn slot(i: u32, j: u32) -> u32 {
     return ((j & 1u) * 2u + (i & 1u)) * 64u + (j >> 1u) * 8u + (i >> 1u);
 }
 
-/// The node (i, j) of a slot.
-fn node_of(s: u32) -> vec2u {
+/// Node (i, j) of a slot: the inverse of `slot`.
+fn node_at(s: u32) -> vec2u {
     let colour = s / 64u;
     return vec2u(2u * (s % 8u) + (colour & 1u), 2u * (s / 8u % 8u) + (colour >> 1u));
 }
 
-/// Place of the node (i - 1, j - 1) of a block in its window of 18x18: four colour planes of 9x9.
+/// Place of node (i - 1, j - 1) of a block in its window of 18x18 nodes, stored as four colour planes of 9x9.
 fn place(i: u32, j: u32) -> u32 {
     return ((j & 1u) * 2u + (i & 1u)) * 81u + (j >> 1u) * 9u + (i >> 1u);
 }
 
-/// The window's node (i, j) at a place.
+/// Node (i, j), both from 0 to 17, at place k of a window: the inverse of `place`.
 fn window_node(k: u32) -> vec2u {
     let colour = k / 81u;
     let rest = k % 81u;
     return vec2u(2u * (rest % 9u) + (colour & 1u), 2u * (rest / 9u) + (colour >> 1u));
 }
 
-/// Which of the 3x3 blocks around holds the window's node n, and at which slot.
+/// Returns which of the 3x3 neighbour blocks holds node n of a window (0 to 17), and the slot of the node there.
 fn window_source(n: vec2u) -> vec2u {
     let by = (n + 15u) / 16u;
     let at = (n + 15u) % 16u;
     return vec2u(by.y * 3u + by.x, slot(at.x, at.y));
 }
 
-/// Neighbour k of 8: offset; k & 3 is the edge, owned by the neighbour if k > 3.
+/// Offset of neighbour k of 8. k & 3 is the number of the edge; the neighbour owns it if k > 3, else the node.
 fn offset(k: u32) -> vec2i {
     let e = k & 3u;
     var d = vec2i(1, 1);
@@ -102,58 +105,60 @@ fn offset(k: u32) -> vec2i {
     return select(d, -d, k > 3u);
 }
 
-/// Quadrant q of 4: the signs of its direction.
+/// Signs of the direction of quadrant q of 4.
 fn quadrant(q: u32) -> vec2i {
     return vec2i(select(1, -1, (q & 1u) != 0u), select(1, -1, (q & 2u) != 0u));
 }
 
-fn is_number(x: f32) -> bool {
+fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }
 
 fn is_fixed(b: u32, s: u32) -> bool {
-    return (nodes[node_at(b, RIGIDITY, s)] >> 31u) != 0u;
+    return (nodes[node_index(b, RIGIDITY, s)] >> 31u) != 0u;
 }
 
 fn displacement(b: u32, s: u32) -> vec2f {
-    return vec2f(bitcast<f32>(state[state_at(b, U, s)]), bitcast<f32>(state[state_at(b, U + 1u, s)]));
+    return vec2f(bitcast<f32>(state[state_index(b, U, s)]), bitcast<f32>(state[state_index(b, U + 1u, s)]));
 }
 
-/// Slot of the node of colour k that thread t works on.
-fn own_slot(k: u32, t: u32) -> u32 {
+/// Slot of the node of colour k on which thread t works.
+fn thread_slot(k: u32, t: u32) -> u32 {
     return k * 64u + t;
 }
 
-/// A block's node in its level.
+/// Coordinates in the level of the node at slot s of block b.
 fn node_in_level(b: u32, s: u32) -> vec2i {
-    return vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + node_of(s));
+    return vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + node_at(s));
 }
 
-/// The block that holds node (i, j) of the chart of block b, or NONE.
-fn holding(b: u32, i: i32, j: i32) -> u32 {
+/// Returns the block that holds node (i, j) of the level for the chart of block b, or NONE.
+fn block_holding(b: u32, i: i32, j: i32) -> u32 {
     let at = vec2i(i >> 4u, j >> 4u);
     let d = at - vec2i(i32(blocks[b].x), i32(blocks[b].y));
     if all(abs(d) <= vec2i(1)) {
         return blocks[b].neighbours[(d.y + 1) * 3 + d.x + 1];
     }
-    let found = find(b, at);
+    let found = find_block(b, at);
     if found == NONE && blocks[b].continues != 0u {
-        // Beyond what this band holds of the chart: the nearest row stands in, which only coarse metrics notice.
+        // The node lies in a row of blocks that this band does not hold. The nearest row takes its place; only metrics
+        // of coarse levels look so far (method §3, Arc lengths).
         let first = blocks[b].chart_first;
         let lowest = i32(blocks[first].y);
         let highest = i32(blocks[first + blocks[b].chart_count - 1u].y);
         if at.y < lowest && (blocks[b].continues & 1u) != 0u {
-            return find(b, vec2i(at.x, lowest));
+            return find_block(b, vec2i(at.x, lowest));
         }
         if at.y > highest && (blocks[b].continues & 2u) != 0u {
-            return find(b, vec2i(at.x, highest));
+            return find_block(b, vec2i(at.x, highest));
         }
     }
     return found;
 }
 
-/// The block of the chart of block b at (x, y), or NONE.
-fn find(b: u32, at: vec2i) -> u32 {
+/// Returns the block at block coordinates `at` of the chart of block b, or NONE. Binary search: a chart's blocks are
+/// sorted by y, then x.
+fn find_block(b: u32, at: vec2i) -> u32 {
     var low = blocks[b].chart_first;
     var high = low + blocks[b].chart_count;
     while low < high {
@@ -171,19 +176,20 @@ fn find(b: u32, at: vec2i) -> u32 {
     return NONE;
 }
 
-var<workgroup> chosen: u32;
+var<workgroup> workgroup_block: u32;
 
-/// The block of this workgroup, NONE if there is nothing to do: the same for all of its threads.
-fn choose(group: vec3u, t: u32) -> u32 {
+/// Returns the block of this workgroup, or NONE if there is none or if its chart is not at work. Uniform: all threads
+/// of the workgroup get the same value.
+fn block_of_workgroup(group: vec3u, t: u32) -> u32 {
     if t == 0u {
         let k = group.y * SPREAD + group.x;
-        chosen = NONE;
+        workgroup_block = NONE;
         if k < params.count {
             let b = lists[params.first + k];
             if charts[blocks[b].chart].working != 0u {
-                chosen = b;
+                workgroup_block = b;
             }
         }
     }
-    return workgroupUniformLoad(&chosen);
+    return workgroupUniformLoad(&workgroup_block);
 }

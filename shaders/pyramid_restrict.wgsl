@@ -1,5 +1,5 @@
-// pyramid: coverage-weighted 3x3 Gaussian of the finer level's metrics. Reads 16 bytes of each of 9 finer nodes, writes
-// 12 per node.
+// pyramid, levels from 2 on: metrics as the coverage-weighted 3x3 Gaussian of the finer level's metrics (method §3).
+// Reads 16 bytes of each of 9 finer nodes, writes 12 per node.
 
 @group(0) @binding(10) var<storage, read> fine_blocks: array<BlockRecord>;
 @group(0) @binding(11) var<storage, read> fine_nodes: array<u32>;
@@ -7,13 +7,13 @@
 
 @compute @workgroup_size(64)
 fn pyramid_restrict(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
+    let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     for (var colour = 0u; colour < 4u; colour++) {
-        let s = own_slot(colour, t);
-        let n = node_of(s);
+        let s = thread_slot(colour, t);
+        let n = node_at(s);
         let child = blocks[b].children[n.y / 8u * 2u + n.x / 8u];
         var sum = vec3f();
         var weights = 0.0;
@@ -24,14 +24,14 @@ fn pyramid_restrict(@builtin(workgroup_id) group: vec3u, @builtin(local_invocati
                 let holder = fine_blocks[child].neighbours[source.x];
                 if holder != NONE {
                     let kernel = select(0.25, 0.5, d.x == 1u) * select(0.25, 0.5, d.y == 1u);
-                    let weight = kernel * bitcast<f32>(fine_nodes[node_at(holder, UNDER, source.y)]);
+                    let weight = kernel * bitcast<f32>(fine_nodes[node_index(holder, TRIANGLE_OR_COVERAGE, source.y)]);
                     let at = holder * 3u * NODES + source.y;
                     sum += weight * vec3f(fine_metric[at], fine_metric[at + NODES], fine_metric[at + 2u * NODES]);
                     weights += weight;
                 }
             }
         }
-        // Per cell of this level, which is twice as long.
+        // In cell units of this level, which are twice as long.
         let value = select(vec3f(), 4.0 * sum / max(weights, TINY), weights > 0.0);
         let to = b * 3u * NODES + s;
         metric[to] = value.x;

@@ -1,9 +1,10 @@
-// surface: the pose's triangles from its positions. Per triangle it reads 12 bytes of corners, 36 of positions and 16
-// of UVs, and writes 36.
+// surface: position of the first corner and tangents of each triangle in the pose, from the positions of its vertices
+// (method §2). Per triangle it reads 12 bytes of corners, 36 of positions and 16 of the inverse UV edge matrix, and
+// writes 36.
 
-/// Three vertices per triangle.
+/// Per triangle, the indices of its three vertices.
 @group(0) @binding(10) var<storage, read> corners: array<u32>;
-/// Three coordinates per vertex, relative to its chart.
+/// Per vertex, three coordinates relative to the centre of its chart (method §1, Positions).
 @group(0) @binding(11) var<storage, read> positions: array<f32>;
 
 fn position(v: u32) -> vec3f {

@@ -1,83 +1,86 @@
-// The energy seen from one node of a patch: its terms, their gradient, and their Gauss-Newton matrix (method §4).
+// The terms of the energy that depend on one node of a patch, their gradient, and their Gauss-Newton matrix (method
+// §4). Gradients and matrices are halves of derivatives.
 
-/// One edge of a node.
+/// One edge of a node. The near end is the node, the far end its neighbour.
 struct Edge {
-    at: u32,
+    neighbour: u32,
     chord: Chord,
-    /// Rest length, and 1 over the same, floored.
+    /// Rest length l.
     length: f32,
-    inverse: f32,
+    inverse_length: f32,
     weight: f32,
-    /// 1 / |d0|^2.
-    shorter: f32,
+    /// 1 / |d0|^2, where d0 is the offset at rest.
+    inverse_d0_square: f32,
     offset: vec2f,
-    /// kappa, the mean of both ends'.
+    /// kappa: the mean of both ends' weights of the orientation term.
     orientation: f32,
 }
 
-/// Edge k of node n of a block, the node being at p.
-fn edge(n: vec2u, p: Here, k: u32, floor: f32) -> Edge {
+/// Edge k of node n of a block. `p` is the state of the node; `floor` is the least length that strains refer to.
+fn edge(n: vec2u, p: NodeState, k: u32, floor: f32) -> Edge {
     let o = offset(k);
-    let own = seen(n, vec2i());
-    let at = seen(n, o);
-    let d = (near_u[at] - p.u) + vec2f(o);
-    let length = near_length[select(own, at, k > 3u)][k & 3u];
-    let same = (near_tag[at] & 0xfffffffeu) == p.tag;
-    let chord = chord(p.value, p.slope, near_value[at].xyz, same, d);
-    let weight = max(near_value[own].w, near_value[at].w);
-    let shorter = 1.0 / f32(o.x * o.x + o.y * o.y);
+    let at_node = place_at(n, vec2i());
+    let at_neighbour = place_at(n, o);
+    let d = (patch_u[at_neighbour] - p.u) + vec2f(o);
+    let length = patch_length[select(at_node, at_neighbour, k > 3u)][k & 3u];
+    let same = (patch_tag[at_neighbour] & 0xfffffffeu) == p.tag;
+    let chord = chord(p.value, p.slope, patch_value[at_neighbour].xyz, same, d);
+    let weight = max(patch_value[at_node].w, patch_value[at_neighbour].w);
+    let inverse_d0_square = 1.0 / f32(o.x * o.x + o.y * o.y);
     var kappa = params.orientation;
     if params.orientation_density > 0.0 {
-        kappa += params.orientation_density * 0.5 * (near_density[own] + near_density[at]);
+        kappa += params.orientation_density * 0.5 * (patch_density[at_node] + patch_density[at_neighbour]);
     }
-    return Edge(at, chord, length, 1.0 / max(length, floor), weight, shorter, vec2f(o), kappa);
+    return Edge(at_neighbour, chord, length, 1.0 / max(length, floor), weight, inverse_d0_square, vec2f(o), kappa);
 }
 
-/// (lambda (1 - w) + lambda0) / |d0|^2.
+/// sigma = (lambda (1 - w) + lambda0) / |d0|^2: the weight of the smoothness term.
 fn smoothness(e: Edge) -> f32 {
-    return ((1.0 - e.weight) * params.smoothness + params.smoothness_floor) * e.shorter;
+    return ((1.0 - e.weight) * params.smoothness + params.smoothness_floor) * e.inverse_d0_square;
 }
 
-/// |d0| times d0 turned by 90 degrees, along d.
+/// Scalar product of d and d0 turned by 90 degrees (not a unit vector: its length is |d0|).
 fn off_axis(e: Edge) -> f32 {
     return e.chord.d.y * e.offset.x - e.chord.d.x * e.offset.y;
 }
 
 fn edge_energy(e: Edge) -> f32 {
-    let strain = (e.chord.length - e.length) * e.inverse;
+    let strain = (e.chord.length - e.length) * e.inverse_length;
     let rest = e.chord.d - e.offset;
     let off = off_axis(e);
     return e.weight * strain * strain + smoothness(e) * dot(rest, rest)
-        + off * off * (e.orientation * e.shorter * e.shorter);
+        + off * off * (e.orientation * e.inverse_d0_square * e.inverse_d0_square);
 }
 
-/// beta max(0, tau - J)^2.
+/// The room term of a corner: beta max(0, tau - J)^2.
 fn room(jacobian: f32) -> f32 {
     let lack = max(params.room_threshold - jacobian, 0.0);
     return lack * lack * params.room;
 }
 
-/// To the x-neighbour, the y-neighbour and the far one of the cell in quadrant q, from a node at u.
-struct Arms {
+/// Offsets from a node to the other three corners of a cell around it: to the x-neighbour (a), the y-neighbour (b) and
+/// the opposite corner (c). `sign` is the product s_x s_y of method §1, Corner Jacobians.
+struct CellOffsets {
     a: vec2f,
     b: vec2f,
     c: vec2f,
     sign: f32,
 }
 
-fn arms(n: vec2u, u: vec2f, q: u32) -> Arms {
+fn cell_offsets(n: vec2u, u: vec2f, q: u32) -> CellOffsets {
     let s = quadrant(q);
     let x = vec2i(s.x, 0);
     let y = vec2i(0, s.y);
-    return Arms(
-        (near_u[seen(n, x)] - u) + vec2f(x),
-        (near_u[seen(n, y)] - u) + vec2f(y),
-        (near_u[seen(n, s)] - u) + vec2f(s),
+    return CellOffsets(
+        (patch_u[place_at(n, x)] - u) + vec2f(x),
+        (patch_u[place_at(n, y)] - u) + vec2f(y),
+        (patch_u[place_at(n, s)] - u) + vec2f(s),
         f32(s.x * s.y)
     );
 }
 
-/// A corner Jacobian from its two arms; it is affine in the node, with this gradient.
+/// A corner Jacobian J, and its gradient with respect to the node from which the offsets a and b start; J is affine in
+/// the position of this node.
 struct Corner {
     jacobian: f32,
     slope: vec2f,
@@ -87,8 +90,9 @@ fn corner(a: vec2f, b: vec2f, sign: f32) -> Corner {
     return Corner((a.x * b.y - a.y * b.x) * sign, vec2f(a.y - b.y, b.x - a.x) * sign);
 }
 
-/// Corner k of the three in a cell that a node touches: its own, its x-neighbour's, its y-neighbour's.
-fn corner_of(m: Arms, k: u32) -> Corner {
+/// Corner k of the three whose Jacobians depend on a node of a cell: at the node itself, at its x-neighbour, at its
+/// y-neighbour. The gradient is with respect to the node.
+fn cell_corner(m: CellOffsets, k: u32) -> Corner {
     if k == 0u {
         return corner(m.a, m.b, m.sign);
     }
@@ -98,22 +102,22 @@ fn corner_of(m: Arms, k: u32) -> Corner {
     return corner(m.c, m.b, m.sign);
 }
 
-/// Energy of the edges and corners of a node.
-fn node_energy(n: vec2u, p: Here, floor: f32) -> f32 {
+/// Sum of the energies of a node's eight edges and twelve corners, undivided (E_p in method §6).
+fn node_energy(n: vec2u, p: NodeState, floor: f32) -> f32 {
     var energy = 0.0;
     for (var k = 0u; k < 8u; k++) {
         energy += edge_energy(edge(n, p, k, floor));
     }
     for (var q = 0u; q < 4u; q++) {
-        let m = arms(n, p.u, q);
+        let m = cell_offsets(n, p.u, q);
         for (var k = 0u; k < 3u; k++) {
-            energy += room(corner_of(m, k).jacobian);
+            energy += room(cell_corner(m, k).jacobian);
         }
     }
     return energy;
 }
 
-/// Halves of the derivatives of a node's energy, and its Gauss-Newton matrix (xx, xy, yy).
+/// The energy E_p of a node, its gradient gamma_p, and its Gauss-Newton matrix H_p (xx, xy, yy).
 struct Local {
     energy: f32,
     gradient: vec2f,
@@ -124,26 +128,26 @@ fn outer(v: vec2f) -> vec3f {
     return vec3f(v.x * v.x, v.x * v.y, v.y * v.y);
 }
 
-fn local_problem(n: vec2u, p: Here, floor: f32) -> Local {
+fn local_problem(n: vec2u, p: NodeState, floor: f32) -> Local {
     var out = Local(0.0, vec2f(), vec3f());
     for (var k = 0u; k < 8u; k++) {
         let e = edge(n, p, k, floor);
         out.energy += edge_energy(e);
         let near = near_gradient(e.chord, p.slope);
-        let scaled = e.weight * e.inverse;
+        let scaled = e.weight * e.inverse_length;
         let smooth_weight = smoothness(e);
-        out.gradient += scaled * ((e.chord.length - e.length) * e.inverse) * near
+        out.gradient += scaled * ((e.chord.length - e.length) * e.inverse_length) * near
             - smooth_weight * (e.chord.d - e.offset);
-        out.matrix += scaled * e.inverse * outer(near) + vec3f(smooth_weight, 0.0, smooth_weight);
+        out.matrix += scaled * e.inverse_length * outer(near) + vec3f(smooth_weight, 0.0, smooth_weight);
         let normal = vec2f(-e.offset.y, e.offset.x);
-        let kappa = e.orientation * e.shorter * e.shorter;
+        let kappa = e.orientation * e.inverse_d0_square * e.inverse_d0_square;
         out.gradient -= off_axis(e) * kappa * normal;
         out.matrix += kappa * outer(normal);
     }
     for (var q = 0u; q < 4u; q++) {
-        let m = arms(n, p.u, q);
+        let m = cell_offsets(n, p.u, q);
         for (var k = 0u; k < 3u; k++) {
-            let c = corner_of(m, k);
+            let c = cell_corner(m, k);
             let lack = max(params.room_threshold - c.jacobian, 0.0);
             out.energy += lack * lack * params.room;
             out.gradient -= lack * params.room * c.slope;

@@ -1,4 +1,4 @@
-//! The GPU backend: the CPU's stages, twin by name, as compute shaders on wgpu.
+//! The GPU backend: the stages of `cpu`, under the same names, as compute shaders on wgpu.
 
 pub(crate) mod adapters;
 mod bands;
@@ -32,11 +32,11 @@ use context::Context;
 pub(crate) use invert::Output;
 use kernels::Kernel;
 use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, STATE_PLANES, VECTOR_PLANES};
-use lists::{List, MOST_GATES};
+use lists::{List, MAX_GATES};
 pub(crate) use memory::Memory;
 use memory::PLANE;
-pub(crate) use recorder::Tally;
-use recorder::{Recorder, Size};
+pub(crate) use recorder::Statistics;
+use recorder::{DispatchSize, Recorder};
 use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
 
@@ -46,38 +46,38 @@ pub(crate) struct Run<'a> {
     grid: &'a Grid,
     memory: &'a mut Memory,
     recorder: Recorder,
-    /// The charts to solve.
+    /// Per chart, whether it is solved.
     charts: &'a [bool],
-    /// λ of each level.
+    /// λ_k of each level.
     smoothness: Vec<f32>,
-    /// The settings' weights; every dispatch starts from these.
+    /// The weights from the settings; the parameters of every dispatch are derived from these.
     params: Params,
-    last: Option<Arc<ResultBuffers>>,
+    last_result: Option<Arc<ResultBuffers>>,
     result: Arc<ResultBuffers>,
     node_updates: u64,
     gate: Option<Gate>,
-    /// Gates so far.
+    /// Number of gates so far in this solve.
     gates: u32,
-    /// True while the paper's solver has a level's state among the vectors.
+    /// True while the present state of the paper's solver is the copy in the vectors.
     state_in_vectors: bool,
-    /// Nodes that an iteration of it updates.
+    /// Nodes that an iteration of the paper's solver updates on the present level.
     nodes_of_level: u64,
     upload_ms: f32,
     /// When recording began.
     recording: Instant,
-    /// What went wrong first; the stages go on recording nothing, and `finish` tells.
-    failed: Option<Error>,
+    /// The first error. Stages record no dispatches after it, and `finish` returns it.
+    error: Option<Error>,
 }
 
-/// What dispatches depend on.
+/// The condition under which dispatches run: that a chart was at work when the kernel `gate` ran.
 #[derive(Clone, Copy, Debug)]
 struct Gate {
     set: GateSet,
-    /// Of all gates of the solve.
+    /// Number of the gate in the solve.
     number: u32,
 }
 
-/// Gates that are in use at the same time.
+/// Gates that are in use at the same time; each has indirect arguments of its own.
 #[derive(Clone, Copy, Debug)]
 enum GateSet {
     Correction,
@@ -85,17 +85,17 @@ enum GateSet {
     Trial,
 }
 
-/// What a solve gives when all of it has run.
+/// The outcome of a solve.
 #[derive(Debug)]
 pub(crate) struct Solution {
-    /// Per chart; of those that were solved.
+    /// Per chart; meaningful for charts that were solved.
     pub charts: Vec<ChartResult>,
     pub result: Arc<ResultBuffers>,
     pub node_updates: u64,
-    pub tally: Tally,
+    pub statistics: Statistics,
 }
 
-/// Which of a band's buffers its neighbours have copies of.
+/// The buffers of a band of which its neighbour bands hold copies of blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum BandBuffer {
     State,
@@ -106,18 +106,18 @@ enum BandBuffer {
 }
 
 impl<'a> Run<'a> {
-    /// `last` is the tile's last result on the same grid; charts in `keep` keep it, other charts that are not solved
-    /// become the identity.
+    /// Begins a solve. `last_result` is the tile's last result on the same grid; charts in `keep` keep it, and other
+    /// charts that are not solved become the identity.
     pub fn new(
         input: &Input<'a>,
         memory: &'a mut Memory,
-        last: Option<Arc<ResultBuffers>>,
+        last_result: Option<Arc<ResultBuffers>>,
         keep: &[bool],
     ) -> Result<Run<'a>> {
         let start = Instant::now();
         let Input { grid, pose, settings, charts, .. } = *input;
         let context = memory.context.clone();
-        memory.list(grid, charts);
+        memory.update_lists(grid, charts);
         let positions: Vec<f32> =
             pose.charts.iter().flat_map(|chart| chart.positions.as_flattened()).copied().collect();
         context.queue.write_buffer(&memory.positions, 0, bytemuck::cast_slice(&positions));
@@ -150,7 +150,7 @@ impl<'a> Run<'a> {
             charts,
             smoothness: (0..grid.levels.len()).map(|level| input.smoothness(level)).collect(),
             params,
-            last,
+            last_result,
             result,
             node_updates: 0,
             gate: None,
@@ -159,36 +159,42 @@ impl<'a> Run<'a> {
             nodes_of_level: 0,
             upload_ms: 0.0,
             recording: start,
-            failed: None,
+            error: None,
         };
-        run.begin(keep);
+        run.start_result(keep);
         run.upload_ms = milliseconds(start);
         run.recording = Instant::now();
         Ok(run)
     }
 
-    /// The result of charts that are not solved.
-    fn begin(&mut self, keep: &[bool]) {
-        let last = self.last.clone();
+    /// Writes the result of charts that are not solved.
+    fn start_result(&mut self, keep: &[bool]) {
+        let last_result = self.last_result.clone();
         for n in 0..self.result.bands.len() {
             let (band, to) = &self.result.bands[n];
             let at = |b: usize| (b - band.held.start) as u64 * RESULT_BLOCK;
             self.recorder.clear(to, 0, at(band.held.end));
-            let Some(last) = &last else { continue };
+            let Some(last_result) = &last_result else { continue };
             for (c, blocks) in
                 self.grid.levels[0].blocks.of_chart.iter().enumerate().filter(|(c, _)| keep[*c])
             {
                 let (first, end) = (blocks.start.max(band.held.start), blocks.end.min(band.held.end));
                 if first < end && !self.charts[c] {
-                    self.recorder.copy(&last.bands[n].1, at(first), to, at(first), at(end) - at(first));
+                    self.recorder.copy(
+                        &last_result.bands[n].1,
+                        at(first),
+                        to,
+                        at(first),
+                        at(end) - at(first),
+                    );
                 }
             }
         }
     }
 
-    /// Waits for all of it, and reads what it came to.
+    /// Submits the rest, waits for the GPU, and reads the outcome.
     pub fn finish(mut self) -> Result<Solution> {
-        if let Some(error) = self.failed {
+        if let Some(error) = self.error {
             return Err(error);
         }
         let times = self.recorder.finish();
@@ -196,15 +202,15 @@ impl<'a> Run<'a> {
         let waiting = Instant::now();
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
-        let opened = self.memory.opened.clone();
-        let gates = u64::from(self.gates.min(MOST_GATES)) * 4;
-        let wanted: Vec<_> = [(&charts, 0..size), (&opened, 0..gates)]
+        let gate_open = self.memory.gate_open.clone();
+        let gates = u64::from(self.gates.min(MAX_GATES)) * 4;
+        let wanted: Vec<_> = [(&charts, 0..size), (&gate_open, 0..gates)]
             .into_iter()
             .chain(times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes)))
             .collect();
         let parts = self.context.read_all(&wanted)?;
         let wait_ms = milliseconds(waiting);
-        let (tally, recording) =
+        let (statistics, recording) =
             self.recorder.close(bytemuck::pod_collect_to_vec(&parts[1]).as_slice(), &parts[2..].concat());
         self.memory.recording = recording;
         let records = parts[0].chunks_exact(size_of::<Chart>());
@@ -212,11 +218,11 @@ impl<'a> Run<'a> {
             charts: records.map(|bytes| chart_result(&bytemuck::pod_read_unaligned(bytes))).collect(),
             result: self.result,
             node_updates: self.node_updates,
-            tally: Tally { upload_ms: self.upload_ms, record_ms, wait_ms, ..tally },
+            statistics: Statistics { upload_ms: self.upload_ms, record_ms, wait_ms, ..statistics },
         })
     }
 
-    /// Blocks with movable nodes on the finest level.
+    /// Number of active blocks of the solved charts on level 0.
     pub fn blocks_active(&self) -> u64 {
         self.memory.lists[0].iter().map(|lists| u64::from(lists.active.count)).sum()
     }
@@ -225,93 +231,107 @@ impl<'a> Run<'a> {
         Params { scale: (1u32 << level) as f32, smoothness: self.smoothness[level], ..self.params }
     }
 
-    /// Chooses the charts that the next kernels work on: `mode` is one of `SELECT_`.
+    /// Chooses the charts that the following kernels work on; `mode` is one of `SELECT_`.
     fn select(&mut self, mode: u32) {
         let params = Params { mode, ..self.params };
-        let size = Size::of(params.items.div_ceil(layout::THREADS));
+        let size = DispatchSize::ungated(params.items.div_ceil(layout::THREADS));
         self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, size, 0);
     }
 
-    /// A size that is 0 if the gate under which it stands is closed; `place` is its place among the sizes.
-    fn gated(&self, place: u32, most: u32) -> Size {
+    /// The size of a dispatch: under a gate it becomes 0 if the gate is closed. `size_index` is its index among the
+    /// dispatch sizes.
+    fn dispatch_size(&self, size_index: u32, workgroups: u32) -> DispatchSize {
         let gate = self.gate.map(|gate| {
-            let place = gate.set as u32 * self.memory.size_count + place;
-            (self.memory.gates.clone(), u64::from(place) * 16, gate.number)
+            let arguments = gate.set as u32 * self.memory.dispatch_size_count + size_index;
+            (self.memory.indirect_arguments.clone(), u64::from(arguments) * 16, gate.number)
         });
-        Size { most, gate }
+        DispatchSize { workgroups, gate }
     }
 
-    /// What follows runs only if a chart is at work now (with `GATE_LIMITED`, one whose step is limited), until the gate is
-    /// taken away again.
+    /// Records a gate: dispatches that follow run only if a chart is at work at this point (with `GATE_LIMITED`, a
+    /// chart whose step is limited), until `self.gate` is reset.
     fn open_gate(&mut self, set: GateSet, mode: u32) {
-        let count = self.memory.size_count;
-        let number = self.gates.min(MOST_GATES - 1);
+        let count = self.memory.dispatch_size_count;
+        let number = self.gates.min(MAX_GATES - 1);
         self.gates += 1;
         self.gate = None;
         let first = set as u32 * count;
         let params = Params { first, count, partial: number, mode, ..self.params };
-        let own = [self.memory.sizes.clone(), self.memory.gates.clone(), self.memory.opened.clone()];
-        self.dispatch(Kernel::Gate, [0, 0], &own, &params, Size::of(1), 0);
+        let extra = [
+            self.memory.dispatch_sizes.clone(),
+            self.memory.indirect_arguments.clone(),
+            self.memory.gate_open.clone(),
+        ];
+        self.dispatch(Kernel::Gate, [0, 0], &extra, &params, DispatchSize::ungated(1), 0);
         self.gate = Some(Gate { set, number });
     }
 
-    /// Records one dispatch on the buffers of a band (level, index).
+    /// Records one dispatch on the buffers of band `at` (level, index) and the kernel's extra buffers. `bytes` is the
+    /// least number of bytes that it moves.
     fn dispatch(
         &mut self,
         kernel: Kernel,
         at: [usize; 2],
-        own: &[wgpu::Buffer],
+        extra: &[wgpu::Buffer],
         params: &Params,
-        size: Size,
+        size: DispatchSize,
         bytes: u64,
     ) {
-        if size.most == 0 {
+        if size.workgroups == 0 {
             return;
         }
-        if self.failed.is_some() {
+        if self.error.is_some() {
             return;
         }
         let context = self.context.clone();
         let pipeline = match context.pipelines.get(&context, kernel) {
             Ok(pipeline) => pipeline,
             Err(error) => {
-                self.failed = Some(error);
+                self.error = Some(error);
                 return;
             }
         };
-        let key = (kernel, at, own.to_vec());
-        let group = match self.memory.groups.get(&key) {
-            Some(group) => group.clone(),
+        let key = (kernel, at, extra.to_vec());
+        let bind_group = match self.memory.bind_groups.get(&key) {
+            Some(bind_group) => bind_group.clone(),
             None => {
-                let group = self.memory.group(kernel, &pipeline.layout, at, own);
-                self.memory.groups.insert(key, group.clone());
-                group
+                let bind_group = self.memory.bind_group(kernel, &pipeline.layout, at, extra);
+                self.memory.bind_groups.insert(key, bind_group.clone());
+                bind_group
             }
         };
-        self.recorder.dispatch(kernel, &pipeline.pipeline, &group, params, size, bytes);
+        self.recorder.dispatch(kernel, &pipeline.pipeline, &bind_group, params, size, bytes);
     }
 
-    /// Runs a kernel on a list of a band's blocks.
-    fn run_list(&mut self, kernel: Kernel, at: [usize; 2], own: &[wgpu::Buffer], list: List, params: Params) {
+    /// Dispatches a kernel over a list of a band's blocks.
+    fn dispatch_list(
+        &mut self,
+        kernel: Kernel,
+        at: [usize; 2],
+        extra: &[wgpu::Buffer],
+        list: List,
+        params: Params,
+    ) {
         let base = self.memory.buffers[at[0]][at[1]].base.unwrap_or(0);
-        let List { first, count, gate } = list;
+        let List { first, count, size_index } = list;
         let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64;
-        let size = self.gated(gate, count);
-        self.dispatch(kernel, at, own, &Params { first, count, base, ..params }, size, bytes);
+        let size = self.dispatch_size(size_index, count);
+        self.dispatch(kernel, at, extra, &Params { first, count, base, ..params }, size, bytes);
     }
 
-    /// Runs a kernel on all active blocks of a level; then the copies of what it wrote are renewed.
-    fn each_active(&mut self, kernel: Kernel, level: usize, params: Params, written: Option<BandBuffer>) {
+    /// Dispatches a kernel over all active blocks of a level, then updates the copies of the buffer that it wrote.
+    fn dispatch_active(&mut self, kernel: Kernel, level: usize, params: Params, written: Option<BandBuffer>) {
         for band in 0..self.memory.bands[level].len() {
             let active = self.memory.lists[level][band].active;
-            self.run_list(kernel, [level, band], &[], active, params);
+            self.dispatch_list(kernel, [level, band], &[], active, params);
         }
         if let Some(written) = written {
             self.exchange(level, written);
         }
     }
 
-    /// Calls `f` with each band's list of each block colour in turn; copies are renewed after each colour.
+    /// Calls `f` with each band's list of blocks of each block colour in turn, and updates the copies after each
+    /// colour.
     fn each_colour(
         &mut self,
         level: usize,
@@ -328,20 +348,21 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Runs a kernel that gives a sum per active block, adds them up chart by chart, and decides: `decision` is one of `DECIDE_`.
+    /// Dispatches a kernel that writes a partial sum per active block, then `decide`, which adds them chart by chart
+    /// and takes the decision `decision`, one of `DECIDE_`.
     fn reduce(&mut self, kernel: Kernel, level: usize, params: Params, decision: u32) {
         for band in 0..self.memory.bands[level].len() {
             let (active, partial) =
                 (self.memory.lists[level][band].active, self.memory.lists[level][band].partial);
-            self.run_list(kernel, [level, band], &[], active, Params { partial, ..params });
+            self.dispatch_list(kernel, [level, band], &[], active, Params { partial, ..params });
         }
         let params = Params { mode: decision, level: level as u32, ..params };
-        let own = [self.memory.ranges.clone()];
-        let size = self.gated(0, params.items);
-        self.dispatch(Kernel::Decide, [0, 0], &own, &params, size, 0);
+        let extra = [self.memory.ranges.clone()];
+        let size = self.dispatch_size(0, params.items);
+        self.dispatch(Kernel::Decide, [0, 0], &extra, &params, size, 0);
     }
 
-    /// Renews the copies that bands have of each other's blocks.
+    /// Updates the copies that the bands of a level hold of one another's blocks.
     fn exchange(&mut self, level: usize, what: BandBuffer) {
         let bands = &self.memory.bands[level];
         if bands.len() == 1 {
@@ -360,7 +381,7 @@ impl<'a> Run<'a> {
         for (a, source) in bands.iter().enumerate() {
             for (b, target) in bands.iter().enumerate().filter(|&(b, _)| b != a) {
                 let (first, end) =
-                    (source.own.start.max(target.held.start), source.own.end.min(target.held.end));
+                    (source.owned.start.max(target.held.start), source.owned.end.min(target.held.end));
                 if let (true, Some((from, planes)), Some((to, _))) = (first < end, buffer(a), buffer(b)) {
                     let at = |b: usize, start: usize| (b - start) as u64 * planes as u64 * PLANE;
                     let bytes = at(end, first);

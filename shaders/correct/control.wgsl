@@ -1,12 +1,13 @@
-// What is decided chart by chart: sums over blocks, conjugate gradients' scalars, whether a correction counts. One
+// correct and certify: decisions chart by chart, from sums over blocks: the scalars of conjugate gradients (method
+// §7.3), the acceptance of a trial and the next step fraction (method §7.7), and the fallback (method §8). One
 // workgroup per chart; nothing is read back.
 
-/// Per level and chart: the range of its blocks in `partials`.
+/// Per level and chart: first and count of its blocks' sums in `partials`.
 @group(0) @binding(10) var<storage, read> ranges: array<vec2u>;
 
 var<workgroup> totals: array<vec4f, 64>;
 
-/// Sums a chart's partials: of y the smallest, of w the largest.
+/// Combines the partial sums of chart c: the sums of x and z, the smallest y, the largest w.
 fn total(c: u32, t: u32) -> vec4f {
     let range = ranges[params.level * params.items + c];
     var sum = vec4f(0.0, INVALID_ENERGY, 0.0, 0.0);
@@ -28,12 +29,13 @@ fn add(a: vec4f, b: vec4f) -> vec4f {
     return vec4f(a.x + b.x, min(a.y, b.y), a.z + b.z, max(a.w, b.w));
 }
 
-/// 0 up to the first end, 1 from the second one on, linear in between.
+/// 0 up to `ends.x`, 1 from `ends.y` on, linear in between.
 fn ramp(x: f32, ends: vec2f) -> f32 {
     return clamp((x - ends.x) / (ends.y - ends.x), 0.0, 1.0);
 }
 
-/// A chart's energies around a correction; the twin of `Gain` in src/method/acceptance.rs, like the functions below.
+/// A chart's energies before and after a correction, and what acceptance compares them with. This struct and the two
+/// functions below are the twins of `Gain` in src/method/acceptance.rs.
 struct Gain {
     before: f32,
     after: f32,
@@ -42,12 +44,12 @@ struct Gain {
     fraction: f32,
 }
 
-/// True if a trial gained enough to be accepted.
+/// True if a trial satisfies the condition of sufficient decrease (method §7.7, item 4).
 fn suffices(gain: Gain) -> bool {
     return gain.before - gain.after > SUFFICIENT_DECREASE * gain.fraction * gain.predicted;
 }
 
-/// The fraction of the next correction's step that a chart is to take (method §7.7).
+/// Step fraction of the chart's next correction (method §7.7); 0: the chart sits out the level's further corrections.
 fn next_fraction(gain: Gain, tolerance: f32, trusted: bool) -> f32 {
     let unit = tolerance * (gain.before + IDENTITY_ENERGY_WEIGHT * gain.identity);
     let gained = gain.before - gain.after;
@@ -74,21 +76,21 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             charts[c].before = sum.x;
         }
         case DECIDE_DIRECTION, DECIDE_FIRST_DIRECTION: {
-            // In steps, of which the last one was alpha directions.
+            // beta multiplies the last step, which is alpha times the last direction.
             let beta = sum.x / charts[c].rz / charts[c].alpha;
-            charts[c].beta = select(0.0, beta, params.mode == DECIDE_DIRECTION && is_number(beta));
+            charts[c].beta = select(0.0, beta, params.mode == DECIDE_DIRECTION && is_finite(beta));
             charts[c].rz = sum.x;
         }
         case DECIDE_STEP_LENGTH: {
             let alpha = charts[c].rz / select(1.0, sum.x, sum.x > 0.0);
-            // Nothing left to solve, or NaN: no step.
-            charts[c].alpha = select(0.0, alpha, sum.x > 0.0 && is_number(alpha));
+            // No step if the curvature is not positive or if alpha is not finite.
+            charts[c].alpha = select(0.0, alpha, sum.x > 0.0 && is_finite(alpha));
             charts[c].predicted += charts[c].alpha * charts[c].rz;
         }
         case DECIDE_TRIAL, DECIDE_LAST_TRIAL: {
             let identity = select(0.0, charts[c].identity, params.level == 0u);
             let gain = Gain(charts[c].before, sum.x, identity, charts[c].predicted, charts[c].fraction);
-            // The last trial is relaxation alone.
+            // The last trial is relaxation alone: it is always accepted.
             if suffices(gain) || params.mode == DECIDE_LAST_TRIAL {
                 charts[c].working = 0u;
                 let trusted = charts[c].first == 1u && params.trusts_model == 1u;
@@ -100,20 +102,20 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         case DECIDE_ENERGY: {
             charts[c].energy = sum.x;
         }
-        case DECIDE_CERTIFICATE, DECIDE_AS_IS: {
+        case DECIDE_CERTIFICATE, DECIDE_ALLOWING_FOLDS: {
             charts[c].min_jacobian = min(sum.y, 1.0);
             charts[c].folds = u32(sum.z);
             charts[c].max_displacement = sum.w;
             let energy = charts[c].energy;
-            let counts = energy < INVALID_ENERGY && is_number(energy);
+            let valid = energy < INVALID_ENERGY && is_finite(energy);
             let better = energy <= charts[c].identity && sum.z == 0.0;
-            charts[c].fallback = u32(!(counts && (better || params.mode == DECIDE_AS_IS)));
+            charts[c].fallback = u32(!(valid && (better || params.mode == DECIDE_ALLOWING_FOLDS)));
         }
         default: {}
     }
 }
 
-/// Which charts the next stages work on.
+/// Chooses the charts that the following kernels work on (`working`), by `mode`: one of SELECT_.
 @compute @workgroup_size(64)
 fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let c = (group.y * SPREAD + group.x) * 64u + t;

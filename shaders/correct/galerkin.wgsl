@@ -1,9 +1,10 @@
-// correct: the coarser level's system P' A P, again 9-point and symmetric; P has the weights of
-// src/tile/interpolation.rs. Each coarse node reads the rows of 25 finer ones (48 bytes each) and writes 52 bytes.
+// correct: the coarser level's system, the Galerkin product P' A P (method §7.4), with nine points per node and
+// symmetric again. P has the weights of method §7.5 (src/tile/interpolation.rs). A coarse node reads from the rows of
+// up to 25 finer nodes (48 bytes each; counting each finer node once, 192 bytes per coarse node) and writes 52 bytes.
 
 @group(0) @binding(10) var<storage, read> fine_blocks: array<BlockRecord>;
 
-/// Place in the finer level's rows of the first plane of the node at f (relative to the fine block `child`), or NONE.
+/// Index in the finer level's rows of the first plane of the node at f, relative to the fine block `child`, or NONE.
 fn fine_row(child: u32, f: vec2i) -> u32 {
     let shifted = vec2u(f + 16);
     let holder = fine_blocks[child].active_neighbours[shifted.y / 16u * 3u + shifted.x / 16u];
@@ -13,7 +14,7 @@ fn fine_row(child: u32, f: vec2i) -> u32 {
     return (params.other_base + holder) * ROW_PLANES * NODES + slot(shifted.x % 16u, shifted.y % 16u);
 }
 
-/// The lower neighbour's weight at the fine node f.
+/// The weight ω of the lower neighbour at the fine node f.
 fn fine_weight(child: u32, f: vec2i) -> f32 {
     let at = fine_row(child, f);
     if at == NONE {
@@ -22,7 +23,7 @@ fn fine_weight(child: u32, f: vec2i) -> f32 {
     return bitcast<f32>(fine_row_value(at + INTERPOLATION * NODES));
 }
 
-/// P between the fine node f and the coarse node over the fine node c.
+/// Entry of P between the fine node f and the coarse node that coincides with the fine node c.
 fn interpolation(child: u32, f: vec2i, c: vec2i) -> f32 {
     let d = f - c;
     if any(abs(d) > vec2i(1)) {
@@ -40,7 +41,7 @@ fn interpolation(child: u32, f: vec2i, c: vec2i) -> f32 {
     return weight;
 }
 
-/// The 2x2 block between the fine nodes f (row) and f + offset(k) (column), row-major; k = 8: the diagonal.
+/// The 2x2 block of A at the fine nodes f (row) and f + offset(k) (column), row-major; k = 8 is the diagonal.
 fn fine_entry(child: u32, f: vec2i, k: u32) -> vec4f {
     if k == 8u {
         let at = fine_row(child, f);
@@ -50,44 +51,44 @@ fn fine_entry(child: u32, f: vec2i, k: u32) -> vec4f {
         let xy = bitcast<f32>(fine_row_value(at + NODES));
         return vec4f(bitcast<f32>(fine_row_value(at)), xy, xy, bitcast<f32>(fine_row_value(at + 2u * NODES)));
     }
-    let theirs = k > 3u;
-    let at = fine_row(child, select(f, f + offset(k), theirs));
+    let neighbour_owns = k > 3u;
+    let at = fine_row(child, select(f, f + offset(k), neighbour_owns));
     if at == NONE {
         return vec4f();
     }
     let pair = at + (PAIR + 2u * (k & 3u)) * NODES;
     let a = decode(vec2u(fine_row_value(pair), fine_row_value(pair + NODES)));
-    return select(a, a.xzyw, theirs);
+    return select(a, a.xzyw, neighbour_owns);
 }
 
 @compute @workgroup_size(64)
 fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
+    let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     for (var colour = 0u; colour < 4u; colour++) {
-        let s = own_slot(colour, t);
-        galerkin_node(b, node_of(s), s);
+        let s = thread_slot(colour, t);
+        galerkin_node(b, node_at(s), s);
     }
 }
 
 fn galerkin_node(b: u32, n: vec2u, s: u32) {
-    // With each of the neighbours, and with itself.
+    // The coarse blocks with each of the eight neighbours, and the diagonal block.
     var sums: array<vec4f, 9>;
     let child = blocks[b].children[n.y / 8u * 2u + n.x / 8u];
-    let moves = !is_fixed(b, s) && child != NONE;
-    if moves {
+    let is_movable = !is_fixed(b, s) && child != NONE;
+    if is_movable {
         let centre = vec2i(2u * (n % 8u));
         for (var i = 0u; i < 9u; i++) {
             let f = vec2i(i32(i % 3u), i32(i / 3u)) - 1;
-            let own = interpolation(child, centre + f, centre);
+            let weight = interpolation(child, centre + f, centre);
             for (var k = 0u; k < 9u; k++) {
                 var g = f;
                 if k < 8u {
                     g += offset(k);
                 }
-                let a = own * fine_entry(child, centre + f, k);
+                let a = weight * fine_entry(child, centre + f, k);
                 for (var e = 0u; e < 9u; e++) {
                     var c = vec2i();
                     if e < 8u {
@@ -98,22 +99,22 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
             }
         }
     }
-    // Restriction leaves some fixed nodes out: whatever an earlier solve left there must not be read.
-    vectors[vector_at(b, RESIDUAL, s)] = 0.0;
-    vectors[vector_at(b, RESIDUAL + 1u, s)] = 0.0;
-    let at = row_at(b, 0u, s);
+    // Restriction does not write all fixed nodes: values that an earlier solve left there must not be read.
+    vectors[vector_index(b, RESIDUAL, s)] = 0.0;
+    vectors[vector_index(b, RESIDUAL + 1u, s)] = 0.0;
+    let at = row_index(b, 0u, s);
     var diagonal = vec3f(1.0, 0.0, 1.0);
-    if moves {
+    if is_movable {
         diagonal = vec3f(sums[8].x, sums[8].y, sums[8].w);
     }
     for (var e = 0u; e < 8u; e++) {
-        // Only pairs of movable nodes.
+        // Only pairs of movable nodes take part.
         let far = vec2u(vec2i(n) + offset(e) + 1);
         let source = window_source(far);
         let holder = blocks[b].active_neighbours[source.x];
-        let both = moves && holder != NONE && !is_fixed(select(b, holder, holder != NONE), source.y);
+        let both = is_movable && holder != NONE && !is_fixed(select(b, holder, holder != NONE), source.y);
         let pair = select(vec4f(), sums[e], both);
-        diagonal += lost(pair);
+        diagonal += rounding_loss(pair);
         if e < 4u {
             let words = encode(pair);
             rows[at + (PAIR + 2u * e) * NODES] = words.x;

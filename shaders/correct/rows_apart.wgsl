@@ -1,4 +1,4 @@
-// The finer level's rows, in a buffer of their own.
+// For galerkin.wgsl: the finer level's rows are in a separate buffer.
 
 @group(0) @binding(11) var<storage, read> fine_rows: array<u32>;
 

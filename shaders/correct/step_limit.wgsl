@@ -1,41 +1,43 @@
-// correct: the step limit (method §7.6): the fraction of the step that each node takes. It leaves every corner Jacobian part
-// of what it has over MIN_JACOBIAN, and falls off smoothly around corners that would lose more; what folds all the same is
-// halved. Charts whose whole step leaves enough are done.
+// correct: the step limit (method §7.6): the step fraction phi of each node. The first fractions leave every corner
+// Jacobian a part of its margin over MIN_JACOBIAN and fall off smoothly around corners that would lose more; rounds of
+// halving treat the corners that would still fall under the bound. Charts whose whole step leaves enough margin are
+// done. Per node: `first_fractions` reads 16 bytes and writes 8; `mark_folds` reads 20 and writes 4 (both a quarter
+// more for the halo); `shrink_fractions` reads 8 (more for a halo of two nodes, marks of three) and writes 4.
 
-var<workgroup> near: array<vec2f, 324>;
-var<workgroup> steps: array<vec2f, 324>;
+var<workgroup> window_u: array<vec2f, 324>;
+var<workgroup> window_step: array<vec2f, 324>;
 
-/// The first round that looks for folds: dispatches of the falloff come before it.
+/// The first round that looks for folds: only dispatches of the falloff come before it.
 const FIRST_HALVING_ROUND: u32 = FIRST_FALLOFF_PASSES / FALLOFF_PASSES;
 
-/// The fraction of the step that each node may take if the nodes around it take the same. A chart for which it is not 1
-/// everywhere is limited.
+/// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same. A chart with
+/// a fraction under 1 is limited.
 @compute @workgroup_size(64)
 fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
+    let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
-        near[k] = vec2f();
-        steps[k] = vec2f();
+        window_u[k] = vec2f();
+        window_step[k] = vec2f();
         if holder != NONE {
-            near[k] = displacement(holder, source.y);
+            window_u[k] = displacement(holder, source.y);
             if blocks[holder].is_active != 0u {
-                let x = vector_at(holder, STEP, source.y);
-                steps[k] = vec2f(vectors[x], vectors[x + NODES]);
+                let x = vector_index(holder, STEP, source.y);
+                window_step[k] = vec2f(vectors[x], vectors[x + NODES]);
             }
         }
     }
     workgroupBarrier();
     var limited = false;
     for (var k = 0u; k < 4u; k++) {
-        let s = own_slot(k, t);
-        let fraction = first_fraction(node_of(s));
-        vectors[vector_at(b, FRACTION, s)] = fraction;
-        vectors[vector_at(b, MARK, s)] = 0.0;
+        let s = thread_slot(k, t);
+        let fraction = first_fraction(node_at(s));
+        vectors[vector_index(b, FRACTION, s)] = fraction;
+        vectors[vector_index(b, MARK, s)] = 0.0;
         limited = limited || fraction < 1.0;
     }
     if limited {
@@ -43,19 +45,19 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
     }
 }
 
-/// Keeps a quotient finite.
+/// The smallest normal f32: keeps a quotient finite.
 const SMALLEST: f32 = 1.1754944e-38;
 
-/// The smallest fraction over the twelve corners that a node touches.
+/// The smallest fraction that the twelve corners of node n allow (method §7.6, Fraction per corner).
 fn first_fraction(n: vec2u) -> f32 {
     var fraction = 1.0;
     for (var q = 0u; q < 4u; q++) {
         let s = quadrant(q);
         let o = array<vec2i, 3>(vec2i(s.x, 0), vec2i(0, s.y), s);
-        var arms: array<vec2f, 3>;
+        var offsets: array<vec2f, 3>;
         var changes: array<vec2f, 3>;
         for (var k = 0u; k < 3u; k++) {
-            arms[k] = arm(n, o[k]);
+            offsets[k] = offset_to(n, o[k]);
             changes[k] = change(n, o[k]);
         }
         let sign = f32(s.x * s.y);
@@ -63,11 +65,11 @@ fn first_fraction(n: vec2u) -> f32 {
             // The node's own corner, its x-neighbour's, its y-neighbour's.
             let i = select(0u, 2u, k == 2u);
             let j = select(1u, 2u, k == 1u);
-            // At the fraction s of the step, J less what is to be left of it is start + s first + s^2 second, which is at
-            // least 0 for s = 0. If it is under 0 for s = 1, it has one root in between.
-            let over = max(sign * cross2(arms[i], arms[j]) - MIN_JACOBIAN, 0.0);
+            // At the fraction s of the step, J less the margin that must be left is q(s) = start + first s + second
+            // s^2, with q(0) >= 0. If q(1) < 0, it has one root in between.
+            let over = max(sign * cross2(offsets[i], offsets[j]) - MIN_JACOBIAN, 0.0);
             let start = over * (1.0 - KEPT_MARGIN);
-            let first = sign * (cross2(changes[i], arms[j]) + cross2(arms[i], changes[j]));
+            let first = sign * (cross2(changes[i], offsets[j]) + cross2(offsets[i], changes[j]));
             let second = sign * cross2(changes[i], changes[j]);
             if start + first + second < 0.0 {
                 let root = sqrt(max(first * first - 4.0 * start * second, 0.0)) - first;
@@ -78,10 +80,10 @@ fn first_fraction(n: vec2u) -> f32 {
     return fraction;
 }
 
-/// Round `mode`: marks nodes with a corner that u + fraction x step would take under the bound.
+/// Round `mode`: marks nodes with a corner whose Jacobian would fall under the bound at u + fraction x step.
 @compute @workgroup_size(64)
 fn mark_folds(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose_limited(group, t, params.mode);
+    let b = limited_block_of_workgroup(group, t, params.mode);
     if b == NONE {
         return;
     }
@@ -89,22 +91,22 @@ fn mark_folds(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
-        near[k] = vec2f();
+        window_u[k] = vec2f();
         if holder != NONE {
-            near[k] = displacement(holder, source.y);
+            window_u[k] = displacement(holder, source.y);
             if blocks[holder].is_active != 0u {
-                let x = vector_at(holder, STEP, source.y);
-                near[k] += vectors[vector_at(holder, plane, source.y)] * vec2f(vectors[x], vectors[x + NODES]);
+                let x = vector_index(holder, STEP, source.y);
+                window_u[k] += vectors[vector_index(holder, plane, source.y)] * vec2f(vectors[x], vectors[x + NODES]);
             }
         }
     }
     workgroupBarrier();
     var folds = false;
     for (var k = 0u; k < 4u; k++) {
-        let s = own_slot(k, t);
-        // A comparison with NaN is false: then, too, the node is marked.
-        let bad = !(worst_corner(node_of(s)) >= MIN_JACOBIAN);
-        vectors[vector_at(b, MARK, s)] = select(0.0, 1.0, bad);
+        let s = thread_slot(k, t);
+        // A comparison with NaN is false: a node with a Jacobian that is NaN is marked, too.
+        let bad = !(worst_corner(node_at(s)) >= MIN_JACOBIAN);
+        vectors[vector_index(b, MARK, s)] = select(0.0, 1.0, bad);
         folds = folds || bad;
     }
     if folds {
@@ -112,68 +114,70 @@ fn mark_folds(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
     }
 }
 
-/// The block of this workgroup if its chart is still limited in this round, NONE otherwise.
-fn choose_limited(group: vec3u, t: u32, rounds: u32) -> u32 {
-    let b = choose(group, t);
+/// Returns the block of this workgroup if its chart is still limited after `rounds` rounds, else NONE.
+fn limited_block_of_workgroup(group: vec3u, t: u32, rounds: u32) -> u32 {
+    let b = block_of_workgroup(group, t);
     if t == 0u && b != NONE && atomicLoad(&charts[blocks[b].chart].limit_rounds) < rounds {
-        chosen = NONE;
+        workgroup_block = NONE;
     }
-    return workgroupUniformLoad(&chosen);
+    return workgroupUniformLoad(&workgroup_block);
 }
 
-fn arm(n: vec2u, o: vec2i) -> vec2f {
+fn offset_to(n: vec2u, o: vec2i) -> vec2f {
     let at = vec2u(vec2i(n) + 1 + o);
-    return (near[place(at.x, at.y)] - near[place(n.x + 1u, n.y + 1u)]) + vec2f(o);
+    return (window_u[place(at.x, at.y)] - window_u[place(n.x + 1u, n.y + 1u)]) + vec2f(o);
 }
 
 fn change(n: vec2u, o: vec2i) -> vec2f {
     let at = vec2u(vec2i(n) + 1 + o);
-    return steps[place(at.x, at.y)] - steps[place(n.x + 1u, n.y + 1u)];
+    return window_step[place(at.x, at.y)] - window_step[place(n.x + 1u, n.y + 1u)];
 }
 
 fn cross2(a: vec2f, b: vec2f) -> f32 {
     return a.x * b.y - a.y * b.x;
 }
 
-/// The smallest of the twelve corner Jacobians that a node touches; less than any if one is NaN or infinite.
+/// The smallest of the twelve corner Jacobians that depend on node n; -INVALID_ENERGY if one is NaN or infinite.
 fn worst_corner(n: vec2u) -> f32 {
     var worst = INVALID_ENERGY;
     for (var q = 0u; q < 4u; q++) {
         let s = quadrant(q);
-        let a = arm(n, vec2i(s.x, 0));
-        let b = arm(n, vec2i(0, s.y));
-        let c = arm(n, s);
+        let a = offset_to(n, vec2i(s.x, 0));
+        let b = offset_to(n, vec2i(0, s.y));
+        let c = offset_to(n, s);
         let sign = f32(s.x * s.y);
         let corners = sign * vec3f(cross2(a, b), cross2(a, c), cross2(c, b));
         for (var k = 0u; k < 3u; k++) {
-            worst = min(worst, select(-INVALID_ENERGY, corners[k], is_number(corners[k])));
+            worst = min(worst, select(-INVALID_ENERGY, corners[k], is_finite(corners[k])));
         }
     }
     return worst;
 }
 
-/// Fractions at the nodes (-2..17) of a block; over 1 where none is stored.
+/// Step fractions at the nodes from (-2, -2) to (17, 17) of a block, a wide window of 20x20, before the falloff and
+/// after its first pass; 2 at nodes that are not stored.
 var<workgroup> fractions: array<f32, 400>;
-var<workgroup> lower: array<f32, 400>;
+var<workgroup> after_first_pass: array<f32, 400>;
 
-/// Place in `vectors` of a plane of node n of a block, n from -3 to 18; NONE where there is nothing.
-fn wide_at(b: u32, plane: u32, n: vec2i) -> u32 {
+/// Index in `vectors` of plane `plane` of node n of block b, n from -3 to 18; NONE if the node is in no active block.
+fn wide_vector_index(b: u32, plane: u32, n: vec2i) -> u32 {
     let shifted = vec2u(n + 16);
     let holder = blocks[b].active_neighbours[shifted.y / 16u * 3u + shifted.x / 16u];
     if holder == NONE {
         return NONE;
     }
-    return vector_at(holder, plane, slot(shifted.x % 16u, shifted.y % 16u));
+    return vector_index(holder, plane, slot(shifted.x % 16u, shifted.y % 16u));
 }
 
 fn wide_node(k: u32) -> vec2i {
     return vec2i(i32(k % 20u), i32(k / 20u)) - 2;
 }
 
-/// The fraction of a node after one pass of fraction <= min(fractions around) + FRACTION_FALLOFF over `lower` or
-/// `fractions`.
-fn fallen(k: u32, from_lower: bool) -> f32 {
-    let own = select(fractions[k], lower[k], from_lower);
+/// Returns the fraction at place k of the wide window after one pass of the falloff, which limits it to the smallest
+/// fraction of its neighbours plus FRACTION_FALLOFF. The pass reads `fractions`, or `after_first_pass` if `second` is
+/// set.
+fn after_falloff(k: u32, second: bool) -> f32 {
+    let own = select(fractions[k], after_first_pass[k], second);
     if own > 1.0 {
         return own;
     }
@@ -181,28 +185,28 @@ fn fallen(k: u32, from_lower: bool) -> f32 {
     for (var i = 0u; i < 9u; i++) {
         let at = k + (i / 3u) * 20u + i % 3u - 21u;
         if i != 4u {
-            low = min(low, select(fractions[at], lower[at], from_lower));
+            low = min(low, select(fractions[at], after_first_pass[at], second));
         }
     }
     return min(own, low + FRACTION_FALLOFF);
 }
 
-/// After round `mode`: takes `factor` of the fraction of marked nodes and of those next to them, and lets it fall off around
-/// them.
+/// After round `mode`: multiplies the fractions of marked nodes and of their neighbours by `factor`, and does two
+/// passes of the falloff.
 @compute @workgroup_size(64)
 fn shrink_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose_limited(group, t, params.mode + 1u);
+    let b = limited_block_of_workgroup(group, t, params.mode + 1u);
     if b == NONE {
         return;
     }
     for (var k = t; k < 400u; k += 64u) {
         let n = wide_node(k);
-        let at = wide_at(b, FRACTION + (params.mode & 1u), n);
+        let at = wide_vector_index(b, FRACTION + (params.mode & 1u), n);
         fractions[k] = 2.0;
         if at != NONE {
             var marked = false;
             for (var i = 0u; i < 9u; i++) {
-                let mark_at = wide_at(b, MARK, n + vec2i(i32(i % 3u), i32(i / 3u)) - 1);
+                let mark_at = wide_vector_index(b, MARK, n + vec2i(i32(i % 3u), i32(i / 3u)) - 1);
                 if mark_at != NONE {
                     marked = marked || vectors[mark_at] != 0.0;
                 }
@@ -213,15 +217,15 @@ fn shrink_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocati
     workgroupBarrier();
     for (var k = t; k < 400u; k += 64u) {
         let n = wide_node(k);
-        lower[k] = 2.0;
+        after_first_pass[k] = 2.0;
         if all(n > vec2i(-2)) && all(n < vec2i(17)) {
-            lower[k] = fallen(k, false);
+            after_first_pass[k] = after_falloff(k, false);
         }
     }
     workgroupBarrier();
     for (var k = 0u; k < 4u; k++) {
-        let s = own_slot(k, t);
-        let n = node_of(s) + 2u;
-        vectors[vector_at(b, FRACTION + ((params.mode + 1u) & 1u), s)] = fallen(n.y * 20u + n.x, true);
+        let s = thread_slot(k, t);
+        let n = node_at(s) + 2u;
+        vectors[vector_index(b, FRACTION + ((params.mode + 1u) & 1u), s)] = after_falloff(n.y * 20u + n.x, true);
     }
 }

@@ -1,18 +1,19 @@
-// pbd: where a block's nodes and those around it are, and where they go.
+// pbd: the displacements of a block and its halo, and the writing of new ones (method §10).
 
-/// Writes a node: where the surface is there to be sampled, at its new place; a node that would leave its chart stays.
+/// Writes the state of a node at its new displacement u if it moves and if the surface has a sample there; a node that
+/// would leave its chart stays.
 fn move_to(b: u32, s: u32, u: vec2f, moves: bool) {
-    let here = get_u(b, s);
+    let u_before = get_u(b, s);
     let start = get_state(b, TRIANGLE, s);
-    if moves && any(u != here) {
-        let found = sample_surface(b, node_in_level(b, s), u, start);
-        if found.found {
+    if moves && any(u != u_before) {
+        let sample = sample_surface(b, node_in_level(b, s), u, start);
+        if sample.found {
             put_state(b, U, s, bitcast<u32>(u.x));
             put_state(b, U + 1u, s, bitcast<u32>(u.y));
             for (var c = 0u; c < 3u; c++) {
-                put_state(b, VALUE + c, s, bitcast<u32>(found.value[c]));
+                put_state(b, VALUE + c, s, bitcast<u32>(sample.value[c]));
             }
-            put_state(b, TRIANGLE, s, found.triangle);
+            put_state(b, TRIANGLE, s, sample.triangle);
             return;
         }
     }
@@ -21,21 +22,21 @@ fn move_to(b: u32, s: u32, u: vec2f, moves: bool) {
     }
 }
 
-var<workgroup> near_u: array<vec2f, 324>;
+var<workgroup> patch_u: array<vec2f, 324>;
 
 fn load_u(b: u32, t: u32) {
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
-        near_u[k] = vec2f();
+        patch_u[k] = vec2f();
         if holder != NONE {
-            near_u[k] = get_u(holder, source.y);
+            patch_u[k] = get_u(holder, source.y);
         }
     }
 }
 
-/// A node's place in the window, seen from node n of the block.
-fn seen(n: vec2u, o: vec2i) -> u32 {
+/// Place in the window of the node at offset o from node n of the block.
+fn place_at(n: vec2u, o: vec2i) -> u32 {
     let at = vec2u(vec2i(n) + 1 + o);
     return place(at.x, at.y);
 }

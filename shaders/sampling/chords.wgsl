@@ -1,5 +1,5 @@
-// The surface of the finest level: exact positions and tangents on the triangle under W(p), found by walking
-// (method §2). The length of an edge is the chord between its ends.
+// The surface on level 0: position and tangents at W on the triangle under W, which is found by walking (method §2).
+// The length of an edge is the chord between its ends in space.
 
 struct Sample {
     found: bool,
@@ -9,7 +9,8 @@ struct Sample {
     triangle: u32,
 }
 
-/// Offset of node (i, j) + u from a triangle's corner.
+/// Offset of node + u from the first UV corner of triangle t, in cells. The sum is formed in this order so that a small
+/// u keeps its digits.
 fn from_corner(t: u32, node: vec2i, u: vec2f) -> vec2f {
     return (vec2f(node) - vec2f(triangles[t].corner[0], triangles[t].corner[1])) + u;
 }
@@ -21,7 +22,8 @@ fn barycentrics(t: u32, node: vec2i, u: vec2f) -> vec3f {
     return vec3f(1.0 - l1 - l2, l1, l2);
 }
 
-/// The triangle under a node's displaced place, by walking from `start`; NONE at a border or after too many steps.
+/// Returns the triangle under node + u, found by walking from triangle `start`; NONE if a border stops the walk or if
+/// it takes more than WALK_STEPS steps.
 fn locate(node: vec2i, u: vec2f, start: u32) -> u32 {
     var t = start;
     for (var step = 0u; step < WALK_STEPS; step++) {
@@ -41,7 +43,8 @@ fn locate(node: vec2i, u: vec2f, start: u32) -> u32 {
         }
         var next = triangles[t].neighbours[corner];
         if next == NONE {
-            // On the border: the other negative corner, if there is one; rounding may put a point just outside.
+            // The edge is a border: cross the edge opposite to another negative coordinate, if there is one. Rounding
+            // may put a point just outside of the border.
             for (var k = 0u; k < 3u && next == NONE; k++) {
                 let other = select(select(l.x, l.y, k == 1u), l.z, k == 2u);
                 if k != corner && other < -INSIDE_TOLERANCE {
@@ -57,8 +60,8 @@ fn locate(node: vec2i, u: vec2f, start: u32) -> u32 {
     return NONE;
 }
 
-/// The sample on triangle t, extrapolated if the point lies outside.
-fn on(t: u32, node: vec2i, u: vec2f) -> Sample {
+/// The sample at node + u from triangle t, continued affinely if the point lies outside.
+fn sample_on_triangle(t: u32, node: vec2i, u: vec2f) -> Sample {
     let d = from_corner(t, node, u);
     let p = triangles[t].pose;
     let x = vec3f(p[3], p[4], p[5]);
@@ -66,42 +69,42 @@ fn on(t: u32, node: vec2i, u: vec2f) -> Sample {
     return Sample(true, vec3f(p[0], p[1], p[2]) + (x * d.x + y * d.y), x, y, t);
 }
 
-/// Triangle under a node at rest.
-fn under(b: u32, s: u32) -> u32 {
-    return nodes[node_at(b, UNDER, s)];
+/// Triangle under the undisplaced node at slot s of block b.
+fn rest_triangle(b: u32, s: u32) -> u32 {
+    return nodes[node_index(b, TRIANGLE_OR_COVERAGE, s)];
 }
 
-/// Triangle under the node nearest to W(p), if it belongs to the block's chart.
+/// Returns the triangle under the node nearest to node + u if it belongs to the chart of block b, else NONE.
 fn nearest(b: u32, node: vec2i, u: vec2f) -> u32 {
     let at = node + vec2i(round(u));
-    let holder = holding(b, at.x, at.y);
+    let holder = block_holding(b, at.x, at.y);
     if holder == NONE {
         return NONE;
     }
-    let t = under(holder, slot(u32(at.x & 15), u32(at.y & 15)));
+    let t = rest_triangle(holder, slot(u32(at.x & 15), u32(at.y & 15)));
     if t == NONE || triangles[t].chart != blocks[b].chart {
         return NONE;
     }
     return t;
 }
 
-/// The surface at node + u of block b's chart, by walking from triangle `start`.
+/// Samples the surface of block b's chart at node + u, walking from triangle `start`.
 fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
     var t = locate(node, u, start);
     if t == NONE {
-        // The walk was stopped by a border or ran too far: begin at the node nearest to W(p).
-        let near = nearest(b, node, u);
-        if near != NONE && near != start {
-            t = locate(node, u, near);
+        // A border stopped the walk, or it was too long: walk again from the triangle under the node nearest to W(p).
+        let nearest_triangle = nearest(b, node, u);
+        if nearest_triangle != NONE && nearest_triangle != start {
+            t = locate(node, u, nearest_triangle);
         }
     }
     if t == NONE {
         return Sample(false, vec3f(), vec3f(), vec3f(), NONE);
     }
-    return on(t, node, u);
+    return sample_on_triangle(t, node, u);
 }
 
-/// Slopes where the state is known to be good: of df/dx, then df/dy.
+/// The tangents df/dx and df/dy on triangle t, which is known to be under W; 0 without a triangle.
 fn slopes(b: u32, node: vec2i, u: vec2f, t: u32) -> mat2x3f {
     if t == NONE {
         return mat2x3f(vec3f(), vec3f());
@@ -110,26 +113,27 @@ fn slopes(b: u32, node: vec2i, u: vec2f, t: u32) -> mat2x3f {
     return mat2x3f(vec3f(p[3], p[4], p[5]), vec3f(p[6], p[7], p[8]));
 }
 
-/// The sample of a node as it is set from outside.
-fn refreshed(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
-    let rest = under(b, s);
+/// Samples the surface anew for a displacement that is set from outside (method §2, Point location). Without a sample
+/// it is the affine continuation from the triangle at which the walk began; fixed nodes take their triangle at rest.
+fn resampled(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
+    let rest = rest_triangle(b, s);
     if rest == NONE {
         return Sample(true, vec3f(), vec3f(), vec3f(), NONE);
     }
     if fixed {
-        return on(rest, node, vec2f());
+        return sample_on_triangle(rest, node, vec2f());
     }
-    // The node nearest to W(p) is a better start than p.
-    let near = nearest(b, node, u);
-    let start = select(rest, near, near != NONE);
+    // The triangle under the node nearest to W(p) is a better start than that under p.
+    let nearest_triangle = nearest(b, node, u);
+    let start = select(rest, nearest_triangle, nearest_triangle != NONE);
     let sample = sample_surface(b, node, u, start);
     if sample.found {
         return sample;
     }
-    return on(start, node, u);
+    return sample_on_triangle(start, node, u);
 }
 
-/// What the gradients at both ends of an edge share: the chord, 1 / L and d.
+/// An edge's chord c (`along`), offset d, length L and 1 / L: what the gradients at both ends have in common.
 struct Chord {
     along: vec3f,
     d: vec2f,
@@ -137,20 +141,20 @@ struct Chord {
     inverse: f32,
 }
 
-/// The chord from p to n: from the triangle's tangents where both ends lie on one, the difference of positions
-/// elsewhere.
+/// The chord between an edge's ends: T d where both ends lie on one triangle (`same`), the difference of positions
+/// elsewhere. `value` and `slope` are the sample of the near end, `other` is the position of the far end.
 fn chord(value: vec3f, slope: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Chord {
     let along = select(other - value, slope[0] * d.x + slope[1] * d.y, same);
     let length = sqrt(dot(along, along) + TINY);
     return Chord(along, d, length, 1.0 / length);
 }
 
-/// dL/du at the near end.
+/// dL/du at the near end, with the tangents there.
 fn near_gradient(c: Chord, slope: mat2x3f) -> vec2f {
     return -far_gradient(c, slope);
 }
 
-/// dL/du at the far end.
+/// dL/du at the far end, with the tangents there.
 fn far_gradient(c: Chord, slope: mat2x3f) -> vec2f {
     return vec2f(dot(slope[0], c.along), dot(slope[1], c.along)) * c.inverse;
 }

@@ -1,6 +1,7 @@
-// The surface of the coarser levels: metrics, bilinear between nodes, so that an edge has arc length (method §3).
+// The surface on the levels from 1 on: metrics, interpolated bilinearly between nodes; the length of an edge is its arc
+// length (method §3).
 
-/// Per block: (E, F, G) of the pose, per cell squared of this level.
+/// Per block: the metric (xx, xy, yy) of the pose, in cell units of this level.
 @group(0) @binding(6) var<storage, read_write> metric: array<f32>;
 
 struct Sample {
@@ -17,22 +18,22 @@ fn metric_at(b: u32, s: u32) -> vec3f {
 }
 
 fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
-    let whole = floor(u);
-    let part = u - whole;
-    let low = node + vec2i(whole);
+    let cell_offset = floor(u);
+    let fraction = u - cell_offset;
+    let low = node + vec2i(cell_offset);
     var g: array<vec3f, 4>;
     for (var k = 0u; k < 4u; k++) {
         let at = low + vec2i(i32(k & 1u), i32(k >> 1u));
-        let holder = holding(b, at.x, at.y);
+        let holder = block_holding(b, at.x, at.y);
         if holder == NONE {
             return Sample(false, vec3f(), vec3f(), vec3f(), NONE);
         }
         g[k] = metric_at(holder, slot(u32(at.x & 15), u32(at.y & 15)));
     }
-    let south = g[0] + part.x * (g[1] - g[0]);
-    let north = g[2] + part.x * (g[3] - g[2]);
-    let slope_x = (1.0 - part.y) * (g[1] - g[0]) + part.y * (g[3] - g[2]);
-    return Sample(true, south + part.y * (north - south), slope_x, north - south, NONE);
+    let south = g[0] + fraction.x * (g[1] - g[0]);
+    let north = g[2] + fraction.x * (g[3] - g[2]);
+    let slope_x = (1.0 - fraction.y) * (g[1] - g[0]) + fraction.y * (g[3] - g[2]);
+    return Sample(true, south + fraction.y * (north - south), slope_x, north - south, NONE);
 }
 
 fn slopes(b: u32, node: vec2i, u: vec2f, t: u32) -> mat2x3f {
@@ -40,8 +41,9 @@ fn slopes(b: u32, node: vec2i, u: vec2f, t: u32) -> mat2x3f {
     return mat2x3f(sample.slope_x, sample.slope_y);
 }
 
-/// The sample of a node as it is set from outside.
-fn refreshed(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
+/// Samples the metric anew for a displacement that is set from outside. Without a sample, and at fixed nodes, it is the
+/// metric at the node itself.
+fn resampled(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
     if !fixed {
         let sample = sample_surface(b, node, u, NONE);
         if sample.found {
@@ -51,7 +53,8 @@ fn refreshed(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
     return Sample(true, metric_at(b, s), vec3f(), vec3f(), NONE);
 }
 
-/// What the gradients at both ends of an edge share: the metric times d, L, 1 / L and d.
+/// For an edge, the product of metric and offset (`along`), d, L and 1 / L: what the gradients at both ends have in
+/// common.
 struct Chord {
     along: vec2f,
     d: vec2f,
@@ -59,7 +62,7 @@ struct Chord {
     inverse: f32,
 }
 
-/// L = sqrt(d' (G_p + G_n) / 2 d).
+/// L = sqrt(d' G d), with G the mean of the metrics at both ends.
 fn chord(value: vec3f, slope: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Chord {
     let g = (value + other) * 0.5;
     let along = vec2f(g.x * d.x + g.y * d.y, g.y * d.x + g.z * d.y);
@@ -67,7 +70,8 @@ fn chord(value: vec3f, slope: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Ch
     return Chord(along, d, length, 1.0 / length);
 }
 
-/// An end's half of the metric's change along W: a quarter of d' dG/dx d and of d' dG/dy d.
+/// An end's half of the derivative of d' G d by way of the metric: a quarter of (d' dG/dx d, d' dG/dy d). With the
+/// factor 1 / L it is the first term of the gradients in method §3.
 fn half_change(c: Chord, slope: mat2x3f) -> vec2f {
     let squares = vec3f(c.d.x * c.d.x, 2.0 * c.d.x * c.d.y, c.d.y * c.d.y);
     return vec2f(dot(slope[0], squares), dot(slope[1], squares)) * 0.25;

@@ -1,68 +1,71 @@
-// Sets a block's displacements from outside and samples the surface under them anew: the identity, the previous
-// result, or a part of a step. Reads 20 bytes per node and the triangle under it, writes 24.
+// Sets the displacements of blocks and resamples the surface there (method §2, Point location): to the identity, to the
+// previous result, or to a fraction of a step. Per node `identity` reads 8 bytes of constants (4 on coarser levels) and
+// the surface (36 bytes of a triangle on level 0, 12 of metrics elsewhere), and writes 24. In addition, `previous`
+// reads 8 bytes of the result, and `step` 20 of vectors; in the first trial, `step` also reads 8 and writes 8 more.
 
-/// The previous result: two planes per block.
+/// Displacements of the previous result: two planes per block.
 @group(0) @binding(10) var<storage, read> previous_result: array<f32>;
 
-fn put(b: u32, s: u32, u: vec2f) {
+fn resample(b: u32, s: u32, u: vec2f) {
     let fixed = is_fixed(b, s);
-    let found = refreshed(b, node_in_level(b, s), s, u, fixed);
-    let to = state_at(b, 0u, s);
+    let sample = resampled(b, node_in_level(b, s), s, u, fixed);
+    let to = state_index(b, 0u, s);
     state[to] = bitcast<u32>(u.x);
     state[to + NODES] = bitcast<u32>(u.y);
     for (var c = 0u; c < 3u; c++) {
-        state[to + (VALUE + c) * NODES] = bitcast<u32>(found.value[c]);
+        state[to + (VALUE + c) * NODES] = bitcast<u32>(sample.value[c]);
     }
-    state[to + TRIANGLE * NODES] = found.triangle;
+    state[to + TRIANGLE * NODES] = sample.triangle;
 }
 
 @compute @workgroup_size(64)
 fn identity(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
+    let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     for (var colour = 0u; colour < 4u; colour++) {
-        put(b, own_slot(colour, t), vec2f());
+        resample(b, thread_slot(colour, t), vec2f());
     }
 }
 
 @compute @workgroup_size(64)
 fn previous(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
+    let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     for (var colour = 0u; colour < 4u; colour++) {
-        let s = own_slot(colour, t);
+        let s = thread_slot(colour, t);
         let at = 2u * b * NODES + s;
-        put(b, s, vec2f(previous_result[at], previous_result[at + NODES]));
+        resample(b, s, vec2f(previous_result[at], previous_result[at + NODES]));
     }
 }
 
-/// u = what it was before the step, and `factor` of the fraction of the step. The first trial keeps what it was.
+/// Sets u = u0 + `factor` psi phi x (method §7.7): the displacement before the step plus the trial's fraction, times
+/// the chart's step fraction, times the node's step fraction, of the step x. The first trial stores u0.
 @compute @workgroup_size(64)
 fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = choose(group, t);
+    let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     for (var colour = 0u; colour < 4u; colour++) {
-        let s = own_slot(colour, t);
-        let keep = vector_at(b, BEFORE, s);
+        let s = thread_slot(colour, t);
+        let before = vector_index(b, U_BEFORE, s);
         if params.mode == STEP_FIRST_TRIAL {
             let u = displacement(b, s);
-            vectors[keep] = u.x;
-            vectors[keep + NODES] = u.y;
+            vectors[before] = u.x;
+            vectors[before + NODES] = u.y;
         }
-        var u = vec2f(vectors[keep], vectors[keep + NODES]);
+        var u = vec2f(vectors[before], vectors[before + NODES]);
         if params.factor > 0.0 {
-            let x = vector_at(b, STEP, s);
-            // Each round of the step limit wrote the other plane.
+            let x = vector_index(b, STEP, s);
+            // The rounds of the step limit write the two planes alternately.
             let plane = FRACTION + (atomicLoad(&charts[blocks[b].chart].limit_rounds) & 1u);
-            let part = params.factor * charts[blocks[b].chart].fraction;
-            u += part * vectors[vector_at(b, plane, s)] * vec2f(vectors[x], vectors[x + NODES]);
+            let fraction = params.factor * charts[blocks[b].chart].fraction;
+            u += fraction * vectors[vector_index(b, plane, s)] * vec2f(vectors[x], vectors[x + NODES]);
         }
-        put(b, s, u);
+        resample(b, s, u);
     }
 }

@@ -1,3 +1,3 @@
-// A triangle of a tile, for the stages that look at the surface.
+// The triangles of a tile: constants, and the pose (position and tangents) that the kernel `surface` writes.
 
 @group(0) @binding(6) var<storage, read_write> triangles: array<Triangle>;

@@ -34,7 +34,7 @@ fn run_on_gpu(memory: &mut gpu::Memory, job: &Job) -> Result<TileSolution> {
     let summary = job.run(&mut run);
     let blocks_active = run.blocks_active();
     let done = run.finish()?;
-    let summary = Summary { times: done.tally.times(), ..summary };
+    let summary = Summary { times: done.statistics.times(), ..summary };
     Ok(solution(context, job, done, summary, blocks_active))
 }
 
@@ -60,7 +60,7 @@ fn solution(
     blocks_active: u64,
 ) -> TileSolution {
     TileSolution {
-        work: Some(done.tally.work()),
+        work: Some(done.statistics.work()),
         warp: Warp::Gpu(gpu::Displacements::new(context, job.grid.clone(), done.result)),
         charts: done.charts,
         summary,

@@ -1,4 +1,5 @@
-//! The GPUs of this machine: Vulkan, Direct3D 12 and Metal, never GL, whose drivers have no place in render threads.
+//! The GPUs of this machine, by Vulkan, Direct3D 12 and Metal. GL is left out: its drivers are not fit for render
+//! threads.
 
 use super::context::{Context, Options};
 use crate::error::Result;
@@ -8,27 +9,27 @@ use crate::report::AdapterInfo;
 const BACKENDS: wgpu::Backends =
     wgpu::Backends::VULKAN.union(wgpu::Backends::DX12).union(wgpu::Backends::METAL);
 
-/// A GPU's memory is shared with the host and with other programs: what would take more than this share (in percent) of
-/// what the driver says is to be had fails with `OutOfMemory`, before the driver starts to page.
-const MEMORY_SHARE: u8 = 95;
+/// A GPU's memory is shared with the host and with other programs: an allocation by which the use would exceed this
+/// percentage of the budget that the driver states fails with `OutOfMemory`, before the driver starts to page.
+const MEMORY_BUDGET_PERCENT: u8 = 95;
 
-/// What was found: GPUs that can be used, and why others cannot.
+/// The adapters found: those that can be used, and the reasons against the others.
 #[derive(Debug, Default)]
 pub(crate) struct Survey {
-    /// Hardware before software, discrete before integrated; otherwise in the drivers' order.
+    /// Hardware before software, discrete before integrated; otherwise in the order of the drivers.
     pub usable: Vec<wgpu::Adapter>,
-    /// Each with its reason.
-    pub unsuited: Vec<String>,
+    /// Name of each adapter that cannot be used, with the reason.
+    pub rejected: Vec<String>,
 }
 
 impl Survey {
-    /// Looks for GPUs. No driver, or a broken one, is an empty list.
+    /// Enumerates the adapters. Without a driver, or with a broken one, the survey is empty.
     pub fn new() -> Survey {
         let all = contain(|| pollster::block_on(instance().enumerate_adapters(BACKENDS)));
         let mut survey = Survey::default();
         for adapter in all.unwrap_or_default() {
-            match unsuited(&adapter) {
-                Some(why) => survey.unsuited.push(format!("{}, {why}", adapter.get_info().name)),
+            match rejected(&adapter) {
+                Some(why) => survey.rejected.push(format!("{}, {why}", adapter.get_info().name)),
                 None => survey.usable.push(adapter),
             }
         }
@@ -46,18 +47,18 @@ impl Survey {
         self.usable.get(index).map(|adapter| Context::open(adapter, options))
     }
 
-    /// What was found, for a message.
+    /// Lists the adapters found, for an error message.
     pub fn found(&self) -> String {
         let usable = self.usable.iter().map(|adapter| {
             let info = adapter.get_info();
             if is_software(&info) { format!("{}, a software driver", info.name) } else { info.name }
         });
-        let all: Vec<String> = usable.chain(self.unsuited.iter().cloned()).collect();
+        let all: Vec<String> = usable.chain(self.rejected.iter().cloned()).collect();
         if all.is_empty() { "none".to_owned() } else { all.join("; ") }
     }
 }
 
-/// The graphics interfaces that this build looks through.
+/// Names of the graphics interfaces that this build supports.
 pub(crate) fn interfaces() -> String {
     let built = BACKENDS & wgpu::Instance::enabled_backend_features();
     let named = [
@@ -69,7 +70,7 @@ pub(crate) fn interfaces() -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
-/// What a host is told of an adapter.
+/// Describes an adapter to a host.
 pub(super) fn describe(info: &wgpu::AdapterInfo) -> AdapterInfo {
     let driver = format!("{} {}", info.driver, info.driver_info);
     AdapterInfo {
@@ -83,15 +84,15 @@ pub(super) fn describe(info: &wgpu::AdapterInfo) -> AdapterInfo {
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = BACKENDS;
-    // No validation layers, which a debug build would load into the host; nor checks of indirect dispatches, which cost
-    // a dispatch each: the counts are ours.
+    // No validation layers, which a debug build would load into the host; no checks of indirect dispatches, which take
+    // a dispatch each: the arguments are written by this library's own kernel.
     descriptor.flags = wgpu::InstanceFlags::empty();
-    descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_SHARE);
+    descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_BUDGET_PERCENT);
     wgpu::Instance::new(descriptor)
 }
 
-/// Why an adapter cannot be used.
-fn unsuited(adapter: &wgpu::Adapter) -> Option<&'static str> {
+/// Returns the reason why an adapter cannot be used, if there is one.
+fn rejected(adapter: &wgpu::Adapter) -> Option<&'static str> {
     let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
     if !adapter.get_downlevel_capabilities().flags.contains(compute) {
         return Some("which has no compute shaders");
@@ -100,7 +101,7 @@ fn unsuited(adapter: &wgpu::Adapter) -> Option<&'static str> {
     (!enough).then_some("whose limits are under WebGPU's defaults")
 }
 
-/// Anything that does not say that it is hardware.
+/// True unless the adapter states that it is hardware.
 pub(crate) fn is_software(info: &wgpu::AdapterInfo) -> bool {
     rank(info.device_type) > 2
 }
@@ -109,7 +110,7 @@ fn rank(kind: wgpu::DeviceType) -> u8 {
     match kind {
         wgpu::DeviceType::DiscreteGpu => 0,
         wgpu::DeviceType::IntegratedGpu => 1,
-        // A share of a hardware GPU, in a virtual machine.
+        // Part of a hardware GPU, in a virtual machine.
         wgpu::DeviceType::VirtualGpu => 2,
         wgpu::DeviceType::Cpu => 3,
         wgpu::DeviceType::Other => 4,

@@ -1,4 +1,4 @@
-//! Times passes on the GPU with timestamps, where it has them.
+//! Timing of compute passes with the GPU's timestamps, where it has them.
 
 use super::context::Context;
 use crate::error::Result;
@@ -14,7 +14,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// A query pair for the next pass; `None` where there are no timestamps.
+    /// Returns a pair of queries for the next pass (query set, index of the first one); `None` without timestamps.
     pub fn next(&mut self, context: &Context) -> Option<(wgpu::QuerySet, u32)> {
         if !context.timestamps {
             return None;
@@ -36,7 +36,7 @@ impl Clock {
         Ok((context.contain(|| context.device.create_query_set(&descriptor))?, buffer))
     }
 
-    /// Encodes what makes the times readable; gives the buffers and their bytes in use.
+    /// Encodes the resolution of all queries. Returns the buffers with the timestamps, and their bytes in use.
     pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) -> Vec<(wgpu::Buffer, u64)> {
         let mut left = 2 * self.passes;
         let mut used = Vec::new();
@@ -51,12 +51,12 @@ impl Clock {
         used
     }
 
-    /// Begins anew.
+    /// Forgets all passes, for the next solve.
     pub fn reset(&mut self) {
         self.passes = 0;
     }
 
-    /// Milliseconds of each pass from the bytes of the resolved buffers.
+    /// Returns the milliseconds of each pass from the bytes of the resolved buffers.
     pub fn milliseconds(context: &Context, bytes: &[u8]) -> Vec<f32> {
         let period = f64::from(context.queue.get_timestamp_period());
         let tick = |bytes: &[u8]| bytes.try_into().map_or(0, u64::from_le_bytes);

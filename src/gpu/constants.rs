@@ -1,4 +1,4 @@
-//! What does not depend on the pose, as the shaders see it: blocks, nodes, triangles.
+//! The constants of a grid, which do not depend on the pose, in the layout of the shaders: blocks, nodes, triangles.
 
 use super::bands::Band;
 use super::layout::{BlockRecord, NODE_PLANES, Triangle};
@@ -7,12 +7,12 @@ use crate::tile::blocks::NODES;
 use crate::tile::codes::of_share;
 use crate::tile::{Grid, Level};
 
-/// The blocks of a band, as the shaders see them.
+/// Records of the blocks that a band of level `k` holds.
 pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<BlockRecord> {
     let level = &grid.levels[k];
     let list = &level.blocks.list;
-    let above = bands.get(k + 1).map(|bands| &bands[band.above]);
-    let below = k.checked_sub(1).map(|k| &bands[k][band.below.clone()]);
+    let coarser = bands.get(k + 1).map(|bands| &bands[band.coarser]);
+    let finer = k.checked_sub(1).map(|k| &bands[k][band.finer.clone()]);
     band.held
         .clone()
         .map(|b| {
@@ -21,7 +21,7 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
             let active = neighbours.map(|b| if b != NONE && list[b as usize].active { b } else { NONE });
             let children = level.children[b].map(|child| {
                 let band =
-                    below.and_then(|bands| bands.iter().find(|band| band.own.contains(&(child as usize))));
+                    finer.and_then(|bands| bands.iter().find(|band| band.owned.contains(&(child as usize))));
                 band.map_or(NONE, |band| band.place(child))
             });
             let chart = level.blocks.of_chart[block.chart as usize].clone();
@@ -33,7 +33,7 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
                 x: block.x,
                 y: block.y,
                 is_active: u32::from(block.active),
-                parent: above.map_or(NONE, |above| above.place(level.parent[b])),
+                parent: coarser.map_or(NONE, |coarser| coarser.place(level.parent[b])),
                 children,
                 chart_first: (first - band.held.start) as u32,
                 chart_count: (end - first) as u32,
@@ -43,7 +43,7 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
         .collect()
 }
 
-/// What the nodes of a band's blocks have for good.
+/// The constants of the nodes of the blocks that a band holds: `NODE_PLANES` planes per block.
 pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
     let mut all = Vec::with_capacity(band.held.len() * NODE_PLANES * NODES);
     for b in band.held.clone() {
@@ -66,6 +66,7 @@ pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> 
     all
 }
 
+/// The triangles, with poses of 0.
 pub fn triangles(grid: &Grid) -> Vec<Triangle> {
     grid.triangles
         .iter()
@@ -83,7 +84,7 @@ pub fn triangles(grid: &Grid) -> Vec<Triangle> {
         .collect()
 }
 
-/// Per triangle, the places of its vertices among those of all charts.
+/// Per triangle, the indices of its three vertices among the vertices of all charts.
 pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
     let mut first_vertex = Vec::with_capacity(tile.charts.len());
     let mut vertices = 0u32;

@@ -1,8 +1,8 @@
-//! An open GPU: wgpu's device and queue, what they can do, and what has gone wrong on them.
+//! An open GPU: wgpu's device and queue, their capabilities, and the errors that occurred on them.
 //!
-//! wgpu tells of errors by callbacks, on the thread that made the call, or (`poll` on a lost device) by a panic. Here
-//! all of it becomes an [`Error`]: after a batch of wgpu calls, [`Context::check`] on the same thread says what came of
-//! them. An open GPU holds driver threads; they end with it.
+//! wgpu reports errors by callbacks, on the thread that made the call, or (`poll` on a lost device) by a panic. This
+//! module turns all of them into an [`Error`]: after a batch of wgpu calls, [`Context::check`] on the same thread
+//! returns their first error. An open GPU holds driver threads, which end with it.
 
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,12 +20,12 @@ use crate::report::AdapterInfo;
 /// How a GPU is opened.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Options {
-    /// With WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature, instead of what
-    /// the adapter has: for tests, and to tell a driver's defect from ours.
+    /// With WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature, instead of those
+    /// of the adapter: for tests, and to tell a driver's defect from ours.
     pub webgpu_limits: bool,
-    /// Some stages run on the CPU: for support.
+    /// Runs some stages on the CPU: for support.
     pub switch: Option<Switch>,
-    /// Most blocks of one buffer, if fewer than bindings hold: for tests of bands.
+    /// Most blocks that a band may hold, if fewer than fit into a binding: for tests of bands.
     pub band: Option<usize>,
 }
 
@@ -33,64 +33,64 @@ pub(crate) struct Options {
 #[derive(Debug)]
 pub(crate) struct Context {
     pub device: wgpu::Device,
-    /// Dropped by hand: it waits for what was submitted, and panics if that fails.
+    /// Dropped by hand: dropping waits for submitted work, and panics if that fails.
     pub queue: ManuallyDrop<wgpu::Queue>,
     pub adapter: wgpu::AdapterInfo,
     pub limits: wgpu::Limits,
     pub options: Options,
-    /// True if passes can be timed on the device.
+    /// True if the device can time passes.
     pub timestamps: bool,
     pub pipelines: Pipelines,
     time_kernels: AtomicBool,
-    trouble: Arc<Trouble>,
+    error_log: Arc<ErrorLog>,
 }
 
-/// Bytes of a buffer for `size` bytes.
+/// Size of a buffer that has to hold `size` bytes.
 pub fn padded(size: u64) -> u64 {
     size.max(16).next_multiple_of(16)
 }
 
-/// What went wrong since the last look.
+/// The errors since the last check.
 #[derive(Debug, Default)]
-struct Trouble {
-    /// Why the device is gone.
+struct ErrorLog {
+    /// The reason why the device was lost.
     lost: Mutex<Option<String>>,
-    /// Errors that no scope caught, each with the thread whose call it was: assets are solved side by side, and an
+    /// Errors that no error scope caught, each with the thread whose call it was: assets are solved in parallel, and an
     /// error of one must not be taken for another's.
     errors: Mutex<Vec<(ThreadId, Error)>>,
 }
 
-/// Errors kept for threads that never look.
-const MOST_ERRORS: usize = 64;
+/// Most errors kept, as some threads may never check.
+const MAX_ERRORS: usize = 64;
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// wgpu explains over several lines.
+/// Joins the lines of wgpu's messages.
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-impl Trouble {
-    fn keep_loss(&self, why: &str) {
+impl ErrorLog {
+    fn record_loss(&self, why: &str) {
         let why = if why.trim().is_empty() { "it was destroyed".to_owned() } else { one_line(why) };
         lock(&self.lost).get_or_insert(why);
     }
 
-    fn keep(&self, error: &wgpu::Error) {
+    fn record(&self, error: &wgpu::Error) {
         let kind = match error {
             wgpu::Error::OutOfMemory { .. } => ErrorKind::OutOfMemory,
             wgpu::Error::Validation { .. } | wgpu::Error::Internal { .. } => ErrorKind::Internal,
         };
         let mut errors = lock(&self.errors);
-        if errors.len() < MOST_ERRORS {
+        if errors.len() < MAX_ERRORS {
             let error = Error::new(kind, format!("the GPU: {}", one_line(&error.to_string())));
             errors.push((thread::current().id(), error));
         }
     }
 
-    /// This thread's first error; the others, which follow from it, are forgotten.
+    /// Takes this thread's first error; its other errors, which follow from the first one, are discarded.
     fn take(&self) -> Option<Error> {
         let mut errors = lock(&self.errors);
         if errors.is_empty() {
@@ -118,7 +118,7 @@ impl Context {
             label: Some("vrtm"),
             required_features: features,
             required_limits: limits.clone(),
-            // The host renders on the same GPU: small blocks, given back early.
+            // The host renders on the same GPU: memory is taken in small blocks and given back early.
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
         };
@@ -132,16 +132,26 @@ impl Context {
         let (device, queue) = contain(|| pollster::block_on(adapter.request_device(&descriptor)))
             .map_err(refused)?
             .map_err(|error| refused(error.to_string()))?;
-        let trouble = Arc::new(Trouble::default());
-        let kept = trouble.clone();
-        device.set_device_lost_callback(move |_, why| kept.keep_loss(&why));
-        let kept = trouble.clone();
-        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| kept.keep(&error)));
+        let error_log = Arc::new(ErrorLog::default());
+        let log = error_log.clone();
+        device.set_device_lost_callback(move |_, why| log.record_loss(&why));
+        let log = error_log.clone();
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| log.record(&error)));
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let queue = ManuallyDrop::new(queue);
         let (adapter, pipelines) = (adapter.get_info(), Pipelines::default());
         let time_kernels = AtomicBool::new(false);
-        Ok(Context { device, queue, adapter, limits, options, timestamps, pipelines, time_kernels, trouble })
+        Ok(Context {
+            device,
+            queue,
+            adapter,
+            limits,
+            options,
+            timestamps,
+            pipelines,
+            time_kernels,
+            error_log,
+        })
     }
 
     /// What a host is told of the adapter.
@@ -149,20 +159,20 @@ impl Context {
         describe(&self.adapter)
     }
 
-    /// True if each dispatch has a pass of its own, so that each kernel's time is known.
+    /// True if each dispatch has a pass of its own, so that each kernel is timed.
     pub fn times_kernels(&self) -> bool {
         self.time_kernels.load(Ordering::Relaxed)
     }
 
-    /// Times each kernel by itself from now on, which costs some time.
+    /// Sets whether each kernel is timed by itself from now on, which costs some time.
     #[cfg(feature = "oracle")]
     pub fn time_kernels(&self, yes: bool) {
         self.time_kernels.store(yes, Ordering::Relaxed);
     }
 
-    /// `DeviceLost` if the GPU went away.
+    /// Returns `DeviceLost` if the device was lost.
     pub fn alive(&self) -> Result<()> {
-        match &*lock(&self.trouble.lost) {
+        match &*lock(&self.error_log.lost) {
             Some(why) => Err(Error::new(
                 ErrorKind::DeviceLost,
                 format!("the GPU {} is lost: {why}; make a new device and new assets", self.adapter.name),
@@ -171,13 +181,13 @@ impl Context {
         }
     }
 
-    /// The first error of this thread's calls since its last check: `DeviceLost`, `OutOfMemory`, or `Internal` for what
-    /// wgpu's validation rejects.
+    /// Returns the first error of this thread's calls since its last check: `DeviceLost`, `OutOfMemory`, or `Internal`
+    /// for calls that wgpu's validation rejects.
     pub fn check(&self) -> Result<()> {
-        let error = self.trouble.take();
+        let error = self.error_log.take();
         self.alive()?;
         let Some(error) = error else { return Ok(()) };
-        // A device that goes away rejects calls before it says that it is lost: it gets a moment to say so.
+        // A device that is being lost rejects calls before it reports its loss: wait a moment for the report.
         for _ in 0..if error.kind == ErrorKind::Internal { 20 } else { 0 } {
             let _ = contain(|| self.device.poll(wgpu::PollType::Poll));
             self.alive()?;
@@ -186,31 +196,31 @@ impl Context {
         Err(error)
     }
 
-    /// Runs wgpu calls that may panic where they should fail, and checks.
+    /// Runs wgpu calls that may panic where they should fail, and checks for errors.
     pub fn contain<R>(&self, body: impl FnOnce() -> R) -> Result<R> {
         let outcome = contain(body);
         self.check()?;
         outcome.map_err(|why| Error::new(ErrorKind::Internal, format!("the GPU: {}", one_line(&why))))
     }
 
-    /// Submits what was encoded, in order, as one submission.
+    /// Submits encoded commands, in order, as one submission.
     pub fn submit(&self, encoders: impl IntoIterator<Item = wgpu::CommandEncoder>) -> Result<()> {
         self.contain(|| {
             let _ = self.queue.submit(encoders.into_iter().map(wgpu::CommandEncoder::finish));
         })
     }
 
-    /// Waits for all work that was submitted.
+    /// Waits for all submitted work.
     pub fn wait(&self) -> Result<()> {
         self.contain(|| self.device.poll(wgpu::PollType::wait_indefinitely()))?
             .map(drop)
             .map_err(|error| Error::new(ErrorKind::Internal, format!("the GPU: {error}")))
     }
 
-    /// Gives the memory of dropped buffers back that finished work does not need any more; waits for nothing. Call it
-    /// after dropping a tile's or an asset's buffers.
+    /// Gives back the memory of dropped buffers that only finished work used; waits for nothing. To be called after a
+    /// tile's or an asset's buffers are dropped.
     pub fn reclaim(&self) {
-        // Whatever goes wrong here is met again by the next call that has a result.
+        // An error here occurs again in the next call that returns a result.
         let _ = contain(|| self.device.poll(wgpu::PollType::Poll));
     }
 
@@ -234,14 +244,14 @@ impl Context {
                 if !short_of_memory(&error) {
                     return Err(error);
                 }
-                // Dropped buffers may wait for work that is under way.
+                // Dropped buffers may still be in use by submitted work.
                 self.wait()?;
                 make()
             })
             .map_err(|error| if short_of_memory(&error) { short("out of memory") } else { error })
     }
 
-    /// Destroys the GPU's device, as if it went away: for tests.
+    /// Destroys the GPU's device, as if it were lost: for tests.
     #[cfg(feature = "oracle")]
     pub fn lose(&self) {
         self.device.destroy();
@@ -252,7 +262,7 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
-        // SAFETY: the queue is not used again: this is the end of its owner.
+        // SAFETY: the queue is not used again: its owner is being dropped.
         let _ = contain(|| unsafe { ManuallyDrop::drop(&mut self.queue) });
     }
 }

@@ -21,11 +21,11 @@ impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
         self.select(if correction.first { SELECT_FIRST_CORRECTION } else { SELECT_LATER_CORRECTION });
         self.open_gate(GateSet::Correction, 0);
-        let correcting = self.gate;
+        let correction_gate = self.gate;
         self.energy(level, DECIDE_BEFORE, None);
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
-        self.each_active(kernel, level, self.at_level(level), Some(BandBuffer::Rows));
-        // The coarser systems of the first correction precondition the next ones well enough.
+        self.dispatch_active(kernel, level, self.at_level(level), Some(BandBuffer::Rows));
+        // Further corrections use the coarser systems of the first one: these precondition well enough.
         if correction.first {
             for k in level + 1..self.grid.levels.len() {
                 self.galerkin(k);
@@ -33,19 +33,19 @@ impl Run<'_> {
         }
         self.conjugate_gradients(level);
         self.limit_step(level);
-        self.gate = correcting;
+        self.gate = correction_gate;
         for (n, factor) in TRIAL_FRACTIONS.into_iter().chain([0.0]).enumerate() {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
             let mode = if n == 0 { STEP_FIRST_TRIAL } else { STEP_LATER_TRIAL };
             let params = Params { factor, mode, ..self.at_level(level) };
-            self.each_active(kernel, level, params, Some(BandBuffer::State));
+            self.dispatch_active(kernel, level, params, Some(BandBuffer::State));
             self.relax_level(level, correction.sweeps, RELAX_FRACTION);
-            // The last trial is relaxation alone.
+            // The last trial has a fraction of 0: it is relaxation alone.
             let last = n == TRIAL_FRACTIONS.len();
             let decision = if last { DECIDE_LAST_TRIAL } else { DECIDE_TRIAL };
             self.energy(level, decision, Some(correction));
             if n == 0 {
-                // Nearly always all charts take the whole step.
+                // Nearly always all charts accept the whole step.
                 self.open_gate(GateSet::Trial, 0);
             }
         }
@@ -53,20 +53,20 @@ impl Run<'_> {
         self.select(SELECT_ALL);
     }
 
-    /// The system of level `k` from the next finer one's.
+    /// Forms the system of level `k` from that of the next finer level (method §7.4).
     fn galerkin(&mut self, k: usize) {
         let together = self.memory.buffers[k - 1][0].base.is_some();
         for band in 0..self.memory.bands[k].len() {
-            for (n, below) in self.memory.bands[k][band].below.clone().enumerate() {
-                let fine = &self.memory.buffers[k - 1][below];
+            for (n, finer_band) in self.memory.bands[k][band].finer.clone().enumerate() {
+                let fine = &self.memory.buffers[k - 1][finer_band];
                 let params = Params { other_base: fine.base.unwrap_or(0), ..self.params };
-                let (kernel, own) = if together {
+                let (kernel, extra) = if together {
                     (Kernel::GalerkinTogether, vec![fine.blocks.clone()])
                 } else {
                     (Kernel::Galerkin, vec![fine.blocks.clone(), fine.rows.clone()])
                 };
-                let over = self.memory.lists[k][band].active_over[n];
-                self.run_list(kernel, [k, band], &own, over, params);
+                let active = self.memory.lists[k][band].active_by_finer_band[n];
+                self.dispatch_list(kernel, [k, band], &extra, active, params);
             }
         }
         self.exchange(k, BandBuffer::Rows);
@@ -79,15 +79,15 @@ impl Run<'_> {
             self.reduce(Kernel::ResidualDot, level, self.params, decision);
             let params = Params { mode, ..self.params };
             if mode > 0 {
-                self.each_active(Kernel::Direction, level, params, Some(BandBuffer::Vectors));
+                self.dispatch_active(Kernel::Direction, level, params, Some(BandBuffer::Vectors));
             }
             self.reduce(Kernel::Curvature, level, self.params, DECIDE_STEP_LENGTH);
             let last = mode + 1 == CG_ITERATIONS;
-            self.each_active(Kernel::Advance, level, params, last.then_some(BandBuffer::Vectors));
+            self.dispatch_active(Kernel::Advance, level, params, last.then_some(BandBuffer::Vectors));
         }
     }
 
-    /// A V-cycle: direction = M⁻¹ residual on `level`.
+    /// Dispatches a V-cycle: direction = M⁻¹ residual on `level` (method §7.4).
     fn precondition(&mut self, level: usize) {
         let coarsest = self.grid.levels.len() - 1;
         let first_coarse = self.memory.coarse.as_ref().map(|coarse| coarse.levels.first);
@@ -115,50 +115,50 @@ impl Run<'_> {
     fn smooth(&mut self, k: usize, mode: u32) {
         let params = Params { mode, sweeps: SMOOTHER_SWEEPS, ..self.params };
         self.each_colour(k, mode == SMOOTH_BACKWARDS, BandBuffer::Vectors, |run, band, list| {
-            run.run_list(Kernel::SmoothDirection, [k, band], &[], list, params);
+            run.dispatch_list(Kernel::SmoothDirection, [k, band], &[], list, params);
         });
     }
 
-    /// The right-hand side of level `k + 1` from the residual of level `k`.
+    /// Computes the right-hand side of level `k + 1` from the residual of level `k`.
     fn restrict(&mut self, k: usize) {
         for band in 0..self.memory.bands[k].len() {
-            let coarse = &self.memory.buffers[k + 1][self.memory.bands[k][band].above];
+            let coarse = &self.memory.buffers[k + 1][self.memory.bands[k][band].coarser];
             let params = Params { other_base: coarse.base.unwrap_or(0), ..self.params };
-            let own = [coarse.nodes.clone(), coarse.vectors.clone()];
+            let extra = [coarse.nodes.clone(), coarse.vectors.clone()];
             let active = self.memory.lists[k][band].active;
-            self.run_list(Kernel::Restrict, [k, band], &own, active, params);
+            self.dispatch_list(Kernel::Restrict, [k, band], &extra, active, params);
         }
     }
 
-    /// Takes the correction of level `k + 1` in, and smooths.
+    /// Adds the interpolated direction of level `k + 1` to that of level `k`, and smooths it.
     fn multigrid_up(&mut self, k: usize) {
         self.each_colour(k, true, BandBuffer::Vectors, |run, band, list| {
-            let coarse = &run.memory.buffers[k + 1][run.memory.bands[k][band].above];
+            let coarse = &run.memory.buffers[k + 1][run.memory.bands[k][band].coarser];
             let params =
                 Params { sweeps: SMOOTHER_SWEEPS, other_base: coarse.base.unwrap_or(0), ..run.params };
-            let own = [coarse.blocks.clone(), coarse.vectors.clone()];
-            run.run_list(Kernel::MultigridUp, [k, band], &own, list, params);
+            let extra = [coarse.blocks.clone(), coarse.vectors.clone()];
+            run.dispatch_list(Kernel::MultigridUp, [k, band], &extra, list, params);
         });
     }
 
-    /// The V-cycle from coarse level `top` down.
+    /// Dispatches the part of the V-cycle on the coarse levels, from the `top`-th of them on.
     fn coarse_cycle(&mut self, top: usize) {
         let Some(coarse) = &self.memory.coarse else { return };
         let count = coarse.levels.bases.len() as u32;
         let params = Params { mode: top as u32, count, sweeps: SMOOTHER_SWEEPS, ..self.params };
         let bytes = coarse.levels.bytes_moved(self.grid, coarse.levels.first + top);
-        let own = [coarse.blocks.clone(), coarse.lists.clone()];
-        // Any of these levels: their rows and vectors are the same buffers.
+        let extra = [coarse.blocks.clone(), coarse.lists.clone()];
+        // Any of these levels will do: all have the same buffers of rows and vectors.
         let at = [coarse.levels.first, 0];
-        let size = self.gated(0, params.items);
-        self.dispatch(Kernel::MultigridCoarse, at, &own, &params, size, bytes);
+        let size = self.dispatch_size(0, params.items);
+        self.dispatch(Kernel::MultigridCoarse, at, &extra, &params, size, bytes);
     }
 
-    /// Sets the step fraction of each node.
+    /// Computes the step fraction of each node (method §7.6).
     fn limit_step(&mut self, level: usize) {
-        self.each_active(Kernel::FirstFractions, level, self.params, Some(BandBuffer::Vectors));
+        self.dispatch_active(Kernel::FirstFractions, level, self.params, Some(BandBuffer::Vectors));
         self.open_gate(GateSet::StepLimit, GATE_LIMITED);
-        // A dispatch does `FALLOFF_PASSES` passes; the first ones shrink nothing.
+        // A dispatch does `FALLOFF_PASSES` passes of the falloff; the first dispatches shrink no fractions.
         let falloffs = FIRST_FALLOFF_PASSES / FALLOFF_PASSES;
         for mode in 0..falloffs + LIMIT_ROUNDS {
             let factor = if mode < falloffs {
@@ -170,9 +170,9 @@ impl Run<'_> {
             };
             let params = Params { mode, factor, ..self.params };
             if mode >= falloffs {
-                self.each_active(Kernel::MarkFolds, level, params, Some(BandBuffer::Vectors));
+                self.dispatch_active(Kernel::MarkFolds, level, params, Some(BandBuffer::Vectors));
             }
-            self.each_active(Kernel::ShrinkFractions, level, params, Some(BandBuffer::Vectors));
+            self.dispatch_active(Kernel::ShrinkFractions, level, params, Some(BandBuffer::Vectors));
         }
     }
 }

@@ -1,8 +1,9 @@
-//! `shaders/generated.wgsl`: the constants and structs that Rust and WGSL share, written from their declarations in Rust. The
-//! file is committed, so that the shaders can be read and checked by themselves; a test compares it with the declarations.
+//! `shaders/generated.wgsl`: the constants and structs that Rust and WGSL share, written from their declarations in
+//! Rust. The file is committed, so that the shaders can be read and checked by themselves; a test compares it with the
+//! declarations.
 
-/// Declares structs of public fields that WGSL has, too, and for tests a function
-/// `struct_declarations` that lists them. A type that WGSL has another name for follows `as`.
+/// Declares structs of public fields that WGSL has, too, and for tests a function `struct_declarations` that lists
+/// them. `as` precedes the name of a field's type in WGSL if it differs.
 macro_rules! structs {
     ($($(#[doc = $doc:literal])+ $(#[derive($derive:ident)])? pub struct $struct:ident {
         $($(#[doc = $field_doc:literal])* $field:ident: $ty:ty $(as $wgsl:literal)?,)+
@@ -25,7 +26,7 @@ macro_rules! structs {
                 vec![$((
                     &[$($field_doc),*],
                     stringify!($field),
-                    // The first one counts.
+                    // The name after `as` comes first and takes precedence.
                     [$($wgsl.to_owned(),)? <$ty as WgslType>::name()].into_iter().next().unwrap_or_default(),
                 )),+],
             )),+]
@@ -45,7 +46,7 @@ mod text {
     use crate::method::constants::Declaration;
     use crate::method::law;
 
-    /// A type of a struct's field, as WGSL names it.
+    /// The name in WGSL of a field's type.
     pub trait WgslType {
         fn name() -> String;
     }
@@ -68,13 +69,13 @@ mod text {
         }
     }
 
-    /// A struct's field: its comment's lines, its name, its type in WGSL.
+    /// A field: lines of its comment, name, type in WGSL.
     pub type Field = (&'static [&'static str], &'static str, String);
 
-    /// A struct: its comment's lines, its name, its fields.
+    /// A struct: lines of its comment, name, fields.
     pub type Struct = (&'static [&'static str], &'static str, Vec<Field>);
 
-    /// The file's text.
+    /// The text of `shaders/generated.wgsl`.
     pub fn text() -> String {
         let mut text =
             String::from("// Written from src/method/law.rs and src/gpu/layout.rs. Change those, then\n");

@@ -1,5 +1,5 @@
-//! A run's state, read and set from outside: for the comparison with the other backend, and for the switch to it.
-//! Every call submits what was recorded; reading waits for it.
+//! Reading and setting a run's state from outside, for the comparison with the other backend and for switching to it.
+//! Every call submits the commands recorded so far; calls that read wait for them.
 
 #[cfg(feature = "oracle")]
 use super::kernels::Kernel;
@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::tile::blocks::{NODES, Plane};
 
 impl Run<'_> {
-    /// Per pose triangle: position at the first corner, df/dx, df/dy.
+    /// Per triangle in the pose: position of the first corner, df/dx, df/dy.
     pub fn triangles(&mut self) -> Result<Vec<[f32; 9]>> {
         Ok(self.all_triangles()?.iter().map(|t| t.pose).collect())
     }
@@ -31,7 +31,7 @@ impl Run<'_> {
         Ok(bytemuck::pod_collect_to_vec(&self.context.read(&self.memory.triangles, 0..bytes)?))
     }
 
-    /// What is decided about the charts.
+    /// The records of the charts.
     pub fn chart_records(&mut self) -> Result<Vec<Chart>> {
         self.recorder.flush();
         let bytes = (self.charts.len() * size_of::<Chart>()) as u64;
@@ -43,12 +43,12 @@ impl Run<'_> {
         self.upload(&self.memory.charts, 0, records)
     }
 
-    /// Makes all charts of this solve take part in what comes next, as `surface` does.
+    /// Lets all charts of this solve take part in the stages that follow, as `surface` does.
     pub fn select_all(&mut self) {
         self.select(SELECT_ALL);
     }
 
-    /// The pose's metric on a coarser level: three planes per block.
+    /// The metrics of the pose on a level from 1 on: three planes per block.
     pub fn metric(&mut self, level: usize) -> Result<Vec<u32>> {
         self.read(level, BandBuffer::Metric)
     }
@@ -74,22 +74,22 @@ impl Run<'_> {
     #[cfg(feature = "oracle")]
     pub fn energies_of(&mut self, level: usize) -> Result<Vec<f64>> {
         self.energy(level, DECIDE_ENERGY, None);
-        // What has no energy is infinite on the CPU.
+        // The energy of an invalid state is infinite on the CPU.
         let energy = |x: f32| if x < INVALID_ENERGY { f64::from(x) } else { f64::INFINITY };
         Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collect())
     }
 
-    /// Assembles a level's system for its present state. Gives its rows and right-hand side.
+    /// Assembles a level's system for its present state. Returns its rows and its right-hand side.
     #[cfg(feature = "oracle")]
     pub fn assembled(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         self.select_all();
-        self.each_active(kernel, level, self.at_level(level), Some(BandBuffer::Rows));
+        self.dispatch_active(kernel, level, self.at_level(level), Some(BandBuffer::Rows));
         let vectors = self.read(level, BandBuffer::Vectors)?;
-        Ok([self.rows(level)?, choose(&vectors, RESIDUAL)])
+        Ok([self.rows(level)?, vector_planes(&vectors, RESIDUAL)])
     }
 
-    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (16), interpolation's
+    /// A level's system, in planes per block: the diagonal (3), the pairs of the owned edges (8), the interpolation's
     /// weights (1).
     #[cfg(feature = "oracle")]
     pub fn rows(&mut self, level: usize) -> Result<Vec<u32>> {
@@ -102,27 +102,27 @@ impl Run<'_> {
         let vectors = self.read(level, BandBuffer::Vectors)?;
         let records = self.chart_records()?;
         let list = &self.grid.levels[level].blocks.list;
-        // Each round of the step limit writes the other plane.
+        // The rounds of the step limit write the two planes alternately.
         let plane = |b: usize| FRACTION + (records[list[b].chart as usize].limit_rounds & 1) as usize;
         let fraction =
             (0..list.len()).flat_map(|b| vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES].to_vec());
-        Ok([choose(&vectors, STEP), fraction.collect()])
+        Ok([vector_planes(&vectors, STEP), fraction.collect()])
     }
 
-    /// All planes of a level's buffers, in the order of its blocks.
+    /// Reads all planes of one of a level's buffers, in the order of its blocks.
     fn read(&mut self, level: usize, what: BandBuffer) -> Result<Vec<u32>> {
         self.recorder.flush();
         let mut all = Vec::new();
         for (n, band) in self.memory.bands[level].iter().enumerate() {
             let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
             let at = |b: usize| (base + b - band.held.start) as u64 * planes * PLANE;
-            let bytes = self.context.read(&buffer, at(band.own.start)..at(band.own.end))?;
+            let bytes = self.context.read(&buffer, at(band.owned.start)..at(band.owned.end))?;
             all.extend(bytemuck::pod_collect_to_vec::<u8, u32>(&bytes));
         }
         Ok(all)
     }
 
-    /// Sets them, copies for other bands included.
+    /// Writes all planes of one of a level's buffers, copies that other bands hold included.
     fn write(&mut self, level: usize, what: BandBuffer, bits: &[u32]) -> Result<()> {
         self.recorder.flush();
         for (n, band) in self.memory.bands[level].iter().enumerate() {
@@ -138,7 +138,7 @@ impl Run<'_> {
         self.context.contain(|| self.context.queue.write_buffer(buffer, offset, bytemuck::cast_slice(data)))
     }
 
-    /// A band's buffer, its planes per block, and its first block there.
+    /// Returns a band's buffer, its planes per block, and the number of the band's first block in it.
     fn buffer(&self, level: usize, band: usize, what: BandBuffer) -> Option<(wgpu::Buffer, u64, usize)> {
         let buffers = &self.memory.buffers[level][band];
         let base = buffers.base.unwrap_or(0) as usize;
@@ -153,9 +153,9 @@ impl Run<'_> {
     }
 }
 
-/// A pair of planes of all vectors, per block.
+/// Two planes of the vectors, `first` and the next one, per block.
 #[cfg(feature = "oracle")]
-fn choose(vectors: &[u32], first: usize) -> Vec<u32> {
+fn vector_planes(vectors: &[u32], first: usize) -> Vec<u32> {
     let pair = first * NODES..(first + 2) * NODES;
     vectors.chunks(VECTOR_PLANES * NODES).flat_map(|block| block[pair.clone()].to_vec()).collect()
 }

@@ -1,5 +1,5 @@
-//! invert: W⁻¹ at texel centres, from a result's buffers into host memory. What can fail is done before the first texel
-//! is handed out.
+//! invert: W⁻¹ at texel centres (method §9), from a result's buffers into host memory. All steps that can fail come
+//! before the first texel is handed out, except for mapping the staging buffers.
 
 use std::num::NonZeroU64;
 use std::ops::Range;
@@ -12,80 +12,81 @@ use super::results::Displacements;
 use crate::error::Result;
 
 /// Bytes of a texel on the device: two f32.
-const TEXEL: u64 = 8;
-/// Most bytes of an image that are bound at once: more would only take memory from others.
-const LARGEST: u64 = 1 << 28;
+const TEXEL_BYTES: u64 = 8;
+/// Most bytes of an image that are bound at once: larger bindings would only take memory from other programs.
+const MAX_BINDING: u64 = 1 << 28;
 /// Bytes between two requests: WebGPU's largest alignment of storage bindings.
 const STRIDE: usize = 256;
-/// Most workgroups that share a block: enough for images far finer than the grid.
-const PARTS: usize = 64;
+/// Most workgroups per block: enough for images far finer than the grid.
+const MAX_WORKGROUPS_PER_BLOCK: usize = 64;
 
-/// What images go through on their way to the host, kept from one fetch to the next.
+/// Buffers through which images reach the host, kept from one fetch to the next.
 #[derive(Debug)]
 pub(crate) struct Output {
     context: Arc<Context>,
     /// Most bytes of the image that are bound at once.
-    most: u64,
-    /// A band of rows, as the device writes it.
+    max_binding: u64,
+    /// One band of texel rows, which the device writes.
     image: wgpu::Buffer,
-    /// All bands, where the host can read them.
+    /// All bands of texel rows, in buffers that the host can map.
     staging: Vec<wgpu::Buffer>,
 }
 
-fn most(context: &Context) -> u64 {
+fn max_binding(context: &Context) -> u64 {
     let limits = &context.limits;
-    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(LARGEST)
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(MAX_BINDING)
 }
 
-/// The bands of rows of an image.
-fn bands(most: u64, size: [usize; 2]) -> impl Iterator<Item = Range<usize>> {
-    let rows = ((most / TEXEL) as usize / size[0]).clamp(1, size[1]);
+/// Divides the texel rows of an image into bands.
+fn bands(max_binding: u64, size: [usize; 2]) -> impl Iterator<Item = Range<usize>> {
+    let rows = ((max_binding / TEXEL_BYTES) as usize / size[0]).clamp(1, size[1]);
     (0..size[1]).step_by(rows).map(move |row| row..(row + rows).min(size[1]))
 }
 
 fn band_bytes(rows: &Range<usize>, size: [usize; 2]) -> u64 {
-    (rows.len() * size[0]) as u64 * TEXEL
+    (rows.len() * size[0]) as u64 * TEXEL_BYTES
 }
 
 impl Output {
-    /// True if images of this size can be written: a binding has to hold a row, and its floats each texel's number.
+    /// True if images of this size can be written: a binding has to hold a row, and no side may exceed 2^20 texels, so
+    /// that f32 resolves texels.
     pub fn suits(context: &Context, size: [usize; 2]) -> bool {
-        size[0] as u64 * TEXEL <= most(context) && size.iter().all(|&n| n <= 1 << 20)
+        size[0] as u64 * TEXEL_BYTES <= max_binding(context) && size.iter().all(|&n| n <= 1 << 20)
     }
 
-    /// Bytes that `new` takes for a size.
+    /// Bytes that `new` allocates for an image size.
     pub fn bytes_for(context: &Context, size: [usize; 2]) -> u64 {
-        let largest = bands(most(context), size).next().map_or(0, |rows| band_bytes(&rows, size));
-        largest + (size[0] * size[1]) as u64 * TEXEL
+        let largest = bands(max_binding(context), size).next().map_or(0, |rows| band_bytes(&rows, size));
+        largest + (size[0] * size[1]) as u64 * TEXEL_BYTES
     }
 
-    /// Allocates for a size.
+    /// Allocates the buffers for an image size.
     pub fn new(context: &Arc<Context>, size: [usize; 2]) -> Result<Output> {
-        Output::banded(context, size, most(context))
+        Output::with_max_binding(context, size, max_binding(context))
     }
 
-    /// The same with bands of at most so many bytes.
-    fn banded(context: &Arc<Context>, size: [usize; 2], most: u64) -> Result<Output> {
+    /// Allocates the buffers for an image size, with bands of at most `max_binding` bytes.
+    fn with_max_binding(context: &Arc<Context>, size: [usize; 2], max_binding: u64) -> Result<Output> {
         use wgpu::BufferUsages as Usage;
-        let all: Vec<u64> = bands(most, size).map(|rows| band_bytes(&rows, size)).collect();
+        let all: Vec<u64> = bands(max_binding, size).map(|rows| band_bytes(&rows, size)).collect();
         let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
         let image = context.buffer("image", all[0], usage)?;
         let staging =
             all.iter().map(|&bytes| context.staging("image for the host", bytes)).collect::<Result<_>>()?;
-        Ok(Output { context: context.clone(), most, image, staging })
+        Ok(Output { context: context.clone(), max_binding, image, staging })
     }
 
-    /// True if it has room for an image of this size.
+    /// True if the buffers can hold an image of this size.
     pub fn holds(&self, size: [usize; 2]) -> bool {
         let mut staging = self.staging.iter();
-        bands(self.most, size).all(|rows| {
+        bands(self.max_binding, size).all(|rows| {
             let bytes = band_bytes(&rows, size);
             bytes <= self.image.size() && staging.next().is_some_and(|staging| bytes <= staging.size())
         })
     }
 
-    /// Calls `read(row, texels)` for bands of rows from v = 0 upward: W⁻¹(c) - c in cells, exactly 0 where nothing
-    /// moved.
+    /// Calls `read(row, texels)` for bands of texel rows, the first of which is `row`, from v = 0 upward. Texels are
+    /// W⁻¹(c) - c in cells, exactly 0 where nothing moved.
     pub fn invert(
         &self,
         u: &Displacements,
@@ -107,7 +108,7 @@ impl Output {
         let context = &self.context;
         let level = &u.grid.levels[0];
         let cells = [level.nx, level.ny];
-        let bands: Vec<_> = bands(self.most, size).collect();
+        let bands: Vec<_> = bands(self.max_binding, size).collect();
         let requests = requests(u, size, &bands);
         let bytes: Vec<u8> = requests
             .iter()
@@ -133,12 +134,12 @@ impl Output {
                 encoder.clear_buffer(&self.image, 0, Some(bytes));
                 for (n, request) in requests[k].iter().enumerate().filter(|(_, request)| request.count > 0) {
                     let offset = ((k * requests[k].len() + n) * STRIDE) as u64;
-                    let own = [&records, &centres, &u.buffers.bands[n].1, &self.image];
-                    let group = group(context, pipeline, &u.buffers.blocks[n], own, offset);
-                    let workgroups = request.count * request.parts;
+                    let extra = [&records, &centres, &u.buffers.bands[n].1, &self.image];
+                    let bind_group = bind_group(context, pipeline, &u.buffers.blocks[n], extra, offset);
+                    let workgroups = request.count * request.workgroups_per_block;
                     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                     pass.set_pipeline(&pipeline.pipeline);
-                    pass.set_bind_group(0, &group, &[]);
+                    pass.set_bind_group(0, &bind_group, &[]);
                     pass.dispatch_workgroups(workgroups.min(SPREAD), workgroups.div_ceil(SPREAD), 1);
                 }
                 encoder.copy_buffer_to_buffer(&self.image, 0, &self.staging[k], 0, bytes);
@@ -152,55 +153,56 @@ impl Output {
     }
 }
 
-/// Bits of a cell on the lattice of `shaders/invert.wgsl`.
+/// Number of bits b of the lattice of `shaders/invert.wgsl`: a cell has 2^b steps.
 fn bits(cells: [usize; 2]) -> u32 {
     30 - cells[0].max(cells[1]).next_power_of_two().ilog2()
 }
 
-/// Texel centres of one axis on the lattice.
+/// Lattice coordinates of the texel centres along one axis.
 fn centres(texels: usize, cells: usize, bits: u32) -> impl Iterator<Item = i32> {
     let (texels, side) = (texels as u64, (cells as u64) << bits);
     (0..texels).map(move |x| (((2 * x + 1) * side + texels) / (2 * texels)) as i32)
 }
 
-/// Per band of rows, what each band of the result is asked for.
+/// Per band of texel rows, the requests to the bands of the result.
 fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<Vec<Request>> {
     let level = &u.grid.levels[0];
     let cells = [level.nx, level.ny];
     let bits = bits(cells);
     let of = |rows: &Range<usize>| {
         let request = |(band, _): &(super::bands::Band, wgpu::Buffer)| Request {
-            first: (band.own.start - band.held.start) as u32,
-            count: band.own.len() as u32,
-            parts: size[1].div_ceil(level.ny).min(PARTS) as u32,
+            first: (band.owned.start - band.held.start) as u32,
+            count: band.owned.len() as u32,
+            workgroups_per_block: size[1].div_ceil(level.ny).min(MAX_WORKGROUPS_PER_BLOCK) as u32,
             bits,
             width: size[0] as u32,
             height: size[1] as u32,
             row: rows.start as u32,
             rows: rows.len() as u32,
-            texels: [0, 1].map(|axis| (size[axis] as f64 / ((cells[axis] as u64) << bits) as f64) as f32),
+            texels_per_step: [0, 1]
+                .map(|axis| (size[axis] as f64 / ((cells[axis] as u64) << bits) as f64) as f32),
         };
         u.buffers.bands.iter().map(request).collect()
     };
     bands.iter().map(of).collect()
 }
 
-fn group(
+fn bind_group(
     context: &Context,
     pipeline: &Pipeline,
     blocks: &wgpu::Buffer,
-    own: [&wgpu::Buffer; 4],
+    extra: [&wgpu::Buffer; 4],
     offset: u64,
 ) -> wgpu::BindGroup {
     let entries = Kernel::Invert.source().bindings.iter().map(|binding| {
         let resource = match *binding {
-            Binding::Read(slot::OWN) => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer: own[0],
+            Binding::Read(slot::EXTRA) => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer: extra[0],
                 offset,
                 size: NonZeroU64::new(size_of::<Request>() as u64),
             }),
             Binding::Read(slot::BLOCKS) => blocks.as_entire_binding(),
-            other => own[(other.number() - slot::OWN) as usize].as_entire_binding(),
+            other => extra[(other.number() - slot::EXTRA) as usize].as_entire_binding(),
         };
         wgpu::BindGroupEntry { binding: binding.number(), resource }
     });

@@ -1,4 +1,5 @@
-//! The table of compute kernels: which shader parts make each up, what it binds, and how many bytes it moves.
+//! The table of compute kernels: for each its entry point, the files of its shader, its bindings and the bytes it
+//! moves.
 
 use std::sync::OnceLock;
 
@@ -6,19 +7,19 @@ use super::context::Context;
 use super::layout::{Chart, Params};
 use crate::error::{Error, ErrorKind, Result};
 
-/// What a kernel binds at one number.
+/// One binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Binding {
     /// The dispatch's parameters, at a dynamic offset.
     Params,
-    /// Read only.
+    /// A storage buffer that the kernel only reads.
     Read(u32),
-    /// Read and written.
+    /// A storage buffer that the kernel may write.
     Write(u32),
 }
 
 impl Binding {
-    /// Its number in the shaders.
+    /// The number of the binding in the shaders.
     pub fn number(self) -> u32 {
         match self {
             Binding::Params => 0,
@@ -27,23 +28,23 @@ impl Binding {
     }
 }
 
-/// Numbers of the bindings that are the same in all shaders.
+/// Numbers of the bindings that have the same meaning in all shaders.
 pub mod slot {
     pub const CHARTS: u32 = 1;
     pub const BLOCKS: u32 = 2;
     pub const LISTS: u32 = 3;
     pub const NODES: u32 = 4;
     pub const STATE: u32 = 5;
-    /// Triangles on the finest level, metrics on the others.
+    /// Triangles on level 0, metrics on the others.
     pub const SURFACE: u32 = 6;
     pub const ROWS: u32 = 7;
     pub const VECTORS: u32 = 8;
     pub const PARTIALS: u32 = 9;
-    /// From here on, each kernel's own.
-    pub const OWN: u32 = 10;
+    /// First number of a kernel's extra buffers, which differ from kernel to kernel.
+    pub const EXTRA: u32 = 10;
 }
 
-/// A kernel. Those that look at the surface come in two versions: one for chords, one for metrics.
+/// A kernel. Kernels that sample the surface come in two versions: chords for level 0, metrics for the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kernel {
     Surface,
@@ -88,22 +89,22 @@ pub enum Kernel {
     Invert,
 }
 
-/// How a kernel is made.
+/// The source of a kernel.
 #[derive(Debug)]
 pub struct Source {
     pub kernel: Kernel,
     pub entry: &'static str,
-    /// Files of `shaders/`, after `generated` and `common`.
+    /// Files of `shaders/` that follow `generated` and `common`.
     pub parts: &'static [&'static str],
     pub bindings: &'static [Binding],
-    /// Bytes that a node's work moves at least, each datum counted once.
+    /// Least bytes moved per node, each datum counted once.
     pub bytes_per_node: u32,
 }
 
 use Binding::{Params as P, Read as R, Write as W};
 use slot::*;
 
-/// Parts of kernels that look at the finest level's surface, and of those that look at a coarser one's.
+/// Files of kernels that sample the surface on level 0, and the file of those that sample it on coarser levels.
 const CHORDS: [&str; 2] = ["sampling/triangle", "sampling/chords"];
 const METRICS: &str = "sampling/metrics";
 
@@ -122,21 +123,21 @@ macro_rules! source {
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
 pub const SOURCES: [Source; 40] = [
-    source!(Surface, "surface", [CHORDS[0], "surface"], [W(SURFACE), R(OWN), R(OWN + 1)], 0),
+    source!(Surface, "surface", [CHORDS[0], "surface"], [W(SURFACE), R(EXTRA), R(EXTRA + 1)], 0),
     source!(PyramidGather, "pyramid_gather", [CHORDS[0], "pyramid_gather"],
-        [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), W(OWN + 2)], 52),
+        [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)], 52),
     source!(PyramidRestrict, "pyramid_restrict", [METRICS, "pyramid_restrict"],
-        [R(BLOCKS), R(LISTS), W(SURFACE), R(OWN), R(OWN + 1), R(OWN + 2)], 76),
+        [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)], 76),
     source!(IdentityChords, "identity", [CHORDS[0], CHORDS[1], "sampling/resample"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 68),
     source!(IdentityMetrics, "identity", [METRICS, "sampling/resample"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 44),
     source!(Previous, "previous", [CHORDS[0], CHORDS[1], "sampling/resample"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(OWN)], 76),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 76),
     source!(ProlongChords, "prolong", [CHORDS[0], CHORDS[1], "sampling/resample", "prolong"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(OWN), R(OWN + 1)], 70),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)], 70),
     source!(ProlongMetrics, "prolong", [METRICS, "sampling/resample", "prolong"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(OWN), R(OWN + 1)], 46),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)], 46),
     source!(StepChords, "step", [CHORDS[0], CHORDS[1], "sampling/resample"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)], 88),
     source!(StepMetrics, "step", [METRICS, "sampling/resample"],
@@ -154,50 +155,54 @@ pub const SOURCES: [Source; 40] = [
     source!(AssembleMetrics, "assemble", [METRICS, "patch", "terms", "correct/assemble"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 108),
     source!(Galerkin, "galerkin", ["correct/rows_apart", "correct/galerkin"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(OWN), R(OWN + 1)], 228),
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 228),
     source!(GalerkinTogether, "galerkin", ["correct/rows_together", "correct/galerkin"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(OWN)], 228),
-    source!(SmoothDirection, "smooth_direction", ["correct/multigrid", "correct/multigrid_down"], [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 68),
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA)], 228),
+    source!(SmoothDirection, "smooth_direction", ["correct/multigrid", "correct/multigrid_down"],
+        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 68),
     source!(Restrict, "restrict_residual", ["correct/multigrid", "correct/multigrid_down"],
-        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), R(OWN), W(OWN + 1)], 63),
+        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), R(EXTRA), W(EXTRA + 1)], 63),
     source!(MultigridUp, "multigrid_up", ["correct/multigrid", "correct/multigrid_up"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(OWN), R(OWN + 1)], 70),
-    source!(MultigridCoarse, "multigrid_coarse", ["correct/multigrid_coarse"], [W(ROWS), W(VECTORS), R(OWN), R(OWN + 1)], 0),
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 70),
+    source!(MultigridCoarse, "multigrid_coarse", ["correct/multigrid_coarse"],
+        [W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 0),
     source!(ResidualDot, "residual_dot", ["correct/multigrid", "correct/conjugate_gradients"],
         [R(BLOCKS), R(LISTS), W(VECTORS), W(PARTIALS)], 16),
-    source!(Direction, "direction", ["correct/multigrid", "correct/conjugate_gradients"], [R(BLOCKS), R(LISTS), W(VECTORS)], 24),
+    source!(Direction, "direction", ["correct/multigrid", "correct/conjugate_gradients"],
+        [R(BLOCKS), R(LISTS), W(VECTORS)], 24),
     source!(Curvature, "curvature", ["correct/multigrid", "correct/conjugate_gradients"],
         [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS)], 60),
-    source!(Advance, "advance", ["correct/multigrid", "correct/conjugate_gradients"], [R(BLOCKS), R(LISTS), W(VECTORS)], 48),
+    source!(Advance, "advance", ["correct/multigrid", "correct/conjugate_gradients"],
+        [R(BLOCKS), R(LISTS), W(VECTORS)], 48),
     source!(FirstFractions, "first_fractions", ["correct/step_limit"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 24),
     source!(MarkFolds, "mark_folds", ["correct/step_limit"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 24),
     source!(ShrinkFractions, "shrink_fractions", ["correct/step_limit"], [R(BLOCKS), R(LISTS), W(VECTORS)], 16),
     source!(ProjectChords, "project", [CHORDS[0], CHORDS[1], "pbd/state", "pbd/moves", "pbd/project"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(OWN)], 92),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 92),
     source!(ProjectMetrics, "project", [METRICS, "pbd/state", "pbd/moves", "pbd/project"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(OWN)], 68),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 68),
     source!(RegulariseChords, "regularise", [CHORDS[0], CHORDS[1], "pbd/state", "pbd/moves", "pbd/regularise"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(OWN)], 104),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 104),
     source!(RegulariseMetrics, "regularise", [METRICS, "pbd/state", "pbd/moves", "pbd/regularise"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(OWN)], 80),
-    source!(CopyState, "copy_state", ["pbd/state", "pbd/copy"], [R(BLOCKS), R(LISTS), W(STATE), W(OWN)], 48),
-    source!(Decide, "decide", ["correct/control"], [W(PARTIALS), R(OWN)], 0),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 80),
+    source!(CopyState, "copy_state", ["pbd/state", "pbd/copy"], [R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)], 48),
+    source!(Decide, "decide", ["correct/control"], [W(PARTIALS), R(EXTRA)], 0),
     source!(SelectCharts, "select_charts", ["correct/control"], [], 0),
-    source!(Gate, "gate", ["correct/gate"], [R(OWN), W(OWN + 1), W(OWN + 2)], 0),
+    source!(Gate, "gate", ["correct/gate"], [R(EXTRA), W(EXTRA + 1), W(EXTRA + 2)], 0),
     source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
-    source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(OWN)], 16),
-    // No part of a solve: it knows neither its parameters nor its charts.
+    source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)], 16),
+    // Not a stage of a solve: it binds neither parameters nor charts.
     Source {
         kernel: Kernel::Invert,
         entry: "invert",
         parts: &["invert"],
-        bindings: &[R(BLOCKS), R(OWN), R(OWN + 1), R(OWN + 2), W(OWN + 3)],
+        bindings: &[R(BLOCKS), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2), W(EXTRA + 3)],
         bytes_per_node: 8,
     },
 ];
 
 impl Kernel {
-    /// How it is made.
+    /// The source of the kernel.
     pub fn source(self) -> &'static Source {
         const { assert!(SOURCES.len() == Kernel::Invert as usize + 1) };
         let source = &SOURCES[self as usize];
@@ -207,7 +212,7 @@ impl Kernel {
 }
 
 impl Source {
-    /// Its whole text.
+    /// The complete WGSL text.
     pub fn text(&self) -> String {
         ["generated", "common"]
             .into_iter()
@@ -218,7 +223,7 @@ impl Source {
     }
 }
 
-/// A file of `shaders/`.
+/// The text of a file of `shaders/`.
 fn part(name: &str) -> &'static str {
     macro_rules! files {
         ($($name:literal),*) => {
@@ -265,39 +270,39 @@ fn part(name: &str) -> &'static str {
     )
 }
 
-/// A kernel, ready to run.
+/// A compiled kernel.
 #[derive(Debug)]
 pub struct Pipeline {
     pub pipeline: wgpu::ComputePipeline,
     pub layout: wgpu::BindGroupLayout,
 }
 
-/// The kernels of a device, each made when it is first used.
+/// The compiled kernels of a device; each is compiled when it is first used.
 #[derive(Debug, Default)]
 pub struct Pipelines(OnceLock<Vec<OnceLock<Pipeline>>>);
 
 impl Pipelines {
-    /// A kernel's pipeline. One that could not be made is tried again next time.
+    /// Returns a kernel's pipeline. A pipeline that could not be made is tried again at the next call.
     pub fn get(&self, context: &Context, kernel: Kernel) -> Result<&Pipeline> {
         let all = self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collect());
-        let place = &all[kernel as usize];
-        if place.get().is_none() {
+        let pipeline = &all[kernel as usize];
+        if pipeline.get().is_none() {
             let made = context.contain(|| Pipeline::new(context, kernel.source()))?;
-            // Another thread may have been faster.
-            let _ = place.set(made);
+            // Another thread may have set it in the meantime.
+            let _ = pipeline.set(made);
         }
         let missing = || Error::new(ErrorKind::Internal, "a pipeline is missing");
-        place.get().ok_or_else(missing)
+        pipeline.get().ok_or_else(missing)
     }
 }
 
 impl Pipeline {
     fn new(context: &Context, source: &Source) -> Pipeline {
-        Pipeline::of(context, source, source.text())
+        Pipeline::from_text(context, source, source.text())
     }
 
-    /// The same of another text.
-    pub(super) fn of(context: &Context, source: &Source, text: String) -> Pipeline {
+    /// Compiles `text` in the place of the source's own text.
+    pub(super) fn from_text(context: &Context, source: &Source, text: String) -> Pipeline {
         let device = &context.device;
         let label = Some(source.entry);
         let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collect();
@@ -317,7 +322,7 @@ impl Pipeline {
             layout: Some(&pipeline_layout),
             module: &module,
             entry_point: Some(source.entry),
-            // All of it is written before it is read.
+            // Kernels write all workgroup memory before they read it.
             compilation_options: wgpu::PipelineCompilationOptions {
                 zero_initialize_workgroup_memory: false,
                 ..Default::default()

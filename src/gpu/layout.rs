@@ -1,5 +1,5 @@
-//! What Rust and WGSL share: the structs of buffers, the planes of blocks, and what a dispatch's `mode` says. All of it is
-//! declared here and written to `shaders/generated.wgsl` (`gpu/generated.rs`).
+//! Declarations shared by Rust and WGSL: the structs of buffers, the planes of blocks, and the values of a dispatch's
+//! `mode`. They are declared here and written to `shaders/generated.wgsl` (`gpu/generated.rs`).
 
 use bytemuck::{Pod, Zeroable};
 
@@ -7,125 +7,129 @@ use bytemuck::{Pod, Zeroable};
 use super::generated::WgslType;
 use super::generated::structs;
 
-/// Numbers that both sides know.
+/// Constants of both languages.
 pub mod shared {
     use crate::method::constants::constants;
     use crate::tile::{blocks, window};
 
     constants! {
-        /// No block, no triangle.
+        /// Stands for "no block" and "no triangle".
         NONE: u32 = crate::mesh::NONE;
         /// Nodes of a block.
         NODES: usize = blocks::NODES;
         /// Nodes of a window: a block and its halo.
         WINDOW: usize = window::WINDOW_NODES;
-        /// Workgroups in x; more go to y.
+        /// Most workgroups of a dispatch in x; further ones form rows in y.
         SPREAD: u32 = 65535;
-        /// More than any energy: that of a state that has none.
+        /// The energy of an invalid state: more than any other energy.
         INVALID_ENERGY: f32 = 3e38;
 
-        /// Planes per block of a level's constants: rigidity (sign bit: fixed), four rest lengths, triangle under the node
-        /// or coverage, density of rigid material.
+        /// Planes per block of a level's constants: rigidity (sign bit: fixed), four rest lengths, triangle under the
+        /// node (level 0) or coverage (coarser levels), density of rigid material.
         NODE_PLANES: usize = 7;
-        /// Of these.
+        /// Plane of the rigidity and of the sign bit of fixed nodes.
         RIGIDITY: usize = 0;
-        /// Of these: four.
+        /// First of the four planes of rest lengths, one per owned edge.
         LENGTH: usize = 1;
-        /// Of these.
-        UNDER: usize = 5;
-        /// Of these.
+        /// Plane of the triangle under the node, or of the coverage.
+        TRIANGLE_OR_COVERAGE: usize = 5;
+        /// Plane of the density.
         DENSITY: usize = 6;
 
-        /// Planes per block of a level's state: displacement (2), position or metric at W (3), triangle.
+        /// Planes per block of a level's state: displacement (2), position (level 0) or metric (coarser levels) at W
+        /// (3), triangle under W.
         STATE_PLANES: usize = 6;
-        /// Of these: two.
+        /// First of the two planes of the displacement.
         U: usize = 0;
-        /// Of these: three.
+        /// First of the three planes of the position or metric.
         VALUE: usize = 2;
-        /// Of these.
+        /// Plane of the triangle under W.
         TRIANGLE: usize = 5;
 
-        /// Planes per block of a level's system: diagonal (3), pairs of the owned edges (two words each), interpolation's
-        /// weights.
+        /// Planes per block of a level's linear system: diagonal (3), pairs of the owned edges (two words each),
+        /// weights of the interpolation.
         ROW_PLANES: usize = 12;
-        /// Of these: eight.
+        /// First of the eight planes of the pairs.
         PAIR: usize = 3;
-        /// Of these; uploaded once per grid.
+        /// Plane of the interpolation's weights; uploaded once per grid.
         INTERPOLATION: usize = 11;
 
-        /// Planes per block of the vectors of a correction. As on the CPU (`cpu/correct/workspace.rs`), the same planes
-        /// serve several quantities one after the other.
+        /// Planes per block of the vectors of a correction. As on the CPU (`cpu/correct/workspace.rs`), a plane holds
+        /// different quantities one after the other.
         VECTOR_PLANES: usize = 8;
-        /// While the system is solved: the residual (2), ...
+        /// The residual (2), while the system is solved.
         RESIDUAL: usize = 0;
-        /// ... what the V-cycle makes of it, then the direction (2), ...
+        /// The result of the V-cycle, then the direction of conjugate gradients (2), while the system is solved.
         DIRECTION: usize = 2;
-        /// ... the matrix times that, and the residual inside the V-cycle (2), ...
+        /// The product of the matrix and the direction, and the residual inside the V-cycle (2), while the system is
+        /// solved.
         PRODUCT: usize = 4;
-        /// ... and, to the end, the step (2).
+        /// The step (2), until the correction ends.
         STEP: usize = 6;
-        /// While the step is limited and tried: the step fraction, in two planes in turn, ...
+        /// The step fraction of each node, in two planes used alternately, while the step is limited and tried.
         FRACTION: usize = 0;
-        /// ... while it is limited: 1 where a corner would fall under the bound, ...
+        /// 1 at nodes with a corner that would fall under the bound, else 0, while the step is limited.
         MARK: usize = 2;
-        /// ... and while it is tried: the displacement before it (2).
-        BEFORE: usize = 2;
+        /// The displacement before the step (2), while the step is tried.
+        U_BEFORE: usize = 2;
 
-        /// Of the vectors' planes, which the paper's solver uses for a second state: the displacement as it was integrated
-        /// last (2).
-        PREVIOUS: usize = 6;
+        /// The displacement at the last integration (2). The paper's solver uses the planes of the vectors for the
+        /// second copy of the state.
+        U_INTEGRATED: usize = 6;
 
-        /// `decide`: a chart's sum is the energy of the identity, ...
+        /// `decide`: the chart's sum is the energy of the identity.
         DECIDE_IDENTITY: u32 = 0;
-        /// ... the energy before a correction, ...
+        /// `decide`: the energy before a correction.
         DECIDE_BEFORE: u32 = 1;
-        /// ... residual times preconditioned residual, ...
+        /// `decide`: the product of residual and preconditioned residual, in further iterations.
         DECIDE_DIRECTION: u32 = 2;
-        /// ... the same in the first iteration, ...
+        /// `decide`: the product of residual and preconditioned residual, in the first iteration.
         DECIDE_FIRST_DIRECTION: u32 = 3;
-        /// ... direction times matrix times direction, ...
+        /// `decide`: the curvature, direction times matrix times direction.
         DECIDE_STEP_LENGTH: u32 = 4;
-        /// ... the energy after a trial, ...
+        /// `decide`: the energy after a trial.
         DECIDE_TRIAL: u32 = 5;
-        /// ... the energy after the last trial, which is accepted whatever it is, ...
+        /// `decide`: the energy after the last trial, which is always accepted.
         DECIDE_LAST_TRIAL: u32 = 6;
-        /// ... the energy of the result, ...
+        /// `decide`: the energy of the result.
         DECIDE_ENERGY: u32 = 7;
-        /// ... or its certificate, which decides on the fallback, ...
+        /// `decide`: the certificate of the result, which decides on the fallback.
         DECIDE_CERTIFICATE: u32 = 8;
-        /// ... or only if the energy is NaN or infinite.
-        DECIDE_AS_IS: u32 = 9;
+        /// `decide`: the certificate of a result that may fold: the fallback is taken only if the energy is NaN or
+        /// infinite.
+        DECIDE_ALLOWING_FOLDS: u32 = 9;
 
-        /// `select_charts`: all that are solved, ...
+        /// `select_charts`: all charts that are solved.
         SELECT_ALL: u32 = 0;
-        /// ... the same for a level's first correction, ...
+        /// `select_charts`: all charts that are solved, at the beginning of a level's first correction.
         SELECT_FIRST_CORRECTION: u32 = 1;
-        /// ... or those that take part in a further one.
+        /// `select_charts`: the charts that take part in a further correction of the level.
         SELECT_LATER_CORRECTION: u32 = 2;
 
-        /// `step`: the first trial keeps the displacement before the step.
+        /// `step`: the first trial, which stores the displacement before the step.
         STEP_FIRST_TRIAL: u32 = 0;
         /// `step`: a further trial.
         STEP_LATER_TRIAL: u32 = 1;
-        /// `relax`: nodes take their whole step.
+        /// `relax`: nodes take whole steps.
         RELAX_WHOLE: u32 = 0;
-        /// `relax`: nodes take the fraction that their chart takes of the correction.
+        /// `relax`: nodes multiply their steps by the step fraction of their chart.
         RELAX_FRACTION: u32 = 1;
-        /// `energy`: a state with a crushed cell has none.
+        /// `energy`: a state with a corner Jacobian under CRUSHED_JACOBIAN is invalid.
         ENERGY_VALID: u32 = 0;
-        /// `energy`: whatever the state is like.
-        ENERGY_AS_IS: u32 = 1;
-        /// `smooth`, a bit: backwards.
+        /// `energy`: a state with any corner Jacobians is valid.
+        ENERGY_ALLOWING_FOLDS: u32 = 1;
+        /// `smooth_direction`, a bit: block colours and node colours run backwards.
         SMOOTH_BACKWARDS: u32 = 1;
-        /// `smooth`, a bit: the direction is 0 before this pass over the block colours.
+        /// `smooth_direction`, a bit: the direction counts as 0 before this pass over the block colours.
         SMOOTH_FROM_ZERO: u32 = 2;
-        /// `gate`, a bit: only charts whose step is limited count.
+        /// `gate`, a bit: only charts whose step is limited open the gate.
         GATE_LIMITED: u32 = 1;
-        /// The paper's solver, bits under these are the set; a bit: the state is among the vectors.
+        /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
+        /// vectors.
         PBD_FROM_VECTORS: u32 = 16;
-        /// A bit: the level's last iteration.
+        /// The paper's solver, a bit: the level's last iteration.
         PBD_LAST: u32 = 32;
-        /// A bit: no velocities.
+        /// The paper's solver, a bit: velocities are neither used nor stored.
         PBD_WITHOUT_VELOCITY: u32 = 64;
     }
 }
@@ -139,148 +143,151 @@ pub const METRIC_PLANES: usize = 3;
 pub const RESULT_PLANES: usize = 2;
 
 structs! {
-    /// One dispatch.
+    /// Parameters of one dispatch.
     #[derive(Default)]
     pub struct Params {
-        /// The range of `lists` with the blocks to work on.
+        /// First and count of the blocks to work on in `lists`.
         first: u32,
         count: u32,
-        /// Where the sums of these blocks begin in `partials`; the number of a gate.
+        /// Index in `partials` of the first of these blocks' sums; for `gate`, the number of the gate.
         partial: u32,
-        /// A kernel's own choice.
+        /// Variant of the kernel: one of the constants above, or a number that the kernel explains.
         mode: u32,
         sweeps: u32,
-        /// Charts, or other things to work on.
+        /// Number of charts; for `surface`, of triangles.
         items: u32,
-        /// Length of this level's cells, in those of level 0.
+        /// Side of this level's cells in cells of level 0.
         scale: f32,
-        /// The fraction of the step that is tried; the factor of a round of the step limit.
+        /// `step`: the fraction t of the trial; `shrink_fractions`: the factor of the round.
         factor: f32,
         tolerance: f32,
-        /// 1 if a first correction that gained what was predicted is the last one.
+        /// 1 if a first correction that gained what its model predicted ends the level's corrections.
         trusts_model: u32,
         smoothness: f32,
         smoothness_floor: f32,
         orientation: f32,
-        /// Added to the orientation's weight where rigid material is dense.
+        /// Added to the weight of the orientation term in proportion to the density of rigid material.
         orientation_density: f32,
         room: f32,
         room_threshold: f32,
         level: u32,
-        /// Where this level's blocks begin in `rows` and `vectors`, ...
+        /// Number of this level's first block in `rows` and `vectors`.
         base: u32,
-        /// ... and those of another level in its own.
+        /// The same number for the coarser or finer level that takes part.
         other_base: u32,
-        /// The paper's solver: factor on a level's corrections, ...
+        /// The paper's solver: factor C_k of the level's projections.
         correction: f32,
-        /// ... fraction of the rotation toward rest, ...
+        /// The paper's solver: fraction of the turn back towards the rest direction.
         orientation_fraction: f32,
-        /// ... fraction of a velocity that is kept, ...
+        /// The paper's solver: 1 - damping, the fraction of a velocity that is kept.
         momentum: f32,
-        /// ... smoothing s of eq. 4.
+        /// The paper's solver: smoothing s of its eq. 4.
         smoothing: f32,
     }
 
-    /// A chart, and what is decided about it during a solve.
+    /// A chart, and the decisions about it during a solve.
     #[derive(Default)]
     pub struct Chart {
-        /// 1 if it is solved.
+        /// 1 if the chart is solved.
         solved: u32,
-        /// 1 if kernels work on it now.
+        /// 1 if kernels work on the chart now.
         working: u32,
-        /// 1 if it sits out the level's further corrections.
+        /// 1 if the chart sits out the level's further corrections.
         finished: u32,
-        /// 1 if the result is the identity because nothing better was found.
+        /// 1 if the result is the identity because the warp did not pass certification.
         fallback: u32,
-        /// Floor of rest lengths on level 0.
+        /// Floor l_min of rest lengths on level 0.
         length_floor: f32,
-        /// Energy of the identity, ...
+        /// Energy of the identity on level 0.
         identity: f32,
-        /// ... before the correction under way, ...
+        /// Energy before the present correction.
         before: f32,
-        /// ... and of the result.
+        /// Energy of the result.
         energy: f32,
-        /// Conjugate gradients: residual times preconditioned residual, ...
+        /// Conjugate gradients: product of residual and preconditioned residual.
         rz: f32,
-        /// ... length of the last step in directions, ...
+        /// Conjugate gradients: factor of the direction in the last step.
         alpha: f32,
-        /// ... and what the next direction has of the last step.
+        /// Conjugate gradients: factor of the last step in the next direction.
         beta: f32,
-        /// Gain that the quadratic model predicts.
+        /// Predicted gain: the fall of the quadratic model over the step.
         predicted: f32,
         /// 1 during a level's first correction.
         first: u32,
-        /// Fraction of the step, of this correction and then of the next, that the chart is to take.
+        /// Step fraction of the present correction, and once that is accepted, of the next one.
         fraction: f32,
         min_jacobian: f32,
         max_displacement: f32,
         folds: u32,
-        /// Rounds of the step limit that found something to limit.
+        /// Rounds of the step limit (dispatches of the first falloff included) that found something to limit; 0 if the
+        /// step is not limited.
         limit_rounds: u32 as "atomic<u32>",
     }
 
-    /// A block, with its neighbours' places in the same buffers.
+    /// A block. Blocks are named by their indices in the buffers of the same band.
     pub struct BlockRecord {
-        /// The 3x3 blocks of the same chart around it, itself in the middle; NONE where there is none.
+        /// The 3x3 neighbour blocks of the same chart, the block itself in the middle; NONE where there is none.
         neighbours: [u32; 9],
-        /// The same without blocks that have no movable node.
+        /// The active ones of these blocks; NONE elsewhere.
         active_neighbours: [u32; 9],
         chart: u32,
         x: u32,
         y: u32,
-        /// 1 if it has a movable node.
+        /// 1 if the block has a movable node.
         is_active: u32,
-        /// The block of the next coarser level that holds its even nodes.
+        /// The block of the next coarser level that holds the nodes at this block's even nodes.
         parent: u32,
-        /// The blocks of the next finer level over its quarters.
+        /// The blocks of the next finer level at its four quarters.
         children: [u32; 4],
-        /// Its chart's blocks here, sorted by y, then x.
+        /// First and count of the chart's blocks in this band, sorted by y, then x.
         chart_first: u32,
         chart_count: u32,
-        /// Bits: 1 if the chart goes on below what is held here, 2 if above.
+        /// Bits: 1 if the chart has blocks before those that the band holds, 2 if it has blocks after them.
         continues: u32,
     }
 
-    /// A triangle: its UVs, in cells from its first corner, and its pose.
+    /// A triangle: its UVs in cells, and its pose.
     pub struct Triangle {
         corner: [f32; 2],
-        /// Rows of the matrix that takes an offset to the barycentrics of corners 1 and 2.
+        /// Rows of the inverse UV edge matrix, which maps an offset from the first corner to the barycentric
+        /// coordinates of corners 1 and 2.
         barycentric: [f32; 4],
-        /// Across the edge opposite to each corner, or NONE.
+        /// The neighbours across the edges opposite to each corner, or NONE.
         neighbours: [u32; 3],
         chart: u32,
-        /// Position at the first corner, df/dx, df/dy.
+        /// Position of the first corner, df/dx, df/dy.
         pose: [f32; 9],
     }
 
-    /// A block of one of the coarse levels that one kernel does; places are in their common buffers.
+    /// A block of one of the coarse levels that `multigrid_coarse` works on. Blocks are named by their indices in the
+    /// common buffers of these levels.
     pub struct CoarseBlock {
         active_neighbours: [u32; 9],
         parent: u32,
         children: [u32; 4],
-        /// Colour of the block, which is also its quarter of the parent.
+        /// Block colour, which is also the number of its quarter of the parent.
         colour: u32,
-        /// A bit per slot.
+        /// One bit per slot: 1 if the node is fixed.
         fixed: [u32; 8],
     }
 
-    /// What `invert` is asked for.
+    /// The part of an image that a dispatch of `invert` writes.
     pub struct Request {
-        /// Places of the blocks to look at.
+        /// First and count of the blocks to work on.
         first: u32,
         count: u32,
         /// Workgroups per block.
-        parts: u32,
-        /// A cell is 2^bits steps of the lattice.
+        workgroups_per_block: u32,
+        /// The side of a cell is 2^bits steps of the lattice.
         bits: u32,
-        /// Texels of the whole image.
+        /// Size of the whole image in texels.
         width: u32,
         height: u32,
-        /// The rows that are written here.
+        /// First and count of the texel rows to write.
         row: u32,
         rows: u32,
-        /// Texels per step.
-        texels: [f32; 2] as "vec2f",
+        /// Texels per step of the lattice.
+        texels_per_step: [f32; 2] as "vec2f",
     }
 }
 

@@ -1,4 +1,4 @@
-//! The memory of one tile's solver on the GPU: constants that are uploaded once per grid, and what a solve changes.
+//! The memory of one tile's solver on the GPU: constants, which are uploaded once per grid, and the state of a solve.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Weak};
@@ -9,10 +9,10 @@ use super::context::Context;
 use super::correct::coarse_levels::CoarseLevels;
 use super::kernels::{Binding, Kernel, slot};
 use super::layout::{INTERPOLATION, Params, ROW_PLANES};
-use super::lists::{Lists, active, band_lists};
-use super::recorder::Recording;
+use super::lists::{Lists, active_blocks, band_lists};
+use super::recorder::RecorderResources;
 use super::results::ResultBuffers;
-use super::sizes::Sizes;
+use super::sizes::BufferSizes;
 use super::upload::Uploader;
 use crate::error::{Error, ErrorKind, Result};
 use crate::mesh::TileMesh;
@@ -34,13 +34,13 @@ pub struct BandBuffers {
     pub metric: Option<wgpu::Buffer>,
     pub rows: wgpu::Buffer,
     pub vectors: wgpu::Buffer,
-    /// Level 1 only: the entries of its gather.
+    /// Level 1 only: the triangles of the dual cells (method §3), as first entries per node, and entries.
     pub gather: Option<[wgpu::Buffer; 2]>,
-    /// Where its blocks begin in `rows` and `vectors`, which coarse levels have in common; `None` for other levels.
+    /// Number of the band's first block in `rows` and `vectors` where coarse levels have these in common; else `None`.
     pub base: Option<u32>,
 }
 
-/// What the coarse levels that one kernel does have in common, beside rows and vectors.
+/// Further buffers of the coarse levels that `multigrid_coarse` works on.
 #[derive(Debug)]
 pub struct Coarse {
     pub levels: CoarseLevels,
@@ -56,42 +56,44 @@ pub(crate) struct Memory {
     pub bands: Vec<Vec<Band>>,
     pub coarse: Option<Coarse>,
     pub buffers: Vec<Vec<BandBuffers>>,
-    /// Per level and band, for the charts of the last solve.
+    /// Per level and band, for the charts in `listed_charts`.
     pub lists: Vec<Vec<Lists>>,
-    listed: Option<Vec<bool>>,
+    listed_charts: Option<Vec<bool>>,
     pub triangles: wgpu::Buffer,
     pub corners: wgpu::Buffer,
     pub positions: wgpu::Buffer,
     pub charts: wgpu::Buffer,
     pub ranges: wgpu::Buffer,
     pub partials: wgpu::Buffer,
-    /// Sizes of gated dispatches (that of a workgroup per chart first), their arguments, and which gates opened.
-    pub sizes: wgpu::Buffer,
-    pub gates: wgpu::Buffer,
-    pub opened: wgpu::Buffer,
-    /// How many sizes there are.
-    pub size_count: u32,
-    pub recording: Recording,
+    /// Dispatch sizes (the number of charts first, then the lengths of all lists), the indirect arguments that the
+    /// gates derive from them, and which gates were open.
+    pub dispatch_sizes: wgpu::Buffer,
+    pub indirect_arguments: wgpu::Buffer,
+    pub gate_open: wgpu::Buffer,
+    /// Number of dispatch sizes.
+    pub dispatch_size_count: u32,
+    pub recording: RecorderResources,
     /// Two results: the last one and the next.
     results: [Arc<ResultBuffers>; 2],
-    /// Bind groups that were made, by kernel, band and the kernel's own buffers.
-    pub groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), wgpu::BindGroup>,
+    /// Bind groups made so far, by kernel, band (level, index) and the kernel's extra buffers.
+    pub bind_groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), wgpu::BindGroup>,
 }
 
-/// Most bytes per block in one buffer.
-const LARGEST: u64 = ROW_PLANES as u64 * PLANE;
+/// Most bytes that a block takes in one buffer.
+const MAX_BYTES_PER_BLOCK: u64 = ROW_PLANES as u64 * PLANE;
 
+/// Most blocks that a band may hold.
 fn capacity(context: &Context) -> usize {
     let limits = &context.limits;
-    // Shaders count in u32.
+    // Indices in shaders are 32 bits wide.
     let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(i32::MAX as u64);
-    let most = (bytes / LARGEST) as usize;
+    let most = (bytes / MAX_BYTES_PER_BLOCK) as usize;
     context.options.band.map_or(most, |band| band.min(most))
 }
 
-/// Copies interpolation's weights, a plane per block, to their places in the rows of `count` blocks, the first of which is
-/// block `base` there.
-fn put_weights(context: &Context, weights: &wgpu::Buffer, rows: &wgpu::Buffer, base: u32, count: u64) {
+/// Copies the interpolation's weights, one plane per block, into the rows of `count` blocks, the first of which is
+/// block number `base` there.
+fn copy_weights(context: &Context, weights: &wgpu::Buffer, rows: &wgpu::Buffer, base: u32, count: u64) {
     let mut encoder = context.device.create_command_encoder(&Default::default());
     for b in 0..count {
         let to = (u64::from(base) + b) * ROW_PLANES as u64 + INTERPOLATION as u64;
@@ -101,11 +103,11 @@ fn put_weights(context: &Context, weights: &wgpu::Buffer, rows: &wgpu::Buffer, b
 }
 
 impl Memory {
-    /// Allocates for a grid, and uploads what does not depend on the pose.
+    /// Allocates the memory for a grid, and uploads its constants.
     pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
         let bands = bands(&grid.levels, capacity(context))?;
         let coarse = CoarseLevels::new(grid, &bands, capacity(context));
-        let sizes = Sizes::new(grid, tile, &bands, coarse.as_ref());
+        let sizes = BufferSizes::new(grid, tile, &bands, coarse.as_ref());
         let uploader = Uploader::new(context);
         let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
         let coarse_rows = storage("rows", sizes.coarse_rows)?;
@@ -134,7 +136,7 @@ impl Memory {
                         weights.as_flattened().iter().map(|&code| of_weight(code)).collect();
                     let bytes: &[u8] = bytemuck::cast_slice(&weights);
                     let weights = uploader.upload("interpolation", bytes.len() as u64, bytes)?;
-                    put_weights(context, &weights, &rows, base.unwrap_or(0), band.held.len() as u64);
+                    copy_weights(context, &weights, &rows, base.unwrap_or(0), band.held.len() as u64);
                 }
                 let vectors = sizes.vectors;
                 let blocks = band_blocks(grid, &bands, k, band);
@@ -176,15 +178,15 @@ impl Memory {
             charts: storage("charts", sizes.charts)?,
             ranges: storage("ranges", sizes.ranges)?,
             partials: storage("partials", sizes.partials)?,
-            sizes: storage("sizes", sizes.sizes)?,
-            gates: context.buffer("gates", sizes.gates, indirect)?,
-            opened: storage("gates", sizes.opened)?,
-            size_count: 0,
-            recording: Recording::new(context)?,
+            dispatch_sizes: storage("sizes", sizes.dispatch_sizes)?,
+            indirect_arguments: context.buffer("gates", sizes.indirect_arguments, indirect)?,
+            gate_open: storage("gates", sizes.gate_open)?,
+            dispatch_size_count: 0,
+            recording: RecorderResources::new(context)?,
             results: [result()?, result()?],
             lists: Vec::new(),
-            listed: None,
-            groups: HashMap::new(),
+            listed_charts: None,
+            bind_groups: HashMap::new(),
             context: context.clone(),
             coarse,
             bands,
@@ -194,19 +196,19 @@ impl Memory {
         Ok(memory)
     }
 
-    /// Bytes that `new` takes for a grid.
+    /// Bytes that `new` allocates for a grid.
     pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
         let bands = bands(&grid.levels, capacity(context))?;
         let coarse = CoarseLevels::new(grid, &bands, capacity(context));
-        Ok(Sizes::new(grid, tile, &bands, coarse.as_ref()).total())
+        Ok(BufferSizes::new(grid, tile, &bands, coarse.as_ref()).total())
     }
 
-    /// True if this is the memory of a grid.
+    /// True if this memory was made for `grid`.
     pub fn is_for(&self, grid: &Arc<Grid>) -> bool {
-        self.grid.upgrade().is_some_and(|own| Arc::ptr_eq(&own, grid))
+        self.grid.upgrade().is_some_and(|grid_of_memory| Arc::ptr_eq(&grid_of_memory, grid))
     }
 
-    /// Buffers for a result that nothing else holds.
+    /// Returns those buffers for a result that nothing else holds.
     pub fn free_result(&mut self) -> Result<Arc<ResultBuffers>> {
         if let Some(free) = self.results.iter().find(|result| Arc::strong_count(result) == 1) {
             return Ok(free.clone());
@@ -214,9 +216,9 @@ impl Memory {
         Err(Error::new(ErrorKind::Internal, "both results are in use"))
     }
 
-    /// Makes the lists of the charts that a solve works on.
-    pub fn list(&mut self, grid: &Grid, charts: &[bool]) {
-        if self.listed.as_deref() == Some(charts) {
+    /// Makes the lists of blocks for the charts that a solve works on, unless they are those of the last solve.
+    pub fn update_lists(&mut self, grid: &Grid, charts: &[bool]) {
+        if self.listed_charts.as_deref() == Some(charts) {
             return;
         }
         self.lists.clear();
@@ -227,9 +229,9 @@ impl Memory {
             let mut sums = 0;
             let mut of_chart = vec![[0u32; 2]; charts.len()];
             for (band, buffers) in self.bands[k].iter().zip(&self.buffers[k]) {
-                let finer = k.checked_sub(1).map(|k| (&grid.levels[k], &self.bands[k][band.below.clone()]));
+                let finer = k.checked_sub(1).map(|k| (&grid.levels[k], &self.bands[k][band.finer.clone()]));
                 let (lists, all) = band_lists(level, band, finer, charts, &mut sizes, sums);
-                for b in active(level, band, charts) {
+                for b in active_blocks(level, band, charts) {
                     let range = &mut of_chart[level.blocks.list[b].chart as usize];
                     range[0] = if range[1] == 0 { sums } else { range[0] };
                     range[1] += 1;
@@ -241,19 +243,19 @@ impl Memory {
             ranges.extend(of_chart);
             self.lists.push(of_level);
         }
-        self.size_count = sizes.len() as u32;
-        self.context.queue.write_buffer(&self.sizes, 0, bytemuck::cast_slice(&sizes));
+        self.dispatch_size_count = sizes.len() as u32;
+        self.context.queue.write_buffer(&self.dispatch_sizes, 0, bytemuck::cast_slice(&sizes));
         self.context.queue.write_buffer(&self.ranges, 0, bytemuck::cast_slice(&ranges));
-        self.listed = Some(charts.to_vec());
+        self.listed_charts = Some(charts.to_vec());
     }
 
-    /// The bind group of a kernel: `at` is the band (level, index), `own` the kernel's own buffers.
-    pub fn group(
+    /// Makes the bind group of a kernel: `at` is the band (level, index), `extra` the kernel's extra buffers.
+    pub fn bind_group(
         &self,
         kernel: Kernel,
         layout: &wgpu::BindGroupLayout,
         at: [usize; 2],
-        own: &[wgpu::Buffer],
+        extra: &[wgpu::Buffer],
     ) -> wgpu::BindGroup {
         let band = &self.buffers[at[0]][at[1]];
         let entries: Vec<_> = kernel
@@ -267,14 +269,14 @@ impl Memory {
                     slot::LISTS => &band.lists,
                     slot::NODES => &band.nodes,
                     slot::STATE => &band.state,
-                    // The first steps of the pyramid look at triangles, whatever the level.
+                    // Level 1 of the pyramid gathers from triangles.
                     slot::SURFACE if kernel == Kernel::PyramidGather => &self.triangles,
                     slot::SURFACE => band.metric.as_ref().unwrap_or(&self.triangles),
                     slot::ROWS => &band.rows,
                     slot::VECTORS => &band.vectors,
                     slot::PARTIALS => &self.partials,
                     0 => &self.recording.params,
-                    n => &own[(n - slot::OWN) as usize],
+                    n => &extra[(n - slot::EXTRA) as usize],
                 };
                 let resource = match binding {
                     Binding::Params => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
@@ -294,7 +296,7 @@ impl Memory {
         })
     }
 
-    /// Each buffer once.
+    /// All buffers, each once.
     #[cfg(test)]
     #[allow(clippy::mutable_key_type, reason = "a buffer is compared by its identity")]
     pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {
@@ -311,9 +313,9 @@ impl Memory {
             &self.charts,
             &self.ranges,
             &self.partials,
-            &self.sizes,
-            &self.gates,
-            &self.opened,
+            &self.dispatch_sizes,
+            &self.indirect_arguments,
+            &self.gate_open,
             &self.recording.params,
         ];
         bands.chain(coarse).chain(results).chain(single).cloned().collect()

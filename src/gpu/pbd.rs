@@ -1,5 +1,5 @@
-//! pbd: the iterations of the paper's solver; the twin of `cpu/pbd.rs`. Passes read a level's state in one place and write
-//! it to another one, the vectors', which this solver has no other use for.
+//! pbd: the iterations of the paper's solver (method §10); the twin of `cpu/pbd.rs`. Passes read one copy of a level's
+//! state and write the other one, which takes the place of the vectors: this solver needs none.
 
 use super::kernels::Kernel;
 use super::layout::{PBD_FROM_VECTORS, PBD_LAST, PBD_WITHOUT_VELOCITY, Params};
@@ -7,10 +7,11 @@ use super::{BandBuffer, Run};
 use crate::method::pbd::{Iteration, SETS};
 
 impl Run<'_> {
-    /// One iteration: the eight sets in turn; at times regularisation, integration, and the next prediction.
+    /// One iteration: projects the eight sets in turn; where `iteration` asks for it, regularises, integrates and
+    /// predicts.
     pub(super) fn iterate_level(&mut self, level: usize, iteration: &Iteration) {
         if iteration.first {
-            // Both places, and velocities of 0.
+            // Both copies are equal, and velocities are 0.
             self.copy_state(level, 0);
             self.state_in_vectors = false;
             let nodes: u64 =
@@ -39,7 +40,7 @@ impl Run<'_> {
         }
     }
 
-    /// Eq. 4-5 alone.
+    /// Regularisation alone (the paper's eq. 4 and 5), without velocities.
     pub(super) fn smooth_level(&mut self, level: usize, smoothing: f32) {
         self.copy_state(level, PBD_WITHOUT_VELOCITY);
         self.state_in_vectors = false;
@@ -47,7 +48,7 @@ impl Run<'_> {
         self.copy_back(level);
     }
 
-    /// Brings a level's state to where the other stages look for it.
+    /// Copies a level's state back to the buffer in which the other stages expect it.
     pub fn copy_back(&mut self, level: usize) {
         if self.state_in_vectors {
             self.copy_state(level, PBD_WITHOUT_VELOCITY | PBD_FROM_VECTORS);
@@ -60,25 +61,25 @@ impl Run<'_> {
         self.pass(kernel, level, params);
     }
 
-    /// Runs a pass over all active blocks; the state is then in the other place.
+    /// Dispatches a pass over all active blocks; the present state is then the other copy.
     fn pass(&mut self, kernel: Kernel, level: usize, params: Params) {
         let mode = params.mode | if self.state_in_vectors { PBD_FROM_VECTORS } else { 0 };
         for band in 0..self.memory.bands[level].len() {
-            let own = [self.memory.buffers[level][band].vectors.clone()];
+            let extra = [self.memory.buffers[level][band].vectors.clone()];
             let active = self.memory.lists[level][band].active;
-            self.run_list(kernel, [level, band], &own, active, Params { mode, ..params });
+            self.dispatch_list(kernel, [level, band], &extra, active, Params { mode, ..params });
         }
         self.state_in_vectors = !self.state_in_vectors;
         self.exchange(level, if self.state_in_vectors { BandBuffer::Vectors } else { BandBuffer::State });
     }
 
-    /// Copies the state of all stored blocks.
+    /// Copies the state of all stored blocks to the other copy.
     fn copy_state(&mut self, level: usize, mode: u32) {
         for band in 0..self.memory.bands[level].len() {
-            let own = [self.memory.buffers[level][band].vectors.clone()];
+            let extra = [self.memory.buffers[level][band].vectors.clone()];
             let stored = self.memory.lists[level][band].stored;
             let params = Params { mode, ..self.at_level(level) };
-            self.run_list(Kernel::CopyState, [level, band], &own, stored, params);
+            self.dispatch_list(Kernel::CopyState, [level, band], &extra, stored, params);
         }
         self.exchange(
             level,

@@ -1,5 +1,5 @@
-//! Collects a solve's commands and submits them: as one submission where it is short enough, cut where a desktop's
-//! watchdog might find it too long.
+//! The recorder of a solve: collects its commands and submits them, in one submission if they are few enough, else in
+//! several, so that none exceeds the time limit of a desktop's watchdog.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use super::layout::{Params, SPREAD};
 use crate::error::Result;
 use crate::report::{GpuKernel, GpuWork, StageTimes};
 
-/// What to run, in order.
+/// A recorded command.
 #[derive(Debug)]
 enum Command {
     Dispatch {
@@ -19,7 +19,7 @@ enum Command {
         pipeline: wgpu::ComputePipeline,
         group: wgpu::BindGroup,
         offset: u32,
-        size: Size,
+        size: DispatchSize,
     },
     Copy {
         source: wgpu::Buffer,
@@ -33,108 +33,109 @@ enum Command {
         from: u64,
         bytes: u64,
     },
-    /// The commands up to the next mark belong to this stage.
+    /// The commands from here to the next such mark belong to this stage.
     Stage(usize),
 }
 
-/// How many workgroups run.
+/// The size of a dispatch.
 #[derive(Clone, Debug)]
-pub struct Size {
-    /// This many, ...
-    pub most: u32,
-    /// ... or as many as the arguments at a place of a buffer say, if there is a gate: its number comes last.
+pub struct DispatchSize {
+    pub workgroups: u32,
+    /// Under a gate: the buffer and the byte offset of the indirect arguments (0 workgroups if the gate is closed), and
+    /// the number of the gate.
     pub gate: Option<(wgpu::Buffer, u64, u32)>,
 }
 
-impl Size {
-    /// Whatever happens.
-    pub fn of(most: u32) -> Size {
-        Size { most, gate: None }
+impl DispatchSize {
+    /// The size of a dispatch that always runs.
+    pub fn ungated(workgroups: u32) -> DispatchSize {
+        DispatchSize { workgroups, gate: None }
     }
 }
 
-/// Stages whose time is taken.
+/// Number of stages that are timed.
 pub const STAGES: usize = 8;
 
 /// Bytes between two parameter records: WebGPU's largest alignment of dynamic offsets.
 const STRIDE: usize = 256;
-/// Records of a submission.
+/// Most parameter records of a submission.
 const RECORDS: usize = 1024;
-/// Bytes that a submission moves at most: half a second on the slowest GPU of its kind. Desktops kill what takes two.
-fn most_bytes(kind: wgpu::DeviceType) -> u64 {
+/// Most bytes that a submission moves: half a second's worth on the slowest GPU of its kind. The watchdogs of desktops
+/// allow two seconds.
+fn max_submission_bytes(kind: wgpu::DeviceType) -> u64 {
     let per_second = if kind == wgpu::DeviceType::DiscreteGpu { 150 } else { 25 };
     per_second * 1_000_000_000 / 2
 }
 
-/// What the recorders of one tile use, one after the other.
+/// Resources that the recorders of a tile's solves use one after the other.
 #[derive(Clone, Debug)]
-pub struct Recording {
+pub struct RecorderResources {
     pub params: wgpu::Buffer,
     clock: Clock,
 }
 
-impl Recording {
-    pub fn new(context: &Context) -> Result<Recording> {
+impl RecorderResources {
+    pub fn new(context: &Context) -> Result<RecorderResources> {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let params = context.buffer("params", (RECORDS * STRIDE) as u64, usage)?;
-        Ok(Recording { params, clock: Clock::default() })
+        Ok(RecorderResources { params, clock: Clock::default() })
     }
 
-    /// Bytes held.
+    /// Bytes held on the GPU.
     pub const BYTES: u64 = (RECORDS * STRIDE) as u64;
 }
 
-/// One solve's commands.
+/// The recorder of one solve.
 pub struct Recorder {
     context: Arc<Context>,
-    recording: Recording,
+    recording: RecorderResources,
     commands: Vec<Command>,
     params: Vec<u8>,
-    known: HashMap<[u8; size_of::<Params>()], u32>,
-    /// Bytes that the commands move at most.
-    work: u64,
+    record_offsets: HashMap<[u8; size_of::<Params>()], u32>,
+    /// Bytes that the dispatches recorded since the last submission move if all gates are open.
+    bytes_recorded: u64,
     stage: usize,
-    /// Stage and, if each dispatch has a pass of its own, kernel of each pass that was timed.
+    /// Per timed pass: its stage and, if each dispatch has a pass of its own, its kernel.
     timed: Vec<(usize, Option<Kernel>)>,
     submissions: u64,
-    /// What was recorded without a gate, then under each.
-    tallies: Vec<Vec<KernelTally>>,
+    /// Statistics per kernel of the dispatches without a gate, then of those under each gate.
+    statistics: Vec<Vec<KernelStatistics>>,
 }
 
-/// What a solve had the GPU do.
+/// Statistics of the GPU's work in a solve.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Tally {
-    /// On the host.
+pub(crate) struct Statistics {
+    /// Milliseconds on the host until all inputs were uploaded.
     pub upload_ms: f32,
     pub record_ms: f32,
     pub wait_ms: f32,
     pub submissions: u64,
-    /// Dispatches that no chart needed.
+    /// Dispatches under gates that were closed.
     pub skipped: u64,
-    /// In the order of `SOURCES`.
-    pub kernels: Vec<KernelTally>,
+    /// Per kernel, in the order of `SOURCES`.
+    pub kernels: Vec<KernelStatistics>,
     /// Milliseconds per stage; `None` without timestamps.
     pub stages: Option<[f32; STAGES]>,
 }
 
-impl Tally {
-    /// Of the solve; all 0 where the GPU has no timestamps.
+impl Statistics {
+    /// Times of the stages; all 0 where the GPU has no timestamps.
     pub fn times(&self) -> StageTimes {
         let [surface, pyramid, prolong, relax, correct, pbd, certify, _] = self.stages.unwrap_or_default();
         StageTimes { surface, pyramid, prolong, relax, correct, pbd, certify, ..StageTimes::default() }
     }
 }
 
-impl Tally {
-    /// As it is told.
+impl Statistics {
+    /// The statistics as a host receives them.
     pub fn work(&self) -> GpuWork {
-        let kernels = SOURCES.iter().zip(&self.kernels).filter(|(_, tally)| tally.dispatches > 0);
-        let kernels = kernels.map(|(source, tally)| GpuKernel {
+        let kernels = SOURCES.iter().zip(&self.kernels).filter(|(_, kernel)| kernel.dispatches > 0);
+        let kernels = kernels.map(|(source, kernel)| GpuKernel {
             name: format!("{} ({})", source.entry, source.parts.join(", ")),
-            dispatches: tally.dispatches,
-            workgroups: tally.workgroups,
-            bytes: tally.bytes,
-            ms: (tally.ms > 0.0).then_some(tally.ms),
+            dispatches: kernel.dispatches,
+            workgroups: kernel.workgroups,
+            bytes: kernel.bytes,
+            ms: (kernel.ms > 0.0).then_some(kernel.ms),
         });
         GpuWork {
             upload_ms: self.upload_ms,
@@ -148,20 +149,20 @@ impl Tally {
     }
 }
 
-/// What one kernel did in a solve.
+/// Statistics of one kernel in a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct KernelTally {
+pub(crate) struct KernelStatistics {
     pub dispatches: u64,
-    /// Workgroups: blocks, for most kernels.
+    /// Number of workgroups; for most kernels one per block.
     pub workgroups: u64,
-    /// That they move at least.
+    /// Least bytes moved.
     pub bytes: u64,
-    /// On the GPU, if kernels are timed one by one.
+    /// Milliseconds on the GPU; 0 unless kernels are timed one by one.
     pub ms: f32,
 }
 
-impl KernelTally {
-    fn add(&mut self, other: &KernelTally) {
+impl KernelStatistics {
+    fn add(&mut self, other: &KernelStatistics) {
         self.dispatches += other.dispatches;
         self.workgroups += other.workgroups;
         self.bytes += other.bytes;
@@ -170,52 +171,54 @@ impl KernelTally {
 }
 
 impl Recorder {
-    pub fn new(context: Arc<Context>, mut recording: Recording) -> Recorder {
+    pub fn new(context: Arc<Context>, mut recording: RecorderResources) -> Recorder {
         recording.clock.reset();
         Recorder {
             context,
             recording,
             commands: Vec::new(),
             params: Vec::new(),
-            known: HashMap::new(),
-            work: 0,
+            record_offsets: HashMap::new(),
+            bytes_recorded: 0,
             stage: 0,
             timed: Vec::new(),
             submissions: 0,
-            tallies: Vec::new(),
+            statistics: Vec::new(),
         }
     }
 
-    /// Runs a kernel on workgroups that move so many bytes at least.
+    /// Records a dispatch that moves at least `bytes` bytes.
     pub fn dispatch(
         &mut self,
         kernel: Kernel,
         pipeline: &wgpu::ComputePipeline,
         group: &wgpu::BindGroup,
         params: &Params,
-        size: Size,
+        size: DispatchSize,
         bytes: u64,
     ) {
-        if self.params.len() == RECORDS * STRIDE || self.work > most_bytes(self.context.adapter.device_type) {
+        if self.params.len() == RECORDS * STRIDE
+            || self.bytes_recorded > max_submission_bytes(self.context.adapter.device_type)
+        {
             self.flush();
         }
         let mut record = [0; size_of::<Params>()];
         record.copy_from_slice(bytemuck::bytes_of(params));
         let all = &mut self.params;
-        let offset = *self.known.entry(record).or_insert_with(|| {
+        let offset = *self.record_offsets.entry(record).or_insert_with(|| {
             let offset = all.len();
             all.extend_from_slice(&record);
             all.resize(offset + STRIDE, 0);
             offset as u32
         });
-        self.work += bytes;
+        self.bytes_recorded += bytes;
         let gate = size.gate.as_ref().map_or(0, |(_, _, number)| *number as usize + 1);
-        if gate >= self.tallies.len() {
-            self.tallies.resize_with(gate + 1, || vec![KernelTally::default(); SOURCES.len()]);
+        if gate >= self.statistics.len() {
+            self.statistics.resize_with(gate + 1, || vec![KernelStatistics::default(); SOURCES.len()]);
         }
-        self.tallies[gate][kernel as usize].add(&KernelTally {
+        self.statistics[gate][kernel as usize].add(&KernelStatistics {
             dispatches: 1,
-            workgroups: u64::from(size.most),
+            workgroups: u64::from(size.workgroups),
             bytes,
             ms: 0.0,
         });
@@ -223,7 +226,7 @@ impl Recorder {
         self.commands.push(Command::Dispatch { kernel, pipeline, group, offset, size });
     }
 
-    /// Copies bytes between buffers.
+    /// Records a copy of bytes between buffers.
     pub fn copy(&mut self, source: &wgpu::Buffer, from: u64, target: &wgpu::Buffer, to: u64, bytes: u64) {
         if bytes > 0 {
             let (source, target) = (source.clone(), target.clone());
@@ -231,19 +234,19 @@ impl Recorder {
         }
     }
 
-    /// Sets bytes of a buffer to zero.
+    /// Records that bytes of a buffer are set to zero.
     pub fn clear(&mut self, buffer: &wgpu::Buffer, from: u64, bytes: u64) {
         if bytes > 0 {
             self.commands.push(Command::Clear { buffer: buffer.clone(), from, bytes });
         }
     }
 
-    /// What follows belongs to a stage.
+    /// Marks the commands that follow as belonging to a stage.
     pub fn stage(&mut self, stage: usize) {
         self.commands.push(Command::Stage(stage));
     }
 
-    /// Submits what has been collected.
+    /// Submits the commands recorded so far.
     pub fn flush(&mut self) {
         let context = self.context.clone();
         let Context { device, queue, .. } = &*context;
@@ -282,8 +285,8 @@ impl Recorder {
                             Some((arguments, at, _)) => pass.dispatch_workgroups_indirect(arguments, *at),
                             None => {
                                 pass.dispatch_workgroups(
-                                    size.most.min(SPREAD),
-                                    size.most.div_ceil(SPREAD),
+                                    size.workgroups.min(SPREAD),
+                                    size.workgroups.div_ceil(SPREAD),
                                     1,
                                 );
                             }
@@ -296,11 +299,11 @@ impl Recorder {
         queue.submit([encoder.finish()]);
         self.submissions += 1;
         self.params.clear();
-        self.known.clear();
-        self.work = 0;
+        self.record_offsets.clear();
+        self.bytes_recorded = 0;
     }
 
-    /// Submits the rest, with what makes the times readable: gives their buffers and bytes in use.
+    /// Submits the rest and the resolution of the timestamps; returns their buffers and the bytes in use.
     pub fn finish(&mut self) -> Vec<(wgpu::Buffer, u64)> {
         self.flush();
         let label = wgpu::CommandEncoderDescriptor { label: Some("times") };
@@ -310,16 +313,17 @@ impl Recorder {
         times
     }
 
-    /// What was done, given which gates opened and the bytes of the times, and the recording for the next solve.
-    pub fn close(self, opened: &[u32], times: &[u8]) -> (Tally, Recording) {
-        let mut kernels = vec![KernelTally::default(); SOURCES.len()];
+    /// Returns the statistics, from the gates' states and the bytes of the timestamps, and the resources for the next
+    /// solve.
+    pub fn close(self, gate_open: &[u32], times: &[u8]) -> (Statistics, RecorderResources) {
+        let mut kernels = vec![KernelStatistics::default(); SOURCES.len()];
         let mut skipped = 0;
-        for (gate, tallies) in self.tallies.iter().enumerate() {
-            if gate > 0 && opened.get(gate - 1) == Some(&0) {
-                skipped += tallies.iter().map(|tally| tally.dispatches).sum::<u64>();
+        for (gate, statistics) in self.statistics.iter().enumerate() {
+            if gate > 0 && gate_open.get(gate - 1) == Some(&0) {
+                skipped += statistics.iter().map(|kernel| kernel.dispatches).sum::<u64>();
                 continue;
             }
-            kernels.iter_mut().zip(tallies).for_each(|(sum, tally)| sum.add(tally));
+            kernels.iter_mut().zip(statistics).for_each(|(sum, kernel)| sum.add(kernel));
         }
         let mut stages = self.context.timestamps.then_some([0.0; STAGES]);
         for (ms, (stage, kernel)) in Clock::milliseconds(&self.context, times).into_iter().zip(&self.timed) {
@@ -331,6 +335,6 @@ impl Recorder {
             }
         }
         let submissions = self.submissions;
-        (Tally { submissions, skipped, kernels, stages, ..Tally::default() }, self.recording)
+        (Statistics { submissions, skipped, kernels, stages, ..Statistics::default() }, self.recording)
     }
 }

@@ -1,4 +1,4 @@
-//! A result on the GPU: displacements per block of the finest level, read into host memory when somebody asks.
+//! A result on the GPU: displacements per block of level 0, read into host memory on demand.
 
 use std::sync::{Arc, OnceLock};
 
@@ -10,11 +10,11 @@ use crate::error::Result;
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 
-/// The buffers of a result, band by band.
+/// The buffers of a result, per band.
 #[derive(Debug)]
 pub(crate) struct ResultBuffers {
     pub bands: Vec<(Band, wgpu::Buffer)>,
-    /// The records of the bands' blocks: a result may outlive its solver.
+    /// The records of the bands' blocks, held because a result may outlive its solver.
     pub blocks: Vec<wgpu::Buffer>,
 }
 
@@ -35,7 +35,7 @@ impl ResultBuffers {
     }
 }
 
-/// A result.
+/// The displacements of a result.
 #[derive(Debug)]
 pub(crate) struct Displacements {
     pub context: Arc<Context>,
@@ -49,14 +49,15 @@ impl Displacements {
         Displacements { context, grid, buffers, host: OnceLock::new() }
     }
 
-    /// Per block of the finest level.
+    /// Returns the displacements per block of level 0; the first call reads them from the GPU.
     pub fn host(&self) -> Result<&[[Plane; 2]]> {
         if let Some(host) = self.host.get() {
             return Ok(host);
         }
         let mut all = Vec::with_capacity(self.grid.levels[0].blocks.list.len());
         for (band, buffer) in &self.buffers.bands {
-            let range = [band.own.start, band.own.end].map(|b| (b - band.held.start) as u64 * RESULT_BLOCK);
+            let range =
+                [band.owned.start, band.owned.end].map(|b| (b - band.held.start) as u64 * RESULT_BLOCK);
             let bytes = self.context.read(buffer, range[0]..range[1])?;
             all.extend(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
                 let mut planes = [[0.0f32; NODES]; 2];

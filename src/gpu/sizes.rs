@@ -1,4 +1,4 @@
-//! The table of a tile's buffers: each one's bytes, from which they are counted and from which they are allocated.
+//! The sizes of a tile's buffers in bytes, from which its memory is both counted and allocated.
 
 use super::bands::Band;
 use super::context::padded;
@@ -7,36 +7,36 @@ use super::layout::{
     BlockRecord, Chart, CoarseBlock, METRIC_PLANES, NODE_PLANES, RESULT_PLANES, ROW_PLANES, STATE_PLANES,
     Triangle, VECTOR_PLANES,
 };
-use super::lists::{GATES, MOST_GATES, list_bytes, size_bytes};
+use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::memory::PLANE;
-use super::recorder::Recording;
+use super::recorder::RecorderResources;
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
 
-/// Bytes of one band's buffers.
+/// Sizes of one band's buffers in bytes.
 #[derive(Clone, Copy, Debug)]
-pub struct BandSizes {
+pub struct BandBufferSizes {
     pub blocks: u64,
     pub lists: u64,
     pub nodes: u64,
     pub state: u64,
     /// Coarser levels only.
     pub metric: Option<u64>,
-    /// `None` where the coarse levels have them in common.
+    /// `None` on the coarse levels that have their rows in one common buffer.
     pub rows: Option<u64>,
-    /// Likewise.
+    /// `None` on the coarse levels that have their vectors in one common buffer.
     pub vectors: Option<u64>,
-    /// Level 1 only.
+    /// Level 1 only: first entries per node, and entries, of the gather of metrics.
     pub gather: Option<[u64; 2]>,
-    /// Each of the two results; finest level only.
+    /// Each of the two results; level 0 only.
     result: u64,
 }
 
-/// Bytes of all buffers of a tile.
+/// Sizes of all buffers of a tile in bytes.
 #[derive(Clone, Debug)]
-pub struct Sizes {
+pub struct BufferSizes {
     /// Per level and band.
-    pub bands: Vec<Vec<BandSizes>>,
+    pub bands: Vec<Vec<BandBufferSizes>>,
     pub coarse_rows: u64,
     pub coarse_vectors: u64,
     pub coarse_blocks: u64,
@@ -47,22 +47,27 @@ pub struct Sizes {
     pub charts: u64,
     pub ranges: u64,
     pub partials: u64,
-    pub sizes: u64,
-    pub gates: u64,
-    pub opened: u64,
+    pub dispatch_sizes: u64,
+    pub indirect_arguments: u64,
+    pub gate_open: u64,
 }
 
 fn bytes_of<T>(count: usize) -> u64 {
     (count * size_of::<T>()) as u64
 }
 
-impl Sizes {
-    pub fn new(grid: &Grid, tile: &TileMesh, bands: &[Vec<Band>], coarse: Option<&CoarseLevels>) -> Sizes {
+impl BufferSizes {
+    pub fn new(
+        grid: &Grid,
+        tile: &TileMesh,
+        bands: &[Vec<Band>],
+        coarse: Option<&CoarseLevels>,
+    ) -> BufferSizes {
         let band = |k: usize, band: &Band| {
             let blocks = band.held.len();
             let planes = |n: usize| blocks as u64 * n as u64 * PLANE;
             let apart = coarse.is_none_or(|coarse| coarse.base(k).is_none());
-            BandSizes {
+            BandBufferSizes {
                 blocks: bytes_of::<BlockRecord>(blocks),
                 lists: list_bytes(blocks as u64),
                 nodes: planes(NODE_PLANES),
@@ -76,7 +81,7 @@ impl Sizes {
         };
         let common = |planes: usize| coarse.map_or(0, |coarse| coarse.blocks as u64 * planes as u64 * PLANE);
         let vertices = tile.charts.iter().map(|chart| chart.vertices.len()).sum();
-        Sizes {
+        BufferSizes {
             bands: bands
                 .iter()
                 .enumerate()
@@ -92,21 +97,21 @@ impl Sizes {
             charts: bytes_of::<Chart>(tile.charts.len()),
             ranges: bytes_of::<[u32; 2]>(tile.charts.len() * grid.levels.len()),
             partials: bytes_of::<[f32; 4]>(grid.levels[0].blocks.list.len()),
-            sizes: size_bytes(bands),
-            gates: GATES as u64 * 4 * size_bytes(bands),
-            opened: bytes_of::<u32>(MOST_GATES as usize),
+            dispatch_sizes: dispatch_size_bytes(bands),
+            indirect_arguments: GATE_SETS as u64 * 4 * dispatch_size_bytes(bands),
+            gate_open: bytes_of::<u32>(MAX_GATES as usize),
         }
     }
 
-    /// Bytes of all of them, and of the recording.
+    /// Bytes of all buffers, those of the recorder included.
     pub fn total(&self) -> u64 {
-        let band = |band: &BandSizes| {
+        let band = |band: &BandBufferSizes| {
             let gather = band.gather.unwrap_or_default();
             let always = [band.blocks, band.lists, band.nodes, band.state];
-            let at_times = [band.metric, band.rows, band.vectors].into_iter().flatten();
+            let optional = [band.metric, band.rows, band.vectors].into_iter().flatten();
             let gather = gather.into_iter().filter(|_| band.gather.is_some());
             let results = [band.result; 2].into_iter().filter(|&bytes| bytes > 0);
-            always.into_iter().chain(at_times).chain(gather).chain(results).map(padded).sum::<u64>()
+            always.into_iter().chain(optional).chain(gather).chain(results).map(padded).sum::<u64>()
         };
         let bands: u64 = self.bands.iter().flatten().map(band).sum();
         let coarse = [self.coarse_blocks, self.coarse_lists].into_iter().filter(|&bytes| bytes > 0);
@@ -119,11 +124,11 @@ impl Sizes {
             self.charts,
             self.ranges,
             self.partials,
-            self.sizes,
-            self.gates,
-            self.opened,
+            self.dispatch_sizes,
+            self.indirect_arguments,
+            self.gate_open,
         ];
-        bands + coarse.chain(single).map(padded).sum::<u64>() + Recording::BYTES
+        bands + coarse.chain(single).map(padded).sum::<u64>() + RecorderResources::BYTES
     }
 }
 
@@ -145,7 +150,7 @@ mod tests {
         let maps = maps(96, TileSettings::default(), |u, _| u);
         let coverage = Coverage::new(tile, 96, 96, maps.settings.overlap);
         let grid = Arc::new(Grid::new(&mesh, tile, &maps, &coverage));
-        // In one buffer per level, and in several.
+        // With one buffer per level, and with several.
         for band in [None, Some(32)] {
             let Some(context) = gpu(Options { band, ..Options::default() }) else { return };
             let context = Arc::new(context);

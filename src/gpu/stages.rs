@@ -1,17 +1,17 @@
-//! The stages, as the schedule calls them: each records its dispatches, and nothing is read back before the end.
+//! The stages that the schedule calls (method §5). Each records its dispatches; nothing is read back before the end.
 
 use super::kernels::Kernel;
 use super::layout::{
-    DECIDE_AS_IS, DECIDE_CERTIFICATE, DECIDE_ENERGY, DECIDE_IDENTITY, ENERGY_AS_IS, ENERGY_VALID, Params,
-    RELAX_WHOLE, SELECT_ALL, THREADS,
+    DECIDE_ALLOWING_FOLDS, DECIDE_CERTIFICATE, DECIDE_ENERGY, DECIDE_IDENTITY, ENERGY_ALLOWING_FOLDS,
+    ENERGY_VALID, Params, RELAX_WHOLE, SELECT_ALL, THREADS,
 };
-use super::recorder::Size;
+use super::recorder::DispatchSize;
 use super::{BandBuffer, Run};
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::schedule::{Stages, passes};
 
-/// Stages, as times are told apart; the order of `StageTimes`.
+/// Stages that are timed, in the order of `StageTimes`.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Stage {
     Surface,
@@ -33,13 +33,13 @@ impl Stages for Run<'_> {
         self.select(SELECT_ALL);
         let items = self.grid.triangles.len() as u32;
         let params = Params { items, ..self.params };
-        let own = [self.memory.corners.clone(), self.memory.positions.clone()];
+        let extra = [self.memory.corners.clone(), self.memory.positions.clone()];
         self.dispatch(
             Kernel::Surface,
             [0, 0],
-            &own,
+            &extra,
             &params,
-            Size::of(items.div_ceil(THREADS)),
+            DispatchSize::ungated(items.div_ceil(THREADS)),
             u64::from(items) * 100,
         );
     }
@@ -50,19 +50,19 @@ impl Stages for Run<'_> {
             for band in 0..self.memory.bands[k].len() {
                 let to = self.memory.buffers[k][band].metric.clone();
                 if let Some([starts, entries]) = self.memory.buffers[k][band].gather.clone() {
-                    let own: Vec<_> = [starts, entries].into_iter().chain(to).collect();
+                    let extra: Vec<_> = [starts, entries].into_iter().chain(to).collect();
                     let stored = self.memory.lists[k][band].stored;
-                    self.run_list(Kernel::PyramidGather, [k, band], &own, stored, self.params);
+                    self.dispatch_list(Kernel::PyramidGather, [k, band], &extra, stored, self.params);
                     continue;
                 }
-                for (n, below) in self.memory.bands[k][band].below.clone().enumerate() {
-                    let fine = &self.memory.buffers[k - 1][below];
-                    let own: Vec<_> = [fine.blocks.clone(), fine.nodes.clone()]
+                for (n, finer_band) in self.memory.bands[k][band].finer.clone().enumerate() {
+                    let fine = &self.memory.buffers[k - 1][finer_band];
+                    let extra: Vec<_> = [fine.blocks.clone(), fine.nodes.clone()]
                         .into_iter()
                         .chain(fine.metric.clone())
                         .collect();
-                    let over = self.memory.lists[k][band].stored_over[n];
-                    self.run_list(Kernel::PyramidRestrict, [k, band], &own, over, self.params);
+                    let stored = self.memory.lists[k][band].stored_by_finer_band[n];
+                    self.dispatch_list(Kernel::PyramidRestrict, [k, band], &extra, stored, self.params);
                 }
             }
             self.exchange(k, BandBuffer::Metric);
@@ -74,7 +74,7 @@ impl Stages for Run<'_> {
         let kernel = if level == 0 { Kernel::IdentityChords } else { Kernel::IdentityMetrics };
         for band in 0..self.memory.bands[level].len() {
             let stored = self.memory.lists[level][band].stored;
-            self.run_list(kernel, [level, band], &[], stored, self.at_level(level));
+            self.dispatch_list(kernel, [level, band], &[], stored, self.at_level(level));
         }
         self.exchange(level, BandBuffer::State);
         if level == 0 {
@@ -84,24 +84,24 @@ impl Stages for Run<'_> {
 
     fn previous(&mut self) {
         self.identity(0);
-        let Some(last) = self.last.clone() else { return };
+        let Some(last) = self.last_result.clone() else { return };
         for band in 0..self.memory.bands[0].len() {
-            let own = [last.bands[band].1.clone()];
+            let extra = [last.bands[band].1.clone()];
             let active = self.memory.lists[0][band].active;
-            self.run_list(Kernel::Previous, [0, band], &own, active, self.at_level(0));
+            self.dispatch_list(Kernel::Previous, [0, band], &extra, active, self.at_level(0));
         }
         self.exchange(0, BandBuffer::State);
     }
 
     fn prolong(&mut self, level: usize) {
-        // Fixed nodes, and the identity's energy, first.
+        // This sets the fixed nodes, and on level 0 computes the energy of the identity.
         self.identity(level);
         let kernel = if level == 0 { Kernel::ProlongChords } else { Kernel::ProlongMetrics };
         for band in 0..self.memory.bands[level].len() {
-            let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].above];
-            let own = [coarse.blocks.clone(), coarse.state.clone()];
+            let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].coarser];
+            let extra = [coarse.blocks.clone(), coarse.state.clone()];
             let active = self.memory.lists[level][band].active;
-            self.run_list(kernel, [level, band], &own, active, self.at_level(level));
+            self.dispatch_list(kernel, [level, band], &extra, active, self.at_level(level));
         }
         self.exchange(level, BandBuffer::State);
     }
@@ -128,14 +128,15 @@ impl Stages for Run<'_> {
 
     fn certify(&mut self, as_is: bool) {
         self.recorder.stage(Stage::Certify as usize);
-        let params = Params { mode: if as_is { ENERGY_AS_IS } else { ENERGY_VALID }, ..self.at_level(0) };
+        let params =
+            Params { mode: if as_is { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID }, ..self.at_level(0) };
         self.reduce(Kernel::EnergyChords, 0, params, DECIDE_ENERGY);
-        let certificate = if as_is { DECIDE_AS_IS } else { DECIDE_CERTIFICATE };
+        let certificate = if as_is { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
         for band in 0..self.memory.bands[0].len() {
-            let own = [self.result.bands[band].1.clone()];
+            let extra = [self.result.bands[band].1.clone()];
             let stored = self.memory.lists[0][band].stored;
-            self.run_list(Kernel::Finish, [0, band], &own, stored, self.params);
+            self.dispatch_list(Kernel::Finish, [0, band], &extra, stored, self.params);
         }
         self.exchange(0, BandBuffer::Result);
     }
@@ -143,29 +144,29 @@ impl Stages for Run<'_> {
     fn wait(&mut self) {
         self.recorder.flush();
         if let Err(error) = self.context.wait() {
-            self.failed.get_or_insert(error);
+            self.error.get_or_insert(error);
         }
     }
 }
 
 impl Run<'_> {
-    /// Sweeps. With `RELAX_FRACTION` each chart's nodes take the fraction of each step that the chart takes of the correction
-    /// under way.
+    /// Relaxes a level with `sweeps` sweeps. With `RELAX_FRACTION`, each node's step is multiplied by the chart's step
+    /// fraction of the present correction.
     pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, mode: u32) {
         let nodes: u64 =
             self.charts.iter().zip(&self.grid.movable).filter(|(solve, _)| **solve).map(|(_, n)| n).sum();
-        // Of coarser levels, as if each had a quarter of the nodes.
+        // Each coarser level counts as having a quarter of the nodes of the finer one.
         self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
         let kernel = if level == 0 { Kernel::RelaxChords } else { Kernel::RelaxMetrics };
         for sweeps in passes(sweeps) {
             let params = Params { sweeps, mode, ..self.at_level(level) };
             self.each_colour(level, false, BandBuffer::State, |run, band, list| {
-                run.run_list(kernel, [level, band], &[], list, params);
+                run.dispatch_list(kernel, [level, band], &[], list, params);
             });
         }
     }
 
-    /// A level's energy, chart by chart, and what it decides.
+    /// Computes a level's energy chart by chart, and takes the decision `decision`.
     pub(super) fn energy(&mut self, level: usize, decision: u32, correction: Option<&Correction>) {
         let kernel = if level == 0 { Kernel::EnergyChords } else { Kernel::EnergyMetrics };
         let tolerance = correction.map_or(0.0, |correction| correction.tolerance);

@@ -1,4 +1,4 @@
-//! What a tile's memory is filled with, in portions.
+//! Uploads to a tile's memory, submitted in portions.
 
 use std::cell::Cell;
 use std::sync::Arc;
@@ -6,22 +6,22 @@ use std::sync::Arc;
 use super::context::Context;
 use crate::error::{Error, ErrorKind, Result};
 
-/// Bytes that wait in host memory at a time.
-const PORTION: usize = 32 << 20;
+/// Most bytes of uploads that wait in host memory for their submission.
+const MAX_UNSUBMITTED: usize = 32 << 20;
 
 /// Makes storage buffers, and fills them.
 pub struct Uploader<'a> {
     context: &'a Arc<Context>,
-    /// Bytes that were written since the last submission.
-    waiting: Cell<usize>,
+    /// Bytes written since the last submission.
+    unsubmitted: Cell<usize>,
 }
 
 impl<'a> Uploader<'a> {
     pub fn new(context: &'a Arc<Context>) -> Uploader<'a> {
-        Uploader { context, waiting: Cell::new(0) }
+        Uploader { context, unsubmitted: Cell::new(0) }
     }
 
-    /// A storage buffer, all zero.
+    /// Makes a storage buffer, all zero.
     ///
     /// # Errors
     /// `Unsupported` if it is larger than what can be bound; `OutOfMemory`.
@@ -36,7 +36,7 @@ impl<'a> Uploader<'a> {
         self.context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
     }
 
-    /// A storage buffer of `size` bytes that holds `bytes`.
+    /// Makes a storage buffer of `size` bytes that holds `bytes`.
     ///
     /// # Errors
     /// Those of [`Uploader::storage`]; `Internal` if the size was counted wrongly.
@@ -46,14 +46,14 @@ impl<'a> Uploader<'a> {
             return Err(Error::new(ErrorKind::Internal, message));
         }
         let buffer = self.storage(label, size)?;
-        // What is written waits in host memory until it is submitted: not too much of it at a time.
-        for (n, part) in bytes.chunks(PORTION).enumerate() {
-            self.context.queue.write_buffer(&buffer, (n * PORTION) as u64, part);
-            self.waiting.set(self.waiting.get() + part.len());
-            if self.waiting.get() >= PORTION {
+        // Written bytes wait in host memory until they are submitted: portions limit them.
+        for (n, part) in bytes.chunks(MAX_UNSUBMITTED).enumerate() {
+            self.context.queue.write_buffer(&buffer, (n * MAX_UNSUBMITTED) as u64, part);
+            self.unsubmitted.set(self.unsubmitted.get() + part.len());
+            if self.unsubmitted.get() >= MAX_UNSUBMITTED {
                 self.context.queue.submit([]);
                 self.context.wait()?;
-                self.waiting.set(0);
+                self.unsubmitted.set(0);
             }
         }
         Ok(buffer)

@@ -1,4 +1,4 @@
-//! What an open GPU gives when something goes wrong. Without any adapter these tests say so and pass, unless
+//! The errors of an open GPU. Without any adapter these tests print that they are skipped and pass, unless
 //! VRTM_REQUIRE_GPU=1.
 
 use wgpu::BufferUsages;
@@ -49,7 +49,7 @@ fn a_wrong_call_is_an_internal_error_once() {
     let error = gpu.read(&buffer, 0..64).unwrap_err();
     assert_eq!(error.kind, ErrorKind::Internal);
     assert!(error.message.starts_with("the GPU: ") && !error.message.contains('\n'), "{error}");
-    // The staging buffer of a failed read is free again, and so is the context.
+    // After a failed read its staging buffer can be used again, and so can the context.
     gpu.check().unwrap();
     assert_eq!(gpu.read(&buffer, 0..16).unwrap(), [0; 16]);
     let staging = gpu.staging("results", 16).unwrap();
@@ -79,7 +79,7 @@ fn memory_that_is_not_there_is_named_and_what_is_dropped_comes_back() {
     for _ in 0..3 {
         let buffers: Vec<_> = (0..4).map(|_| gpu.buffer("level", size, STORAGE).unwrap()).collect();
         assert!(held().unwrap() > before + 3 * size, "{:?} after {before}", held());
-        // In use by work that is under way, and dropped.
+        // The buffers are dropped while submitted work uses them.
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         buffers.iter().for_each(|buffer| encoder.clear_buffer(buffer, 0, None));
         gpu.submit([encoder]).unwrap();
@@ -90,7 +90,7 @@ fn memory_that_is_not_there_is_named_and_what_is_dropped_comes_back() {
     }
 }
 
-/// In a process of its own, which gets little memory: the software driver would go on to the end of the address space.
+/// Runs in a process of its own with a limit on memory: the software driver would use the whole address space.
 #[cfg(target_os = "linux")]
 #[test]
 fn memory_that_is_short_is_named_and_the_gpu_stays() {
@@ -98,7 +98,7 @@ fn memory_that_is_short_is_named_and_the_gpu_stays() {
     if std::env::var_os(CHILD).is_none() {
         let Some(gpu) = gpu(Options::default()) else { return };
         if !crate::gpu::adapters::is_software(&gpu.adapter) {
-            // A limit of this process is none to a driver that has memory of its own.
+            // The limit of this process does not bind a driver that has memory of its own.
             return;
         }
         let name = "gpu::context::tests::memory_that_is_short_is_named_and_the_gpu_stays";
@@ -168,7 +168,7 @@ fn a_lost_gpu_fails_every_call_and_never_panics() {
     lost(gpu.submit([gpu.device.create_command_encoder(&Default::default())]));
     gpu.reclaim();
     gpu.lose();
-    // What was there goes in any order, and another one can be opened.
+    // Context and buffers can be dropped in any order, and the GPU can be opened again.
     drop(gpu);
     drop(buffer);
     self::gpu(Options::default()).unwrap().wait().unwrap();

@@ -1,4 +1,5 @@
-//! The coarse end of the V-cycle: levels whose charts have so few blocks that all of them are done in one dispatch.
+//! The coarse levels of the V-cycle: those whose charts have so few blocks that one dispatch works on all of these
+//! levels.
 
 use crate::gpu::bands::Band;
 use crate::gpu::layout::CoarseBlock;
@@ -6,21 +7,22 @@ use crate::mesh::NONE;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
 
-/// Most active blocks of a chart on such a level: a chart of 64 x 64 nodes has 25.
-const MOST_BLOCKS: usize = 36;
-/// Which levels they are, and where their blocks stand in common buffers.
+/// Most active blocks of a chart on a coarse level: a chart of 64 x 64 nodes has 25.
+const MAX_ACTIVE_BLOCKS: usize = 36;
+/// The coarse levels, and the positions of their blocks in common buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CoarseLevels {
-    /// The finest of them; all coarser ones belong to them too.
+    /// The finest of them; all coarser levels belong to them, too.
     pub first: usize,
-    /// Per such level, its first block.
+    /// Per coarse level, the number of its first block in the common buffers.
     pub bases: Vec<u32>,
-    /// Blocks in all.
+    /// Number of blocks of all coarse levels.
     pub blocks: usize,
 }
 
 impl CoarseLevels {
-    /// Finds them; none if not even the coarsest level's blocks fit, or if there is one level only.
+    /// Finds the coarse levels; `None` if not even the blocks of the coarsest level are few enough, or if there is only
+    /// one level.
     pub fn new(grid: &Grid, bands: &[Vec<Band>], capacity: usize) -> Option<CoarseLevels> {
         let mut coarse = CoarseLevels { first: grid.levels.len(), bases: Vec::new(), blocks: 0 };
         for k in (1..grid.levels.len()).rev() {
@@ -28,7 +30,7 @@ impl CoarseLevels {
             let active = |range: &std::ops::Range<usize>| {
                 blocks.list[range.clone()].iter().filter(|b| b.active).count()
             };
-            let fits = blocks.of_chart.iter().all(|range| active(range) <= MOST_BLOCKS);
+            let fits = blocks.of_chart.iter().all(|range| active(range) <= MAX_ACTIVE_BLOCKS);
             if !fits || bands[k].len() > 1 || coarse.blocks + blocks.list.len() > capacity {
                 break;
             }
@@ -43,12 +45,12 @@ impl CoarseLevels {
         (!coarse.bases.is_empty()).then_some(coarse)
     }
 
-    /// Where the blocks of a level begin in the common buffers; `None` for a level that is finer.
+    /// Number of a level's first block in the common buffers; `None` for a finer level.
     pub fn base(&self, level: usize) -> Option<u32> {
         level.checked_sub(self.first).map(|k| self.bases[k])
     }
 
-    /// All blocks, level by level.
+    /// Records of all blocks, level by level.
     pub fn blocks(&self, grid: &Grid) -> Vec<CoarseBlock> {
         let mut all = Vec::with_capacity(self.blocks);
         for k in self.first..grid.levels.len() {
@@ -76,10 +78,10 @@ impl CoarseLevels {
         all
     }
 
-    /// Per chart, level and colour the first and count of its active blocks, then all of these.
+    /// Per chart, level and block colour first and count of its active blocks; then these blocks.
     pub fn lists(&self, grid: &Grid) -> Vec<u32> {
         let charts = grid.movable.len();
-        let mut heads = Vec::with_capacity(charts * self.bases.len() * 8);
+        let mut ranges = Vec::with_capacity(charts * self.bases.len() * 8);
         let mut all: Vec<u32> = Vec::new();
         let start = (charts * self.bases.len() * 8) as u32;
         for c in 0..charts {
@@ -88,18 +90,18 @@ impl CoarseLevels {
                     let first = all.len();
                     all.extend(level.blocks.of_chart[c].clone().filter_map(|b| {
                         let block = &level.blocks.list[b];
-                        let own = block.active && block.y % 2 * 2 + block.x % 2 == colour;
-                        own.then_some(base + b as u32)
+                        let belongs = block.active && block.y % 2 * 2 + block.x % 2 == colour;
+                        belongs.then_some(base + b as u32)
                     }));
-                    heads.extend([start + first as u32, (all.len() - first) as u32]);
+                    ranges.extend([start + first as u32, (all.len() - first) as u32]);
                 }
             }
         }
-        heads.extend(all);
-        heads
+        ranges.extend(all);
+        ranges
     }
 
-    /// Numbers in `lists`.
+    /// Length of `lists`.
     pub fn list_length(&self, grid: &Grid) -> usize {
         let active =
             |level: &crate::tile::Level| level.blocks.list.iter().filter(|block| block.active).count();
@@ -107,9 +109,9 @@ impl CoarseLevels {
         grid.movable.len() * self.bases.len() * 8 + blocks
     }
 
-    /// Bytes that one V-cycle from `level` down moves at least.
+    /// Least bytes that a V-cycle from `level` down moves.
     pub fn bytes_moved(&self, grid: &Grid, level: usize) -> u64 {
-        /// Smoothing down and up, the residual, both ways between levels.
+        /// Smoothing on the way down and up, the residual, restriction and interpolation.
         const PER_NODE: u64 = 2 * 100 + 100 + 60;
         let active =
             |level: &crate::tile::Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;

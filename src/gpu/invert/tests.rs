@@ -1,5 +1,5 @@
-//! Warps made up for the purpose, all of them free of folds: displacements of neighbours differ by half a cell at most in
-//! u, and by half of that in v where they do.
+//! The tests use synthetic warps without folds: displacements of neighbours differ by at most half a cell in u, and by
+//! at most half of that in v where they do.
 
 use super::*;
 use crate::cpu::{Team, invert as twin};
@@ -15,7 +15,7 @@ use crate::tile::coverage::Coverage;
 use crate::tile::{Grid, Rigidity, TileMaps};
 use crate::view::Strided;
 
-/// A grid with charts over rectangles of cells (x, y, width, height), everything rigid.
+/// A grid with charts over rectangles of cells (x, y, width, height), all of it rigid.
 fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
     let corners = charts.iter().flat_map(|&[x, y, w, h]| [[x, y], [x + w, y], [x + w, y + h], [x, y + h]]);
     let uvs: Vec<[f32; 2]> =
@@ -39,25 +39,25 @@ fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
     Arc::new(Grid::new(&mesh, &mesh.tiles[0], &maps, &coverage))
 }
 
-/// Displacements from a function of movable nodes.
+/// Displacements of movable nodes from a function of the node.
 fn displace(grid: &Grid, f: impl Fn(usize, usize) -> [f32; 2]) -> Vec<[Plane; 2]> {
     let level = &grid.levels[0];
-    let of = |(b, block): (usize, &crate::tile::blocks::Block)| {
-        let mut planes = [[0.0; NODES]; 2];
+    let planes = |(b, block): (usize, &crate::tile::blocks::Block)| {
+        let mut u_block = [[0.0; NODES]; 2];
         for s in (0..NODES).filter(|&s| level.movable[b][s] != 0) {
             let (i, j) = node_at(s);
             let u = f(block.x as usize * SIDE + i, block.y as usize * SIDE + j);
-            (planes[0][s], planes[1][s]) = (u[0], u[1]);
+            (u_block[0][s], u_block[1][s]) = (u[0], u[1]);
         }
-        planes
+        u_block
     };
-    level.blocks.list.iter().enumerate().map(of).collect()
+    level.blocks.list.iter().enumerate().map(planes).collect()
 }
 
 /// Displacement of a node.
 type Warp<'a> = &'a dyn Fn(usize, usize) -> [f32; 2];
 
-/// A number of -1..1 for a node.
+/// A pseudo-random number in -1..1 for a node.
 fn noise(i: usize, j: usize, salt: usize) -> f32 {
     let mut x = (i as u64) << 32 | (j as u64) << 2 | salt as u64;
     for _ in 0..3 {
@@ -66,16 +66,16 @@ fn noise(i: usize, j: usize, salt: usize) -> f32 {
     (x >> 40) as f32 / (1 << 23) as f32 - 1.0
 }
 
-/// A smooth push of the nodes around a centre, with noise on it.
+/// A smooth displacement of the nodes around a centre, with noise.
 fn push(centre: [f32; 2], radius: f32, by: [f32; 2]) -> impl Fn(usize, usize) -> [f32; 2] {
     move |i, j| {
         let d = [i as f32 - centre[0], j as f32 - centre[1]].map(|x| (x / radius).clamp(-1.0, 1.0));
-        let share = (1.0 - d[0] * d[0]).powi(2) * (1.0 - d[1] * d[1]).powi(2);
-        [0, 1].map(|k| share * by[k] + 0.1 * noise(i, j, k))
+        let fraction = (1.0 - d[0] * d[0]).powi(2) * (1.0 - d[1] * d[1]).powi(2);
+        [0, 1].map(|k| fraction * by[k] + 0.1 * noise(i, j, k))
     }
 }
 
-/// Puts displacements on the device, with at most so many blocks in a buffer.
+/// Uploads displacements, with at most `most` blocks per buffer.
 fn upload(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], most: usize) -> Displacements {
     let all = bands::bands(&grid.levels, most).unwrap();
     let storage = |label: &str, bytes: u64| {
@@ -105,7 +105,7 @@ fn inverse(output: &Output, u: &Displacements, size: [usize; 2]) -> Vec<[f32; 2]
     all
 }
 
-/// A kernel that counts how often each texel is written; `exact` decides by whole numbers alone.
+/// A kernel that counts how often each texel is written; `exact` decides by integers alone.
 fn counting(context: &Context, exact: bool) -> Pipeline {
     let source = Kernel::Invert.source();
     let mut text = source.text();
@@ -114,24 +114,25 @@ fn counting(context: &Context, exact: bool) -> Pipeline {
         text = text.replace(from, to);
     };
     change("image: array<vec2f>", "image: array<atomic<u32>>");
-    // What is not a number counts as many.
+    // NaN counts as 99 writes.
     change("image[at] = -p;", "atomicAdd(&image[at], select(1u, 99u, any(p != p)));");
     if exact {
-        change("if abs(up - down) > 0x1p-20 * (abs(up) + abs(down))", "if request.bits == 99u");
+        change("if abs(plus - minus) > 0x1p-20 * (abs(plus) + abs(minus))", "if request.bits == 99u");
     }
-    Pipeline::of(context, source, text)
+    Pipeline::from_text(context, source, text)
 }
 
 /// How often each texel is written.
 fn writes(output: &Output, counting: &Pipeline, u: &Displacements, size: [usize; 2]) -> Vec<u32> {
     let mut all = Vec::new();
-    // One number per texel, in the first half of what would be the image.
+    // One count per texel, in the first half of the image's bytes.
     let read = |_, bytes: &[u8]| all.extend_from_slice(bytemuck::cast_slice(&bytes[..bytes.len() / 2]));
     output.run(counting, u, size, read).unwrap();
     all
 }
 
-/// Which cells have a movable corner, row by row. All others stay where they are, and so do the edges between the two.
+/// Per cell, row by row, whether it has a movable corner. All other cells stay at rest, and so do the edges between the
+/// two kinds.
 fn visited(grid: &Grid) -> Vec<bool> {
     let level = &grid.levels[0];
     let mut cells = vec![false; level.nx * level.ny];
@@ -164,7 +165,8 @@ fn sizes(n: usize, m: usize) -> [[usize; 2]; 12] {
     ]
 }
 
-/// Where they tie: moved by eighths of cells, nodes and edges meet texel centres, and next to that they nearly do.
+/// Tests ties: if nodes move by eighths of cells, nodes and edges meet texel centres; if they nearly do, they nearly
+/// meet.
 #[test]
 fn each_texel_centre_falls_to_one_triangle() {
     let Some(context) = gpu(Options::default()).map(Arc::new) else { return };
@@ -261,8 +263,8 @@ fn the_inverse_is_the_cpu_s() {
                 "{cells:?} to {size:?}: {worst:.1e} texel, {:.0} ms",
                 start.elapsed().as_secs_f64() * 1e3
             );
-            // The lattice has at least 2^16 steps per cell, barycentrics are f32 and so is the way itself: some cells, of
-            // which it has 2^-24. Measured: under 1e-6 cells.
+            // The lattice has at least 2^16 steps per cell; barycentric coordinates and the displacement itself, of
+            // some cells, are f32 and have a relative precision of 2^-24. Measured: under 1e-6 cells.
             assert!(worst < 1e-5 * (size[0] as f64 / f64::from(cells[0])).max(1.0), "{size:?}: {worst}");
         }
     }
@@ -283,14 +285,14 @@ fn bands_give_the_same_bits() {
     let whole = inverse(&Output::new(&context, size).unwrap(), &u, size);
     assert!(whole.iter().filter(|d| **d != [0.0; 2]).count() > 10_000);
     for rows in [1, 7, 64, 200] {
-        let output = Output::banded(&context, size, rows * 133 * TEXEL).unwrap();
+        let output = Output::with_max_binding(&context, size, rows * 133 * TEXEL_BYTES).unwrap();
         assert_eq!(output.staging.len(), 201usize.div_ceil(rows as usize));
         for most in [usize::MAX, blocks * 2 / 3, blocks * 4 / 7] {
             let u = upload(&context, &grid, &planes, most);
             assert_eq!(u.buffers.bands.len() > 1, most < blocks, "{most} of {blocks}");
             assert!(inverse(&output, &u, size) == whole, "{rows} rows, {most} blocks");
         }
-        // Smaller images fit into what is there.
+        // Smaller images fit into the same buffers.
         assert!(output.holds([133, 100]) && !output.holds([133, 202]));
     }
 }

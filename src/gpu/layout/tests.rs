@@ -1,4 +1,4 @@
-//! What Rust says of the shaders' layouts, bindings and needs, against what naga reads in them.
+//! Compares the layouts, bindings and limits of the shaders that Rust assumes with those that naga finds in them.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -10,7 +10,7 @@ use wgpu::naga::{AddressSpace, ArraySize, Handle, Module, ScalarKind, StorageAcc
 use super::*;
 use crate::gpu::kernels::{Binding, Kernel, SOURCES, Source, slot};
 
-/// A kernel's module, checked with no optional capability.
+/// A kernel's module, validated without optional capabilities.
 fn module(source: &Source) -> (Module, ModuleInfo) {
     let module = parse_str(&source.text())
         .unwrap_or_else(|error| panic!("{:?}: {}", source.kernel, error.emit_to_string(&source.text())));
@@ -19,7 +19,7 @@ fn module(source: &Source) -> (Module, ModuleInfo) {
     (module, info)
 }
 
-/// A type as Rust would write it; an atomic is the number in it.
+/// The name of a type in Rust; an atomic has the name of its content.
 fn rust_name(module: &Module, ty: Handle<Type>) -> String {
     match &module.types[ty].inner {
         TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => match scalar.kind {
@@ -59,7 +59,7 @@ fn structs() -> [Offsets; 6] {
         fields!(BlockRecord: active_neighbours chart children continues),
         fields!(Triangle: barycentric neighbours chart pose),
         fields!(CoarseBlock: parent children fixed),
-        fields!(Request: count rows texels),
+        fields!(Request: count rows texels_per_step),
     ]
 }
 
@@ -80,7 +80,7 @@ fn generated_structs_are_laid_out_as_in_rust() {
                 let there = members.iter().any(|(name, at, _)| name == field && *at == offset);
                 assert!(there, "{name}.{field} is at {offset} in Rust: {members:?}");
             }
-            // Numbers of four bytes without gaps.
+            // All fields are numbers of four bytes, without gaps.
             let bytes = |ty: &str| match ty.trim_matches(['[', ']']).split_once("; ") {
                 Some((_, count)) => 4 * count.parse::<usize>().unwrap(),
                 None => 4,
@@ -90,7 +90,7 @@ fn generated_structs_are_laid_out_as_in_rust() {
     }
 }
 
-/// The globals that a kernel's entry point uses: binding number, true if it may be written, and how it is used.
+/// The globals that a kernel's entry point uses: binding number, whether it is declared as writable, and its use.
 fn used(module: &Module, info: &ModuleInfo, source: &Source) -> Vec<(u32, bool, GlobalUse)> {
     let entry = module.entry_points.iter().position(|entry| entry.name == source.entry);
     let of_entry = info.get_entry_point(entry.unwrap_or_else(|| panic!("no entry {}", source.entry)));
@@ -127,7 +127,7 @@ fn kernels_bind_what_they_use() {
             };
             assert_eq!(writes, *written, "{name}: access of binding {number}");
         }
-        // Each kernel has its parameters and the charts; beside these, nothing that it does not look at.
+        // Each kernel binds parameters and charts, and of the other buffers only those that it uses.
         let always = [Binding::Params.number(), slot::CHARTS];
         for binding in source.bindings {
             let number = binding.number();
@@ -146,7 +146,7 @@ fn webgpu_s_default_limits_suffice() {
         let storage = source.bindings.iter().filter(|b| !matches!(b, Binding::Params)).count() as u32;
         assert!(storage <= limits.max_storage_buffers_per_shader_stage, "{name}: {storage} storage buffers");
         let index = module.entry_points.iter().position(|entry| entry.name == source.entry).unwrap();
-        // A chart of the small levels has four blocks at work at a time.
+        // `multigrid_coarse` works on four blocks of a chart at a time.
         let threads = if source.kernel == Kernel::MultigridCoarse { 4 * THREADS } else { THREADS };
         let size = module.entry_points[index].workgroup_size;
         assert_eq!(size, [threads, 1, 1], "{name}");
@@ -155,7 +155,7 @@ fn webgpu_s_default_limits_suffice() {
         for (handle, variable) in module.global_variables.iter() {
             let used = !info.get_entry_point(index)[handle].is_empty();
             if used && variable.space == AddressSpace::WorkGroup {
-                // Each begins at a multiple of its alignment, 16 at most.
+                // Each variable begins at a multiple of its alignment, which is at most 16.
                 let size = module.types[variable.ty].inner.size(module.to_ctx());
                 bytes += size.next_multiple_of(16);
             }
@@ -171,10 +171,11 @@ fn webgpu_s_default_limits_suffice() {
     assert!(size_of::<Params>() as u64 <= limits.max_uniform_buffer_binding_size);
 }
 
-/// `naga` and `tint` as programs, where they are: other versions, and another compiler than wgpu's.
+/// Checks the shaders with the programs `naga` and `tint`, if installed: other versions, and a compiler other than
+/// wgpu's.
 #[test]
 fn other_compilers_take_the_shaders() {
-    // Both check what they read; a tint without any writer of binaries can still write WGSL.
+    // Both validate their input; a build of tint without writers of binary formats can still write WGSL.
     let run = |program: &str, argument: &Path| {
         let format: &[&str] = if program == "tint" { &["--format", "wgsl"] } else { &[] };
         Command::new(program).args(format).arg(argument).stdin(Stdio::null()).output()
