@@ -33,9 +33,9 @@ pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window
     }
 }
 
-/// P's weights in a block and on its ring, from the blocks `around`; 0 where there is none.
-pub fn interpolation(level: &Level, around: &[u32; 9]) -> Window {
+/// P's weights in a block and on its ring, from the blocks `neighbours`; 0 where there is none.
+pub fn interpolation(level: &Level, neighbours: &[u32; 9]) -> Window {
     let mut codes: Window<u8> = [0; WINDOW_NODES];
-    window::load(around, 0, |b| &level.interpolation[b], &mut codes);
+    window::load(neighbours, 0, |b| &level.interpolation[b], &mut codes);
     codes.map(codes::of_weight)
 }

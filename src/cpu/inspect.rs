@@ -6,7 +6,7 @@ use crate::tile::blocks::{NODES, Plane};
 use crate::tile::pose::PoseTriangle;
 
 use super::Run;
-use super::sampling::Record;
+use super::sampling::TriangleRecord;
 
 /// Planes of one quantity, per block, as bits.
 fn bits<const N: usize>(planes: &[Plane; N]) -> impl Iterator<Item = u32> {
@@ -25,7 +25,7 @@ pub(super) fn flat<const N: usize>(blocks: &[[Plane; N]]) -> Vec<u32> {
 impl Run<'_> {
     /// Per pose triangle: position at the first corner, df/dx, df/dy.
     pub fn triangles(&self) -> Vec<[f32; 9]> {
-        let triangle = |t: &Record| {
+        let triangle = |t: &TriangleRecord| {
             let t = t.pose();
             let ([a, b, c], [d, e, f], [g, h, i]) = (t.origin, t.tangent[0], t.tangent[1]);
             [a, b, c, d, e, f, g, h, i]
@@ -37,7 +37,7 @@ impl Run<'_> {
         for (t, &[a, b, c, d, e, f, g, h, i]) in triangles.iter().enumerate() {
             let triangle = PoseTriangle { origin: [a, b, c], tangent: [[d, e, f], [g, h, i]] };
             self.memory.metrics[t] = triangle.metric();
-            self.memory.triangles[t] = Record::new(&self.grid.triangles[t], &triangle);
+            self.memory.triangles[t] = TriangleRecord::new(&self.grid.triangles[t], &triangle);
         }
     }
 

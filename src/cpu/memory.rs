@@ -11,7 +11,7 @@ use super::allocate::{Allocate, Count, Heap};
 use super::correct::Workspace;
 use super::patch::State;
 use super::pbd::PbdBuffers;
-use super::sampling::Record;
+use super::sampling::TriangleRecord;
 use super::team::SharedSlice;
 
 /// The changing state of one level.
@@ -60,7 +60,7 @@ pub(crate) struct Memory {
     /// Per level; empty for `descent`.
     pub(super) pbd: Vec<PbdBuffers>,
     /// Per triangle, its UVs and its pose.
-    pub(super) triangles: Vec<Record>,
+    pub(super) triangles: Vec<TriangleRecord>,
     /// Per triangle, the pose's metric.
     pub(super) metrics: Vec<[f32; 3]>,
 }
@@ -89,7 +89,7 @@ impl Memory {
             Solver::Descent => (Workspace::new(allocator, grid), Vec::new()),
             Solver::Pbd => (Workspace::default(), PbdBuffers::new(allocator, grid)),
         };
-        let triangles = allocator.array(Record::default(), grid.triangles.len());
+        let triangles = allocator.array(TriangleRecord::default(), grid.triangles.len());
         let metrics = allocator.array([0.0; 3], grid.triangles.len());
         Memory { grid: Weak::new(), solver, levels, workspace, pbd, triangles, metrics }
     }

@@ -62,7 +62,7 @@ impl Row {
 
     /// A plane's numbers at the row.
     #[inline(always)]
-    pub fn of<V: Lanes>(self, plane: &Plane) -> V {
+    pub fn load<V: Lanes>(self, plane: &Plane) -> V {
         let s = self.slot();
         // SAFETY: ci < 2 and j < 16, so the slot is that of a row of one of the four colours.
         V::load(unsafe { plane.get_unchecked(s..s + LANES) }, 0)
@@ -70,9 +70,9 @@ impl Row {
 
     /// Sets a plane's numbers at the row.
     #[inline(always)]
-    pub fn set<V: Lanes>(self, plane: &mut Plane, x: V) {
+    pub fn store<V: Lanes>(self, plane: &mut Plane, x: V) {
         let s = self.slot();
-        // SAFETY: as in `of`.
+        // SAFETY: as in `load`.
         x.store(unsafe { plane.get_unchecked_mut(s..s + LANES) }, 0);
     }
 
@@ -85,7 +85,7 @@ impl Row {
 
     /// Sets a window's numbers at the row.
     #[inline(always)]
-    pub fn set_own<V: Lanes>(self, window: &mut Window, x: V) {
+    pub fn store_in_window<V: Lanes>(self, window: &mut Window, x: V) {
         let at = self.at(0, 0);
         // SAFETY: as in `near`.
         x.store(unsafe { window.get_unchecked_mut(at..at + LANES) }, 0);

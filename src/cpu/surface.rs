@@ -1,7 +1,7 @@
 //! surface: the pose's triangles, their tangents and their metrics (method §2).
 
 use super::Run;
-use super::sampling::Record;
+use super::sampling::TriangleRecord;
 use super::team::SharedSlice;
 
 /// Triangles of one item of work.
@@ -21,7 +21,7 @@ impl Run<'_> {
                     // SAFETY: each item has its own triangles.
                     unsafe {
                         *metrics.get_mut(t) = pose.metric();
-                        *triangles.get_mut(t) = Record::new(&self.grid.triangles[t], &pose);
+                        *triangles.get_mut(t) = TriangleRecord::new(&self.grid.triangles[t], &pose);
                     }
                 }
             }

@@ -12,7 +12,7 @@ use super::super::constants;
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, State};
 use super::super::row::Row;
-use super::super::sampling::{Samples, Site, Surface};
+use super::super::sampling::{GridRow, Samples, Surface};
 
 /// One set's projection.
 #[derive(Clone, Copy)]
@@ -57,7 +57,7 @@ impl<S: Surface> Kernel for ProjectBlock<'_, S> {
     fn run<V: Lanes>(self) {
         let ProjectBlock { project: Project { set, iteration }, level, state, next, surface, density, b } =
             self;
-        let around = &level.blocks.neighbours[b];
+        let neighbours = &level.blocks.neighbours[b];
         let block = &level.blocks.list[b];
         let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
         let floor = V::splat(level.floor[block.chart as usize]);
@@ -69,10 +69,10 @@ impl<S: Surface> Kernel for ProjectBlock<'_, S> {
         // SAFETY: the caller's promise.
         let (to_u, to_value) = unsafe {
             for c in 0..2 {
-                window::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
+                window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
             }
             for c in 0..3 {
-                window::load(around, 0.0, |b| &state.value.get(b)[c], &mut value[c]);
+                window::load(neighbours, 0.0, |b| &state.value.get(b)[c], &mut value[c]);
             }
             if S::CHORDS {
                 *next.triangle.get_mut(b) = *state.triangle.get(b);
@@ -83,15 +83,15 @@ impl<S: Surface> Kernel for ProjectBlock<'_, S> {
             (to_u, to_value)
         };
         constants::rigidity::<V>(level, b, &mut rigidity);
-        window::load(around, 0, |b| &level.movable[b], &mut movable);
+        window::load(neighbours, 0, |b| &level.movable[b], &mut movable);
         constants::rest_length::<V>(level, b, set.edge, &mut length);
         let dense = density > 0.0 && !level.density.is_empty();
         let mut near: Window = [0.0; WINDOW_NODES];
         if dense {
-            window::load(around, 0.0, |b| &level.density[b], &mut near);
+            window::load(neighbours, 0.0, |b| &level.density[b], &mut near);
         }
         for row in Row::all() {
-            let ((di, dj), theirs) = set.partner(row.column(), row.line());
+            let ((di, dj), neighbour_owns) = set.partner(row.column(), row.line());
             let weight = row.near::<V>(&rigidity, 0, 0).max(row.near(&rigidity, di, dj));
             let lanes = V::zero().lt(V::load_u8(&movable, row.at(0, 0))).and(V::zero().lt(weight));
             if !lanes.any() {
@@ -104,7 +104,7 @@ impl<S: Surface> Kernel for ProjectBlock<'_, S> {
             let other = each!([0, 1, 2], |c| row.near::<V>(&value[c], di, dj));
             let apart = V::Mask::from_bits(0);
             let current = S::length(&own, &[V::zero(); 6], &other, apart, &d);
-            let owner = if theirs { (di, dj) } else { (0, 0) };
+            let owner = if neighbour_owns { (di, dj) } else { (0, 0) };
             let rest = row.near::<V>(&length, owner.0, owner.1).max(floor);
             let mut share: V = V::splat(iteration.orientation);
             if dense {
@@ -128,7 +128,9 @@ impl<S: Surface> Kernel for ProjectBlock<'_, S> {
             }
             moved = each!([0, 1], |c| moved[c].max(low[c]).min(high[c]));
             // SAFETY: the caller's promise.
-            unsafe { put(&moved, &here, lanes, row, &site(row, b, origin), (to_u, to_value), next, surface) };
+            unsafe {
+                put(&moved, &here, lanes, row, &grid_row(row, b, origin), (to_u, to_value), next, surface)
+            };
         }
     }
 }
@@ -149,14 +151,14 @@ pub fn projected<V: Lanes>(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, shar
 
 /// Where a row of block `b`, whose first node is `origin`, lies.
 #[inline(always)]
-pub fn site(row: Row, b: usize, origin: [i64; 2]) -> Site {
-    Site { block: b, i: origin[0] + row.column() as i64, j: origin[1] + row.line() as i64 }
+pub fn grid_row(row: Row, b: usize, origin: [i64; 2]) -> GridRow {
+    GridRow { block: b, i: origin[0] + row.column() as i64, j: origin[1] + row.line() as i64 }
 }
 
 /// Writes the lanes that move, where the surface is there to be sampled: a node that would leave its chart stays.
 ///
 /// # Safety
-/// Nothing else touches block `site.block` of `next`.
+/// Nothing else touches block `nodes.block` of `next`.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "what a row of a block is")]
 pub unsafe fn put<V: Lanes, S: Surface>(
@@ -164,7 +166,7 @@ pub unsafe fn put<V: Lanes, S: Surface>(
     here: &[V; 2],
     lanes: V::Mask,
     row: Row,
-    site: &Site,
+    nodes: &GridRow,
     to: (&mut [Plane; 2], &mut [Plane; 3]),
     next: State,
     surface: S,
@@ -178,16 +180,16 @@ pub unsafe fn put<V: Lanes, S: Surface>(
     }
     let mut nowhere: Plane<u32> = [NONE; NODES];
     // SAFETY: the caller's promise.
-    let triangle = if S::CHORDS { unsafe { next.triangle.get_mut(site.block) } } else { &mut nowhere };
+    let triangle = if S::CHORDS { unsafe { next.triangle.get_mut(nodes.block) } } else { &mut nowhere };
     let mut samples =
         Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: V::load_index(triangle, slot) };
     let start = samples.triangle;
-    let found = surface.sample_row(site, moved, lanes, &mut samples);
+    let found = surface.sample_row(nodes, moved, lanes, &mut samples);
     for c in 0..2 {
-        found.select(moved[c], row.of(&to.0[c])).store(&mut to.0[c], slot);
+        found.select(moved[c], row.load(&to.0[c])).store(&mut to.0[c], slot);
     }
     for c in 0..3 {
-        found.select(samples.value[c], row.of(&to.1[c])).store(&mut to.1[c], slot);
+        found.select(samples.value[c], row.load(&to.1[c])).store(&mut to.1[c], slot);
     }
     if S::CHORDS {
         V::store_index(V::select_index(found, samples.triangle, start), triangle, slot);

@@ -11,7 +11,7 @@ use super::super::patch::State;
 use super::super::row::Row;
 use super::super::sampling::Surface;
 use super::super::team::SharedSlice;
-use super::project::{put, site};
+use super::project::{grid_row, put};
 
 /// Integration and prediction.
 #[derive(Clone, Copy)]
@@ -72,14 +72,14 @@ impl<S: Surface> Kernel for RegulariseBlock<'_, S> {
             surface,
             b,
         } = self;
-        let around = &level.blocks.neighbours[b];
+        let neighbours = &level.blocks.neighbours[b];
         let block = &level.blocks.list[b];
         let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
         let mut u: [Window; 2] = [[0.0; WINDOW_NODES]; 2];
         // SAFETY: the caller's promise.
         let (to_u, to_value, previous) = unsafe {
             for c in 0..2 {
-                window::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
+                window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
             }
             if S::CHORDS {
                 *next.triangle.get_mut(b) = *state.triangle.get(b);
@@ -112,7 +112,9 @@ impl<S: Surface> Kernel for RegulariseBlock<'_, S> {
                 }
             }
             // SAFETY: the caller's promise.
-            unsafe { put(&moved, &here, lanes, row, &site(row, b, origin), (to_u, to_value), next, surface) };
+            unsafe {
+                put(&moved, &here, lanes, row, &grid_row(row, b, origin), (to_u, to_value), next, surface)
+            };
         }
     }
 }

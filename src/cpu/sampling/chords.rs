@@ -1,8 +1,8 @@
 //! The finest level: exact positions and tangents on the triangle under W(p), which is found by walking.
 
 use super::super::lanes::{LANES, Lanes, Truth, each};
-use super::Record;
-use super::{Chord, Samples, Site, Slopes, Surface};
+use super::TriangleRecord;
+use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
 use crate::mesh::NONE;
 use crate::method::law::{BORDER_TOLERANCE, INSIDE_TOLERANCE, TINY, WALK_STEPS};
 use crate::tile::Grid;
@@ -12,7 +12,7 @@ use crate::tile::blocks::{SIDE, slot};
 #[derive(Clone, Copy)]
 pub struct Chords<'a> {
     pub grid: &'a Grid,
-    pub triangles: &'a [Record],
+    pub triangles: &'a [TriangleRecord],
 }
 
 impl Surface for Chords<'_> {
@@ -21,14 +21,14 @@ impl Surface for Chords<'_> {
     #[inline(always)]
     fn sample_row<V: Lanes>(
         &self,
-        site: &Site,
+        nodes: &GridRow,
         u: &[V; 2],
         lanes: V::Mask,
         samples: &mut Samples<V>,
     ) -> V::Mask {
         let mut triangle = V::index_array(samples.triangle);
-        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| site.lane(k) as f32);
-        let (column, row) = (V::from_array(column), V::splat(site.j as f32));
+        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| nodes.column(k) as f32);
+        let (column, row) = (V::from_array(column), V::splat(nodes.j as f32));
         // Lanes without a triangle load the first one's record and are not used.
         let record = |t: u32| self.triangles.get(t as usize).unwrap_or(&self.triangles[0]);
         let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[0]));
@@ -45,7 +45,7 @@ impl Surface for Chords<'_> {
             let mut lost = 0u8;
             for k in 0..LANES {
                 if outside >> k & 1 != 0 {
-                    match self.find(site.block, site.lane(k), site.j, [x[k], y[k]], triangle[k]) {
+                    match self.find(nodes.block, nodes.column(k), nodes.j, [x[k], y[k]], triangle[k]) {
                         Some(t) => triangle[k] = t,
                         None => lost |= 1 << k,
                     }
@@ -63,13 +63,13 @@ impl Surface for Chords<'_> {
 
     #[inline(always)]
     fn slope(&self, _b: usize, _i: i64, _j: i64, _u: [f32; 2], triangle: u32) -> [f32; 6] {
-        self.triangles.get(triangle as usize).map_or([0.0; 6], Record::slope)
+        self.triangles.get(triangle as usize).map_or([0.0; 6], TriangleRecord::slope)
     }
 
     #[inline(always)]
     fn slope_row<V: Lanes>(
         &self,
-        _site: &Site,
+        _site: &GridRow,
         _u: &[V; 2],
         triangle: &[u32; LANES],
         _lanes: V::Mask,
@@ -93,16 +93,16 @@ impl Surface for Chords<'_> {
         n: &[V; 3],
         same: V::Mask,
         d: &[V; 2],
-    ) -> (V, [V; 2], Chord<V>) {
+    ) -> (V, [V; 2], GradientTerms<V>) {
         let c = chord(p, slope, n, same, d);
         let length = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + TINY).sqrt();
-        let kept = Chord { along: c, d: *d, inverse_length: V::one() / length };
+        let kept = GradientTerms { along: c, d: *d, inverse_length: V::one() / length };
         let far = Self::far_gradient(&kept, slope);
         (length, [-far[0], -far[1]], kept)
     }
 
     #[inline(always)]
-    fn far_gradient<V: Lanes>(chord: &Chord<V>, slope_n: &Slopes<V>) -> [V; 2] {
+    fn far_gradient<V: Lanes>(chord: &GradientTerms<V>, slope_n: &Slopes<V>) -> [V; 2] {
         let c = &chord.along;
         each!([0, 3], |k| {
             (slope_n[k] * c[0] + slope_n[k + 1] * c[1] + slope_n[k + 2] * c[2]) * chord.inverse_length
@@ -177,15 +177,15 @@ impl Chords<'_> {
 
     /// The samples at a row's nodes, displaced by u, on their triangles, extrapolated where they lie outside; 0 on none.
     #[inline(always)]
-    pub fn on_row<V: Lanes>(&self, site: &Site, u: &[V; 2], triangle: V::Index) -> Samples<V> {
+    pub fn on_row<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], triangle: V::Index) -> Samples<V> {
         const NOWHERE: [f32; LANES] = [0.0; LANES];
         let at = V::index_array(triangle);
         let half =
             |t: u32, h: usize| self.triangles.get(t as usize).map_or(&NOWHERE, |record| &record.halves[h]);
         let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 0)));
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 1)));
-        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| site.lane(k) as f32);
-        let (column, row) = (V::from_array(column), V::splat(site.j as f32));
+        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| nodes.column(k) as f32);
+        let (column, row) = (V::from_array(column), V::splat(nodes.j as f32));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
         let (value, slope) = on_plane(&first, &second, &d);
         Samples { value, slope, triangle }

@@ -1,7 +1,7 @@
 //! Coarser levels: metrics, bilinear between nodes, and their slopes.
 
 use super::super::lanes::{LANES, Lanes, Truth, each};
-use super::{Chord, Samples, Site, Slopes, Surface};
+use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
 use crate::mesh::NONE;
 use crate::method::law::TINY;
 use crate::tile::Level;
@@ -60,7 +60,7 @@ impl Metrics<'_> {
 
     /// The cells' corners under a row's nodes, the places in them, and where there are any.
     #[inline(always)]
-    fn cells<V: Lanes>(&self, site: &Site, u: &[V; 2], lanes: V::Mask) -> ([[V; 3]; 4], [V; 2], V::Mask) {
+    fn cells<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], lanes: V::Mask) -> ([[V; 3]; 4], [V; 2], V::Mask) {
         let whole = each!([0, 1], |c| u[c].floor());
         let inside = each!([0, 1], |c| u[c] - whole[c]);
         let (x, y) = (whole[0].to_array(), whole[1].to_array());
@@ -70,7 +70,7 @@ impl Metrics<'_> {
             if bits >> k & 1 == 0 {
                 continue;
             }
-            match self.corners(site.block, site.lane(k) + x[k] as i64, site.j + y[k] as i64) {
+            match self.corners(nodes.block, nodes.column(k) + x[k] as i64, nodes.j + y[k] as i64) {
                 Some(cell) => {
                     for (to, from) in corners.iter_mut().zip(cell) {
                         for c in 0..3 {
@@ -92,12 +92,12 @@ impl Surface for Metrics<'_> {
     #[inline(always)]
     fn sample_row<V: Lanes>(
         &self,
-        site: &Site,
+        nodes: &GridRow,
         u: &[V; 2],
         lanes: V::Mask,
         samples: &mut Samples<V>,
     ) -> V::Mask {
-        let (corners, [s, t], found) = self.cells(site, u, lanes);
+        let (corners, [s, t], found) = self.cells(nodes, u, lanes);
         (samples.value, samples.slope) = Self::bilinear(&corners, s, t);
         found
     }
@@ -118,13 +118,13 @@ impl Surface for Metrics<'_> {
     #[inline(always)]
     fn slope_row<V: Lanes>(
         &self,
-        site: &Site,
+        nodes: &GridRow,
         u: &[V; 2],
         _triangle: &[u32; LANES],
         lanes: V::Mask,
     ) -> Slopes<V> {
         // Lanes without a cell have corners of 0, and so a slope of 0.
-        let (corners, [s, t], _) = self.cells(site, u, lanes);
+        let (corners, [s, t], _) = self.cells(nodes, u, lanes);
         Self::bilinear(&corners, s, t).1
     }
 
@@ -142,18 +142,18 @@ impl Surface for Metrics<'_> {
         n: &[V; 3],
         _same: V::Mask,
         d: &[V; 2],
-    ) -> (V, [V; 2], Chord<V>) {
+    ) -> (V, [V; 2], GradientTerms<V>) {
         let g = each!([0, 1, 2], |k| (p[k] + n[k]) * 0.5);
         let along = [g[0] * d[0] + g[1] * d[1], g[1] * d[0] + g[2] * d[1], V::zero()];
         let length = ((along[0] * d[0] + along[1] * d[1]).max(V::zero()) + TINY).sqrt();
-        let kept = Chord { along, d: *d, inverse_length: V::one() / length };
+        let kept = GradientTerms { along, d: *d, inverse_length: V::one() / length };
         let own = half_change(&kept, slope);
         let near = [(own[0] - along[0]) * kept.inverse_length, (own[1] - along[1]) * kept.inverse_length];
         (length, near, kept)
     }
 
     #[inline(always)]
-    fn far_gradient<V: Lanes>(chord: &Chord<V>, slope_n: &Slopes<V>) -> [V; 2] {
+    fn far_gradient<V: Lanes>(chord: &GradientTerms<V>, slope_n: &Slopes<V>) -> [V; 2] {
         let own = half_change(chord, slope_n);
         each!([0, 1], |k| (own[k] + chord.along[k]) * chord.inverse_length)
     }
@@ -161,7 +161,7 @@ impl Surface for Metrics<'_> {
 
 /// An end's half of the metric's change along W: ¼ dᵀ (dG/dx) d and ¼ dᵀ (dG/dy) d.
 #[inline(always)]
-fn half_change<V: Lanes>(chord: &Chord<V>, slope: &Slopes<V>) -> [V; 2] {
+fn half_change<V: Lanes>(chord: &GradientTerms<V>, slope: &Slopes<V>) -> [V; 2] {
     let [x, y] = chord.d;
     let (xx, xy, yy) = (x * x, x * y * 2.0, y * y);
     each!([0, 3], |k| (slope[k] * xx + slope[k + 1] * xy + slope[k + 2] * yy) * 0.25)

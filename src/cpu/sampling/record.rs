@@ -7,16 +7,16 @@ use crate::tile::pose::PoseTriangle;
 /// Second half: the pose origin's z, df/dx (3), df/dy (3), nothing.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
-pub struct Record {
+pub struct TriangleRecord {
     pub halves: [[f32; 8]; 2],
 }
 
-impl Record {
-    pub fn new(uv: &UvTriangle, pose: &PoseTriangle) -> Record {
+impl TriangleRecord {
+    pub fn new(uv: &UvTriangle, pose: &PoseTriangle) -> TriangleRecord {
         let ([ox, oy], [[a, b], [c, d]]) = (uv.origin, uv.barycentric);
         let [px, py, pz] = pose.origin;
         let [[x0, x1, x2], [y0, y1, y2]] = pose.tangent;
-        Record { halves: [[ox, oy, a, b, c, d, px, py], [pz, x0, x1, x2, y0, y1, y2, 0.0]] }
+        TriangleRecord { halves: [[ox, oy, a, b, c, d, px, py], [pz, x0, x1, x2, y0, y1, y2, 0.0]] }
     }
 
     /// The triangle's first corner in cells.

@@ -7,7 +7,7 @@ use super::super::Run;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
 use super::super::patch::State;
 use super::super::row::Row;
-use super::{Chords, Metrics, Samples, Site, Surface};
+use super::{Chords, GridRow, Metrics, Samples, Surface};
 
 /// Where the walk to the triangle under W(p) begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,9 +76,9 @@ impl Kernel for ResampleChords<'_> {
             unsafe { (state.u.get(b), state.value.get_mut(b), state.triangle.get_mut(b)) };
         for row in Row::all() {
             let s = row.slot();
-            let site = Site::new(level, b, row);
+            let nodes = GridRow::new(level, b, row);
             if start == Start::Identity {
-                let on = surface.on_row::<V>(&site, &[V::zero(); 2], V::load_index(rest, s));
+                let on = surface.on_row::<V>(&nodes, &[V::zero(); 2], V::load_index(rest, s));
                 V::store_index(V::load_index(rest, s), triangle, s);
                 for c in 0..3 {
                     on.value[c].store(&mut value[c], s);
@@ -88,7 +88,7 @@ impl Kernel for ResampleChords<'_> {
             let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
             if start == Start::Present && lanes.bits() != u8::MAX {
                 // A correction has used the samples' memory.
-                let on = surface.on_row::<V>(&site, &[V::zero(); 2], V::load_index(rest, s));
+                let on = surface.on_row::<V>(&nodes, &[V::zero(); 2], V::load_index(rest, s));
                 for c in 0..3 {
                     on.value[c].store(&mut value[c], s);
                 }
@@ -102,16 +102,16 @@ impl Kernel for ResampleChords<'_> {
             if start == Start::Nearest {
                 let (x, y) = (d[0].to_array(), d[1].to_array());
                 for k in 0..LANES {
-                    from[k] = surface.nearest(&site, k, [x[k], y[k]]).unwrap_or(rest[s + k]);
+                    from[k] = surface.nearest(&nodes, k, [x[k], y[k]]).unwrap_or(rest[s + k]);
                 }
             }
             let mut on =
                 Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: V::index_from(from) };
-            let found = surface.sample_row(&site, &d, lanes, &mut on);
+            let found = surface.sample_row(&nodes, &d, lanes, &mut on);
             if lanes.and_not(found).any() {
                 // W leaves the chart: what lies around the start is extended.
                 on.triangle = V::select_index(found, on.triangle, V::index_from(from));
-                on.value = surface.on_row::<V>(&site, &d, on.triangle).value;
+                on.value = surface.on_row::<V>(&nodes, &d, on.triangle).value;
             }
             for c in 0..3 {
                 lanes.select(on.value[c], V::load(&value[c], s)).store(&mut value[c], s);
@@ -124,14 +124,14 @@ impl Kernel for ResampleChords<'_> {
 impl Chords<'_> {
     /// The triangle of the node nearest to W(p), if that lies in the same chart.
     #[inline(always)]
-    fn nearest(&self, site: &Site, lane: usize, u: [f32; 2]) -> Option<u32> {
+    fn nearest(&self, nodes: &GridRow, lane: usize, u: [f32; 2]) -> Option<u32> {
         let level = &self.grid.levels[0];
-        let (x, y) = (site.lane(lane) + u[0].round() as i64, site.j + u[1].round() as i64);
-        let triangle = match level.blocks.holding(site.block, x, y) {
+        let (x, y) = (nodes.column(lane) + u[0].round() as i64, nodes.j + u[1].round() as i64);
+        let triangle = match level.blocks.holding(nodes.block, x, y) {
             NONE => NONE,
             near => self.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
         };
-        let chart = level.blocks.list[site.block].chart;
+        let chart = level.blocks.list[nodes.block].chart;
         (triangle != NONE && self.grid.chart_of[triangle as usize] == chart).then_some(triangle)
     }
 }
@@ -163,7 +163,7 @@ impl Kernel for ResampleMetrics<'_> {
             let d = each!([0, 1], |c| V::load(&u[c], s));
             let nowhere = V::index_from([NONE; LANES]);
             let mut on = Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: nowhere };
-            let found = surface.sample_row(&Site::new(surface.level, b, row), &d, lanes, &mut on);
+            let found = surface.sample_row(&GridRow::new(surface.level, b, row), &d, lanes, &mut on);
             for c in 0..3 {
                 lanes.and(found).select(on.value[c], V::load(&metric[c], s)).store(&mut value[c], s);
             }
