@@ -1,5 +1,5 @@
-//! The CPU backend: computes a tile's warp in f32 from its grid, maps and pose (method §5 to §10). Results have the same
-//! bits for any number of threads.
+//! The CPU backend: computes a tile's warp in f32 from its grid, maps and pose (method §5 to §10). Results have the
+//! same bits for any number of threads.
 
 #![allow(clippy::needless_range_loop, reason = "index loops over several planes at once are what vectorises")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN must fail a check, not pass it")]
@@ -79,7 +79,7 @@ pub(crate) struct Run<'a> {
     result: &'a mut [[Plane; 2]],
     /// Per chart; default values for charts that are not solved.
     pub results: Vec<ChartResult>,
-    /// Per chart, the energy of the finest level's present state if a correction computed it.
+    /// Per chart, the energy of the finest level's present state, if a correction was the last to change it.
     known_energies: Vec<Option<f64>>,
     node_updates: AtomicU64,
     patches: PerThread<Patch>,

@@ -1,6 +1,6 @@
 //! correct: one Gauss-Newton step for all nodes of a level at once (method §7). The 9-point system of 2x2 blocks is
-//! assembled and solved by conjugate gradients with a Galerkin V-cycle as preconditioner, the step is limited where cells
-//! would fold, and each chart takes it only if its energy falls.
+//! assembled and solved by conjugate gradients with a Galerkin V-cycle as preconditioner, the step is limited where
+//! cells would fold, and each chart takes it only if its energy falls.
 
 mod assemble;
 mod conjugate_gradients;
@@ -74,10 +74,10 @@ impl Run<'_> {
         }
     }
 
-    /// Takes the step chart by chart, relaxes, and accepts the result if the energy fell enough; else tries half of the step,
-    /// then a quarter, then none (method §7.7). Relaxation comes before acceptance because the step errs most where the
-    /// surface has kinks. This error is rough and local, a sweep removes most of it, and it would otherwise refuse the step
-    /// of the whole chart.
+    /// Takes the step chart by chart, relaxes, and accepts the result if the energy fell enough; else tries half of the
+    /// step, then a quarter, then none (method §7.7). Relaxation comes before acceptance because the step errs most
+    /// where the surface has kinks. This error is rough and local, a sweep removes most of it, and it would otherwise
+    /// refuse the step of the whole chart.
     ///
     /// `fraction` holds each chart's step fraction of this correction, and is set to that of the next one.
     fn try_fractions(
@@ -102,9 +102,9 @@ impl Run<'_> {
             }
             self.move_and_resample(level, &blocks, Start::Present, |b, u| {
                 // SAFETY: each item has its own block.
-                let from = unsafe { displacement.get_mut(b) };
+                let u_before = unsafe { displacement.get_mut(b) };
                 if trial == 0 {
-                    *from = *u;
+                    *u_before = *u;
                 }
                 let chart_fraction = trial_fraction * fraction[list[b].chart as usize];
                 let (step, node_fraction) = (&step[b], &node_fraction[b][0]);
@@ -116,7 +116,7 @@ impl Run<'_> {
                         } else {
                             0.0
                         };
-                        u[c][s] = from[c][s] + taken;
+                        u[c][s] = u_before[c][s] + taken;
                     }
                 }
             });
@@ -142,8 +142,8 @@ impl Run<'_> {
         }
     }
 
-    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one value for
-    /// each stored block.
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
+    /// value for each stored block.
     fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
         let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collect();
         self.sum_per_chart(level, &active)

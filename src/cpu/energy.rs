@@ -11,8 +11,8 @@ use crate::method::law::CRUSHED_JACOBIAN;
 use crate::tile::Level;
 
 impl Run<'_> {
-    /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0 for
-    /// charts that are not solved.
+    /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0
+    /// for charts that are not solved.
     pub(super) fn energies(&mut self, level: usize) -> Vec<f64> {
         self.with_surface(level, Energies { level, allow_folds: false })
     }
@@ -97,7 +97,8 @@ impl<S: Surface> Kernel for BlockEnergy<'_, S> {
     }
 }
 
-/// Sums a block's part of its chart's energy. The energy of an edge or corner is divided evenly among its movable nodes.
+/// Sums a block's part of its chart's energy. The energy of an edge or corner is divided evenly among its movable
+/// nodes.
 pub struct Total<V> {
     sum: V,
     /// The least corner Jacobian, at most 1.

@@ -1,9 +1,9 @@
-//! relax: descent node by node (method §6). With its neighbours fixed, each node takes its 2x2 Gauss-Newton step, limited so
-//! that no corner Jacobian falls under ε, if its energy does not rise.
+//! relax: descent node by node (method §6). With its neighbours fixed, each node takes its 2x2 Gauss-Newton step,
+//! limited so that no corner Jacobian falls under ε, if its energy does not rise.
 //!
-//! Blocks of one block colour (x & 1, y & 1) do not touch. They are relaxed in parallel, each with its four node colours in
-//! turn and with its halo frozen, so that the bits do not depend on the order of the blocks. Gathering a block takes a third
-//! of the time of a sweep; therefore two sweeps are done on a gathered block.
+//! Blocks of one block colour (x & 1, y & 1) do not touch. They are relaxed in parallel, each with its four node
+//! colours in turn and with its halo frozen, so that the bits do not depend on the order of the blocks. Gathering a
+//! block takes a third of the time of a sweep; therefore two sweeps are done on a gathered block.
 
 use crate::method::law::{BOUND_SAFETY, MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN};
 use crate::method::schedule::passes;
@@ -33,8 +33,8 @@ impl Run<'_> {
 pub struct Relax<'a> {
     pub level: usize,
     pub sweeps: u32,
-    /// Step fraction per chart (none = 1). Sweeps after a partial correction use the same fraction, so that both fade in
-    /// together.
+    /// Step fraction per chart (none = 1). Sweeps after a partial correction use the same fraction, so that both fade
+    /// in together.
     pub fraction: Option<&'a [f32]>,
 }
 

@@ -1,5 +1,5 @@
-//! Samples of the surface at warped positions W(p), and the lengths of edges between them: exact positions and tangents on
-//! the finest level (method §2), metrics and their derivatives on coarser ones (method §3).
+//! Samples of the surface at warped positions W(p), and the lengths of edges between them: exact positions and tangents
+//! on the finest level (method §2), metrics and their derivatives on coarser ones (method §3).
 
 mod chords;
 mod metrics;
@@ -20,8 +20,8 @@ pub type Slopes<V> = [V; 6];
 
 /// Samples of the surface at the warped positions of a row's eight nodes.
 ///
-/// On the finest level, `value` is the position f(W(p)), `slope` is ∂f/∂x and ∂f/∂y, and `triangle` is the triangle under
-/// W(p). On coarser ones, `value` is the metric (E, F, G) at W(p), and `slope` is ∂/∂x and ∂/∂y of it.
+/// On the finest level, `value` is the position f(W(p)), `slope` is ∂f/∂x and ∂f/∂y, and `triangle` is the triangle
+/// under W(p). On coarser ones, `value` is the metric (E, F, G) at W(p), and `slope` is ∂/∂x and ∂/∂y of it.
 #[derive(Clone, Copy)]
 pub struct Samples<V: Lanes> {
     pub value: [V; 3],
@@ -58,8 +58,9 @@ pub trait Surface: Copy + Sync {
     /// Whether lengths are chords, which is so on the finest level.
     const CHORDS: bool;
 
-    /// Samples the surface at a row's nodes displaced by u, in the given lanes. Point location begins at the triangles in
-    /// `samples`. Returns the lanes that have a sample; in the others W leaves the chart, and `samples` is undefined.
+    /// Samples the surface at a row's nodes displaced by u, in the given lanes. Point location begins at the triangles
+    /// in `samples`. Returns the lanes that have a sample; in the others W leaves the chart, and `samples` is
+    /// undefined.
     fn sample_row<V: Lanes>(
         &self,
         nodes: &GridRow,
@@ -80,8 +81,8 @@ pub trait Surface: Copy + Sync {
         lanes: V::Mask,
     ) -> Slopes<V>;
 
-    /// Lengths L of the edges between nodes with the values p and n, given the slopes at p, the offsets d, and whether both
-    /// ends are on one triangle.
+    /// Lengths L of the edges between nodes with the values p and n, given the slopes at p, the offsets d, and whether
+    /// both ends are on one triangle.
     fn length<V: Lanes>(p: &[V; 3], slope: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V;
 
     /// Lengths as of `length`, their gradients ∂L/∂u_p, and the terms from which `far_gradient` computes ∂L/∂u_n.
@@ -94,7 +95,7 @@ pub trait Surface: Copy + Sync {
     ) -> (V, [V; 2], GradientTerms<V>);
 
     /// ∂L/∂u_n, from the terms that `gradient` returned and the slopes at n.
-    fn far_gradient<V: Lanes>(terms: &GradientTerms<V>, slope_n: &Slopes<V>) -> [V; 2];
+    fn far_gradient<V: Lanes>(terms: &GradientTerms<V>, neighbour_slope: &Slopes<V>) -> [V; 2];
 }
 
 /// Terms that the gradients of a length at both ends of an edge have in common.

@@ -24,10 +24,17 @@ pub struct QuadraticModel<V> {
     pub matrix: [V; 3],
 }
 
-/// Receives the edges of a row's nodes: the index of the neighbour, the edge, ∂L/∂u of the node, and the terms from which
-/// `Surface::far_gradient` computes ∂L/∂u of the neighbour.
+/// Receives the edges of a row's nodes: the index of the neighbour, the edge, ∂L/∂u of the node, and the terms from
+/// which `Surface::far_gradient` computes ∂L/∂u of the neighbour.
 pub trait Visitor<V: Lanes> {
-    fn edge<S: Surface>(&mut self, row: Row, k: usize, edge: &Edge<V>, near: &[V; 2], chord: &GradientTerms<V>);
+    fn edge<S: Surface>(
+        &mut self,
+        row: Row,
+        k: usize,
+        edge: &Edge<V>,
+        near: &[V; 2],
+        terms: &GradientTerms<V>,
+    );
 }
 
 /// Ignores the edges.
@@ -61,8 +68,8 @@ impl Patch {
         }
     }
 
-    /// Whether an edge at one of a row's nodes has a weight above 0, or there is an orientation term. Otherwise smoothness is
-    /// the only edge term.
+    /// Whether an edge at one of a row's nodes has a weight above 0, or there is an orientation term. Otherwise
+    /// smoothness is the only edge term.
     #[inline(always)]
     pub fn has_stiff_edges<V: Lanes>(&self, row: Row, weights: &Weights) -> bool {
         if weights.orients() {
@@ -118,8 +125,8 @@ impl Patch {
         Terms { energy, edges, corners }
     }
 
-    /// The quadratic model of a row's nodes. `stiff` is the result of `has_stiff_edges`; if it is true, `visitor` receives
-    /// the edges.
+    /// The quadratic model of a row's nodes. `stiff` is the result of `has_stiff_edges`; if it is true, `visitor`
+    /// receives the edges.
     #[inline(always)]
     pub fn quadratic_model<V: Lanes, S: Surface>(
         &self,
@@ -137,9 +144,9 @@ impl Patch {
         let mut matrix = [V::zero(); 3];
         each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
-            let (length, near, chord) =
+            let (length, near, gradient_terms) =
                 S::gradient(&p.samples.value, &p.samples.slope, &edge.value, edge.same_triangle, &edge.d);
-            visitor.edge::<S>(row, k, &edge, &near, &chord);
+            visitor.edge::<S>(row, k, &edge, &near, &gradient_terms);
             edges[k] = edge.energy(k, length, weights);
             let scaled = edge.weight * edge.inverse_length;
             let pull = scaled * ((length - edge.rest_length) * edge.inverse_length);
@@ -215,8 +222,8 @@ impl Patch {
         QuadraticModel { terms, gradient, matrix }
     }
 
-    /// The twelve corner Jacobians that depend on each node of a row, with their gradients in the node. For each of the four
-    /// cells: the corner at the node, at its neighbour along x, and at its neighbour along y.
+    /// The twelve corner Jacobians that depend on each node of a row, with their gradients in the node. For each of the
+    /// four cells: the corner at the node, at its neighbour along x, and at its neighbour along y.
     #[inline(always)]
     pub fn corners<V: Lanes>(&self, row: Row, p: &NodeState<V>) -> [(V, [V; 2]); 12] {
         let mut corners = [(V::zero(), [V::zero(); 2]); 12];
@@ -285,8 +292,8 @@ impl<V: Lanes> Edge<V> {
         ((V::one() - self.weight) * weights.smoothness + weights.smoothness_floor) * self.inverse_rest_square
     }
 
-    /// Stiffness of the orientation term: κ / |d0|⁴, where κ is the mean of both ends. One |d0|² comes from the term, the
-    /// other one from the lengths of the two normals in a product.
+    /// Stiffness of the orientation term: κ / |d0|⁴, where κ is the mean of both ends. One |d0|² comes from the term,
+    /// the other one from the lengths of the two normals in a product.
     #[inline(always)]
     pub fn orientation(&self, weights: &Weights) -> V {
         (self.density * weights.orientation_density + V::splat(weights.orientation))

@@ -1,7 +1,7 @@
-//! Assembles the Gauss-Newton system of a level from its state (method §7.1): the pairs A_pn of neighbouring movable nodes,
-//! and the right-hand side, which is minus the gradient (matrix and gradient are halves of derivatives). Diagonal blocks are
-//! not formed here but the symmetric parts of row sums, from which `rows` computes diagonals that make up for the rounding
-//! of the pairs.
+//! Assembles the Gauss-Newton system of a level from its state (method §7.1): the pairs A_pn of neighbouring movable
+//! nodes, and the right-hand side, which is minus the gradient (matrix and gradient are halves of derivatives).
+//! Instead of the diagonal blocks, the symmetric parts of the row sums are formed, from which `rows` computes diagonals
+//! that make up for the rounding of the pairs.
 
 use super::super::energy::Total;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
@@ -61,7 +61,8 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
     }
 }
 
-/// Assembles one block's rows; returns the block's part of its chart's energy. No other item may write the state meanwhile.
+/// Assembles one block's rows; returns the block's part of its chart's energy. No other item may write the state
+/// meanwhile.
 struct AssembleBlock<'a, S> {
     patch: &'a mut Patch,
     level: &'a Level,
@@ -98,8 +99,8 @@ impl<S: Surface> Kernel for AssembleBlock<'_, S> {
     }
 }
 
-/// Slopes at all nodes of the window, because the far end of an edge moves in its own tangent plane. They are 0 at fixed
-/// nodes of the halo, whose pairs are dropped.
+/// Slopes at all nodes of the window, because the far end of an edge moves in its own tangent plane. They are 0 at
+/// fixed nodes of the halo, whose pairs are dropped.
 #[inline(always)]
 fn window_slopes<S: Surface>(patch: &Patch, surface: S) -> [Window; 6] {
     let mut slopes: [Window; 6] = [[0.0; WINDOW_NODES]; 6];
@@ -213,10 +214,17 @@ struct RankOne<'a, V> {
 
 impl<V: Lanes> Visitor<V> for RankOne<'_, V> {
     #[inline(always)]
-    fn edge<S: Surface>(&mut self, row: Row, k: usize, edge: &Edge<V>, near: &[V; 2], chord: &GradientTerms<V>) {
+    fn edge<S: Surface>(
+        &mut self,
+        row: Row,
+        k: usize,
+        edge: &Edge<V>,
+        near: &[V; 2],
+        terms: &GradientTerms<V>,
+    ) {
         let (di, dj, ..) = NEIGHBOURS[k];
         let neighbour_slopes: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&self.slopes[c], di, dj));
-        let far = S::far_gradient(chord, &neighbour_slopes);
+        let far = S::far_gradient(terms, &neighbour_slopes);
         let stiffness = edge.weight * edge.inverse_length * edge.inverse_length;
         self.pairs[k] = each!([0, 1, 2, 3], |c| stiffness * (near[c / 2] * far[c % 2]));
     }
@@ -228,7 +236,8 @@ fn near_bound_stiffness<V: Lanes>(jacobian: V) -> V {
     jacobian.lt(V::splat(NEAR_BOUND_JACOBIAN)).select(V::splat(NEAR_BOUND_STIFFNESS), V::zero())
 }
 
-/// The parts of the room term and of the near-bound penalty in the pairs of a row's nodes with their neighbours, row-major.
+/// The parts of the room term and of the near-bound penalty in the pairs of a row's nodes with their neighbours,
+/// row-major.
 #[inline(always)]
 fn corner_pairs<V: Lanes>(patch: &Patch, row: Row, p: &NodeState<V>, weights: &Weights) -> [[V; 4]; 8] {
     let mut pairs = [[V::zero(); 4]; 8];

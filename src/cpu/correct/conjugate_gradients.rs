@@ -6,11 +6,11 @@ use super::workspace::Solving;
 use super::*;
 
 impl Run<'_> {
-    /// Solves the system of `level` for the step, chart by chart: charts have only the passes over memory in common. Returns
-    /// the predicted gain per chart, which is the decrease of the quadratic model of the energy.
+    /// Solves the system of `level` for the step, chart by chart: charts have only the passes over memory in common.
+    /// Returns the predicted gain per chart, which is the decrease of the quadratic model of the energy.
     ///
-    /// With two iterations the second direction is a combination of the preconditioned residual and of the first step, so
-    /// that no direction has to be stored.
+    /// With two iterations the second direction is a combination of the preconditioned residual and of the first step,
+    /// so that no direction has to be stored.
     pub(super) fn conjugate_gradients(&self, level: usize, solving: &mut Solving) -> Vec<f64> {
         let charts = self.charts.len();
         let mut predicted = vec![0.0f64; charts];
@@ -37,7 +37,7 @@ impl Run<'_> {
             let alpha: Vec<f32> = (0..charts)
                 .map(|c| {
                     let alpha = (rz[c] / curvature[c]) as f32;
-                    // No step if the residual is 0 or a scalar is NaN.
+                    // No step if the curvature is not positive, as where nothing is left to solve, or a scalar is NaN.
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
                 .collect();
@@ -76,8 +76,8 @@ impl Kernel for Direction<'_> {
     }
 }
 
-/// Computes x += alpha z and r -= alpha t in one block, where t = A z. `first`: x is overwritten with alpha z. `last`: r is
-/// not needed any more and not updated.
+/// Computes x += alpha z and r -= alpha t in one block, where t = A z. `first`: x is overwritten with alpha z. `last`:
+/// r is not needed any more and not updated.
 struct Update<'a> {
     x: &'a mut [Plane; 2],
     r: &'a mut [Plane; 2],

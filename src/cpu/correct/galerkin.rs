@@ -1,6 +1,7 @@
 //! The coarser level's matrix (method §7.4): the Galerkin product Pᵀ A P, again with nine points and symmetric. P
-//! interpolates along x and then along y, with the weights of `tile/interpolation.rs`. The product is formed along x for
-//! each row of fine nodes, and then along y, which takes a third of the operations of forming the whole stencil at once.
+//! interpolates along x and then along y, with the weights of `tile/interpolation.rs`. The product is formed along x
+//! for each row of fine nodes, and then along y, which takes a third of the operations of forming the whole stencil at
+//! once.
 
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
 use super::multigrid::{RestrictQuarter, active_neighbours};
@@ -87,8 +88,8 @@ struct QuarterPairs<'a> {
 /// A row-major 2x2 block per lane.
 type Block<V> = [V; 4];
 
-/// The product along x for one row of fine nodes, at eight coarse columns I: the blocks that couple column I of this row
-/// with itself, and with its neighbours to the east, north, north-east and north-west.
+/// The product along x for one row of fine nodes, at eight coarse columns I: the blocks that couple column I of this
+/// row with itself, and with its neighbours to the east, north, north-east and north-west.
 #[derive(Clone, Copy)]
 struct XProduct<V> {
     diagonal: Block<V>,
@@ -166,7 +167,8 @@ fn x_product<V: Lanes>(
     let first =
         east_of_west.map_or([0.0; 4], |words| decode_one([0, 1].map(|w| words[w][slot(SIDE - 2, y)])));
     let east_before = each!([0, 1, 2, 3], |k| with_first(V::load(&fine[k], c - 1), first[k]));
-    // Weights of the fine columns 2I - 1 and 2I + 1 for the lower one of their two coarse columns, in this row and the next.
+    // Weights of the fine columns 2I - 1 and 2I + 1 for the lower one of their two coarse columns, in this row and the
+    // next.
     let (l_north, r_north) = (place(0, w + 1), place(2, w + 1));
     let [wl, wr, wl_north, wr_north] = each!([0, 1, 2, 3], |k| V::load(weights, [l, r, l_north, r_north][k]));
     // Weights of the same fine columns for the upper one of their two coarse columns.
@@ -193,8 +195,8 @@ fn x_product<V: Lanes>(
 /// Per entry of a row-major 2x2 block, its index in the transpose.
 const TRANSPOSED: [usize; 4] = [0, 2, 1, 3];
 
-/// Interpolation weights of the fine rows 2J - 1 (below) and 2J + 1 (above) for coarse row J, at the columns I, I + 1 (east)
-/// and I - 1 (west).
+/// Interpolation weights of the fine rows 2J - 1 (below) and 2J + 1 (above) for coarse row J, at the columns I, I + 1
+/// (east) and I - 1 (west).
 struct YWeights<V> {
     below: V,
     below_east: V,

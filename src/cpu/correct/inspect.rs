@@ -6,8 +6,8 @@ use super::*;
 use crate::tile::codes::of_weight;
 
 impl Run<'_> {
-    /// Assembles a level's system for its present state. Returns its rows in the layout of [`Run::rows`], and its right-hand
-    /// side.
+    /// Assembles a level's system for its present state. Returns its rows in the layout of [`Run::rows`], and its
+    /// right-hand side.
     pub fn assembled(&mut self, level: usize) -> [Vec<u32>; 2] {
         let mut workspace = std::mem::take(&mut self.memory.workspace);
         let mut assembling = workspace.assembling(level, &mut []);
@@ -20,8 +20,8 @@ impl Run<'_> {
         [self.rows(level), flat(self.memory.workspace.residual(level))]
     }
 
-    /// A level's system. Planes per block: the diagonal (3), the encoded pairs of the four owned edges (2 each), and the
-    /// interpolation weight (1; 0 on the coarsest level, which has none).
+    /// A level's system. Planes per block: the diagonal (3), the encoded pairs of the four owned edges (2 each), and
+    /// the interpolation weight (1; 0 on the coarsest level, which has none).
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
         let Rows { diagonal, words, .. } = self.memory.workspace.rows(level);

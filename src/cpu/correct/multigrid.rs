@@ -1,6 +1,6 @@
-//! The preconditioner of conjugate gradients: a V(2,2) cycle with a Gauss-Seidel smoother of 2x2 blocks in four node colours
-//! (method §7.4). The smoother runs backwards after the coarse correction, so that the cycle is symmetric, as conjugate
-//! gradients require.
+//! The preconditioner of conjugate gradients: a V(2,2) cycle with a Gauss-Seidel smoother of 2x2 blocks in four node
+//! colours (method §7.4). The smoother runs backwards after the coarse correction, so that the cycle is symmetric, as
+//! conjugate gradients require.
 
 use super::super::constants::interpolation;
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
@@ -50,7 +50,8 @@ pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec
 #[derive(Clone, Copy)]
 struct Sweeps {
     backwards: bool,
-    /// The initial value is 0: blocks that the pass has not visited yet are taken as 0, so that z need not be cleared first.
+    /// The initial value is 0: blocks that the pass has not visited yet are taken as 0, so that z need not be cleared
+    /// first.
     from_zero: bool,
 }
 
@@ -59,8 +60,8 @@ impl Sweeps {
     const BACKWARD: Sweeps = Sweeps { backwards: true, from_zero: false };
 }
 
-/// Smooths A z = r: all sweeps of a block are done while it is in the cache, with its halo frozen. Stores each block's part
-/// of r·z in `dots` if that is given.
+/// Smooths A z = r: all sweeps of a block are done while it is in the cache, with its halo frozen. Stores each block's
+/// part of r·z in `dots` if that is given.
 fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, dots: Option<&mut Vec<f64>>) {
     let grid = &run.grid.levels[level];
     let z = SharedSlice::new(system.direction);
@@ -113,8 +114,8 @@ fn clear_interior(windows: &mut [Window; 2]) {
     }
 }
 
-/// Does `SMOOTHER_SWEEPS` sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the block's
-/// part of r·z, or 0 without `dot`.
+/// Does `SMOOTHER_SWEEPS` sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the
+/// block's part of r·z, or 0 without `dot`.
 struct SmoothBlock<'a> {
     rows: BlockRows<'a>,
     pairs: &'a mut Pairs,
@@ -320,8 +321,8 @@ fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
     });
 }
 
-/// Applies Pᵀ to each of N planes of one fine block, and stores the sums at the 8x8 coarse nodes over it, a quarter of the
-/// coarse block.
+/// Applies Pᵀ to each of N planes of one fine block, and stores the sums at the 8x8 coarse nodes over it, a quarter of
+/// the coarse block.
 pub struct RestrictQuarter<'a, const N: usize> {
     pub windows: &'a [Window; N],
     pub weights: &'a Window,
@@ -380,8 +381,8 @@ fn add_coarse(run: &Run, finer: usize, z: &mut [[Plane; 2]], coarse: &[[Plane; 2
     });
 }
 
-/// Adds P times the planes of the coarser level, of which `coarse(b)` is that of coarse block `b`, to the plane `z` of the
-/// finer block `b`.
+/// Adds P times the planes of the coarser level, of which `coarse(b)` is that of coarse block `b`, to the plane `z` of
+/// the finer block `b`.
 pub fn add_interpolated<'a, T: Copy + Default + Into<f32> + 'a>(
     run: &Run,
     finer: usize,

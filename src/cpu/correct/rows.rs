@@ -1,7 +1,8 @@
-//! The storage of a level's matrix (method §7.2). The 2x2 block of each pair of neighbouring nodes is stored once, with the
-//! node that owns the edge, as four bfloat16: f32 without its last 16 bits, rounded. The rounding errors of a pair are added
-//! to the diagonal blocks of both of its nodes, so that row sums stay exact. The force on a rigid feature that moves as a
-//! whole is the sum of thousands of row sums; it must come from the feature's surroundings and not from rounding.
+//! The storage of a level's matrix (method §7.2). The 2x2 block of each pair of neighbouring nodes is stored once, with
+//! the node that owns the edge, as four bfloat16: f32 without its last 16 bits, rounded. The rounding errors of a pair
+//! are added to the diagonal blocks of both of its nodes, so that row sums stay exact. The force on a rigid feature
+//! that moves as a whole is the sum of thousands of row sums; it must come from the feature's surroundings and not from
+//! rounding.
 
 use super::super::allocate::Allocate;
 use super::super::constants;
@@ -15,8 +16,8 @@ use crate::mesh::NONE;
 use crate::tile::blocks::{SIDE, slot};
 use crate::tile::window::{self, Window, place};
 
-/// All decoded pairs that a block's rows need: per owned edge (p, n), the row-major 2x2 block with row p and column n, at
-/// p's place in the window. The index is 4 x edge + entry.
+/// All decoded pairs that a block's rows need: per owned edge (p, n), the row-major 2x2 block with row p and column n,
+/// at p's place in the window. The index is 4 x edge + entry.
 pub type Pairs = [[f32; WINDOW_NODES]; 16];
 
 /// The encoded pairs that a block's nodes own: per owned edge, the two words of `encode`.
@@ -88,7 +89,7 @@ pub struct HaloGroup {
     /// Index of the edge in `EDGES`.
     edge: usize,
     /// Index of the 3x3 neighbour block that holds the nodes.
-    from: usize,
+    neighbour: usize,
     /// First slot of the nodes in that block, and stride.
     slot: [usize; 2],
     /// First place of the nodes in the window, and stride.
@@ -97,17 +98,17 @@ pub struct HaloGroup {
 
 /// Eight nodes of one colour in the southern row of the halo.
 const fn south(edge: usize, ci: usize) -> HaloGroup {
-    HaloGroup { edge, from: 1, slot: [slot(ci, SIDE - 1), 1], place: [place(ci + 1, 0), 1] }
+    HaloGroup { edge, neighbour: 1, slot: [slot(ci, SIDE - 1), 1], place: [place(ci + 1, 0), 1] }
 }
 
 /// Eight nodes of one colour in the western column of the halo.
 const fn west(edge: usize, cj: usize) -> HaloGroup {
-    HaloGroup { edge, from: 3, slot: [slot(SIDE - 1, cj), SIDE / 2], place: [place(0, cj + 1), 9] }
+    HaloGroup { edge, neighbour: 3, slot: [slot(SIDE - 1, cj), SIDE / 2], place: [place(0, cj + 1), 9] }
 }
 
 /// Eight nodes of one colour in the eastern column of the halo.
 const fn east(edge: usize, cj: usize) -> HaloGroup {
-    HaloGroup { edge, from: 5, slot: [slot(0, cj), SIDE / 2], place: [place(SIDE + 1, cj + 1), 9] }
+    HaloGroup { edge, neighbour: 5, slot: [slot(0, cj), SIDE / 2], place: [place(SIDE + 1, cj + 1), 9] }
 }
 
 /// The halo's nodes that own an edge into the block, without the corners. Nodes of the northern row own none.
@@ -174,8 +175,8 @@ impl BlockRows<'_> {
     }
 }
 
-/// Decodes the pairs that nodes of a block's halo own into the window, from the neighbour blocks (see `active_neighbours`).
-/// Leaves out the northern row without its corners: no caller needs a pair that its nodes own.
+/// Decodes the pairs that nodes of a block's halo own into the window, from the neighbour blocks (see
+/// `active_neighbours`). Leaves out the northern row without its corners: no caller needs a pair that its nodes own.
 #[inline(always)]
 pub fn halo_pairs<V: Lanes>(words: &[Words], neighbours: &[u32; 9], pairs: &mut Pairs) {
     const ZEROS: &[Plane<u32>; 2] = &[[0; NODES]; 2];
@@ -220,9 +221,9 @@ pub fn halo_pairs<V: Lanes>(words: &[Words], neighbours: &[u32; 9], pairs: &mut 
     }
 }
 
-/// Completes a level's rows, whose owned pairs and row sums are formed: copies the halo's pairs and computes the diagonals.
-/// If there is a coarser level to form (`coarser`), also sets the product to A P 1, from which `galerkin` computes that
-/// level's row sums; the direction serves as scratch memory.
+/// Completes a level's rows, whose owned pairs and row sums are formed: copies the halo's pairs and computes the
+/// diagonals. If there is a coarser level to form (`coarser`), also sets the product to A P 1, from which `galerkin`
+/// computes that level's row sums; the direction serves as scratch memory.
 pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: bool) {
     let grid = &run.grid.levels[level];
     if coarser {
@@ -253,9 +254,9 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
 /// Gathers the halo's encoded pairs from the neighbour blocks.
 fn halo_words(words: &[Words], neighbours: &[u32; 9]) -> Halo {
     let mut halo = [[0; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2];
-    for (g, &HaloGroup { edge, from, slot: [first, step], .. }) in HALO_GROUPS.iter().enumerate() {
-        if neighbours[from] != NONE {
-            let from = &words[neighbours[from] as usize][edge];
+    for (g, &HaloGroup { edge, neighbour, slot: [first, step], .. }) in HALO_GROUPS.iter().enumerate() {
+        if neighbours[neighbour] != NONE {
+            let from = &words[neighbours[neighbour] as usize][edge];
             for (halo, from) in halo.iter_mut().zip(from) {
                 for k in 0..LANES {
                     halo[g * LANES + k] = from[first + k * step];
@@ -263,9 +264,9 @@ fn halo_words(words: &[Words], neighbours: &[u32; 9]) -> Halo {
             }
         }
     }
-    for (n, &[edge, from, slot, _]) in HALO_CORNERS.iter().enumerate() {
-        if neighbours[from] != NONE {
-            let from = &words[neighbours[from] as usize][edge];
+    for (n, &[edge, neighbour, slot, _]) in HALO_CORNERS.iter().enumerate() {
+        if neighbours[neighbour] != NONE {
+            let from = &words[neighbours[neighbour] as usize][edge];
             for (halo, from) in halo.iter_mut().zip(from) {
                 halo[HALO_GROUPS.len() * LANES + n] = from[slot];
             }
@@ -274,8 +275,8 @@ fn halo_words(words: &[Words], neighbours: &[u32; 9]) -> Halo {
     halo
 }
 
-/// Sets the first plane of `z` to P 1. It is 1 where all coarse nodes that a node is interpolated from are movable, and less
-/// elsewhere.
+/// Sets the first plane of `z` to P 1. It is 1 where all coarse nodes that a node is interpolated from are movable, and
+/// less elsewhere.
 fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[level], &run.grid.levels[level + 1]);
     let movable = |b: usize| &coarse.movable[b];
@@ -327,10 +328,10 @@ impl Kernel for Complete<'_> {
                 let mut product = each!([0, 1, 2], |c| sums[c] * here);
                 each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
                     let (di, dj, ..) = NEIGHBOURS[k];
-                    let more = row.near::<V>(ones, di, dj) - here;
+                    let difference = row.near::<V>(ones, di, dj) - here;
                     let pair = symmetric_part::<V>(pairs, row, k);
                     for c in 0..3 {
-                        product[c] += pair[c] * more;
+                        product[c] += pair[c] * difference;
                     }
                 });
                 for c in 0..3 {

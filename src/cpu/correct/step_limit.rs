@@ -1,8 +1,8 @@
 //! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and the
-//! step. Every corner Jacobian keeps a tenth of its margin over ε (`KEPT_MARGIN`); fractions fall off smoothly around corners
-//! that would lose more. They depend continuously on the step, so that a warp does not jump when a corner comes to be
-//! limited. The nodes of one corner may have different fractions; where a corner Jacobian is under ε all the same, they are
-//! halved.
+//! step. Every corner Jacobian keeps a tenth of its margin over ε (`KEPT_MARGIN`); fractions fall off smoothly around
+//! corners that would lose more. They depend continuously on the step, so that a warp does not jump when a corner comes
+//! to be limited. The nodes of one corner may have different fractions; where a corner Jacobian is under ε all the
+//! same, they are halved.
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
@@ -18,8 +18,8 @@ use crate::tile::Level;
 use crate::tile::blocks::{SIDE, slot};
 use crate::tile::window::{self, Window, place};
 
-/// Sets the fractions so that u + fraction x step has no corner Jacobian under ε. A chart where this does not succeed within
-/// `LIMIT_ROUNDS` is refused later for its energy.
+/// Sets the fractions so that u + fraction x step has no corner Jacobian under ε. A chart where this does not succeed
+/// within `LIMIT_ROUNDS` is refused later for its energy.
 pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
@@ -115,8 +115,8 @@ fn load_step(
     }
 }
 
-/// Runs passes of the falloff: limits each fraction to the least of its eight neighbours plus `FRACTION_FALLOFF`. The second
-/// plane of the marks holds a pass's output.
+/// Runs passes of the falloff: limits each fraction to the least of its eight neighbours plus `FRACTION_FALLOFF`. The
+/// second plane of the marks holds a pass's output.
 fn apply_falloff(
     run: &Run,
     level: &Level,
@@ -144,8 +144,8 @@ fn apply_falloff(
     }
 }
 
-/// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same fraction.
-/// Returns whether any of them is less than 1.
+/// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same
+/// fraction. Returns whether any of them is less than 1.
 struct FirstFraction<'a> {
     u: &'a [Window; 2],
     step: &'a [Window; 2],
@@ -181,8 +181,8 @@ fn first_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], row: Row) -> V 
             offset_change(step, &dp, row, sx, sy),
         ];
         for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
-            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, less ε and the margin to be kept. q(0) >= 0; if
-            // q(1) < 0, there is one root in between, here in a form without cancellation.
+            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, less ε and the margin to be kept. q(0) >= 0;
+            // if q(1) < 0, there is one root in between, here in a form without cancellation.
             let margin = (cross(a, b, sign) - V::splat(MIN_JACOBIAN)).max(V::zero());
             let q0 = margin * (1.0 - KEPT_MARGIN);
             let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
@@ -197,8 +197,8 @@ fn first_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], row: Row) -> V 
     fraction
 }
 
-/// The change over a whole step of the offset from a row's nodes to their neighbours at (di, dj). `dp` is the step of the
-/// nodes.
+/// The change over a whole step of the offset from a row's nodes to their neighbours at (di, dj). `dp` is the step of
+/// the nodes.
 #[inline(always)]
 fn offset_change<V: Lanes>(step: &[Window; 2], dp: &[V; 2], row: Row, di: i64, dj: i64) -> [V; 2] {
     each!([0, 1], |c| row.near::<V>(&step[c], di, dj) - dp[c])
@@ -232,7 +232,7 @@ impl Kernel for FallOff<'_> {
     }
 }
 
-/// Sets the marks of a block's nodes: 0 where one of the node's twelve corner Jacobians is under ε or NaN, else 1. Returns
+/// Sets the marks of a block's nodes: 0 where one of the node's twelve corner Jacobians is under ε, else 1. Returns
 /// whether any mark is 0.
 struct Marks<'a> {
     u: &'a [Window; 2],
@@ -246,7 +246,7 @@ impl Kernel for Marks<'_> {
     fn run<V: Lanes>(self) -> bool {
         let mut any = false;
         for row in Row::all() {
-            // A comparison with NaN is false.
+            // A comparison with NaN is false: a least Jacobian of NaN is not good.
             let good = V::splat(MIN_JACOBIAN).le(least_corner::<V>(self.u, row));
             any |= good.bits() != u8::MAX;
             row.store(self.mark, good.select(V::one(), V::zero()));

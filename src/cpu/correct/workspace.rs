@@ -23,7 +23,8 @@ pub struct Workspace {
     levels: Vec<LevelMemory>,
     /// The step of a correction on a coarser level. That of the finest level is stored in the memory of the result.
     coarse_step: Vec<[Plane; 2]>,
-    /// Step fraction per chart of the level's next correction; 0 if the last correction gained too little for another one.
+    /// Step fraction per chart of the level's next correction; 0 if the last correction gained too little for another
+    /// one.
     pub next_fraction: Vec<f32>,
 }
 
@@ -96,8 +97,8 @@ impl<'a> Assembling<'a> {
         (rows, planes_a)
     }
 
-    /// Continues with the second phase, which overwrites the samples of the corrected level and of the coarser ones. The
-    /// step makes them stale anyway.
+    /// Continues with the second phase, which overwrites the samples of the corrected level and of the coarser ones.
+    /// The step makes them stale anyway.
     pub fn solving<'s>(self, samples: &'s mut [Buffers]) -> Solving<'a, 's> {
         let levels = self.levels.iter_mut().zip(samples).map(|(memory, buffers)| SolvingLevel {
             rows: &mut memory.rows,
@@ -121,8 +122,8 @@ pub struct SolvingLevel<'a, 's> {
     pub rows: &'a mut Rows,
     /// The residual of the system; on coarser levels, the restricted residual of the next finer level.
     pub residual: &'a mut [[Plane; 2]],
-    /// The V-cycle's approximate solution for the residual. On the corrected level, conjugate gradients turn it into their
-    /// search direction.
+    /// The V-cycle's approximate solution for the residual. On the corrected level, conjugate gradients turn it into
+    /// their search direction.
     pub direction: &'a mut [[Plane; 2]],
     /// The product of the matrix with a vector, or the residual after smoothing, in two planes; or the (xx, xy, yy) of
     /// A P 1 in three.
