@@ -70,7 +70,7 @@ impl Surface for Chords<'_> {
     #[inline(always)]
     fn slope_row<V: Lanes>(
         &self,
-        _site: &GridRow,
+        _nodes: &GridRow,
         _u: &[V; 2],
         triangle: &[u32; LANES],
         _lanes: V::Mask,
