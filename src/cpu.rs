@@ -1,4 +1,5 @@
-//! The CPU backend: f32, displacements in cells, blocks of colour planes, the same bits for any number of threads.
+//! The CPU backend: computes a tile's warp in f32 from its grid, maps and pose (method §5 to §10). Results have the
+//! same bits for any number of threads.
 
 #![allow(clippy::needless_range_loop, reason = "index loops over several planes at once are what vectorises")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN must fail a check, not pass it")]
@@ -43,14 +44,14 @@ use sampling::{Chords, Metrics, Surface};
 pub(crate) use team::Team;
 use team::{PerThread, Worker};
 
-/// Blocks of one level that take part in a solve.
+/// The blocks of one level that take part in a solve: those of the charts that are solved.
 #[derive(Clone, Debug, Default)]
 struct Work {
-    /// Blocks with movable nodes, by block colour.
+    /// Active blocks (those with movable nodes), by block colour.
     colours: [Vec<u32>; 4],
-    /// The same in storage order.
+    /// Active blocks in storage order.
     active: Vec<u32>,
-    /// These and the ones that are stored for their neighbours' sake.
+    /// All stored blocks: active ones, and blocks that only hold neighbours of movable nodes.
     stored: Vec<u32>,
 }
 
@@ -75,11 +76,11 @@ pub(crate) struct Run<'a> {
     work: Vec<Work>,
     /// The charts to solve.
     charts: &'a [bool],
-    /// Displacements of the previous result, then of this one.
+    /// Displacements of the previous result; certification overwrites them with this solve's result.
     result: &'a mut [[Plane; 2]],
-    /// Per chart; of those that were solved.
+    /// Per chart; default values for charts that are not solved.
     pub results: Vec<ChartResult>,
-    /// Per chart: the energy of the finest level's state, where a correction was the last to change it.
+    /// Per chart, the energy of the finest level's present state, if a correction was the last to change it.
     known_energies: Vec<Option<f64>>,
     node_updates: AtomicU64,
     patches: PerThread<Patch>,
@@ -129,17 +130,17 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Node updates of all relaxations.
+    /// Node updates of all relaxations, or of all iterations of the paper's solver.
     pub fn node_updates(&self) -> u64 {
         self.node_updates.load(Ordering::Relaxed)
     }
 
-    /// Blocks with movable nodes on the finest level.
+    /// Number of active blocks on the finest level.
     pub fn blocks_active(&self) -> u64 {
         self.work[0].active.len() as u64
     }
 
-    /// Calls `f` on all active blocks of a level, block colour by block colour.
+    /// Calls `f(worker, block)` for all active blocks of a level, block colour by block colour.
     fn each_colour(&self, level: usize, backwards: bool, f: impl Fn(&Worker, usize) + Sync) {
         for k in 0..4 {
             let blocks = &self.work[level].colours[if backwards { 3 - k } else { k }];
@@ -147,17 +148,17 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Sums what the active blocks of a level gave, in their order, chart by chart.
-    fn per_chart(&self, level: usize, of_block: &[f64]) -> Vec<f64> {
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks.
+    fn sum_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
         let list = &self.grid.levels[level].blocks.list;
         let mut sums = vec![0.0; self.charts.len()];
-        for (x, &b) in of_block.iter().zip(&self.work[level].active) {
+        for (x, &b) in values.iter().zip(&self.work[level].active) {
             sums[list[b as usize].chart as usize] += x;
         }
         sums
     }
 
-    /// Calls `f(chords)` or `f(metrics)`, whichever measures a level, with the level's state.
+    /// Calls `f` with a level's state and with the level's surface: chords on level 0, metrics on the others.
     fn with_surface<R>(&mut self, level: usize, f: impl SurfaceFn<R>) -> R {
         let metric = std::mem::take(&mut self.memory.levels[level].metric);
         let triangles = std::mem::take(&mut self.memory.triangles);
@@ -173,7 +174,7 @@ impl<'a> Run<'a> {
     }
 }
 
-/// A function over both kinds of surface.
+/// A function that is generic in the surface.
 trait SurfaceFn<R> {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> R;
 }

@@ -1,13 +1,13 @@
-//! Arrays of a solver's memory. One function lays a structure out over an [`Allocate`]; whether that counts bytes or
-//! allocates them, the arrays are the same.
+//! Allocation of a solver's memory. Structures are constructed with an [`Allocate`], which either allocates their
+//! arrays or counts the bytes: both go through the same code, so that the count is exact.
 
-/// Takes the arrays of a structure, one after the other.
+/// Provides the arrays of a structure.
 pub trait Allocate {
     /// An array of `count` elements.
     fn array<T: Clone>(&mut self, element: T, count: usize) -> Vec<T>;
 }
 
-/// Allocates.
+/// Allocates the arrays on the heap.
 pub struct Heap;
 
 impl Allocate for Heap {
@@ -16,7 +16,7 @@ impl Allocate for Heap {
     }
 }
 
-/// Counts the bytes; the arrays that it gives are empty.
+/// Counts the bytes of the arrays, and returns empty ones.
 #[derive(Default)]
 pub struct Count {
     pub bytes: u64,

@@ -1,4 +1,6 @@
-//! certify: all corner Jacobians of a warp, in f64. With the borders fixed, all > 0 means one-to-one and onto.
+//! certify: computes all corner Jacobians of a warp in f64 from its stored displacements, and decides per chart whether
+//! the warp or the identity is the result (method §8). If all are positive, the warp is one-to-one and onto, because
+//! the borders are fixed (method §11.1).
 
 use crate::mesh::NONE;
 use crate::method::schedule::ChartResult;
@@ -10,12 +12,12 @@ use super::Run;
 use super::team::SharedSlice;
 
 impl Run<'_> {
-    /// Certifies the finest level's state and makes it the result; a chart that is folded or no better than the identity
-    /// becomes the identity, with `as_is` only one whose energy is NaN or infinite.
+    /// Certifies the finest level's state and makes it the result. A chart becomes the identity if it is folded or if
+    /// its energy is above that of the identity or not finite; with `as_is`, only if its energy is not finite.
     pub(super) fn certify_result(&mut self, as_is: bool) {
         let all_known = (0..self.charts.len()).all(|c| !self.charts[c] || self.known_energies[c].is_some());
         let energies = match (as_is, all_known) {
-            (true, _) => self.energies_as_is(0),
+            (true, _) => self.energies_allowing_folds(0),
             (false, true) => self.known_energies.iter().map(|energy| energy.unwrap_or_default()).collect(),
             (false, false) => self.energies(0),
         };
@@ -30,7 +32,7 @@ impl Run<'_> {
             result.min_jacobian = certificate.min_jacobian;
             result.folds = certificate.folds;
             result.max_displacement = certificate.max_displacement;
-            // A comparison with NaN is false: then too, the identity.
+            // A comparison with NaN is false.
             let better = result.energy.is_finite()
                 && (as_is || (result.energy <= result.energy_before && certificate.folds == 0));
             if !better {
@@ -49,7 +51,7 @@ impl Run<'_> {
         }
     }
 
-    /// The certificate of each chart.
+    /// Computes the certificate of each chart.
     fn certificates(&self) -> Vec<Certificate> {
         let blocks = &self.work[0].active;
         let level = &self.grid.levels[0];
@@ -58,7 +60,7 @@ impl Run<'_> {
         let shared = SharedSlice::new(&mut parts);
         self.team.run(blocks.len(), |k| {
             // SAFETY: each item has its own certificate.
-            unsafe { *shared.get_mut(k) = block(level, u, blocks[k] as usize) };
+            unsafe { *shared.get_mut(k) = certify_block(level, u, blocks[k] as usize) };
         });
         let mut certificates = vec![Certificate::default(); self.charts.len()];
         for (part, &b) in parts.iter().zip(blocks) {
@@ -68,7 +70,8 @@ impl Run<'_> {
     }
 }
 
-/// What the corners of a chart, or of a part of it, say.
+/// The least corner Jacobian (at most 1), the number of corners with a Jacobian that is not positive, and the largest
+/// component of a displacement in cells: of a chart or of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Certificate {
     pub min_jacobian: f64,
@@ -77,47 +80,50 @@ pub(crate) struct Certificate {
 }
 
 impl Default for Certificate {
-    /// That of the identity.
+    /// The certificate of the identity.
     fn default() -> Self {
         Certificate { min_jacobian: 1.0, folds: 0, max_displacement: 0.0 }
     }
 }
 
 impl Certificate {
-    /// Takes another part in. What is not a number must not pass for small, nor for large.
+    /// Combines this certificate with that of another part of the chart.
     pub fn add(&mut self, other: &Certificate) {
-        self.jacobian(other.min_jacobian);
+        self.add_jacobian(other.min_jacobian);
         self.folds += other.folds;
-        self.displacement(other.max_displacement);
+        self.add_displacement(other.max_displacement);
     }
 
-    fn jacobian(&mut self, x: f64) {
+    /// Takes a corner Jacobian into the minimum, which becomes NaN if `x` is NaN.
+    fn add_jacobian(&mut self, x: f64) {
         if x.is_nan() || x < self.min_jacobian {
             self.min_jacobian = x;
         }
     }
 
-    fn displacement(&mut self, x: f32) {
+    /// Takes a displacement into the maximum, which becomes NaN if `x` is NaN.
+    fn add_displacement(&mut self, x: f32) {
         if x.is_nan() || x > self.max_displacement {
             self.max_displacement = x;
         }
     }
 }
 
-/// Checks the cells of an active block that have a movable corner; others are at rest, J = 1.
-pub(crate) fn block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
+/// Computes the certificate of an active block: of its cells, and of the adjacent cells of blocks that are not active.
+/// Cells that are adjacent to no active block are at rest, with J = 1.
+pub(crate) fn certify_block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
     let mut certificate = Certificate::default();
     let mut windows = [[0.0f32; WINDOW_NODES]; 2];
     for (c, window) in windows.iter_mut().enumerate() {
         window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
-        u[b][c].iter().for_each(|x| certificate.displacement(x.abs()));
+        u[b][c].iter().for_each(|x| certificate.add_displacement(x.abs()));
     }
     let is_active = |k: usize| {
         let b = level.blocks.neighbours[b][k];
         b != NONE && level.blocks.list[b as usize].active
     };
-    // Cells from (-1, -1) to (15, 15); one on the rim is left to the block that holds its lower left node, if that
-    // block is checked too.
+    // Cells (-1, -1) to (15, 15). A cell belongs to the block that holds its lower left node. Cells of other blocks are
+    // included only if these blocks are not active, and hence not checked themselves.
     for j in 0..17 {
         for i in 0..17 {
             let holder = if j == 0 { 0 } else { 3 } + usize::from(i > 0);
@@ -133,7 +139,7 @@ pub(crate) fn block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
                 (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
             };
             for jacobian in [cross(a, b, c), cross(b, d, a), cross(d, c, b), cross(c, a, d)] {
-                certificate.jacobian(jacobian);
+                certificate.add_jacobian(jacobian);
                 certificate.folds += u64::from(jacobian.is_nan() || jacobian <= 0.0);
             }
         }

@@ -1,4 +1,4 @@
-//! A level's constants around a block, from their codes.
+//! Decodes constants of a level into windows: rigidities, rest lengths and interpolation weights (method §1, codes).
 
 use crate::tile::Level;
 use crate::tile::codes;
@@ -6,13 +6,13 @@ use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::lanes::{LANES, Lanes};
 
-/// Where vectors over all of a window begin; the last one overlaps the one before it.
+/// First indices of the vectors that cover a window. The last vector overlaps the one before it.
 #[inline(always)]
 pub fn window_vectors() -> impl Iterator<Item = usize> {
     (0..WINDOW_NODES - LANES).step_by(LANES).chain([WINDOW_NODES - LANES])
 }
 
-/// Rigidity around block `b`; 0 where nothing is stored.
+/// Rigidities in the window of block `b`; 0 where no block is stored.
 #[inline(always)]
 pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
     let mut codes: Window<u16> = [0; WINDOW_NODES];
@@ -22,7 +22,7 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
     }
 }
 
-/// Rest lengths of the edges `e` that the nodes around block `b` own; 0 where nothing is stored.
+/// Rest lengths of the owned edges `e` of the nodes in the window of block `b`; 0 where no block is stored.
 #[inline(always)]
 pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window) {
     let lengths = level.lengths[level.blocks.list[b].chart as usize][e];
@@ -33,9 +33,9 @@ pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window
     }
 }
 
-/// P's weights in a block and on its ring, from the blocks `around`; 0 where there is none.
-pub fn interpolation(level: &Level, around: &[u32; 9]) -> Window {
+/// Weights of the interpolation P in the window of a block with the given neighbour blocks; 0 where there is no block.
+pub fn interpolation(level: &Level, neighbours: &[u32; 9]) -> Window {
     let mut codes: Window<u8> = [0; WINDOW_NODES];
-    window::load(around, 0, |b| &level.interpolation[b], &mut codes);
+    window::load(neighbours, 0, |b| &level.interpolation[b], &mut codes);
     codes.map(codes::of_weight)
 }

@@ -1,6 +1,6 @@
 //! correct: one Gauss-Newton step for all nodes of a level at once (method §7). The 9-point system of 2x2 blocks is
-//! assembled and solved by conjugate gradients around a Galerkin V-cycle, the step is limited where cells would fold, and
-//! each chart takes it only if its energy falls.
+//! assembled and solved by conjugate gradients with a Galerkin V-cycle as preconditioner, the step is limited where
+//! cells would fold, and each chart takes it only if its energy falls.
 
 mod assemble;
 mod conjugate_gradients;
@@ -30,16 +30,18 @@ pub(super) use workspace::Workspace;
 use workspace::{SolvingLevel, Stepping};
 
 impl Run<'_> {
+    /// Corrects the state of `level`, and stores the step fractions of its next correction.
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
         let mut workspace = std::mem::take(&mut self.memory.workspace);
-        // A warm start has read the last result by now: its memory is free until this one is certified.
+        // The last result is not needed any more, since a warm start has read it. Its memory holds the step until
+        // certification writes the new result.
         let result = std::mem::take(&mut self.result);
         let mut fraction = std::mem::take(&mut workspace.next_fraction);
         if correction.first {
             fraction.fill(1.0);
         }
-        // Charts that sit out are visited on no level.
-        let work = self.work.clone();
+        // Charts with a step fraction of 0 take no part, on any level.
+        let all_work = self.work.clone();
         for (work, grid) in self.work.iter_mut().zip(&self.grid.levels) {
             work.retain(|b| fraction[grid.blocks.list[b as usize].chart as usize] > 0.0);
         }
@@ -57,27 +59,28 @@ impl Run<'_> {
         workspace.next_fraction = fraction;
         self.result = result;
         self.memory.workspace = workspace;
-        self.work = work;
+        self.work = all_work;
     }
 
-    /// Completes the system of `level`, and forms those of all coarser levels from it: `levels` begin with `level`. Those of
-    /// a level's first correction precondition the further ones well enough.
+    /// Completes the matrix of `level`, and forms those of all coarser levels from it if this is the level's first
+    /// correction: they precondition the further ones well enough. `levels` begin with `level`.
     fn complete_systems(&self, level: usize, levels: &mut [SolvingLevel], first: bool) {
         let last = if first { levels.len() - 1 } else { 0 };
         for k in 0..=last {
-            rows::finish(self, level + k, &mut levels[k], k < last);
+            rows::complete(self, level + k, &mut levels[k], k < last);
             if k < last {
                 let (finer, coarser) = levels.split_at_mut(k + 1);
-                galerkin::restrict(self, level + k, &finer[k], &mut coarser[0]);
+                galerkin::triple_product(self, level + k, &finer[k], &mut coarser[0]);
             }
         }
     }
 
-    /// Takes the step chart by chart, and relaxes; where that has not lowered the energy, half of the step, or a quarter, or
-    /// none. Relaxing comes first because the step errs most where the surface has kinks: a rough error, which a sweep
-    /// mends, and which would otherwise hold back the whole chart.
+    /// Takes the step chart by chart, relaxes, and accepts the result if the energy fell enough; else tries half of the
+    /// step, then a quarter, then none (method §7.7). Relaxation comes before acceptance because the step errs most
+    /// where the surface has kinks. This error is rough and local, a sweep removes most of it, and it would otherwise
+    /// refuse the step of the whole chart.
     ///
-    /// `fraction` has, per chart, the fraction of this step that it is to take, and then that of the next one.
+    /// `fraction` holds each chart's step fraction of this correction, and is set to that of the next one.
     fn try_fractions(
         &mut self,
         level: usize,
@@ -88,11 +91,11 @@ impl Run<'_> {
         fraction: &mut [f32],
     ) {
         let list = &self.grid.levels[level].blocks.list;
-        let Stepping { fraction: of_node, before: displacement, step } = stepping;
+        let Stepping { fraction: node_fraction, before: displacement, step } = stepping;
         let displacement = SharedSlice::new(displacement);
         let mut open: Vec<bool> =
             (0..self.charts.len()).map(|c| self.charts[c] && fraction[c] > 0.0).collect();
-        for (trial, part) in TRIAL_FRACTIONS.into_iter().chain([0.0]).enumerate() {
+        for (trial, trial_fraction) in TRIAL_FRACTIONS.into_iter().chain([0.0]).enumerate() {
             self.work[level].retain(|b| open[list[b as usize].chart as usize]);
             let blocks = self.work[level].active.clone();
             if blocks.is_empty() {
@@ -100,17 +103,21 @@ impl Run<'_> {
             }
             self.move_and_resample(level, &blocks, Start::Present, |b, u| {
                 // SAFETY: each item has its own block.
-                let from = unsafe { displacement.get_mut(b) };
+                let u_before = unsafe { displacement.get_mut(b) };
                 if trial == 0 {
-                    *from = *u;
+                    *u_before = *u;
                 }
-                let part = part * fraction[list[b].chart as usize];
-                let (step, of_node) = (&step[b], &of_node[b][0]);
+                let chart_fraction = trial_fraction * fraction[list[b].chart as usize];
+                let (step, node_fraction) = (&step[b], &node_fraction[b][0]);
                 for c in 0..2 {
                     for s in 0..NODES {
-                        // 0 times a step that is NaN is no step.
-                        let part = if part > 0.0 { part * of_node[s] * step[c][s] } else { 0.0 };
-                        u[c][s] = from[c][s] + part;
+                        // A fraction of 0 means no step even where the step is NaN.
+                        let taken = if chart_fraction > 0.0 {
+                            chart_fraction * node_fraction[s] * step[c][s]
+                        } else {
+                            0.0
+                        };
+                        u[c][s] = u_before[c][s] + taken;
                     }
                 }
             });
@@ -136,13 +143,14 @@ impl Run<'_> {
         }
     }
 
-    /// Sums what all blocks of a level have, of which only active ones count, in their order, chart by chart.
-    fn per_chart_of_blocks(&self, level: usize, of_block: &[f64]) -> Vec<f64> {
-        let active: Vec<f64> = self.work[level].active.iter().map(|&b| of_block[b as usize]).collect();
-        self.per_chart(level, &active)
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
+    /// value for each stored block.
+    fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
+        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collect();
+        self.sum_per_chart(level, &active)
     }
 
-    /// Calls `f(thread, block, chart)` for all active blocks of a level.
+    /// Calls `f(worker, block, chart)` for all active blocks of a level.
     fn each_block(&self, level: usize, f: impl Fn(&Worker, usize, usize) + Sync) {
         let blocks = &self.work[level].active;
         let list = &self.grid.levels[level].blocks.list;

@@ -1,30 +1,33 @@
-//! The energy of a level's present state, chart by chart, summed in a fixed order.
+//! The energy of a level's present state per chart (method §4), summed in a fixed order.
 
 use super::lanes::{Kernel, Lanes, Truth, wide};
 use super::patch::{NEIGHBOURS, Patch, QUADRANTS, State, Weights};
 use super::row::Row;
 use super::sampling::Surface;
 use super::team::SharedSlice;
-use super::terms::{Terms, lowest, room};
+use super::terms::{Terms, least_jacobian, room_energy};
 use super::{Run, SurfaceFn};
 use crate::method::law::CRUSHED_JACOBIAN;
 use crate::tile::Level;
 
 impl Run<'_> {
-    /// Per chart, the energy of a level's present state (only charts that are solved; others 0).
+    /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0
+    /// for charts that are not solved.
     pub(super) fn energies(&mut self, level: usize) -> Vec<f64> {
-        self.with_surface(level, Energies { level, as_is: false })
+        self.with_surface(level, Energies { level, allow_folds: false })
     }
 
-    /// The same of a state that may be folded.
-    pub(super) fn energies_as_is(&mut self, level: usize) -> Vec<f64> {
-        self.with_surface(level, Energies { level, as_is: true })
+    /// The energy per chart of a state that may be folded, whatever its corner Jacobians.
+    pub(super) fn energies_allowing_folds(&mut self, level: usize) -> Vec<f64> {
+        self.with_surface(level, Energies { level, allow_folds: true })
     }
 }
 
+/// The energy of a level per chart.
 struct Energies {
     level: usize,
-    as_is: bool,
+    /// Whether the energy is that of the terms even if cells are crushed.
+    allow_folds: bool,
 }
 
 impl SurfaceFn<Vec<f64>> for Energies {
@@ -36,41 +39,41 @@ impl SurfaceFn<Vec<f64>> for Energies {
         run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
             let sum = run.patches.with(worker, |patch| {
-                wide(StateEnergy {
+                wide(BlockEnergy {
                     patch,
                     level,
                     state,
                     surface,
                     weights: &run.weights[self.level],
                     b,
-                    as_is: self.as_is,
+                    allow_folds: self.allow_folds,
                 })
             });
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
         });
-        run.per_chart(self.level, &sums)
+        run.sum_per_chart(self.level, &sums)
     }
 }
 
-/// The energy of block `b` as it is. Nothing may write the state meanwhile.
-struct StateEnergy<'a, S> {
+/// The part of block `b` in its chart's energy. No other item may write the state meanwhile.
+struct BlockEnergy<'a, S> {
     patch: &'a mut Patch,
     level: &'a Level,
     state: State,
     surface: S,
     weights: &'a Weights,
     b: usize,
-    /// Crushed cells do not count as worthless.
-    as_is: bool,
+    /// As in `Energies`.
+    allow_folds: bool,
 }
 
-impl<S: Surface> Kernel for StateEnergy<'_, S> {
+impl<S: Surface> Kernel for BlockEnergy<'_, S> {
     type Output = f64;
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let StateEnergy { patch, level, state, surface, weights, b, as_is } = self;
+        let BlockEnergy { patch, level, state, surface, weights, b, allow_folds } = self;
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
         if S::CHORDS {
@@ -78,69 +81,70 @@ impl<S: Surface> Kernel for StateEnergy<'_, S> {
         }
         let mut total = Total::<V>::new();
         for row in Row::all() {
-            let own = patch.movable_lanes::<V>(row);
-            if own.any() {
-                let p = patch.here::<V>(row);
+            let movable = patch.movable_lanes::<V>(row);
+            if movable.any() {
+                let p = patch.node_state::<V>(row);
                 total.add(
                     patch,
                     row,
-                    own,
+                    movable,
                     weights,
-                    &patch.terms::<V, S>(row, &p, weights, patch.is_rigid::<V>(row, weights)),
+                    &patch.terms::<V, S>(row, &p, weights, patch.has_stiff_edges::<V>(row, weights)),
                 );
             }
         }
-        if as_is { total.sum() } else { total.energy() }
+        if allow_folds { total.sum() } else { total.energy() }
     }
 }
 
-/// A block's share of its chart's energy: an edge or corner between several movable nodes is shared among them.
+/// Sums a block's part of its chart's energy. The energy of an edge or corner is divided evenly among its movable
+/// nodes.
 pub struct Total<V> {
     sum: V,
-    worst: V,
+    /// The least corner Jacobian, at most 1.
+    least_jacobian: V,
 }
 
 impl<V: Lanes> Total<V> {
     #[inline(always)]
     pub fn new() -> Total<V> {
-        Total { sum: V::zero(), worst: V::one() }
+        Total { sum: V::zero(), least_jacobian: V::one() }
     }
 
-    /// Takes in a row, of which the lanes `own` may move.
+    /// Adds the terms of a row, whose movable nodes are in the lanes `movable`.
     #[inline(always)]
-    pub fn add(&mut self, patch: &Patch, row: Row, own: V::Mask, weights: &Weights, terms: &Terms<V>) {
+    pub fn add(&mut self, patch: &Patch, row: Row, movable: V::Mask, weights: &Weights, terms: &Terms<V>) {
         let mut energy = V::zero();
         for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
             energy += (V::one() - patch.movable_near::<V>(row, di, dj) * 0.5) * terms.edges[k];
         }
-        let low = lowest(&terms.corners);
-        self.worst = low.min(self.worst);
-        // Corners that lack no room are most of them.
-        if low.lt(V::splat(weights.room_threshold)).any() {
+        let least = least_jacobian(&terms.corners);
+        self.least_jacobian = least.min(self.least_jacobian);
+        // Most corners are above the threshold.
+        if least.lt(V::splat(weights.room_threshold)).any() {
             for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
                 let (a, b) = (patch.movable_near::<V>(row, sx, 0), patch.movable_near::<V>(row, 0, sy));
                 let c = patch.movable_near::<V>(row, sx, sy);
-                let others = [a + b, a + c, b + c];
+                let other_movable = [a + b, a + c, b + c];
                 for k in 0..3 {
-                    energy += room(terms.corners[3 * q + k].0, weights) / (others[k] + 1.0);
+                    energy += room_energy(terms.corners[3 * q + k].0, weights) / (other_movable[k] + 1.0);
                 }
             }
         }
-        // Fixed lanes may hold anything, even what is not a number.
-        self.sum += own.select(energy, V::zero());
+        // Lanes of fixed nodes may hold anything, even NaN.
+        self.sum += movable.select(energy, V::zero());
     }
 
-    /// The block's share, whatever the state.
+    /// The sum, whatever the corner Jacobians.
     #[inline(always)]
     fn sum(&self) -> f64 {
         f64::from(self.sum.sum())
     }
 
-    /// The block's share.
+    /// The sum, or infinity if a corner Jacobian is under `CRUSHED_JACOBIAN`: the state is invalid then.
     #[inline(always)]
     pub fn energy(&self) -> f64 {
-        // A state with crushed cells is worth nothing, however low its energy.
-        let crushed = self.worst.lt(V::splat(CRUSHED_JACOBIAN)).any();
+        let crushed = self.least_jacobian.lt(V::splat(CRUSHED_JACOBIAN)).any();
         if crushed { f64::INFINITY } else { self.sum() }
     }
 }

@@ -1,31 +1,32 @@
-//! A run's state, read and set from outside, in the layout of the GPU's buffers (`gpu/layout.rs`): for the comparison
-//! with the other backend, and for the switch to it.
+//! Reads and sets the state of a run in the layout of the GPU's buffers (`gpu/layout.rs`), for comparing the two
+//! backends and for switching between them.
 
 use crate::mesh::NONE;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::pose::PoseTriangle;
 
 use super::Run;
-use super::sampling::Record;
+use super::sampling::TriangleRecord;
 
-/// Planes of one quantity, per block, as bits.
+/// The planes of one quantity in one block, as bits.
 fn bits<const N: usize>(planes: &[Plane; N]) -> impl Iterator<Item = u32> {
     planes.as_flattened().iter().map(|x| x.to_bits())
 }
 
+/// Sets the planes of one quantity in one block from bits.
 fn set<const N: usize>(planes: &mut [Plane; N], bits: &[u32]) {
     planes.as_flattened_mut().iter_mut().zip(bits).for_each(|(x, &bits)| *x = f32::from_bits(bits));
 }
 
-/// All of a quantity's planes.
+/// The planes of one quantity in all blocks, as bits.
 pub(super) fn flat<const N: usize>(blocks: &[[Plane; N]]) -> Vec<u32> {
     blocks.iter().flat_map(bits).collect()
 }
 
 impl Run<'_> {
-    /// Per pose triangle: position at the first corner, df/dx, df/dy.
+    /// Per triangle: position of the first corner in the pose, ∂f/∂x, ∂f/∂y.
     pub fn triangles(&self) -> Vec<[f32; 9]> {
-        let triangle = |t: &Record| {
+        let triangle = |t: &TriangleRecord| {
             let t = t.pose();
             let ([a, b, c], [d, e, f], [g, h, i]) = (t.origin, t.tangent[0], t.tangent[1]);
             [a, b, c, d, e, f, g, h, i]
@@ -37,11 +38,11 @@ impl Run<'_> {
         for (t, &[a, b, c, d, e, f, g, h, i]) in triangles.iter().enumerate() {
             let triangle = PoseTriangle { origin: [a, b, c], tangent: [[d, e, f], [g, h, i]] };
             self.memory.metrics[t] = triangle.metric();
-            self.memory.triangles[t] = Record::new(&self.grid.triangles[t], &triangle);
+            self.memory.triangles[t] = TriangleRecord::new(&self.grid.triangles[t], &triangle);
         }
     }
 
-    /// The pose's metric on a coarser level: three planes per block.
+    /// The pose metrics on a coarser level: three planes per block.
     pub fn metric(&self, level: usize) -> Vec<u32> {
         flat(&self.memory.levels[level].metric)
     }
@@ -51,13 +52,13 @@ impl Run<'_> {
         metric.iter_mut().zip(bits.chunks(3 * NODES)).for_each(|(planes, bits)| set(planes, bits));
     }
 
-    /// A level's displacements (2), values (3) and triangles (1) per block.
+    /// A level's state. Planes per block: displacements (2), values (3) and triangles (1).
     pub fn state(&self, level: usize) -> Vec<u32> {
         let buffers = &self.memory.levels[level];
         let mut all = Vec::with_capacity(buffers.u.len() * 6 * NODES);
         for b in 0..buffers.u.len() {
             all.extend(bits(&buffers.u[b]).chain(bits(&buffers.value[b])));
-            // Coarser levels have none.
+            // Coarser levels have no triangles.
             all.extend_from_slice(buffers.triangle.get(b).unwrap_or(&[NONE; NODES]));
         }
         all
@@ -75,13 +76,13 @@ impl Run<'_> {
         }
     }
 
-    /// Per chart, the energy of a level's present state.
+    /// The energy of a level's present state per chart.
     #[cfg(feature = "oracle")]
     pub fn energies_of(&mut self, level: usize) -> Vec<f64> {
         self.energies(level)
     }
 
-    /// Per chart, the fraction of the next step that it is to take; 0: it sits out the level's further corrections.
+    /// The step fraction of the next correction per chart; 0 if the chart sits out the level's further corrections.
     pub fn next_fraction(&self) -> &[f32] {
         &self.memory.workspace.next_fraction
     }
@@ -90,7 +91,7 @@ impl Run<'_> {
         self.memory.workspace.next_fraction.copy_from_slice(next);
     }
 
-    /// The result, once it is certified.
+    /// The displacements of the result, after certification.
     pub fn result(&self) -> &[[Plane; 2]] {
         self.result
     }

@@ -1,6 +1,7 @@
-//! invert: W⁻¹ at texel centres (the paper's eq. 9). Each warped cell is two triangles, its diagonal from (0,0) to
-//! (1,1); the texel centres inside get the barycentric interpolation of the cell's rest corners. A fill rule that both
-//! sides of an edge evaluate on the same numbers gives each centre to exactly one triangle.
+//! invert: computes W⁻¹ at texel centres or at single points from the displacements of the finest level (the paper's
+//! eq. 9, method §9). Each warped cell is split into two triangles by its diagonal from (0,0) to (1,1). A texel centre
+//! inside of one is assigned the barycentric interpolation of the triangle's corners at rest. The fill rule assigns
+//! each centre to exactly one triangle, because the two triangles at an edge evaluate it on the same coordinates.
 
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::fill::Fill;
@@ -9,8 +10,9 @@ use crate::tile::{Grid, Level};
 
 use super::team::Team;
 
-/// Calls `put(x, y, p)` for the texels, rows from v = 0 upward, of a width by height image whose centre W moved: p is
-/// W⁻¹ in cells. The other texels are where they were. No texel comes twice if the warp is free of folds.
+/// Calls `put(x, y, p)` for each texel of an image of `size` (width, height) whose centre lies in a moved cell. Rows
+/// are counted from v = 0 upwards; p is W⁻¹ at the centre, in cells. The other texels have the identity. No texel is
+/// visited twice if the warp is free of folds.
 pub(crate) fn texels(
     team: &Team,
     grid: &Grid,
@@ -40,7 +42,7 @@ pub(crate) fn texels(
                     let rest = [a, b, c].map(|k| corners[k].0.map(|n| n as f64));
                     let warped = [a, b, c].map(|k| {
                         let (node, u) = corners[k];
-                        // The same numbers in every cell that has this node.
+                        // All cells at this node compute the same texel coordinates.
                         [0, 1].map(|axis| (node[axis] as f64 + f64::from(u[axis])) * scale[axis] - 0.5)
                     });
                     triangle(&rest, warped, size, &put);
@@ -50,7 +52,7 @@ pub(crate) fn texels(
     });
 }
 
-/// Loads a block's displacements; false if all of them are 0.
+/// Gathers the displacements of block `b` with its halo. Returns whether any of them is not 0.
 fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) -> bool {
     for (c, window) in windows.iter_mut().enumerate() {
         window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
@@ -58,6 +60,8 @@ fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) ->
     windows.iter().flatten().any(|&x| x != 0.0)
 }
 
+/// Calls `put` for the texels whose centre lies in a warped triangle, given its corners at rest in cells and warped in
+/// texels.
 fn triangle(
     rest: &[[f64; 2]; 3],
     warped: [[f64; 2]; 3],
@@ -82,7 +86,7 @@ fn triangle(
     });
 }
 
-/// Displacement of a chart's node; 0 where nothing is stored.
+/// Displacement of a node of a chart; 0 where no block is stored.
 fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> [f64; 2] {
     let b = level.blocks.find(chart, i >> 4, j >> 4);
     if b == crate::mesh::NONE {
@@ -93,9 +97,10 @@ fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> 
     u[b as usize].each_ref().map(|plane| f64::from(plane[s]))
 }
 
-/// W⁻¹ at one point of a chart, in cells.
+/// W⁻¹ at the point `c` of a chart, in cells; `None` if the four nodes around `c` have no displacement, or if the
+/// search finds no triangle.
 ///
-/// `None` where the chart's warp does not move it. `reach` is the chart's largest displacement.
+/// `reach` is the largest component of the chart's displacements.
 pub(crate) fn point(
     level: &Level,
     u: &[[Plane; 2]],
@@ -105,13 +110,14 @@ pub(crate) fn point(
 ) -> Option<[f64; 2]> {
     let cell = |p: [f64; 2]| [p[0].floor() as i64, p[1].floor() as i64];
     let at = |i: i64, j: i64| displacement(level, u, chart, i, j);
-    let home = cell(c);
-    let still =
-        [(0, 0), (1, 0), (0, 1), (1, 1)].iter().all(|&(di, dj)| at(home[0] + di, home[1] + dj) == [0.0; 2]);
-    if still {
+    let rest_cell = cell(c);
+    let unmoved = [(0, 0), (1, 0), (0, 1), (1, 1)]
+        .iter()
+        .all(|&(di, dj)| at(rest_cell[0] + di, rest_cell[1] + dj) == [0.0; 2]);
+    if unmoved {
         return None;
     }
-    // A few rounds of p = c - u(p) come close to the right cell; from there it is searched for in growing rings.
+    // Eight rounds of p = c - u(p) lead near the cell. From there, the cells are searched in growing rings.
     let mut guess = c;
     for _ in 0..8 {
         let [i, j] = cell(guess);
@@ -124,10 +130,11 @@ pub(crate) fn point(
         });
     }
     let [gi, gj] = cell(guess);
-    // The guess may be off by as much as the rounds moved it; the cell is no farther from c than nodes moved.
+    // The right cell is no farther from c than the largest displacement; the guess may be farther from it by its
+    // distance from c.
     let reach = f64::from(reach).ceil() as i64 + 2;
-    let off = (gi - home[0]).abs().max((gj - home[1]).abs());
-    for ring in 0..=reach + off {
+    let guess_distance = (gi - rest_cell[0]).abs().max((gj - rest_cell[1]).abs());
+    for ring in 0..=reach + guess_distance {
         for j in gj - ring..=gj + ring {
             let step = if (j - gj).abs() == ring { 1 } else { 2 * ring.max(1) };
             let mut i = gi - ring;

@@ -1,4 +1,4 @@
-//! The memory of one tile's solver: what a solve changes, kept from one solve to the next.
+//! The memory of one tile's solver: all arrays that a solve writes, kept from one solve to the next.
 
 use std::sync::{Arc, Weak};
 
@@ -11,15 +11,15 @@ use super::allocate::{Allocate, Count, Heap};
 use super::correct::Workspace;
 use super::patch::State;
 use super::pbd::PbdBuffers;
-use super::sampling::Record;
+use super::sampling::TriangleRecord;
 use super::team::SharedSlice;
 
-/// The changing state of one level.
+/// The state of one level, and its pose metrics.
 #[derive(Debug, Default)]
 pub(super) struct Buffers {
     /// Displacements, in cells of this level.
     pub u: Vec<[Plane; 2]>,
-    /// Positions (finest level) or metrics (coarser levels) at W(p).
+    /// Position f(W(p)) on the finest level, metric at W(p) on coarser ones.
     pub value: Vec<[Plane; 3]>,
     /// The triangle under W(p); finest level only.
     pub triangle: Vec<Plane<u32>>,
@@ -28,7 +28,7 @@ pub(super) struct Buffers {
 }
 
 impl Buffers {
-    /// Of `blocks` blocks, without metrics.
+    /// Allocates the state of `blocks` blocks, without pose metrics.
     pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
         Buffers {
             u: allocator.array([[0.0; NODES]; 2], blocks),
@@ -38,7 +38,7 @@ impl Buffers {
         }
     }
 
-    /// The state, for the items of a job.
+    /// The state, shared by the items of a job.
     pub fn state(&mut self) -> State {
         State {
             u: SharedSlice::new(&mut self.u),
@@ -55,30 +55,31 @@ pub(crate) struct Memory {
     solver: Solver,
     /// Per level.
     pub(super) levels: Vec<Buffers>,
-    /// Of corrections; empty for the paper's solver.
+    /// Memory of corrections; empty for the paper's solver.
     pub(super) workspace: Workspace,
     /// Per level; empty for `descent`.
     pub(super) pbd: Vec<PbdBuffers>,
-    /// Per triangle, its UVs and its pose.
-    pub(super) triangles: Vec<Record>,
-    /// Per triangle, the pose's metric.
+    /// Per triangle, the record of its UVs and pose.
+    pub(super) triangles: Vec<TriangleRecord>,
+    /// Per triangle, its metric (E, F, G) in the pose.
     pub(super) metrics: Vec<[f32; 3]>,
 }
 
 impl Memory {
-    /// Allocates for a grid.
+    /// Allocates the memory for a grid.
     pub fn new(grid: &Arc<Grid>, solver: Solver) -> Memory {
-        Memory { grid: Arc::downgrade(grid), ..Memory::lay_out(&mut Heap, grid, solver) }
+        Memory { grid: Arc::downgrade(grid), ..Memory::construct(&mut Heap, grid, solver) }
     }
 
-    /// Bytes that `new` takes for a grid.
+    /// Number of bytes that `new` allocates for a grid.
     pub fn bytes_for(grid: &Grid, solver: Solver) -> u64 {
         let mut count = Count::default();
-        Memory::lay_out(&mut count, grid, solver);
+        Memory::construct(&mut count, grid, solver);
         count.bytes
     }
 
-    fn lay_out(allocator: &mut impl Allocate, grid: &Grid, solver: Solver) -> Memory {
+    /// Constructs the memory with an allocator.
+    fn construct(allocator: &mut impl Allocate, grid: &Grid, solver: Solver) -> Memory {
         let mut levels = Vec::with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
@@ -89,12 +90,13 @@ impl Memory {
             Solver::Descent => (Workspace::new(allocator, grid), Vec::new()),
             Solver::Pbd => (Workspace::default(), PbdBuffers::new(allocator, grid)),
         };
-        let triangles = allocator.array(Record::default(), grid.triangles.len());
+        let triangles = allocator.array(TriangleRecord::default(), grid.triangles.len());
         let metrics = allocator.array([0.0; 3], grid.triangles.len());
         Memory { grid: Weak::new(), solver, levels, workspace, pbd, triangles, metrics }
     }
 
-    /// True if this is the memory of a solver on a grid (grids of other sizes or maps have other blocks).
+    /// Whether this is the memory of the given solver on the given grid (grids of other sizes or maps have other
+    /// blocks).
     pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
         self.solver == solver && self.grid.upgrade().is_some_and(|own| Arc::ptr_eq(&own, grid))
     }

@@ -1,4 +1,5 @@
-//! One block's problem with its ring, gathered for work.
+//! A block's patch: all quantities that relaxation, assembly and the energy need, gathered in windows of 18x18 nodes
+//! (method §1).
 
 use crate::mesh::NONE;
 use crate::method::schedule::Input;
@@ -9,10 +10,11 @@ use crate::tile::window::{self, WINDOW_NODES, Window};
 use super::constants::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Truth, each};
 use super::row::Row;
-use super::sampling::{Samples, Site, Surface};
+use super::sampling::{GridRow, Samples, Surface};
 use super::team::SharedSlice;
 
-/// The eight neighbours of a node: offset, which owned edge leads there, and whether the neighbour owns it.
+/// The eight neighbours of a node: offset along x and y, index in `EDGES` of the edge between the two, and whether the
+/// neighbour owns it.
 pub const NEIGHBOURS: [(i64, i64, usize, bool); 8] = [
     (1, 0, 0, false),
     (0, 1, 1, false),
@@ -24,10 +26,10 @@ pub const NEIGHBOURS: [(i64, i64, usize, bool); 8] = [
     (1, -1, 3, true),
 ];
 
-/// The four cells around a node, as the signs of their directions.
+/// The four cells around a node: the signs of the directions along x and y in which they lie.
 pub const QUADRANTS: [(i64, i64); 4] = [(1, 1), (-1, 1), (1, -1), (-1, -1)];
 
-/// The energy's weights.
+/// The weights of the energy on one level (method §4).
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {
     pub smoothness: f32,
@@ -39,13 +41,13 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// True if any edge has an orientation to keep.
+    /// Whether the energy has an orientation term.
     #[inline(always)]
     pub fn orients(&self) -> bool {
         self.orientation > 0.0 || self.orientation_density > 0.0
     }
 
-    /// Of a level.
+    /// The weights on `level`.
     pub fn new(input: &Input, level: usize) -> Weights {
         let settings = input.settings;
         Weights {
@@ -59,44 +61,48 @@ impl Weights {
     }
 }
 
-/// Per block, the state of a level that a sweep changes.
+/// The state of a level that sweeps change, per block.
 #[derive(Clone, Copy)]
 pub struct State {
+    /// Displacements, in cells of the level.
     pub u: SharedSlice<[Plane; 2]>,
-    /// Positions on the finest level, metrics on coarser ones, at W(p).
+    /// Position f(W(p)) on the finest level, metric (E, F, G) at W(p) on coarser ones.
     pub value: SharedSlice<[Plane; 3]>,
-    /// The triangle under W(p): finest level only, empty elsewhere.
+    /// The triangle under W(p) on the finest level; empty on coarser ones.
     pub triangle: SharedSlice<Plane<u32>>,
 }
 
-/// A block with its ring.
+/// All quantities of a block, in windows.
 #[derive(Debug)]
 pub struct Patch {
     pub block: usize,
-    /// The block's first node.
+    /// Column and row of the block's first node in the level.
     pub x: i64,
     pub y: i64,
     pub u: [Window; 2],
     pub value: [Window; 3],
     pub triangle: Window<u32>,
     pub rigidity: Window,
+    /// Rest lengths l of the owned edges.
     pub length: [Window; 4],
     /// 1 / max(l, floor).
-    pub inverse: [Window; 4],
+    pub inverse_length: [Window; 4],
     pub movable: Window<u8>,
-    /// All 0 unless a setting asks for it.
+    /// Density ρ of rigid material; 0 if the level stores none, because no setting needs it.
     pub density: Window,
-    pub dense: bool,
-    /// Of the block's own nodes.
+    /// Whether the level stores densities.
+    pub has_density: bool,
+    /// Slopes of the surface (see `Samples`) at the nodes of the block, without the halo.
     pub slope: [Plane; 6],
+    /// The chart's floor of rest lengths.
     pub floor: f32,
 }
 
-/// What a row's nodes are at: displacement and sample.
+/// Displacements of a row's nodes, and the samples of the surface at their warped positions.
 #[derive(Clone, Copy)]
-pub struct Place<V: Lanes> {
+pub struct NodeState<V: Lanes> {
     pub u: [V; 2],
-    pub on: Samples<V>,
+    pub samples: Samples<V>,
 }
 
 impl Patch {
@@ -110,22 +116,22 @@ impl Patch {
             triangle: [NONE; WINDOW_NODES],
             rigidity: [0.0; WINDOW_NODES],
             length: [[0.0; WINDOW_NODES]; 4],
-            inverse: [[0.0; WINDOW_NODES]; 4],
+            inverse_length: [[0.0; WINDOW_NODES]; 4],
             movable: [0; WINDOW_NODES],
             density: [0.0; WINDOW_NODES],
-            dense: false,
+            has_density: false,
             slope: [[0.0; NODES]; 6],
             floor: 0.0,
         })
     }
 
-    /// Gathers block `b` of a level.
+    /// Gathers block `b` of a level with its halo, except for the slopes.
     ///
     /// # Safety
-    /// No other item writes this block or one around it now.
+    /// No other item writes this block or its neighbour blocks meanwhile.
     #[inline(always)]
     pub unsafe fn load<V: Lanes, S: Surface>(&mut self, level: &Level, state: State, b: usize) {
-        let around = &level.blocks.neighbours[b];
+        let neighbours = &level.blocks.neighbours[b];
         let block = &level.blocks.list[b];
         self.block = b;
         self.x = i64::from(block.x) * SIDE as i64;
@@ -134,33 +140,33 @@ impl Patch {
         // SAFETY: the caller's promise.
         unsafe {
             for c in 0..2 {
-                window::load(around, 0.0, |b| &state.u.get(b)[c], &mut self.u[c]);
+                window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut self.u[c]);
             }
             for c in 0..3 {
-                window::load(around, 0.0, |b| &state.value.get(b)[c], &mut self.value[c]);
+                window::load(neighbours, 0.0, |b| &state.value.get(b)[c], &mut self.value[c]);
             }
             if S::CHORDS {
-                window::load(around, NONE, |b| state.triangle.get(b), &mut self.triangle);
+                window::load(neighbours, NONE, |b| state.triangle.get(b), &mut self.triangle);
             }
         }
         constants::rigidity::<V>(level, b, &mut self.rigidity);
-        window::load(around, 0, |b| &level.movable[b], &mut self.movable);
+        window::load(neighbours, 0, |b| &level.movable[b], &mut self.movable);
         let floor = V::splat(self.floor);
         if !level.density.is_empty() {
-            window::load(around, 0.0, |b| &level.density[b], &mut self.density);
-        } else if self.dense {
+            window::load(neighbours, 0.0, |b| &level.density[b], &mut self.density);
+        } else if self.has_density {
             self.density = [0.0; WINDOW_NODES];
         }
-        self.dense = !level.density.is_empty();
+        self.has_density = !level.density.is_empty();
         for e in 0..4 {
             constants::rest_length::<V>(level, b, e, &mut self.length[e]);
             for at in window_vectors() {
-                (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse[e], at);
+                (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse_length[e], at);
             }
         }
     }
 
-    /// Gathers the slopes at the block's own nodes, where W(p) is now.
+    /// Evaluates the slopes of the surface at W(p) for the movable nodes of the block.
     #[inline(always)]
     pub fn load_slopes<V: Lanes, S: Surface>(&mut self, surface: S) {
         for row in (0..4).flat_map(Row::of_colour) {
@@ -172,32 +178,32 @@ impl Patch {
             let mut triangle = [NONE; LANES];
             triangle.copy_from_slice(&self.triangle[at..at + LANES]);
             let u = each!([0, 1], |c| V::load(&self.u[c], at));
-            let slope = surface.slope_row(&self.site(row), &u, &triangle, lanes);
+            let slope = surface.slope_row(&self.grid_row(row), &u, &triangle, lanes);
             for (plane, x) in self.slope.iter_mut().zip(slope) {
                 x.store(plane, row.slot());
             }
         }
     }
 
-    /// 1 where the neighbours at (di, dj) of a row's nodes may move, 0 elsewhere.
+    /// Mobility of the neighbours at (di, dj) of a row's nodes: 1 or 0.
     #[inline(always)]
     pub fn movable_near<V: Lanes>(&self, row: Row, di: i64, dj: i64) -> V {
         V::load_u8(&self.movable, row.at(di, dj))
     }
 
-    /// The lanes of a row that may move.
+    /// The lanes of a row whose nodes are movable.
     #[inline(always)]
     pub fn movable_lanes<V: Lanes>(&self, row: Row) -> V::Mask {
         V::zero().lt(V::load_u8(&self.movable, row.at(0, 0)))
     }
 
-    /// Where a row's nodes are in the level.
+    /// A row's nodes in the coordinates of the level.
     #[inline(always)]
-    pub fn site(&self, row: Row) -> Site {
-        Site { block: self.block, i: self.x + row.column() as i64, j: self.y + row.line() as i64 }
+    pub fn grid_row(&self, row: Row) -> GridRow {
+        GridRow { block: self.block, i: self.x + row.column() as i64, j: self.y + row.line() as i64 }
     }
 
-    /// The slope of the surface at place `at` = (i, j) of the window, where W(p) is now.
+    /// The slope of the surface at W(p) for the node at place `at` = (i, j) of the window.
     #[inline(always)]
     pub fn slope_at_window<S: Surface>(&self, surface: S, at: usize, i: usize, j: usize) -> [f32; 6] {
         let u = [self.u[0][at], self.u[1][at]];
@@ -205,14 +211,14 @@ impl Patch {
         surface.slope(self.block, i, j, u, self.triangle[at])
     }
 
-    /// Where a row's nodes are now.
+    /// The present state of a row's nodes.
     #[inline(always)]
-    pub fn here<V: Lanes>(&self, row: Row) -> Place<V> {
+    pub fn node_state<V: Lanes>(&self, row: Row) -> NodeState<V> {
         let at = row.at(0, 0);
         let s = row.slot();
-        Place {
+        NodeState {
             u: each!([0, 1], |c| V::load(&self.u[c], at)),
-            on: Samples {
+            samples: Samples {
                 value: each!([0, 1, 2], |c| V::load(&self.value[c], at)),
                 slope: each!([0, 1, 2, 3, 4, 5], |c| V::load(&self.slope[c], s)),
                 triangle: V::load_index(&self.triangle, at),
@@ -220,27 +226,27 @@ impl Patch {
         }
     }
 
-    /// Takes over where the lanes of a row moved to.
+    /// Stores the trial state of a row's nodes in the given lanes.
     #[inline(always)]
-    pub fn keep<V: Lanes, S: Surface>(&mut self, row: Row, lanes: V::Mask, there: &Place<V>) {
+    pub fn accept<V: Lanes, S: Surface>(&mut self, row: Row, lanes: V::Mask, trial: &NodeState<V>) {
         let (at, s) = (row.at(0, 0), row.slot());
         for c in 0..2 {
-            blend(lanes, &mut self.u[c], at, there.u[c]);
+            blend(lanes, &mut self.u[c], at, trial.u[c]);
         }
         for c in 0..3 {
-            blend(lanes, &mut self.value[c], at, there.on.value[c]);
+            blend(lanes, &mut self.value[c], at, trial.samples.value[c]);
         }
         for c in 0..6 {
-            blend(lanes, &mut self.slope[c], s, there.on.slope[c]);
+            blend(lanes, &mut self.slope[c], s, trial.samples.slope[c]);
         }
         if S::CHORDS {
             let old = V::load_index(&self.triangle, at);
-            V::store_index(V::select_index(lanes, there.on.triangle, old), &mut self.triangle, at);
+            V::store_index(V::select_index(lanes, trial.samples.triangle, old), &mut self.triangle, at);
         }
     }
 }
 
-/// Sets the lanes that the mask names.
+/// Overwrites the given lanes of eight values with `new`.
 #[inline(always)]
 fn blend<V: Lanes>(lanes: V::Mask, values: &mut [f32], at: usize, new: V) {
     lanes.select(new, V::load(values, at)).store(values, at);

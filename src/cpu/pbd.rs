@@ -1,5 +1,6 @@
-//! pbd: the iterations of the paper's solver. Each pass reads a level's state and writes another one, which then takes its
-//! place: what a node becomes depends on nothing that the same pass writes, so that neither threads nor their order matter.
+//! pbd: the iterations of the paper's solver (method §10). Each pass reads a level's state and writes a second copy of
+//! it, and then the two are swapped. No node depends on values that the same pass writes, so that neither the number of
+//! threads nor their order matters.
 
 mod project;
 mod regularise;
@@ -21,17 +22,17 @@ use super::{Run, SurfaceFn};
 use project::Project;
 use regularise::{Regularise, Velocity};
 
-/// What a level's iterations need beside its state.
+/// The memory that a level's iterations need in addition to its state.
 #[derive(Debug, Default)]
 pub(super) struct PbdBuffers {
-    /// The state that a pass writes.
+    /// The copy of the state that a pass writes.
     next: Buffers,
-    /// Displacements as they were integrated last: the velocity is what the present ones differ by.
+    /// Displacements at the previous integration. The velocity is the difference between the present ones and these.
     previous: Vec<[Plane; 2]>,
 }
 
 impl PbdBuffers {
-    /// Of all levels.
+    /// Allocates the buffers of all levels.
     pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Vec<PbdBuffers> {
         let mut all = Vec::with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
@@ -44,7 +45,8 @@ impl PbdBuffers {
 }
 
 impl Run<'_> {
-    /// One iteration: the eight sets in turn; at times regularisation, integration, and the next prediction.
+    /// Does one iteration: projects the eight sets in turn, and then regularises, integrates and predicts if the
+    /// iteration asks for it.
     pub(super) fn iterate_level(&mut self, level: usize, iteration: &Iteration) {
         if iteration.first {
             self.begin_level(level);
@@ -63,13 +65,13 @@ impl Run<'_> {
         self.node_updates.fetch_add(nodes, Ordering::Relaxed);
     }
 
-    /// Eq. 4-5 alone.
+    /// Regularises a level (the paper's eq. 4 and 5) without integration and prediction.
     pub(super) fn smooth_level(&mut self, level: usize, smoothing: f32) {
         self.copy_inactive_blocks(level);
         self.pass(level, Pass::Regularise(Regularise { smoothing, velocity: None }));
     }
 
-    /// Velocities of 0.
+    /// Sets the velocities of a level to 0.
     fn begin_level(&mut self, level: usize) {
         self.copy_inactive_blocks(level);
         for &b in &self.work[level].active {
@@ -78,7 +80,7 @@ impl Run<'_> {
         }
     }
 
-    /// Blocks that no pass visits are the same in both states.
+    /// Copies the stored blocks that are not active, which no pass visits, to the second copy of the state.
     fn copy_inactive_blocks(&mut self, level: usize) {
         let (state, next) = (&self.memory.levels[level], &mut self.memory.pbd[level].next);
         for &b in &self.work[level].stored {
@@ -93,12 +95,12 @@ impl Run<'_> {
         }
     }
 
-    /// Runs a pass over all active blocks of a level; what it wrote becomes the level's state.
+    /// Runs a pass over all active blocks of a level, and makes its output the level's state.
     fn pass(&mut self, level: usize, pass: Pass) {
         let mut buffers = std::mem::take(&mut self.memory.pbd[level]);
         let next = buffers.next.state();
         let previous = SharedSlice::new(&mut buffers.previous);
-        self.with_surface(level, Everywhere { level, pass, next, previous });
+        self.with_surface(level, RunPass { level, pass, next, previous });
         let state = &mut self.memory.levels[level];
         std::mem::swap(&mut state.u, &mut buffers.next.u);
         std::mem::swap(&mut state.value, &mut buffers.next.value);
@@ -107,29 +109,29 @@ impl Run<'_> {
     }
 }
 
-/// What a pass does.
+/// A pass over the nodes of a level.
 #[derive(Clone, Copy)]
 enum Pass {
     Project(Project),
     Regularise(Regularise),
 }
 
-/// A pass over all active blocks of a level.
-struct Everywhere {
+/// Runs a pass over all active blocks of a level.
+struct RunPass {
     level: usize,
     pass: Pass,
     next: State,
     previous: SharedSlice<[Plane; 2]>,
 }
 
-impl SurfaceFn<()> for Everywhere {
+impl SurfaceFn<()> for RunPass {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
-        let Everywhere { level, pass, next, previous } = self;
+        let RunPass { level, pass, next, previous } = self;
         let blocks = &run.work[level].active;
         let (level, density) = (&run.grid.levels[level], run.weights[level].orientation_density);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            // SAFETY: nothing writes `state` now, and each item has its own block of `next` and `previous`.
+            // SAFETY: no item writes `state`, and each has its own block of `next` and `previous`.
             unsafe {
                 match &pass {
                     Pass::Project(project) => project.block(level, state, next, surface, density, b),

@@ -1,7 +1,8 @@
-//! Memory asked for ahead of its use.
+//! Prefetching of memory into the cache.
 
-/// Asks for all of a value, in order. What a kernel reads of it in many short runs side by side then comes at the
-/// memory's full bandwidth (a pass over a level's rows takes a quarter less time).
+/// Prefetches all cache lines of a value in order. A kernel that reads many short runs of a value in parallel does not
+/// reach the memory's full bandwidth by itself; with prefetching it does (a pass over a level's rows takes a quarter
+/// less time).
 #[inline(always)]
 pub fn prefetch<T>(value: &T) {
     #[cfg(target_arch = "x86_64")]

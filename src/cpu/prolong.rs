@@ -1,6 +1,7 @@
-//! prolong: where a level starts from. Displacements come from the next coarser level by bilinear interpolation: a quarter
-//! of a bilinear cell has its corner Jacobians inside the cell's own range, so it cannot fold (method §3). The coarsest
-//! level starts from the identity, a warm start from the previous result.
+//! prolong: sets the initial state of a level. Displacements are interpolated bilinearly from the next coarser level;
+//! this cannot fold, because the corner Jacobians of a quarter of a bilinear cell lie between the least and the
+//! greatest of the whole cell (method §3). The coarsest level starts from the identity, a warm start from the previous
+//! result (method §5).
 
 use super::Run;
 use super::lanes::{Kernel, Lanes, Truth, wide};
@@ -24,7 +25,7 @@ impl Run<'_> {
         self.resample(level, &stored, Start::Identity);
         self.work[level].stored = stored;
         if level == 0 {
-            self.energy_before();
+            self.store_identity_energy();
         }
     }
 
@@ -39,10 +40,10 @@ impl Run<'_> {
         self.work[0].active = active;
     }
 
-    /// Sets a level to what the next coarser one interpolates to.
+    /// Sets a level to the displacements that are interpolated from the next coarser one.
     pub(super) fn prolong_level(&mut self, level: usize) {
         if level == 0 {
-            // For the energy of the identity.
+            // This also computes the energy of the identity.
             self.start_from_identity(level);
         } else {
             self.reset_inactive_blocks(level);
@@ -56,14 +57,14 @@ impl Run<'_> {
             let b = blocks[k] as usize;
             // SAFETY: each item has its own block.
             let out = unsafe { u.get_mut(b) };
-            block(fine_level, coarse_level, |b, c| &coarse[b][c], b, out);
+            interpolate_block(fine_level, coarse_level, |b, c| &coarse[b][c], b, out);
         });
         let active = std::mem::take(&mut self.work[level].active);
         self.resample(level, &active, Start::Nearest);
         self.work[level].active = active;
     }
 
-    /// Sets the blocks of a level that no stage visits, since they have no movable node, to the identity.
+    /// Sets the stored blocks of a level that are not active to the identity: no stage visits them.
     fn reset_inactive_blocks(&mut self, level: usize) {
         let list = &self.grid.levels[level].blocks.list;
         let inactive: Vec<u32> =
@@ -74,8 +75,8 @@ impl Run<'_> {
         self.resample(level, &inactive, Start::Identity);
     }
 
-    /// The energy of the identity, which the finest level is at now.
-    fn energy_before(&mut self) {
+    /// Stores the energy of the identity, which has to be the present state of the finest level.
+    fn store_identity_energy(&mut self) {
         let energies = self.energies(0);
         for (result, energy) in self.results.iter_mut().zip(energies) {
             result.energy_before = energy;
@@ -83,11 +84,12 @@ impl Run<'_> {
     }
 }
 
-/// The coarse nodes over a finer block, and one more on two sides, row by row.
+/// Values at the 9x9 coarse nodes from which a finer block is interpolated: the 8x8 nodes over it, one more column to
+/// the east and one more row to the north. Row-major.
 pub type CoarseNodes = [[f32; SIDE / 2 + 1]; SIDE / 2 + 1];
 
-/// The coarse nodes over the finer block `b`, of which `coarse(b)` is the plane of coarse block `b`; `None` if there are
-/// none.
+/// Gathers the values at the coarse nodes over the finer block `b`. `coarse(b)` is the plane of coarse block `b`.
+/// `None` if no coarse block is stored over the finer one.
 #[inline]
 pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a>(
     finer: &Level,
@@ -112,9 +114,9 @@ pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a>(
     Some(nodes)
 }
 
-/// Interpolates the coarse values to the finer block `b`, in its own cells, of which a coarse one has two; fixed nodes get
-/// 0. `coarse(b, c)` is plane c of coarse block `b`.
-pub fn block<'a>(
+/// Interpolates displacements of the coarser level bilinearly to the finer block `b`, multiplied by 2 for the change of
+/// cell units; fixed nodes get 0. `coarse(b, c)` is plane c of coarse block `b`.
+pub fn interpolate_block<'a>(
     finer: &Level,
     coarser: &Level,
     coarse: impl Fn(usize, usize) -> &'a Plane,
@@ -129,7 +131,7 @@ pub fn block<'a>(
     }
 }
 
-/// One quantity of one block.
+/// Interpolates one component of the displacements of one block.
 struct Interpolate<'a> {
     nodes: &'a CoarseNodes,
     movable: &'a Plane<u8>,

@@ -1,5 +1,5 @@
-//! pyramid: the pose's metrics on the coarser levels, gathered from the triangles on level 1 and restricted from there
-//! (method §3).
+//! pyramid: computes the pose metrics at the nodes of the coarser levels, on level 1 from the metrics of the triangles,
+//! and on each other level from the next finer one (method §3).
 
 use crate::tile::metric;
 
@@ -7,7 +7,7 @@ use super::Run;
 use super::team::SharedSlice;
 
 impl Run<'_> {
-    /// Forms the metrics of all coarser levels from those of the triangles.
+    /// Computes the metrics of all coarser levels from those of the triangles.
     pub(super) fn pose_metrics(&mut self) {
         for k in 1..self.grid.levels.len() {
             let (finer, coarser) = self.memory.levels.split_at_mut(k);

@@ -1,9 +1,9 @@
-//! relax: block descent. Each node takes its own 2x2 Gauss-Newton step with its neighbours fixed, cut so that no corner
-//! Jacobian falls under ε, and only if its own energy falls.
+//! relax: descent node by node (method §6). With its neighbours fixed, each node takes its 2x2 Gauss-Newton step,
+//! limited so that no corner Jacobian falls under ε, if its energy does not rise.
 //!
-//! Blocks of one block colour (x & 1, y & 1) do not touch: they run in parallel, each with all four node colours inside,
-//! its ring frozen; the bits do not depend on the order. A third of a sweep is the gathering of the block: two sweeps are
-//! done on it at a time.
+//! Blocks of one block colour (x & 1, y & 1) do not touch. They are relaxed in parallel, each with its four node
+//! colours in turn and with its halo frozen, so that the bits do not depend on the order of the blocks. Gathering a
+//! block takes a third of the time of a sweep; therefore two sweeps are done on a gathered block.
 
 use crate::method::law::{BOUND_SAFETY, MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN};
 use crate::method::schedule::passes;
@@ -12,30 +12,30 @@ use crate::tile::Level;
 use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
 use std::sync::atomic::Ordering;
 
-use super::patch::{Patch, Place, State, Weights};
+use super::patch::{NodeState, Patch, State, Weights};
 use super::row::Row;
 use super::sampling::Surface;
-use super::terms::Local;
+use super::terms::QuadraticModel;
 use super::{Run, SurfaceFn};
 
 impl Run<'_> {
-    /// Sweeps of which each chart's nodes take a share: all of each step without any.
-    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, share: Option<&[f32]>) {
+    /// Relaxes a level. `fraction` is the step fraction per chart (none = 1).
+    pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, fraction: Option<&[f32]>) {
         let grid = &self.grid.levels[level];
         let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
         let nodes: u64 = self.work[level].active.iter().map(movable).sum();
         self.node_updates.fetch_add(nodes * u64::from(sweeps), Ordering::Relaxed);
-        self.with_surface(level, Relax { level, sweeps, share });
+        self.with_surface(level, Relax { level, sweeps, fraction });
     }
 }
 
-/// Sweeps over all blocks of a level.
+/// Sweeps over all active blocks of a level.
 pub struct Relax<'a> {
     pub level: usize,
     pub sweeps: u32,
-    /// Per chart, the share of each step that is taken; all of it without any. What comes with a share of a correction is
-    /// as much of a share, or it would set in at once.
-    pub share: Option<&'a [f32]>,
+    /// Step fraction per chart (none = 1). Sweeps after a partial correction use the same fraction, so that both fade
+    /// in together.
+    pub fraction: Option<&'a [f32]>,
 }
 
 impl SurfaceFn<()> for Relax<'_> {
@@ -45,8 +45,9 @@ impl SurfaceFn<()> for Relax<'_> {
             run.each_colour(self.level, false, |worker, b| {
                 // Blocks of one colour do not touch.
                 run.patches.with(worker, |patch| {
-                    let share = self.share.map_or(1.0, |share| share[level.blocks.list[b].chart as usize]);
-                    wide(Pass {
+                    let fraction =
+                        self.fraction.map_or(1.0, |fraction| fraction[level.blocks.list[b].chart as usize]);
+                    wide(RelaxBlock {
                         patch,
                         level,
                         state,
@@ -54,7 +55,7 @@ impl SurfaceFn<()> for Relax<'_> {
                         weights: &run.weights[self.level],
                         b,
                         sweeps,
-                        share,
+                        fraction,
                     });
                 });
             });
@@ -62,8 +63,9 @@ impl SurfaceFn<()> for Relax<'_> {
     }
 }
 
-/// Some sweeps over block `b`, its ring frozen. No other item may touch this block, or write one around it, meanwhile.
-struct Pass<'a, S> {
+/// Does some sweeps over block `b` with its halo frozen. No other item may access this block, or write to its neighbour
+/// blocks, meanwhile.
+struct RelaxBlock<'a, S> {
     patch: &'a mut Patch,
     level: &'a Level,
     state: State,
@@ -71,21 +73,21 @@ struct Pass<'a, S> {
     weights: &'a Weights,
     b: usize,
     sweeps: u32,
-    share: f32,
+    fraction: f32,
 }
 
-impl<S: Surface> Kernel for Pass<'_, S> {
+impl<S: Surface> Kernel for RelaxBlock<'_, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Pass { patch, level, state, surface, weights, b, sweeps, share } = self;
-        // SAFETY: no other item touches the block, or writes one around it.
+        let RelaxBlock { patch, level, state, surface, weights, b, sweeps, fraction } = self;
+        // SAFETY: no other item accesses the block, or writes to its neighbour blocks.
         unsafe { patch.load::<V, S>(level, state, b) };
         patch.load_slopes::<V, S>(surface);
         for _ in 0..sweeps {
             for row in Row::all() {
-                step::<V, S>(patch, surface, weights, row, share);
+                step::<V, S>(patch, surface, weights, row, fraction);
             }
         }
         // SAFETY: as above.
@@ -93,10 +95,10 @@ impl<S: Surface> Kernel for Pass<'_, S> {
     }
 }
 
-/// Writes a block's own nodes back.
+/// Writes the nodes of block `b` back to the state.
 ///
 /// # Safety
-/// No other item touches this block now.
+/// No other item accesses this block meanwhile.
 #[inline(always)]
 unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
     // SAFETY: the caller's promise.
@@ -120,33 +122,33 @@ unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
     }
 }
 
-/// A share of one row's step.
+/// Relaxes the nodes of one row. Their steps are multiplied by `fraction`.
 #[inline(always)]
-fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row, share: f32) {
+fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, row: Row, fraction: f32) {
     let mut lanes = patch.movable_lanes::<V>(row);
     if !lanes.any() {
         return;
     }
-    let here = patch.here::<V>(row);
-    let rigid = patch.is_rigid::<V>(row, weights);
-    let local = patch.local::<V, S>(row, &here, weights, rigid, &mut ());
-    let mut delta = newton_step(&local);
-    let predicted = -(local.gradient[0] * delta[0] + local.gradient[1] * delta[1]);
-    lanes = lanes.and((local.terms.energy * MIN_RELATIVE_GAIN).lt(predicted));
+    let here = patch.node_state::<V>(row);
+    let stiff = patch.has_stiff_edges::<V>(row, weights);
+    let model = patch.quadratic_model::<V, S>(row, &here, weights, stiff, &mut ());
+    let mut delta = newton_step(&model);
+    let predicted = -(model.gradient[0] * delta[0] + model.gradient[1] * delta[1]);
+    lanes = lanes.and((model.terms.energy * MIN_RELATIVE_GAIN).lt(predicted));
     if !lanes.any() {
         return;
     }
-    delta = each!([0, 1], |c| delta[c] * share);
-    // The second try has half the step, for lanes whose first one did not lower their energy.
+    delta = each!([0, 1], |c| delta[c] * fraction);
+    // The second trial takes half the step, in lanes whose first trial was not accepted.
     for _ in 0..2 {
         let u = each!([0, 1], |c| lanes.select(here.u[c] + delta[c], here.u[c]));
-        let mut there = Place { u, on: here.on };
-        let found = surface.sample_row(&patch.site(row), &u, lanes, &mut there.on);
-        let energy = patch.terms::<V, S>(row, &there, weights, rigid).energy;
-        // Two infinite energies say nothing about each other.
-        let lower = energy.le(local.terms.energy).and(energy.lt(V::splat(f32::INFINITY)));
+        let mut trial = NodeState { u, samples: here.samples };
+        let found = surface.sample_row(&patch.grid_row(row), &u, lanes, &mut trial.samples);
+        let energy = patch.terms::<V, S>(row, &trial, weights, stiff).energy;
+        // An infinite energy is never accepted: `le` holds for two infinite ones.
+        let lower = energy.le(model.terms.energy).and(energy.lt(V::splat(f32::INFINITY)));
         let better = found.and(lower);
-        patch.keep::<V, S>(row, better, &there);
+        patch.accept::<V, S>(row, better, &trial);
         lanes = lanes.and_not(better);
         if !lanes.any() {
             return;
@@ -155,24 +157,24 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
     }
 }
 
-/// -H⁻¹ g, cut to the trusted length and to J >= ε at every corner.
+/// The step -H⁻¹γ, clamped to `MAX_NODE_STEP` and limited so that no corner Jacobian falls under ε.
 #[inline(always)]
-fn newton_step<V: Lanes>(local: &Local<V>) -> [V; 2] {
-    let ([gx, gy], [xx, xy, yy]) = (local.gradient, local.matrix);
+fn newton_step<V: Lanes>(model: &QuadraticModel<V>) -> [V; 2] {
+    let ([gx, gy], [xx, xy, yy]) = (model.gradient, model.matrix);
     let inverse = V::one() / (xx * yy - xy * xy);
     let mut delta = [(xy * gy - yy * gx) * inverse, (xy * gx - xx * gy) * inverse];
-    // This also turns what is not a number into a step, which the energy then has to approve.
+    // The clamp also turns NaN into a finite step, which is then accepted or refused by its energy.
     delta = each!([0, 1], |c| delta[c].max(V::splat(-MAX_NODE_STEP)).min(V::splat(MAX_NODE_STEP)));
-    let mut share = V::one();
-    for (jacobian, slope) in &local.terms.corners {
-        let change = slope[0] * delta[0] + slope[1] * delta[1];
+    let mut fraction = V::one();
+    for (jacobian, corner_gradient) in &model.terms.corners {
+        let change = corner_gradient[0] * delta[0] + corner_gradient[1] * delta[1];
         let margin = (*jacobian - V::splat(MIN_JACOBIAN)).max(V::zero());
-        // Only corners that shrink by more than there is limit the step: few.
+        // Only corners that would lose more than their margin limit the step. There are few of them.
         let limits = margin.lt(-change);
         if limits.any() {
-            share = share.min(limits.select(margin / -change, V::one()));
+            fraction = fraction.min(limits.select(margin / -change, V::one()));
         }
     }
-    // A hair less, against rounding.
-    each!([0, 1], |c| delta[c] * share * BOUND_SAFETY)
+    // A little less than all, because of rounding.
+    each!([0, 1], |c| delta[c] * fraction * BOUND_SAFETY)
 }

@@ -1,11 +1,12 @@
-//! Eight nodes of one colour in one row of a block: what a vector holds, and where they and their neighbours lie.
+//! The nodes that a vector holds: eight of one node colour in one row of a block. Indices of these nodes and of their
+//! neighbours in planes and windows.
 
 use crate::tile::blocks::{Plane, SIDE};
 use crate::tile::window::{Window, place};
 
 use super::lanes::{LANES, Lanes};
 
-/// Eight nodes of one colour, in one row of a block.
+/// Eight nodes of one node colour in one row of a block.
 #[derive(Clone, Copy)]
 pub struct Row {
     /// Column of the first lane's node: 0 or 1.
@@ -15,13 +16,13 @@ pub struct Row {
 }
 
 impl Row {
-    /// All rows of a colour.
+    /// All rows of a node colour.
     #[inline(always)]
     pub fn of_colour(colour: usize) -> impl Iterator<Item = Row> {
         (0..SIDE / 2).map(move |r| Row { ci: colour & 1, j: 2 * r + (colour >> 1 & 1) })
     }
 
-    /// All rows of a block.
+    /// All rows of a block, node colour by node colour.
     #[inline(always)]
     pub fn all() -> impl Iterator<Item = Row> {
         (0..4).flat_map(Row::of_colour)
@@ -39,19 +40,19 @@ impl Row {
         self.j
     }
 
-    /// Place of the first lane's neighbour at (di, dj) in a window; the other lanes follow.
+    /// Index in a window of the first lane's neighbour at (di, dj). The neighbours of the other lanes follow.
     #[inline(always)]
     pub fn at(self, di: i64, dj: i64) -> usize {
         place((self.ci as i64 + 1 + di) as usize, (self.j as i64 + 1 + dj) as usize)
     }
 
-    /// Slot of the first lane in a plane; the other lanes follow.
+    /// Index in a plane of the first lane's node. The nodes of the other lanes follow.
     #[inline(always)]
     pub fn slot(self) -> usize {
         crate::tile::blocks::slot(self.ci, self.j)
     }
 
-    /// A window's numbers at the neighbours at (di, dj), each -1, 0 or 1.
+    /// Loads a window's values at the neighbours at (di, dj), where each is -1, 0 or 1.
     #[inline(always)]
     pub fn near<V: Lanes>(self, window: &Window, di: i64, dj: i64) -> V {
         assert!(di.unsigned_abs() <= 1 && dj.unsigned_abs() <= 1);
@@ -60,32 +61,32 @@ impl Row {
         V::load(unsafe { window.get_unchecked(at..at + LANES) }, 0)
     }
 
-    /// A plane's numbers at the row.
+    /// Loads a plane's values at the row's nodes.
     #[inline(always)]
-    pub fn of<V: Lanes>(self, plane: &Plane) -> V {
+    pub fn load<V: Lanes>(self, plane: &Plane) -> V {
         let s = self.slot();
         // SAFETY: ci < 2 and j < 16, so the slot is that of a row of one of the four colours.
         V::load(unsafe { plane.get_unchecked(s..s + LANES) }, 0)
     }
 
-    /// Sets a plane's numbers at the row.
+    /// Stores a plane's values at the row's nodes.
     #[inline(always)]
-    pub fn set<V: Lanes>(self, plane: &mut Plane, x: V) {
+    pub fn store<V: Lanes>(self, plane: &mut Plane, x: V) {
         let s = self.slot();
-        // SAFETY: as in `of`.
+        // SAFETY: as in `load`.
         x.store(unsafe { plane.get_unchecked_mut(s..s + LANES) }, 0);
     }
 
-    /// Offsets from the row's nodes, displaced by `own`, to their neighbours at (di, dj), in cells.
+    /// Offsets from the row's nodes, displaced by `here`, to their neighbours at (di, dj), displaced by `u`, in cells.
     #[inline(always)]
-    pub fn offset<V: Lanes>(self, u: &[Window; 2], own: &[V; 2], di: i64, dj: i64) -> [V; 2] {
+    pub fn offset<V: Lanes>(self, u: &[Window; 2], here: &[V; 2], di: i64, dj: i64) -> [V; 2] {
         let (x, y) = (self.near::<V>(&u[0], di, dj), self.near::<V>(&u[1], di, dj));
-        [(x - own[0]) + di as f32, (y - own[1]) + dj as f32]
+        [(x - here[0]) + di as f32, (y - here[1]) + dj as f32]
     }
 
-    /// Sets a window's numbers at the row.
+    /// Stores a window's values at the row's nodes.
     #[inline(always)]
-    pub fn set_own<V: Lanes>(self, window: &mut Window, x: V) {
+    pub fn store_in_window<V: Lanes>(self, window: &mut Window, x: V) {
         let at = self.at(0, 0);
         // SAFETY: as in `near`.
         x.store(unsafe { window.get_unchecked_mut(at..at + LANES) }, 0);

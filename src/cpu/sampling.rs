@@ -1,4 +1,5 @@
-//! The surface under W(p): exact positions and tangents on the finest level, metrics and their slopes on coarser ones.
+//! Samples of the surface at warped positions W(p), and the lengths of edges between them: exact positions and tangents
+//! on the finest level (method §2), metrics and their derivatives on coarser ones (method §3).
 
 mod chords;
 mod metrics;
@@ -11,15 +12,16 @@ use crate::tile::Level;
 use crate::tile::blocks::SIDE;
 pub use chords::Chords;
 pub use metrics::Metrics;
-pub use record::Record;
+pub use record::TriangleRecord;
 pub use resample::Start;
 
-/// The slopes at a row's eight nodes.
+/// The derivatives of the sampled values along x and y, at a row's eight nodes.
 pub type Slopes<V> = [V; 6];
 
-/// What edges need to know of their ends, at a row's eight nodes.
-/// Finest level: `value` = position, `slope` = df/dx and df/dy, and the triangles under W(p). Coarser: `value` =
-/// (E, F, G), `slope` = its d/dx, d/dy.
+/// Samples of the surface at the warped positions of a row's eight nodes.
+///
+/// On the finest level, `value` is the position f(W(p)), `slope` is ∂f/∂x and ∂f/∂y, and `triangle` is the triangle
+/// under W(p). On coarser ones, `value` is the metric (E, F, G) at W(p), and `slope` is ∂/∂x and ∂/∂y of it.
 #[derive(Clone, Copy)]
 pub struct Samples<V: Lanes> {
     pub value: [V; 3],
@@ -27,78 +29,79 @@ pub struct Samples<V: Lanes> {
     pub triangle: V::Index,
 }
 
-/// A row's eight nodes: (i + 2k, j) of the level, seen from one block.
+/// A row's eight nodes in the coordinates of the level: (i + 2k, j) for lane k, all of one block.
 #[derive(Clone, Copy)]
-pub struct Site {
+pub struct GridRow {
     pub block: usize,
     pub i: i64,
     pub j: i64,
 }
 
-impl Site {
-    /// Of a row of block `b`.
+impl GridRow {
+    /// The nodes of a row of block `b`.
     #[inline(always)]
-    pub fn new(level: &Level, b: usize, row: Row) -> Site {
+    pub fn new(level: &Level, b: usize, row: Row) -> GridRow {
         let block = &level.blocks.list[b];
         let [x, y] = [block.x, block.y].map(|n| i64::from(n) * SIDE as i64);
-        Site { block: b, i: x + row.column() as i64, j: y + row.line() as i64 }
+        GridRow { block: b, i: x + row.column() as i64, j: y + row.line() as i64 }
     }
 
-    /// A lane's node: its column.
+    /// Column of the node in lane k.
     #[inline(always)]
-    pub fn lane(&self, k: usize) -> i64 {
+    pub fn column(&self, k: usize) -> i64 {
         self.i + 2 * k as i64
     }
 }
 
-/// How a level measures lengths.
+/// The surface map of a level: how it is sampled, and how lengths of edges follow from samples.
 pub trait Surface: Copy + Sync {
-    /// True on the finest level.
+    /// Whether lengths are chords, which is so on the finest level.
     const CHORDS: bool;
 
-    /// Samples the surface at those of a row's nodes that the mask names, displaced by u, starting at the triangles in
-    /// `samples`; the mask that comes back says where there is a sample: elsewhere W leaves the chart. Other lanes of
-    /// `samples` may be anything after it.
+    /// Samples the surface at a row's nodes displaced by u, in the given lanes. Point location begins at the triangles
+    /// in `samples`. Returns the lanes that have a sample; in the others W leaves the chart, and `samples` is
+    /// undefined.
     fn sample_row<V: Lanes>(
         &self,
-        site: &Site,
+        nodes: &GridRow,
         u: &[V; 2],
         lanes: V::Mask,
         samples: &mut Samples<V>,
     ) -> V::Mask;
 
-    /// The slope alone, where the state is known to be good.
+    /// The slope at node (i, j) of block `b`, displaced by u. There has to be a sample.
     fn slope(&self, b: usize, i: i64, j: i64, u: [f32; 2], triangle: u32) -> [f32; 6];
 
-    /// The same for those of a row's nodes that the mask names.
+    /// The slopes at a row's nodes displaced by u, in the given lanes. There have to be samples.
     fn slope_row<V: Lanes>(
         &self,
-        site: &Site,
+        nodes: &GridRow,
         u: &[V; 2],
         triangle: &[u32; LANES],
         lanes: V::Mask,
     ) -> Slopes<V>;
 
-    /// Lengths L of the edges from p to n, given the offsets d and whether both ends are on one triangle.
+    /// Lengths L of the edges between nodes with the values p and n, given the slopes at p, the offsets d, and whether
+    /// both ends are on one triangle.
     fn length<V: Lanes>(p: &[V; 3], slope: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V;
 
-    /// The same, with dL/du_p and, where `slope_n` is given, dL/du_n.
+    /// Lengths as of `length`, their gradients ∂L/∂u_p, and the terms from which `far_gradient` computes ∂L/∂u_n.
     fn gradient<V: Lanes>(
         p: &[V; 3],
         slope: &Slopes<V>,
         n: &[V; 3],
         same: V::Mask,
         d: &[V; 2],
-    ) -> (V, [V; 2], Chord<V>);
+    ) -> (V, [V; 2], GradientTerms<V>);
 
-    /// dL/du_n from what `gradient` kept.
-    fn far_gradient<V: Lanes>(chord: &Chord<V>, slope_n: &Slopes<V>) -> [V; 2];
+    /// ∂L/∂u_n, from the terms that `gradient` returned and the slopes at n.
+    fn far_gradient<V: Lanes>(terms: &GradientTerms<V>, neighbour_slope: &Slopes<V>) -> [V; 2];
 }
 
-/// What the gradients at both ends of an edge share.
+/// Terms that the gradients of a length at both ends of an edge have in common.
 #[derive(Clone, Copy)]
-pub struct Chord<V> {
-    /// Finest: the chord. Coarser: the metric times d.
+pub struct GradientTerms<V> {
+    /// The chord c on the finest level, the mean metric times d on coarser ones.
     along: [V; 3],
     d: [V; 2],
     inverse_length: V,

@@ -1,4 +1,5 @@
-//! The stages, as the schedule calls them: each delegates to the file of its name.
+//! The stages that the schedule calls (method §5). Each delegates to a file: `identity` and `previous` to `prolong`,
+//! `iterate` and `smooth` to `pbd`, and the others to the files of their names.
 
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;

@@ -1,14 +1,15 @@
-//! surface: the pose's triangles, their tangents and their metrics (method §2).
+//! surface: computes the origin, tangents and metric of each triangle from the positions of the pose (method §2 and
+//! §3).
 
 use super::Run;
-use super::sampling::Record;
+use super::sampling::TriangleRecord;
 use super::team::SharedSlice;
 
-/// Triangles of one item of work.
+/// Triangles per item of work.
 const CHUNK: usize = 256;
 
 impl Run<'_> {
-    /// Forms the pose triangles of the charts that are solved, from the pose's positions.
+    /// Computes the triangles of the charts that are solved.
     pub(super) fn pose_triangles(&mut self) {
         let triangle = self.grid.pose_triangles(self.mesh, self.pose);
         let (triangles, metrics) =
@@ -21,7 +22,7 @@ impl Run<'_> {
                     // SAFETY: each item has its own triangles.
                     unsafe {
                         *metrics.get_mut(t) = pose.metric();
-                        *triangles.get_mut(t) = Record::new(&self.grid.triangles[t], &pose);
+                        *triangles.get_mut(t) = TriangleRecord::new(&self.grid.triangles[t], &pose);
                     }
                 }
             }

@@ -1,68 +1,77 @@
-//! The energy of DESIGN 5 seen from one row of eight nodes: its terms, their gradient, and their Gauss-Newton matrix.
+//! The energy of the edges and corners at one row of eight nodes, with its gradient and Gauss-Newton matrix, from the
+//! displacements, samples, rigidities and rest lengths of a patch (method §4).
 
 use super::lanes::{Lanes, Truth, each};
-use super::patch::{NEIGHBOURS, Patch, Place, QUADRANTS, Weights};
+use super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
 use super::row::Row;
-use super::sampling::{Chord, Surface};
+use super::sampling::{GradientTerms, Surface};
 
-/// The energy of what a row's nodes touch.
+/// The energy terms at each node of a row.
 pub struct Terms<V> {
-    /// The sum, each node's own in its lane.
+    /// The sum over the node's eight edges and twelve corners.
     pub energy: V,
-    /// Of the edges to each of the neighbours.
+    /// The terms of the edges to the eight neighbours.
     pub edges: [V; 8],
-    /// J and its gradient, three corners for each of four cells.
+    /// J of the twelve corners and its gradient in the node: three corners for each of the four cells.
     pub corners: [(V, [V; 2]); 12],
 }
 
-/// The energy, and its gradient and Gauss-Newton matrix (halves of the derivatives).
-pub struct Local<V> {
+/// The energy at each node of a row, its gradient and its Gauss-Newton matrix (halves of the derivatives).
+pub struct QuadraticModel<V> {
     pub terms: Terms<V>,
     pub gradient: [V; 2],
     /// (xx, xy, yy).
     pub matrix: [V; 3],
 }
 
-/// Sees the edges of a row's nodes: the neighbour's number, the edge, dL/du of the node, and what the other end's needs.
+/// Receives the edges of a row's nodes: the index of the neighbour, the edge, ∂L/∂u of the node, and the terms from
+/// which `Surface::far_gradient` computes ∂L/∂u of the neighbour.
 pub trait Visitor<V: Lanes> {
-    fn edge<S: Surface>(&mut self, row: Row, k: usize, edge: &Edge<V>, near: &[V; 2], chord: &Chord<V>);
+    fn edge<S: Surface>(
+        &mut self,
+        row: Row,
+        k: usize,
+        edge: &Edge<V>,
+        near: &[V; 2],
+        terms: &GradientTerms<V>,
+    );
 }
 
-/// Looks at none of them.
+/// Ignores the edges.
 impl<V: Lanes> Visitor<V> for () {
     #[inline(always)]
-    fn edge<S: Surface>(&mut self, _: Row, _: usize, _: &Edge<V>, _: &[V; 2], _: &Chord<V>) {}
+    fn edge<S: Surface>(&mut self, _: Row, _: usize, _: &Edge<V>, _: &[V; 2], _: &GradientTerms<V>) {}
 }
 
 impl Patch {
-    /// An edge's ends and constants: neighbour's value, both on one triangle, offset d, l, 1 / max(l, floor), w.
+    /// The edges from a row's nodes `p` to their neighbours `k`.
     #[inline(always)]
-    pub fn edge<V: Lanes>(&self, row: Row, p: &Place<V>, k: usize) -> Edge<V> {
-        let (di, dj, e, theirs) = NEIGHBOURS[k];
-        // Where the owner is.
-        let (oi, oj) = if theirs { (di, dj) } else { (0, 0) };
+    pub fn edge<V: Lanes>(&self, row: Row, p: &NodeState<V>, k: usize) -> Edge<V> {
+        let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
+        // Offset from the node to the edge's owner.
+        let (oi, oj) = if neighbour_owns { (di, dj) } else { (0, 0) };
         let weight = row.near::<V>(&self.rigidity, 0, 0).max(row.near(&self.rigidity, di, dj));
         Edge {
             value: each!([0, 1, 2], |c| row.near(&self.value[c], di, dj)),
-            same: V::same(V::load_index(&self.triangle, row.at(di, dj)), p.on.triangle),
+            same_triangle: V::same(V::load_index(&self.triangle, row.at(di, dj)), p.samples.triangle),
             d: row.offset(&self.u, &p.u, di, dj),
-            length: row.near(&self.length[e], oi, oj),
-            inverse: row.near(&self.inverse[e], oi, oj),
+            rest_length: row.near(&self.length[e], oi, oj),
+            inverse_length: row.near(&self.inverse_length[e], oi, oj),
             weight,
-            density: if self.dense {
+            density: if self.has_density {
                 (row.near::<V>(&self.density, 0, 0) + row.near::<V>(&self.density, di, dj)) * 0.5
             } else {
                 V::zero()
             },
-            shorter: 1.0 / (di * di + dj * dj) as f32,
+            inverse_rest_square: 1.0 / (di * di + dj * dj) as f32,
             normal: [-dj as f32, di as f32],
         }
     }
 
-    /// True if an edge at one of a row's nodes is rigid to some degree, or has an orientation to keep. Where none is,
-    /// smoothness is all there is.
+    /// Whether an edge at one of a row's nodes has a weight above 0, or there is an orientation term. Otherwise
+    /// smoothness is the only edge term.
     #[inline(always)]
-    pub fn is_rigid<V: Lanes>(&self, row: Row, weights: &Weights) -> bool {
+    pub fn has_stiff_edges<V: Lanes>(&self, row: Row, weights: &Weights) -> bool {
         if weights.orients() {
             return true;
         }
@@ -73,81 +82,89 @@ impl Patch {
         V::zero().lt(most).any()
     }
 
-    /// Energy of the edges and corners of a row's nodes; `rigid` as `is_rigid` says.
+    /// The energy terms of a row's nodes. `stiff` is the result of `has_stiff_edges`.
     #[inline(always)]
     pub fn terms<V: Lanes, S: Surface>(
         &self,
         row: Row,
-        p: &Place<V>,
+        p: &NodeState<V>,
         weights: &Weights,
-        rigid: bool,
+        stiff: bool,
     ) -> Terms<V> {
-        if !rigid {
-            return self.elastic(row, p, weights).terms;
+        if !stiff {
+            return self.smoothness_model(row, p, weights).terms;
         }
         let edges = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
-            let length = S::length(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
+            let length =
+                S::length(&p.samples.value, &p.samples.slope, &edge.value, edge.same_triangle, &edge.d);
             edge.energy(k, length, weights)
         });
         self.with_corners(row, p, edges, weights)
     }
 
-    /// Adds the corners' energy to that of the edges.
+    /// Sums the energy of the edges and of the corners.
     #[inline(always)]
-    fn with_corners<V: Lanes>(&self, row: Row, p: &Place<V>, edges: [V; 8], weights: &Weights) -> Terms<V> {
+    fn with_corners<V: Lanes>(
+        &self,
+        row: Row,
+        p: &NodeState<V>,
+        edges: [V; 8],
+        weights: &Weights,
+    ) -> Terms<V> {
         let mut energy = V::zero();
         for edge in edges {
             energy += edge;
         }
         let corners = self.corners(row, p);
-        if lowest(&corners).lt(V::splat(weights.room_threshold)).any() {
+        if least_jacobian(&corners).lt(V::splat(weights.room_threshold)).any() {
             for corner in &corners {
-                energy += room(corner.0, weights);
+                energy += room_energy(corner.0, weights);
             }
         }
         Terms { energy, edges, corners }
     }
 
-    /// Everything a node's own Gauss-Newton step needs; `rigid` as `is_rigid` says. `visitor` sees the edges where it is.
+    /// The quadratic model of a row's nodes. `stiff` is the result of `has_stiff_edges`; if it is true, `visitor`
+    /// receives the edges.
     #[inline(always)]
-    pub fn local<V: Lanes, S: Surface>(
+    pub fn quadratic_model<V: Lanes, S: Surface>(
         &self,
         row: Row,
-        p: &Place<V>,
+        p: &NodeState<V>,
         weights: &Weights,
-        rigid: bool,
+        stiff: bool,
         visitor: &mut impl Visitor<V>,
-    ) -> Local<V> {
-        if !rigid {
-            return self.elastic(row, p, weights);
+    ) -> QuadraticModel<V> {
+        if !stiff {
+            return self.smoothness_model(row, p, weights);
         }
         let mut edges = [V::zero(); 8];
         let mut gradient = [V::zero(); 2];
         let mut matrix = [V::zero(); 3];
         each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
-            let (length, near, chord) =
-                S::gradient(&p.on.value, &p.on.slope, &edge.value, edge.same, &edge.d);
-            visitor.edge::<S>(row, k, &edge, &near, &chord);
+            let (length, near, gradient_terms) =
+                S::gradient(&p.samples.value, &p.samples.slope, &edge.value, edge.same_triangle, &edge.d);
+            visitor.edge::<S>(row, k, &edge, &near, &gradient_terms);
             edges[k] = edge.energy(k, length, weights);
-            let scaled = edge.weight * edge.inverse;
-            let pull = scaled * ((length - edge.length) * edge.inverse);
-            let square = scaled * edge.inverse;
+            let scaled = edge.weight * edge.inverse_length;
+            let pull = scaled * ((length - edge.rest_length) * edge.inverse_length);
+            let stiffness = scaled * edge.inverse_length;
             let smooth = edge.smoothness(weights);
-            let rest = edge.stretch(k);
+            let change = edge.offset_change(k);
             for c in 0..2 {
-                gradient[c] += pull * near[c] - smooth * rest[c];
+                gradient[c] += pull * near[c] - smooth * change[c];
             }
-            matrix[0] += square * near[0] * near[0] + smooth;
-            matrix[1] += square * near[0] * near[1];
-            matrix[2] += square * near[1] * near[1] + smooth;
+            matrix[0] += stiffness * near[0] * near[0] + smooth;
+            matrix[1] += stiffness * near[0] * near[1];
+            matrix[2] += stiffness * near[1] * near[1] + smooth;
             if weights.orients() {
                 let [nx, ny] = edge.normal;
                 let kappa = edge.orientation(weights);
-                let off = edge.off_axis() * kappa;
-                gradient[0] -= off * nx;
-                gradient[1] -= off * ny;
+                let normal_offset = edge.normal_offset() * kappa;
+                gradient[0] -= normal_offset * nx;
+                gradient[1] -= normal_offset * ny;
                 matrix[0] += kappa * (nx * nx);
                 matrix[1] += kappa * (nx * ny);
                 matrix[2] += kappa * (ny * ny);
@@ -156,82 +173,82 @@ impl Patch {
         self.with_room(row, p, edges, gradient, matrix, weights)
     }
 
-    /// The same where nothing is rigid: smoothness alone.
+    /// The quadratic model where smoothness is the only edge term.
     #[inline(always)]
-    fn elastic<V: Lanes>(&self, row: Row, p: &Place<V>, weights: &Weights) -> Local<V> {
+    fn smoothness_model<V: Lanes>(&self, row: Row, p: &NodeState<V>, weights: &Weights) -> QuadraticModel<V> {
         let mut edges = [V::zero(); 8];
         let mut gradient = [V::zero(); 2];
         let mut matrix = [V::zero(); 3];
         each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let (di, dj, ..) = NEIGHBOURS[k];
-            let shorter = 1.0 / (di * di + dj * dj) as f32;
-            let smooth = V::splat((weights.smoothness + weights.smoothness_floor) * shorter);
+            let inverse_rest_square = 1.0 / (di * di + dj * dj) as f32;
+            let smooth = V::splat((weights.smoothness + weights.smoothness_floor) * inverse_rest_square);
             let d = row.offset(&self.u, &p.u, di, dj);
-            let rest = [d[0] - V::splat(di as f32), d[1] - V::splat(dj as f32)];
-            edges[k] = smooth * (rest[0] * rest[0] + rest[1] * rest[1]);
-            gradient[0] -= smooth * rest[0];
-            gradient[1] -= smooth * rest[1];
+            let change = [d[0] - V::splat(di as f32), d[1] - V::splat(dj as f32)];
+            edges[k] = smooth * (change[0] * change[0] + change[1] * change[1]);
+            gradient[0] -= smooth * change[0];
+            gradient[1] -= smooth * change[1];
             matrix[0] += smooth;
             matrix[2] += smooth;
         });
         self.with_room(row, p, edges, gradient, matrix, weights)
     }
 
-    /// Adds the room term.
+    /// Completes a quadratic model: adds the room term to the edges' gradient and matrix, and sums the energy.
     #[inline(always)]
     fn with_room<V: Lanes>(
         &self,
         row: Row,
-        p: &Place<V>,
+        p: &NodeState<V>,
         edges: [V; 8],
         mut gradient: [V; 2],
         mut matrix: [V; 3],
         weights: &Weights,
-    ) -> Local<V> {
+    ) -> QuadraticModel<V> {
         let terms = self.with_corners(row, p, edges, weights);
-        if lowest(&terms.corners).lt(V::splat(weights.room_threshold)).any() {
-            for (jacobian, slope) in &terms.corners {
+        if least_jacobian(&terms.corners).lt(V::splat(weights.room_threshold)).any() {
+            for (jacobian, corner_gradient) in &terms.corners {
                 let lack = (V::splat(weights.room_threshold) - *jacobian).max(V::zero());
                 let active = jacobian.lt(V::splat(weights.room_threshold));
                 let beta = active.select(V::splat(weights.room), V::zero());
                 let pull = lack * weights.room;
-                gradient[0] -= pull * slope[0];
-                gradient[1] -= pull * slope[1];
-                matrix[0] += beta * slope[0] * slope[0];
-                matrix[1] += beta * slope[0] * slope[1];
-                matrix[2] += beta * slope[1] * slope[1];
+                gradient[0] -= pull * corner_gradient[0];
+                gradient[1] -= pull * corner_gradient[1];
+                matrix[0] += beta * corner_gradient[0] * corner_gradient[0];
+                matrix[1] += beta * corner_gradient[0] * corner_gradient[1];
+                matrix[2] += beta * corner_gradient[1] * corner_gradient[1];
             }
         }
-        Local { terms, gradient, matrix }
+        QuadraticModel { terms, gradient, matrix }
     }
 
-    /// Corner Jacobians that a row's nodes touch, each affine in the node, with their gradients: per cell that of the
-    /// node's own corner, of its x-neighbour's, of its y-neighbour's.
+    /// The twelve corner Jacobians that depend on each node of a row, with their gradients in the node. For each of the
+    /// four cells: the corner at the node, at its neighbour along x, and at its neighbour along y.
     #[inline(always)]
-    pub fn corners<V: Lanes>(&self, row: Row, p: &Place<V>) -> [(V, [V; 2]); 12] {
+    pub fn corners<V: Lanes>(&self, row: Row, p: &NodeState<V>) -> [(V, [V; 2]); 12] {
         let mut corners = [(V::zero(), [V::zero(); 2]); 12];
         for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
             let (a, b) = (row.offset(&self.u, &p.u, sx, 0), row.offset(&self.u, &p.u, 0, sy));
             let c = row.offset(&self.u, &p.u, sx, sy);
             let sign = (sx * sy) as f32;
-            corners[3 * q] = corner(&a, &b, sign);
-            corners[3 * q + 1] = corner(&a, &c, sign);
-            corners[3 * q + 2] = corner(&c, &b, sign);
+            corners[3 * q] = corner_jacobian(&a, &b, sign);
+            corners[3 * q + 1] = corner_jacobian(&a, &c, sign);
+            corners[3 * q + 2] = corner_jacobian(&c, &b, sign);
         }
         corners
     }
 }
 
-/// J of a corner from the offsets to its neighbours a and b, and its gradient in the corner.
+/// J of a corner and its gradient in the corner's node, from the offsets a and b to the neighbours.
 #[inline(always)]
-fn corner<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> (V, [V; 2]) {
+fn corner_jacobian<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> (V, [V; 2]) {
     let jacobian = (a[0] * b[1] - a[1] * b[0]) * sign;
     (jacobian, [(a[1] - b[1]) * sign, (b[0] - a[0]) * sign])
 }
 
-/// The smallest of a row's corner Jacobians, lane by lane, at most 1.
+/// The minimum of 1 and the twelve corner Jacobians, lane by lane.
 #[inline(always)]
-pub fn lowest<V: Lanes>(corners: &[(V, [V; 2]); 12]) -> V {
+pub fn least_jacobian<V: Lanes>(corners: &[(V, [V; 2]); 12]) -> V {
     let mut low = V::one();
     for corner in corners {
         low = corner.0.min(low);
@@ -239,68 +256,75 @@ pub fn lowest<V: Lanes>(corners: &[(V, [V; 2]); 12]) -> V {
     low
 }
 
-/// β max(0, τ - J)².
+/// The room term of a corner: β max(0, τ - J)².
 #[inline(always)]
-pub fn room<V: Lanes>(jacobian: V, weights: &Weights) -> V {
+pub fn room_energy<V: Lanes>(jacobian: V, weights: &Weights) -> V {
     let lack = (V::splat(weights.room_threshold) - jacobian).max(V::zero());
     lack * lack * weights.room
 }
 
-/// One edge of each of a row's nodes.
+/// The edges from a row's nodes to their neighbours in one direction.
 pub struct Edge<V: Lanes> {
+    /// The neighbours' sampled values.
     pub value: [V; 3],
-    pub same: V::Mask,
+    /// Whether both ends lie on one triangle.
+    pub same_triangle: V::Mask,
+    /// Offset d in the plane, in cells.
     pub d: [V; 2],
-    pub length: V,
-    pub inverse: V,
+    /// Rest length l.
+    pub rest_length: V,
+    /// 1 / max(l, floor).
+    pub inverse_length: V,
+    /// Weight w.
     pub weight: V,
-    /// Mean of both ends.
+    /// Mean density of both ends.
     pub density: V,
     /// 1 / |d0|².
-    pub shorter: f32,
-    /// d0 turned by 90 degrees (not unit: its length is |d0|).
+    pub inverse_rest_square: f32,
+    /// d0 turned by 90 degrees, of length |d0|.
     pub normal: [f32; 2],
 }
 
 impl<V: Lanes> Edge<V> {
-    /// (λ (1-w) + λ0) / |d0|².
+    /// Stiffness of the smoothness term: (λ (1-w) + λ0) / |d0|².
     #[inline(always)]
     pub fn smoothness(&self, weights: &Weights) -> V {
-        ((V::one() - self.weight) * weights.smoothness + weights.smoothness_floor) * self.shorter
+        ((V::one() - self.weight) * weights.smoothness + weights.smoothness_floor) * self.inverse_rest_square
     }
 
-    /// κ / |d0|⁴: κ is the mean of both ends', and `normal` and `off_axis` have a length of |d0| each.
+    /// Stiffness of the orientation term: κ / |d0|⁴, where κ is the mean of both ends. One |d0|² comes from the term,
+    /// the other one from the lengths of the two normals in a product.
     #[inline(always)]
     pub fn orientation(&self, weights: &Weights) -> V {
         (self.density * weights.orientation_density + V::splat(weights.orientation))
-            * (self.shorter * self.shorter)
+            * (self.inverse_rest_square * self.inverse_rest_square)
     }
 
     /// d - d0.
     #[inline(always)]
-    fn stretch(&self, k: usize) -> [V; 2] {
+    fn offset_change(&self, k: usize) -> [V; 2] {
         each!([0, 1], |c| {
             let rest = if c == 0 { NEIGHBOURS[k].0 } else { NEIGHBOURS[k].1 };
             self.d[c] - V::splat(rest as f32)
         })
     }
 
-    /// |d0| n0·d.
+    /// `normal`·d, which is |d0| times the component of d across d0.
     #[inline(always)]
-    fn off_axis(&self) -> V {
+    fn normal_offset(&self) -> V {
         self.d[0] * self.normal[0] + self.d[1] * self.normal[1]
     }
 
-    /// The edge's terms of the energy.
+    /// The edge's energy: distortion, smoothness and orientation. `length` is L.
     #[inline(always)]
     pub fn energy(&self, k: usize, length: V, weights: &Weights) -> V {
-        let strain = (length - self.length) * self.inverse;
-        let rest = self.stretch(k);
+        let strain = (length - self.rest_length) * self.inverse_length;
+        let change = self.offset_change(k);
         let mut energy = self.weight * strain * strain
-            + self.smoothness(weights) * (rest[0] * rest[0] + rest[1] * rest[1]);
+            + self.smoothness(weights) * (change[0] * change[0] + change[1] * change[1]);
         if weights.orients() {
-            let off = self.off_axis();
-            energy += off * off * self.orientation(weights);
+            let normal_offset = self.normal_offset();
+            energy += normal_offset * normal_offset * self.orientation(weights);
         }
         energy
     }

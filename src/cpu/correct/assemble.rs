@@ -1,13 +1,14 @@
-//! The Gauss-Newton system of a level (method §7.1): for each pair of neighbours, the sum of w/l² g_p g_nᵀ over what depends
-//! on both; the right-hand side is minus the gradient (halves of the derivatives on both sides). Of the diagonal only the
-//! sum of the row is formed here: what the pairs lose to rounding has to come back in it (`rows`).
+//! Assembles the Gauss-Newton system of a level from its state (method §7.1): the pairs A_pn of neighbouring movable
+//! nodes, and the right-hand side, which is minus the gradient (matrix and gradient are halves of derivatives).
+//! Instead of the diagonal blocks, the symmetric parts of the row sums are formed, from which `rows` computes diagonals
+//! that make up for the rounding of the pairs.
 
 use super::super::energy::Total;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
-use super::super::patch::{NEIGHBOURS, Patch, Place, QUADRANTS, Weights};
+use super::super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
 use super::super::row::Row;
-use super::super::sampling::{Chord, Slopes};
-use super::super::terms::{Edge, Visitor, lowest};
+use super::super::sampling::{GradientTerms, Slopes};
+use super::super::terms::{Edge, Visitor, least_jacobian};
 use super::rows::{Words, encode};
 use super::*;
 use crate::method::law::{NEAR_BOUND_JACOBIAN, NEAR_BOUND_STIFFNESS};
@@ -15,10 +16,10 @@ use crate::tile::Level;
 use crate::tile::blocks::SIDE;
 use crate::tile::window::{Window, place};
 
-/// Assembles the owned pairs and the sums of a level's rows, and the right-hand side; gives the energy per chart.
+/// Assembles the owned pairs, the row sums and the right-hand side of a level; returns the energy per chart.
 pub struct Assemble<'a> {
     pub rows: &'a mut Rows,
-    /// Of a step of 0: the right-hand side.
+    /// The residual of a step of 0, which is the right-hand side.
     pub residual: &'a mut [[Plane; 2]],
     pub level: usize,
 }
@@ -30,14 +31,18 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         let mut sums = vec![0.0f64; blocks.len()];
         let shared = SharedSlice::new(&mut sums);
         let Rows { diagonal, words, .. } = self.rows;
-        let (sums_of_rows, words) = (SharedSlice::new(diagonal), SharedSlice::new(words));
-        let r = SharedSlice::new(self.residual);
+        let (row_sums, words) = (SharedSlice::new(diagonal), SharedSlice::new(words));
+        let right_hand_sides = SharedSlice::new(self.residual);
         run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
             let sum = run.patches.with(worker, |patch| {
                 // SAFETY: each item has its own rows.
                 let out = unsafe {
-                    Out { sums: sums_of_rows.get_mut(b), words: words.get_mut(b), r: r.get_mut(b) }
+                    Out {
+                        sums: row_sums.get_mut(b),
+                        words: words.get_mut(b),
+                        right_hand_side: right_hand_sides.get_mut(b),
+                    }
                 };
                 wide(AssembleBlock {
                     patch,
@@ -52,11 +57,12 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
             // SAFETY: each item has its own sum.
             unsafe { *shared.get_mut(k) = sum };
         });
-        run.per_chart(self.level, &sums)
+        run.sum_per_chart(self.level, &sums)
     }
 }
 
-/// One block's rows; gives the block's part of its chart's energy. Nothing may write the state meanwhile.
+/// Assembles one block's rows; returns the block's part of its chart's energy. No other item may write the state
+/// meanwhile.
 struct AssembleBlock<'a, S> {
     patch: &'a mut Patch,
     level: &'a Level,
@@ -67,12 +73,12 @@ struct AssembleBlock<'a, S> {
     out: Out<'a>,
 }
 
-/// Where a block's rows are written.
+/// The output of one block.
 struct Out<'a> {
-    /// Per node, (xx, xy, yy) of its row's sum.
+    /// Per node, (xx, xy, yy) of the symmetric part of its row sum.
     sums: &'a mut [Plane; 3],
     words: &'a mut Words,
-    r: &'a mut [Plane; 2],
+    right_hand_side: &'a mut [Plane; 2],
 }
 
 impl<S: Surface> Kernel for AssembleBlock<'_, S> {
@@ -93,8 +99,8 @@ impl<S: Surface> Kernel for AssembleBlock<'_, S> {
     }
 }
 
-/// Slopes at all nodes of the window: the far end of an edge pulls along its own tangent plane. Far ends that are fixed
-/// take no part in the step, and have none.
+/// Slopes at all nodes of the window, because the far end of an edge moves in its own tangent plane. They are 0 at
+/// fixed nodes of the halo, whose pairs are dropped.
 #[inline(always)]
 fn window_slopes<S: Surface>(patch: &Patch, surface: S) -> [Window; 6] {
     let mut slopes: [Window; 6] = [[0.0; WINDOW_NODES]; 6];
@@ -104,7 +110,7 @@ fn window_slopes<S: Surface>(patch: &Patch, surface: S) -> [Window; 6] {
             window[at..at + LANES].copy_from_slice(&plane[s..s + LANES]);
         }
     }
-    let mut ring = |i: usize, j: usize| {
+    let mut load_halo_node = |i: usize, j: usize| {
         let at = place(i, j);
         if patch.movable[at] != 0 {
             let slope = patch.slope_at_window(surface, at, i, j);
@@ -114,15 +120,15 @@ fn window_slopes<S: Surface>(patch: &Patch, surface: S) -> [Window; 6] {
         }
     };
     for k in 0..SIDE + 1 {
-        ring(k, 0);
-        ring(SIDE + 1, k);
-        ring(k + 1, SIDE + 1);
-        ring(0, k + 1);
+        load_halo_node(k, 0);
+        load_halo_node(SIDE + 1, k);
+        load_halo_node(k + 1, SIDE + 1);
+        load_halo_node(0, k + 1);
     }
     slopes
 }
 
-/// Diagonal and right-hand side of a row's nodes, and the pairs that they own.
+/// Assembles the row sums, the right-hand side and the owned pairs of a row's nodes, and adds their energy to `total`.
 #[inline(always)]
 fn block_row<V: Lanes, S: Surface>(
     patch: &Patch,
@@ -132,74 +138,75 @@ fn block_row<V: Lanes, S: Surface>(
     out: &mut Out,
     total: &mut Total<V>,
 ) {
-    let own = patch.movable_lanes::<V>(row);
-    if !own.any() {
-        for plane in out.sums.iter_mut().chain(&mut *out.r) {
-            row.set(plane, V::zero());
+    let movable = patch.movable_lanes::<V>(row);
+    if !movable.any() {
+        for plane in out.sums.iter_mut().chain(&mut *out.right_hand_side) {
+            row.store(plane, V::zero());
         }
         for plane in out.words.as_flattened_mut() {
             V::store_index(V::index_from([0; LANES]), plane, row.slot());
         }
         return;
     }
-    let p = patch.here::<V>(row);
-    let rigid = patch.is_rigid::<V>(row, weights);
+    let p = patch.node_state::<V>(row);
+    let stiff = patch.has_stiff_edges::<V>(row, weights);
     let mut rank_one = RankOne { slopes, pairs: [[V::zero(); 4]; 8] };
-    let mut local = patch.local::<V, S>(row, &p, weights, rigid, &mut rank_one);
-    total.add(patch, row, own, weights, &local.terms);
-    // Most corners are under neither the room term's threshold nor the near-bound penalty's.
-    let crowded =
-        lowest(&local.terms.corners).lt(V::splat(weights.room_threshold.max(NEAR_BOUND_JACOBIAN))).any();
+    let mut model = patch.quadratic_model::<V, S>(row, &p, weights, stiff, &mut rank_one);
+    total.add(patch, row, movable, weights, &model.terms);
+    // Most corners are above the thresholds of both the room term and the near-bound penalty.
+    let crowded = least_jacobian(&model.terms.corners)
+        .lt(V::splat(weights.room_threshold.max(NEAR_BOUND_JACOBIAN)))
+        .any();
     if crowded {
-        for (jacobian, slope) in &local.terms.corners {
-            let stiffness = near_bound(*jacobian);
-            local.matrix[0] += stiffness * slope[0] * slope[0];
-            local.matrix[1] += stiffness * slope[0] * slope[1];
-            local.matrix[2] += stiffness * slope[1] * slope[1];
+        for (jacobian, gradient) in &model.terms.corners {
+            let stiffness = near_bound_stiffness(*jacobian);
+            model.matrix[0] += stiffness * gradient[0] * gradient[0];
+            model.matrix[1] += stiffness * gradient[0] * gradient[1];
+            model.matrix[2] += stiffness * gradient[1] * gradient[1];
         }
     }
     for c in 0..2 {
-        row.set(&mut out.r[c], own.select(-local.gradient[c], V::zero()));
+        row.store(&mut out.right_hand_side[c], movable.select(-model.gradient[c], V::zero()));
     }
-    let mut sums = local.matrix;
-    let corners = if crowded { corner_pairs(patch, row, &p, weights) } else { [[V::zero(); 4]; 8] };
+    let mut sums = model.matrix;
+    let corner_pairs = if crowded { corner_pairs(patch, row, &p, weights) } else { [[V::zero(); 4]; 8] };
     each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
-        let (di, dj, e, theirs) = NEIGHBOURS[k];
+        let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
         let edge = patch.edge(row, &p, k);
         let smooth = edge.smoothness(weights);
         let mut pair = rank_one.pairs[k];
         pair[0] -= smooth;
         pair[3] -= smooth;
         if weights.orients() {
-            let n = edge.normal;
-            let kappa = edge.orientation(weights);
+            let normal = edge.normal;
+            let stiffness = edge.orientation(weights);
             for (c, x) in pair.iter_mut().enumerate() {
-                *x -= kappa * (n[c / 2] * n[c % 2]);
+                *x -= stiffness * (normal[c / 2] * normal[c % 2]);
             }
         }
         if crowded {
-            for (x, corner) in pair.iter_mut().zip(corners[k]) {
+            for (x, corner) in pair.iter_mut().zip(corner_pairs[k]) {
                 *x += corner;
             }
         }
-        // Only pairs of movable nodes count; a fixed lane's numbers may be anything.
-        let both = own.and(V::zero().lt(V::load_u8(&patch.movable, row.at(di, dj))));
+        // Only pairs of two movable nodes count. Lanes of fixed nodes may hold any bits, even NaN.
+        let both = movable.and(V::zero().lt(V::load_u8(&patch.movable, row.at(di, dj))));
         pair = each!([0, 1, 2, 3], |c| both.select(pair[c], V::zero()));
         for (sum, x) in sums.iter_mut().zip([pair[0], (pair[1] + pair[2]) * 0.5, pair[3]]) {
             *sum += x;
         }
-        if !theirs {
+        if !neighbour_owns {
             for (word, plane) in encode::<V>(pair).into_iter().zip(&mut out.words[e]) {
                 V::store_index(word, plane, row.slot());
             }
         }
     });
     for c in 0..3 {
-        row.set(&mut out.sums[c], own.select(sums[c], V::zero()));
+        row.store(&mut out.sums[c], movable.select(sums[c], V::zero()));
     }
 }
 
-/// What the lengths of edges bring to the pairs of a row's nodes: w/l² g_p g_nᵀ, row-major.
+/// The distortion terms of the pairs of a row's nodes: w / max(l, floor)² g_p g_nᵀ, row-major, per neighbour n.
 struct RankOne<'a, V> {
     slopes: &'a [Window; 6],
     pairs: [[V; 4]; 8],
@@ -207,45 +214,53 @@ struct RankOne<'a, V> {
 
 impl<V: Lanes> Visitor<V> for RankOne<'_, V> {
     #[inline(always)]
-    fn edge<S: Surface>(&mut self, row: Row, k: usize, edge: &Edge<V>, near: &[V; 2], chord: &Chord<V>) {
+    fn edge<S: Surface>(
+        &mut self,
+        row: Row,
+        k: usize,
+        edge: &Edge<V>,
+        near: &[V; 2],
+        terms: &GradientTerms<V>,
+    ) {
         let (di, dj, ..) = NEIGHBOURS[k];
-        let slope_n: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&self.slopes[c], di, dj));
-        let far = S::far_gradient(chord, &slope_n);
-        let square = edge.weight * edge.inverse * edge.inverse;
-        self.pairs[k] = each!([0, 1, 2, 3], |c| square * (near[c / 2] * far[c % 2]));
+        let neighbour_slopes: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&self.slopes[c], di, dj));
+        let far = S::far_gradient(terms, &neighbour_slopes);
+        let stiffness = edge.weight * edge.inverse_length * edge.inverse_length;
+        self.pairs[k] = each!([0, 1, 2, 3], |c| stiffness * (near[c / 2] * far[c % 2]));
     }
 }
 
-/// The near-bound penalty's stiffness at a corner.
+/// The stiffness of the near-bound penalty at a corner.
 #[inline(always)]
-fn near_bound<V: Lanes>(jacobian: V) -> V {
+fn near_bound_stiffness<V: Lanes>(jacobian: V) -> V {
     jacobian.lt(V::splat(NEAR_BOUND_JACOBIAN)).select(V::splat(NEAR_BOUND_STIFFNESS), V::zero())
 }
 
-/// The room term's part of the pairs of a row's nodes with their neighbours, row-major.
+/// The parts of the room term and of the near-bound penalty in the pairs of a row's nodes with their neighbours,
+/// row-major.
 #[inline(always)]
-fn corner_pairs<V: Lanes>(patch: &Patch, row: Row, p: &Place<V>, weights: &Weights) -> [[V; 4]; 8] {
+fn corner_pairs<V: Lanes>(patch: &Patch, row: Row, p: &NodeState<V>, weights: &Weights) -> [[V; 4]; 8] {
     let mut pairs = [[V::zero(); 4]; 8];
-    // Indices into `NEIGHBOURS`: along x, along y, across.
-    const OF_QUADRANT: [[usize; 3]; 4] = [[0, 1, 2], [4, 1, 3], [0, 5, 7], [4, 5, 6]];
-    for (&(sx, sy), [ka, kb, kc]) in QUADRANTS.iter().zip(OF_QUADRANT) {
+    // Per quadrant, indices in `NEIGHBOURS` of the cell's other nodes: along x, along y, along the diagonal.
+    const CELL_NODES: [[usize; 3]; 4] = [[0, 1, 2], [4, 1, 3], [0, 5, 7], [4, 5, 6]];
+    for (&(sx, sy), [ka, kb, kc]) in QUADRANTS.iter().zip(CELL_NODES) {
         let (a, b) = (row.offset(&patch.u, &p.u, sx, 0), row.offset(&patch.u, &p.u, 0, sy));
         let c = row.offset(&patch.u, &p.u, sx, sy);
         let sign = (sx * sy) as f32;
-        // J = sign (a x b): dJ/dp = sign (a_y - b_y, b_x - a_x), dJ/da = sign (b_y, -b_x), dJ/db = sign (-a_y, a_x).
+        // J = sign (a x b): ∂J/∂p = sign (a_y - b_y, b_x - a_x), ∂J/∂a = sign (b_y, -b_x), ∂J/∂b = sign (-a_y, a_x).
         for (k, l, a, b) in [(ka, kb, &a, &b), (ka, kc, &a, &c), (kc, kb, &c, &b)] {
             let jacobian = (a[0] * b[1] - a[1] * b[0]) * sign;
             let room =
                 jacobian.lt(V::splat(weights.room_threshold)).select(V::splat(weights.room), V::zero());
-            let beta = room + near_bound(jacobian);
-            let own = [a[1] - b[1], b[0] - a[0]];
-            let first = [b[1], -b[0]];
-            let second = [-a[1], a[0]];
+            let stiffness = room + near_bound_stiffness(jacobian);
+            let by_p = [a[1] - b[1], b[0] - a[0]];
+            let by_a = [b[1], -b[0]];
+            let by_b = [-a[1], a[0]];
             for row in 0..2 {
                 for column in 0..2 {
-                    // The sign squares away.
-                    pairs[k][2 * row + column] += beta * own[row] * first[column];
-                    pairs[l][2 * row + column] += beta * own[row] * second[column];
+                    // The sign occurs twice in each product and is left out.
+                    pairs[k][2 * row + column] += stiffness * by_p[row] * by_a[column];
+                    pairs[l][2 * row + column] += stiffness * by_p[row] * by_b[column];
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! The system's solution: conjugate gradients around a V-cycle (method §7.3).
+//! Solves a level's system for the step: conjugate gradients, preconditioned with a V-cycle (method §7.3).
 
 use crate::method::law::{CG_ITERATIONS, MAX_STEP};
 
@@ -6,15 +6,15 @@ use super::workspace::Solving;
 use super::*;
 
 impl Run<'_> {
-    /// Solves the system of `level` for the step, chart by chart: charts share only the passes over memory. Gives, per
-    /// chart, by how much the quadratic model of the energy falls.
+    /// Solves the system of `level` for the step, chart by chart: charts have only the passes over memory in common.
+    /// Returns the predicted gain per chart, which is the decrease of the quadratic model of the energy.
     ///
-    /// With two iterations the second direction is a sum of the preconditioned residual and of the first step, so that no
-    /// direction has to be kept.
+    /// With two iterations the second direction is a combination of the preconditioned residual and of the first step,
+    /// so that no direction has to be stored.
     pub(super) fn conjugate_gradients(&self, level: usize, solving: &mut Solving) -> Vec<f64> {
         let charts = self.charts.len();
         let mut predicted = vec![0.0f64; charts];
-        // Of the first iteration: the product of residual and preconditioned residual, and the length of the step.
+        // r·z and α of the first iteration.
         let (mut first_rz, mut first_alpha) = (vec![0.0f64; charts], vec![0.0f32; charts]);
         for iteration in 0..CG_ITERATIONS {
             let (first, last) = (iteration == 0, iteration + 1 == CG_ITERATIONS);
@@ -37,7 +37,7 @@ impl Run<'_> {
             let alpha: Vec<f32> = (0..charts)
                 .map(|c| {
                     let alpha = (rz[c] / curvature[c]) as f32;
-                    // Nothing left to solve, or NaN: no step.
+                    // No step if the curvature is not positive, as where nothing is left to solve, or a scalar is NaN.
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
                 .collect();
@@ -48,7 +48,7 @@ impl Run<'_> {
             self.each_block(level, |_, b, c| {
                 // SAFETY: each item has its own block.
                 let (x, r) = unsafe { (step.get_mut(b), residual.get_mut(b)) };
-                wide(Advance { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
+                wide(Update { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
             });
             (first_rz, first_alpha) = (rz, alpha);
         }
@@ -56,7 +56,7 @@ impl Run<'_> {
     }
 }
 
-/// z += beta x in one block.
+/// Computes z += beta x in one block.
 struct Direction<'a> {
     z: &'a mut [Plane; 2],
     x: &'a [Plane; 2],
@@ -76,8 +76,9 @@ impl Kernel for Direction<'_> {
     }
 }
 
-/// x += alpha z and r -= alpha t in one block, where t = A z. The first time x = alpha z; the last r is of no more use.
-struct Advance<'a> {
+/// Computes x += alpha z and r -= alpha t in one block, where t = A z. `first`: x is overwritten with alpha z. `last`:
+/// r is not needed any more and not updated.
+struct Update<'a> {
     x: &'a mut [Plane; 2],
     r: &'a mut [Plane; 2],
     z: &'a [Plane; 2],
@@ -87,17 +88,17 @@ struct Advance<'a> {
     last: bool,
 }
 
-impl Kernel for Advance<'_> {
+impl Kernel for Update<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Advance { x, r, z, t, alpha, first, last } = self;
+        let Update { x, r, z, t, alpha, first, last } = self;
         for c in 0..2 {
             for s in (0..NODES).step_by(LANES) {
                 let step = V::load(&z[c], s) * alpha;
                 let sum = if first { step } else { V::load(&x[c], s) + step };
-                // A system that f32 cannot solve must not spoil the state.
+                // Where f32 does not suffice to solve the system, components may be huge or NaN: these become 0.
                 let small = sum.lt(V::splat(MAX_STEP)).and(V::splat(-MAX_STEP).lt(sum));
                 small.select(sum, V::zero()).store(&mut x[c], s);
                 if !last {

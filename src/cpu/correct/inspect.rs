@@ -1,25 +1,27 @@
-//! A correction's inside, read from outside; see `cpu/inspect.rs`.
+//! Reads and sets the intermediate results of corrections (method §7), for the comparison with the GPU; see
+//! `cpu/inspect.rs`.
 
 use super::super::inspect::flat;
 use super::*;
 use crate::tile::codes::of_weight;
 
 impl Run<'_> {
-    /// Assembles a level's system for its present state. Gives its rows, as [`Run::rows`], and right-hand side.
+    /// Assembles a level's system for its present state. Returns its rows in the layout of [`Run::rows`], and its
+    /// right-hand side.
     pub fn assembled(&mut self, level: usize) -> [Vec<u32>; 2] {
         let mut workspace = std::mem::take(&mut self.memory.workspace);
         let mut assembling = workspace.assembling(level, &mut []);
         let (rows, residual) = assembling.system();
         self.with_surface(level, assemble::Assemble { rows, residual, level });
         let mut samples = std::mem::take(&mut self.memory.levels);
-        rows::finish(self, level, &mut assembling.solving(&mut samples[level..]).levels[0], false);
+        rows::complete(self, level, &mut assembling.solving(&mut samples[level..]).levels[0], false);
         self.memory.levels = samples;
         self.memory.workspace = workspace;
         [self.rows(level), flat(self.memory.workspace.residual(level))]
     }
 
-    /// A level's system, per block: the diagonal (3), then the pairs of its nodes' owned edges (two words each),
-    /// interpolation's weights (1; none on the coarsest level).
+    /// A level's system. Planes per block: the diagonal (3), the encoded pairs of the four owned edges (2 each), and
+    /// the interpolation weight (1; 0 on the coarsest level, which has none).
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
         let Rows { diagonal, words, .. } = self.memory.workspace.rows(level);
@@ -32,7 +34,7 @@ impl Run<'_> {
         all
     }
 
-    /// The last step on a level, before it was limited, and the step fraction of each node.
+    /// The step of a level's last correction, before it was limited, and the step fraction of each node.
     pub fn step_of(&self, level: usize) -> [Vec<u32>; 2] {
         let workspace = &self.memory.workspace;
         let blocks = self.grid.levels[level].blocks.list.len();

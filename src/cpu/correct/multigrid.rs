@@ -1,5 +1,6 @@
-//! The preconditioner: a V(2,2) cycle of four-colour block Gauss-Seidel. It runs backwards after the coarse correction,
-//! so that the whole cycle is symmetric, as conjugate gradients need.
+//! The preconditioner of conjugate gradients: a V(2,2) cycle with a Gauss-Seidel smoother of 2x2 blocks in four node
+//! colours (method §7.4). The smoother runs backwards after the coarse correction, so that the cycle is symmetric, as
+//! conjugate gradients require.
 
 use super::super::constants::interpolation;
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
@@ -14,8 +15,8 @@ use crate::tile::Level;
 use crate::tile::blocks::{SIDE, slot};
 use crate::tile::window::{self, Window, place};
 
-/// A V-cycle: direction = M⁻¹ residual on `level`, with which `levels` begin; gives their product per chart. Leaves the
-/// residual of `level` alone.
+/// Runs a V-cycle: direction = M⁻¹ residual on `level`, which is the first one of `levels`. Returns the dot product of
+/// residual and direction per chart. The residual of `level` is not changed.
 pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec<f64> {
     let coarsest = level + levels.len() - 1;
     let mut dots = vec![0.0f64; run.grid.levels[level].blocks.list.len()];
@@ -42,14 +43,15 @@ pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec
         add_coarse(run, k, finer[k - level].direction, coarser[0].direction);
         smooth(run, k, &mut levels[k - level], Sweeps::BACKWARD, (k == level).then_some(&mut dots));
     }
-    run.per_chart_of_blocks(level, &dots)
+    run.sum_active_per_chart(level, &dots)
 }
 
-/// How a pass of sweeps runs.
+/// The order of a pass of smoothing sweeps, and its initial value.
 #[derive(Clone, Copy)]
 struct Sweeps {
     backwards: bool,
-    /// z counts as 0 where the pass has not been yet: it need not be cleared first.
+    /// The initial value is 0: blocks that the pass has not visited yet are taken as 0, so that z need not be cleared
+    /// first.
     from_zero: bool,
 }
 
@@ -58,8 +60,8 @@ impl Sweeps {
     const BACKWARD: Sweeps = Sweeps { backwards: true, from_zero: false };
 }
 
-/// Sweeps of z towards A z = r: all of them on a block while it is in the cache, its ring frozen. Gives each block's
-/// share of r·z if it is asked for.
+/// Smooths A z = r: all sweeps of a block are done while it is in the cache, with its halo frozen. Stores each block's
+/// part of r·z in `dots` if that is given.
 fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, dots: Option<&mut Vec<f64>>) {
     let grid = &run.grid.levels[level];
     let z = SharedSlice::new(system.direction);
@@ -69,14 +71,14 @@ fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, do
         block.y % 2 * 2 + block.x % 2
     };
     run.each_colour(level, sweeps.backwards, |worker, b| {
-        let rows = system.rows.of(b);
+        let rows = system.rows.block(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        let mut around = grid.blocks.neighbours[b];
+        let mut neighbours = grid.blocks.neighbours[b];
         if sweeps.from_zero {
-            // Only blocks of the colours before this one have a z.
-            let own = colour(b as u32);
-            for n in &mut around {
-                if *n != NONE && *n != b as u32 && colour(*n) >= own {
+            // Only blocks of the colours before this one have been visited.
+            let present = colour(b as u32);
+            for n in &mut neighbours {
+                if *n != NONE && *n != b as u32 && colour(*n) >= present {
                     *n = NONE;
                 }
             }
@@ -84,11 +86,11 @@ fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, do
         // SAFETY: blocks of one colour do not touch.
         unsafe {
             for (c, window) in windows.iter_mut().enumerate() {
-                window::load(&around, 0.0, |b| &z.get(b)[c], window);
+                window::load(&neighbours, 0.0, |b| &z.get(b)[c], window);
             }
         }
         if sweeps.from_zero {
-            clear_own(&mut windows);
+            clear_interior(&mut windows);
         }
         let r = &system.residual[b];
         // SAFETY: as above.
@@ -103,8 +105,8 @@ fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, do
     });
 }
 
-/// Sets a block's own nodes to 0, its ring not.
-fn clear_own(windows: &mut [Window; 2]) {
+/// Sets the nodes of the block to 0, and leaves its halo unchanged.
+fn clear_interior(windows: &mut [Window; 2]) {
     for row in Row::all() {
         for window in windows.iter_mut() {
             window[row.at(0, 0)..][..LANES].fill(0.0);
@@ -112,14 +114,15 @@ fn clear_own(windows: &mut [Window; 2]) {
     }
 }
 
-/// Sweeps inside one block, its ring frozen. Gives the block's share of r·z.
+/// Does `SMOOTHER_SWEEPS` sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the
+/// block's part of r·z, or 0 without `dot`.
 struct SmoothBlock<'a> {
     rows: BlockRows<'a>,
     pairs: &'a mut Pairs,
     r: &'a [Plane; 2],
     windows: &'a mut [Window; 2],
     backwards: bool,
-    /// Whether r·z is asked for.
+    /// Whether to compute r·z.
     dot: bool,
     z: &'a mut [Plane; 2],
 }
@@ -135,13 +138,14 @@ impl Kernel for SmoothBlock<'_> {
         }
         for row in Row::all() {
             for c in 0..2 {
-                row.set(&mut self.z[c], row.near::<V>(&self.windows[c], 0, 0));
+                row.store(&mut self.z[c], row.near::<V>(&self.windows[c], 0, 0));
             }
         }
         if self.dot { dot::<V>(self.r, &*self.z) } else { 0.0 }
     }
 }
 
+/// Gathers a pair of planes of block `b` with its halo.
 #[inline(always)]
 fn load<'a>(level: &Level, b: usize, plane: impl Fn(usize, usize) -> &'a Plane, windows: &mut [Window; 2]) {
     for (c, window) in windows.iter_mut().enumerate() {
@@ -149,7 +153,7 @@ fn load<'a>(level: &Level, b: usize, plane: impl Fn(usize, usize) -> &'a Plane, 
     }
 }
 
-/// One sweep inside a block. Fixed nodes have r = 0 and no pairs: they stay at 0.
+/// One sweep inside a block. Fixed nodes stay 0, because their right-hand sides and pairs are 0.
 #[inline(always)]
 fn smooth_block<V: Lanes>(
     diagonal: &[Plane; 3],
@@ -161,11 +165,11 @@ fn smooth_block<V: Lanes>(
     for k in 0..4 {
         for row in Row::of_colour(if backwards { 3 - k } else { k }) {
             let [ax, ay] = off_diagonal::<V>(pairs, row, z);
-            let (rx, ry) = (row.of::<V>(&r[0]) - ax, row.of::<V>(&r[1]) - ay);
-            let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&diagonal[c]));
+            let (rx, ry) = (row.load::<V>(&r[0]) - ax, row.load::<V>(&r[1]) - ay);
+            let [xx, xy, yy] = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
             let inverse = V::one() / (xx * yy - xy * xy);
-            row.set_own(&mut z[0], (yy * rx - xy * ry) * inverse);
-            row.set_own(&mut z[1], (xx * ry - xy * rx) * inverse);
+            row.store_in_window(&mut z[0], (yy * rx - xy * ry) * inverse);
+            row.store_in_window(&mut z[1], (xx * ry - xy * rx) * inverse);
         }
     }
 }
@@ -175,10 +179,10 @@ fn smooth_block<V: Lanes>(
 fn off_diagonal<V: Lanes>(pairs: &Pairs, row: Row, z: &[Window; 2]) -> [V; 2] {
     let mut sum = [V::zero(); 2];
     each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
-        let (di, dj, e, theirs) = NEIGHBOURS[k];
-        let (oi, oj) = if theirs { (di, dj) } else { (0, 0) };
+        let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
+        let (oi, oj) = if neighbour_owns { (di, dj) } else { (0, 0) };
         let pair = each!([0, 1, 2, 3], |c| row.near::<V>(&pairs[4 * e + c], oi, oj));
-        let (b, c) = if theirs { (pair[2], pair[1]) } else { (pair[1], pair[2]) };
+        let (b, c) = if neighbour_owns { (pair[2], pair[1]) } else { (pair[1], pair[2]) };
         let (x, y) = (row.near::<V>(&z[0], di, dj), row.near::<V>(&z[1], di, dj));
         sum[0] += pair[0] * x + b * y;
         sum[1] += c * x + pair[3] * y;
@@ -191,18 +195,18 @@ fn off_diagonal<V: Lanes>(pairs: &Pairs, row: Row, z: &[Window; 2]) -> [V; 2] {
 fn product<V: Lanes>(diagonal: &[Plane; 3], pairs: &Pairs, row: Row, z: &[Window; 2]) -> [V; 2] {
     let [ax, ay] = off_diagonal::<V>(pairs, row, z);
     let (x, y) = (row.near::<V>(&z[0], 0, 0), row.near::<V>(&z[1], 0, 0));
-    let [xx, xy, yy] = each!([0, 1, 2], |c| row.of::<V>(&diagonal[c]));
+    let [xx, xy, yy] = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
     [ax + xx * x + xy * y, ay + xy * x + yy * y]
 }
 
-/// The first two planes of `out` become A v; gives v·out per chart.
+/// Sets the first two planes of `out` to A v; returns the dot product of v and A v per chart.
 pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mut [[Plane; 3]]) -> Vec<f64> {
     let grid = &run.grid.levels[level];
     let out = SharedSlice::new(out);
     let mut dots = vec![0.0f64; grid.blocks.list.len()];
     let shared = SharedSlice::new(&mut dots);
     run.each_block(level, |worker, b, _| {
-        let rows = rows.of(b);
+        let rows = rows.block(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &v[b][c], &mut windows);
         // SAFETY: each item has its own block and sum.
@@ -212,26 +216,26 @@ pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mu
             *shared.get_mut(b) = f64::from(dot);
         }
     });
-    run.per_chart_of_blocks(level, &dots)
+    run.sum_active_per_chart(level, &dots)
 }
 
-/// product = residual - A direction.
+/// Sets the product to residual - A direction.
 fn residual(run: &Run, level: usize, system: &mut SolvingLevel) {
     let grid = &run.grid.levels[level];
-    let t = SharedSlice::new(system.product);
+    let out = SharedSlice::new(system.product);
     let (rows, z, r) = (&*system.rows, &*system.direction, &*system.residual);
     run.each_block(level, |worker, b, _| {
-        let rows = rows.of(b);
+        let rows = rows.block(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &z[b][c], &mut windows);
         // SAFETY: each item has its own block.
-        let t = unsafe { t.get_mut(b) };
+        let out = unsafe { out.get_mut(b) };
         let (windows, r) = (&windows, &r[b]);
-        run.pairs.with(worker, |pairs| wide(BlockResidual { rows, pairs, windows, r, out: t }));
+        run.pairs.with(worker, |pairs| wide(BlockResidual { rows, pairs, windows, r, out }));
     });
 }
 
-/// A v for one block; gives its product with v.
+/// Computes A v for one block; returns the block's part of the dot product of v and A v.
 struct BlockProduct<'a> {
     rows: BlockRows<'a>,
     pairs: &'a mut Pairs,
@@ -249,14 +253,14 @@ impl Kernel for BlockProduct<'_> {
         for row in Row::all() {
             let product = product::<V>(self.rows.diagonal, self.pairs, row, self.windows);
             for c in 0..2 {
-                row.set(&mut self.out[c], product[c]);
+                row.store(&mut self.out[c], product[c]);
             }
         }
         dot::<V>(self.v, &*self.out)
     }
 }
 
-/// r - A v for one block.
+/// Computes r - A v for one block.
 struct BlockResidual<'a> {
     rows: BlockRows<'a>,
     pairs: &'a mut Pairs,
@@ -274,7 +278,7 @@ impl Kernel for BlockResidual<'_> {
         for row in Row::all() {
             let product = product::<V>(self.rows.diagonal, self.pairs, row, self.windows);
             for c in 0..2 {
-                row.set(&mut self.out[c], row.of::<V>(&self.r[c]) - product[c]);
+                row.store(&mut self.out[c], row.load::<V>(&self.r[c]) - product[c]);
             }
         }
     }
@@ -292,7 +296,7 @@ fn dot<V: Lanes>(a: &[Plane; 2], b: &[Plane]) -> f32 {
     sum.sum()
 }
 
-/// The coarser level's right-hand side: Pᵀ t, at its movable nodes.
+/// Sets the coarser level's right-hand side `r` to Pᵀ t at movable nodes, and to 0 at fixed ones.
 fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     let r = SharedSlice::new(r);
@@ -302,22 +306,23 @@ fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
         *r = [[0.0; NODES]; 2];
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         for (quarter, &child) in coarse.children[b].iter().enumerate() {
-            // A block without movable nodes has no residual; its memory may be stale.
+            // A block without movable nodes has no residual: its memory may hold older values.
             if child == NONE || !fine.blocks.list[child as usize].active {
                 continue;
             }
-            let around = masked(fine, child as usize);
+            let neighbours = active_neighbours(fine, child as usize);
             for c in 0..2 {
-                window::load(&around, 0.0, |b| &t[b][c], &mut windows[c]);
+                window::load(&neighbours, 0.0, |b| &t[b][c], &mut windows[c]);
             }
-            let weights = interpolation(fine, &around);
+            let weights = interpolation(fine, &neighbours);
             let (windows, weights, movable) = (&windows, &weights, &coarse.movable[b]);
             wide(RestrictQuarter { windows, weights, movable, quarter, r });
         }
     });
 }
 
-/// Pᵀ of one fine block, for each of some quantities.
+/// Applies Pᵀ to each of N planes of one fine block, and stores the sums at the 8x8 coarse nodes over it, a quarter of
+/// the coarse block.
 pub struct RestrictQuarter<'a, const N: usize> {
     pub windows: &'a [Window; N],
     pub weights: &'a Window,
@@ -357,13 +362,13 @@ impl<const N: usize> Kernel for RestrictQuarter<'_, N> {
     }
 }
 
-/// A block's surroundings without the blocks that are stored for their neighbours' sake only.
-pub fn masked(level: &Level, b: usize) -> [u32; 9] {
+/// The 3x3 neighbour blocks of block `b`, with NONE for those that are not active.
+pub fn active_neighbours(level: &Level, b: usize) -> [u32; 9] {
     level.blocks.neighbours[b]
         .map(|b| if b != NONE && level.blocks.list[b as usize].active { b } else { NONE })
 }
 
-/// z += P z_coarse.
+/// Adds P times the coarse direction to z.
 fn add_coarse(run: &Run, finer: usize, z: &mut [[Plane; 2]], coarse: &[[Plane; 2]]) {
     let level = &run.grid.levels[finer];
     let z = SharedSlice::new(z);
@@ -376,7 +381,8 @@ fn add_coarse(run: &Run, finer: usize, z: &mut [[Plane; 2]], coarse: &[[Plane; 2
     });
 }
 
-/// Adds to a plane of block `b` what P makes of a coarser level's planes.
+/// Adds P times the planes of the coarser level, of which `coarse(b)` is that of coarse block `b`, to the plane `z` of
+/// the finer block `b`.
 pub fn add_interpolated<'a, T: Copy + Default + Into<f32> + 'a>(
     run: &Run,
     finer: usize,
@@ -391,7 +397,7 @@ pub fn add_interpolated<'a, T: Copy + Default + Into<f32> + 'a>(
     }
 }
 
-/// Adds to one block's plane what P makes of the coarse nodes over it.
+/// Adds the values that P interpolates from the coarse nodes over a block to the block's plane, at movable nodes.
 struct AddInterpolated<'a> {
     nodes: &'a prolong::CoarseNodes,
     weights: &'a Window,
@@ -406,8 +412,8 @@ impl Kernel for AddInterpolated<'_> {
     fn run<V: Lanes>(self) {
         let AddInterpolated { nodes, weights, movable, z } = self;
         for j in 0..SIDE {
-            // In y first: at coarse columns i, and i + 1.
-            let [own, east] = each!([0, 1], |k| {
+            // Interpolation along y, at coarse columns i (west) and i + 1 (east), then along x.
+            let [west, east] = each!([0, 1], |k| {
                 let low = V::load(&nodes[j / 2], k);
                 if j % 2 == 0 {
                     low
@@ -417,7 +423,7 @@ impl Kernel for AddInterpolated<'_> {
                 }
             });
             let weight = V::load(weights, place(2, j + 1));
-            for (ci, add) in [own, own * weight + east * (V::one() - weight)].into_iter().enumerate() {
+            for (ci, add) in [west, west * weight + east * (V::one() - weight)].into_iter().enumerate() {
                 let s = slot(ci, j);
                 let movable = V::zero().lt(V::load_u8(movable, s));
                 (V::load(z, s) + movable.select(add, V::zero())).store(z, s);

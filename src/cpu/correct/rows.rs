@@ -1,7 +1,8 @@
-//! A level's system as it is stored. Each pair of nodes is stored once, with the node that owns the edge, as four bfloat16:
-//! f32 without its last 16 bits, rounded. What rounding takes from a pair, the diagonals of both of its nodes give back, so
-//! that the sum of a row stays exact: a rigid feature that moves as a whole feels what is around it, a sum over thousands
-//! of pairs, and no rounding.
+//! The storage of a level's matrix (method §7.2). The 2x2 block of each pair of neighbouring nodes is stored once, with
+//! the node that owns the edge, as four bfloat16: f32 without its last 16 bits, rounded. The rounding errors of a pair
+//! are added to the diagonal blocks of both of its nodes, so that row sums stay exact. The force on a rigid feature
+//! that moves as a whole is the sum of thousands of row sums; it must come from the feature's surroundings and not from
+//! rounding.
 
 use super::super::allocate::Allocate;
 use super::super::constants;
@@ -15,24 +16,24 @@ use crate::mesh::NONE;
 use crate::tile::blocks::{SIDE, slot};
 use crate::tile::window::{self, Window, place};
 
-/// Per owned edge (p, n), the 2x2 block between p (row) and n (column), row-major, at p's place in the window: all pairs that
-/// a block's rows need.
+/// All decoded pairs that a block's rows need: per owned edge (p, n), the row-major 2x2 block with row p and column n,
+/// at p's place in the window. The index is 4 x edge + entry.
 pub type Pairs = [[f32; WINDOW_NODES]; 16];
 
-/// The pairs that a block's nodes own, per owned edge: the words of `encode`.
+/// The encoded pairs that a block's nodes own: per owned edge, the two words of `encode`.
 pub type Words = [[Plane<u32>; 2]; 4];
 
-/// The same of the pairs that the block has with its ring and that nodes on the ring own, in the order of `GROUPS` and
-/// `CORNERS`, so that a block's rows need no other block's.
-pub type Ring = [[u32; GROUPS.len() * LANES + CORNERS.len()]; 2];
+/// The encoded pairs between a block and its halo that nodes of the halo own, in the order of `HALO_GROUPS` and
+/// `HALO_CORNERS`: a copy, so that a block's rows can be read without its neighbour blocks.
+pub type Halo = [[u32; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2];
 
 /// The rows of all blocks of a level.
 #[derive(Debug, Default)]
 pub struct Rows {
-    /// (xx, xy, yy) per node. Until `finish`: the sum of the row.
+    /// (xx, xy, yy) of the diagonal block per node. Until `complete`, the symmetric part of the row's sum.
     pub diagonal: Vec<[Plane; 3]>,
     pub words: Vec<Words>,
-    pub ring: Vec<Ring>,
+    pub halo: Vec<Halo>,
 }
 
 impl Rows {
@@ -40,16 +41,16 @@ impl Rows {
         Rows {
             diagonal: allocator.array([[0.0; NODES]; 3], blocks),
             words: allocator.array([[[0; NODES]; 2]; 4], blocks),
-            ring: allocator.array([[0; GROUPS.len() * LANES + CORNERS.len()]; 2], blocks),
+            halo: allocator.array([[0; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2], blocks),
         }
     }
 
-    /// Those of a block, which are asked for ahead.
+    /// The rows of block `b`. Prefetches them.
     #[inline(always)]
-    pub fn of(&self, b: usize) -> BlockRows<'_> {
-        let rows = BlockRows { diagonal: &self.diagonal[b], words: &self.words[b], ring: &self.ring[b] };
+    pub fn block(&self, b: usize) -> BlockRows<'_> {
+        let rows = BlockRows { diagonal: &self.diagonal[b], words: &self.words[b], halo: &self.halo[b] };
         prefetch(rows.words);
-        prefetch(rows.ring);
+        prefetch(rows.halo);
         prefetch(rows.diagonal);
         rows
     }
@@ -60,16 +61,16 @@ impl Rows {
 pub struct BlockRows<'a> {
     pub diagonal: &'a [Plane; 3],
     pub words: &'a Words,
-    pub ring: &'a Ring,
+    pub halo: &'a Halo,
 }
 
-/// A row-major 2x2 block per lane as two words: (xx, mean of xy and yx), (yy, half their difference).
+/// Encodes a row-major 2x2 block per lane as two words: (xx, mean of xy and yx), (yy, half of xy - yx).
 #[inline(always)]
 pub fn encode<V: Lanes>([xx, xy, yx, yy]: [V; 4]) -> [V::Index; 2] {
     [V::halves(xx, (xy + yx) * 0.5), V::halves(yy, (xy - yx) * 0.5)]
 }
 
-/// What `encode` was given, rounded.
+/// Decodes the words of `encode` to row-major 2x2 blocks.
 #[inline(always)]
 pub fn decode<V: Lanes>([first, second]: [V::Index; 2]) -> [V; 4] {
     let ((xx, mean), (yy, half)) = (V::from_halves(first), V::from_halves(second));
@@ -83,35 +84,35 @@ pub fn decode_one(words: [u32; 2]) -> [f32; 4] {
     [xx, mean + half, mean - half, yy]
 }
 
-/// Eight nodes of a ring that own an edge into the block.
-pub struct Group {
-    /// `EDGES` of the edge.
+/// Eight nodes of a block's halo that own an edge into the block.
+pub struct HaloGroup {
+    /// Index of the edge in `EDGES`.
     edge: usize,
-    /// In which of the 3x3 blocks around they lie.
-    from: usize,
-    /// Their slots there: the first, and the step between them.
+    /// Index of the 3x3 neighbour block that holds the nodes.
+    neighbour: usize,
+    /// First slot of the nodes in that block, and stride.
     slot: [usize; 2],
-    /// Their places in the block's window.
+    /// First place of the nodes in the window, and stride.
     place: [usize; 2],
 }
 
-/// Eight nodes of a ring's southern row, those of one colour.
-const fn south(edge: usize, ci: usize) -> Group {
-    Group { edge, from: 1, slot: [slot(ci, SIDE - 1), 1], place: [place(ci + 1, 0), 1] }
+/// Eight nodes of one colour in the southern row of the halo.
+const fn south(edge: usize, ci: usize) -> HaloGroup {
+    HaloGroup { edge, neighbour: 1, slot: [slot(ci, SIDE - 1), 1], place: [place(ci + 1, 0), 1] }
 }
 
-/// Eight nodes of a ring's western column.
-const fn west(edge: usize, cj: usize) -> Group {
-    Group { edge, from: 3, slot: [slot(SIDE - 1, cj), SIDE / 2], place: [place(0, cj + 1), 9] }
+/// Eight nodes of one colour in the western column of the halo.
+const fn west(edge: usize, cj: usize) -> HaloGroup {
+    HaloGroup { edge, neighbour: 3, slot: [slot(SIDE - 1, cj), SIDE / 2], place: [place(0, cj + 1), 9] }
 }
 
-/// Eight nodes of a ring's eastern column.
-const fn east(edge: usize, cj: usize) -> Group {
-    Group { edge, from: 5, slot: [slot(0, cj), SIDE / 2], place: [place(SIDE + 1, cj + 1), 9] }
+/// Eight nodes of one colour in the eastern column of the halo.
+const fn east(edge: usize, cj: usize) -> HaloGroup {
+    HaloGroup { edge, neighbour: 5, slot: [slot(0, cj), SIDE / 2], place: [place(SIDE + 1, cj + 1), 9] }
 }
 
-/// No node of the north owns an edge into the block.
-const GROUPS: [Group; 12] = [
+/// The halo's nodes that own an edge into the block, without the corners. Nodes of the northern row own none.
+const HALO_GROUPS: [HaloGroup; 12] = [
     south(1, 0),
     south(1, 1),
     south(2, 0),
@@ -126,32 +127,32 @@ const GROUPS: [Group; 12] = [
     east(3, 1),
 ];
 
-/// And those in the corners: edge, block, slot, place.
-const CORNERS: [[usize; 4]; 2] =
+/// The halo's two corner nodes that own an edge into the block: edge, neighbour block, slot, place.
+const HALO_CORNERS: [[usize; 4]; 2] =
     [[2, 0, slot(SIDE - 1, SIDE - 1), place(0, 0)], [3, 2, slot(0, SIDE - 1), place(SIDE + 1, 0)]];
 
 impl BlockRows<'_> {
     /// Decodes the pairs of the block's own nodes.
     #[inline(always)]
-    pub fn own_pairs<V: Lanes>(&self, pairs: &mut Pairs) {
+    pub fn interior_pairs<V: Lanes>(&self, pairs: &mut Pairs) {
         for row in Row::all() {
             for (e, words) in self.words.iter().enumerate() {
                 let s = row.slot();
                 let pair = decode::<V>([V::load_index(&words[0], s), V::load_index(&words[1], s)]);
                 for c in 0..4 {
-                    row.set_own(&mut pairs[4 * e + c], pair[c]);
+                    row.store_in_window(&mut pairs[4 * e + c], pair[c]);
                 }
             }
         }
     }
 
-    /// Decodes all pairs of the block's rows. Places on the ring that own none of them keep what they had.
+    /// Decodes all pairs of the block's rows. The other entries of the halo in `pairs` are left unchanged.
     #[inline(always)]
     pub fn pairs<V: Lanes>(&self, pairs: &mut Pairs) {
-        self.own_pairs::<V>(pairs);
-        for (g, group) in GROUPS.iter().enumerate() {
+        self.interior_pairs::<V>(pairs);
+        for (g, group) in HALO_GROUPS.iter().enumerate() {
             let at = g * LANES;
-            let pair = decode::<V>(each!([0, 1], |w| V::load_index(&self.ring[w], at)));
+            let pair = decode::<V>(each!([0, 1], |w| V::load_index(&self.halo[w], at)));
             let [first, step] = group.place;
             for c in 0..4 {
                 let window = &mut pairs[4 * group.edge + c];
@@ -164,9 +165,9 @@ impl BlockRows<'_> {
                 }
             }
         }
-        for (n, &[edge, _, _, place]) in CORNERS.iter().enumerate() {
-            let at = GROUPS.len() * LANES + n;
-            let pair = decode_one([self.ring[0][at], self.ring[1][at]]);
+        for (n, &[edge, _, _, place]) in HALO_CORNERS.iter().enumerate() {
+            let at = HALO_GROUPS.len() * LANES + n;
+            let pair = decode_one([self.halo[0][at], self.halo[1][at]]);
             for c in 0..4 {
                 pairs[4 * edge + c][place] = pair[c];
             }
@@ -174,15 +175,15 @@ impl BlockRows<'_> {
     }
 }
 
-/// Decodes all pairs that nodes on a block's ring own, from the blocks in which they lie, into the window. `around` as in
-/// `masked`. No node of the north owns a pair that matters here.
+/// Decodes the pairs that nodes of a block's halo own into the window, from the neighbour blocks (see
+/// `active_neighbours`). Leaves out the northern row without its corners: no caller needs a pair that its nodes own.
 #[inline(always)]
-pub fn ring_pairs<V: Lanes>(words: &[Words], around: &[u32; 9], pairs: &mut Pairs) {
-    const NOTHING: &[Plane<u32>; 2] = &[[0; NODES]; 2];
+pub fn halo_pairs<V: Lanes>(words: &[Words], neighbours: &[u32; 9], pairs: &mut Pairs) {
+    const ZEROS: &[Plane<u32>; 2] = &[[0; NODES]; 2];
     const LAST: usize = SIDE - 1;
     for e in 0..4 {
-        let from = |k: usize| match around[k] {
-            NONE => NOTHING,
+        let from = |k: usize| match neighbours[k] {
+            NONE => ZEROS,
             b => &words[b as usize][e],
         };
         let pairs = &mut pairs[4 * e..4 * e + 4];
@@ -220,59 +221,62 @@ pub fn ring_pairs<V: Lanes>(words: &[Words], around: &[u32; 9], pairs: &mut Pair
     }
 }
 
-/// Completes a level's rows, of which the owned pairs and the sums are there: the halo's pairs and the diagonals. With a
-/// coarser level, the product becomes A P 1, of which that level makes the sums of its own rows; the direction is used.
-pub fn finish(run: &Run, level: usize, system: &mut SolvingLevel, coarser: bool) {
+/// Completes a level's rows, whose owned pairs and row sums are formed: copies the halo's pairs and computes the
+/// diagonals. If there is a coarser level to form (`coarser`), also sets the product to A P 1, from which `galerkin`
+/// computes that level's row sums; the direction serves as scratch memory.
+pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: bool) {
     let grid = &run.grid.levels[level];
     if coarser {
         interpolated_ones(run, level, system.direction);
     }
-    let Rows { diagonal, words, ring } = &mut *system.rows;
-    let (diagonal, ring, t) =
-        (SharedSlice::new(diagonal), SharedSlice::new(ring), SharedSlice::new(system.product));
+    let Rows { diagonal, words, halo } = &mut *system.rows;
+    let (diagonal, halo, product) =
+        (SharedSlice::new(diagonal), SharedSlice::new(halo), SharedSlice::new(system.product));
     let (words, z) = (&*words, &*system.direction);
     run.each_block(level, |worker, b, _| {
         prefetch(&words[b]);
-        let around = super::multigrid::masked(grid, b);
+        let neighbours = super::multigrid::active_neighbours(grid, b);
         let mut ones: Window = [0.0; WINDOW_NODES];
         if coarser {
-            window::load(&around, 0.0, |b| &z[b][0], &mut ones);
+            window::load(&neighbours, 0.0, |b| &z[b][0], &mut ones);
         }
         // SAFETY: each item has its own block.
-        let (diagonal, ring) = unsafe { (diagonal.get_mut(b), ring.get_mut(b)) };
-        *ring = ring_of(words, &around);
+        let (diagonal, halo) = unsafe { (diagonal.get_mut(b), halo.get_mut(b)) };
+        *halo = halo_words(words, &neighbours);
         // SAFETY: as above.
-        let given = coarser.then(|| (&ones, unsafe { t.get_mut(b) }));
-        let (words, ring, movable) = (&words[b], &*ring, &grid.movable[b]);
-        run.pairs.with(worker, |pairs| wide(Finish { words, ring, movable, pairs, diagonal, given }));
+        let ones_and_product = coarser.then(|| (&ones, unsafe { product.get_mut(b) }));
+        let (words, halo, movable) = (&words[b], &*halo, &grid.movable[b]);
+        run.pairs
+            .with(worker, |pairs| wide(Complete { words, halo, movable, pairs, diagonal, ones_and_product }));
     });
 }
 
-/// The words of a block's ring, from the blocks in which its nodes lie.
-fn ring_of(words: &[Words], around: &[u32; 9]) -> Ring {
-    let mut ring = [[0; GROUPS.len() * LANES + CORNERS.len()]; 2];
-    for (g, &Group { edge, from, slot: [first, step], .. }) in GROUPS.iter().enumerate() {
-        if around[from] != NONE {
-            let from = &words[around[from] as usize][edge];
-            for (ring, from) in ring.iter_mut().zip(from) {
+/// Gathers the halo's encoded pairs from the neighbour blocks.
+fn halo_words(words: &[Words], neighbours: &[u32; 9]) -> Halo {
+    let mut halo = [[0; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2];
+    for (g, &HaloGroup { edge, neighbour, slot: [first, step], .. }) in HALO_GROUPS.iter().enumerate() {
+        if neighbours[neighbour] != NONE {
+            let from = &words[neighbours[neighbour] as usize][edge];
+            for (halo, from) in halo.iter_mut().zip(from) {
                 for k in 0..LANES {
-                    ring[g * LANES + k] = from[first + k * step];
+                    halo[g * LANES + k] = from[first + k * step];
                 }
             }
         }
     }
-    for (n, &[edge, from, slot, _]) in CORNERS.iter().enumerate() {
-        if around[from] != NONE {
-            let from = &words[around[from] as usize][edge];
-            for (ring, from) in ring.iter_mut().zip(from) {
-                ring[GROUPS.len() * LANES + n] = from[slot];
+    for (n, &[edge, neighbour, slot, _]) in HALO_CORNERS.iter().enumerate() {
+        if neighbours[neighbour] != NONE {
+            let from = &words[neighbours[neighbour] as usize][edge];
+            for (halo, from) in halo.iter_mut().zip(from) {
+                halo[HALO_GROUPS.len() * LANES + n] = from[slot];
             }
         }
     }
-    ring
+    halo
 }
 
-/// The first plane of `z` becomes P 1: 1 where all that a node is interpolated from may move, less elsewhere.
+/// Sets the first plane of `z` to P 1. It is 1 where all coarse nodes that a node is interpolated from are movable, and
+/// less elsewhere.
 fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[level], &run.grid.levels[level + 1]);
     let movable = |b: usize| &coarse.movable[b];
@@ -286,63 +290,63 @@ fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
     });
 }
 
-/// One block's diagonals from its sums, and what it gives to the coarser level.
-struct Finish<'a> {
+/// Computes one block's diagonals from its row sums, and the block's part of A P 1 for the coarser level.
+struct Complete<'a> {
     words: &'a Words,
-    ring: &'a Ring,
+    halo: &'a Halo,
     movable: &'a Plane<u8>,
     pairs: &'a mut Pairs,
     diagonal: &'a mut [Plane; 3],
-    /// P 1, and where A P 1 goes.
-    given: Option<(&'a Window, &'a mut [Plane; 3])>,
+    /// P 1, and the output A P 1.
+    ones_and_product: Option<(&'a Window, &'a mut [Plane; 3])>,
 }
 
-impl Kernel for Finish<'_> {
+impl Kernel for Complete<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let Finish { words, ring, movable, pairs, diagonal, mut given } = self;
-        BlockRows { diagonal, words, ring }.pairs::<V>(pairs);
+        let Complete { words, halo, movable, pairs, diagonal, mut ones_and_product } = self;
+        BlockRows { diagonal, words, halo }.pairs::<V>(pairs);
         for row in Row::all() {
-            let sums = each!([0, 1, 2], |c| row.of::<V>(&diagonal[c]));
+            let sums = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
             let lanes = V::zero().lt(V::load_u8(movable, row.slot()));
-            let mut own = sums;
+            let mut diagonal_block = sums;
             each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
                 let pair = symmetric_part::<V>(pairs, row, k);
                 for c in 0..3 {
-                    own[c] -= pair[c];
+                    diagonal_block[c] -= pair[c];
                 }
             });
             for c in 0..3 {
                 // The identity at fixed nodes, so that nothing divides by zero.
                 let identity = if c == 1 { V::zero() } else { V::one() };
-                row.set(&mut diagonal[c], lanes.select(own[c], identity));
+                row.store(&mut diagonal[c], lanes.select(diagonal_block[c], identity));
             }
-            if let Some((ones, t)) = &mut given {
+            if let Some((ones, a_p_ones)) = &mut ones_and_product {
                 let here = row.near::<V>(ones, 0, 0);
                 let mut product = each!([0, 1, 2], |c| sums[c] * here);
                 each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
                     let (di, dj, ..) = NEIGHBOURS[k];
-                    let more = row.near::<V>(ones, di, dj) - here;
+                    let difference = row.near::<V>(ones, di, dj) - here;
                     let pair = symmetric_part::<V>(pairs, row, k);
                     for c in 0..3 {
-                        product[c] += pair[c] * more;
+                        product[c] += pair[c] * difference;
                     }
                 });
                 for c in 0..3 {
-                    row.set(&mut t[c], lanes.select(product[c], V::zero()));
+                    row.store(&mut a_p_ones[c], lanes.select(product[c], V::zero()));
                 }
             }
         }
     }
 }
 
-/// (xx, xy, yy) of the symmetric part of the pairs of a row's nodes with neighbour `k`.
+/// (xx, xy, yy) of the symmetric part of the pairs between a row's nodes and their neighbours `k`.
 #[inline(always)]
 fn symmetric_part<V: Lanes>(pairs: &Pairs, row: Row, k: usize) -> [V; 3] {
-    let (di, dj, e, theirs) = NEIGHBOURS[k];
-    let (oi, oj) = if theirs { (di, dj) } else { (0, 0) };
+    let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
+    let (oi, oj) = if neighbour_owns { (di, dj) } else { (0, 0) };
     let [xx, xy, yx, yy] = each!([0, 1, 2, 3], |c| row.near::<V>(&pairs[4 * e + c], oi, oj));
     [xx, (xy + yx) * 0.5, yy]
 }

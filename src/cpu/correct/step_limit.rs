@@ -1,12 +1,13 @@
-//! The step limit (method §7.6): the fraction of the step that each node takes. It leaves every corner Jacobian part of
-//! what it has over ε, and falls off smoothly around corners that would lose more. It depends on the step continuously, so
-//! that a warp does not jump where a corner comes to need it. The nodes of one corner may take different fractions; what
-//! folds all the same is halved.
+//! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and the
+//! step. Every corner Jacobian keeps a tenth of its margin over ε (`KEPT_MARGIN`); fractions fall off smoothly around
+//! corners that would lose more. They depend continuously on the step, so that a warp does not jump when a corner comes
+//! to be limited. The nodes of one corner may have different fractions; where a corner Jacobian is under ε all the
+//! same, they are halved.
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
 use super::super::row::Row;
-use super::multigrid::masked;
+use super::multigrid::active_neighbours;
 use super::workspace::Limiting;
 use super::*;
 use crate::method::law::{
@@ -17,27 +18,28 @@ use crate::tile::Level;
 use crate::tile::blocks::{SIDE, slot};
 use crate::tile::window::{self, Window, place};
 
-/// Sets the fractions so that u + fraction x step has no corner Jacobian under ε.
+/// Sets the fractions so that u + fraction x step has no corner Jacobian under ε. A chart where this does not succeed
+/// within `LIMIT_ROUNDS` is refused later for its energy.
 pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
     let step = limiting.step;
-    // Only active blocks are written: in the others, the mark's memory has to stay 0 for the next V-cycle.
+    // Only active blocks are written: in the others, the memory of the marks has to stay 0 for the next V-cycle.
     let (fraction, mark) = (SharedSlice::new(limiting.fraction), SharedSlice::new(limiting.mark));
     let mut blocks = run.work[level].active.clone();
     let mut limited = vec![false; blocks.len()];
     let flags = SharedSlice::new(&mut limited);
     run.team.run(blocks.len(), |k| {
         let b = blocks[k] as usize;
-        let (mut from, mut by) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
-        load_step(grid, u, step, b, &mut from, &mut by);
+        let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
+        load_step(grid, u, step, b, &mut u_window, &mut step_window);
         // SAFETY: each item has its own block and flag.
         unsafe {
             let fraction = &mut fraction.get_mut(b)[0];
-            *flags.get_mut(k) = wide(FirstFraction { from: &from, by: &by, fraction });
+            *flags.get_mut(k) = wide(FirstFraction { u: &u_window, step: &step_window, fraction });
         };
     });
-    // Charts whose whole step leaves enough are done: what happens to the others must not touch them.
+    // Charts in which no node is limited are done, and are kept out of the rounds of the other charts.
     let keep_open = |blocks: &mut Vec<u32>, flags: &[bool]| {
         let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
         let mut open = vec![false; run.charts.len()];
@@ -47,26 +49,26 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
         blocks.retain(|&b| open[chart_of(b)]);
     };
     keep_open(&mut blocks, &limited);
-    fall_off(run, grid, &blocks, fraction, mark, FIRST_FALLOFF_PASSES);
+    apply_falloff(run, grid, &blocks, fraction, mark, FIRST_FALLOFF_PASSES);
     for round in 0..LIMIT_ROUNDS {
         let mut folds = vec![false; blocks.len()];
         let flags = SharedSlice::new(&mut folds);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            let (mut at, mut by) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
+            let (mut moved, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
             let mut fractions: Window = [1.0; WINDOW_NODES];
-            load_step(grid, u, step, b, &mut at, &mut by);
+            load_step(grid, u, step, b, &mut moved, &mut step_window);
             // SAFETY: fractions are only read, and each item has its own marks.
             let mark = unsafe {
-                window::load(&masked(grid, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
+                window::load(&active_neighbours(grid, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
                 &mut mark.get_mut(b)[0]
             };
             for c in 0..2 {
                 for n in 0..WINDOW_NODES {
-                    at[c][n] += fractions[n] * by[c][n];
+                    moved[c][n] += fractions[n] * step_window[c][n];
                 }
             }
-            let any = wide(Marks { at: &at, mark });
+            let any = wide(Marks { u: &moved, mark });
             // SAFETY: each item has its own flag.
             unsafe { *flags.get_mut(k) = any };
         });
@@ -80,41 +82,42 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
             let mut marks: Window = [1.0; WINDOW_NODES];
             // SAFETY: marks are only read, and each item has its own fractions.
             let (fraction, mark) = unsafe {
-                window::load(&masked(grid, b), 1.0, |b| &mark.get(b)[0], &mut marks);
+                window::load(&active_neighbours(grid, b), 1.0, |b| &mark.get(b)[0], &mut marks);
                 (&mut fraction.get_mut(b)[0], &mark.get(b)[0])
             };
             for j in 0..SIDE {
                 for i in 0..SIDE {
                     let s = slot(i, j);
-                    let near = (0..3).any(|dj| (0..3).any(|di| marks[place(i + di, j + dj)] == 0.0));
-                    if mark[s] == 0.0 || near {
+                    let near_marked = (0..3).any(|dj| (0..3).any(|di| marks[place(i + di, j + dj)] == 0.0));
+                    if mark[s] == 0.0 || near_marked {
                         fraction[s] *= factor;
                     }
                 }
             }
         });
-        fall_off(run, grid, &blocks, fraction, mark, FALLOFF_PASSES);
+        apply_falloff(run, grid, &blocks, fraction, mark, FALLOFF_PASSES);
     }
 }
 
-/// Loads displacements and step around block `b`. Blocks without movable nodes have no step.
+/// Gathers displacements and step of block `b` with its halo. The step is 0 in blocks without movable nodes.
 fn load_step(
     level: &Level,
     u: &[[Plane; 2]],
     step: &[[Plane; 2]],
     b: usize,
-    from: &mut [Window; 2],
-    by: &mut [Window; 2],
+    u_window: &mut [Window; 2],
+    step_window: &mut [Window; 2],
 ) {
-    let neighbours = masked(level, b);
+    let neighbours = active_neighbours(level, b);
     for c in 0..2 {
-        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], &mut from[c]);
-        window::load(&neighbours, 0.0, |b| &step[b][c], &mut by[c]);
+        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], &mut u_window[c]);
+        window::load(&neighbours, 0.0, |b| &step[b][c], &mut step_window[c]);
     }
 }
 
-/// Passes of fraction <= min(fractions around) + `FRACTION_FALLOFF`, through the second plane of the marks.
-fn fall_off(
+/// Runs passes of the falloff: limits each fraction to the least of its eight neighbours plus `FRACTION_FALLOFF`. The
+/// second plane of the marks holds a pass's output.
+fn apply_falloff(
     run: &Run,
     level: &Level,
     blocks: &[u32],
@@ -128,7 +131,7 @@ fn fall_off(
             let mut fractions: Window = [1.0; WINDOW_NODES];
             // SAFETY: fractions are only read, and each item has its own second plane.
             let out = unsafe {
-                window::load(&masked(level, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
+                window::load(&active_neighbours(level, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
                 &mut mark.get_mut(b)[1]
             };
             wide(FallOff { fractions: &fractions, out });
@@ -141,11 +144,11 @@ fn fall_off(
     }
 }
 
-/// The fraction of the step that a block's nodes may take if the nodes around them take the same; true if it is less than 1
-/// anywhere.
+/// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same
+/// fraction. Returns whether any of them is less than 1.
 struct FirstFraction<'a> {
-    from: &'a [Window; 2],
-    by: &'a [Window; 2],
+    u: &'a [Window; 2],
+    step: &'a [Window; 2],
     fraction: &'a mut Plane,
 }
 
@@ -156,48 +159,52 @@ impl Kernel for FirstFraction<'_> {
     fn run<V: Lanes>(self) -> bool {
         let mut any = false;
         for row in Row::all() {
-            let fraction = first_fraction::<V>(self.from, self.by, row);
+            let fraction = first_fraction::<V>(self.u, self.step, row);
             any |= fraction.lt(V::one()).any();
-            row.set(self.fraction, fraction);
+            row.store(self.fraction, fraction);
         }
         any
     }
 }
 
-/// The smallest fraction over the twelve corners that a row's nodes touch.
+/// The least of the fractions that the twelve corners at each node of a row allow.
 #[inline(always)]
-fn first_fraction<V: Lanes>(from: &[Window; 2], by: &[Window; 2], row: Row) -> V {
-    let [p, dp] = [from, by].map(|w| each!([0, 1], |c| row.near::<V>(&w[c], 0, 0)));
+fn first_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], row: Row) -> V {
+    let [p, dp] = [u, step].map(|w| each!([0, 1], |c| row.near::<V>(&w[c], 0, 0)));
     let mut fraction = V::one();
     for &(sx, sy) in &QUADRANTS {
         let sign = (sx * sy) as f32;
-        let [a, b, c] =
-            [row.offset(from, &p, sx, 0), row.offset(from, &p, 0, sy), row.offset(from, &p, sx, sy)];
-        let [da, db, dc] =
-            [change(by, &dp, row, sx, 0), change(by, &dp, row, 0, sy), change(by, &dp, row, sx, sy)];
+        let [a, b, c] = [row.offset(u, &p, sx, 0), row.offset(u, &p, 0, sy), row.offset(u, &p, sx, sy)];
+        let [da, db, dc] = [
+            offset_change(step, &dp, row, sx, 0),
+            offset_change(step, &dp, row, 0, sy),
+            offset_change(step, &dp, row, sx, sy),
+        ];
         for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
-            // At the fraction s of the step, J less what is to be left of it is start + s first + s² second, which is at
-            // least 0 for s = 0. If it is under 0 for s = 1, it has one root in between.
-            let over = (cross(a, b, sign) - V::splat(MIN_JACOBIAN)).max(V::zero());
-            let start = over * (1.0 - KEPT_MARGIN);
-            let (first, second) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
-            let bad = (start + first + second).lt(V::zero());
-            if bad.any() {
-                let root = (first * first - start * second * 4.0).max(V::zero()).sqrt() - first;
-                let found = (start + start) / root.max(V::splat(f32::MIN_POSITIVE));
-                fraction = bad.select(found.min(fraction), fraction);
+            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, less ε and the margin to be kept. q(0) >= 0;
+            // if q(1) < 0, there is one root in between, here in a form without cancellation.
+            let margin = (cross(a, b, sign) - V::splat(MIN_JACOBIAN)).max(V::zero());
+            let q0 = margin * (1.0 - KEPT_MARGIN);
+            let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
+            let limits = (q0 + q1 + q2).lt(V::zero());
+            if limits.any() {
+                let denominator = (q1 * q1 - q0 * q2 * 4.0).max(V::zero()).sqrt() - q1;
+                let root = (q0 + q0) / denominator.max(V::splat(f32::MIN_POSITIVE));
+                fraction = limits.select(root.min(fraction), fraction);
             }
         }
     }
     fraction
 }
 
-/// The change over a step of the offset from a row's nodes to their neighbours at (di, dj).
+/// The change over a whole step of the offset from a row's nodes to their neighbours at (di, dj). `dp` is the step of
+/// the nodes.
 #[inline(always)]
-fn change<V: Lanes>(by: &[Window; 2], own: &[V; 2], row: Row, di: i64, dj: i64) -> [V; 2] {
-    each!([0, 1], |c| row.near::<V>(&by[c], di, dj) - own[c])
+fn offset_change<V: Lanes>(step: &[Window; 2], dp: &[V; 2], row: Row, di: i64, dj: i64) -> [V; 2] {
+    each!([0, 1], |c| row.near::<V>(&step[c], di, dj) - dp[c])
 }
 
+/// sign (a x b).
 #[inline(always)]
 fn cross<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> V {
     (a[0] * b[1] - a[1] * b[0]) * sign
@@ -219,15 +226,16 @@ impl Kernel for FallOff<'_> {
             for (di, dj, ..) in NEIGHBOURS {
                 low = low.min(row.near(self.fractions, di, dj));
             }
-            let own = row.near::<V>(self.fractions, 0, 0);
-            row.set(self.out, own.min(low + FRACTION_FALLOFF));
+            let fraction = row.near::<V>(self.fractions, 0, 0);
+            row.store(self.out, fraction.min(low + FRACTION_FALLOFF));
         }
     }
 }
 
-/// Marks a block's nodes: 1, or 0 where a corner Jacobian that the node touches is under ε; true if there is one.
+/// Sets the marks of a block's nodes: 0 where one of the node's twelve corner Jacobians is under ε, else 1. Returns
+/// whether any mark is 0.
 struct Marks<'a> {
-    at: &'a [Window; 2],
+    u: &'a [Window; 2],
     mark: &'a mut Plane,
 }
 
@@ -238,25 +246,25 @@ impl Kernel for Marks<'_> {
     fn run<V: Lanes>(self) -> bool {
         let mut any = false;
         for row in Row::all() {
-            // A comparison with NaN is false: then, too, the node is marked.
-            let good = V::splat(MIN_JACOBIAN).le(worst_corner::<V>(self.at, row));
+            // A comparison with NaN is false: a least Jacobian of NaN is not good.
+            let good = V::splat(MIN_JACOBIAN).le(least_corner::<V>(self.u, row));
             any |= good.bits() != u8::MAX;
-            row.set(self.mark, good.select(V::one(), V::zero()));
+            row.store(self.mark, good.select(V::one(), V::zero()));
         }
         any
     }
 }
 
-/// The smallest of the twelve corner Jacobians that a row's nodes touch.
+/// The least of the twelve corner Jacobians at each node of a row.
 #[inline(always)]
-fn worst_corner<V: Lanes>(w: &[Window; 2], row: Row) -> V {
-    let mut worst = V::splat(f32::MAX);
-    let p = each!([0, 1], |c| row.near::<V>(&w[c], 0, 0));
+fn least_corner<V: Lanes>(u: &[Window; 2], row: Row) -> V {
+    let mut least = V::splat(f32::MAX);
+    let p = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
     for &(sx, sy) in &QUADRANTS {
-        let (a, b, c) = (row.offset(w, &p, sx, 0), row.offset(w, &p, 0, sy), row.offset(w, &p, sx, sy));
+        let (a, b, c) = (row.offset(u, &p, sx, 0), row.offset(u, &p, 0, sy), row.offset(u, &p, sx, sy));
         for (a, b) in [(&a, &b), (&a, &c), (&c, &b)] {
-            worst = ((a[0] * b[1] - a[1] * b[0]) * (sx * sy) as f32).min(worst);
+            least = ((a[0] * b[1] - a[1] * b[0]) * (sx * sy) as f32).min(least);
         }
     }
-    worst
+    least
 }

@@ -12,8 +12,8 @@ use crate::tile::{EDGES, Grid};
 
 const GRID: usize = 64;
 
-/// (xx, xy, yy) of the sum of a node's row, and the largest number in it, from what is stored.
-fn sum_of_row(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
+/// (xx, xy, yy) of the sum of a node's stored row, and the largest magnitude among the row's terms.
+fn row_sum(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
     let rows = run.memory.workspace.rows(level);
     let find = |i: usize, j: usize| {
         let b = run.grid.levels[level].blocks.find(0, (i / SIDE) as i64, (j / SIDE) as i64) as usize;
@@ -37,8 +37,8 @@ fn sum_of_row(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
 
 #[test]
 fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
-    // Where the surface is flat, nothing but what holds a body's border resists if the body moves as a whole: the sum of
-    // each row inside is 0, on every level.
+    // On a flat surface only the fixed border resists a motion of the whole body. The sum of each row that has no fixed
+    // neighbour is therefore 0, on every level.
     let mesh = sheet(4, |u, v| [u, v, 0.0]);
     let stiff = |u: f64, v: f64| if (u - 0.5).hypot(v - 0.5) < 0.3 { 1.0 } else { 0.37 };
     let maps = maps(GRID, TileSettings::default(), stiff);
@@ -59,11 +59,11 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
         run.correct(0, &Correction { first: true, sweeps: 0, tolerance: 1e-3, trusts_model: true });
         for level in 0..3 {
             let nodes = GRID >> level;
-            // Two nodes from the ones that are fixed: all that a sum is made of may move.
+            // All nodes that occur in these rows are movable: the fixed nodes are at least two nodes away.
             for (i, j) in (4..nodes - 3).flat_map(|j| (4..nodes - 3).map(move |i| (i, j))) {
-                let (sum, largest) = sum_of_row(&run, level, i, j);
+                let (sum, largest) = row_sum(&run, level, i, j);
                 let most = sum.into_iter().map(f64::abs).fold(0.0, f64::max);
-                // Eight pairs are rounded by up to 1/256 each.
+                // Each of the eight pairs has a relative rounding error of up to 1/256, far above this bound.
                 assert!(largest > 0.1 && most < 2e-5 * largest, "level {level}, ({i}, {j}): {sum:?}");
             }
         }

@@ -1,6 +1,6 @@
-//! The memory of a correction, and what it holds when. The same arrays serve several quantities one after the other; each
-//! phase of a correction sees them under the names that they have in it, and the next phase can only be had from the one
-//! before.
+//! The memory of a correction (method §7), and what it holds in each phase. The same arrays hold several quantities one
+//! after the other. Each phase of a correction is a type that names the arrays by their present contents; a phase is
+//! constructed from the one before it.
 //!
 //! ```text
 //! phase        pair of planes A       pair of planes B       three planes of samples
@@ -21,20 +21,21 @@ use super::rows::Rows;
 #[derive(Debug, Default)]
 pub struct Workspace {
     levels: Vec<LevelMemory>,
-    /// The step on the coarser level that is corrected. That of the finest level is stored where the result will be.
+    /// The step of a correction on a coarser level. That of the finest level is stored in the memory of the result.
     coarse_step: Vec<[Plane; 2]>,
-    /// Per chart, the fraction of the level's next step that it is to take; 0 if the last correction gained too little to
-    /// try again.
+    /// Step fraction per chart of the level's next correction; 0 if the last correction gained too little for another
+    /// one.
     pub next_fraction: Vec<f32>,
 }
 
-/// One level's part of it.
+/// The memory of the corrections of one level.
 #[derive(Debug, Default)]
 struct LevelMemory {
     rows: Rows,
-    a: Vec<[Plane; 2]>,
-    /// 0 in blocks without movable nodes: no phase writes those.
-    b: Vec<[Plane; 2]>,
+    /// Pair of planes A.
+    planes_a: Vec<[Plane; 2]>,
+    /// Pair of planes B; 0 in blocks without movable nodes, which no phase writes.
+    planes_b: Vec<[Plane; 2]>,
 }
 
 impl Workspace {
@@ -44,8 +45,8 @@ impl Workspace {
             let blocks = level.blocks.list.len();
             levels.push(LevelMemory {
                 rows: Rows::new(allocator, blocks),
-                a: allocator.array([[0.0; NODES]; 2], blocks),
-                b: allocator.array([[0.0; NODES]; 2], blocks),
+                planes_a: allocator.array([[0.0; NODES]; 2], blocks),
+                planes_b: allocator.array([[0.0; NODES]; 2], blocks),
             });
         }
         let largest = grid.levels[1..].iter().map(|level| level.blocks.list.len()).max();
@@ -56,7 +57,7 @@ impl Workspace {
         }
     }
 
-    /// Begins a correction of `level`. The finest level's step goes to `result`.
+    /// Begins a correction of `level`. The finest level's step is stored in `result`.
     pub fn assembling<'a>(&'a mut self, level: usize, result: &'a mut [[Plane; 2]]) -> Assembling<'a> {
         let step = if level == 0 { result } else { &mut self.coarse_step };
         Assembling { levels: &mut self.levels[level..], step }
@@ -65,7 +66,7 @@ impl Workspace {
 
 #[cfg(any(test, all(feature = "gpu", feature = "oracle")))]
 impl Workspace {
-    /// A level's system, as the last correction left it.
+    /// The rows of a level, as the last correction left them.
     pub fn rows(&self, level: usize) -> &Rows {
         &self.levels[level].rows
     }
@@ -74,94 +75,96 @@ impl Workspace {
 /// What a correction left, for comparisons of both backends.
 #[cfg(all(feature = "gpu", feature = "oracle"))]
 impl Workspace {
-    /// A level's residual, as assembling left it.
+    /// The right-hand side of a level, if assembly was the last phase.
     pub fn residual(&self, level: usize) -> &[[Plane; 2]] {
-        &self.levels[level].a
+        &self.levels[level].planes_a
     }
 
-    /// The step on a coarser level, before it was limited.
+    /// The last step on a coarser level, before it was limited.
     pub fn coarse_step(&self) -> &[[Plane; 2]] {
         &self.coarse_step
     }
 
-    /// The step fraction of a block's nodes, as the last correction of the level left it.
+    /// The step fraction of each node of block `b` in the last correction of `level`.
     pub fn step_fraction(&self, level: usize, b: usize) -> &Plane {
-        &self.levels[level].a[b][0]
+        &self.levels[level].planes_a[b][0]
     }
 }
 
-/// The system of the level that is corrected is being formed.
+/// First phase: the system of the corrected level is assembled.
 pub struct Assembling<'a> {
     levels: &'a mut [LevelMemory],
     step: &'a mut [[Plane; 2]],
 }
 
 impl<'a> Assembling<'a> {
-    /// The system's rows, and the residual of a step of 0: the right-hand side.
+    /// The system's rows, and the residual of a step of 0, which is the right-hand side.
     pub fn system(&mut self) -> (&mut Rows, &mut [[Plane; 2]]) {
-        let LevelMemory { rows, a, .. } = &mut self.levels[0];
-        (rows, a)
+        let LevelMemory { rows, planes_a, .. } = &mut self.levels[0];
+        (rows, planes_a)
     }
 
-    /// Goes on with the memory of the samples of this level and the coarser ones, which the step makes stale.
+    /// Continues with the second phase, which overwrites the samples of the corrected level and of the coarser ones.
+    /// The step makes them stale anyway.
     pub fn solving<'s>(self, samples: &'s mut [Buffers]) -> Solving<'a, 's> {
         let levels = self.levels.iter_mut().zip(samples).map(|(memory, buffers)| SolvingLevel {
             rows: &mut memory.rows,
-            residual: &mut memory.a,
-            direction: &mut memory.b,
+            residual: &mut memory.planes_a,
+            direction: &mut memory.planes_b,
             product: &mut buffers.value,
         });
         Solving { levels: levels.collect(), step: self.step }
     }
 }
 
-/// The system is being solved.
+/// Second phase: the system is solved.
 pub struct Solving<'a, 's> {
-    /// The level that is corrected, and the coarser ones.
+    /// The corrected level, and the coarser ones.
     pub levels: Vec<SolvingLevel<'a, 's>>,
     pub step: &'a mut [[Plane; 2]],
 }
 
-/// What the solution needs on one level.
+/// The matrix and the vectors of one level.
 pub struct SolvingLevel<'a, 's> {
     pub rows: &'a mut Rows,
-    /// Of the system; on coarser levels, the restricted one of the next finer level.
+    /// The residual of the system; on coarser levels, the restricted residual of the next finer level.
     pub residual: &'a mut [[Plane; 2]],
-    /// What the V-cycle makes of the residual. On the level that is corrected, conjugate gradients turn it into the
-    /// direction of their step.
+    /// The V-cycle's approximate solution for the residual. On the corrected level, conjugate gradients turn it into
+    /// their search direction.
     pub direction: &'a mut [[Plane; 2]],
-    /// The matrix times a vector, or what that leaves of a residual: two planes, and the third where blocks of (xx, xy, yy)
-    /// are multiplied.
+    /// The product of the matrix with a vector, or the residual after smoothing, in two planes; or the (xx, xy, yy) of
+    /// A P 1 in three.
     pub product: &'s mut [[Plane; 3]],
 }
 
 impl<'a> Solving<'a, '_> {
-    /// Gives the memory of the samples back.
+    /// Continues with the third phase, which does not use the memory of the samples.
     pub fn limiting(self) -> Limiting<'a> {
         let mut levels = self.levels.into_iter();
         let Some(SolvingLevel { residual, direction, .. }) = levels.next() else {
-            unreachable!("the level that is corrected is always there")
+            unreachable!("the corrected level is always there")
         };
         Limiting { fraction: residual, mark: direction, step: self.step }
     }
 }
 
-/// The step is being limited. Fraction and mark are the first plane of each pair.
+/// Third phase: the step is limited. Fraction and mark are in the first plane of each pair.
 pub struct Limiting<'a> {
     /// Per node, the fraction of the step that it takes.
     pub fraction: &'a mut [[Plane; 2]],
-    /// Per node, 0 if a cell that it belongs to would fall under the bound.
+    /// Per node, 0 if one of its corner Jacobians would be under the bound, else 1. The second plane is scratch memory.
     pub mark: &'a mut [[Plane; 2]],
     pub step: &'a [[Plane; 2]],
 }
 
 impl<'a> Limiting<'a> {
+    /// Continues with the last phase.
     pub fn stepping(self) -> Stepping<'a> {
         Stepping { fraction: self.fraction, before: self.mark, step: self.step }
     }
 }
 
-/// Fractions of the step are being tried.
+/// Last phase: fractions of the step are tried.
 pub struct Stepping<'a> {
     /// As in [`Limiting`].
     pub fraction: &'a [[Plane; 2]],

@@ -1,5 +1,5 @@
-//! What follows the projections: regularisation (the paper's eq. 4-5), integration, and the prediction of the next
-//! iteration's positions.
+//! Regularisation (the paper's eq. 4 and 5), integration, and the prediction of the positions from which the next
+//! projections begin (method §10).
 
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE};
@@ -11,30 +11,31 @@ use super::super::patch::State;
 use super::super::row::Row;
 use super::super::sampling::Surface;
 use super::super::team::SharedSlice;
-use super::project::{put, site};
+use super::project::{grid_row, store_moved};
 
-/// Integration and prediction.
+/// The parameters of integration and prediction.
 #[derive(Clone, Copy)]
 pub struct Velocity {
-    /// No iteration follows: nodes stay where they are integrated.
+    /// Whether this is the last iteration of the level, after which there is no prediction.
     pub last: bool,
-    /// Share of its velocity that a node keeps.
+    /// Fraction of its velocity that a node keeps: 1 - damping.
     pub momentum: f32,
 }
 
-/// One pass.
+/// A pass of regularisation.
 #[derive(Clone, Copy)]
 pub struct Regularise {
+    /// The setting s of eq. 4.
     pub smoothing: f32,
-    /// None: regularisation alone.
+    /// `None`: regularisation without integration and prediction.
     pub velocity: Option<Velocity>,
 }
 
 impl Regularise {
-    /// Regularises block `b`'s own nodes.
+    /// Regularises the nodes of block `b`.
     ///
     /// # Safety
-    /// Nothing writes `state` now, and nothing else touches block `b` of `next` and of `previous`.
+    /// No item writes `state`, and no other item accesses block `b` of `next` and of `previous` meanwhile.
     pub unsafe fn block<S: Surface>(
         self,
         level: &Level,
@@ -72,22 +73,22 @@ impl<S: Surface> Kernel for RegulariseBlock<'_, S> {
             surface,
             b,
         } = self;
-        let around = &level.blocks.neighbours[b];
+        let neighbours = &level.blocks.neighbours[b];
         let block = &level.blocks.list[b];
         let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
         let mut u: [Window; 2] = [[0.0; WINDOW_NODES]; 2];
         // SAFETY: the caller's promise.
-        let (to_u, to_value, previous) = unsafe {
+        let (next_u, next_value, previous) = unsafe {
             for c in 0..2 {
-                window::load(around, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
+                window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
             }
             if S::CHORDS {
                 *next.triangle.get_mut(b) = *state.triangle.get(b);
             }
-            let (to_u, to_value) = (next.u.get_mut(b), next.value.get_mut(b));
-            *to_u = *state.u.get(b);
-            *to_value = *state.value.get(b);
-            (to_u, to_value, previous.get_mut(b))
+            let (next_u, next_value) = (next.u.get_mut(b), next.value.get_mut(b));
+            *next_u = *state.u.get(b);
+            *next_value = *state.value.get(b);
+            (next_u, next_value, previous.get_mut(b))
         };
         for row in Row::all() {
             let s = row.slot();
@@ -95,11 +96,12 @@ impl<S: Surface> Kernel for RegulariseBlock<'_, S> {
             if !lanes.any() {
                 continue;
             }
-            // Eq. 4 where M is 1: b = (1 - R) + R s.
+            // Eq. 4 at movable nodes (M = 1): b = (1 - R) + R s.
             let rigidity = V::load_u16(&level.rigidity[b], row.slot()) / V::splat(SHARES);
             let blend = (V::one() - rigidity) + rigidity * smoothing;
             let here = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
-            // Eq. 5. The Gaussian leaves the grid at rest as it is, so displacements can be smoothed for positions.
+            // Eq. 5, applied to displacements: the same as to positions, because the Gaussian reproduces the grid at
+            // rest.
             let mut moved = each!([0, 1], |c| here[c] + blend * (gaussian::<V>(&u[c], row) - here[c]));
             if let Some(Velocity { last, momentum }) = velocity {
                 let integrated = moved;
@@ -112,12 +114,23 @@ impl<S: Surface> Kernel for RegulariseBlock<'_, S> {
                 }
             }
             // SAFETY: the caller's promise.
-            unsafe { put(&moved, &here, lanes, row, &site(row, b, origin), (to_u, to_value), next, surface) };
+            unsafe {
+                store_moved(
+                    &moved,
+                    &here,
+                    lanes,
+                    row,
+                    &grid_row(row, b, origin),
+                    (next_u, next_value),
+                    next,
+                    surface,
+                )
+            };
         }
     }
 }
 
-/// The 3x3 Gaussian K_G at a row's nodes.
+/// The 3x3 Gaussian of a window at a row's nodes.
 #[inline(always)]
 fn gaussian<V: Lanes>(window: &Window, row: Row) -> V {
     let [low, middle, high] = each!([0, 1, 2], |k| {

@@ -24,11 +24,12 @@ const FULL: Iteration = Iteration {
     correction: 1.0,
 };
 
-/// A sheet of 16 x 16 cells in the pose, with a rigidity, at the identity on level 0. Nodes 1 to 15 move.
+/// Calls `test` with a run on a sheet of 16 x 16 cells with the given rigidity and pose, at the identity on level 0.
+/// Nodes 1 to 15 are movable.
 fn with_sheet(
     rigidity: impl Fn(f64, f64) -> f64,
     pose: impl Fn(f64, f64) -> [f64; 3],
-    look: impl FnOnce(&mut Run),
+    test: impl FnOnce(&mut Run),
 ) {
     let mesh: Mesh = sheet(1, |u, v| [u, v, 0.0]);
     let maps = maps(16, TileSettings::default(), rigidity);
@@ -52,7 +53,7 @@ fn with_sheet(
         run.surface();
         run.identity(0);
         run.begin_level(0);
-        look(&mut run);
+        test(&mut run);
     });
 }
 
@@ -73,17 +74,17 @@ fn project(run: &mut Run, edge: usize, parity: usize) {
 
 #[track_caller]
 fn close(a: [f32; 2], b: [f32; 2]) {
-    // A handful of roundings of numbers near 1.
+    // The rounding errors of a few operations on numbers near 1 are far smaller.
     assert!((0..2).all(|c| (a[c] - b[c]).abs() < 1e-5), "{a:?} {b:?}");
 }
 
-/// Twice as long in u.
+/// A pose that is twice as long as at rest along u.
 fn stretched(u: f64, v: f64) -> [f64; 3] {
     [2.0 * u, v, 0.0]
 }
 
 #[test]
-fn a_rigid_segment_takes_its_rest_length_about_its_centre() {
+fn a_rigid_edge_takes_its_rest_length_about_its_centre() {
     with_sheet(
         |_, _| 1.0,
         stretched,
@@ -91,10 +92,10 @@ fn a_rigid_segment_takes_its_rest_length_about_its_centre() {
             project(run, 0, 0);
             close(at(run, 2, 8), [0.25, 0.0]);
             close(at(run, 3, 8), [-0.25, 0.0]);
-            // Node 0 does not move: all of the way is its neighbour's.
+            // Node 0 is fixed: its neighbour takes all of the change.
             assert_eq!(at(run, 0, 8), [0.0; 2]);
             close(at(run, 1, 8), [-0.5, 0.0]);
-            // A row that is fixed stays.
+            // All nodes of row 0 are fixed.
             assert_eq!(at(run, 4, 0), [0.0; 2]);
         },
     );
@@ -109,7 +110,7 @@ fn a_rigid_segment_takes_its_rest_length_about_its_centre() {
             close(at(run, 15, 8), [0.5, 0.0]);
         },
     );
-    // Upright segments have their length already; slanted ones are sqrt(5 / 2) times as long as at rest.
+    // Edges to the north have their rest lengths already; diagonal ones are sqrt(5 / 2) times as long as at rest.
     with_sheet(
         |_, _| 1.0,
         stretched,
@@ -117,9 +118,9 @@ fn a_rigid_segment_takes_its_rest_length_about_its_centre() {
             project(run, 1, 0);
             assert_eq!(at(run, 4, 4), [0.0; 2]);
             project(run, 2, 0);
-            let part = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
-            close(at(run, 4, 4), [part, part]);
-            close(at(run, 5, 5), [-part, -part]);
+            let change = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
+            close(at(run, 4, 4), [change, change]);
+            close(at(run, 5, 5), [-change, -change]);
         },
     );
     with_sheet(
@@ -127,18 +128,18 @@ fn a_rigid_segment_takes_its_rest_length_about_its_centre() {
         stretched,
         |run| {
             project(run, 3, 0);
-            let part = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
-            close(at(run, 5, 4), [-part, part]);
-            close(at(run, 4, 5), [part, -part]);
+            let change = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
+            close(at(run, 5, 4), [-change, change]);
+            close(at(run, 4, 5), [change, -change]);
         },
     );
 }
 
 #[test]
-fn the_larger_rigidity_is_the_stiffness_and_elastic_segments_are_left_alone() {
+fn the_larger_rigidity_is_the_stiffness_and_elastic_edges_are_not_projected() {
     let left = |u: f64, _: f64| if u < 0.5 { 0.5 } else { 0.0 };
     with_sheet(left, stretched, |run| {
-        // Maps are resampled to nodes: what these got is what counts.
+        // The rigidities at the nodes are interpolated from the map; these are the stored ones.
         let rigidity = |i: usize| of_share(run.grid.levels[0].rigidity[0][slot(i, 8)]);
         let half = of_share(share(0.5));
         assert_eq!([rigidity(4), rigidity(7), rigidity(9), rigidity(10)], [half, half, 0.0, 0.0]);
@@ -146,14 +147,14 @@ fn the_larger_rigidity_is_the_stiffness_and_elastic_segments_are_left_alone() {
         project(run, 0, 0);
         close(at(run, 4, 8), [0.125, 0.0]);
         assert_eq!(at(run, 10, 8), [0.0; 2]);
-        // Its neighbour at 8 is a little rigid.
+        // The edge's weight is the rigidity of node 8, which is interpolated across the step of the map.
         close(at(run, 9, 8), [-0.25 * border, 0.0]);
     });
 }
 
 #[test]
 fn no_end_leaves_the_box_of_its_neighbours() {
-    // A tenth as long: the projection would make the segments ten cells long.
+    // The pose is a tenth as long as at rest: the projection would make the edges ten cells long.
     with_sheet(
         |_, _| 1.0,
         |u, v| [0.1 * u, v, 0.0],
@@ -166,22 +167,22 @@ fn no_end_leaves_the_box_of_its_neighbours() {
 }
 
 #[test]
-fn a_segment_turns_back_by_its_share() {
-    let turn = |d: [f32; 2], d0, share: f32| {
-        let [x, y] = projected(d.map(V::splat), d0, V::one(), V::zero(), V::splat(share));
+fn an_edge_turns_back_by_its_fraction() {
+    let turn = |d: [f32; 2], d0, fraction: f32| {
+        let [x, y] = projected(d.map(V::splat), d0, V::one(), V::zero(), V::splat(fraction));
         let (x, y) = (x.to_array(), y.to_array());
         assert!(x.iter().all(|&v| v == x[0]) && LANES == 8);
         [x[0], y[0]]
     };
     let half = std::f32::consts::FRAC_1_SQRT_2;
-    // Upright, and level at rest: half the way is 45 degrees; the length stays.
+    // An edge to the north that points to the east at rest: half of the turn is 45 degrees. The length stays.
     close(turn([0.0, 2.0], [1.0, 0.0], 0.5), [2.0 * half, 2.0 * half]);
     close(turn([0.0, 2.0], [1.0, 0.0], 1.0), [2.0, 0.0]);
     close(turn([0.0, 2.0], [1.0, 0.0], 0.0), [0.0, 2.0]);
-    // A small turn by its share, to the third order of the angle.
+    // Of a small angle, a quarter is turned back up to the third order of the angle.
     let [x, y] = turn([0.1f32.cos(), 0.1f32.sin()], [1.0, 0.0], 0.25);
     assert!((y.atan2(x) - 0.075).abs() < 1e-4, "{}", y.atan2(x));
-    // What points the other way has a length still.
+    // The blend of opposite unit vectors is 0, and has no direction; the result is finite all the same.
     assert!(turn([-1.0, 0.0], [1.0, 0.0], 0.5).iter().all(|x| x.is_finite()));
 }
 
@@ -192,7 +193,7 @@ fn regularisation_blends_with_the_gaussian_by_rigidity() {
         set(run, 4, 8, [1.0, 0.0]);
         set(run, 12, 8, [1.0, -1.0]);
         run.smooth_level(0, 0.2);
-        // s of the way where R = 1, all of it where R = 0.
+        // A node moves to the Gaussian by the fraction s = 0.2 where R = 1, and all the way where R = 0.
         close(at(run, 4, 8), [1.0 - 0.2 * 0.75, 0.0]);
         close(at(run, 5, 8), [0.2 * 0.125, 0.0]);
         close(at(run, 5, 9), [0.2 * 0.0625, 0.0]);
@@ -209,20 +210,21 @@ fn positions_are_integrated_and_predicted_from_their_velocity() {
         |u, _| if u < 0.5 { 1.0 } else { 0.0 },
         stretched,
         |run| {
-            // An estimate that no constraint has changed, rigid, without smoothing: it is where the node comes to be.
+            // Without smoothing, regularisation leaves a rigid node where it is: its displacement is integrated as it
+            // is.
             set(run, 4, 8, [0.5, 0.25]);
-            let settle = |last| {
+            let integrate = |last| {
                 let velocity = Some(Velocity { last, momentum: 0.5 });
                 Pass::Regularise(Regularise { smoothing: 0.0, velocity })
             };
-            run.pass(0, settle(false));
-            // From 0 to there is the velocity, of which half is kept.
+            run.pass(0, integrate(false));
+            // The velocity is the change from 0 to (0.5, 0.25), and the prediction adds half of it.
             close(at(run, 4, 8), [0.75, 0.375]);
-            // The prediction is the next estimate: (0.25, 0.125) farther than it was, and not predicted again.
-            run.pass(0, settle(true));
+            // The predicted displacement is integrated in turn. After the last iteration nothing is predicted.
+            run.pass(0, integrate(true));
             close(at(run, 4, 8), [0.75, 0.375]);
-            run.pass(0, settle(false));
-            // At rest since.
+            run.pass(0, integrate(false));
+            // The node has not moved since the last integration: its velocity is 0.
             close(at(run, 4, 8), [0.75, 0.375]);
         },
     );
@@ -236,7 +238,7 @@ fn a_node_that_would_leave_its_chart_stays() {
         |run| {
             set(run, 4, 8, [-9.0, 0.0]);
             run.copy_inactive_blocks(0);
-            // The Gaussian of a node far outside is outside, too.
+            // With a smoothing of 0.01, the rigid node would stay far outside of the chart: there is no sample.
             let before = at(run, 4, 8);
             run.pass(0, Pass::Regularise(Regularise { smoothing: 0.01, velocity: None }));
             assert_eq!(at(run, 4, 8), before);

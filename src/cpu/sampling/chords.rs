@@ -1,18 +1,19 @@
-//! The finest level: exact positions and tangents on the triangle under W(p), which is found by walking.
+//! The surface of the finest level (method §2): exact positions and tangents on the triangle under W(p), which is found
+//! by walking. Lengths are chords.
 
 use super::super::lanes::{LANES, Lanes, Truth, each};
-use super::Record;
-use super::{Chord, Samples, Site, Slopes, Surface};
+use super::TriangleRecord;
+use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
 use crate::mesh::NONE;
 use crate::method::law::{BORDER_TOLERANCE, INSIDE_TOLERANCE, TINY, WALK_STEPS};
 use crate::tile::Grid;
 use crate::tile::blocks::{SIDE, slot};
 
-/// Finest level: L = |f(W_n) - f(W_p)|.
+/// The surface of the finest level: L = |f(W_n) - f(W_p)|.
 #[derive(Clone, Copy)]
 pub struct Chords<'a> {
     pub grid: &'a Grid,
-    pub triangles: &'a [Record],
+    pub triangles: &'a [TriangleRecord],
 }
 
 impl Surface for Chords<'_> {
@@ -21,15 +22,15 @@ impl Surface for Chords<'_> {
     #[inline(always)]
     fn sample_row<V: Lanes>(
         &self,
-        site: &Site,
+        nodes: &GridRow,
         u: &[V; 2],
         lanes: V::Mask,
         samples: &mut Samples<V>,
     ) -> V::Mask {
         let mut triangle = V::index_array(samples.triangle);
-        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| site.lane(k) as f32);
-        let (column, row) = (V::from_array(column), V::splat(site.j as f32));
-        // Lanes without a triangle load the first one's record and are not used.
+        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| nodes.column(k) as f32);
+        let (column, row) = (V::from_array(column), V::splat(nodes.j as f32));
+        // Lanes without a triangle read the record of triangle 0 and are not used.
         let record = |t: u32| self.triangles.get(t as usize).unwrap_or(&self.triangles[0]);
         let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[0]));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
@@ -40,12 +41,12 @@ impl Surface for Chords<'_> {
         let outside = lanes.and_not(inside).bits();
         let (mut first, mut found) = (first, lanes);
         if outside != 0 {
-            // Most nodes stay on their triangle; the others walk, one by one.
+            // Most nodes stay on their triangle; the others are located one by one.
             let (x, y) = (u[0].to_array(), u[1].to_array());
             let mut lost = 0u8;
             for k in 0..LANES {
                 if outside >> k & 1 != 0 {
-                    match self.find(site.block, site.lane(k), site.j, [x[k], y[k]], triangle[k]) {
+                    match self.locate(nodes.block, nodes.column(k), nodes.j, [x[k], y[k]], triangle[k]) {
                         Some(t) => triangle[k] = t,
                         None => lost |= 1 << k,
                     }
@@ -57,25 +58,25 @@ impl Surface for Chords<'_> {
         }
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[1]));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
-        (samples.value, samples.slope) = on_plane(&first, &second, &d);
+        (samples.value, samples.slope) = affine_samples(&first, &second, &d);
         found
     }
 
     #[inline(always)]
     fn slope(&self, _b: usize, _i: i64, _j: i64, _u: [f32; 2], triangle: u32) -> [f32; 6] {
-        self.triangles.get(triangle as usize).map_or([0.0; 6], Record::slope)
+        self.triangles.get(triangle as usize).map_or([0.0; 6], TriangleRecord::slope)
     }
 
     #[inline(always)]
     fn slope_row<V: Lanes>(
         &self,
-        _site: &Site,
+        _nodes: &GridRow,
         _u: &[V; 2],
         triangle: &[u32; LANES],
         _lanes: V::Mask,
     ) -> Slopes<V> {
-        const NOWHERE: [f32; LANES] = [0.0; LANES];
-        let half = |t: u32| self.triangles.get(t as usize).map_or(&NOWHERE, |record| &record.halves[1]);
+        const ZEROS: [f32; LANES] = [0.0; LANES];
+        let half = |t: u32| self.triangles.get(t as usize).map_or(&ZEROS, |record| &record.halves[1]);
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(triangle[k])));
         each!([0, 1, 2, 3, 4, 5], |k| second[k + 1])
     }
@@ -93,56 +94,59 @@ impl Surface for Chords<'_> {
         n: &[V; 3],
         same: V::Mask,
         d: &[V; 2],
-    ) -> (V, [V; 2], Chord<V>) {
+    ) -> (V, [V; 2], GradientTerms<V>) {
         let c = chord(p, slope, n, same, d);
         let length = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + TINY).sqrt();
-        let kept = Chord { along: c, d: *d, inverse_length: V::one() / length };
-        let far = Self::far_gradient(&kept, slope);
-        (length, [-far[0], -far[1]], kept)
+        let terms = GradientTerms { along: c, d: *d, inverse_length: V::one() / length };
+        let far = Self::far_gradient(&terms, slope);
+        (length, [-far[0], -far[1]], terms)
     }
 
     #[inline(always)]
-    fn far_gradient<V: Lanes>(chord: &Chord<V>, slope_n: &Slopes<V>) -> [V; 2] {
-        let c = &chord.along;
+    fn far_gradient<V: Lanes>(terms: &GradientTerms<V>, neighbour_slope: &Slopes<V>) -> [V; 2] {
+        let c = &terms.along;
         each!([0, 3], |k| {
-            (slope_n[k] * c[0] + slope_n[k + 1] * c[1] + slope_n[k + 2] * c[2]) * chord.inverse_length
+            (neighbour_slope[k] * c[0] + neighbour_slope[k + 1] * c[1] + neighbour_slope[k + 2] * c[2])
+                * terms.inverse_length
         })
     }
 }
 
-/// Position and tangents at the offset d from a record's origin.
+/// Position and tangents at the offset d from the origin of a triangle, given the halves of its record.
 #[inline(always)]
-fn on_plane<V: Lanes>(first: &[V; LANES], second: &[V; LANES], d: &[V; 2]) -> ([V; 3], Slopes<V>) {
+fn affine_samples<V: Lanes>(first: &[V; LANES], second: &[V; LANES], d: &[V; 2]) -> ([V; 3], Slopes<V>) {
     let origin = [first[6], first[7], second[0]];
     let slope = each!([0, 1, 2, 3, 4, 5], |k| second[k + 1]);
     (each!([0, 1, 2], |k| origin[k] + (slope[k] * d[0] + slope[k + 3] * d[1])), slope)
 }
 
-/// The chord itself: from the triangle's tangents where both ends lie on one, the difference of positions elsewhere.
+/// The chord: tangents times offset where both ends lie on one triangle, elsewhere the difference of the positions.
 #[inline(always)]
 fn chord<V: Lanes>(p: &[V; 3], slope: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> [V; 3] {
     each!([0, 1, 2], |k| same.select(slope[k] * d[0] + slope[k + 3] * d[1], n[k] - p[k]))
 }
 
 impl Chords<'_> {
-    /// The triangle under node (i, j) + u of block `b`'s chart, starting at triangle `start`.
-    fn find(&self, b: usize, i: i64, j: i64, u: [f32; 2], start: u32) -> Option<u32> {
-        self.locate(i, j, u, start).or_else(|| {
-            // The walk was stopped by a border or ran too far: begin at the node nearest to W(p).
+    /// Locates the triangle under node (i, j) + u in the chart of block `b`, beginning at triangle `start`. `None` if
+    /// there is no sample.
+    fn locate(&self, b: usize, i: i64, j: i64, u: [f32; 2], start: u32) -> Option<u32> {
+        self.walk(i, j, u, start).or_else(|| {
+            // The walk ended at a border or had too many steps: walk again, from the node that is nearest to W(p).
             let (x, y) = (i + u[0].round() as i64, j + u[1].round() as i64);
             let block = self.grid.levels[0].blocks.holding(b, x, y);
-            let near = match block {
+            let nearest = match block {
                 NONE => return None,
                 block => self.grid.triangle[block as usize][slot(x as usize % SIDE, y as usize % SIDE)],
             };
             let chart = self.grid.levels[0].blocks.list[b].chart;
-            let usable = near != NONE && near != start && self.grid.chart_of[near as usize] == chart;
-            usable.then(|| self.locate(i, j, u, near)).flatten()
+            let usable = nearest != NONE && nearest != start && self.grid.chart_of[nearest as usize] == chart;
+            usable.then(|| self.walk(i, j, u, nearest)).flatten()
         })
     }
 
-    /// The triangle under node (i, j) + u, by walking from `t`; `None` at a border or after too many steps.
-    fn locate(&self, i: i64, j: i64, u: [f32; 2], mut t: u32) -> Option<u32> {
+    /// Walks from triangle `t` to the one under node (i, j) + u. `None` if the walk ends at a border or after
+    /// `WALK_STEPS`.
+    fn walk(&self, i: i64, j: i64, u: [f32; 2], mut t: u32) -> Option<u32> {
         for _ in 0..WALK_STEPS {
             let record = &self.triangles[t as usize];
             let origin = record.uv_origin();
@@ -161,7 +165,8 @@ impl Chords<'_> {
             let neighbours = &self.grid.triangles[t as usize].neighbours;
             let mut next = neighbours[corner];
             if next == NONE {
-                // On the border: the other negative corner, if there is one; rounding may put a point just outside.
+                // There is no neighbour behind this edge: cross another edge with a negative coordinate. If there is
+                // none, rounding may have put the point just outside of the border.
                 let all = [l0, l1, l2];
                 let other =
                     (0..3).find(|&k| k != corner && all[k] < -INSIDE_TOLERANCE && neighbours[k] != NONE);
@@ -175,19 +180,20 @@ impl Chords<'_> {
         None
     }
 
-    /// The samples at a row's nodes, displaced by u, on their triangles, extrapolated where they lie outside; 0 on none.
+    /// Samples at a row's nodes displaced by u, on the given triangles, which are continued affinely; 0 in lanes
+    /// without a triangle.
     #[inline(always)]
-    pub fn on_row<V: Lanes>(&self, site: &Site, u: &[V; 2], triangle: V::Index) -> Samples<V> {
-        const NOWHERE: [f32; LANES] = [0.0; LANES];
+    pub fn sample_row_on<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], triangle: V::Index) -> Samples<V> {
+        const ZEROS: [f32; LANES] = [0.0; LANES];
         let at = V::index_array(triangle);
         let half =
-            |t: u32, h: usize| self.triangles.get(t as usize).map_or(&NOWHERE, |record| &record.halves[h]);
+            |t: u32, h: usize| self.triangles.get(t as usize).map_or(&ZEROS, |record| &record.halves[h]);
         let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 0)));
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 1)));
-        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| site.lane(k) as f32);
-        let (column, row) = (V::from_array(column), V::splat(site.j as f32));
+        let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| nodes.column(k) as f32);
+        let (column, row) = (V::from_array(column), V::splat(nodes.j as f32));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
-        let (value, slope) = on_plane(&first, &second, &d);
+        let (value, slope) = affine_samples(&first, &second, &d);
         Samples { value, slope, triangle }
     }
 }

@@ -1,22 +1,24 @@
-//! Coarser levels: metrics, bilinear between nodes, and their slopes.
+//! The surface of a coarser level (method §3): metrics, interpolated bilinearly between nodes, and their derivatives.
+//! Lengths are arc lengths.
 
 use super::super::lanes::{LANES, Lanes, Truth, each};
-use super::{Chord, Samples, Site, Slopes, Surface};
+use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
 use crate::mesh::NONE;
 use crate::method::law::TINY;
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE, slot};
 
-/// Coarser levels: L = sqrt(dᵀ ½(G_p + G_n) d).
+/// The surface of a coarser level: L = sqrt(dᵀ ½(G_p + G_n) d).
 #[derive(Clone, Copy)]
 pub struct Metrics<'a> {
     pub level: &'a Level,
-    /// Per block: (E, F, G), per cell squared of this level.
+    /// Metrics (E, F, G) at the nodes, per block, in cell units of this level.
     pub metric: &'a [[Plane; 3]],
 }
 
 impl Metrics<'_> {
-    /// The metrics at (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1), seen from block `b`.
+    /// The metrics at (i, j), (i + 1, j), (i, j + 1) and (i + 1, j + 1) in the chart of block `b`; `None` if one of
+    /// these nodes is not stored.
     #[inline(always)]
     fn corners(&self, b: usize, i: i64, j: i64) -> Option<[[f32; 3]; 4]> {
         let at = |block: usize, i: i64, j: i64| {
@@ -41,7 +43,7 @@ impl Metrics<'_> {
         Some([low, at(i + 1, j)?, at(i, j + 1)?, at(i + 1, j + 1)?])
     }
 
-    /// Value and slope from a cell's corners and the place in it.
+    /// Metric and slope at (s, t) in a cell, from the metrics at its corners.
     #[inline(always)]
     fn bilinear<V: Lanes>(corners: &[[V; 3]; 4], s: V, t: V) -> ([V; 3], Slopes<V>) {
         let [g00, g10, g01, g11] = corners;
@@ -58,19 +60,20 @@ impl Metrics<'_> {
         (value, slope)
     }
 
-    /// The cells' corners under a row's nodes, the places in them, and where there are any.
+    /// For a row's nodes displaced by u: the metrics at the corners of the cells that they lie in, the coordinates in
+    /// these cells, and the lanes that have a cell.
     #[inline(always)]
-    fn cells<V: Lanes>(&self, site: &Site, u: &[V; 2], lanes: V::Mask) -> ([[V; 3]; 4], [V; 2], V::Mask) {
-        let whole = each!([0, 1], |c| u[c].floor());
-        let inside = each!([0, 1], |c| u[c] - whole[c]);
-        let (x, y) = (whole[0].to_array(), whole[1].to_array());
+    fn cells<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], lanes: V::Mask) -> ([[V; 3]; 4], [V; 2], V::Mask) {
+        let cell_origin = each!([0, 1], |c| u[c].floor());
+        let coordinates = each!([0, 1], |c| u[c] - cell_origin[c]);
+        let (x, y) = (cell_origin[0].to_array(), cell_origin[1].to_array());
         let mut corners = [[[0.0f32; LANES]; 3]; 4];
         let (bits, mut lost) = (lanes.bits(), 0u8);
         for k in 0..LANES {
             if bits >> k & 1 == 0 {
                 continue;
             }
-            match self.corners(site.block, site.lane(k) + x[k] as i64, site.j + y[k] as i64) {
+            match self.corners(nodes.block, nodes.column(k) + x[k] as i64, nodes.j + y[k] as i64) {
                 Some(cell) => {
                     for (to, from) in corners.iter_mut().zip(cell) {
                         for c in 0..3 {
@@ -82,7 +85,7 @@ impl Metrics<'_> {
             }
         }
         let corners = each!([0, 1, 2, 3], |n| each!([0, 1, 2], |c| V::from_array(corners[n][c])));
-        (corners, inside, lanes.and_not(V::Mask::from_bits(lost)))
+        (corners, coordinates, lanes.and_not(V::Mask::from_bits(lost)))
     }
 }
 
@@ -92,21 +95,23 @@ impl Surface for Metrics<'_> {
     #[inline(always)]
     fn sample_row<V: Lanes>(
         &self,
-        site: &Site,
+        nodes: &GridRow,
         u: &[V; 2],
         lanes: V::Mask,
         samples: &mut Samples<V>,
     ) -> V::Mask {
-        let (corners, [s, t], found) = self.cells(site, u, lanes);
+        let (corners, [s, t], found) = self.cells(nodes, u, lanes);
         (samples.value, samples.slope) = Self::bilinear(&corners, s, t);
         found
     }
 
     #[inline(always)]
     fn slope(&self, b: usize, i: i64, j: i64, u: [f32; 2], _triangle: u32) -> [f32; 6] {
-        let whole = [u[0].floor(), u[1].floor()];
-        let [s, t] = [u[0] - whole[0], u[1] - whole[1]];
-        let Some([g00, g10, g01, g11]) = self.corners(b, i + whole[0] as i64, j + whole[1] as i64) else {
+        let cell_origin = [u[0].floor(), u[1].floor()];
+        let [s, t] = [u[0] - cell_origin[0], u[1] - cell_origin[1]];
+        let Some([g00, g10, g01, g11]) =
+            self.corners(b, i + cell_origin[0] as i64, j + cell_origin[1] as i64)
+        else {
             return [0.0; 6];
         };
         let x = each!([0, 1, 2], |k| (1.0 - t) * (g10[k] - g00[k]) + t * (g11[k] - g01[k]));
@@ -118,13 +123,13 @@ impl Surface for Metrics<'_> {
     #[inline(always)]
     fn slope_row<V: Lanes>(
         &self,
-        site: &Site,
+        nodes: &GridRow,
         u: &[V; 2],
         _triangle: &[u32; LANES],
         lanes: V::Mask,
     ) -> Slopes<V> {
-        // Lanes without a cell have corners of 0, and so a slope of 0.
-        let (corners, [s, t], _) = self.cells(site, u, lanes);
+        // Lanes without a cell have metrics of 0 at the corners, and hence a slope of 0.
+        let (corners, [s, t], _) = self.cells(nodes, u, lanes);
         Self::bilinear(&corners, s, t).1
     }
 
@@ -142,27 +147,30 @@ impl Surface for Metrics<'_> {
         n: &[V; 3],
         _same: V::Mask,
         d: &[V; 2],
-    ) -> (V, [V; 2], Chord<V>) {
+    ) -> (V, [V; 2], GradientTerms<V>) {
         let g = each!([0, 1, 2], |k| (p[k] + n[k]) * 0.5);
         let along = [g[0] * d[0] + g[1] * d[1], g[1] * d[0] + g[2] * d[1], V::zero()];
         let length = ((along[0] * d[0] + along[1] * d[1]).max(V::zero()) + TINY).sqrt();
-        let kept = Chord { along, d: *d, inverse_length: V::one() / length };
-        let own = half_change(&kept, slope);
-        let near = [(own[0] - along[0]) * kept.inverse_length, (own[1] - along[1]) * kept.inverse_length];
-        (length, near, kept)
+        let terms = GradientTerms { along, d: *d, inverse_length: V::one() / length };
+        let half_change = half_change(&terms, slope);
+        let near = [
+            (half_change[0] - along[0]) * terms.inverse_length,
+            (half_change[1] - along[1]) * terms.inverse_length,
+        ];
+        (length, near, terms)
     }
 
     #[inline(always)]
-    fn far_gradient<V: Lanes>(chord: &Chord<V>, slope_n: &Slopes<V>) -> [V; 2] {
-        let own = half_change(chord, slope_n);
-        each!([0, 1], |k| (own[k] + chord.along[k]) * chord.inverse_length)
+    fn far_gradient<V: Lanes>(terms: &GradientTerms<V>, neighbour_slope: &Slopes<V>) -> [V; 2] {
+        let half_change = half_change(terms, neighbour_slope);
+        each!([0, 1], |k| (half_change[k] + terms.along[k]) * terms.inverse_length)
     }
 }
 
-/// An end's half of the metric's change along W: ¼ dᵀ (dG/dx) d and ¼ dᵀ (dG/dy) d.
+/// The term of an end's gradient that comes from the change of the metric: ¼ dᵀ (∂G/∂x) d and ¼ dᵀ (∂G/∂y) d.
 #[inline(always)]
-fn half_change<V: Lanes>(chord: &Chord<V>, slope: &Slopes<V>) -> [V; 2] {
-    let [x, y] = chord.d;
+fn half_change<V: Lanes>(terms: &GradientTerms<V>, slope: &Slopes<V>) -> [V; 2] {
+    let [x, y] = terms.d;
     let (xx, xy, yy) = (x * x, x * y * 2.0, y * y);
     each!([0, 3], |k| (slope[k] * xx + slope[k + 1] * xy + slope[k + 2] * yy) * 0.25)
 }

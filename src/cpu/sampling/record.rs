@@ -1,32 +1,35 @@
-//! A triangle as the kernels read it: its UVs and its pose in one cache line, of which each half loads as one vector.
+//! The record of a triangle that kernels read: its UV geometry and its pose in one cache line. Each half is loaded as
+//! one vector.
 
 use crate::tile::UvTriangle;
 use crate::tile::pose::PoseTriangle;
 
-/// First half: UV origin (2), rows of the barycentric matrix (4), the pose origin's x and y.
-/// Second half: the pose origin's z, df/dx (3), df/dy (3), nothing.
+/// A triangle's UVs and pose.
+///
+/// First half: UV origin (2), rows of the barycentric matrix (4), x and y of the pose origin. Second half: z of the
+/// pose origin, ∂f/∂x (3), ∂f/∂y (3), padding (1).
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
-pub struct Record {
+pub struct TriangleRecord {
     pub halves: [[f32; 8]; 2],
 }
 
-impl Record {
-    pub fn new(uv: &UvTriangle, pose: &PoseTriangle) -> Record {
+impl TriangleRecord {
+    pub fn new(uv: &UvTriangle, pose: &PoseTriangle) -> TriangleRecord {
         let ([ox, oy], [[a, b], [c, d]]) = (uv.origin, uv.barycentric);
         let [px, py, pz] = pose.origin;
         let [[x0, x1, x2], [y0, y1, y2]] = pose.tangent;
-        Record { halves: [[ox, oy, a, b, c, d, px, py], [pz, x0, x1, x2, y0, y1, y2, 0.0]] }
+        TriangleRecord { halves: [[ox, oy, a, b, c, d, px, py], [pz, x0, x1, x2, y0, y1, y2, 0.0]] }
     }
 
-    /// The triangle's first corner in cells.
+    /// The first UV corner, in cells.
     #[inline(always)]
     pub fn uv_origin(&self) -> [f32; 2] {
         let [x, y, ..] = self.halves[0];
         [x, y]
     }
 
-    /// Barycentrics of corners 0, 1 and 2 at an offset from the first corner.
+    /// Barycentric coordinates of the point at the offset d from the first UV corner.
     #[inline(always)]
     pub fn barycentrics(&self, d: [f32; 2]) -> [f32; 3] {
         let [_, _, a, b, c, e, ..] = self.halves[0];
@@ -34,7 +37,7 @@ impl Record {
         [1.0 - l1 - l2, l1, l2]
     }
 
-    /// df/dx, then df/dy.
+    /// ∂f/∂x, then ∂f/∂y.
     #[inline(always)]
     pub fn slope(&self) -> [f32; 6] {
         let [_, a, b, c, d, e, f, _] = self.halves[1];

@@ -1,4 +1,5 @@
-//! Samples the surface anew under all nodes of some blocks, after their displacements were set from outside.
+//! Resampling: computes the samples of all nodes of some blocks from displacements that were not set by relaxation
+//! (method §2 and §3).
 
 use crate::mesh::NONE;
 use crate::tile::blocks::{Plane, SIDE, slot};
@@ -7,26 +8,26 @@ use super::super::Run;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
 use super::super::patch::State;
 use super::super::row::Row;
-use super::{Chords, Metrics, Samples, Site, Surface};
+use super::{Chords, GridRow, Metrics, Samples, Surface};
 
 /// Where the walk to the triangle under W(p) begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// W is the identity: each node lies on its own triangle, and none walks. Fixed nodes are sampled here alone.
+    /// No walk: W is the identity, and each node has its triangle at rest. Fixed nodes, too, are sampled.
     Identity,
-    /// At the triangle of the node nearest to W(p): W may be anything.
+    /// At the triangle at rest of the node that is nearest to W(p). For any W.
     Nearest,
-    /// At the triangle that the state has: W(p) was there and has moved a little.
+    /// At the node's present triangle. For a W(p) that has moved a little.
     Present,
 }
 
 impl Run<'_> {
-    /// Samples the surface anew under all nodes of the blocks, from their displacements.
+    /// Resamples the given blocks of a level.
     pub(in crate::cpu) fn resample(&mut self, level: usize, blocks: &[u32], start: Start) {
         self.move_and_resample(level, blocks, start, |_, _| {});
     }
 
-    /// The same after `set(block, displacements)` has set those of each block.
+    /// Sets the displacements of the given blocks of a level by `set(block, displacements)`, and resamples the blocks.
     pub(in crate::cpu) fn move_and_resample(
         &mut self,
         level: usize,
@@ -55,7 +56,7 @@ impl Run<'_> {
     }
 }
 
-/// Samples a finest block anew. No other item may touch it meanwhile.
+/// Resamples a block of the finest level. No other item may access it meanwhile.
 struct ResampleChords<'a> {
     surface: Chords<'a>,
     state: State,
@@ -70,73 +71,80 @@ impl Kernel for ResampleChords<'_> {
     fn run<V: Lanes>(self) {
         let ResampleChords { surface, state, b, start } = self;
         let level = &surface.grid.levels[0];
-        let rest = &surface.grid.triangle[b];
-        // SAFETY: no other item touches the block.
+        let rest_triangles = &surface.grid.triangle[b];
+        // SAFETY: no other item accesses the block.
         let (u, value, triangle) =
             unsafe { (state.u.get(b), state.value.get_mut(b), state.triangle.get_mut(b)) };
         for row in Row::all() {
             let s = row.slot();
-            let site = Site::new(level, b, row);
+            let nodes = GridRow::new(level, b, row);
             if start == Start::Identity {
-                let on = surface.on_row::<V>(&site, &[V::zero(); 2], V::load_index(rest, s));
-                V::store_index(V::load_index(rest, s), triangle, s);
+                let samples =
+                    surface.sample_row_on::<V>(&nodes, &[V::zero(); 2], V::load_index(rest_triangles, s));
+                V::store_index(V::load_index(rest_triangles, s), triangle, s);
                 for c in 0..3 {
-                    on.value[c].store(&mut value[c], s);
+                    samples.value[c].store(&mut value[c], s);
                 }
                 continue;
             }
             let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
             if start == Start::Present && lanes.bits() != u8::MAX {
-                // A correction has used the samples' memory.
-                let on = surface.on_row::<V>(&site, &[V::zero(); 2], V::load_index(rest, s));
+                // Fixed nodes: a correction has overwritten the memory of the samples.
+                let samples =
+                    surface.sample_row_on::<V>(&nodes, &[V::zero(); 2], V::load_index(rest_triangles, s));
                 for c in 0..3 {
-                    on.value[c].store(&mut value[c], s);
+                    samples.value[c].store(&mut value[c], s);
                 }
             }
             if !lanes.any() {
                 continue;
             }
-            let d = each!([0, 1], |c| V::load(&u[c], s));
-            let mut from = [NONE; LANES];
-            from.copy_from_slice(&triangle[s..s + LANES]);
+            let displacement = each!([0, 1], |c| V::load(&u[c], s));
+            let mut start_triangles = [NONE; LANES];
+            start_triangles.copy_from_slice(&triangle[s..s + LANES]);
             if start == Start::Nearest {
-                let (x, y) = (d[0].to_array(), d[1].to_array());
+                let (x, y) = (displacement[0].to_array(), displacement[1].to_array());
                 for k in 0..LANES {
-                    from[k] = surface.nearest(&site, k, [x[k], y[k]]).unwrap_or(rest[s + k]);
+                    start_triangles[k] =
+                        surface.nearest(&nodes, k, [x[k], y[k]]).unwrap_or(rest_triangles[s + k]);
                 }
             }
-            let mut on =
-                Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: V::index_from(from) };
-            let found = surface.sample_row(&site, &d, lanes, &mut on);
+            let mut samples = Samples {
+                value: [V::zero(); 3],
+                slope: [V::zero(); 6],
+                triangle: V::index_from(start_triangles),
+            };
+            let found = surface.sample_row(&nodes, &displacement, lanes, &mut samples);
             if lanes.and_not(found).any() {
-                // W leaves the chart: what lies around the start is extended.
-                on.triangle = V::select_index(found, on.triangle, V::index_from(from));
-                on.value = surface.on_row::<V>(&site, &d, on.triangle).value;
+                // Where W leaves the chart, the surface is continued affinely from the triangle at which the walk
+                // began.
+                samples.triangle = V::select_index(found, samples.triangle, V::index_from(start_triangles));
+                samples.value = surface.sample_row_on::<V>(&nodes, &displacement, samples.triangle).value;
             }
             for c in 0..3 {
-                lanes.select(on.value[c], V::load(&value[c], s)).store(&mut value[c], s);
+                lanes.select(samples.value[c], V::load(&value[c], s)).store(&mut value[c], s);
             }
-            V::store_index(V::select_index(lanes, on.triangle, V::load_index(triangle, s)), triangle, s);
+            V::store_index(V::select_index(lanes, samples.triangle, V::load_index(triangle, s)), triangle, s);
         }
     }
 }
 
 impl Chords<'_> {
-    /// The triangle of the node nearest to W(p), if that lies in the same chart.
+    /// The triangle at rest of the node that is nearest to W(p), if it lies in the same chart.
     #[inline(always)]
-    fn nearest(&self, site: &Site, lane: usize, u: [f32; 2]) -> Option<u32> {
+    fn nearest(&self, nodes: &GridRow, lane: usize, u: [f32; 2]) -> Option<u32> {
         let level = &self.grid.levels[0];
-        let (x, y) = (site.lane(lane) + u[0].round() as i64, site.j + u[1].round() as i64);
-        let triangle = match level.blocks.holding(site.block, x, y) {
+        let (x, y) = (nodes.column(lane) + u[0].round() as i64, nodes.j + u[1].round() as i64);
+        let triangle = match level.blocks.holding(nodes.block, x, y) {
             NONE => NONE,
             near => self.grid.triangle[near as usize][slot(x as usize % SIDE, y as usize % SIDE)],
         };
-        let chart = level.blocks.list[site.block].chart;
+        let chart = level.blocks.list[nodes.block].chart;
         (triangle != NONE && self.grid.chart_of[triangle as usize] == chart).then_some(triangle)
     }
 }
 
-/// Samples a coarser block anew. No other item may touch it meanwhile.
+/// Resamples a block of a coarser level. No other item may access it meanwhile.
 struct ResampleMetrics<'a> {
     surface: Metrics<'a>,
     state: State,
@@ -151,7 +159,7 @@ impl Kernel for ResampleMetrics<'_> {
     fn run<V: Lanes>(self) {
         let ResampleMetrics { surface, state, b, start } = self;
         let metric = &surface.metric[b];
-        // SAFETY: no other item touches the block.
+        // SAFETY: no other item accesses the block.
         let (u, value) = unsafe { (state.u.get(b), state.value.get_mut(b)) };
         if start == Start::Identity {
             *value = *metric;
@@ -160,12 +168,13 @@ impl Kernel for ResampleMetrics<'_> {
         for row in Row::all() {
             let s = row.slot();
             let lanes = V::zero().lt(V::load_u8(&surface.level.movable[b], s));
-            let d = each!([0, 1], |c| V::load(&u[c], s));
-            let nowhere = V::index_from([NONE; LANES]);
-            let mut on = Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: nowhere };
-            let found = surface.sample_row(&Site::new(surface.level, b, row), &d, lanes, &mut on);
+            let displacement = each!([0, 1], |c| V::load(&u[c], s));
+            let no_triangle = V::index_from([NONE; LANES]);
+            let mut samples = Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: no_triangle };
+            let found =
+                surface.sample_row(&GridRow::new(surface.level, b, row), &displacement, lanes, &mut samples);
             for c in 0..3 {
-                lanes.and(found).select(on.value[c], V::load(&metric[c], s)).store(&mut value[c], s);
+                lanes.and(found).select(samples.value[c], V::load(&metric[c], s)).store(&mut value[c], s);
             }
         }
     }
