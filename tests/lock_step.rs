@@ -47,10 +47,8 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
         ("step (cells)", _) => ([4e-3, 4e-4], [1e-4, 1e-5]),
         // A root of a quadratic in the step, whose discriminant may be close to 0.
         ("cut of the step", _) => ([0.0; 2], [0.1, 5e-3]),
-        // A first correction is enough if its gain is within 0.03 % of the energy of what was foretold. The energy of a
-        // chart that is hardly strained has no digits for that (see below): two of the eleven of ict_inner decide
-        // otherwise, and no chart of any other model does.
-        ("decision to stop", _) => ([0.0; 2], [1.0, 0.43]),
+        // 0 or 1 for each chart: see `MAX_OTHER_DECISIONS`.
+        ("decision to stop", _) => ([0.0; 2], [1.0, 1.0]),
         // A strain is the difference of lengths over a length, and a length that of positions rounded to 6e-8 over 1/100
         // of the chart: 1e-5. A chart that is hardly strained has no more digits than that in its energy; what counts
         // is the sum, in which such charts are nothing.
@@ -65,6 +63,13 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
         (other, _) => panic!("{other} has no tolerance"),
     }
 }
+
+/// In one correction of a model at most 2 of 11 charts may stop on one backend and go on on the other; none of a model
+/// with five charts or fewer. A first correction is enough if its gain differs from the predicted one by at most 0.03 %
+/// of the energy (method §7.7), and the energy of a chart that is hardly strained has no digits for that (`energy of a
+/// chart, relative`: up to 5e-3 apart). Only ict_inner, with eleven charts, has such ones: one of them decides otherwise
+/// with Mesa's software driver, and two have done so.
+const MAX_OTHER_DECISIONS: [u64; 2] = [2, 11];
 
 /// The model whose cells are crushed everywhere.
 const CRUSHED: &str = "squash to 10 %";
@@ -127,6 +132,11 @@ fn stages_from_the_same_state() {
             };
             if *quantity == "rise of a chart's energy, relative" && *size > 1e-6 {
                 failures.push(format!("{}: {stage}: a chart's energy rises by {size:.1e}", model.name));
+            }
+            let [most, of] = MAX_OTHER_DECISIONS;
+            if *quantity == "decision to stop" && different * of > most * count {
+                let name = &model.name;
+                failures.push(format!("{name}: {stage}: {different} of {count} charts decide otherwise"));
             }
             if *quantity == "cut of the step" {
                 least_share = least_share.min(1.0 - size);
