@@ -5,7 +5,7 @@ mod common;
 use common::{Model, bits, cpu, options, scenes};
 use vrtm::{Asset, Backend, Device, DeviceSettings, Quality, SolveOptions, Strided};
 
-/// The CPU, and a GPU if there is one, each with the cells a side of the grids that are solved on it.
+/// The CPU, and a GPU if there is one, each with the grid size (cells a side) that is solved on it.
 fn devices() -> Vec<(Device, u32)> {
     let gpu = common::gpu(&DeviceSettings::default()).map(|device| (device, 256));
     [(cpu(0), 512)].into_iter().chain(gpu).collect()
@@ -22,7 +22,7 @@ struct Work {
     sweeps: u32,
     corrections: u32,
     node_updates: u64,
-    /// Dispatches on the GPU, and the command submissions.
+    /// Dispatches and command submissions on the GPU; 0 on the CPU.
     dispatches: u64,
     submissions: u64,
 }
@@ -43,7 +43,7 @@ impl Work {
         }
     }
 
-    /// True if every count that the backend has is more than 0.
+    /// True if every count that the backend reports is more than 0.
     fn is_full(&self, backend: Backend) -> bool {
         let Work { charts, blocks, nodes, sweeps, corrections, node_updates, dispatches, submissions } =
             *self;
@@ -65,7 +65,7 @@ fn rest_and_a_pose_again_take_no_work() {
                 (Work::of(&asset, 0), [report.charts_reused, report.charts_identity, report.charts])
             };
             let (pose, rest) = (model.frame(1), Strided::from_f32x3(&model.rest));
-            // From rest, from a pose, and from rest that comes after a pose.
+            // Three cases: rest, a pose, and the same pose again; the second round begins with rest after a pose.
             for _ in 0..2 {
                 let (work, [_, identity, charts]) = solve(rest);
                 assert_eq!((work, identity), (Work::default(), charts), "{backend:?} {}: rest", model.name);
@@ -87,7 +87,7 @@ fn rest_and_a_pose_again_take_no_work() {
 
 #[test]
 fn a_tile_does_not_pay_for_another() {
-    // The arm bends over two tiles; from one frame to the next only its upper half, tile 0, moves.
+    // The arm bends over two tiles; between the first and the last frame only its upper half, tile 0, moves.
     let mut model = Model::from(scenes::arm());
     let forearm = model.vertices(|uv| uv[0] >= 1.0);
     let mut next = model.frames[0].clone();
@@ -119,7 +119,7 @@ fn nothing_active_takes_no_solver() {
     let mut both = model.asset(0, 512);
     both.solve(model.frame(2), &SolveOptions::default()).unwrap();
     let full = held(&both);
-    let asleep = |asset: &Asset, name: &str| {
+    let assert_idle = |asset: &Asset, name: &str| {
         let report = asset.report().unwrap();
         assert_eq!((report.charts_active, report.nodes_active), (0, 0), "{name}");
         assert!(bits(asset).iter().all(|u| *u == [0; 2]), "{name}");
@@ -127,50 +127,50 @@ fn nothing_active_takes_no_solver() {
             let report = asset.tile_report(tile).unwrap();
             assert_eq!((report.sweeps, report.corrections, report.node_updates), (0, 0, 0), "{name}");
         }
-        // Maps, coverage and grid stay: about a fifth of what the solver's memory makes of it.
+        // Maps, coverage and grid remain: about a fifth of the bytes that are held with the solver's memory.
         assert!(held(asset) < full * 3 / 10, "{name}: {} of {full} bytes", held(asset));
     };
-    // Rest, as the first pose there is.
+    // The first pose is rest.
     let mut asset = model.asset(0, 512);
     asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
-    asleep(&asset, "rest");
+    assert_idle(&asset, "rest");
     // Nothing rigid.
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
     common::set_grid(&mut asset, 512);
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
-    asleep(&asset, "nothing rigid");
-    // Nothing may move.
+    assert_idle(&asset, "nothing rigid");
+    // All nodes are masked.
     let mut asset = model.asset(0, 512);
     for tile in 0..2 {
         asset.set_mask(tile, Some(common::view(&[0], 1, 1))).unwrap();
     }
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
-    asleep(&asset, "all masked");
-    // One tile of two.
+    assert_idle(&asset, "all masked");
+    // Only one of two tiles has rigidity.
     let mut asset = model.asset(0, 512);
     asset.set_rigidity(1, None).unwrap();
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     let half = held(&asset);
     let report = asset.report().unwrap();
     assert_eq!((report.tiles_active, report.charts_active), (1, 1));
-    // The two tiles' charts are of one size.
+    // The charts of the two tiles have the same size.
     assert!(half > 0 && half < full * 6 / 10, "{half} of {full} bytes");
-    // What was taken is given back.
+    // All memory is freed with the asset.
     let device = both.device().clone();
     assert!(device.info().bytes_held > 0);
     drop(both);
     assert_eq!(device.info().bytes_held, 0);
 }
 
-/// The bytes per movable node that a tile held when this was measured, its result, maps and the mesh's part included, on
-/// the worse one of two scenes: at 256 and at 512 cells a side. The CPU takes 216 and 303 at 256, 184 and 224 at 512;
-/// the GPU 317 and 443, 275 and 333.
+/// Bytes per movable node that a tile held when this was measured, with its result, its maps and its part of the mesh,
+/// on the worse of two scenes, at 256 and at 512 cells a side. (The two scenes take 216 and 303 bytes on the CPU at
+/// 256, 184 and 224 at 512; on the GPU 317 and 443, 275 and 333.)
 ///
-/// The design's bar is 128, and is not met. A node of a stored block takes 153 bytes on the CPU, more than half
-/// of them the rows and vectors of corrections, and 200 on a GPU, which holds constants in four bytes where the CPU has
-/// one or two (method §12). On top come the nodes of stored blocks that may not move, which count only in the bytes, the maps and
-/// the coverage of the whole tile, the triangles, and with a GPU the host's copy of the constants. On small grids these
-/// are divided among few nodes.
+/// The design's bar is 128, and is not met. A node of a stored block takes 153 bytes on the CPU, more than half of them
+/// for the rows and vectors of corrections, and 200 on a GPU, which holds constants in four bytes where the CPU has one
+/// or two (method §12). In addition there are the fixed nodes of stored blocks, the maps and the coverage of the whole
+/// tile, the triangles, and with a GPU the host's copy of the constants. On small grids these are divided among few
+/// movable nodes.
 fn measured_bytes(backend: Backend) -> [(u32, f64); 2] {
     match backend {
         Backend::Gpu => [(256, 443.0), (512, 333.0)],
@@ -204,7 +204,8 @@ fn bytes_follow_the_active_nodes() {
             }
         }
     }
-    // A mask that leaves a quarter of the sheet holds about a quarter: blocks without a movable node are not there.
+    // A mask that leaves a quarter of the sheet movable takes about a quarter of the bytes: blocks without a movable
+    // node or a neighbour of one are not stored.
     let model = Model::from(scenes::analytic::bulge());
     let held = |mask: &[u8]| {
         let mut asset = model.asset(0, 512);
@@ -215,7 +216,7 @@ fn bytes_follow_the_active_nodes() {
     };
     let (all, quarter) = (held(&[255; 4]), held(&[255, 0, 0, 0]));
     println!("a quarter: {:.3} of the bytes, {:.3} of the blocks", quarter.0 / all.0, quarter.1 / all.1);
-    // The rim of a quarter is twice as large a share of it.
+    // The rim is twice as large a part of a quarter of the sheet.
     assert!(quarter.0 < 0.35 * all.0 && quarter.1 < 0.3 * all.1);
 }
 
@@ -223,9 +224,9 @@ fn bytes_follow_the_active_nodes() {
 fn work_is_bounded() {
     for model in [scenes::mug_to_jug(), scenes::creature()].map(Model::from) {
         let mut asset = model.asset(0, 256);
-        // On the finest level and on each of the others: sweeps at a time, and corrections (method §5). `high` comes to
-        // the finest level as `normal` does, so that it never ends higher: it has one correction and two sweeps on the
-        // others, too.
+        // Sweeps per correction and corrections, on the finest level and on each of the others (method §5). `high`
+        // reaches the finest level in the same way as `normal`, so that it never ends higher: on the other levels it
+        // has one correction and two sweeps, too.
         for (quality, sweeps, corrections) in [
             (Quality::Draft, [3, 3], [0, 1]),
             (Quality::Normal, [2, 2], [4, 1]),
@@ -235,13 +236,14 @@ fn work_is_bounded() {
             let report = asset.tile_report(0).unwrap();
             let levels = [1, report.levels - 1];
             let sum = |per_level: [u32; 2]| per_level[0] * levels[0] + per_level[1] * levels[1];
-            // These counts are the schedule's, whatever single charts take part in.
+            // Corrections are counted by the schedule, even if some charts sit them out.
             assert_eq!(report.corrections, sum(corrections), "{quality:?}");
-            // After each correction, or alone on a level without.
+            // Sweeps follow each correction, or come alone on a level without corrections.
             let planned = sum([0, 1].map(|k| sweeps[k] * corrections[k].max(1)));
             assert_eq!(report.sweeps, planned, "{quality:?}");
-            // Relaxation follows each of the three trials of a correction, and comes alone if none is accepted. Each
-            // level has at most a quarter of the movable nodes of the next finer one, all coarser ones together a third.
+            // Sweeps follow each of the three trials of a correction, and come alone if no trial is accepted. Each
+            // level has at most a quarter of the movable nodes of the next finer one, and all coarser levels together a
+            // third.
             let nodes = report.nodes_active;
             let updates = [0, 1].map(|k| u64::from(sweeps[k] * (4 * corrections[k]).max(1)) * nodes);
             let most = updates[0] + updates[1] / 3;

@@ -9,7 +9,7 @@ use std::fmt;
 use common::{Model, bits, cpu, options};
 use vrtm::{Asset, Device, DeviceSettings, Quality, Strided, TileReport};
 
-/// One solve on both.
+/// A solve that is done on both backends.
 struct Case<'a> {
     model: &'a Model,
     frame: usize,
@@ -36,7 +36,7 @@ impl Difference {
     /// Differences of `other` from `base`.
     fn between(base: &Asset, other: &Asset, tile: usize) -> Difference {
         let [b, o] = [base, other].map(|asset| asset.tile_report(tile).unwrap());
-        let (max, rms) = apart(base, other, tile);
+        let (max, rms) = displacement_differences(base, other, tile);
         Difference {
             max,
             rms,
@@ -90,8 +90,8 @@ fn solve(model: &Model, pose: &[[f32; 3]], device: &Device, case: &Case) -> Asse
     asset
 }
 
-/// (largest, RMS over movable nodes) difference of two results' displacements, in cells.
-fn apart(a: &Asset, b: &Asset, tile: usize) -> (f64, f64) {
+/// Largest and RMS difference of the displacements of two results, in cells. The RMS is over movable nodes.
+fn displacement_differences(a: &Asset, b: &Asset, tile: usize) -> (f64, f64) {
     let [u, v] = [a, b].map(|asset| asset.displacements(tile).unwrap());
     let both = u.iter().flatten().zip(v.iter().flatten());
     let (max, squares) = both.fold((0.0f64, 0.0), |(max, squares), (a, b)| {
@@ -128,14 +128,14 @@ fn counts(r: &TileReport) -> [u64; 9] {
     [a, b, c, d, e, r.nodes_active, r.blocks_active, r.sweeps.into(), r.corrections.into()]
 }
 
-/// One line of the table per tile; what is wrong goes to `failures`.
+/// Prints one line of the table per tile, and appends what is wrong to `failures`.
 fn check(case: &Case, device: &Device, failures: &mut Vec<String>) {
     let Case { model, frame, grid, quality } = *case;
     let pose = &model.frames[frame - 1];
-    let (of_cpu, of_gpu) = (solve(model, pose, &cpu(0), case), solve(model, pose, device, case));
+    let (cpu_result, gpu_result) = (solve(model, pose, &cpu(0), case), solve(model, pose, device, case));
     let others: Vec<Asset> = (1..4).map(|k| solve(model, &perturbed(pose, k), &cpu(0), case)).collect();
-    for tile in 0..of_cpu.tile_count() {
-        let [c, g] = [&of_cpu, &of_gpu].map(|asset| asset.tile_report(tile).unwrap());
+    for tile in 0..cpu_result.tile_count() {
+        let [c, g] = [&cpu_result, &gpu_result].map(|asset| asset.tile_report(tile).unwrap());
         let name = format!("{} {frame}", model.name);
         let mut fail = |what: String| {
             failures.push(format!("{name}, {}, {grid}², {quality:?}: {what}", c.udim));
@@ -146,10 +146,10 @@ fn check(case: &Case, device: &Device, failures: &mut Vec<String>) {
         if c.charts_active == 0 {
             continue;
         }
-        let difference = Difference::between(&of_cpu, &of_gpu, tile);
+        let difference = Difference::between(&cpu_result, &gpu_result, tile);
         let sensitivity = others
             .iter()
-            .map(|other| Difference::between(&of_cpu, other, tile))
+            .map(|other| Difference::between(&cpu_result, other, tile))
             .fold(Difference::default(), |a, b| a.zip(b, f64::max));
         let mut most = ONE_STAGE.zip(sensitivity, |stage, sensitivity| stage + FACTOR * sensitivity);
         most.energy = most.energy.min(MAX_ENERGY_DIFFERENCE);
@@ -178,9 +178,9 @@ fn check(case: &Case, device: &Device, failures: &mut Vec<String>) {
     }
 }
 
-fn squash(share: f64) -> Model {
-    let name = format!("squash to {} %", (share * 100.0).round());
-    Model { name, ..Model::from(common::scenes::analytic::squash(share)) }
+fn squash(fraction: f64) -> Model {
+    let name = format!("squash to {} %", (fraction * 100.0).round());
+    Model { name, ..Model::from(common::scenes::analytic::squash(fraction)) }
 }
 
 fn models() -> Vec<Model> {
@@ -230,11 +230,11 @@ fn whole_solves_agree() {
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
-/// From asset to asset, from one solve to the next, and from device to device of one adapter.
+/// The bits do not change from asset to asset, from one solve to the next, nor from device to device of one adapter.
 #[test]
 fn the_same_bits_every_time() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
-    // The crushed sheet would show the smallest difference.
+    // On a crushed sheet the smallest difference would grow to a visible one.
     let models = [squash(0.1), Model::from(common::scenes::creature())];
     for (model, quality) in models.iter().flat_map(|m| [Quality::Draft, Quality::Normal].map(|q| (m, q))) {
         let case = Case { model, frame: 1, grid: 128, quality };

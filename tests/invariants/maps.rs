@@ -58,10 +58,10 @@ fn masks_hold(device: &Device, options: &SolveOptions) {
             moved += usize::from(*u != [0.0; 2]);
         }
         assert!(warp.min_jacobian() > 0.0, "{name}");
-        let still = matches!(name, "checkerboard of 1" | "everything");
-        assert_eq!(moved == 0, still, "{name}: {moved} nodes moved");
+        let is_identity = matches!(name, "checkerboard of 1" | "everything");
+        assert_eq!(moved == 0, is_identity, "{name}: {moved} nodes moved");
         let report = asset.tile_report(0).unwrap();
-        assert!(still || report.energy < report.energy_before, "{name}");
+        assert!(is_identity || report.energy < report.energy_before, "{name}");
     }
 }
 
@@ -125,9 +125,9 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
         asset.solve(model.frame(1), options).unwrap();
         // "nothing rigid" comes after another size.
         let [now, expected] = [&asset, &fresh].map(bits);
-        let still = *name == "nothing rigid";
-        assert!(now == expected || (still && now.iter().all(|u| *u == [0; 2])), "{name}");
-        assert_eq!(still, expected.iter().all(|u| *u == [0; 2]), "{name}");
+        let is_identity = *name == "nothing rigid";
+        assert!(now == expected || (is_identity && now.iter().all(|u| *u == [0; 2])), "{name}");
+        assert_eq!(is_identity, expected.iter().all(|u| *u == [0; 2]), "{name}");
         seen.push(expected);
     }
     assert!(seen[0] == seen[3] && seen[0] == seen[8], "the way back leads back");

@@ -186,7 +186,7 @@ fn failed_calls_leave_the_result(asset: impl Fn(&Model) -> Asset) {
 
 /// Two crowded sheets side by side in one tile, the right one in a pose of its own.
 fn pair(right: f64) -> Model {
-    let sheet = |share| Model::from(common::scenes::analytic::squash(share));
+    let sheet = |fraction| Model::from(common::scenes::analytic::squash(fraction));
     let (mut pair, right) = (sheet(0.4), sheet(right));
     let (vertices, uvs) = (pair.rest.len() as u32, pair.uvs.len() as u32);
     for uv in &mut pair.uvs {

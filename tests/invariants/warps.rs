@@ -127,7 +127,7 @@ fn analytic_scenes() {
 
 #[test]
 fn crushed_sheets() {
-    let models = [0.4, 0.1, 0.01].map(|share| Model::from(common::scenes::analytic::squash(share)));
+    let models = [0.4, 0.1, 0.01].map(|fraction| Model::from(common::scenes::analytic::squash(fraction)));
     check(&models.iter().map(|model| all_frames(model, 256)).collect::<Vec<_>>());
 }
 

@@ -61,8 +61,8 @@ impl Shape {
     }
 }
 
-fn on_circle(share: f32, radius: f32) -> [f32; 2] {
-    let (sin, cos) = (share * std::f32::consts::TAU).sin_cos();
+fn on_circle(fraction: f32, radius: f32) -> [f32; 2] {
+    let (sin, cos) = (fraction * std::f32::consts::TAU).sin_cos();
     [0.5 + radius * cos, 0.5 + radius * sin]
 }
 

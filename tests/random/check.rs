@@ -28,8 +28,8 @@ pub struct Seen {
 
 /// Panics where something does not hold. `device` is that of the first run; `None` = a CPU of the recipe's threads.
 pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
-    let own = cpu(recipe.threads);
-    let device = device.unwrap_or(&own);
+    let cpu_device = cpu(recipe.threads);
+    let device = device.unwrap_or(&cpu_device);
     let model = recipe.model();
     let mut asset = recipe.asset(&model, device).unwrap();
     let mut seen = Seen::default();
