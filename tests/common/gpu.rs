@@ -1,6 +1,6 @@
 //! A device on the first GPU adapter, hardware or software, if there is one.
 
-#![allow(dead_code)] // Each test uses a part of it.
+#![allow(dead_code)] // Each test uses some of these items only.
 
 use vrtm::{Backend, Device, DeviceSettings, adapters};
 
