@@ -12,8 +12,8 @@ fn devices() -> Vec<(Device, u32)> {
 }
 
 /// The work of a tile's last solve, in counts that do not depend on the machine's load. A solve with no work (the
-/// default, all 0) only compares positions: it took 0.008 to 0.07 % of the time of a full solve on the CPU at 512 by 512
-/// cells, where the design allows 2 %.
+/// default, all 0) only compares positions: it took 0.008 to 0.07 % of the time of a full solve on the CPU at 512 by
+/// 512 cells, where the design allows 2 %.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Work {
     charts: u32,

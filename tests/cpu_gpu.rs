@@ -1,6 +1,6 @@
-//! Whole solves on the GPU against the CPU: the same counts, and the same warp, energy and smallest corner Jacobian to a
-//! bound that follows from how much noise in the pose changes the CPU's own result; and on the GPU the same bits every
-//! time. `cargo test --test cpu_gpu -- --show-output` shows the table.
+//! Whole solves on the GPU against the CPU: the same counts, and the same warp, energy and smallest corner Jacobian to
+//! a bound that follows from how much noise in the pose changes the CPU's own result; and on the GPU the same bits
+//! every time. `cargo test --test cpu_gpu -- --show-output` shows the table.
 
 mod common;
 
@@ -74,10 +74,10 @@ const ONE_STAGE: Difference =
 
 /// What the backends may differ by beyond `ONE_STAGE`, in multiples of the sensitivity: the largest change of the CPU's
 /// own result over three poses with noise. A stage on both backends differs by rounding alone (tests/lock_step.rs), and
-/// a solve magnifies that as it magnifies noise in the pose: little where there is room; to another minimum where charts
-/// are crowded (method §13), in which the change of the warp has no bound that is known beforehand. The largest multiple
-/// that is needed with Mesa's software driver is 2.7 (the RMS of bulge on 512² cells), and 1.3 in crowded charts; the
-/// rest is for the chance of three samples, and for other drivers.
+/// a solve magnifies that as it magnifies noise in the pose: little where there is room; to another minimum where
+/// charts are crowded (method §13), in which the change of the warp has no bound that is known beforehand. The largest
+/// multiple that is needed with Mesa's software driver is 2.7 (the RMS of bulge on 512² cells), and 1.3 in crowded
+/// charts; the rest is for the chance of three samples, and for other drivers.
 const FACTOR: f64 = 10.0;
 
 /// The relative difference of energies that is allowed whatever the sensitivity: how good a result is has to agree in

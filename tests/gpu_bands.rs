@@ -112,7 +112,6 @@ fn iterations_in_bands_give_the_same_bits() {
 /// cells, does not find the metric at its position on a coarser level: its step is refused, as at a chart's border. The
 /// result is certified, and its energy agrees to 5e-3. (Bindings of 128 MiB hold bands of 7000 blocks: few nodes are so
 /// close to an edge of one.)
-/// out is certified, and as good to many digits. (Bindings of 128 MiB hold bands of 7000 blocks: few nodes are so near.)
 #[test]
 fn far_steps_across_bands_are_refused() {
     if !common::has_gpu() {

@@ -72,8 +72,8 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
 /// In one correction of a model at most 2 of 11 charts may stop on one backend and go on on the other; none of a model
 /// with five charts or fewer. A first correction is enough if its gain differs from the predicted one by at most 0.03 %
 /// of the energy (method §7.7), and the energy of a chart that is hardly strained has no digits for that (`energy of a
-/// chart, relative`: up to 5e-3 apart). Only ict_inner, with eleven charts, has such ones: one of them decides otherwise
-/// with Mesa's software driver, and two have done so.
+/// chart, relative`: up to 5e-3 apart). Only ict_inner, with eleven charts, has such ones: one of them decides
+/// otherwise with Mesa's software driver, and two have done so.
 const MAX_OTHER_DECISIONS: [u64; 2] = [2, 11];
 
 /// The model whose cells are crushed everywhere.

@@ -97,7 +97,7 @@ fn the_same_bits_on_a_gpu_every_time() {
 }
 
 /// Both backends do the same arithmetic in the same order, except that a GPU may contract operations and rounds
-/// divisions and roots in its tile_settings way. Iterations pass the differences on without amplifying them: a tenth of the bound
+/// divisions and roots in its own way. Iterations pass the differences on without amplifying them: a tenth of the bound
 /// is measured.
 #[test]
 fn both_backends_give_the_same_warp() {

@@ -7,9 +7,9 @@
 //! only condition on the y_e is that they add up to T = g(n). By Lagrange, w_e (y_e - 1) is the same for all edges, and
 //! the minimum is
 //!   E* = (T - n)² / Σ 1/w_e,   in the continuum   (T - n)² / ∫ dx / w .
-//! On the grid w_e = max(R_a, R_b) takes an edge at each interface from the softer side, and R at a node on an interface
-//! is a mean. The continuum's minimum is therefore met to first order in the cell size, and the grid's own minimum to
-//! the solver's gap.
+//! On the grid w_e = max(R_a, R_b) takes an edge at each interface from the softer side, and R at a node on an
+//! interface is a mean. The continuum's minimum is therefore met to first order in the cell size, and the grid's own
+//! minimum to the solver's gap.
 
 mod common;
 

@@ -5,8 +5,8 @@ use std::collections::HashMap;
 
 use crate::common::Model;
 
-/// Distance in cells from a border or a grid line under which a point counts as on it: the rounding of f32 UVs on a grid
-/// of 1024.
+/// Distance in cells from a border or a grid line under which a point counts as on it: the rounding of f32 UVs on a
+/// grid of 1024.
 const SLACK: f64 = 1e-4;
 
 /// True for each node of a tile's n by n grid that must be fixed.
