@@ -11,8 +11,8 @@ from solvers import blender, slim
 from strain import measure
 
 REPEATS = 3
-# Two figures on the same mesh and edges, one in Rust and one here, may differ by rounding and by which of two triangles
-# owns a point between them.
+# Figures on the same mesh and edges, one from Rust and one from here, may differ by rounding, and by the choice of the
+# triangle for a point on an edge.
 AGREE = 2e-3
 
 
