@@ -65,22 +65,22 @@ impl fmt::Display for Difference {
     }
 }
 
-/// What the backends may differ by in a solve, wherever the pose's rounding does not matter: displacements as much as
-/// one relaxation from the same state does, in which single nodes decide otherwise (`relax` in tests/lock_step.rs);
-/// energies four times the 1.1e-6 measured on scenes with room; and the smallest corner Jacobian, which the GPU reports
-/// less four units of rounding (method §8), twice the 4e-6 of tests/lock_step.rs and more.
+/// Allowed difference of the backends in a solve that does not magnify rounding. Displacements: as much as after one
+/// relaxation from the same state, in which single nodes decide otherwise (`relax` in tests/lock_step.rs). Energies:
+/// four times the 1.1e-6 measured on scenes with room. Smallest corner Jacobian: the GPU reports a lower bound, smaller
+/// by four units of rounding (method §8), for which tests/lock_step.rs allows 4e-6.
 const ONE_STAGE: Difference =
     Difference { max: 1e-2, rms: 1e-4, energy: 5e-6, identity_energy: 5e-6, jacobian: 1e-5 };
 
-/// What the backends may differ by beyond `ONE_STAGE`, in multiples of the sensitivity: the largest change of the CPU's
-/// own result over three poses with noise. A stage on both backends differs by rounding alone (tests/lock_step.rs), and
-/// a solve magnifies that as it magnifies noise in the pose: little where there is room; to another minimum where
-/// charts are crowded (method §13), in which the change of the warp has no bound that is known beforehand. The largest
-/// multiple that is needed with Mesa's software driver is 2.7 (the RMS of bulge on 512² cells), and 1.3 in crowded
-/// charts; the rest is for the chance of three samples, and for other drivers.
+/// Allowed difference of the backends beyond `ONE_STAGE`, in multiples of the sensitivity, which is the largest change
+/// of the CPU's own result over three poses with noise. A stage on both backends differs by rounding alone
+/// (tests/lock_step.rs), and a solve magnifies that as it magnifies noise in the pose: little where there is room, and
+/// up to another minimum where charts are crowded (method §13). How far away that minimum lies is not known beforehand.
+/// The largest multiple that is needed with Mesa's software driver is 2.7 (RMS of bulge on 512 x 512 cells), and 1.3 in
+/// crowded charts; the margin is for the small number of samples, and for other drivers.
 const FACTOR: f64 = 10.0;
 
-/// The relative difference of energies that is allowed whatever the sensitivity: how good a result is has to agree in
+/// Upper limit of the relative difference of energies, whatever the sensitivity: results must be equally good in
 /// crowded charts, too. The sensitivity reaches 0.03 there (ict_inner).
 const MAX_ENERGY_DIFFERENCE: f64 = 0.05;
 

@@ -94,6 +94,6 @@ def taps(texels: int, cells: int) -> np.ndarray:
     for node in range(cells + 1):
         low, high = node * per_cell - half, node * per_cell + half
         for texel in range(int(np.floor(low)), int(np.ceil(high))):
-            share = max(0.0, min(high, texel + 1.0) - max(low, texel)) / (high - low)
-            weights[node, min(max(texel, 0), texels - 1)] += share
+            overlap = max(0.0, min(high, texel + 1.0) - max(low, texel)) / (high - low)
+            weights[node, min(max(texel, 0), texels - 1)] += overlap
     return weights
