@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds, checks that GPU and CPU agree, and prints what a solve costs on this machine's GPU, each time beside its
-# error and each stage beside its floor. Writes the same to benches/results/gpu-NAME.md. Arguments go to the bench:
+# Builds the bench, checks that GPU and CPU agree, and prints the time of a solve on this machine's GPU: each time
+# beside the result's error, each stage beside its lower bound. The same goes to benches/results/gpu-NAME.md. Arguments
+# are passed to the bench:
 #
 #     benches/gpu.sh                      # all sizes to 8192, about 10 minutes
 #     benches/gpu.sh --sizes 512,2048

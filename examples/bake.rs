@@ -1,7 +1,7 @@
-//! Bakes redirection maps for a mesh and its poses, with a sheet to judge them by and a report.
+//! Bakes redirection maps for a mesh and its poses, with a sheet for visual inspection and a report.
 //!
-//! `cargo run --release --example bake` bakes a built-in scene into `out/`; `--help` tells the rest.
-//! What a host does with vrtm stands in `Bake`: make an asset, set its maps, solve a pose, fetch the results.
+//! `cargo run --release --example bake` bakes a built-in scene into `out/`; `--help` lists the options. `Bake` shows
+//! how a host uses vrtm: it makes an asset, sets its maps, solves a pose, and fetches the results.
 
 #[path = "bake/args.rs"]
 mod args;
@@ -112,7 +112,7 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// vrtm's side of the program.
+/// The part of the program that calls vrtm.
 struct Bake<'a> {
     asset: Asset,
     tiles: Vec<Tile<'a>>,
@@ -122,7 +122,7 @@ struct Tile<'a> {
     udim: u32,
     rigidity: Option<&'a Map>,
     mask: Option<&'a Map>,
-    /// Texels of the redirection map.
+    /// Size of the redirection map in texels.
     size: [u32; 2],
 }
 
@@ -142,7 +142,7 @@ impl<'a> Bake<'a> {
         )
         .map_err(mesh_failure)?;
 
-        // A tile without a map is the identity at the size of its neighbours.
+        // A tile without a map is the identity; it gets the size of the others.
         let sizes = source.maps.values().filter_map(|tile| tile.rigidity.as_ref());
         let fallback = sizes.map(|map| [map.width, map.height]).max().unwrap_or([512, 512]);
         let mut tiles = Vec::new();
@@ -169,7 +169,7 @@ impl<'a> Bake<'a> {
         Ok(Bake { asset, tiles })
     }
 
-    /// The tiles, for the report.
+    /// Figures of the tiles for the report.
     fn describe(&mut self) -> Result<Vec<Value>> {
         let mut list = Vec::new();
         for (index, tile) in self.tiles.iter().enumerate() {
@@ -200,7 +200,7 @@ impl<'a> Bake<'a> {
             let redirect =
                 fetch(&mut self.asset, index, FetchKind::Redirection, tile.size).map_err(failure)?;
             let warp = fetch(&mut self.asset, index, FetchKind::Warp, nodes).map_err(failure)?;
-            // After the fetch: it knows what the inversion took.
+            // The report is read after the fetch, so that it contains the time of the inversion.
             let report = self.asset.tile_report(index).map_err(failure)?;
             results.push(TileResult { redirect, warp, report });
         }

@@ -1,4 +1,4 @@
-//! The bake example as its users run it: which files it writes, what is in them, and how it refuses bad input.
+//! The bake example as its users run it: the files that it writes, their contents, and the refusal of bad input.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 use exr::prelude::{ReadChannels as _, ReadLayers as _, read};
 use serde_json::Value;
 
-/// Cargo builds examples before it runs the tests, beside the folder of the test's own executable.
+/// The bake program. Cargo builds examples before it runs tests, in a folder beside that of the test's executable.
 fn bake(arguments: &[&str]) -> Output {
     let test = std::env::current_exe().expect("a path to this test");
     let profile = test.ancestors().nth(2).expect("target/<profile>/deps/<test>");
@@ -18,13 +18,13 @@ fn bake(arguments: &[&str]) -> Output {
         .env_remove("VRTM_DEVICE")
         .env_remove("VRTM_THREADS")
         .env_remove("VRTM_GPU_LIMITS")
-        // Without it a layer of Mesa's Vulkan drivers complains on stderr.
+        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
         .env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))
         .output()
         .expect("bake runs")
 }
 
-/// An empty folder of this test's own.
+/// An empty folder for one test.
 fn folder(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("bake").join(name);
     let _ = fs::remove_dir_all(&path);
@@ -48,12 +48,12 @@ fn succeed(arguments: &[&str]) -> String {
     let output = bake(arguments);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {errors}");
-    // No progress bar, no chatter: stderr is not a terminal here.
+    // There is no progress bar and no other output: stderr is not a terminal here.
     assert_eq!(errors, "", "{arguments:?}");
     String::from_utf8(output.stdout).expect("UTF-8")
 }
 
-/// Size and texels of an EXR file with the channels R and G, and no others.
+/// Reads the size and the texels of an EXR file, which must have the channels R and G and no others.
 fn read_exr(path: &Path) -> (usize, usize, Vec<[f32; 2]>) {
     let image = read()
         .no_deep_data()
@@ -109,7 +109,7 @@ fn the_built_in_scene_gives_exactly_its_files() {
             let centre = [(x as f32 + 0.5) / 64.0, 1.0 - (y as f32 + 0.5) / 64.0];
             let uv = redirect[y * width + x];
             let moved = (uv[0] - centre[0]).abs().max((uv[1] - centre[1]).abs());
-            // Between the charts of the side (v >= 0.55) and of the handle (v <= 0.40) nothing may move; the two
+            // All nodes between the charts of the side (v >= 0.55) and of the handle (v <= 0.40) are fixed; the two
             // rows of cells beside a chart belong to it. One rounding of f32 is allowed.
             if (0.44..0.51).contains(&centre[1]) {
                 assert!(moved <= 1e-6, "texel ({x}, {y}) moved by {moved}");
@@ -118,7 +118,8 @@ fn the_built_in_scene_gives_exactly_its_files() {
         }
     }
     assert!(largest > 0.25 / 64.0, "a jug's studs are somewhere else than a mug's: {largest}");
-    // Nodes from corner to corner, v up, first row at the top.
+    // Nodes lie at the corners of cells, so that the image reaches from corner to corner of the tile; v points up, and
+    // the first row is at the top.
     assert_eq!(warp[0], [0.0, 1.0]);
     assert_eq!(warp[64], [1.0, 1.0]);
     assert_eq!(warp[65 * 64], [0.0, 0.0]);
@@ -169,7 +170,7 @@ fn the_report_has_every_figure() {
     }
 }
 
-/// The assets lie beside the checkout where they are present at all.
+/// The assets are optional; if present, they lie beside the checkout.
 #[test]
 fn real_assets_bake() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/assets");
@@ -198,7 +199,7 @@ fn real_assets_bake() {
     }
 }
 
-/// Two quads side by side on two tiles, lifted in the pose; UVs indexed apart from the vertices.
+/// Two quads side by side on two tiles, lifted in the pose; UVs have indices of their own.
 struct Files {
     folder: PathBuf,
 }
@@ -266,7 +267,7 @@ fn a_users_own_files_bake_and_a_tile_without_a_map_is_the_identity() {
     ];
     assert_eq!(names(&out), expected);
     let (width, height, texels) = read_exr(&out.join("redirect.0001.1002.exr"));
-    // The size of the neighbour's map.
+    // A tile without a map has the size of the other tile's map.
     assert_eq!((width, height), (32, 32));
     for (i, uv) in texels.iter().enumerate() {
         let centre = [(i % 32) as f32 + 0.5, 31.5 - (i / 32) as f32].map(|x| x / 32.0);
@@ -285,7 +286,7 @@ fn poses_of_several_files_are_frames_in_their_order() {
     assert_eq!(report(&out)["frames"][0]["note"], "pose");
 }
 
-/// Exit code 2, one line that names the culprit, and nothing in the output folder.
+/// Expects exit code 2, one line that names the culprit, and no file in the output folder.
 fn refuse(arguments: &[String], out: &Path, culprit: &str, reason: &str) {
     let output = bake(&borrow(arguments));
     let line = String::from_utf8(output.stderr).expect("UTF-8");

@@ -1,9 +1,9 @@
-//! Every bit of every result, as one hash per scene, effort and backend, compared with those in `tests/bits.txt`. A change
-//! that is to leave the results alone leaves these alone; one that is to change them writes them anew with
-//! `VRTM_UPDATE_BITS=1 cargo test --test bits`.
+//! Hashes every bit of every result, per scene, effort and backend, and compares the hashes with those in
+//! `tests/bits.txt`. A change that must not alter the results must not alter these either; a change that is meant to
+//! alter them writes them anew with `VRTM_UPDATE_BITS=1 cargo test --test bits`.
 //!
-//! The CPU's bits are the same on every machine. A GPU's are the same on one device with one driver: those of an adapter
-//! that the file does not know are not compared, and the test says so.
+//! The CPU's bits are the same on every machine. A GPU's bits are the same on one device with one driver: for an
+//! adapter that the file does not list nothing is compared, and a message says so.
 
 mod common;
 
@@ -16,7 +16,7 @@ use vrtm::{
     Device, DeviceSettings, FetchKind, PbdSettings, Quality, SolveOptions, Solver, TileSettings, adapters,
 };
 
-/// A way to solve a scene.
+/// A named combination of solver options.
 struct Effort {
     name: &'static str,
     options: SolveOptions,
@@ -98,10 +98,10 @@ fn file() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/bits.txt")
 }
 
-/// By backend, scene and effort.
+/// Hashes by backend, scene and effort.
 type Hashes = BTreeMap<(String, String, String), u64>;
 
-fn known() -> Hashes {
+fn stored() -> Hashes {
     let text = std::fs::read_to_string(file()).unwrap_or_default();
     let line = |line: &str| {
         let [backend, scene, effort, hash]: [&str; 4] =
@@ -112,9 +112,9 @@ fn known() -> Hashes {
     text.lines().filter(|line| !line.starts_with('#')).map(line).collect()
 }
 
-/// Compares what was found on a backend with the file, or writes it there.
+/// Compares the hashes found on a backend with the file, or writes them into it.
 fn compare(backend: &str, found: &Hashes) {
-    let mut all = known();
+    let mut all = stored();
     if std::env::var_os("VRTM_UPDATE_BITS").is_some_and(|value| value == "1") {
         all.extend(found.clone());
         let mut text =
@@ -135,7 +135,7 @@ fn compare(backend: &str, found: &Hashes) {
     assert!(wrong.is_empty(), "{backend}: other bits than in tests/bits.txt: {}", wrong.join("; "));
 }
 
-/// One test, since both backends write the same file.
+/// A single test, because both backends write the same file.
 #[test]
 fn results_have_the_bits_that_they_had() {
     let (models, efforts) = (models(), efforts());
@@ -155,12 +155,12 @@ fn results_have_the_bits_that_they_had() {
     let backend = format!("{}, {}", adapter.name, adapter.driver);
     let mut found = Hashes::new();
     for (n, model) in models.iter().enumerate() {
-        // A software driver takes its time: all efforts on every fourth scene.
+        // A software driver is slow: all efforts run on every fourth scene only.
         for effort in efforts.iter().take(if n % 4 == 0 { efforts.len() } else { 1 }) {
             found.insert(key(&backend, model, effort), hash(model, &device, 64, effort));
         }
     }
-    // The same grid in several buffers.
+    // The same grid, laid over several buffers.
     let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
     let banded = Device::with_variables(&settings, &[], Some(12)).unwrap();
     let model = models.iter().find(|model| model.name == "torus").unwrap();

@@ -1,75 +1,115 @@
-//! Only what the scene needs (DESIGN 9): work, time and memory follow what is active.
+//! Work and memory follow what is active: the charts that move, and the blocks and nodes of them that can.
 
 mod common;
 
-use common::{Model, bits, options, scenes};
-use vrtm::{Asset, Quality, SolveOptions, Strided};
+use common::{Model, bits, cpu, options, scenes};
+use vrtm::{Asset, Backend, Device, DeviceSettings, Quality, SolveOptions, Strided};
 
-/// The middle one of some ratios: whatever else the machine does hits both times of a ratio, or is left out.
-fn median(name: &str, mut ratios: Vec<f32>) -> f32 {
-    ratios.sort_by(f32::total_cmp);
-    let [low, middle, high] = [0, ratios.len() / 2, ratios.len() - 1].map(|k| 100.0 * ratios[k]);
-    println!("{name}: {middle:.3} % of a full solve ({low:.3} to {high:.3} %)");
-    middle / 100.0
+/// The CPU, and a GPU if there is one, each with the grid size (cells a side) that is solved on it.
+fn devices() -> Vec<(Device, u32)> {
+    let gpu = common::gpu(&DeviceSettings::default()).map(|device| (device, 256));
+    [(cpu(0), 512)].into_iter().chain(gpu).collect()
+}
+
+/// The work of a tile's last solve, in counts that do not depend on the machine's load. A solve with no work (the
+/// default, all 0) only compares positions: it took 0.008 to 0.07 % of the time of a full solve on the CPU at 512 by
+/// 512 cells, where the design allows 2 %.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Work {
+    charts: u32,
+    blocks: u64,
+    nodes: u64,
+    sweeps: u32,
+    corrections: u32,
+    node_updates: u64,
+    /// Dispatches and command submissions on the GPU; 0 on the CPU.
+    dispatches: u64,
+    submissions: u64,
+}
+
+impl Work {
+    fn of(asset: &Asset, tile: usize) -> Work {
+        let report = asset.tile_report(tile).unwrap();
+        let gpu = asset.gpu_work(tile).unwrap().unwrap_or_default();
+        Work {
+            charts: report.charts_active,
+            blocks: report.blocks_active,
+            nodes: report.nodes_active,
+            sweeps: report.sweeps,
+            corrections: report.corrections,
+            node_updates: report.node_updates,
+            dispatches: gpu.dispatches(),
+            submissions: gpu.submissions,
+        }
+    }
+
+    /// True if every count that the backend reports is more than 0.
+    fn is_full(&self, backend: Backend) -> bool {
+        let Work { charts, blocks, nodes, sweeps, corrections, node_updates, dispatches, submissions } =
+            *self;
+        let solved =
+            charts > 0 && blocks > 0 && nodes > 0 && sweeps > 0 && corrections > 0 && node_updates > 0;
+        solved && (backend == Backend::Cpu || (dispatches > 0 && submissions > 0))
+    }
 }
 
 #[test]
-fn rest_costs_next_to_nothing() {
-    for model in [scenes::mug_to_jug(), scenes::creature()].map(Model::from) {
-        let mut asset = model.asset(0, 512);
-        let mut solve = |positions: Strided| {
-            asset.solve(positions, &SolveOptions::default()).unwrap();
-            let report = asset.report().unwrap();
-            (report.total_ms, report.charts_active)
-        };
-        let (pose, rest) = (model.frame(1), Strided::from_f32x3(&model.rest));
-        // The grid is built once, by the first solve.
-        solve(rest);
-        let (mut again, mut still) = (Vec::new(), Vec::new());
-        for _ in 0..5 {
-            // After rest there is nothing to be reused.
-            let (full, active) = solve(pose);
-            assert!(active > 0);
-            let (ms, active) = solve(pose);
-            assert_eq!(active, 0);
-            again.push(ms / full);
-            let (ms, active) = solve(rest);
-            assert_eq!(active, 0);
-            still.push(ms / full);
+fn rest_and_a_pose_again_take_no_work() {
+    for (device, grid) in devices() {
+        let backend = device.info().backend;
+        for model in [scenes::mug_to_jug(), scenes::creature()].map(Model::from) {
+            let mut asset = model.asset_on(&device, grid);
+            let mut solve = |positions: Strided| {
+                asset.solve(positions, &SolveOptions::default()).unwrap();
+                let report = asset.tile_report(0).unwrap();
+                (Work::of(&asset, 0), [report.charts_reused, report.charts_identity, report.charts])
+            };
+            let (pose, rest) = (model.frame(1), Strided::from_f32x3(&model.rest));
+            // Three cases: rest, a pose, and the same pose again; the second round begins with rest after a pose.
+            for _ in 0..2 {
+                let (work, [_, identity, charts]) = solve(rest);
+                assert_eq!((work, identity), (Work::default(), charts), "{backend:?} {}: rest", model.name);
+                let (work, _) = solve(pose);
+                println!("{backend:?} {} {grid}²: {work:?}", model.name);
+                assert!(work.is_full(backend), "{backend:?} {}: {work:?}", model.name);
+                let (work, [reused, identity, charts]) = solve(pose);
+                let kept = reused + identity;
+                assert_eq!(
+                    (work, kept),
+                    (Work::default(), charts),
+                    "{backend:?} {}: the same pose again",
+                    model.name
+                );
+            }
         }
-        assert!(median(&format!("{}, rest", model.name), still) <= 0.02);
-        assert!(median(&format!("{}, the same pose again", model.name), again) <= 0.02);
     }
 }
 
 #[test]
 fn a_tile_does_not_pay_for_another() {
-    // The arm bends over two tiles; from one frame to the next only its upper half, tile 0, moves.
+    // The arm bends over two tiles; between the first and the last frame only its upper half, tile 0, moves.
     let mut model = Model::from(scenes::arm());
     let forearm = model.vertices(|uv| uv[0] >= 1.0);
     let mut next = model.frames[0].clone();
     next.iter_mut().zip(&forearm).filter(|(_, forearm)| !*forearm).for_each(|(p, _)| p[2] *= 1.2);
     model.frames.push(next);
     let last = model.frames.len();
-    let mut asset = model.asset(0, 512);
-    let mut tile_ms = |frame: usize, tile: usize| {
-        asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
-        let report = asset.tile_report(tile).unwrap();
-        (report.times.total, report.charts_active, report.charts_reused)
-    };
-    tile_ms(1, 1);
-    let shares: Vec<f32> = (0..3)
-        .map(|_| {
-            // Through a pose in which all moves.
-            tile_ms(2, 1);
-            let (full, active, _) = tile_ms(1, 1);
-            assert_eq!(active, 1);
-            let (ms, active, reused) = tile_ms(last, 1);
-            assert_eq!((active, reused), (0, 1));
-            ms / full
-        })
-        .collect();
-    assert!(median("a tile whose vertices stay", shares) <= 0.02);
+    for (device, grid) in devices() {
+        let backend = device.info().backend;
+        let mut asset = model.asset_on(&device, grid);
+        let mut solve = |frame: usize| {
+            asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
+            ([0, 1].map(|tile| Work::of(&asset, tile)), asset.tile_report(1).unwrap().charts_reused)
+        };
+        // The second frame moves both tiles.
+        for frame in [1, 2, 1] {
+            let (works, reused) = solve(frame);
+            assert!(works.iter().all(|work| work.is_full(backend)) && reused == 0, "{backend:?}: {works:?}");
+        }
+        let ([upper, fore], reused) = solve(last);
+        assert!(upper.is_full(backend), "{backend:?}: {upper:?}");
+        assert_eq!((fore, reused), (Work::default(), 1), "{backend:?}");
+    }
 }
 
 #[test]
@@ -79,7 +119,7 @@ fn nothing_active_takes_no_solver() {
     let mut both = model.asset(0, 512);
     both.solve(model.frame(2), &SolveOptions::default()).unwrap();
     let full = held(&both);
-    let asleep = |asset: &Asset, name: &str| {
+    let assert_idle = |asset: &Asset, name: &str| {
         let report = asset.report().unwrap();
         assert_eq!((report.charts_active, report.nodes_active), (0, 0), "{name}");
         assert!(bits(asset).iter().all(|u| *u == [0; 2]), "{name}");
@@ -87,68 +127,85 @@ fn nothing_active_takes_no_solver() {
             let report = asset.tile_report(tile).unwrap();
             assert_eq!((report.sweeps, report.corrections, report.node_updates), (0, 0, 0), "{name}");
         }
-        // Maps, coverage and grid stay: about a fifth of what the solver's memory makes of it.
+        // Maps, coverage and grid remain: about a fifth of the bytes that are held with the solver's memory.
         assert!(held(asset) < full * 3 / 10, "{name}: {} of {full} bytes", held(asset));
     };
-    // Rest, as the first pose there is.
+    // The first pose is rest.
     let mut asset = model.asset(0, 512);
     asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
-    asleep(&asset, "rest");
+    assert_idle(&asset, "rest");
     // Nothing rigid.
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
     common::set_grid(&mut asset, 512);
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
-    asleep(&asset, "nothing rigid");
-    // Nothing may move.
+    assert_idle(&asset, "nothing rigid");
+    // All nodes are masked.
     let mut asset = model.asset(0, 512);
     for tile in 0..2 {
         asset.set_mask(tile, Some(common::view(&[0], 1, 1))).unwrap();
     }
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
-    asleep(&asset, "all masked");
-    // One tile of two.
+    assert_idle(&asset, "all masked");
+    // Only one of two tiles has rigidity.
     let mut asset = model.asset(0, 512);
     asset.set_rigidity(1, None).unwrap();
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     let half = held(&asset);
     let report = asset.report().unwrap();
     assert_eq!((report.tiles_active, report.charts_active), (1, 1));
-    // The two tiles' charts are of one size.
+    // The charts of the two tiles have the same size.
     assert!(half > 0 && half < full * 6 / 10, "{half} of {full} bytes");
-    // What was taken is given back.
+    // All memory is freed with the asset.
     let device = both.device().clone();
     assert!(device.info().bytes_held > 0);
     drop(both);
     assert_eq!(device.info().bytes_held, 0);
 }
 
-/// Bytes per movable node that a tile holds, its result, maps and the mesh's share included. The bar of DESIGN is 128;
-/// more is known to be held, and this is what.
-const BYTES_PER_NODE: f64 = 900.0;
+/// Bytes per movable node that a tile held when this was measured, with its result, its maps and its part of the mesh,
+/// on the worse of two scenes, at 256 and at 512 cells a side. (The two scenes take 216 and 303 bytes on the CPU at
+/// 256, 184 and 224 at 512; on the GPU 317 and 443, 275 and 333.)
+///
+/// The design's bar is 128, and is not met. A node of a stored block takes 153 bytes on the CPU, more than half of them
+/// for the rows and vectors of corrections, and 200 on a GPU, which holds constants in four bytes where the CPU has one
+/// or two (method §12). In addition there are the fixed nodes of stored blocks, the maps and the coverage of the whole
+/// tile, the triangles, and with a GPU the host's copy of the constants. On small grids these are divided among few
+/// movable nodes.
+fn measured_bytes(backend: Backend) -> [(u32, f64); 2] {
+    match backend {
+        Backend::Gpu => [(256, 443.0), (512, 333.0)],
+        _ => [(256, 303.0), (512, 224.0)],
+    }
+}
+
+/// The bytes that a tile may hold, in multiples of `measured_bytes`.
+const BYTES_MARGIN: f64 = 1.1;
 
 #[test]
 fn bytes_follow_the_active_nodes() {
-    let mut per_node = Vec::new();
-    for grid in [256, 512] {
-        for model in [scenes::analytic::bulge(), scenes::creature()].map(Model::from) {
-            let mut asset = model.asset(0, grid);
-            asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-            let report = asset.tile_report(0).unwrap();
-            let bytes = report.bytes as f64 / report.nodes_active as f64;
-            println!(
-                "{:9} {grid}²: {} active nodes, {} of {} blocks, {:.1} MiB, {bytes:.0} bytes per node",
-                model.name,
-                report.nodes_active,
-                report.blocks_active,
-                report.blocks,
-                report.bytes as f64 / f64::from(1 << 20)
-            );
-            assert!(report.blocks_active <= report.blocks && report.nodes_active > 0);
-            assert!(bytes < BYTES_PER_NODE, "{} {grid}: {bytes}", model.name);
-            per_node.push(bytes);
+    for (device, _) in devices() {
+        let backend = device.info().backend;
+        for (grid, measured) in measured_bytes(backend) {
+            for model in [scenes::analytic::bulge(), scenes::creature()].map(Model::from) {
+                let mut asset = model.asset_on(&device, grid);
+                asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+                let report = asset.tile_report(0).unwrap();
+                let bytes = report.bytes as f64 / report.nodes_active as f64;
+                println!(
+                    "{backend:?} {:9} {grid}²: {} active nodes, {} of {} blocks, {:.1} MiB, {bytes:.0} bytes per node",
+                    model.name,
+                    report.nodes_active,
+                    report.blocks_active,
+                    report.blocks,
+                    report.bytes as f64 / f64::from(1 << 20)
+                );
+                assert!(report.blocks_active <= report.blocks && report.nodes_active > 0);
+                assert!(bytes < BYTES_MARGIN * measured, "{backend:?} {} {grid}: {bytes}", model.name);
+            }
         }
     }
-    // A mask that leaves a quarter of the sheet holds about a quarter: blocks without a movable node are not there.
+    // A mask that leaves a quarter of the sheet movable takes about a quarter of the bytes: blocks without a movable
+    // node or a neighbour of one are not stored.
     let model = Model::from(scenes::analytic::bulge());
     let held = |mask: &[u8]| {
         let mut asset = model.asset(0, 512);
@@ -159,7 +216,7 @@ fn bytes_follow_the_active_nodes() {
     };
     let (all, quarter) = (held(&[255; 4]), held(&[255, 0, 0, 0]));
     println!("a quarter: {:.3} of the bytes, {:.3} of the blocks", quarter.0 / all.0, quarter.1 / all.1);
-    // The rim of a quarter is twice as large a share of it.
+    // The rim is twice as large a part of a quarter of the sheet.
     assert!(quarter.0 < 0.35 * all.0 && quarter.1 < 0.3 * all.1);
 }
 
@@ -167,22 +224,29 @@ fn bytes_follow_the_active_nodes() {
 fn work_is_bounded() {
     for model in [scenes::mug_to_jug(), scenes::creature()].map(Model::from) {
         let mut asset = model.asset(0, 256);
-        // Sweeps at a time; corrections on the finest level, and on each of the others.
-        for (quality, sweeps, [finest, others]) in
-            [(Quality::Draft, 3, [0, 1]), (Quality::Normal, 2, [4, 1]), (Quality::High, 4, [12, 2])]
-        {
+        // Sweeps per correction and corrections, on the finest level and on each of the others (method §5). `high`
+        // reaches the finest level in the same way as `normal`, so that it never ends higher: on the other levels it
+        // has one correction and two sweeps, too.
+        for (quality, sweeps, corrections) in [
+            (Quality::Draft, [3, 3], [0, 1]),
+            (Quality::Normal, [2, 2], [4, 1]),
+            (Quality::High, [4, 2], [12, 1]),
+        ] {
             asset.solve(model.frame(1), &options(quality)).unwrap();
             let report = asset.tile_report(0).unwrap();
-            let coarser = report.levels - 1;
-            assert!(report.corrections <= finest + others * coarser, "{quality:?}: {}", report.corrections);
-            // After each correction, or alone on a level without.
-            let planned = sweeps * finest.max(1) + sweeps * others.max(1) * coarser;
-            assert!(report.sweeps <= planned && report.sweeps > 0, "{quality:?}: {}", report.sweeps);
-            // Relaxation follows each share of a step that is tried, three of them, and at last none. Each level has at
-            // most a quarter of the movable nodes of the one below, all coarser ones together a third.
+            let levels = [1, report.levels - 1];
+            let sum = |per_level: [u32; 2]| per_level[0] * levels[0] + per_level[1] * levels[1];
+            // Corrections are counted by the schedule, even if some charts sit them out.
+            assert_eq!(report.corrections, sum(corrections), "{quality:?}");
+            // Sweeps follow each correction, or come alone on a level without corrections.
+            let planned = sum([0, 1].map(|k| sweeps[k] * corrections[k].max(1)));
+            assert_eq!(report.sweeps, planned, "{quality:?}");
+            // Sweeps follow each of the three trials of a correction, and come alone if no trial is accepted. Each
+            // level has at most a quarter of the movable nodes of the next finer one, and all coarser levels together a
+            // third.
             let nodes = report.nodes_active;
-            let updates = |corrections: u32| u64::from(sweeps * (4 * corrections).max(1)) * nodes;
-            let most = updates(finest) + updates(others) / 3;
+            let updates = [0, 1].map(|k| u64::from(sweeps[k] * (4 * corrections[k]).max(1)) * nodes);
+            let most = updates[0] + updates[1] / 3;
             println!(
                 "{} {quality:?}: {} levels, {} sweeps, {} corrections, {:.2} updates per node (at most {:.2})",
                 model.name,
@@ -194,7 +258,7 @@ fn work_is_bounded() {
             );
             assert!(report.node_updates <= most && report.node_updates > 0, "{quality:?}");
         }
-        // A budget that is gone at once: little is done, what comes out is sound, and nothing reuses it.
+        // A budget that is exceeded at once: the result is valid, and is not reused.
         let hurried = SolveOptions {
             time_budget: Some(std::time::Duration::from_micros(1)),
             ..SolveOptions::default()

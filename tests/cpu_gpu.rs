@@ -1,12 +1,15 @@
-//! Whole solves on the GPU against the CPU: the same warp to a tolerance, the same certificate, the same counts; and on
-//! the GPU the same bits every time. `cargo test --test cpu_gpu -- --show-output` shows the table.
+//! Whole solves on the GPU against the CPU: the same counts, and the same warp, energy and smallest corner Jacobian to
+//! a bound that follows from how much noise in the pose changes the CPU's own result; and on the GPU the same bits
+//! every time. `cargo test --test cpu_gpu -- --show-output` shows the table.
 
 mod common;
+
+use std::fmt;
 
 use common::{Model, bits, cpu, options};
 use vrtm::{Asset, Device, DeviceSettings, Quality, Strided, TileReport};
 
-/// One solve on both.
+/// A solve that is done on both backends.
 struct Case<'a> {
     model: &'a Model,
     frame: usize,
@@ -14,39 +17,72 @@ struct Case<'a> {
     quality: Quality,
 }
 
-/// How far the backends may be apart.
-struct Tolerance {
-    /// Displacement of single nodes, and RMS over movable ones, in cells.
+/// How much two results of one tile differ.
+#[derive(Clone, Copy, Default)]
+struct Difference {
+    /// Largest difference of a displacement along an axis, in cells.
     max: f64,
+    /// RMS difference of the displacements over movable nodes, in cells.
     rms: f64,
-    /// Energy, relative.
+    /// Energy of the result, relative.
     energy: f64,
+    /// Energy of the identity, relative.
+    identity_energy: f64,
+    /// Smallest corner Jacobian.
     jacobian: f64,
 }
 
-/// A stage on both backends differs by rounding alone (tests/lock_step.rs). Over a solve that grows to what the CPU's
-/// own result changes by if the pose is rounded otherwise (the table's last column): in directions in which the energy
-/// is flat, 1e-3 cells and more, while the energy keeps four digits and more (five, but for the squash to 40 %).
-const CALM: Tolerance = Tolerance { max: 0.3, rms: 5e-3, energy: 5e-5, jacobian: 3e-3 };
+impl Difference {
+    /// Differences of `other` from `base`.
+    fn between(base: &Asset, other: &Asset, tile: usize) -> Difference {
+        let [b, o] = [base, other].map(|asset| asset.tile_report(tile).unwrap());
+        let (max, rms) = displacement_differences(base, other, tile);
+        Difference {
+            max,
+            rms,
+            energy: (o.energy / b.energy - 1.0).abs(),
+            identity_energy: (o.energy_before / b.energy_before - 1.0).abs(),
+            jacobian: (o.min_jacobian - b.min_jacobian).abs(),
+        }
+    }
 
-/// Where charts have no room, which of many crushed cells give way is decided by less than rounding, and a share of the
-/// step that was cut in another place sends a chart to another minimum. The last column shows the same there, from one
-/// CPU to the next unit of rounding of the pose. What has to agree is how good the result is; where it lies, to what the
-/// CPU's own results are apart, three times over.
-const CROWDED: Tolerance = Tolerance { max: f64::INFINITY, rms: 0.3, energy: 0.05, jacobian: 1.0 };
-
-/// The solves that end differently on the CPU, too, for a pose that is rounded otherwise: in squash to 10 % all of the
-/// sheet is crushed; eyes, teeth and tongue of ict_inner are full of small, crushed charts; some corrections in, `high`
-/// finds such places in a fox as well, and `normal` on a fine grid in the lips of mh_face.
-fn is_crowded(case: &Case) -> bool {
-    match case.model.name.as_str() {
-        "squash to 10 %" | "squash to 1 %" => true,
-        "ict_inner" => case.quality != Quality::Draft,
-        "fox" => case.quality == Quality::High,
-        "mh_face" => case.quality != Quality::Draft && case.grid >= 512,
-        _ => false,
+    /// Combines two differences number by number.
+    fn zip(self, other: Difference, f: impl Fn(f64, f64) -> f64) -> Difference {
+        Difference {
+            max: f(self.max, other.max),
+            rms: f(self.rms, other.rms),
+            energy: f(self.energy, other.energy),
+            identity_energy: f(self.identity_energy, other.identity_energy),
+            jacobian: f(self.jacobian, other.jacobian),
+        }
     }
 }
+
+impl fmt::Display for Difference {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let Difference { max, rms, energy, identity_energy, jacobian } = self;
+        write!(f, "| {max:8.1e} {rms:8.1e} {energy:8.1e} {identity_energy:8.1e} {jacobian:8.1e}")
+    }
+}
+
+/// Allowed difference of the backends in a solve that does not magnify rounding. Displacements: as much as after one
+/// relaxation from the same state, in which single nodes decide otherwise (`relax` in tests/lock_step.rs). Energies:
+/// four times the 1.1e-6 measured on scenes with room. Smallest corner Jacobian: the GPU reports a lower bound, smaller
+/// by four units of rounding (method §8), for which tests/lock_step.rs allows 4e-6.
+const ONE_STAGE: Difference =
+    Difference { max: 1e-2, rms: 1e-4, energy: 5e-6, identity_energy: 5e-6, jacobian: 1e-5 };
+
+/// Allowed difference of the backends beyond `ONE_STAGE`, in multiples of the sensitivity, which is the largest change
+/// of the CPU's own result over three poses with noise. A stage on both backends differs by rounding alone
+/// (tests/lock_step.rs), and a solve magnifies that as it magnifies noise in the pose: little where there is room, and
+/// up to another minimum where charts are crowded (method §13). How far away that minimum lies is not known beforehand.
+/// The largest multiple that is needed with Mesa's software driver is 2.7 (RMS of bulge on 512 x 512 cells), and 1.3 in
+/// crowded charts; the margin is for the small number of samples, and for other drivers.
+const FACTOR: f64 = 10.0;
+
+/// Upper limit of the relative difference of energies, whatever the sensitivity: results must be equally good in
+/// crowded charts, too. The sensitivity reaches 0.03 there (ict_inner).
+const MAX_ENERGY_DIFFERENCE: f64 = 0.05;
 
 fn solve(model: &Model, pose: &[[f32; 3]], device: &Device, case: &Case) -> Asset {
     let mut asset = model.asset_on(device, case.grid);
@@ -54,8 +90,8 @@ fn solve(model: &Model, pose: &[[f32; 3]], device: &Device, case: &Case) -> Asse
     asset
 }
 
-/// (largest, RMS over movable nodes) difference of two results' displacements, in cells.
-fn apart(a: &Asset, b: &Asset, tile: usize) -> (f64, f64) {
+/// Largest and RMS difference of the displacements of two results, in cells. The RMS is over movable nodes.
+fn displacement_differences(a: &Asset, b: &Asset, tile: usize) -> (f64, f64) {
     let [u, v] = [a, b].map(|asset| asset.displacements(tile).unwrap());
     let both = u.iter().flatten().zip(v.iter().flatten());
     let (max, squares) = both.fold((0.0f64, 0.0), |(max, squares), (a, b)| {
@@ -65,12 +101,23 @@ fn apart(a: &Asset, b: &Asset, tile: usize) -> (f64, f64) {
     (max, (squares / (2 * a.tile_report(tile).unwrap().nodes_active) as f64).sqrt())
 }
 
-/// The pose with each coordinate moved to a neighbouring f32, up or down by a fixed scramble.
-fn rounded_otherwise(pose: &[[f32; 3]], round: u32) -> Vec<[f32; 3]> {
-    let mut k = round;
+/// Noise on a pose, as a fraction of its extent: two units of rounding (6e-8) of a coordinate of the extent's size.
+const NOISE: f64 = 1e-7;
+
+/// The pose with up to `NOISE` of its extent added to or subtracted from each coordinate, by a fixed scramble.
+fn perturbed(pose: &[[f32; 3]], seed: u32) -> Vec<[f32; 3]> {
+    let extent = (0..3).map(|axis| {
+        let coordinates = pose.iter().map(|p| f64::from(p[axis]));
+        let (low, high) =
+            coordinates.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        high - low
+    });
+    let scale = NOISE * extent.fold(0.0, f64::max);
+    let mut state = seed;
     let mut next = |x: f32| {
-        k = k.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        if x == 0.0 || k >> 31 == 0 { x } else { f32::from_bits(x.to_bits() ^ 1) }
+        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let noise = f64::from(state >> 8) / f64::from(1 << 23) - 1.0;
+        (f64::from(x) + scale * noise) as f32
     };
     pose.iter().map(|p| p.map(&mut next)).collect()
 }
@@ -81,15 +128,14 @@ fn counts(r: &TileReport) -> [u64; 9] {
     [a, b, c, d, e, r.nodes_active, r.blocks_active, r.sweeps.into(), r.corrections.into()]
 }
 
-/// One line of the table per tile; what is wrong goes to `failures`.
+/// Prints one line of the table per tile, and appends what is wrong to `failures`.
 fn check(case: &Case, device: &Device, failures: &mut Vec<String>) {
     let Case { model, frame, grid, quality } = *case;
     let pose = &model.frames[frame - 1];
-    let (of_cpu, of_gpu) = (solve(model, pose, &cpu(0), case), solve(model, pose, device, case));
-    let others: Vec<Asset> =
-        (1..4).map(|k| solve(model, &rounded_otherwise(pose, k), &cpu(0), case)).collect();
-    for tile in 0..of_cpu.tile_count() {
-        let [c, g] = [&of_cpu, &of_gpu].map(|asset| asset.tile_report(tile).unwrap());
+    let (cpu_result, gpu_result) = (solve(model, pose, &cpu(0), case), solve(model, pose, device, case));
+    let others: Vec<Asset> = (1..4).map(|k| solve(model, &perturbed(pose, k), &cpu(0), case)).collect();
+    for tile in 0..cpu_result.tile_count() {
+        let [c, g] = [&cpu_result, &gpu_result].map(|asset| asset.tile_report(tile).unwrap());
         let name = format!("{} {frame}", model.name);
         let mut fail = |what: String| {
             failures.push(format!("{name}, {}, {grid}², {quality:?}: {what}", c.udim));
@@ -100,35 +146,29 @@ fn check(case: &Case, device: &Device, failures: &mut Vec<String>) {
         if c.charts_active == 0 {
             continue;
         }
-        let (max, rms) = apart(&of_cpu, &of_gpu, tile);
-        let energy = g.energy / c.energy - 1.0;
-        let own = others.iter().map(|other| {
-            let (_, rms) = apart(&of_cpu, other, tile);
-            (rms, (other.tile_report(tile).unwrap().energy / c.energy - 1.0).abs())
-        });
-        let own = own.fold((0.0, 0.0), |a: (f64, f64), b| (a.0.max(b.0), a.1.max(b.1)));
-        let crowded = is_crowded(case);
+        let difference = Difference::between(&cpu_result, &gpu_result, tile);
+        let sensitivity = others
+            .iter()
+            .map(|other| Difference::between(&cpu_result, other, tile))
+            .fold(Difference::default(), |a, b| a.zip(b, f64::max));
+        let mut most = ONE_STAGE.zip(sensitivity, |stage, sensitivity| stage + FACTOR * sensitivity);
+        most.energy = most.energy.min(MAX_ENERGY_DIFFERENCE);
         println!(
-            "{name:18} {} {grid:4} {quality:6} {max:8.1e} {rms:8.1e} {:11.5} {energy:8.1e} {:.4} {:.4} {:8.1e} {:8.1e}{}",
+            "{name:18} {} {grid:4} {quality:6} {:11.5} {:.4} {difference} {sensitivity}",
             c.udim,
             c.energy,
             c.min_jacobian,
-            g.min_jacobian,
-            own.0,
-            own.1,
-            if crowded { " crowded" } else { "" },
             quality = format!("{quality:?}"),
         );
-        let most = if crowded { Tolerance { rms: CROWDED.rms + 3.0 * own.0, ..CROWDED } } else { CALM };
         for (what, value, most) in [
-            ("largest difference", max, most.max),
-            ("RMS difference", rms, most.rms),
-            ("energy", energy.abs(), most.energy),
-            ("energy of the identity", (g.energy_before / c.energy_before - 1.0).abs(), CALM.energy),
-            ("min J", (g.min_jacobian - c.min_jacobian).abs(), most.jacobian),
+            ("largest difference", difference.max, most.max),
+            ("RMS difference", difference.rms, most.rms),
+            ("energy", difference.energy, most.energy),
+            ("energy of the identity", difference.identity_energy, most.identity_energy),
+            ("min J", difference.jacobian, most.jacobian),
         ] {
-            // What is not a number fails.
-            if value.is_nan() || value > most {
+            // A NaN fails. An infinite bound would let anything pass.
+            if value.is_nan() || value > most || most.is_infinite() {
                 fail(format!("{what}: {value:.1e} apart, at most {most:.1e}"));
             }
         }
@@ -138,9 +178,9 @@ fn check(case: &Case, device: &Device, failures: &mut Vec<String>) {
     }
 }
 
-fn squash(share: f64) -> Model {
-    let name = format!("squash to {} %", (share * 100.0).round());
-    Model { name, ..Model::from(common::scenes::analytic::squash(share)) }
+fn squash(fraction: f64) -> Model {
+    let name = format!("squash to {} %", (fraction * 100.0).round());
+    Model { name, ..Model::from(common::scenes::analytic::squash(fraction)) }
 }
 
 fn models() -> Vec<Model> {
@@ -179,21 +219,22 @@ fn whole_solves_agree() {
     ] {
         cases.extend(named(name).map(|model| Case { model, frame: 1, grid, quality }));
     }
+    let differences = format!("| {:>8} {:>8} {:>8} {:>8} {:>8}", "max", "RMS", "E", "E of id.", "min J");
+    println!("{:64} | {:44} | CPU with noise against CPU", "", "GPU against CPU");
     println!(
-        "{:18} tile grid {:6} {:>8} {:>8} {:>11} {:>8} {:>6} {:>6}   CPU against itself",
-        "scene, frame", "", "max", "RMS", "E, CPU", "GPU", "J, CPU", "GPU"
+        "{:18} tile grid {:6} {:>11} {:6} {differences} {differences}",
+        "scene, frame", "", "E, CPU", "J, CPU"
     );
-    println!("{:33} {:>8} {:>8} {:>29} {:>16} {:>8}", "", "cells", "cells", "relative", "RMS", "E");
     let mut failures = Vec::new();
     cases.iter().for_each(|case| check(case, &device, &mut failures));
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
 }
 
-/// From asset to asset, from one solve to the next, and from device to device of one adapter.
+/// The bits do not change from asset to asset, from one solve to the next, nor from device to device of one adapter.
 #[test]
 fn the_same_bits_every_time() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
-    // The crushed sheet would show the smallest difference.
+    // On a crushed sheet the smallest difference would grow to a visible one.
     let models = [squash(0.1), Model::from(common::scenes::creature())];
     for (model, quality) in models.iter().flat_map(|m| [Quality::Draft, Quality::Normal].map(|q| (m, q))) {
         let case = Case { model, frame: 1, grid: 128, quality };

@@ -1,5 +1,5 @@
-//! Thousands of calls in random order with living, stale and made-up handles and with good, odd and bad arguments: each
-//! returns a known status, none of them is VRTM_ERROR_INTERNAL, and failures write nothing.
+//! Thousands of calls in random order, with valid, stale and made-up handles and with good, odd and bad arguments: each
+//! returns a known status, none returns VRTM_ERROR_INTERNAL, and failures write nothing.
 
 use std::ffi::{CStr, c_void};
 use std::mem::{size_of, zeroed};
@@ -12,7 +12,7 @@ use vrtm::ffi::{
     asset::*, device::*, fetch::*, handle::*, report::*, solve::*, status::*, tile::*, types::*,
 };
 
-/// A random number generator that is the same everywhere (Steele, Lea and Flood's SplitMix64).
+/// A random number generator with the same numbers on every platform (Steele, Lea and Flood's SplitMix64).
 struct Random(u64);
 
 impl Random {
@@ -44,10 +44,10 @@ const CORNERS: usize = 4 * SIDE * SIDE;
 const MAP: u32 = 16;
 const UNTOUCHED: u8 = 0x5A;
 
-/// What the calls point to: every array is as long as the longest that a call may claim.
+/// The memory that the calls point to: every array is as long as the longest that a call may claim.
 struct Host {
     random: Random,
-    /// What good calls ask a device for.
+    /// The backend that good calls ask a device for.
     backend: vrtm_backend,
     positions: Vec<[f64; 4]>,
     uvs: Vec<[f32; 2]>,
@@ -61,9 +61,9 @@ struct Host {
     statuses: [usize; 9],
 }
 
-/// A struct of the C API with its size set, all else zero.
+/// A struct of the C API with its size field set and all else zero.
 fn sized<T: Copy>() -> T {
-    // SAFETY: plain data, for which zero is a value; all of these start with their size.
+    // SAFETY: plain data, for which all zeros are a valid value; each of these structs starts with its size.
     unsafe {
         let mut value: T = zeroed();
         ptr::from_mut(&mut value).cast::<u32>().write(size_of::<T>() as u32);
@@ -89,7 +89,7 @@ impl Host {
         };
         for (k, point) in host.positions.iter_mut().enumerate() {
             *point = [(k % (SIDE + 1)) as f64, (k / (SIDE + 1)) as f64, 0.0, 1.0];
-            // From 0 to 2 in u: tiles 1001 and 1002.
+            // u runs from 0 to 2: tiles 1001 and 1002.
             host.uvs[k] = [point[0] as f32 * 0.5, point[1] as f32 * 0.25];
         }
         for j in 0..SIDE {
@@ -101,7 +101,7 @@ impl Host {
         host
     }
 
-    /// Mostly `good`, now and then something else.
+    /// Mostly `good`, sometimes one of `others`.
     fn odd<T: Copy>(&mut self, good: T, others: &[T]) -> T {
         if self.random.one_in(25) { self.random.pick(others) } else { good }
     }
@@ -170,13 +170,13 @@ impl Host {
         image
     }
 
-    /// A handle of any kind and age, mostly of the right kind.
+    /// A handle of any kind, valid or stale, mostly of the right kind.
     fn handle(&mut self, of: fn(&Host) -> &Vec<u64>) -> u64 {
         if self.random.one_in(20) {
             let wrong = [&self.devices, &self.assets, &self.tiles].map(|ids| ids[ids.len() - 1]);
             return self.random.pick(&wrong) ^ if self.random.one_in(3) { 1 } else { 0 };
         }
-        // The newest, mostly: they are the ones that live.
+        // Mostly one of the newest, because they are likely to be valid.
         let ids = of(self).clone();
         let newest = ids.len().min(3);
         if self.random.one_in(10) {
@@ -214,7 +214,7 @@ impl Host {
         mesh.uv_index_count = self.odd(CORNERS, &[0, 5]);
         let device = self.device();
         let mut asset = vrtm_asset { id: 77 };
-        // SAFETY: all pointers are null or point to living memory of at least the claimed size.
+        // SAFETY: all pointers are null or point to valid memory of at least the claimed size.
         let status = unsafe { vrtm_asset_create(device, &mesh, &mut asset) };
         assert_eq!(status == VRTM_OK, asset.id != 77);
         if status == VRTM_OK {
@@ -250,10 +250,10 @@ impl Host {
         options
     }
 
-    /// Calls one function; the flag says whether it may have written to `output`.
+    /// Calls one function. The flag is true if the call may have written to `output`.
     fn call(&mut self) -> (vrtm_status, bool) {
         let choice = self.random.below(40);
-        // SAFETY: all pointers are null or point to living memory of at least the claimed size.
+        // SAFETY: all pointers are null or point to valid memory of at least the claimed size.
         unsafe {
             let status = match choice {
                 0 => {
@@ -400,7 +400,7 @@ fn random_calls_never_do_harm() {
     let mut host = Host::new(1);
     host.run(6000);
     println!("calls by status: {:?}", host.statuses);
-    // The test would be idle if nearly all calls failed, or if none did.
+    // If nearly all calls failed, or none did, the test would check little.
     assert!(host.statuses[VRTM_OK as usize] > 1500, "{:?}", host.statuses);
     for status in [VRTM_ERROR_INVALID_ARGUMENT, VRTM_ERROR_INVALID_HANDLE, VRTM_ERROR_NOT_SOLVED] {
         assert!(host.statuses[status as usize] > 20, "{:?}", host.statuses);

@@ -1,8 +1,9 @@
-//! How far the solver stays above the minimum: gap = (E - E*) / (E0 - E*), with E0 the identity's energy and all three
-//! evaluated in f64 by the reference. E* is the lowest minimum that the reference finds, from the solver's own results
-//! and, where that takes no minutes, from the identity: it is never above what the solver reached.
+//! Measures how far the solver stays above the minimum: gap = (E - E*) / (E0 - E*) with the energy E0 of the identity,
+//! all three evaluated in f64 by the reference solver (method §11.2). E* is the lowest minimum that the reference
+//! finds, starting from the solver's own results and, where that does not take minutes, from the identity; it is never
+//! above the solver's energies.
 //!
-//! VRTM_FULL=1 adds all frames of all assets and a thorough search for E* everywhere.
+//! VRTM_FULL=1 adds all frames of all assets and a thorough search for E* on all of them.
 
 mod common;
 
@@ -13,17 +14,17 @@ use vrtm::Quality;
 
 const GRID: u32 = 256;
 
-/// Some cell of the reference's minimum has a corner Jacobian under this, the default τ: the room term is at work, which
-/// is what crowded means here.
+/// A scene is crowded if some corner Jacobian of the reference's minimum is under this value, the default τ: the room
+/// term is active there.
 const CROWDED: f64 = 0.4;
 
 /// Largest gaps of `normal` and `high`.
 const WITH_ROOM: [f64; 2] = [1e-3, 1e-4];
 const WITHOUT: [f64; 2] = [1e-2, 3e-3];
 
-/// Scenes that miss a bar, with bounds a little above what is reached: none. (On triangles E has kinks, and so many minima
-/// next to one another: "own" in the table is the gap to the minimum that a result itself descends to, the rest of the
-/// gap is that another minimum is lower.)
+/// Scenes that miss a bar, with bounds a little above what is measured: none. (On triangles E has kinks, and hence many
+/// minima close to one another. "own" in the table is the gap to the minimum that the reference reaches from the result
+/// itself; the rest of the gap is there because another minimum is lower.)
 const KNOWN: [(&str, [f64; 2]); 0] = [];
 
 struct Case<'a> {
@@ -39,8 +40,8 @@ struct Row {
     before: f64,
     minimum: f64,
     gaps: [f64; 2],
-    /// To the minimum that the result itself descends to.
-    own: [f64; 2],
+    /// Gap to the minimum that the reference reaches from the result itself.
+    own_gaps: [f64; 2],
     jacobian: f64,
     ms: [f32; 2],
     reference_ms: u128,
@@ -53,9 +54,9 @@ impl Row {
     }
 
     fn print(&self) {
-        let Row { name, before, minimum, gaps, own, jacobian, ms, reference_ms } = self;
+        let Row { name, before, minimum, gaps, own_gaps, jacobian, ms, reference_ms } = self;
         let [normal, high] = gaps.map(|gap| 100.0 * gap);
-        let own = own.map(|gap| 100.0 * gap);
+        let own = own_gaps.map(|gap| 100.0 * gap);
         let kind = if *jacobian < CROWDED { "crowded" } else { "room" };
         println!(
             "{name:19} {before:8.2} {minimum:8.3} | {normal:8.5} ({:8.5}) {:5.0} | {high:8.5} ({:8.5}) {:5.0} | \
@@ -91,13 +92,13 @@ fn run(case: &Case) -> Row {
         minima.push(minimum(None, true));
     }
     let best = minima.iter().min_by(|a, b| a.energy.total_cmp(&b.energy)).unwrap();
-    let share = |energy: f64| energy / (before - best.energy);
+    let relative = |energy: f64| energy / (before - best.energy);
     Row {
         name: case.name.clone(),
         before,
         minimum: best.energy,
-        gaps: energies.map(|e| share(e - best.energy)),
-        own: [0, 1].map(|k| share(energies[k] - minima[k].energy)),
+        gaps: energies.map(|e| relative(e - best.energy)),
+        own_gaps: [0, 1].map(|k| relative(energies[k] - minima[k].energy)),
         jacobian: best.min_jacobian,
         ms,
         reference_ms: start.elapsed().as_millis(),
@@ -127,7 +128,7 @@ fn cases(models: &[Model], thorough: bool) -> Vec<Case<'_>> {
     cases
 }
 
-/// What the ordinary run looks at.
+/// The cases of an ordinary run.
 fn chosen(name: &str, frame: usize, udim: u32) -> bool {
     match name {
         "mh_face" => frame == 1,

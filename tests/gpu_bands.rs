@@ -1,5 +1,5 @@
-//! The smallest limits that WebGPU allows, and levels that are laid over several buffers because one binding cannot hold
-//! them: the same bits as with room for all.
+//! Solves under the smallest limits that WebGPU allows, with levels laid over several buffers (bands) because one
+//! binding cannot hold them: the bits are the same as with a single buffer.
 
 mod common;
 
@@ -9,7 +9,7 @@ use vrtm::{
     TileSettings,
 };
 
-/// A device with WebGPU's default limits, and buffers of at most so many blocks.
+/// A device with WebGPU's default limits, whose buffers hold at most `blocks` blocks.
 fn limited(band: Option<usize>) -> Device {
     let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
     Device::with_variables(&settings, &[("VRTM_GPU_LIMITS", "webgpu")], band).unwrap()
@@ -25,7 +25,7 @@ fn dispatches(asset: &Asset) -> u64 {
     asset.gpu_work(0).unwrap().unwrap().dispatches()
 }
 
-/// What an adapter has beyond them is not needed, and changes nothing.
+/// Limits of the adapter above WebGPU's defaults are not needed and do not change the result.
 #[test]
 fn webgpu_s_limits_give_the_same_bits() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
@@ -57,7 +57,7 @@ fn bands_give_the_same_bits() {
         let (a, b) = (solve(&whole, &model, quality), solve(&limited(Some(blocks)), &model, quality));
         let [few, many] = [&a, &b].map(dispatches);
         println!("{:12} {few} dispatches, in bands of {blocks} blocks {many}", model.name);
-        // Draft has few dispatches on level 0, which is the one that is cut.
+        // Draft has few dispatches on level 0, the level that is divided into bands.
         assert!(many > few, "{}: {few} dispatches, {many} in bands", model.name);
         assert!(bits(&a) == bits(&b), "{}, bands of {blocks} blocks", model.name);
         let [a, b] = [&a, &b].map(|asset| asset.tile_report(0).unwrap());
@@ -70,7 +70,7 @@ fn bands_give_the_same_bits() {
     }
 }
 
-/// Charts that are kept, and a start from the last result, find their bands again.
+/// Reused charts and warm starts find the last result in bands.
 #[test]
 fn results_in_bands_are_gone_on_from() {
     if !common::has_gpu() {
@@ -88,7 +88,7 @@ fn results_in_bands_are_gone_on_from() {
     }
 }
 
-/// The paper's solver, whose state changes places with each pass.
+/// The paper's solver, whose two copies of the state swap places with each pass, gives the same bits in bands.
 #[test]
 fn iterations_in_bands_give_the_same_bits() {
     if !common::has_gpu() {
@@ -108,15 +108,16 @@ fn iterations_in_bands_give_the_same_bits() {
     }
 }
 
-/// A band has copies of the rows of blocks next to it. A node near a band's edge that moves by more than these, 16
-/// cells, does not find the metric under it on a coarser level: that step is refused, as at a chart's border. What comes
-/// out is certified, and as good to many digits. (Bindings of 128 MiB hold bands of 7000 blocks: few nodes are so near.)
+/// A band has copies of the adjacent rows of blocks. A node near a band's edge that moves beyond these, by more than 16
+/// cells, does not find the metric at its position on a coarser level: its step is refused, as at a chart's border. The
+/// result is certified, and its energy agrees to 5e-3. (Bindings of 128 MiB hold bands of 7000 blocks: few nodes are so
+/// close to an edge of one.)
 #[test]
 fn far_steps_across_bands_are_refused() {
     if !common::has_gpu() {
         return;
     }
-    // All of the sheet is drawn together at its lower end; a rigid disc in the middle has to move by 40 cells.
+    // The whole sheet is compressed toward its lower end; a rigid disc in the middle has to move by 40 cells.
     let mut model = Model::from(common::scenes::analytic::bulge());
     for (p, rest) in model.frames[0].iter_mut().zip(&model.rest) {
         *p = [rest[0], rest[1].powi(5), 0.0];
@@ -126,7 +127,7 @@ fn far_steps_across_bands_are_refused() {
         let [x, y] = [k % n, k / n].map(|x| x as f64 / n as f64 - 0.5);
         *rigidity = if x.hypot(y) < 0.25 { 255 } else { 0 };
     }
-    // Rows of eight blocks on level 0 and of four on level 1: bands on both.
+    // There are rows of eight blocks on level 0 and of four on level 1: both levels have bands.
     let settings = TileSettings { grid: [Some(128), Some(512)], ..TileSettings::default() };
     let assets = [None, Some(32)].map(|band| {
         let mut asset = model.asset_on(&limited(band), 128);
@@ -136,14 +137,16 @@ fn far_steps_across_bands_are_refused() {
     });
     let [a, b] = assets.each_ref().map(|asset| asset.tile_report(0).unwrap());
     let [u, v] = assets.each_ref().map(|asset| asset.displacements(0).unwrap());
-    let apart = u.iter().flatten().zip(v.iter().flatten()).fold(0.0f32, |m, (a, b)| m.max((a - b).abs()));
+    let difference =
+        u.iter().flatten().zip(v.iter().flatten()).fold(0.0f32, |m, (a, b)| m.max((a - b).abs()));
     println!(
-        "moved by {} cells; {apart} apart in bands; E {} and {}",
+        "moved by {} cells; {difference} apart in bands; E {} and {}",
         a.max_displacement, a.energy, b.energy
     );
     assert!(a.max_displacement > 32.0, "{}", a.max_displacement);
     assert!(b.folds == 0 && b.min_jacobian > 0.0 && b.charts_fallback == 0);
-    // Measured: 2e-3 (a correction's refused steps lead to another state). They are taken on the next level.
+    // The measured difference is 2e-3: refused steps of a coarse correction lead to another state. The next level makes
+    // up for them.
     assert!((b.energy / a.energy - 1.0).abs() < 5e-3, "{} {}", a.energy, b.energy);
 }
 
@@ -157,7 +160,7 @@ fn bindings_that_hold_no_band_are_refused() {
     let error = asset.solve(model.frame(1), &SolveOptions::default()).unwrap_err();
     assert_eq!(error.kind, ErrorKind::Unsupported);
     assert_eq!(error.message, "the GPU's bindings hold 20 blocks: too few for rows of 128 cells");
-    // Nothing is half done: with a smaller grid the same asset solves.
+    // The failed solve leaves the asset usable: with a smaller grid it solves.
     common::set_grid(&mut asset, 64);
     asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
     assert!(asset.tile_report(0).unwrap().min_jacobian > 0.0);

@@ -1,5 +1,5 @@
-//! Devices on GPUs as a program sees them: which there are, what is said where there are none, and a GPU that goes away.
-//! What depends on the environment runs in a process of its own.
+//! GPU devices from a program's view: the list of adapters, the messages where there are none, and the loss of a GPU.
+//! Tests that depend on environment variables run in a process of their own.
 
 use std::path::Path;
 use std::process::Command;
@@ -15,9 +15,9 @@ fn settings(backend: Backend, adapter: u32) -> DeviceSettings {
 
 const CHILD: &str = "VRTM_TEST_CHILD";
 
-/// Runs the test `name` again as a process with other variables. True in that process.
+/// Runs the test `name` again in a child process with other variables. Returns true in the child.
 ///
-/// The child must print nothing of its own: whatever else stands on stdout or stderr was the library.
+/// The test must not print in the child: all that appears on stdout or stderr comes from the library.
 fn in_a_child(name: &str, variables: &[(&str, &str)]) -> bool {
     if std::env::var_os(CHILD).is_some() {
         return true;
@@ -27,7 +27,7 @@ fn in_a_child(name: &str, variables: &[(&str, &str)]) -> bool {
         .env_remove("VRTM_DEVICE")
         .env_remove("VRTM_THREADS")
         .env_remove("VRTM_GPU_LIMITS")
-        // Without it a layer of Mesa's Vulkan drivers complains on stderr.
+        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
         .env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))
         .envs(variables.iter().copied())
         .env(CHILD, "1")
@@ -57,7 +57,7 @@ fn adapters_are_described_in_an_order_that_stays() {
     assert_eq!(format!("{all:?}"), format!("{:?}", adapters()));
 }
 
-/// What must hold wherever no driver can be loaded.
+/// Checks what holds wherever no driver can be loaded.
 fn nothing_is_there() {
     assert!(adapters().is_empty());
     let error = Device::new(&settings(Backend::Gpu, 0)).unwrap_err();
@@ -82,7 +82,7 @@ fn without_a_driver_there_is_no_gpu() {
     }
 }
 
-/// A file that is no library stands in for one that is not there: the loader takes it and gives up.
+/// A file that is not a library takes the place of a missing driver: the loader reads it and fails.
 #[cfg(target_os = "linux")]
 #[test]
 fn without_vulkan_s_library_there_is_no_gpu() {
@@ -108,7 +108,7 @@ fn an_adapter_that_is_not_there_is_named() {
         assert_eq!(error.kind, ErrorKind::InvalidArgument);
         assert!(error.message.starts_with(&format!("adapter: {adapter} is out of range, there ")), "{error}");
     }
-    // It is the gpu's only.
+    // Only `Backend::Gpu` demands that the adapter exists.
     for backend in [Backend::Cpu, Backend::Auto] {
         Device::new(&settings(backend, count)).unwrap();
     }
@@ -135,7 +135,7 @@ fn auto_never_takes_a_software_driver() {
 fn webgpu_s_limits_are_a_variable() {
     if in_a_child("webgpu_s_limits_are_a_variable", &[("VRTM_GPU_LIMITS", "webgpu"), ("VRTM_DEVICE", "gpu")])
     {
-        // The parent looks whether there is a GPU.
+        // The parent process checks that there is a GPU.
         match Device::new(&DeviceSettings::default()) {
             Ok(device) => {
                 let reason = device.info().reason;

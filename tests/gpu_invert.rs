@@ -1,4 +1,5 @@
-//! Redirection maps of a GPU's results: the inverse of the warp, in every size, format and layout, also after a failure.
+//! Redirection maps from a GPU's results: the inverse of the warp, in every size, format and layout, also after a
+//! failure.
 
 use std::sync::OnceLock;
 
@@ -12,10 +13,10 @@ use common::{Model, Warp, fetch, gpu, has_gpu, options, scenes};
 
 const KINDS: [FetchKind; 2] = [FetchKind::Redirection, FetchKind::RedirectionDelta];
 
-/// One device for all tests: its pipelines take longer than they do.
+/// One device for all tests: creating its pipelines takes longer than the tests.
 fn device() -> Option<&'static Device> {
     static DEVICE: OnceLock<Option<Device>> = OnceLock::new();
-    // Each test says so where there is none.
+    // Without a GPU, each test prints a message.
     if !has_gpu() {
         return None;
     }
@@ -35,7 +36,7 @@ fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fi
     out
 }
 
-/// DESIGN 7.6: W at redirection(c) is c, and W covers each c once.
+/// W at redirection(c) is c for each texel centre c, and W covers each c once.
 #[test]
 fn the_warp_takes_its_redirection_back() {
     let Some(device) = device() else { return };
@@ -59,7 +60,7 @@ fn the_warp_takes_its_redirection_back() {
                     let off = back[c] * size[c] as f64 / f64::from(grid) - centre;
                     assert!(off.abs() < 1e-3, "{}: texel {texel:?} of {size:?}: {off}", model.name);
                     worst = worst.max(off.abs());
-                    // Both are rounded to f32 once: half an ulp of 1, and far less.
+                    // Both are rounded to f32 once: the difference is far less than half a unit in the last place of 1.
                     let off = f64::from(uv[c]) - centre / size[c] as f64 - f64::from(delta[c]);
                     assert!(off.abs() < f64::from(f32::EPSILON) / 2.0, "{}: {texel:?}: {off}", model.name);
                 }

@@ -1,6 +1,6 @@
-//! Hard cases: each ends in a certified result, or in an error that names the argument. A table of them, solved on one
-//! thread, on two and on a GPU, and the same checks for all: no fold, no NaN, energy not above the identity's, fixed nodes at
-//! exactly 0, every texel written.
+//! Hard cases: each ends in a certified result, or in an error that names the argument. The cases of the table are
+//! solved on one thread, on two and on a GPU, with the same checks: no fold, no NaN, energy not above the identity's,
+//! fixed nodes at exactly 0, every texel written.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc;
@@ -17,7 +17,8 @@ mod gpu;
 mod table;
 use table::cases;
 
-/// No case takes a second on an idle machine; a busy one under a checker may need far longer. Only a hang reaches this.
+/// No case takes a second on an idle machine; a busy one under a memory checker may need far longer. Only a hang
+/// takes so long.
 const HANG: Duration = Duration::from_secs(120);
 
 type Points = Vec<[f64; 3]>;
@@ -50,18 +51,18 @@ fn view((bytes, layout): &Bytes) -> ImageView<'_> {
     ImageView::new("map", bytes, *layout).unwrap()
 }
 
-/// What a case must come to, beyond what holds for all.
+/// The expected outcome of a case, in addition to what holds for all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Expect {
-    /// Certified; nothing more is promised.
+    /// The result is certified; nothing more is expected.
     Certified,
-    /// No displacement over so many cells, in the last frame.
+    /// No displacement in the last frame exceeds this number of cells.
     Near(f32),
-    /// Energy of the last frame at most this share of the identity's.
+    /// The energy of the last frame is at most this fraction of the identity's.
     Gain(f64),
     /// The time budget ends the solve.
     Truncated,
-    /// The mesh has no tile: nothing to solve, nothing to fetch, corner UVs as given.
+    /// The mesh has no tile: there is nothing to solve or to fetch, and corner UVs are returned unchanged.
     NoTile,
 }
 
@@ -110,7 +111,7 @@ impl Case {
         Ok(asset)
     }
 
-    /// Solves all frames, checks each, and gives the bits of all outputs and the last report.
+    /// Solves all frames, checks each, and returns the bits of all outputs and the last report.
     fn run(&self, threads: u32) -> (Vec<u32>, Option<TileReport>) {
         self.run_with(self.asset(threads).unwrap())
     }
@@ -141,7 +142,7 @@ impl Case {
         assert!(report.min_jacobian > 0.0, "min_jacobian {}", report.min_jacobian);
         assert!(report.energy_before.is_finite(), "energy_before {}", report.energy_before);
         assert!(report.energy.is_finite(), "energy {}", report.energy);
-        // A warm solve starts from another state than the identity; it too must end below it.
+        // A warm solve starts from a state other than the identity; its energy must not be above the identity's either.
         assert!(
             report.energy <= report.energy_before,
             "energy {} over {}",
@@ -158,7 +159,7 @@ impl Case {
         assert!(report.max_displacement.is_finite(), "max_displacement {}", report.max_displacement);
     }
 
-    /// Displacements: finite, 0 where nothing may move, and free of folds by an own count.
+    /// Checks displacements: finite, 0 at fixed nodes, and without folds by corner Jacobians computed here in f64.
     fn check_nodes(&self, asset: &Asset, tile: usize, report: &TileReport) -> Vec<u32> {
         let [nx, ny] = report.grid.map(|n| n as usize);
         let u = asset.displacements(tile).unwrap();
@@ -168,7 +169,7 @@ impl Case {
         for (n, u) in u.iter().enumerate() {
             let (i, j) = (n % (nx + 1), n / (nx + 1));
             let rim = i == 0 || j == 0 || i == nx || j == ny;
-            // On a grid of the mask's size a node's four texels are those within half a cell of it.
+            // If the grid has the mask's size, the texels within half a cell of a node are the four around it.
             let masked = mask.is_some_and(|mask| {
                 let at = |x: usize, y: usize| mask.values[y.min(ny - 1) * nx + x.min(nx - 1)] < 0.5;
                 let (x, y) = (i.saturating_sub(1), j.saturating_sub(1));
@@ -193,7 +194,7 @@ impl Case {
         u.iter().flatten().map(|x| x.to_bits()).collect()
     }
 
-    /// Every texel of every output is written, with a finite number; absolute UVs lie in the tile.
+    /// Checks that every texel of every output is written with a finite number, and that absolute UVs lie in the tile.
     fn check_images(&self, asset: &mut Asset, tile: usize, grid: [u32; 2]) -> Vec<u32> {
         let mut bits = Vec::new();
         let nodes = [grid[0] + 1, grid[1] + 1];
@@ -212,7 +213,7 @@ impl Case {
             for b in bytes.chunks_exact(4) {
                 let x = f32::from_ne_bytes(b.try_into().unwrap());
                 let low = if kind == FetchKind::RedirectionDelta { -1.0 } else { 0.0 };
-                // W is onto, so nothing leaves the tile; rounding may, by a bit of f32.
+                // W maps the tile onto itself, so that redirections lie in the tile up to f32 rounding.
                 assert!((low - 1e-6..=1.0 + 1e-6).contains(&x), "{kind:?} {width}x{height} holds {x}");
                 bits.push(x.to_bits());
             }
@@ -228,8 +229,8 @@ impl Case {
             Expect::Near(cells) => {
                 assert!(moved <= cells, "moved by {moved} cells, at most {cells} expected")
             }
-            Expect::Gain(share) => {
-                assert!(before > 0.0 && energy <= share * before, "energy {energy} of {before}");
+            Expect::Gain(fraction) => {
+                assert!(before > 0.0 && energy <= fraction * before, "energy {energy} of {before}");
             }
             Expect::Truncated => assert!(truncated, "not truncated"),
             Expect::NoTile => {
@@ -243,7 +244,7 @@ impl Case {
     }
 }
 
-/// Runs `f` on a thread of its own; what went wrong as text, be it a panic or a hang.
+/// Runs `f` on a thread of its own, and returns a panic or a hang as text.
 fn guarded<R: Send + 'static>(f: impl FnOnce() -> R + Send + 'static) -> Result<R, String> {
     let (send, receive) = mpsc::channel();
     std::thread::spawn(move || {
@@ -285,7 +286,7 @@ fn each_ends_in_a_certified_result() {
     each(|case| {
         let (one, report) = case.run(1);
         let (two, _) = case.run(2);
-        // Where time ends a solve, the state that it reached is not a function of the inputs.
+        // Where a time budget ends the solve, the result is not a function of the inputs.
         assert!(case.expect == Expect::Truncated || one == two, "one and two threads give other bits");
         report
     });
@@ -296,13 +297,14 @@ fn each_ends_in_a_certified_result_on_a_gpu() {
     let Some(device) = gpu::gpu(&DeviceSettings::default()) else { return };
     each(move |case| {
         let report = case.run_with(case.asset_on(&device).unwrap()).1;
-        // Which way a crushed sheet gives is decided by rounding; what there is to solve, and what E is before, is not.
+        // Rounding decides in which direction a crushed sheet gives way; it decides neither the counts nor the energy
+        // of the identity.
         if let (Some(c), Some(g)) = (case.run(0).1, report) {
             let charts = |r: &TileReport| [r.charts, r.charts_active, r.charts_identity];
             assert_eq!(charts(&c), charts(&g), "charts: all, active, at rest");
-            let apart = (g.energy_before - c.energy_before).abs();
+            let difference = (g.energy_before - c.energy_before).abs();
             assert!(
-                apart <= 1e-5 * c.energy_before,
+                difference <= 1e-5 * c.energy_before,
                 "energy before: {} {}",
                 c.energy_before,
                 g.energy_before
@@ -312,7 +314,7 @@ fn each_ends_in_a_certified_result_on_a_gpu() {
     });
 }
 
-/// NaN and the infinities in every input: an exact message, and the last good result stays.
+/// NaN and the infinities in every input give an exact error message, and the last valid result stays.
 #[test]
 fn what_is_not_finite_is_named() {
     not_finite_is_named(|case| case.asset(1));
@@ -372,7 +374,8 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
     }
 }
 
-/// Units do not matter: powers of two scale every number exactly, others differ by the rounding of the positions.
+/// The unit of length does not matter: powers of two scale every number exactly, other factors round the positions
+/// differently.
 #[test]
 fn units_do_not_matter() {
     check_units(|case| case.run(2));
@@ -392,19 +395,20 @@ fn check_units(run: impl Fn(&Case) -> (Vec<u32>, Option<TileReport>)) {
             assert!(bits == other, "units of 2^20 or 2^-20 change the bits");
         }
         let (a, b) = (report.unwrap().energy, r.unwrap().energy);
-        // f32 positions hold 2^-24 of the extent; a cell is 2^-6 of it, and a strain 2^-17 at worst.
+        // f32 positions are accurate to 2^-24 of the extent; a cell is 2^-6 of it, so that the error of a strain is at
+        // most 2^-17.
         assert!((a - b).abs() <= 1e-4 * a, "energy {a} in one unit, {b} in another");
     }
 }
 
-/// Four triangles on each cell, and twice as many vertices as nodes.
+/// A mesh with four triangles per cell and twice as many vertices as nodes.
 #[test]
 fn a_million_triangles_on_512_cells() {
     let mut case = table::million();
     assert!(case.triangles.len() >= 3_000_000);
     let nodes = case.run(0).1.unwrap().nodes_active;
     if let Some(device) = gpu::gpu(&DeviceSettings::default()) {
-        // What a correction does is no other than on smaller meshes, and a software driver takes its time over one.
+        // Corrections do the same on smaller meshes, and a software driver takes long for one.
         case.options.quality = Quality::Draft;
         assert_eq!(case.run_with(case.asset_on(&device).unwrap()).1.unwrap().nodes_active, nodes);
     }

@@ -1,4 +1,5 @@
-//! The header is what the library says: no drift, no symbol that is not declared, and both languages compile it.
+//! The C header matches the library: its text is up to date, every exported symbol is declared, and it compiles as C
+//! and as C++.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -29,7 +30,7 @@ fn the_committed_header_is_the_generated_one() {
     );
 }
 
-/// Names declared as `VRTM_API type name(`, comments left out.
+/// Names declared as `VRTM_API type name(`, without comments.
 fn declared(header: &str) -> BTreeSet<String> {
     let code: String = header
         .split("/*")
@@ -47,7 +48,7 @@ fn declared(header: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// What the dynamic linker can find in a library.
+/// The symbols that the dynamic linker finds in a library.
 fn exported(library: &Path) -> BTreeSet<String> {
     let bytes = std::fs::read(library).unwrap();
     let file = object::File::parse(&*bytes).unwrap();
@@ -73,7 +74,7 @@ fn the_library_exports_what_the_header_declares_and_nothing_else() {
     let missing: Vec<_> = declared.difference(&exported).collect();
     assert!(missing.is_empty(), "in vrtm.h, but not exported: {missing:?}");
     assert!(exported.iter().all(|name| name.starts_with("vrtm_")));
-    // Kept free for calls that return before the work is done.
+    // These names are reserved for calls that return before the work is done.
     assert!(!exported.iter().any(|name| name.contains("submit") || name.contains("_job")));
 }
 
@@ -93,7 +94,7 @@ fn every_struct_with_a_size_has_an_initialiser() {
     assert!(count >= 14, "only {count} structs found");
 }
 
-/// Compiled hosts hold these numbers: they may be added to, never changed.
+/// Compiled hosts contain these numbers: new ones may be added, existing ones never changed.
 #[test]
 fn constants_keep_their_values() {
     let frozen = "
@@ -134,7 +135,7 @@ fn compile(name: &str, text: &str, language: &str, standard: &str) {
 #[cfg(unix)] // The flags are those of gcc and clang.
 #[test]
 fn the_header_compiles_as_c11() {
-    // Twice: the guard holds. Alone: it needs nothing before it.
+    // Included twice, the header has a working guard. Included alone, it needs no header before it.
     compile(
         "alone.c",
         "#include \"vrtm.h\"\n#include \"vrtm.h\"\nint main(void) { return 0; }\n",

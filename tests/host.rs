@@ -1,7 +1,7 @@
-//! Runs the library inside other people's programs: C and C++ hosts, compiled with the system's compilers, linked to
-//! the built library. Each prints a line per case; a FAIL or a bad exit code fails the test.
+//! Runs the library inside C and C++ hosts that are compiled with the system's compilers and linked to the built
+//! library. Each host prints a line per case; a FAIL or a bad exit code fails the test.
 
-#![cfg(unix)] // The hosts use threads and dlopen as POSIX has them; the link line is that of ELF and Mach-O.
+#![cfg(unix)] // The hosts use POSIX threads and dlopen; the linker options are those for ELF and Mach-O.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -15,7 +15,7 @@ fn text(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// Compiles `source` with warnings as errors and links it to the library, unless it loads that itself.
+/// Compiles `source` with warnings as errors, and links it to the library unless it loads the library itself.
 fn build(source: &Path, linked: bool) -> PathBuf {
     let name = source.file_stem().unwrap().to_string_lossy().into_owned();
     let program = scratch().join(format!("host_{name}"));
@@ -44,7 +44,7 @@ fn build(source: &Path, linked: bool) -> PathBuf {
     program
 }
 
-/// Runs a program and shows what it says; the settings of the machine must not change what it does.
+/// Runs a program and prints its output. The settings of the machine must not change what it does.
 fn run(program: &Path, arguments: &[&Path]) -> String {
     run_with(program, arguments, &[])
 }
@@ -55,7 +55,7 @@ fn run_with(program: &Path, arguments: &[&Path], variables: &[(&str, &str)]) -> 
         .env_remove("VRTM_DEVICE")
         .env_remove("VRTM_THREADS")
         .env_remove("VRTM_GPU_LIMITS")
-        // Without it a layer of Mesa's Vulkan drivers complains on stderr.
+        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
         .env("XDG_RUNTIME_DIR", scratch())
         .envs(variables.iter().copied())
         .output()
@@ -99,7 +99,7 @@ fn unload() {
     assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= 16);
 }
 
-/// What the hosts do by default they can do on a GPU as well, and unload the library after that.
+/// The hosts run with default options on a GPU as well, and unload the library afterwards.
 #[test]
 fn hosts_on_a_gpu() {
     if !gpu::has_gpu() {
@@ -107,7 +107,7 @@ fn hosts_on_a_gpu() {
     }
     for (file, linked, at_least) in [("smoke.c", true, 50), ("misuse.c", true, 150), ("unload.c", false, 16)]
     {
-        // A copy, as the plain run may be building the same program.
+        // A program of its own, because the plain run may be building the same source at this time.
         let source = scratch().join(format!("gpu_{file}"));
         std::fs::copy(root().join("tests/host").join(file), &source).unwrap();
         let said = run_with(&build(&source, linked), &[&library()], &[("VRTM_DEVICE", "gpu")]);
@@ -128,18 +128,19 @@ fn the_readme_s_example_runs() {
     assert!(numbers.len() == 2 && numbers.iter().all(|n| (0.0..=1.0).contains(n)), "{said}");
 }
 
-/// Every access checked and all memory given back, where valgrind is installed; other machines skip this and say so.
+/// Checks every access and that all memory is freed, where valgrind is installed; otherwise it is skipped with a
+/// message.
 fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
     if Command::new("valgrind").arg("--version").output().is_err() {
         println!("skipped: valgrind is not installed");
         return;
     }
-    // A copy, as the plain run may be building the same program.
+    // A program of its own, because the plain run may be building the same source at this time.
     let source = scratch().join(format!("checked_{file}"));
     std::fs::copy(root().join("tests/host").join(file), &source).unwrap();
     let output = Command::new("valgrind")
         .args(["--quiet", "--error-exitcode=9", "--leak-check=full"])
-        // "Possibly lost" is the standard library's record of the main thread, which lives as long as that does.
+        // "Possibly lost" is the standard library's record of the main thread, which exists as long as that thread.
         .args(["--show-leak-kinds=definite", "--errors-for-leak-kinds=definite"])
         .arg(format!("--suppressions={}", root().join("tests/host/valgrind.supp").display()))
         .arg(build(&source, linked))
@@ -147,7 +148,7 @@ fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
         .env_remove("VRTM_DEVICE")
         .env_remove("VRTM_THREADS")
         .env_remove("VRTM_GPU_LIMITS")
-        // Without it a layer of Mesa's Vulkan drivers complains on stderr.
+        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
         .env("XDG_RUNTIME_DIR", scratch())
         .output()
         .unwrap();

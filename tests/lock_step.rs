@@ -1,5 +1,6 @@
-//! Both backends stage by stage, from the same state each: where they part, and by how much. And the switch, which runs
-//! the first stages on one and the rest on the other.
+//! Compares the backends stage by stage, each stage starting from the same state on both, and measures where and how
+//! much they differ. Also tests the switch (`VRTM_SWITCH`), which runs the first stages on one backend and the others
+//! on the other one.
 
 mod common;
 
@@ -8,14 +9,14 @@ use std::collections::BTreeMap;
 use common::{Model, bits, cpu, options};
 use vrtm::{Asset, Backend, Device, DeviceSettings, ErrorKind, Quality, SolveOptions, StageDifference};
 
-/// How far a quantity may be apart after one stage: (largest, RMS), each as a share of the largest magnitude on the CPU
-/// plus an absolute part. Both backends compute the same expressions in f32; a GPU may fuse multiplications and
-/// additions, and divides and takes roots to 2.5 units of rounding (WGSL's accuracy), where the CPU rounds each
-/// operation. All bounds are several times what is measured with Mesa's software driver.
+/// Bounds of the difference of a quantity after one stage: for the maximum and for the RMS, the factor of the largest
+/// magnitude on the CPU, and an absolute part. Both backends evaluate the same expressions in f32. A GPU may fuse
+/// multiplications and additions, and divides and takes roots to 2.5 units of rounding (WGSL's accuracy), where the CPU
+/// rounds each operation. All bounds are several times what is measured with Mesa's software driver.
 fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
     let stage = difference.stage.split('@').next().unwrap();
     match (difference.quantity, stage) {
-        // And where shares are halved, a corner within rounding of the bound falls on either side.
+        // Where step fractions are halved, too, a corner within rounding of the bound may fall on either side.
         ("cut of the step", _) if model == CRUSHED => ([0.0; 2], [0.5, 2e-2]),
         ("displacement (cells)", "correct") if model == CRUSHED => ([0.0; 2], [1.0, 2e-2]),
         ("position under W (chart sizes)" | "metric under W", "correct") if model == CRUSHED => {
@@ -28,48 +29,57 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
         ("position under W (chart sizes)", "prolong") => ([1e-6, 1e-7], [0.0; 2]),
         ("metric under W", "prolong") => ([1e-6, 1e-7], [0.0; 2]),
         // A node takes its step if its own energy does not rise, and near the minimum that energy changes by less than
-        // its rounding: E x 6e-8 for a step of sqrt(E / H x 1e-7), 1e-4 to 1e-3 cells. So single nodes decide otherwise,
-        // and their neighbours follow.
+        // its rounding: E x 6e-8 for a step of sqrt(E / H x 1e-7), which is 1e-4 to 1e-3 cells. Single nodes therefore
+        // decide otherwise, and their neighbours follow.
         ("displacement (cells)", "relax") => ([0.0; 2], [1e-2, 1e-4]),
-        // The same, and the step's own difference; crushed cells (squash to 10 %) pull at their nodes with an E of 10 and
-        // more.
+        // Relaxation as above, and the difference of the step itself; crushed cells (squash to 10 %) pull at their
+        // nodes with an energy of 10 and more.
         ("displacement (cells)", "correct") => ([0.0; 2], [0.5, 3e-3]),
-        // What lies under displacements that are apart as above.
+        // Samples at displacements that differ as above.
         ("position under W (chart sizes)" | "metric under W", _) => ([1e-3, 1e-4], [1e-4, 1e-5]),
         // Sums of products in which large terms cancel: at the minimum the right-hand side vanishes.
         ("right-hand side", _) => ([0.0; 2], [4e-5, 1e-6]),
-        // Pairs are rounded to bfloat16: an error of an f32's size may take one to the next, 1/128 of it away. Few are as
-        // close to the middle between two, and the diagonal gives back what a pair lost, to either.
+        // Pairs are rounded to bfloat16: an error of the size of f32's rounding may change one to the next bfloat16,
+        // 1/128 of it away. Few pairs are that close to the middle between two bfloat16, and on either backend the
+        // diagonal makes up for what rounding took from a pair.
         ("assembled rows", _) => ([8e-3, 1e-5], [0.0; 2]),
-        // Of up to five levels of sums of 81 terms each, of either sign; on regular grids many are close to a middle.
+        // Sums of 81 terms of either sign, over up to five levels; on regular grids many are close to the middle
+        // between two bfloat16.
         ("Galerkin rows", _) => ([8e-3, 4e-3], [0.0; 2]),
-        // Two iterations on such systems.
+        // Two iterations of conjugate gradients on systems that differ as above.
         ("step (cells)", _) => ([4e-3, 4e-4], [1e-4, 1e-5]),
         // A root of a quadratic in the step, whose discriminant may be close to 0.
         ("cut of the step", _) => ([0.0; 2], [0.1, 5e-3]),
-        // A first correction is enough if its gain is within 0.03 % of the energy of what was foretold. The energy of a
-        // chart that is hardly strained has no digits for that (see below): two of the eleven of ict_inner decide
-        // otherwise, and no chart of any other model does.
-        ("decision to stop", _) => ([0.0; 2], [1.0, 0.43]),
-        // A strain is the difference of lengths over a length, and a length that of positions rounded to 6e-8 over 1/100
-        // of the chart: 1e-5. A chart that is hardly strained has no more digits than that in its energy; what counts
-        // is the sum, in which such charts are nothing.
+        // The values are 0 or 1 per chart; `MAX_OTHER_DECISIONS` bounds how many differ.
+        ("decision to stop", _) => ([0.0; 2], [1.0, 1.0]),
+        // Strain is a difference of lengths over a length. With positions rounded to 6e-8 and a length of 1/100 of the
+        // chart its error is 1e-5. A chart that is hardly strained has no more digits than that in its energy; but the
+        // sum over all charts matters, to which such a chart contributes next to nothing.
         ("energy of a chart, relative" | "energy of the identity, relative", _) => ([0.0; 2], [5e-3, 2e-3]),
-        // A node's step does not raise the energy of what is around the node; the sum over the chart is rounded, and that
-        // of a chart that is hardly strained has no more digits than said above: one of ict_inner.
+        // A node's step does not raise the energy of the edges and corners around the node. The sum over the chart is
+        // rounded, however, and that of a chart that is hardly strained has no more digits than said above: one chart
+        // of ict_inner.
         ("rise of a chart's energy, relative", _) => ([0.0; 2], [5e-3, 2e-3]),
         ("energy of all charts, relative", _) => ([0.0; 2], [5e-5, 5e-5]),
-        // WGSL has no f64: the GPU gives a lower bound, less by four units of rounding of (|a| + 1)(|b| + 1).
+        // WGSL has no f64: the GPU's value is a lower bound, smaller by four units of rounding of (|a| + 1)(|b| + 1)
+        // (method §8).
         ("smallest corner Jacobian", _) => ([0.0; 2], [4e-6, 4e-6]),
         ("folds" | "fallback" | "largest displacement (cells)", _) => ([0.0; 2], [0.0; 2]),
         (other, _) => panic!("{other} has no tolerance"),
     }
 }
 
+/// In one correction of a model at most 2 of 11 charts may stop on one backend and go on on the other; none of a model
+/// with five charts or fewer. A first correction is enough if its gain differs from the predicted one by at most 0.03 %
+/// of the energy (method §7.7), and the energy of a chart that is hardly strained has no digits for that (`energy of a
+/// chart, relative`: up to 5e-3 apart). Only ict_inner, with eleven charts, has such ones: one of them decides
+/// otherwise with Mesa's software driver, and two have done so.
+const MAX_OTHER_DECISIONS: [u64; 2] = [2, 11];
+
 /// The model whose cells are crushed everywhere.
 const CRUSHED: &str = "squash to 10 %";
 
-/// The largest differences of a quantity.
+/// The largest differences of a quantity over all models.
 #[derive(Default)]
 struct Row {
     max: f64,
@@ -92,17 +102,17 @@ fn stages_from_the_same_state() {
         .extend(common::assets().into_iter().filter(|m| ["fox", "ict_inner", "mh_face"].contains(&&*m.name)));
     let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
     let mut failures = Vec::new();
-    let mut least_share = 1.0f64;
+    let mut least_fraction = 1.0f64;
     for model in &models {
         let mut asset = model.asset_on(&device, 128);
         let found = asset.compare_backends(0, model.frame(1), &options(Quality::Normal), true).unwrap();
         assert!(!found.is_empty(), "{} has nothing to solve", model.name);
         for difference in found {
             let StageDifference { stage, quantity, max, rms, size, count, different } = &difference;
-            let (share, absolute) = tolerance(&model.name, &difference);
+            let (relative, absolute) = tolerance(&model.name, &difference);
             for (name, value, k) in [("max", *max, 0), ("RMS", *rms, 1)] {
-                let most = share[k] * size + absolute[k];
-                // What is not a number fails.
+                let most = relative[k] * size + absolute[k];
+                // A NaN fails.
                 if value.is_nan() || value > most {
                     let name = format!("{}: {stage}, {quantity}: {name} {value:.1e}", model.name);
                     failures.push(format!("{name}, at most {most:.1e}"));
@@ -128,8 +138,13 @@ fn stages_from_the_same_state() {
             if *quantity == "rise of a chart's energy, relative" && *size > 1e-6 {
                 failures.push(format!("{}: {stage}: a chart's energy rises by {size:.1e}", model.name));
             }
+            let [most, of] = MAX_OTHER_DECISIONS;
+            if *quantity == "decision to stop" && different * of > most * count {
+                let name = &model.name;
+                failures.push(format!("{name}: {stage}: {different} of {count} charts decide otherwise"));
+            }
             if *quantity == "cut of the step" {
-                least_share = least_share.min(1.0 - size);
+                least_fraction = least_fraction.min(1.0 - size);
             }
         }
     }
@@ -139,17 +154,17 @@ fn stages_from_the_same_state() {
         println!("{quantity:36} {stage:18} {max:8.1e} {rms:8.1e} {size:8.1e}  {different} of {count} ({of})");
     }
     assert!(failures.is_empty(), "\n{}", failures.join("\n"));
-    assert!(least_share < 0.5, "no step was cut: {least_share}");
+    assert!(least_fraction < 0.5, "no step was limited: {least_fraction}");
 }
 
-/// A GPU whose assets change the backend after a stage.
+/// A GPU device whose assets change the backend after a given stage.
 fn switched(switch: &str) -> vrtm::Result<Device> {
     let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
     Device::with_variables(&settings, &[("VRTM_SWITCH", switch)], None)
 }
 
-/// The largest difference of two results, in cells.
-fn apart(a: &Asset, b: &Asset) -> f32 {
+/// Largest difference of the displacements of two results, in cells.
+fn largest_difference(a: &Asset, b: &Asset) -> f32 {
     let both = a.displacements(0).unwrap().into_iter().zip(b.displacements(0).unwrap());
     both.flat_map(|(a, b)| [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()]).fold(0.0, f32::max)
 }
@@ -163,26 +178,28 @@ fn the_rest_on_the_other_backend() {
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         asset
     };
-    let (of_cpu, of_gpu) = (solve(&cpu(0)), solve(&device));
-    // All stages on one backend are that backend.
-    assert!(bits(&solve(&switched("cpu:certify").unwrap())) == bits(&of_cpu));
-    assert!(bits(&solve(&switched("gpu:certify").unwrap())) == bits(&of_gpu));
+    let (cpu_result, gpu_result) = (solve(&cpu(0)), solve(&device));
+    // A switch after the last stage gives the bits of a single backend.
+    assert!(bits(&solve(&switched("cpu:certify").unwrap())) == bits(&cpu_result));
+    assert!(bits(&solve(&switched("gpu:certify").unwrap())) == bits(&gpu_result));
     for stage in
         ["surface", "pyramid", "prolong@2", "relax@1", "correct@1", "relax@0", "correct@0.1", "correct@0"]
     {
         for backend in ["cpu", "gpu"] {
             let asset = solve(&switched(&format!("{backend}:{stage}")).unwrap());
             let report = asset.tile_report(0).unwrap();
-            let (from_cpu, from_gpu) = (apart(&asset, &of_cpu), apart(&asset, &of_gpu));
+            let (from_cpu, from_gpu) =
+                (largest_difference(&asset, &cpu_result), largest_difference(&asset, &gpu_result));
             println!(
                 "{backend} to {stage:12} {from_cpu:.1e} cells from the CPU's result, {from_gpu:.1e} from the GPU's"
             );
             assert!(report.folds == 0 && report.min_jacobian > 0.0, "{stage}");
-            // Apart as a correction is (see above), wherever it begins. A second one lacks the coarser systems of the
-            // first, which were made on the other backend, and solves worse.
+            // The results differ by as much as after a correction (see `tolerance`), wherever the switch is. A second
+            // correction after a switch lacks the coarser systems of the first one, which were assembled on the other
+            // backend, and solves less exactly.
             let most = if stage == "correct@0.1" { 0.2 } else { 5e-2 };
             assert!(from_cpu <= most && from_gpu <= most, "{stage}");
-            let relative = report.energy / of_cpu.tile_report(0).unwrap().energy - 1.0;
+            let relative = report.energy / cpu_result.tile_report(0).unwrap().energy - 1.0;
             assert!(
                 relative.abs() <= if stage == "correct@0.1" { 5e-3 } else { 1e-4 },
                 "{stage}: E is {relative:.1e} apart"
@@ -191,7 +208,7 @@ fn the_rest_on_the_other_backend() {
     }
 }
 
-/// Reused charts and warm starts find the last result, wherever it was made.
+/// Reused charts and warm starts find the last result on whichever backend it was computed.
 #[test]
 fn a_switched_asset_goes_on_from_its_result() {
     if !common::has_gpu() {

@@ -1,4 +1,4 @@
-//! The paper's solver through the public API, on both backends: what it keeps of the invariants, what it tells where it
+//! The paper's solver (method §10) through the public API, on both backends: which invariants it keeps, how it reports
 //! folds, and the behaviour of the paper's figure 5. `cargo test --test pbd -- --show-output` shows its figures.
 
 mod common;
@@ -20,7 +20,7 @@ fn solved(model: &Model, device: &Device, grid: u32, frame: usize, options: &Sol
     asset
 }
 
-/// A GPU, if there is one, beside the CPU.
+/// The CPU, and a GPU if there is one.
 fn devices() -> Vec<Device> {
     std::iter::once(cpu(0)).chain(gpu(&DeviceSettings::default())).collect()
 }
@@ -54,7 +54,7 @@ fn rest_is_the_identity_and_what_is_fixed_stays() {
         let mut asset = model.asset_on(&device, 64);
         asset.solve(Strided::from_f32x3(&model.rest), &pbd(4)).unwrap();
         assert!(Warp::of(&asset, 0).is_identity());
-        // A cross of fixed texels, 8 of 64 wide, a texel of them on either side of any node that is looked at.
+        // A cross of fixed texels, 8 of 64 wide: there is one on either side of each node that is checked.
         let inside = |k: usize| (28..36).contains(&(k % 64)) || (28..36).contains(&(k / 64));
         model.maps[0].mask =
             Some((0..512 * 512).map(|k| if inside(k % 512 / 8 + k / 4096 * 64) { 0 } else { 255 }).collect());
@@ -72,7 +72,7 @@ fn rest_is_the_identity_and_what_is_fixed_stays() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bits() {
-    // The last one folds: its texels too have to come out alike.
+    // The last scene folds: its texels have to be the same as well.
     let squash = Model::from(scenes::analytic::squash(0.25));
     for model in [Model::from(scenes::mug_to_jug()), squash] {
         let solve = |threads: u32| {
@@ -96,9 +96,9 @@ fn the_same_bits_on_a_gpu_every_time() {
     assert!(first == bits(&solved(&model, &device, 96, 1, &pbd(3))));
 }
 
-/// Both do the same arithmetic in the same order, but for what a GPU contracts, divides and takes roots of in its own way.
-/// Iterations carry that on without making it grow: a tenth of the
-/// bound is seen.
+/// Both backends do the same arithmetic in the same order, except that a GPU may contract operations and rounds
+/// divisions and roots in its own way. Iterations pass the differences on without amplifying them: a tenth of the bound
+/// is measured.
 #[test]
 fn both_backends_give_the_same_warp() {
     let Some(device) = gpu(&DeviceSettings::default()) else { return };
@@ -114,8 +114,8 @@ fn both_backends_give_the_same_warp() {
                 asset.solve(model.frame(frame), &options).unwrap();
             }
             let [u, v] = [&a, &b].map(|asset| asset.displacements(0).unwrap());
-            let apart = u.iter().flatten().zip(v.iter().flatten());
-            let most = apart.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let pairs = u.iter().flatten().zip(v.iter().flatten());
+            let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             let [a, b] = [&a, &b].map(report);
             println!("{}, {:?}: {most:.1e} cells", model.name, options.pbd.iterations);
             assert!(most < 2e-5, "{}: {most} cells", model.name);
@@ -125,7 +125,7 @@ fn both_backends_give_the_same_warp() {
     }
 }
 
-/// Stage by stage in lockstep, and one backend after the other.
+/// Compares the backends stage by stage from the same state, and switches from one to the other.
 #[cfg(feature = "gpu")]
 #[test]
 fn backends_can_be_compared_and_switched() {
@@ -140,7 +140,7 @@ fn backends_can_be_compared_and_switched() {
     let differences = on(&[]).compare_backends(0, model.frame(1), &pbd(5), true).unwrap();
     assert!(differences.iter().filter(|d| d.stage.starts_with("relax@")).count() >= 5);
     for d in differences.iter().filter(|d| d.quantity == "displacement (cells)") {
-        // A unit of rounding of displacements of a few cells, in one stage.
+        // The rounding of displacements of a few cells, in one stage.
         assert!(d.max < 1e-5, "{d:?}");
     }
     let whole = solved(&model, &cpu(0), 64, 1, &pbd(5)).displacements(0).unwrap();
@@ -148,15 +148,15 @@ fn backends_can_be_compared_and_switched() {
         let mut asset = on(&[("VRTM_SWITCH", switch)]);
         asset.solve(model.frame(1), &pbd(5)).unwrap();
         let u = asset.displacements(0).unwrap();
-        let apart = u.iter().flatten().zip(whole.iter().flatten());
-        assert!(apart.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-5, "{switch}");
+        let pairs = u.iter().flatten().zip(whole.iter().flatten());
+        assert!(pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-5, "{switch}");
     }
 }
 
 #[test]
-fn a_folded_result_is_told_and_returned() {
+fn a_folded_result_is_reported_and_returned() {
     let model = Model::from(scenes::analytic::squash(0.1));
-    // Nothing that holds it back: no turning back, no smoothing.
+    // Neither turning back nor smoothing hinders folds.
     let settings = PbdSettings {
         iterations: Some(1),
         orientation_preservation: Some(0.0),
@@ -166,16 +166,16 @@ fn a_folded_result_is_told_and_returned() {
     let options = SolveOptions { solver: Solver::Pbd, pbd: settings, ..SolveOptions::default() };
     for device in devices() {
         let mut asset = solved(&model, &device, 64, 1, &options);
-        let told = report(&asset);
+        let reported = report(&asset);
         println!(
             "{} folds, J {:.2}, E {:.0} -> {:.0}",
-            told.folds, told.min_jacobian, told.energy_before, told.energy
+            reported.folds, reported.min_jacobian, reported.energy_before, reported.energy
         );
-        assert!(told.folds > 0 && told.min_jacobian <= 0.0);
-        assert!(told.energy.is_finite() && told.energy < 1e30);
-        assert_eq!(told.charts_fallback, 0);
+        assert!(reported.folds > 0 && reported.min_jacobian <= 0.0);
+        assert!(reported.energy.is_finite() && reported.energy < 1e30);
+        assert_eq!(reported.charts_fallback, 0);
         assert!(!Warp::of(&asset, 0).is_identity());
-        // Its texels have a place to look at all the same.
+        // Its texels get a redirection all the same.
         let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [64, 64]);
         assert!(redirection.iter().flatten().all(|x| (-0.01..=1.01).contains(x)));
         let mut uvs = vec![[f32::NAN; 2]; model.indices.len()];
@@ -197,7 +197,7 @@ fn a_budget_ends_it_early_and_a_warm_start_goes_on() {
             .unwrap();
         let cut = report(&asset);
         assert!(cut.truncated && cut.sweeps == 1, "{} iterations", cut.sweeps);
-        // From its own result on the finest level alone.
+        // A warm start continues from its own result on the finest level alone.
         asset.solve(model.frame(1), &pbd(4)).unwrap();
         let cold = report(&asset);
         asset.solve(model.frame(1), &SolveOptions { warm: true, ..pbd(4) }).unwrap();
@@ -219,7 +219,7 @@ fn solvers_take_turns_on_one_asset() {
         let (first, of_descent) = solve(&SolveOptions::default());
         let (other, of_pbd) = solve(&pbd(2));
         assert!(first != other && of_pbd.energy > of_descent.energy);
-        // Settings of the solver that is not asked make no difference: the result is kept.
+        // Settings of the solver that is not used do not count as a change: the result is kept.
         let (same, kept) = solve(&SolveOptions { quality: Quality::High, tolerance: Some(0.5), ..pbd(2) });
         assert!(other == same && kept.charts_reused == kept.charts && kept.charts_active == 0);
         assert!(first == solve(&SolveOptions::default()).0);
@@ -259,14 +259,14 @@ fn compressed(rigidity: &[u8], options: &SolveOptions, settings: impl FnOnce(&mu
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
     let image = ImageView::new("rigidity", rigidity, ImageLayout::packed(64, 64, PixelFormat::U8)).unwrap();
     asset.set_rigidity(0, Some(image)).unwrap();
-    let mut own = TileSettings { grid: [Some(64); 2], ..asset.settings(0).unwrap() };
-    settings(&mut own);
-    asset.set_settings(0, &own).unwrap();
+    let mut tile_settings = TileSettings { grid: [Some(64); 2], ..asset.settings(0).unwrap() };
+    settings(&mut tile_settings);
+    asset.set_settings(0, &tile_settings).unwrap();
     asset.solve(model.frame(1), options).unwrap();
     Warp::of(&asset, 0)
 }
 
-/// Width on the mesh, over that at rest, of what lies between nodes (i, j) and (i + n, j).
+/// Width on the mesh of the nodes from (i, j) to (i + n, j), relative to that at rest.
 fn width(warp: &Warp, i: usize, j: usize, n: usize) -> f64 {
     0.6 * (warp.node(i + n, j)[0] - warp.node(i, j)[0]) / n as f64
 }
@@ -284,8 +284,8 @@ fn strain(warp: &Warp, i: usize, j: usize) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// The heuristic of figure 5: where features are sparse they keep their shape better than if all had the κ that dense
-/// ones get.
+/// The heuristic of figure 5: sparse features keep their shape better than if all features had the κ that dense ones
+/// get.
 #[test]
 fn sparse_features_keep_their_shape_if_dense_ones_keep_their_orientation() {
     // Features of 8 texels: 12 apart in the upper half, 24 in the lower.
@@ -296,7 +296,7 @@ fn sparse_features_keep_their_shape_if_dense_ones_keep_their_orientation() {
     };
     let map: Vec<u8> = (0..64 * 64).map(|k| texel(k % 64, k / 64)).collect();
     for solver in [Solver::Pbd, Solver::Descent] {
-        // Mean strain of the sparse features and of the dense ones; rows of the map count from v = 1.
+        // Mean strain of the sparse features and of the dense ones; the rows of the map count from v = 1.
         let strains = |orientation: f32, density: f32| {
             let pbd = PbdSettings { orientation_preservation: Some(orientation), ..PbdSettings::default() };
             let options = SolveOptions { solver, pbd, ..SolveOptions::default() };
@@ -315,13 +315,14 @@ fn sparse_features_keep_their_shape_if_dense_ones_keep_their_orientation() {
         let settings = [(0.0, 0.0), (0.2, 0.0), (0.0, 0.5)];
         let [free, evenly, by_density] = settings.map(|(kappa, density)| strains(kappa, density));
         println!("{solver:?}: sparse, dense {free:.3?}, evenly {evenly:.3?}, by density {by_density:.3?}");
-        // The dense ones are held alike, the sparse ones less, and keep more of their shape.
+        // The dense features keep their directions as before; the sparse ones are held less, and keep more of their
+        // shape.
         assert!((by_density[1] - evenly[1]).abs() < 0.01 && by_density[1] > free[1] + 0.02, "{solver:?}");
         assert!(by_density[0] < 0.9 * evenly[0] && by_density[0] < 0.75 * by_density[1], "{solver:?}");
     }
 }
 
-/// What a solve says of its energy is the reference's, all of its terms at work.
+/// The energy that a solve reports is that of the reference, with all of its terms active.
 #[test]
 fn the_energy_is_the_reference_s() {
     let model = Model::from(scenes::analytic::torus());
@@ -337,27 +338,28 @@ fn the_energy_is_the_reference_s() {
                 let u: Vec<[f64; 2]> =
                     asset.displacements(0).unwrap().iter().map(|u| u.map(f64::from)).collect();
                 let exact = asset.reference_energy(0, model.frame(1), &u).unwrap();
-                let told = report(&asset).energy;
-                // f32 against f64, over positions of a part of a cell: six digits of each term.
-                assert!((told / exact - 1.0).abs() < 1e-4, "{told} {exact}");
-                energies.push(told);
+                let reported = report(&asset).energy;
+                // f32 against f64, with positions of fractions of a cell: six digits of each term.
+                assert!((reported / exact - 1.0).abs() < 1e-4, "{reported} {exact}");
+                energies.push(reported);
             }
         }
         println!("{energies:.3?}");
-        // κ has its price.
+        // A larger κ costs energy.
         assert!(energies[2] > 1.01 * energies[0], "{energies:?}");
     }
 }
 
-/// Figure 5: under a strong compression, rigid features keep more of their size than half-rigid ones, and these more than
-/// those of a quarter.
+/// Figure 5: under a strong compression, rigid features keep more of their size than those of rigidity one half, and
+/// these more than those of a quarter.
 #[test]
 fn features_keep_their_size_in_the_order_of_their_rigidity() {
     for solver in [Solver::Pbd, Solver::Descent] {
-        let kept = [1.0, 0.5, 0.25].map(|share| {
+        let kept = [1.0, 0.5, 0.25].map(|rigidity| {
             // Three rows of three features of 12 texels.
             let feature = |k: usize| k % 21 >= 5 && k % 21 < 17 && k < 63;
-            let texel = |k: usize| if feature(k % 64) && feature(k / 64) { (255.0 * share) as u8 } else { 0 };
+            let texel =
+                |k: usize| if feature(k % 64) && feature(k / 64) { (255.0 * rigidity) as u8 } else { 0 };
             let map: Vec<u8> = (0..64 * 64).map(texel).collect();
             let warp = compressed(&map, &SolveOptions { solver, ..SolveOptions::default() }, |_| ());
             let at = [7, 28, 49];

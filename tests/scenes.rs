@@ -1,4 +1,4 @@
-//! The built-in scenes are what tests and benches measure on: well-formed, and moderate where they say so.
+//! The built-in scenes, on which tests and benches measure, are well-formed meshes, and moderate where they claim it.
 
 #[path = "../examples/scenes/mod.rs"]
 mod scenes;
@@ -9,7 +9,7 @@ fn all() -> Vec<Scene> {
     scenes::NAMES.iter().map(|name| scenes::by_name(name).expect("a scene of each name")).collect()
 }
 
-/// Each face's corners.
+/// The range of corners of each face.
 fn faces(scene: &Scene) -> Vec<std::ops::Range<usize>> {
     let mut end = 0;
     let next = |&count: &u32| {
@@ -46,8 +46,8 @@ fn indices_counts_and_values_fit() {
         for tile in &scene.tiles {
             assert_eq!(tile.rigidity.len(), (tile.width * tile.height) as usize, "{name}");
             let rigid = tile.rigidity.iter().filter(|&&r| r > 127).count() as f64;
-            let share = rigid / tile.rigidity.len() as f64;
-            assert!((0.01..0.6).contains(&share), "{name} {}: {share} of the tile is rigid", tile.udim);
+            let fraction = rigid / tile.rigidity.len() as f64;
+            assert!((0.01..0.6).contains(&fraction), "{name} {}: {fraction} of the tile is rigid", tile.udim);
         }
     }
 }
@@ -65,7 +65,7 @@ fn faces_lie_inside_their_tiles_and_do_not_overlap() {
                 let uvs: Vec<[f32; 2]> = uvs.map(|uv| [uv[0] - offset[0], uv[1] - offset[1]]).collect();
                 let inside = uvs.iter().flatten().filter(|&&x| (0.0..=1.0).contains(&x)).count();
                 if inside < 2 * uvs.len() {
-                    // A face of the neighbouring tile, all of it.
+                    // A face that lies wholly in the neighbouring tile.
                     assert!(uvs.iter().any(|uv| uv[0] > 1.0 || uv[0] < 0.0), "{name}: face {index}");
                     continue;
                 }
@@ -82,7 +82,7 @@ fn faces_lie_inside_their_tiles_and_do_not_overlap() {
     }
 }
 
-/// The pixels of a polygon's bounds.
+/// The pixels of a polygon's bounding box.
 fn pixels(polygon: &[[f32; 2]], side: usize) -> impl Iterator<Item = [usize; 2]> {
     let span = |c: usize| {
         let (low, high) = polygon.iter().fold((1.0f32, 0.0f32), |(l, h), q| (l.min(q[c]), h.max(q[c])));

@@ -1,5 +1,6 @@
-//! A smooth motion gives a smooth warp: 240 frames of it, solved one by one and warm, and the second difference of W over
-//! frames held against that of the pose. `cargo test --test smooth -- --show-output` shows the table.
+//! A smooth motion gives a smooth warp: 240 frames are solved one by one and with warm starts, and the second
+//! difference of W over frames is compared with that of the pose. `cargo test --test smooth -- --show-output` shows the
+//! table.
 
 mod common;
 
@@ -11,31 +12,32 @@ const FRAMES: usize = 240;
 
 type Points = Vec<[f64; 3]>;
 
-/// The worst frame's RMS may be so many times what was measured (`Motion::measured`). The worst frames are those at which
-/// the solver decides otherwise than one frame before: a correction more, another part of a step, a step cut around other
-/// cells. A change to the solver moves these frames, and their worst by a half; it is the eye that must not see them.
+/// Bound of the worst frame's RMS, in multiples of the measured one (`Motion::measured`). In the worst frames the
+/// solver decides otherwise than one frame before: one correction more, another trial fraction, other cells that limit
+/// the step. A change of the solver moves these frames and changes the worst figure by up to a half; what matters is
+/// that a viewer sees no jump.
 const MARGIN: f64 = 2.0;
 
-/// A single node's second difference over the pose's largest one: at most 3.9 was measured (mug_to_jug, warm), but for
-/// squash.
+/// Bound of a single node's second difference over the pose's largest one, except in squash: at most 3.9 was measured
+/// (mug_to_jug, warm).
 const MOST: f64 = 6.0;
 
-/// In squash, of which see below: 14 was measured, 0.15 cells.
+/// The same bound in squash, where discs come to touch (see its motion): 14 was measured, 0.15 cells.
 const MOST_IN_SQUASH: f64 = 20.0;
 
-/// No node goes farther from one frame to the next, in cells: 1.1 was measured (cesium_man).
+/// Bound of the distance that a node moves from one frame to the next, in cells: 1.1 was measured (cesium_man).
 const FARTHEST: f64 = 1.5;
 
-/// A model on its way from rest through its frames and back.
+/// A model that moves from rest through its frames and back.
 struct Motion {
     model: Model,
     grid: u32,
-    /// RMS over nodes of the second difference of W over that of the pose, in the worst frames; the larger one of
-    /// stateless and warm.
+    /// RMS over nodes of the second difference of W, over that of the pose, in the worst frame; the larger one of
+    /// stateless and warm solves.
     measured: f64,
-    /// Rest and frames.
+    /// Positions at rest and in the frames.
     keys: Vec<Points>,
-    /// How often there and back in all frames.
+    /// Number of times that the motion goes to the last key and back, in all frames.
     rounds: f64,
 }
 
@@ -45,13 +47,13 @@ impl Motion {
         let model = model.into();
         let keys: Vec<Points> =
             std::iter::once(&model.rest).chain(&model.frames).map(|points| common::doubles(points)).collect();
-        // No pose comes twice: there and back take other frames.
+        // No pose occurs twice: the ways there and back pass through other frames.
         let rounds = if keys.len() > 2 { 0.95 } else { 1.9 };
         Motion { model, grid, measured, keys, rounds }
     }
 
-    /// A pose: analytic in time. Between two keys it is linear; more of them are blended by a Gaussian, so that the path
-    /// has no corner at a key.
+    /// A pose as an analytic function of the frame: linear between two keys; a blend of more keys with Gaussian
+    /// weights, so that the path has no corner at a key.
     fn pose(&self, frame: usize) -> Points {
         let turn = std::f64::consts::TAU * self.rounds * frame as f64 / FRAMES as f64;
         let place = 0.5 * (1.0 - turn.cos()) * (self.keys.len() - 1) as f64;
@@ -67,7 +69,7 @@ impl Motion {
         (0..self.model.rest.len()).map(|v| [0, 1, 2].map(|c| blend(v, c))).collect()
     }
 
-    /// Length of a cell at rest, around each vertex; 0 where there is no face.
+    /// Length of a cell at rest around each vertex; 0 at a vertex without faces.
     fn cells(&self) -> Vec<f64> {
         let mut areas = vec![[0.0; 2]; self.model.rest.len()];
         let n = f64::from(self.grid);
@@ -101,7 +103,7 @@ fn length(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Root of the mean square, and the largest.
+/// Root of the mean square, and the largest value.
 #[derive(Clone, Copy, Debug, Default)]
 struct Size {
     rms: f64,
@@ -120,7 +122,7 @@ impl Size {
     }
 }
 
-/// Second differences of the poses, each vertex in cells.
+/// Second differences of the poses at each vertex, in cells.
 fn of_poses(motion: &Motion, poses: &[Points]) -> Size {
     let cells = motion.cells();
     let second = |w: &[Points]| {
@@ -133,14 +135,14 @@ fn of_poses(motion: &Motion, poses: &[Points]) -> Size {
     poses.windows(3).map(second).fold(Size::default(), Size::larger)
 }
 
-/// A run's figures.
+/// The figures of one run.
 #[derive(Clone, Debug)]
 struct Figures {
     /// Largest second difference of W over frames, in cells.
     second: Size,
-    /// Its RMS in the middle one of all frames.
+    /// RMS of the second difference in the median frame.
     usual: f64,
-    /// Largest way of a node from one frame to the next, in cells, and the frame that it led to.
+    /// Largest distance that a node moves from one frame to the next, in cells, and the number of the second frame.
     jump: (f64, usize),
     ms: f32,
 }
@@ -161,7 +163,7 @@ fn run(motion: &Motion, poses: &[Points], options: &SolveOptions) -> Figures {
             }
         }
         if let [.., a, b] = last.as_slice() {
-            // Nodes that never move say nothing.
+            // Nodes that never move are left out.
             let moving =
                 (0..now.len()).filter(|&n| now[n] != [0.0; 2] || b[n] != [0.0; 2] || a[n] != [0.0; 2]);
             let second = Size::of(moving.map(|n| {
@@ -249,7 +251,7 @@ fn smooth_motions_give_smooth_warps() {
             f.ms
         );
         let most = MARGIN * motion.measured;
-        // What is not a number fails.
+        // A NaN fails.
         let largest = if motion.model.name == "squash" { MOST_IN_SQUASH } else { MOST };
         let good = ratio.rms <= most && ratio.max <= largest && f.jump.0 <= FARTHEST;
         if !good {

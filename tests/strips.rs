@@ -1,13 +1,15 @@
-//! Strips in one dimension, with a minimum in closed form.
+//! Strips with a minimum in closed form, a problem in one dimension.
 //!
-//! The strip runs along x; at rest each cell is 1 wide and 18 high, in the pose x -> g(x). Vertical and diagonal edges
-//! are so long that a shift of a fraction of a cell between rows does not strain them: away from the fixed rows at the
-//! tile's rim each row is a chain of its own. With λ = β = 0, and λ0 as small as it may be, a row's energy is
-//! Σ w_e (y_e - 1)², y_e being an edge's length in the pose. However the stretch g' varies along x, the y_e need only
-//! add up to T = g(n): by Lagrange, w_e (y_e - 1) is the same for all edges, and so
+//! The strip runs along x; at rest each cell is 1 wide and 18 high, and the pose maps x to g(x). Vertical and diagonal
+//! edges are so long that a shift between rows by a fraction of a cell does not strain them: away from the fixed rows
+//! at the tile's rim, each row is a chain of its own. With λ = β = 0 and the least λ0 that is allowed, the energy of a
+//! row is Σ w_e (y_e - 1)², where y_e is the length of an edge in the pose. However the stretch g' varies along x, the
+//! only condition on the y_e is that they add up to T = g(n). By Lagrange, w_e (y_e - 1) is the same for all edges, and
+//! the minimum is
 //!   E* = (T - n)² / Σ 1/w_e,   in the continuum   (T - n)² / ∫ dx / w .
 //! On the grid w_e = max(R_a, R_b) takes an edge at each interface from the softer side, and R at a node on an
-//! interface is a mean: the continuum's minimum is met to first order in the cell size, and the grid's own to the gap.
+//! interface is a mean. The continuum's minimum is therefore met to first order in the cell size, and the grid's own
+//! minimum to the solver's gap.
 
 mod common;
 
@@ -19,7 +21,7 @@ const CELL_HEIGHT: f64 = 18.0;
 /// Quads along each side of the sheet: all kinks of g lie on their edges.
 const QUADS: u32 = 8;
 
-/// Rigid from a quarter to five eighths of the way, four times softer elsewhere.
+/// Rigidity 1 from a quarter to five eighths of the way, a quarter elsewhere.
 fn rigidity(u: f64) -> f64 {
     if (0.25..0.625).contains(&u) { 1.0 } else { 0.25 }
 }
@@ -27,12 +29,12 @@ fn rigidity(u: f64) -> f64 {
 /// ∫ du / w.
 const COMPLIANCE: f64 = 0.375 / 1.0 + 0.625 / 0.25;
 
-/// Where the pose takes a share of the way.
+/// Position in the pose of a point at rest, both as fractions of the strip's length at rest.
 fn g(u: f64) -> f64 {
     1.006 * u.min(0.375) + 0.998 * (u - 0.375).clamp(0.0, 0.375) + 1.004 * (u - 0.75).max(0.0)
 }
 
-/// The strip on a grid of n by `ROWS` cells, each as large as 1 by `CELL_HEIGHT`.
+/// The strip on a grid of n by `ROWS` cells, each 1 by `CELL_HEIGHT` in space at rest.
 fn strip(n: u32) -> Model {
     let nodes =
         || (0..=QUADS).flat_map(|j| (0..=QUADS).map(move |i| [i, j].map(|k| k as f32 / QUADS as f32)));
@@ -52,13 +54,13 @@ fn strip(n: u32) -> Model {
     }
 }
 
-/// The middle row's energy: of the identity, as solved, at the grid's minimum, at the continuum's.
+/// Energies of the middle row: of the identity, of the result, at the grid's minimum, and at the continuum's minimum.
 struct Row {
     before: f64,
     solved: f64,
     grid: f64,
     continuum: f64,
-    /// How far the row's nodes are from the grid's minimum, in cells.
+    /// Largest distance of the row's nodes from the grid's minimum, in cells.
     off: f64,
 }
 
@@ -110,7 +112,7 @@ fn solve(n: u32, options: &SolveOptions) -> Row {
     }
 }
 
-/// Corrections per level until nothing is left to gain: what is off then is the grid's share.
+/// Corrections on each level until nothing is left to gain: what remains is the error of the grid.
 fn patient() -> SolveOptions {
     SolveOptions {
         quality: Quality::High,
@@ -128,14 +130,14 @@ fn error_falls_with_the_grid() {
         let Row { solved, grid, continuum, off, .. } = solve(n, &patient());
         let (gap, error) = (solved / grid - 1.0, solved / continuum - 1.0);
         println!("{n:4}   {solved:.3e}  {grid:.3e}  {continuum:.3e}  {gap:.2e}      {error:.2e}  {off:.4}");
-        // Nothing is below the minimum, but for the weak pull of the rows beside: 1 / 18² of a strain of 1/400.
-        // Above it is what f32 leaves of a strain of 1/400.
+        // No result is below the minimum, except for the weak coupling to the rows beside it: 1 / 18² of a strain of
+        // 1/400. Above it remains the rounding of f32 relative to a strain of 1/400.
         assert!(gap > -1e-4 && gap < 3e-4, "{n}: {gap}");
-        // Shares of a cell over features of n / 4 cells.
+        // Features are n / 4 cells long, and the nodes are off by fractions of a cell.
         assert!(off < 5e-5 * f64::from(n), "{n}: {off}");
         errors.push(error);
     }
-    // First order is a half each time; the solver leaves a few 1e-5 above the grid's minimum.
+    // First order halves the error each time; the solver stays a few 1e-5 above the grid's minimum.
     for pair in errors.windows(2) {
         assert!(pair[1] < 0.55 * pair[0], "{errors:?}");
     }
@@ -144,8 +146,8 @@ fn error_falls_with_the_grid() {
 
 #[test]
 fn ordinary_solves_come_close() {
-    // In the words of the gap test: (E - E*) / (E0 - E*) of the row, with the bars of scenes with room; at 256 cells f32
-    // ends at 1.2e-4, however many corrections there are.
+    // The gap of tests/gap.rs for the row, (E - E*) / (E0 - E*), with the bars of scenes with room. At 256 cells f32
+    // ends at 1.2e-4 whatever the number of corrections.
     for (quality, bound) in [(Quality::Normal, 1e-3), (Quality::High, 1.5e-4)] {
         for n in [64, 256] {
             let Row { before, solved, grid, .. } = solve(n, &options(quality));

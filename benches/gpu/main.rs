@@ -1,4 +1,4 @@
-//! What a solve costs on a GPU: see `benches/gpu.sh`.
+//! Measures the time of solves on a GPU: see `benches/gpu.sh`.
 
 #![allow(missing_docs)]
 
@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use vrtm::{Backend, Device, DeviceSettings};
 
-/// Measures the GPU backend: time beside error, each stage beside its floor.
+/// Measures the GPU backend: time beside error, each stage beside its lower bound.
 #[derive(Parser)]
 #[command(version)]
 struct Args {
@@ -25,19 +25,19 @@ struct Args {
     /// Cells on a side of the asset's grids.
     #[arg(long, default_value_t = 2048)]
     asset_size: u32,
-    /// Solves per row, of which the median is told.
+    /// Solves per row; the median is printed.
     #[arg(long, default_value_t = 7)]
     solves: usize,
-    /// Which adapter.
+    /// Number of the adapter.
     #[arg(long, default_value_t = 0)]
     adapter: u32,
     /// Measure even on a software driver.
     #[arg(long)]
     software: bool,
-    /// Where the tables go.
+    /// Folder for the tables.
     #[arg(long, default_value = "benches/results")]
     out: String,
-    /// What cargo bench passes.
+    /// Passed by `cargo bench`; ignored.
     #[arg(long, hide = true)]
     bench: bool,
 }

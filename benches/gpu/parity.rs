@@ -1,4 +1,4 @@
-//! GPU against CPU, and both against the f64 reference, before anything is timed.
+//! Compares the GPU with the CPU, and both with the f64 reference, before anything is timed.
 
 use std::fmt::Write;
 
@@ -7,7 +7,7 @@ use vrtm::{Device, Quality, SolveOptions};
 use crate::common::{Model, scenes};
 
 const GRID: u32 = 256;
-/// Where the two backends part further than this, in cells (RMS), their times are not to be compared.
+/// RMS difference of the displacements in cells above which the times of the two backends are not compared.
 const MOST: f64 = 0.01;
 
 pub fn table(device: &Device) -> Result<String, String> {
@@ -28,10 +28,10 @@ pub fn table(device: &Device) -> Result<String, String> {
         let fail = |error: vrtm::Error| format!("{name}: {error}");
         let (gpu, gpu_report, gpu_gap) = solve(model.asset_on(device, GRID)).map_err(fail)?;
         let (cpu, cpu_report, cpu_gap) = solve(model.asset(0, GRID)).map_err(fail)?;
-        let apart = |(a, b): (&[f32; 2], &[f32; 2])| f64::from(a[0] - b[0]).hypot(f64::from(a[1] - b[1]));
-        let apart: Vec<f64> = gpu.iter().zip(&cpu).map(apart).collect();
-        let rms = (apart.iter().map(|d| d * d).sum::<f64>() / apart.len() as f64).sqrt();
-        let max = apart.iter().copied().fold(0.0, f64::max);
+        let distance = |(a, b): (&[f32; 2], &[f32; 2])| f64::from(a[0] - b[0]).hypot(f64::from(a[1] - b[1]));
+        let distances: Vec<f64> = gpu.iter().zip(&cpu).map(distance).collect();
+        let rms = (distances.iter().map(|d| d * d).sum::<f64>() / distances.len() as f64).sqrt();
+        let max = distances.iter().copied().fold(0.0, f64::max);
         let ratio = gpu_report.energy / cpu_report.energy - 1.0;
         let _ =
             writeln!(text, "| {name} | {rms:.2e} | {max:.2e} | {ratio:.1e} | {gpu_gap:.4} | {cpu_gap:.4} |");

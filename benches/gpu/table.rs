@@ -1,4 +1,4 @@
-//! The rows: one scene at one size, at each quality.
+//! The rows of the tables: one scene at one size, at each quality.
 
 use std::fmt::Write;
 use std::time::Instant;
@@ -16,7 +16,7 @@ pub fn head() -> String {
         .into()
 }
 
-/// A pose moved a little towards rest: two poses in turn, so that no result is reused.
+/// A pose, and the same pose moved slightly towards rest. They are solved alternately, so that no result is reused.
 fn poses(model: &Model, frame: usize) -> [Vec<[f32; 3]>; 2] {
     let pose = &model.frames[frame - 1];
     let nearly = pose.iter().zip(&model.rest).map(|(p, r)| [0, 1, 2].map(|k| p[k] + 0.001 * (r[k] - p[k])));
@@ -36,7 +36,7 @@ fn median(values: &mut [f32]) -> f32 {
     values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
-/// Solves and fetches once.
+/// Solves and fetches once, and records the times.
 fn once(
     asset: &mut Asset,
     pose: &[[f32; 3]],
@@ -101,7 +101,7 @@ pub fn rows(
     Ok(())
 }
 
-/// One `normal` solve, kernel by kernel: what it moves, and how long that would take at the ceiling.
+/// Bytes of each kernel in one `normal` solve, and the time that they would take at the ceiling's bandwidth.
 pub fn kernels(device: &Device, size: u32, ceiling: f64) -> Result<String, String> {
     let model = Model::from(crate::common::scenes::by_name("bulge").ok_or("no scene 'bulge'")?);
     let fail = |error: vrtm::Error| error.to_string();

@@ -1,4 +1,4 @@
-"""A case as the bench exports it: meshes, maps, and what vrtm itself measured."""
+"""A case as the bench exports it: meshes, maps, and vrtm's own measurements."""
 
 import json
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ def load(folder: Path) -> Case:
     used, faces = np.unique(faces, return_inverse=True)
     faces = faces.reshape(-1, 3)
     rest, pose, uv = rest[vertex[used]], pose[vertex[used]], uv[used] * grid
-    # Triangles without area in UV have no place in a parameterisation.
+    # Triangles without area in UV cannot be parameterised.
     faces = faces[np.abs(areas(uv, faces)) > 1e-9]
     warp = np.fromfile(folder / "warp.f32", "<f4").astype(float).reshape(-1, 2)
     movable = np.fromfile(folder / "movable.u8", np.uint8) != 0
@@ -45,7 +45,7 @@ def load(folder: Path) -> Case:
 
 
 def areas(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Signed, of triangles in the plane."""
+    """Signed areas of triangles in the plane."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     return 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
 
@@ -63,7 +63,7 @@ def read_obj(path: Path):
             corners = [tuple(int(i) - 1 for i in corner.split("/")) for corner in rest]
             faces += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
     corners = np.array(faces)
-    # A UV that two vertices share would tie their charts together: each pair is one UV vertex.
+    # A UV that two vertices share would connect their charts: each pair of vertex and UV becomes one UV vertex.
     pairs, index = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
     return np.array(positions), np.array(uvs)[pairs[:, 1]], index.reshape(-1, 3), pairs[:, 0]
 
@@ -81,7 +81,7 @@ def border(faces: np.ndarray) -> np.ndarray:
 
 
 def to_nodes(path: Path, grid: int) -> np.ndarray:
-    """A box of one cell around each node, or of one texel where the map is coarser: as the library resamples."""
+    """Mean over a box of one cell around each node, or of one texel where the map is coarser, as in the library."""
     image = np.asarray(Image.open(path).convert("L"), float)[::-1] / 255
     along = [taps(image.shape[k], grid) for k in range(2)]
     return (along[0] @ image @ along[1].T).ravel()
@@ -94,6 +94,6 @@ def taps(texels: int, cells: int) -> np.ndarray:
     for node in range(cells + 1):
         low, high = node * per_cell - half, node * per_cell + half
         for texel in range(int(np.floor(low)), int(np.ceil(high))):
-            share = max(0.0, min(high, texel + 1.0) - max(low, texel)) / (high - low)
-            weights[node, min(max(texel, 0), texels - 1)] += share
+            overlap = max(0.0, min(high, texel + 1.0) - max(low, texel)) / (high - low)
+            weights[node, min(max(texel, 0), texels - 1)] += overlap
     return weights

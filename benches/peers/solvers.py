@@ -1,6 +1,6 @@
-"""The peers: each takes a case and gives new UVs per UV vertex, in cells, with the seconds of the solver call alone.
+"""The peers: each takes a case and returns new UVs per UV vertex, in cells, with the seconds of the solver call alone.
 
-Both minimise the distortion of whole charts against the deformed mesh. They know neither what is rigid nor the rest pose.
+Both minimise the distortion of whole charts against the deformed mesh. They use neither the rigidity nor the rest pose.
 SLIM starts from the original UVs, Blender from a map of its own.
 """
 
@@ -20,7 +20,7 @@ def slim(case: Case, iterations: int) -> tuple[np.ndarray, float]:
         pinned = np.flatnonzero(np.isin(vertices, case.border)).astype(np.int32)
         if len(pinned) < len(vertices):
             inside, took = slim_of_chart(case.pose[vertices], faces.reshape(-1, 3), uv[vertices], pinned, iterations)
-            # Where it breaks down it leaves numbers that are none; the original UVs are then its result.
+            # Where SLIM fails it leaves numbers that are not finite; the original UVs then count as its result.
             if np.isfinite(inside).all():
                 uv[vertices] = inside
             seconds += took
@@ -31,7 +31,7 @@ def slim_of_chart(positions, faces, uv, pinned, iterations: int) -> tuple[np.nda
     signed = areas(uv, faces)
     a, b, c = (positions[faces[:, k]] for k in range(3))
     surface = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    # The energy compares sizes: the surface gets the chart's own area. It also wants triangles that face up.
+    # The energy compares sizes: the surface is scaled to the chart's own area. It also requires triangles that face up.
     positions = positions * np.sqrt(np.abs(signed).sum() / surface.sum())
     if signed.sum() < 0:
         faces = faces[:, ::-1]
@@ -56,7 +56,7 @@ def blender(case: Case, iterations: int) -> tuple[np.ndarray, float]:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     mesh = bpy.data.meshes.new("case")
     mesh.from_pydata(case.pose.tolist(), [], case.faces.tolist())
-    # Blender may leave out what it takes for bad faces; then its corners are not ours.
+    # Blender may drop faces that it considers invalid; then its corners do not match ours.
     if len(mesh.polygons) != len(case.faces):
         raise RuntimeError("Blender dropped faces")
     corners = np.empty(len(mesh.loops), np.int32)

@@ -1,7 +1,7 @@
-"""Strain inside rigid features, on the mesh and in f64, by the definition alone (DESIGN 12).
+"""Strain inside rigid features, on the mesh and in f64, from its definition alone.
 
-A segment that is painted from texel node a to node b lies on the surface where the parameterisation takes it. Its strain
-is its chord in the pose over its chord at rest, less 1. At rest the parameterisation is the original one.
+A segment that is painted from node a to node b lies on the surface where the parameterisation maps it. Its strain is its
+chord in the pose over its chord at rest, minus 1. At rest the parameterisation is the original one.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ EDGES = [(1, 0), (0, 1), (1, 1), (-1, 1)]
 
 
 def measure(case: Case, *, uv: np.ndarray | None = None, warped: bool = False) -> dict:
-    """Of new UVs per UV vertex, in cells; or of vrtm's warp over the original ones; or of those alone."""
+    """Strain of new UVs per UV vertex, in cells; or of vrtm's warp; or of the original UVs."""
     width = case.grid + 1
     nodes = np.flatnonzero(case.rigidity > RIGID)
     at = np.stack([nodes % width, nodes // width], axis=1).astype(float)
@@ -52,7 +52,7 @@ def locate(case: Case, uv: np.ndarray, points: np.ndarray, chart, positions: np.
     corners = uv[case.faces]
     low = np.floor(corners.min(axis=1)).astype(int).clip(-1, case.grid + 1)
     high = np.floor(corners.max(axis=1)).astype(int).clip(-1, case.grid + 1)
-    # Cell by cell: the triangles whose boxes touch it, and the points in it.
+    # Pairs each cell's triangles, by their bounding boxes, with the points in the cell.
     span = high - low + 1
     count = span[:, 0] * span[:, 1]
     triangle = np.repeat(np.arange(len(case.faces)), count)
@@ -77,7 +77,8 @@ def locate(case: Case, uv: np.ndarray, points: np.ndarray, chart, positions: np.
     second = cross(points[point] - a, c - a) / whole
     third = cross(b - a, points[point] - a) / whole
     weights = np.stack([1 - second - third, second, third], axis=1)
-    # The triangle that holds a point best; on a border it may lie outside of all by rounding.
+    # The triangle with the greatest least barycentric weight; a point on a border may lie outside of all triangles by
+    # rounding.
     best = np.lexsort((weights.min(axis=1).round(9), point))
     last = np.flatnonzero(np.append(np.diff(point[best]) != 0, True)) if len(best) else best
     best = best[last]

@@ -1,13 +1,13 @@
-//! The claim: descent is at or under the lowest error that the paper's solver ever reaches in a tenth of its time.
+//! The claim: descent reaches the lowest error that the paper's solver ever reaches, or less, in a tenth of its time.
 
 use serde_json::{Value, json};
 
 use crate::rows::{Row, short};
 
-/// Ratio of times that is asked for.
+/// The ratio of times that is claimed.
 pub const BAR: f64 = 10.0;
 
-/// An error that rows are compared by.
+/// The error by which rows are compared.
 pub type Error = fn(&Row) -> f64;
 
 pub const ERRORS: [(&str, Error); 2] = [("E", |row| row.energy), ("strain", strain)];
@@ -22,7 +22,7 @@ pub struct Claim {
     pub by: &'static str,
     /// The row of pbd with the lowest error.
     pub pbd: Row,
-    /// The quickest row of descent at or under it, if there is one.
+    /// The fastest row of descent with at most that error, if there is one.
     pub descent: Option<Row>,
 }
 
@@ -56,7 +56,7 @@ impl Claim {
     }
 }
 
-/// Per scene, backend and error. None where pbd was not run.
+/// The claims per scene, backend and error, where pbd was run.
 pub fn claims(rows: &[Row]) -> Vec<Claim> {
     let mut keys: Vec<(&str, &'static str)> =
         rows.iter().map(|row| (row.scene.as_str(), row.backend)).collect();

@@ -1,4 +1,5 @@
-//! What a node costs: by the library beside the plain loop in f64, and over the size of the grid.
+//! The time per node: of one update, by the library and by the plain loop in f64, and of a whole solve over the size of
+//! the grid.
 
 use std::time::Instant;
 
@@ -12,19 +13,19 @@ use crate::plain_mesh::PlainMesh;
 use crate::rows::{median, short};
 use crate::scenes::Case;
 
-/// Update of one node, in nanoseconds.
+/// Time of one node's update, in nanoseconds.
 pub struct NodeCost {
     /// The plain loop: f64, one core.
     pub plain_ns: f64,
-    /// The library: times.relax of `draft` per update on its finest level, all cores.
+    /// The library: times.relax of `draft`, divided by the updates on its finest level; all cores.
     pub library_ns: f64,
-    /// Median of the ratios, pair by pair.
+    /// Median of the ratios of the pairs.
     pub ratio: f64,
-    /// Ratio of the quickest of both: what is left when nothing else runs.
+    /// Ratio of the shortest times of both, which other load on the machine disturbs least.
     pub quickest: f64,
-    /// |E of the identity by the plain loop / E by the reference - 1|: they are one and the same energy.
+    /// |E of the identity by the plain loop / E by the reference - 1|: both compute the same energy.
     pub difference: f64,
-    /// E after the plain loop's sweeps over E before: it does lower it.
+    /// E after the plain loop's sweeps over E before: the loop lowers it.
     pub left: f64,
 }
 
@@ -38,7 +39,8 @@ pub fn node_cost(grid: u32, pairs: usize) -> Result<NodeCost, String> {
     let (mut asset, tile) = case.asset(&cpu(0));
     let draft = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
     asset.solve(case.pose(0), &draft).map_err(fail)?;
-    // What the library moves is movable: on a sheet that bulges no node stays where it was to the last bit.
+    // The nodes that the library moves are movable, and conversely: where the sheet bulges, no movable node keeps
+    // exactly its place.
     let u = asset.displacements(tile).map_err(fail)?;
     let movable = u.iter().map(|u| *u != [0.0; 2]).collect();
     let mesh = PlainMesh::new(&case, rigidity(&case), movable);
@@ -53,7 +55,8 @@ pub fn node_cost(grid: u32, pairs: usize) -> Result<NodeCost, String> {
         let plain_ns = start.elapsed().as_secs_f64() * 1e9 / updates as f64;
         asset.solve(case.pose(k + 1), &draft).map_err(fail)?;
         let report = asset.tile_report(tile).map_err(fail)?;
-        // Every level has as many sweeps; on the coarser ones they are part of corrections, and not of this time.
+        // All levels have the same number of sweeps. On the coarser ones these belong to corrections, and their time is
+        // not in times.relax.
         let updates = report.nodes_active * u64::from(report.sweeps / report.levels);
         times.push((plain_ns, f64::from(report.times.relax) * 1e6 / updates as f64));
     }
@@ -69,7 +72,8 @@ pub fn node_cost(grid: u32, pairs: usize) -> Result<NodeCost, String> {
     })
 }
 
-/// Rigidity at nodes: a box of one cell around each, where the map is at least as fine as the grid.
+/// Rigidity at the nodes: the mean over a box of one cell around each, provided that the map is at least as fine as the
+/// grid.
 fn rigidity(case: &Case) -> Vec<f64> {
     let maps = case.model.maps.iter().find(|maps| maps.udim == case.udim).expect("maps of the tile");
     let size = case.grid as usize;
@@ -79,8 +83,8 @@ fn rigidity(case: &Case) -> Vec<f64> {
         move |node: usize| {
             let (low, high) = (node as f64 * per_cell - half, node as f64 * per_cell + half);
             (low.floor() as i64..high.ceil() as i64).map(move |texel| {
-                let share = (high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low);
-                (texel.clamp(0, i64::from(texels) - 1) as usize, share)
+                let fraction = (high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low);
+                (texel.clamp(0, i64::from(texels) - 1) as usize, fraction)
             })
         }
     };
@@ -93,7 +97,7 @@ fn rigidity(case: &Case) -> Vec<f64> {
                 // The first row of the map is at v = 1.
                 let from = (maps.height as usize - 1 - y) * maps.width as usize;
                 sum += columns(i)
-                    .map(|(x, share)| row * share * f64::from(maps.rigidity[from + x]))
+                    .map(|(x, fraction)| row * fraction * f64::from(maps.rigidity[from + x]))
                     .sum::<f64>();
             }
             nodes.push(sum / 255.0);
@@ -115,7 +119,7 @@ impl NodeCost {
     }
 }
 
-/// A `normal` solve of the bulge on one grid.
+/// Solves the bulge on one grid at `normal`.
 pub struct SizeCost {
     pub grid: u32,
     pub nodes: u64,
@@ -131,7 +135,7 @@ pub fn size_cost(grid: u32, solves: usize) -> Result<SizeCost, String> {
     let mut times = Vec::new();
     for k in 0..=solves {
         asset.solve(case.pose(k), &SolveOptions::default()).map_err(fail)?;
-        // The first frame allocates.
+        // The first frame also allocates memory.
         if k > 0 {
             times.push(f64::from(asset.tile_report(tile).map_err(fail)?.times.total));
         }

@@ -1,4 +1,4 @@
-//! Who runs: each solver at each of its efforts.
+//! The efforts that are compared: each solver with several settings that trade time for error.
 
 use vrtm::{PbdSettings, Quality, SolveOptions, Solver};
 
@@ -17,20 +17,20 @@ impl Who {
     }
 }
 
-/// A solver with how hard it tries.
+/// A solver with one of its settings.
 #[derive(Clone, Debug)]
 pub struct Effort {
     pub who: Who,
     pub name: String,
-    /// Iterations per level of pbd; the cap on corrections per level of descent, 0 = the quality's own.
+    /// Iterations per level of pbd, or the cap on corrections per level of descent (0 = the quality's own number).
     pub iterations: u32,
     pub options: SolveOptions,
 }
 
-/// The effort that others are compared with.
+/// The effort to which the times of the others are related.
 pub const NORMAL: &str = "normal";
 
-/// All efforts, or only a few quick ones.
+/// All efforts, or only a few fast ones.
 pub fn efforts(quick: bool) -> Vec<Effort> {
     let mut all: Vec<Effort> = [
         ("draft", Quality::Draft, 0, 0.0),
@@ -62,7 +62,7 @@ pub fn efforts(quick: bool) -> Vec<Effort> {
     all
 }
 
-/// The paper's solver with so many iterations per level.
+/// The paper's solver with this number of iterations per level.
 fn pbd(iterations: u32) -> Effort {
     let pbd = PbdSettings { iterations: Some(iterations), ..PbdSettings::default() };
     let name = format!("{iterations} iteration{}", if iterations == 1 { "" } else { "s" });

@@ -1,4 +1,4 @@
-//! Cases as files for other programs: see benches/peers/.
+//! Writes cases as files for other programs: see benches/peers/.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -33,7 +33,8 @@ pub fn export(case: &Case, folder: &Path, solves: usize) -> Result<(), String> {
     let report = asset.tile_report(tile).map_err(fail)?;
     let strain = report.strain.ok_or("the solve was asked to measure")?;
     let u = asset.displacements(tile).map_err(fail)?;
-    // A chart that is the identity in this pose is not in a stretched one: there everything moves that may.
+    // A node whose chart is the identity in this pose would not count as movable. In a stretched pose every movable
+    // node moves.
     let stretched: Vec<[f32; 3]> =
         case.model.rest.iter().map(|[x, y, z]| [1.3 * x + 0.2 * y, y - 0.1 * z, 0.8 * z]).collect();
     asset.solve(Strided::from_f32x3(&stretched), &SolveOptions::default()).map_err(fail)?;

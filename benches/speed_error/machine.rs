@@ -1,4 +1,5 @@
-//! The machine that times are of, and its floors: what no program of its kind can go below there.
+//! The machine on which times are measured, and its floors: the bandwidth and the rate of operations that no program of
+//! this kind can exceed there.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -10,7 +11,7 @@ use crate::rows::{median, short};
 pub struct Machine {
     pub cpu: String,
     pub threads: usize,
-    /// The widest vectors that are there.
+    /// The widest vector instructions that the processor has.
     pub simd: &'static str,
     pub compiler: String,
     pub adapters: Vec<String>,
@@ -77,7 +78,7 @@ fn simd() -> &'static str {
     }
 }
 
-/// Runs `work` on all threads at once, five times; the best sum of its figures per second.
+/// Runs `work` on all threads at once, five times. Returns the greatest sum of the threads' figures per second.
 fn best(threads: usize, work: impl Fn(usize) -> f64 + Sync) -> f64 {
     let round = |_| {
         let start = Instant::now();
@@ -118,11 +119,11 @@ fn peak(threads: usize) -> f64 {
     best(threads, |_| multiply_add_best() as f64) * 1e-9
 }
 
-/// Lanes in flight: enough for the latency of two pipes of the widest vectors.
+/// Independent lanes: enough to hide the latency of two pipes of the widest vectors.
 const LANES: usize = 128;
 const STEPS: u64 = 4_000_000;
 
-/// Floating-point operations done.
+/// Returns the number of floating-point operations done.
 #[inline(always)]
 fn multiply_add<const N: usize>() -> u64 {
     let mut x = black_box([1.0f32; N]);
@@ -152,18 +153,18 @@ fn multiply_add_best() -> u64 {
     #[cfg(target_arch = "x86_64")]
     {
         if is_x86_feature_detected!("avx512f") {
-            // SAFETY: the processor has it.
+            // SAFETY: the processor has these instructions.
             return unsafe { multiply_add_avx512() };
         }
         if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has it.
+            // SAFETY: the processor has these instructions.
             return unsafe { multiply_add_avx2() };
         }
     }
     multiply_add::<{ LANES / 4 }>()
 }
 
-/// The median of a few paired ratios, with the medians of both sides.
+/// Medians of both sides and of the ratios of some pairs.
 pub fn paired(pairs: &[(f64, f64)]) -> (f64, f64, f64) {
     let of = |f: fn(&(f64, f64)) -> f64| median(&pairs.iter().map(f).collect::<Vec<_>>());
     (of(|p| p.0), of(|p| p.1), of(|p| p.0 / p.1))

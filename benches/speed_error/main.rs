@@ -1,4 +1,5 @@
-//! Speed against error: every solver at every effort on every scene, error beside time, as CSV, JSON, plots and a table.
+//! Speed against error: every solver at every effort on every scene, with error beside time as CSV, JSON, plots and a
+//! table.
 //!
 //!     cargo bench --bench speed_error
 //!     cargo bench --bench speed_error -- --quick
@@ -33,43 +34,44 @@ use vrtm::{Backend, Device, DeviceSettings};
 use machine::Machine;
 use oracle::Done;
 use rows::Row;
-use runs::{Place, Repeats};
+use runs::{Repeats, Target};
 
 /// Measures error over time: all solvers, all efforts, all scenes.
 #[derive(Parser)]
 #[command(version)]
 struct Args {
-    /// Only to see that it runs: one scene, a small grid, few efforts.
+    /// Check that the bench runs: one scene, a small grid, few efforts.
     #[arg(long)]
     quick: bool,
-    /// Scenes and assets; all that there are unless told.
+    /// Scenes and assets; by default all.
     #[arg(long, value_delimiter = ',')]
     scenes: Vec<String>,
     /// Cells on a side of the grids.
     #[arg(long, default_value_t = 512)]
     grid: u32,
-    /// Backends: cpu, gpu. A software GPU is measured only if it is asked for here.
+    /// Backends: cpu, gpu. By default the CPU and a hardware GPU; a software GPU is measured only if gpu is given.
     #[arg(long, value_delimiter = ',')]
     backends: Vec<String>,
     /// Rounds of timed solves.
     #[arg(long, default_value_t = 7)]
     repeats: usize,
-    /// Milliseconds after which an effort sits out the later rounds.
+    /// An effort takes part in no further round once it has taken this number of milliseconds.
     #[arg(long, default_value_t = 4000.0)]
     budget: f64,
-    /// Do without the reference: gaps are then to the best of the results.
+    /// Without the reference: gaps are then relative to the lowest of the results.
     #[arg(long)]
     no_reference: bool,
-    /// Grids that cost per node is told for.
+    /// Grid sizes for which the time per node is measured.
     #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096])]
     sizes: Vec<u32>,
-    /// Where the results go.
+    /// Folder for the results.
     #[arg(long, default_value = "benches/results")]
     out: PathBuf,
     /// Write the cases as files for other programs instead of measuring.
     #[arg(long)]
     export: Option<PathBuf>,
-    /// What `cargo bench` passes, and `cargo test` does not: then it is `--quick`, and nothing is written.
+    /// Passed by `cargo bench` and not by `cargo test`; without it the bench behaves as with `--quick`, and writes
+    /// nothing.
     #[arg(long, hide = true)]
     bench: bool,
 }
@@ -101,14 +103,14 @@ fn run(args: &Args) -> Result<(), String> {
     }
     let start = Instant::now();
     let machine = Machine::look();
-    let places = places(&args.backends)?;
+    let targets = targets(&args.backends)?;
     let efforts = efforts::efforts(args.quick);
     let repeats = Repeats { most: args.repeats, budget_ms: args.budget };
     let mut done = Vec::new();
     for case in cases {
         let mut ran = Vec::new();
-        for place in &places {
-            ran.extend(runs::run(&case, place, &efforts, repeats)?);
+        for target in &targets {
+            ran.extend(runs::run(&case, target, &efforts, repeats)?);
         }
         eprintln!("{:6.0} s  {}", start.elapsed().as_secs_f64(), case.name);
         done.push(Done::new(case, ran)?);
@@ -161,8 +163,8 @@ fn reference(done: &Done) -> Value {
     })
 }
 
-/// The CPU, and the first GPU that is no software, unless told.
-fn places(wanted: &[String]) -> Result<Vec<Place>, String> {
+/// The CPU, and the first hardware GPU, unless backends are given.
+fn targets(wanted: &[String]) -> Result<Vec<Target>, String> {
     let is_wanted = |name: &str| wanted.iter().any(|w| w == name);
     if let Some(name) = wanted.iter().find(|name| !["cpu", "gpu"].contains(&name.as_str())) {
         return Err(format!("--backends {name}: neither cpu nor gpu"));
@@ -171,17 +173,17 @@ fn places(wanted: &[String]) -> Result<Vec<Place>, String> {
         let settings = DeviceSettings { backend, adapter: adapter as u32, ..DeviceSettings::default() };
         Device::new(&settings).map_err(|error| error.to_string())
     };
-    let mut places = Vec::new();
+    let mut targets = Vec::new();
     if wanted.is_empty() || is_wanted("cpu") {
-        places.push(Place { name: "cpu", device: device(Backend::Cpu, 0)? });
+        targets.push(Target { name: "cpu", device: device(Backend::Cpu, 0)? });
     }
     let adapters = vrtm::adapters();
     let hardware = adapters.iter().position(|adapter| !adapter.software);
     let adapter = hardware.or_else(|| is_wanted("gpu").then_some(0));
     if let Some(adapter) = adapter.filter(|_| wanted.is_empty() || is_wanted("gpu")) {
-        places.push(Place { name: "gpu", device: device(Backend::Gpu, adapter)? });
+        targets.push(Target { name: "gpu", device: device(Backend::Gpu, adapter)? });
     }
-    Ok(places)
+    Ok(targets)
 }
 
 fn write(folder: &Path, name: &str, text: &str) -> Result<(), String> {
@@ -190,7 +192,7 @@ fn write(folder: &Path, name: &str, text: &str) -> Result<(), String> {
     std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// One line per entry of a list, so that two runs can be compared line by line.
+/// Prints a list with one entry per line, so that two runs can be compared line by line.
 fn lines(json: &Value) -> String {
     let Value::Object(fields) = json else { return json.to_string() };
     let field = |(name, value): (&String, &Value)| match value {

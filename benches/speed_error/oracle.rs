@@ -1,4 +1,5 @@
-//! E*, the energy that gaps are measured from: the reference's minimum, descending in f64 from the best result there is.
+//! E*, the energy that gaps refer to: the minimum that the reference reaches by descent in f64 from the best of the
+//! results.
 
 use std::time::Instant;
 
@@ -6,13 +7,13 @@ use vrtm::TileReport;
 
 use crate::common::{cpu, on_all_cores};
 use crate::rows::Row;
-use crate::runs::Ran;
+use crate::runs::SolvedRow;
 use crate::scenes::Case;
 
-/// A case with everything that was run on it.
+/// A case with the results of all efforts.
 pub struct Done {
     pub case: Case,
-    pub ran: Vec<Ran>,
+    pub ran: Vec<SolvedRow>,
     /// E of the identity.
     pub before: f64,
     pub oracle: Oracle,
@@ -20,15 +21,15 @@ pub struct Done {
 
 #[derive(Clone, Debug, Default)]
 pub struct Oracle {
-    /// E*: the lowest energy of all, the reference's included.
+    /// E*: the lowest of all energies, the reference's included.
     pub energy: f64,
-    /// True if the reference ran: else E* is the best of the results alone, and gaps are too small by what all miss.
+    /// True if the reference ran. Otherwise E* is the lowest energy of the results, and the gaps are too small.
     pub by_reference: bool,
     pub seconds: f64,
 }
 
 impl Done {
-    pub fn new(case: Case, ran: Vec<Ran>) -> Result<Done, String> {
+    pub fn new(case: Case, ran: Vec<SolvedRow>) -> Result<Done, String> {
         let (asset, tile) = case.asset(&cpu(1));
         let zeros = vec![[0.0; 2]; (case.grid as usize + 1).pow(2)];
         let before = asset.reference_energy(tile, case.pose(0), &zeros).map_err(|error| error.to_string())?;
@@ -37,7 +38,7 @@ impl Done {
         Ok(Done { case, ran, before, oracle })
     }
 
-    /// The rows with their gaps, the identity's first.
+    /// The rows with their gaps; that of the identity comes first.
     pub fn rows(&self) -> Vec<Row> {
         let Done { case, ran, before, oracle } = self;
         let gap = |energy: f64| (energy - oracle.energy) / (before - oracle.energy);
@@ -49,8 +50,8 @@ impl Done {
             ..Row::default()
         };
         let mut rows = Vec::new();
-        if let Some(Ran { row, .. }) = ran.first() {
-            // What was measured before is the strain of the original UVs.
+        if let Some(SolvedRow { row, .. }) = ran.first() {
+            // The strain before a solve is that of the original UVs.
             let strain = row.strain.map(|mut strain| {
                 (strain.after, strain.harm, strain.help) = (strain.before, 0.0, 0.0);
                 strain
@@ -67,7 +68,7 @@ impl Done {
     }
 }
 
-/// Lets the reference descend from each case's best result. That takes seconds to minutes a case, one thread each.
+/// Runs the reference from each case's best result, which takes seconds to minutes per case; one thread each.
 pub fn consult(done: &mut [Done]) -> Result<(), String> {
     let found = on_all_cores(done, |done| {
         let Done { case, ran, .. } = done;

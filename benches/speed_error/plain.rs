@@ -1,6 +1,7 @@
-//! A node update as one would write it down from DESIGN 5: f64, scalar, one core, a loop over nodes. What the library's
-//! is measured against. Each node takes its own 2x2 Gauss-Newton step on the finest level's energy (exact chords,
-//! smoothness, room), cut so that no corner Jacobian falls under ε, and only if its own energy does not rise.
+//! Relaxation as one would first write it (method §4 and §6): f64, scalar, one core, a loop over nodes. The library's
+//! updates are compared with it. Each node takes its own 2x2 Gauss-Newton step on the finest level's energy (exact
+//! chords, smoothness, room), limited so that no corner Jacobian falls under ε, and only if its own energy does not
+//! rise.
 
 use vrtm::TileSettings;
 
@@ -11,7 +12,7 @@ const MAX_STEP: f64 = 2.0;
 
 const NEIGHBOURS: [[i64; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]];
 
-/// A cell's corner nodes, counter-clockwise.
+/// The corners of a cell, counter-clockwise.
 const CORNERS: [[i64; 2]; 4] = [[0, 0], [1, 0], [1, 1], [0, 1]];
 
 pub struct Plain {
@@ -20,7 +21,7 @@ pub struct Plain {
     floor: f64,
     room: f64,
     threshold: f64,
-    /// Per node: displacement in cells, position in the pose, triangle under it.
+    /// Per node: displacement in cells, position in the pose, and the triangle under the warped node.
     u: Vec<[f64; 2]>,
     x: Vec<[f64; 3]>,
     triangle: Vec<u32>,
@@ -41,13 +42,13 @@ impl Plain {
         };
         for n in 0..nodes {
             if let Some(triangle) = plain.mesh.triangle(plain.triangle[n]) {
-                plain.x[n] = triangle.at(plain.mesh.place(n, [0.0; 2]));
+                plain.x[n] = triangle.at(plain.mesh.warped(n, [0.0; 2]));
             }
         }
         plain
     }
 
-    /// One sweep over all movable nodes; how many those are.
+    /// Relaxes all movable nodes once. Returns their number.
     pub fn sweep(&mut self) -> u64 {
         let mut updates = 0;
         for colour in [[0, 0], [1, 0], [0, 1], [1, 1]] {
@@ -64,7 +65,7 @@ impl Plain {
         updates
     }
 
-    /// Every edge and every corner counted once.
+    /// Sums every edge and every corner once.
     pub fn energy(&self) -> f64 {
         let mut sum = 0.0;
         for n in (0..self.u.len()).filter(|&n| self.mesh.movable[n]) {
@@ -75,9 +76,9 @@ impl Plain {
                 }
             }
             for corner in self.corners(n) {
-                // Of the movable nodes of a corner's triangle the first one counts it.
+                // A corner with several movable nodes is summed at the first of them.
                 if corner.nodes.iter().find(|&&m| self.mesh.movable[m]) == Some(&n) {
-                    sum += self.room_of(corner.jacobian(self, n, self.u[n]).0);
+                    sum += self.room_energy(corner.jacobian(self, n, self.u[n]).0);
                 }
             }
         }
@@ -95,7 +96,7 @@ impl Plain {
         }
         let corners = self.corners(n).map(|corner| corner.jacobian(self, n, self.u[n]));
         for (jacobian, slope) in &corners {
-            before += self.room_of(*jacobian);
+            before += self.room_energy(*jacobian);
             let lack = (self.threshold - jacobian).max(0.0);
             if lack > 0.0 {
                 for c in 0..2 {
@@ -109,17 +110,17 @@ impl Plain {
         let det = h[0] * h[2] - h[1] * h[1];
         let mut delta = [(h[1] * g[1] - h[2] * g[0]) / det, (h[1] * g[0] - h[0] * g[1]) / det];
         delta = delta.map(|x| x.clamp(-MAX_STEP, MAX_STEP));
-        let mut share: f64 = 1.0;
+        let mut fraction: f64 = 1.0;
         for (jacobian, slope) in &corners {
             let change = slope[0] * delta[0] + slope[1] * delta[1];
             if change < 0.0 {
-                share = share.min((jacobian - BOUND).max(0.0) / -change);
+                fraction = fraction.min((jacobian - BOUND).max(0.0) / -change);
             }
         }
-        delta = delta.map(|x| 0.999 * share * x);
+        delta = delta.map(|x| 0.999 * fraction * x);
         for _ in 0..2 {
             let u = [self.u[n][0] + delta[0], self.u[n][1] + delta[1]];
-            let at = self.mesh.place(n, u);
+            let at = self.mesh.warped(n, u);
             if let Some(found) = self.mesh.walk(self.triangle[n], at) {
                 let x = self.mesh.triangles[found as usize].at(at);
                 if self.node_energy(n, u, &x) <= before {
@@ -136,7 +137,7 @@ impl Plain {
             NEIGHBOURS.iter().map(|&offset| self.edge_energy(n, self.neighbour(n, offset), offset, u, x));
         let corners = self.corners(n);
         edges.sum::<f64>()
-            + corners.iter().map(|corner| self.room_of(corner.jacobian(self, n, u).0)).sum::<f64>()
+            + corners.iter().map(|corner| self.room_energy(corner.jacobian(self, n, u).0)).sum::<f64>()
     }
 
     fn weights(&self, n: usize, m: usize, offset: [i64; 2]) -> (f64, f64) {
@@ -153,7 +154,7 @@ impl Plain {
         w * strain * strain + smooth * (d[0] * d[0] + d[1] * d[1])
     }
 
-    /// Gradient and 2x2 matrix (xx, xy, yy) of an edge with respect to node n.
+    /// Adds the gradient and the 2x2 matrix (xx, xy, yy) of an edge with respect to node n.
     fn add_edge(
         &self,
         n: usize,
@@ -169,7 +170,7 @@ impl Plain {
         let unit: [f64; 3] = std::array::from_fn(|k| (self.x[n][k] - self.x[m][k]) / length.max(1e-300));
         let slope = [dot(&on.tangent[0], &unit), dot(&on.tangent[1], &unit)];
         let along = 2.0 * w / (rest * rest);
-        // A chord under tension also resists being turned.
+        // A chord under tension also resists rotation.
         let across = along * (1.0 - rest / length.max(1e-300)).max(0.0);
         for c in 0..2 {
             let d = self.u[n][c] - self.u[m][c];
@@ -181,7 +182,7 @@ impl Plain {
         h[2] += (along - across) * slope[1] * slope[1] + across * metric(1, 1) + 2.0 * smooth;
     }
 
-    fn room_of(&self, jacobian: f64) -> f64 {
+    fn room_energy(&self, jacobian: f64) -> f64 {
         self.room * (self.threshold - jacobian).max(0.0).powi(2)
     }
 
@@ -189,10 +190,11 @@ impl Plain {
         (n as i64 + offset[1] * (self.mesh.size as i64 + 1) + offset[0]) as usize
     }
 
-    /// The 12 corners that move with a node: of each of its four cells, all but the opposite one.
+    /// The 12 corners whose Jacobians depend on a node: in each of its four cells, all but that at the opposite node.
     fn corners(&self, n: usize) -> [Corner; 12] {
         std::array::from_fn(|k| {
-            // In cell k / 3 the node is corner `own`; the corner looked at is that one, the next or the previous.
+            // In cell k / 3 the node is corner `own`; the Jacobian is that of this corner, the next one or the previous
+            // one.
             let own = k / 3;
             let at = (own + [0, 1, 3][k % 3]) % 4;
             let offsets = [at, (at + 1) % 4, (at + 3) % 4]
@@ -202,7 +204,7 @@ impl Plain {
     }
 }
 
-/// A corner of a cell: its node, the next and the previous one, with where they are at rest.
+/// A corner of a cell: its node, the next node and the previous one, with their offsets from the moving node at rest.
 #[derive(Clone, Copy)]
 struct Corner {
     nodes: [usize; 3],
@@ -210,7 +212,7 @@ struct Corner {
 }
 
 impl Corner {
-    /// J, and its derivative with respect to node n, which is at `u`.
+    /// J and its derivative with respect to node n, whose displacement is `u`.
     fn jacobian(&self, plain: &Plain, n: usize, u: [f64; 2]) -> (f64, [f64; 2]) {
         let [a, b, c]: [[f64; 2]; 3] = std::array::from_fn(|k| {
             let shift = if self.nodes[k] == n { u } else { plain.u[self.nodes[k]] };

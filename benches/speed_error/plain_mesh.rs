@@ -1,22 +1,22 @@
-//! The tile's grid and the pose's triangles for `plain`: built once, not timed.
+//! The tile's grid and the pose's triangles for `plain`: built once, without being timed.
 
 use std::collections::HashMap;
 
 use crate::scenes::Case;
 
 const NONE: u32 = u32::MAX;
-/// A point on an edge belongs to either side.
+/// Barycentric tolerance: a point on an edge belongs to the triangles on both sides.
 const SLACK: f64 = 1e-12;
 
 /// A triangle of the pose over its UVs, in cells.
 pub struct Triangle {
     origin: [f64; 2],
-    /// Rows that take an offset from `origin` to the barycentrics of corners 1 and 2.
+    /// Rows of the matrix that maps an offset from `origin` to the barycentric coordinates of corners 1 and 2.
     barycentric: [[f64; 2]; 2],
     value: [f64; 3],
-    /// Per cell along u and v.
+    /// Derivatives of the position per cell along u and v.
     pub tangent: [[f64; 3]; 2],
-    /// Opposite corner k, or none.
+    /// The neighbour at the edge opposite to corner k, or NONE.
     neighbours: [u32; 3],
 }
 
@@ -24,7 +24,7 @@ pub struct PlainMesh {
     /// Cells on a side.
     pub size: usize,
     pub triangles: Vec<Triangle>,
-    /// Per node: where it is at rest, how rigid, whether it may move, and the triangle under it.
+    /// Per node: position at rest, rigidity, whether it is movable, and the triangle under it.
     pub rest: Vec<[f64; 3]>,
     pub rigidity: Vec<f64>,
     pub movable: Vec<bool>,
@@ -58,7 +58,7 @@ impl Triangle {
 }
 
 impl PlainMesh {
-    /// `movable` are the nodes that the library moves; `rigidity` is per node.
+    /// `movable` marks the nodes that the library moves; `rigidity` is per node.
     pub fn new(case: &Case, rigidity: Vec<f64>, movable: Vec<bool>) -> PlainMesh {
         let size = case.grid as usize;
         let (rest, posed) = (triangles(case, &case.model.rest), triangles(case, &case.poses[0]));
@@ -95,12 +95,12 @@ impl PlainMesh {
         self.triangles.get(t as usize)
     }
 
-    /// Where a node is, in cells.
-    pub fn place(&self, n: usize, u: [f64; 2]) -> [f64; 2] {
+    /// Warped position of a node in the plane, in cells.
+    pub fn warped(&self, n: usize, u: [f64; 2]) -> [f64; 2] {
         [(n % (self.size + 1)) as f64 + u[0], (n / (self.size + 1)) as f64 + u[1]]
     }
 
-    /// The triangle under a point, found by crossing the edge that the point lies furthest beyond.
+    /// The triangle under a point, found by crossing the edge with the most negative barycentric coordinate.
     pub fn walk(&self, start: u32, at: [f64; 2]) -> Option<u32> {
         let mut t = start;
         for _ in 0..100 {
@@ -117,7 +117,7 @@ impl PlainMesh {
 }
 
 impl Triangle {
-    /// The UV at barycentrics (1 - b - c, b, c).
+    /// The UV at the barycentric coordinates (1 - b - c, b, c), in cells.
     fn corner(&self, [b, c]: [f64; 2]) -> [f64; 2] {
         let [p, q] = self.barycentric;
         let det = p[0] * q[1] - p[1] * q[0];
@@ -125,7 +125,7 @@ impl Triangle {
     }
 }
 
-/// The model's polygons as fans, with neighbours across shared UV edges.
+/// Triangulates the model's polygons as fans; neighbours share an edge of the UVs.
 fn triangles(case: &Case, positions: &[[f32; 3]]) -> Vec<Triangle> {
     let model = &case.model;
     let offset = [f64::from((case.udim - 1001) % 10), f64::from((case.udim - 1001) / 10)];
@@ -144,9 +144,9 @@ fn triangles(case: &Case, positions: &[[f32; 3]]) -> Vec<Triangle> {
             for side in 0..3 {
                 let [a, b] = [1, 2].map(|k| model.uv_indices[corners[(side + k) % 3]]);
                 match across.remove(&(b, a)) {
-                    Some((other, its)) => {
+                    Some((other, other_side)) => {
                         triangles[t].neighbours[side] = other as u32;
-                        triangles[other].neighbours[its] = t as u32;
+                        triangles[other].neighbours[other_side] = t as u32;
                     }
                     None => _ = across.insert((a, b), (t, side)),
                 }

@@ -9,7 +9,7 @@ use crate::efforts::NORMAL;
 use crate::oracle::Done;
 use crate::rows::Row;
 
-// Okabe and Ito's colours: they differ for every kind of colour vision. Shapes differ, too.
+// Okabe and Ito's colours, which are distinct for every kind of colour vision. Shapes are distinct, too.
 const DESCENT: RGBColor = RGBColor(0, 114, 178);
 const PBD: RGBColor = RGBColor(230, 159, 0);
 const FOLDED: RGBColor = RGBColor(213, 94, 0);
@@ -20,18 +20,18 @@ const PANEL: (u32, u32) = (330, 250);
 const COLUMNS: usize = 4;
 const HEAD: u32 = 92;
 const HEAD_WIDTH: u32 = 1030;
-/// Gaps below are drawn here: less than f32 can tell.
+/// Smaller gaps are drawn at this value: f32 does not resolve them.
 const LEAST: f64 = 1e-6;
 
 type Draw<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Outcome = Result<(), Box<dyn std::error::Error>>;
 
-/// What is on the axis of errors.
+/// The error on an axis of the plots.
 pub struct Plot {
     pub file: &'static str,
     title: &'static str,
     error: fn(&Row) -> f64,
-    /// What is drawn as the level of the original UVs.
+    /// The label of the level that the original UVs have.
     before: &'static str,
     ticks: &'static [f64],
 }
@@ -52,14 +52,14 @@ pub const STRAIN: Plot = Plot {
     ticks: &[0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0],
 };
 
-/// A power of ten, or a number between, without noise.
+/// A number with no more digits than its magnitude needs.
 fn plain(x: f64) -> String {
     let digits = (-(x.abs().log10() + 1e-6).floor()).clamp(0.0, 6.0) as usize;
     format!("{x:.digits$}")
 }
 
-fn percent(share: &f64) -> String {
-    format!("{} %", plain(100.0 * share))
+fn percent(fraction: &f64) -> String {
+    format!("{} %", plain(100.0 * fraction))
 }
 
 fn time(ms: &f64) -> String {
@@ -67,7 +67,7 @@ fn time(ms: &f64) -> String {
 }
 
 impl Plot {
-    /// All cases in one picture.
+    /// Draws all cases into one picture.
     pub fn draw(&self, path: &Path, done: &[Done], note: &str) -> Result<(), String> {
         let rows = done.len().div_ceil(COLUMNS).max(1);
         let columns = done.len().clamp(1, COLUMNS);
@@ -96,7 +96,7 @@ impl Plot {
         draw().map_err(|error| format!("{}: {error}", path.display()))
     }
 
-    /// Title, legend, and a line on what was measured.
+    /// Draws the title, the legend, and a line on the measurement.
     fn head(&self, area: &Draw, note: &str) -> Outcome {
         let text = |size: u32| ("sans-serif", size).into_font().color(&INK);
         let bold = |size: u32| ("sans-serif", size).into_font().style(FontStyle::Bold).color(&INK);
@@ -158,7 +158,7 @@ impl Plot {
                 let mut points: Vec<(f64, f64, &Row)> =
                     timed.iter().filter(of).map(|row| (ms(row), (self.error)(row), *row)).collect();
                 points.sort_by(|a, b| a.0.total_cmp(&b.0));
-                // The line joins what nothing quicker beats.
+                // The line joins the rows that no faster row beats.
                 let mut least = f64::INFINITY;
                 let line = points.iter().map(|&(x, y, _)| (x, y));
                 let line = line.filter(|&(_, y)| {
@@ -192,7 +192,7 @@ fn dashes(area: &Draw, (from, to): (i32, i32), y: i32) -> Outcome {
     Ok(())
 }
 
-/// The range of positive values, widened by a factor.
+/// The range of the positive values, widened by a factor.
 fn span(values: impl Iterator<Item = f64>, by: f64) -> (f64, f64) {
     let positive = values.filter(|x| x.is_finite() && *x > 0.0);
     let (low, high) = positive.fold((f64::INFINITY, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));

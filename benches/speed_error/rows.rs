@@ -1,4 +1,4 @@
-//! A row of the result: one effort on one case, its error beside its time.
+//! A row of the result: one effort on one case, with its error and its time.
 
 use serde_json::{Map, Value, json};
 use vrtm::{StrainReport, TileReport};
@@ -13,15 +13,15 @@ pub struct Row {
     pub effort: String,
     pub iterations: u32,
     pub grid: u32,
-    /// Timed solves.
+    /// Number of timed solves.
     pub runs: usize,
     pub ms: Option<Times>,
-    /// In f64, by the reference.
+    /// Energy in f64, by the reference.
     pub energy: f64,
     /// (E - E*) / (E0 - E*).
     pub gap: f64,
     pub report: TileReport,
-    /// Not known of the reference's own minimum.
+    /// Not measured for the reference's own minimum.
     pub strain: Option<StrainReport>,
 }
 
@@ -30,7 +30,7 @@ pub struct Row {
 pub struct Times {
     pub median: f64,
     pub min: f64,
-    /// Median of the ratios, round by round, to `normal` of descent on the same backend.
+    /// Median over the rounds of the ratio to `normal` of descent on the same backend.
     pub to_normal: f64,
 }
 
@@ -83,7 +83,7 @@ impl Row {
     }
 }
 
-/// One line per row, after one of names.
+/// Writes a line of names and one line per row.
 pub fn csv(rows: &[Row]) -> String {
     let line = |cells: Vec<String>| cells.join(",") + "\n";
     let Some(first) = rows.first() else { return String::new() };
@@ -99,7 +99,7 @@ pub fn csv(rows: &[Row]) -> String {
     text
 }
 
-/// A number with so many digits: results are kept under version control, where noise costs.
+/// Rounds to a number of digits: results are kept under version control, where further digits only cause differences.
 pub fn short(x: f64, digits: usize) -> Value {
     if !x.is_finite() {
         return Value::Null;

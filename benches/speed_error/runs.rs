@@ -1,5 +1,5 @@
-//! Runs the efforts on a case: once to look at the errors, then timed, round by round, so that whatever else the machine
-//! does hits all alike and ratios can be taken in pairs.
+//! Runs the efforts on a case: once to measure the errors, then timed in rounds, so that other load on the machine
+//! affects all efforts alike and ratios can be taken within a round.
 
 use vrtm::{Asset, Device, SolveOptions, Strided};
 
@@ -8,69 +8,76 @@ use crate::efforts::{Effort, NORMAL, Who};
 use crate::rows::{Row, Times, median};
 use crate::scenes::Case;
 
-/// How often to time what.
+/// How often each effort is timed.
 #[derive(Clone, Copy, Debug)]
 pub struct Repeats {
-    /// Rounds.
+    /// Largest number of rounds.
     pub most: usize,
-    /// An effort sits out the later rounds when it has taken so many milliseconds (but not the first).
+    /// An effort takes part in no further round once it has taken this number of milliseconds, but always in the first.
     pub budget_ms: f64,
 }
 
-/// A backend that is there.
-pub struct Place {
+/// A backend on which efforts are run.
+pub struct Target {
     pub name: &'static str,
     pub device: Device,
 }
 
-/// A row and the warp that it tells of.
-pub struct Ran {
+/// A row, and the displacements of its result.
+pub struct SolvedRow {
     pub row: Row,
     pub u: Vec<[f64; 2]>,
 }
 
-/// An asset for each solver, whose memory is then its own; its poses come in turn.
-struct Seat {
+/// An asset of one solver, which holds memory for that solver alone. Its two poses are solved alternately.
+struct SolverAsset {
     asset: Asset,
     tile: usize,
-    turn: usize,
+    solves: usize,
 }
 
-impl Seat {
-    fn new(case: &Case, place: &Place) -> Seat {
-        let (asset, tile) = case.asset(&place.device);
-        Seat { asset, tile, turn: 0 }
+impl SolverAsset {
+    fn new(case: &Case, target: &Target) -> SolverAsset {
+        let (asset, tile) = case.asset(&target.device);
+        SolverAsset { asset, tile, solves: 0 }
     }
 
-    /// Milliseconds of a whole solve.
+    /// Solves the next pose. Returns the time of the whole solve in milliseconds.
     fn solve(&mut self, case: &Case, options: &SolveOptions) -> Result<f64, String> {
-        self.turn += 1;
-        self.asset.solve(case.pose(self.turn), options).map_err(|error| format!("{}: {error}", case.name))?;
+        self.solves += 1;
+        self.asset
+            .solve(case.pose(self.solves), options)
+            .map_err(|error| format!("{}: {error}", case.name))?;
         let report = self.asset.tile_report(self.tile).map_err(|error| error.to_string())?;
-        // A chart that keeps its last result costs nothing, which would be told as speed.
+        // A chart that keeps its last result takes no time, which would appear as speed.
         assert_eq!(report.charts_reused, 0, "{}: no chart's inputs are those of the solve before", case.name);
         Ok(f64::from(report.times.total))
     }
 }
 
-/// All efforts on a case. Energies are in f64, by the reference; gaps are not known yet.
-pub fn run(case: &Case, place: &Place, efforts: &[Effort], repeats: Repeats) -> Result<Vec<Ran>, String> {
-    let mut seats = [Seat::new(case, place), Seat::new(case, place)];
-    let seat = |who: Who| usize::from(who == Who::Pbd);
+/// Runs all efforts on a case. Energies are in f64, by the reference; gaps are computed later.
+pub fn run(
+    case: &Case,
+    target: &Target,
+    efforts: &[Effort],
+    repeats: Repeats,
+) -> Result<Vec<SolvedRow>, String> {
+    let mut assets = [SolverAsset::new(case, target), SolverAsset::new(case, target)];
+    let index = |who: Who| usize::from(who == Who::Pbd);
     let mut ran = Vec::new();
     for effort in efforts {
-        let seat = &mut seats[seat(effort.who)];
-        // The first frame allocates.
-        if seat.turn == 0 {
-            seat.solve(case, &effort.options)?;
+        let asset = &mut assets[index(effort.who)];
+        // The first frame also allocates memory.
+        if asset.solves == 0 {
+            asset.solve(case, &effort.options)?;
         }
-        // The pose itself, not the one beside it, is what errors are told of.
-        seat.turn = 1;
-        seat.solve(case, &SolveOptions { measure: true, ..effort.options })?;
-        let report = seat.asset.tile_report(seat.tile).map_err(|error| error.to_string())?;
-        let u = seat.asset.displacements(seat.tile).map_err(|error| error.to_string())?;
+        // Errors are measured on the pose itself, not on the one beside it.
+        asset.solves = 1;
+        asset.solve(case, &SolveOptions { measure: true, ..effort.options })?;
+        let report = asset.asset.tile_report(asset.tile).map_err(|error| error.to_string())?;
+        let u = asset.asset.displacements(asset.tile).map_err(|error| error.to_string())?;
         let row = Row {
-            backend: place.name,
+            backend: target.name,
             solver: effort.who.name(),
             effort: effort.name.clone(),
             iterations: effort.iterations,
@@ -78,13 +85,13 @@ pub fn run(case: &Case, place: &Place, efforts: &[Effort], repeats: Repeats) -> 
             report,
             ..blank(case)
         };
-        ran.push(Ran { row, u: u.into_iter().map(|u| u.map(f64::from)).collect() });
+        ran.push(SolvedRow { row, u: u.into_iter().map(|u| u.map(f64::from)).collect() });
     }
     time(efforts, repeats, &mut ran, |effort| {
-        let seat = &mut seats[seat(effort.who)];
-        seat.solve(case, &effort.options)
+        let asset = &mut assets[index(effort.who)];
+        asset.solve(case, &effort.options)
     })?;
-    let (asset, tile) = (&seats[0].asset, seats[0].tile);
+    let (asset, tile) = (&assets[0].asset, assets[0].tile);
     let energies = on_all_cores(&ran, |ran| energy(asset, tile, case.pose(0), &ran.u));
     for (ran, energy) in ran.iter_mut().zip(energies) {
         ran.row.energy = energy?;
@@ -92,11 +99,11 @@ pub fn run(case: &Case, place: &Place, efforts: &[Effort], repeats: Repeats) -> 
     Ok(ran)
 }
 
-/// Rounds of all efforts.
+/// Times all efforts in rounds.
 fn time(
     efforts: &[Effort],
     repeats: Repeats,
-    ran: &mut [Ran],
+    ran: &mut [SolvedRow],
     mut solve: impl FnMut(&Effort) -> Result<f64, String>,
 ) -> Result<(), String> {
     let mut times: Vec<Vec<f64>> = vec![Vec::new(); efforts.len()];
@@ -104,7 +111,7 @@ fn time(
     for round in 0..repeats.most {
         for (effort, times) in efforts.iter().zip(&mut times) {
             let is_late = round >= 1 && times.iter().sum::<f64>() > repeats.budget_ms;
-            // `normal` runs in every round: the others' ratios need it.
+            // `normal` runs in every round, because the ratios of the others need it.
             if effort.name == NORMAL || !is_late {
                 times.push(solve(effort)?);
             }

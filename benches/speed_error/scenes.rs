@@ -1,5 +1,5 @@
-//! What is measured: one tile of one frame of a scene or an asset, on one grid. Other tiles lose their rigidity and are
-//! then the identity, so that a time is this tile's alone.
+//! The cases: one tile of one frame of a scene or an asset, on one grid. Other tiles get no rigidity and are the
+//! identity, so that a time is that of one tile.
 
 use vrtm::{Asset, Device, Strided};
 
@@ -8,17 +8,17 @@ use crate::common::{Model, assets, scenes, set_grid};
 pub struct Case {
     pub name: String,
     pub model: Model,
-    /// From 1.
+    /// Number of the frame, from 1.
     pub frame: usize,
     pub udim: u32,
     /// Cells on a side.
     pub grid: u32,
-    /// The pose, and the same moved a little towards rest. In turn they keep charts from being reused, whose inputs would
-    /// else be the same bits.
+    /// The pose, and the same pose moved slightly towards rest. They are solved alternately, so that charts are not
+    /// reused because of equal inputs.
     pub poses: [Vec<[f32; 3]>; 2],
 }
 
-/// The frames and tiles that DESIGN's scenes are measured at.
+/// The frame and the tile of each scene and asset that are measured.
 const CHOSEN: [(&str, usize, u32); 15] = [
     ("squash", 1, 1001),
     ("squash to 40 %", 1, 1001),
@@ -37,7 +37,7 @@ const CHOSEN: [(&str, usize, u32); 15] = [
     ("ict_inner", 2, 1003),
 ];
 
-/// All there are, or those whose names are in `wanted`.
+/// All cases, or those whose names are in `wanted`.
 ///
 /// # Errors
 /// A name that is not known, or of an asset that is not there.
@@ -63,7 +63,8 @@ pub fn cases(wanted: &[String], grid: u32) -> Result<Vec<Case>, String> {
 impl Case {
     pub fn new(model: Model, frame: usize, udim: u32, grid: u32) -> Case {
         let pose = &model.frames[frame - 1];
-        // What is too small to be seen in f32 still has to differ, but what does not move must not begin to.
+        // Each moved coordinate has to differ in f32, even if the change is smaller than its rounding; coordinates at
+        // rest must stay.
         let near = |p: f32, r: f32| match p + 0.001 * (r - p) {
             same if same == p && p != r => p.next_up(),
             other => other,
@@ -73,7 +74,7 @@ impl Case {
         Case { name: model.name.clone(), model, frame, udim, grid, poses }
     }
 
-    /// The asset on a device, with the tile's index.
+    /// Creates the asset on a device. Returns it with the tile's index.
     pub fn asset(&self, device: &Device) -> (Asset, usize) {
         let mut asset = self.model.bare_on(device, Strided::from_f32x3(&self.model.rest));
         let tile = asset.find_tile(self.udim).expect("the tile that was chosen");

@@ -1,4 +1,4 @@
-//! The tables: on the terminal, and as Markdown beside the plots.
+//! The tables: for the terminal, and as Markdown beside the plots.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use crate::rows::Row;
 
 const NAMED: [&str; 3] = ["draft", "normal", "high"];
 
-/// Everything that the last run found, as text.
+/// All results of a run as text.
 pub fn text(
     machine: &Machine,
     done: &[Done],
@@ -52,7 +52,7 @@ pub fn text(
     text
 }
 
-/// Strain and time per scene: what there was, the named qualities, and the best of pbd.
+/// Strain and time per scene: of the original UVs, of the named qualities, and of the best row of pbd.
 fn scenes(done: &[Done], rows: &[Row]) -> String {
     let mut text = String::from(
         "Strain RMS on the mesh (rigid edges, f64) and gap = (E - E*) / (E0 - E*), beside the median time of a whole solve. \
@@ -137,8 +137,8 @@ fn claimed(claims: &[Claim]) -> String {
     text
 }
 
-fn percent(share: f64) -> String {
-    let percent = 100.0 * share;
+fn percent(fraction: f64) -> String {
+    let percent = 100.0 * fraction;
     match percent.abs() {
         p if p >= 10.0 => format!("{percent:.0} %"),
         p if p >= 0.1 => format!("{percent:.1} %"),

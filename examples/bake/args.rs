@@ -1,4 +1,4 @@
-//! The command line.
+//! The command line arguments.
 
 use std::path::PathBuf;
 
@@ -138,7 +138,7 @@ impl From<Device> for vrtm::Backend {
     }
 }
 
-/// Frame numbers in the order given.
+/// Parses frame numbers, in the order given.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Frames(pub Vec<usize>);
 
@@ -169,14 +169,14 @@ fn parse_view(text: &str) -> Result<(f64, f64), String> {
     pair.ok_or_else(|| "expected two angles in degrees, as in 30,15".to_string())
 }
 
-/// Reads the command line. `Err` holds the one line to print; `--help` and `--version` print and end the program.
+/// Reads the command line. `Err` holds a message of one line; `--help` and `--version` print and end the program.
 pub fn parse() -> Result<Args, String> {
     Args::try_parse().map_err(|error| {
         use clap::error::ErrorKind;
         if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
             error.exit();
         }
-        // clap explains over several lines; what follows the blank line is usage.
+        // clap's message has several lines; those after the blank line are usage.
         let text = error.to_string();
         let lines = text.lines().take_while(|line| !line.trim().is_empty()).map(str::trim);
         let line = lines.collect::<Vec<_>>().join(" ");

@@ -1,24 +1,25 @@
-//! An orthographic camera, chosen so that one sees where rigid features are strained.
+//! An orthographic camera whose direction shows where rigid features are strained.
 
 use crate::args::Up;
 use crate::mesh::Triangle;
 
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
-    /// Rows: right, up, toward the viewer.
+    /// Unit vectors as rows: right, up, toward the viewer.
     axes: [[f64; 3]; 3],
     centre: [f64; 2],
     half: [f64; 2],
 }
 
-/// Room around the mesh, as a share of its size.
+/// Size of the view relative to that of the mesh.
 const MARGIN: f64 = 1.06;
 
 impl Camera {
     fn turned(yaw: f64, pitch: f64, up: Up) -> Camera {
         let (ys, yc) = yaw.to_radians().sin_cos();
         let (ps, pc) = pitch.to_radians().sin_cos();
-        // Yaw turns the viewer around the mesh, pitch lifts them; y up, z toward the viewer at 0, 0.
+        // At yaw 0 and pitch 0, y points up and z toward the viewer. Yaw turns the viewer around the mesh, pitch lifts
+        // the viewer.
         let axes = [[yc, 0.0, -ys], [-ps * ys, pc, -ps * yc], [pc * ys, ps, pc * yc]];
         let axes = match up {
             Up::Y => axes,
@@ -27,7 +28,7 @@ impl Camera {
         Camera { axes, centre: [0.0; 2], half: [1.0; 2] }
     }
 
-    /// Right, up and toward the viewer; not yet scaled.
+    /// Coordinates along right, up and toward the viewer, without scaling.
     pub fn view(&self, p: [f32; 3]) -> [f64; 3] {
         self.axes.map(|axis| (0..3).map(|c| axis[c] * f64::from(p[c])).sum())
     }
@@ -44,7 +45,7 @@ impl Camera {
         (width / self.half[0]).min(height / self.half[1]) / 2.0
     }
 
-    /// Height over width of what is seen.
+    /// Height over width of the view.
     pub fn aspect(&self) -> f64 {
         self.half[1] / self.half[0]
     }
@@ -61,12 +62,12 @@ impl Camera {
         let size: f64 = (0..2).map(|c| high[c] - low[c]).fold(1e-30, f64::max);
         for c in 0..2 {
             self.centre[c] = 0.5 * (low[c] + high[c]);
-            // A mesh seen edge-on still has a height.
+            // A mesh seen edge-on gets a height, too.
             self.half[c] = 0.5 * MARGIN * (high[c] - low[c]).max(0.05 * size);
         }
     }
 
-    /// One camera for all poses. `rigid` holds each triangle's mean rigidity.
+    /// Chooses one camera for all poses. `rigid` holds each triangle's mean rigidity.
     pub fn choose(
         triangles: &[Triangle],
         rigid: &[f32],
@@ -81,7 +82,7 @@ impl Camera {
         let mut camera = if let Some((yaw, pitch)) = view {
             Camera::turned(yaw, pitch, up)
         } else if size[2] < 0.02 * largest {
-            // A flat sheet is looked at from the front.
+            // A flat sheet is viewed from the front.
             Camera::turned(0.0, 0.0, Up::Y)
         } else {
             best(triangles, rigid, poses, up)
@@ -102,22 +103,22 @@ fn bounds(poses: &[&[[f32; 3]]]) -> [[f64; 3]; 2] {
     bounds
 }
 
-/// OBJ files do not say which way is up; what stands on z = 0, and not on y = 0, has z up.
+/// Guesses the up axis, which OBJ files do not state: z if the mesh stands on z = 0 and not on y = 0.
 fn guess_up(rest: &[[f32; 3]]) -> Up {
     let [low, high] = bounds(&[rest]);
     let stands = |c: usize| low[c].abs() < 0.02 * (high[c] - low[c]);
     if stands(2) && !stands(1) { Up::Z } else { Up::Y }
 }
 
-/// Tries views around the mesh. What counts is how much strained, rigid area faces the viewer; the front is preferred,
-/// since that is where one looks at a character first.
+/// Tries views around the mesh, and takes the one in which the most strained, rigid area faces the viewer. Views from
+/// the front are preferred, because one looks at a character from there first.
 fn best(triangles: &[Triangle], rigid: &[f32], poses: &[&[[f32; 3]]], up: Up) -> Camera {
     let (rest, posed) = (poses[0], &poses[1..]);
     let edge = |p: &[[f32; 3]], t: &Triangle, k: usize| -> [f64; 3] {
         let (a, b) = (p[t.vertices[0] as usize], p[t.vertices[k] as usize]);
         std::array::from_fn(|c| f64::from(b[c]) - f64::from(a[c]))
     };
-    // Per triangle: its area vector, weighted with rigidity and strain, of at most eight poses.
+    // Area vectors of the triangles in at most eight poses, weighted with rigidity and strain.
     let step = posed.len().div_ceil(8).max(1);
     let mut vectors = Vec::new();
     let mut volume = 0.0;

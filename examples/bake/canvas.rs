@@ -1,4 +1,4 @@
-//! A picture to compose on: rectangles and text over linear colours.
+//! A picture of rectangles and text, in linear colours.
 
 use image::{Rgb, RgbImage};
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
@@ -12,7 +12,7 @@ pub struct Canvas {
     pub pixels: Vec<Colour>,
 }
 
-/// A style of text.
+/// Size and weight of a text.
 #[derive(Clone, Copy)]
 pub struct Font {
     weight: FontWeight,
@@ -25,7 +25,7 @@ pub const LARGE: Font = Font { weight: FontWeight::Regular, height: RasterHeight
 pub const TEXT: Font = Font { weight: FontWeight::Regular, height: RasterHeight::Size16 };
 
 impl Font {
-    /// Width of a character.
+    /// Width of a character in pixels.
     pub fn advance(self) -> usize {
         get_raster_width(self.weight, self.height)
     }
@@ -45,13 +45,14 @@ impl Canvas {
     pub fn rectangle(&mut self, at: [usize; 2], size: [usize; 2], colour: impl Fn(f32, f32) -> Colour) {
         for y in 0..size[1] {
             for x in 0..size[0] {
-                let share = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
-                self.put(at[0] + x, at[1] + y, colour(share(x, size[0]), share(y, size[1])));
+                let centre = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
+                self.put(at[0] + x, at[1] + y, colour(centre(x, size[0]), centre(y, size[1])));
             }
         }
     }
 
-    /// One line; characters that the font lacks become question marks. What does not fit into `room` pixels is cut.
+    /// Draws one line of text. Characters that the font lacks become question marks; the text is cut off at `room`
+    /// pixels.
     pub fn text(&mut self, at: [usize; 2], room: usize, font: Font, colour: Colour, text: &str) {
         let fits = room / font.advance();
         let count = text.chars().count();
@@ -72,7 +73,7 @@ impl Canvas {
         }
     }
 
-    /// The finished picture, sRGB.
+    /// The finished picture in sRGB.
     pub fn finish(&self) -> RgbImage {
         let mut image = RgbImage::new(self.width as u32, self.height as u32);
         for (pixel, colour) in image.pixels_mut().zip(&self.pixels) {

@@ -1,4 +1,4 @@
-//! What ends the program: one line that names a file (or argument) and the reason.
+//! Errors that end the program: one line with a file (or an argument) and the reason.
 
 use std::fmt;
 use std::path::Path;
@@ -14,13 +14,13 @@ impl Failure {
     }
 
     pub fn named(subject: &str, reason: impl fmt::Display) -> Failure {
-        // Whatever a library says, it is one line here.
+        // Messages of libraries are reduced to one line.
         let reason = reason.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         Failure(format!("{subject}: {reason}"))
     }
 }
 
-/// Reads a file whole.
+/// Reads a whole file.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|e| Failure::file(path, e))
 }

@@ -2,12 +2,12 @@
 
 use vrtm::TileReport;
 
-/// Tiles that fit side by side on the sheet.
+/// Number of tiles that fit side by side on the sheet.
 const COLUMNS: usize = 5;
 
 type Figure = (&'static str, fn(&TileReport) -> String);
 
-/// A dash where nothing was measured.
+/// A figure of the strain as text, or a dash if no edge was measured.
 fn strain(report: &TileReport, f: impl Fn(&vrtm::StrainReport) -> String) -> String {
     report.strain.as_ref().filter(|s| s.edges > 0).map_or("-".into(), f)
 }
@@ -32,7 +32,7 @@ const FIGURES: [Figure; 17] = [
     ("inversion", |r| format!("{:.1} ms", r.times.invert)),
 ];
 
-/// Lines for the sheet: a heading with the tiles' numbers, then a line per figure.
+/// Lines of text for the sheet: a heading with the tiles' numbers, then a line per figure.
 pub fn lines(reports: &[TileReport]) -> Vec<String> {
     let mut shown: Vec<&TileReport> = reports.iter().collect();
     if shown.len() > COLUMNS {

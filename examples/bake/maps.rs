@@ -1,4 +1,4 @@
-//! Single-channel maps: read from image files, handed to vrtm as they are, sampled by the sheet.
+//! Single-channel maps: read from image files, passed to vrtm unchanged, sampled by the sheet.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -13,9 +13,9 @@ pub struct Map {
     pub width: u32,
     pub height: u32,
     pub format: PixelFormat,
-    /// Packed, first row at the top of the tile.
+    /// Packed texels, first row at the top of the tile.
     pub bytes: Vec<u8>,
-    /// Where it came from, for messages.
+    /// The file's name, for messages.
     pub origin: String,
 }
 
@@ -24,7 +24,7 @@ impl Map {
         Map { width, height, format: PixelFormat::U8, bytes, origin: origin.into() }
     }
 
-    /// Reads a PNG of 8 or 16 bits; of a colour image, its luminance.
+    /// Reads a PNG of 8 or 16 bits; a colour image is converted to luminance.
     pub fn load(path: &Path) -> Result<Map> {
         let bytes = read(path)?;
         let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
@@ -44,13 +44,13 @@ impl Map {
         Ok(Map { width, height, format, bytes, origin: path.display().to_string() })
     }
 
-    /// The view that vrtm takes.
+    /// A view of the map for vrtm.
     pub fn view(&self) -> Result<ImageView<'_>> {
         let layout = ImageLayout::packed(self.width, self.height, self.format);
         ImageView::new("map", &self.bytes, layout).map_err(|e| Failure::named(&self.origin, e))
     }
 
-    /// Values in 0..1, first row at the top.
+    /// Values between 0 and 1, first row at the top.
     pub fn values(&self) -> Vec<f32> {
         match self.format {
             PixelFormat::U8 => self.bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
@@ -88,7 +88,7 @@ impl<const N: usize> Field<N> {
     }
 }
 
-/// The two neighbours of a coordinate in texels, and the share of the second.
+/// The two neighbours of a coordinate in texels, and the weight of the second.
 fn taps(x: f32, size: usize) -> (usize, usize, f32) {
     let x = x.clamp(0.0, (size - 1) as f32);
     let low = x as usize;

@@ -9,18 +9,18 @@ const SKIN: Colour = [0.115, 0.042, 0.030];
 const LINES: Colour = [0.30, 0.135, 0.095];
 const STUD: Colour = [0.90, 0.62, 0.24];
 const RIM: Colour = [0.018, 0.008, 0.006];
-/// Pixels that a cell of the UV grid on the skin spans, about.
+/// Approximate width in pixels of a cell of the UV grid on the skin.
 const CELL: f32 = 26.0;
 /// Half of the width of an outline and of a grid line, in pixels.
 const OUTLINE_WIDTH: f32 = 1.4;
 const LINE_WIDTH: f32 = 0.55;
-/// Rigidity at which a feature's outline lies: low, so that features that are half rigid have one too.
+/// Rigidity at which a feature's outline lies: low, so that features of rigidity one half have an outline, too.
 const OUTLINE: f32 = 0.28;
 
 pub struct Material {
-    /// The rigidity, smoothed a little: outlines of an 8-bit mask would be staircases otherwise.
+    /// The rigidity, smoothed slightly: the outlines of an 8-bit mask would otherwise be staircases.
     rigidity: Option<Field<1>>,
-    /// Pixels of the sheet that the tile's side would span: lines are as wide on every mesh.
+    /// Approximate length of the tile's side on the sheet in pixels, which makes lines equally wide on every mesh.
     pixels: f32,
 }
 
@@ -37,12 +37,12 @@ impl Material {
         Material { rigidity, pixels: 512.0 }
     }
 
-    /// Tells how many pixels of the sheet the tile's side spans, about.
+    /// Sets the approximate length of the tile's side on the sheet, in pixels.
     pub fn set_scale(&mut self, pixels: f32) {
         self.pixels = pixels.clamp(64.0, 65536.0);
     }
 
-    /// Rigidity at a UV, smoothed.
+    /// Smoothed rigidity at a UV.
     pub fn rigidity(&self, uv: [f32; 2]) -> f32 {
         self.rigidity.as_ref().map_or(0.0, |map| map.sample(uv)[0])
     }
@@ -59,18 +59,19 @@ impl Material {
         let r = map.sample(uv)[0];
         let texel = [1.0 / map.width as f32, 1.0 / map.height as f32];
         let along = |du: f32, dv: f32| map.sample([uv[0] + du, uv[1] + dv])[0];
-        // Rigidity per texel, toward u and v.
+        // Change of the rigidity per texel toward u and v.
         let slope = [
             0.5 * (along(texel[0], 0.0) - along(-texel[0], 0.0)),
             0.5 * (along(0.0, texel[1]) - along(0.0, -texel[1])),
         ];
         let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-        // Lit from the texture's upper left, the rim of a stud makes it look raised.
+        // Light from the texture's upper left makes the rim of a stud look raised.
         let relief = 1.0 + 0.9 * (0.6 * slope[0] - 0.8 * slope[1]);
         let stud = mix(SKIN, STUD, 0.35 + 0.65 * r).map(|c| c * relief);
         colour = mix(colour, stud, step(OUTLINE - 0.05, OUTLINE + 0.05, r));
         if steep > 1e-4 {
-            // To the outline, in pixels; at least a texel wide, or the filter above would show.
+            // Distance to the outline in pixels. The outline is at least a texel wide, or the bilinear filter would
+            // show.
             let distance = (r - OUTLINE).abs() / steep * self.pixels / map.width as f32;
             let width = OUTLINE_WIDTH.max(0.4 * self.pixels / map.width as f32);
             colour = mix(RIM, colour, step(0.6 * width, 1.4 * width, distance));
@@ -103,7 +104,7 @@ pub fn mix(a: Colour, b: Colour, t: f32) -> Colour {
     [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * t)
 }
 
-/// 0 below `a`, 1 above `b`, smooth between.
+/// 0 below `a`, 1 above `b`, smooth in between.
 pub fn step(a: f32, b: f32, x: f32) -> f32 {
     let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

@@ -1,4 +1,4 @@
-//! The mesh as the program holds it: polygons with UVs of their own, as files and hosts have them.
+//! The mesh of the program: polygons with UVs that have indices of their own, as in files and hosts.
 
 use std::collections::BTreeSet;
 
@@ -13,12 +13,12 @@ pub struct Mesh {
     pub uv_indices: Vec<u32>,
 }
 
-/// A triangle for the sheet's renderer; UVs are relative to its tile.
+/// A triangle for the sheet's renderer. UVs are relative to its tile.
 #[derive(Clone, Copy, Debug)]
 pub struct Triangle {
     pub vertices: [u32; 3],
     pub uvs: [[f64; 2]; 3],
-    /// UV corners as indexed by the mesh: triangles that share them hang together.
+    /// UV indices of the corners: triangles that share them are connected.
     pub corners: [u32; 3],
     pub udim: u32,
 }
@@ -40,7 +40,7 @@ impl Triangle {
 }
 
 impl Mesh {
-    /// Each face's range of corners.
+    /// The range of corners of each face.
     fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
         let mut end = 0;
         self.face_counts.iter().map(move |&count| {
@@ -50,7 +50,7 @@ impl Mesh {
         })
     }
 
-    /// The tile that holds a face's UV centroid.
+    /// UDIM number of the tile that holds a face's UV centroid.
     fn udim(&self, face: std::ops::Range<usize>) -> Option<u32> {
         let n = face.len() as f64;
         let mut centroid = [0.0; 2];
@@ -67,7 +67,7 @@ impl Mesh {
         self.faces().filter_map(|face| self.udim(face)).collect()
     }
 
-    /// Fans of triangles.
+    /// Triangulates the polygons as fans.
     pub fn triangles(&self) -> Vec<Triangle> {
         let mut triangles = Vec::new();
         for face in self.faces() {

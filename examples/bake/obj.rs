@@ -1,4 +1,4 @@
-//! Wavefront OBJ: polygons stay polygons, vertices and UVs keep the order that they have in the file.
+//! Wavefront OBJ: polygons stay polygons, vertices and UVs keep their order in the file.
 
 use std::path::Path;
 
@@ -53,7 +53,7 @@ fn load(path: &Path) -> Result<ObjData> {
     Ok(data)
 }
 
-/// The reader counts lines from 0, editors from 1.
+/// The OBJ reader counts lines from 0, editors from 1.
 fn explain(error: &ObjError) -> String {
     match error {
         ObjError::MalformedFaceGroup { line_number, group } => {

@@ -1,4 +1,5 @@
-//! Files appear complete or not at all: each is written under a temporary name, a frame's files are renamed together.
+//! Writes files so that they appear complete or not at all: each gets a temporary name, and a frame's files are renamed
+//! together.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Cursor, Seek, Write};
@@ -9,7 +10,7 @@ use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, Wr
 use crate::failure::{Failure, Result};
 use crate::maps::Field;
 
-/// Files that wait to be renamed; dropped without [`Staging::commit`], they are removed.
+/// Files to be renamed. If it is dropped without [`Staging::commit`], they are removed.
 #[derive(Debug)]
 pub struct Staging {
     folder: PathBuf,
@@ -17,7 +18,7 @@ pub struct Staging {
 }
 
 impl Staging {
-    /// Makes the folder if it is not there.
+    /// Makes the folder if it does not exist.
     pub fn new(folder: &Path) -> Result<Staging> {
         fs::create_dir_all(folder).map_err(|e| Failure::file(folder, e))?;
         Ok(Staging { folder: folder.into(), waiting: Vec::new() })
@@ -37,7 +38,7 @@ impl Staging {
         writer.flush().map_err(|e| Failure::file(&path, e))
     }
 
-    /// Two f32 channels, R and G, losslessly compressed (ZIP).
+    /// Writes two f32 channels, R and G, with lossless compression (ZIP).
     pub fn exr(&mut self, name: &str, field: &Field<2>) -> Result<()> {
         self.write(name, |writer| write_exr(field, writer))
     }
@@ -52,7 +53,7 @@ impl Staging {
         self.write(name, |writer| writer.write_all(bytes).map_err(|e| e.to_string()))
     }
 
-    /// Gives the files their names.
+    /// Renames the files to their final names.
     pub fn commit(&mut self) -> Result<()> {
         for (temporary, path) in &self.waiting {
             fs::rename(temporary, path).map_err(|e| Failure::file(path, e))?;
@@ -65,7 +66,7 @@ impl Staging {
 impl Drop for Staging {
     fn drop(&mut self) {
         for (temporary, _) in &self.waiting {
-            // Best effort: the reason for which the program ends is already known.
+            // Errors are ignored: the program already ends for another reason.
             let _ = fs::remove_file(temporary);
         }
     }

@@ -1,14 +1,15 @@
-//! Triangles to samples: which tile and UV each sample of a picture shows, and which way the surface faces.
+//! Rasterises triangles to samples: the tile and the UV that each sample of a picture shows, and the surface normal
+//! there.
 //!
-//! The shading comes later, so that one rasterised pose serves several pictures.
+//! Shading comes later, so that a rasterised pose serves several pictures.
 
 use crate::camera::{Camera, cross, dot};
 use crate::mesh::Triangle;
 
-/// Samples per pixel and side.
+/// Samples per pixel along each axis.
 pub const SUPER: usize = 2;
 
-/// What one sample sees.
+/// The surface at one sample.
 #[derive(Clone, Copy, Debug)]
 pub struct Hit {
     /// Index into the triangles, or [`Hit::NOTHING`].
@@ -17,7 +18,7 @@ pub struct Hit {
     pub uv: [f32; 2],
     /// Unit normal toward the viewer, in view space (right, up, toward).
     pub normal: [f32; 3],
-    /// True if one sees the surface from inside.
+    /// True if the surface is seen from inside.
     pub inside: bool,
 }
 
@@ -54,7 +55,7 @@ pub fn rasterise(
         if area == 0.0 || !area.is_finite() {
             continue;
         }
-        // y points down on the screen, so a front face has a negative area.
+        // y points down on the screen, so that a front face has a negative area.
         let inside = (area > 0.0) == (outward > 0.0);
         let span = |k: usize, size: usize| {
             let low = a[k].min(b[k]).min(c[k]).floor().clamp(0.0, size as f64) as usize;
@@ -68,7 +69,7 @@ pub fn rasterise(
                     ((p1[0] - p0[0]) * (p[1] - p0[1]) - (p1[1] - p0[1]) * (p[0] - p0[0])) / area
                 };
                 let w = [side(b, c), side(c, a), side(a, b)];
-                // Closed triangles overlap on their edges: a sample is never missed between two of them.
+                // Triangles contain their edges: no sample between two of them is missed.
                 if w.iter().any(|&w| w < -1e-9) {
                     continue;
                 }
@@ -95,13 +96,13 @@ pub fn rasterise(
     Samples { width, hits }
 }
 
-/// Smooth vertex normals in view space, weighted by area; and the sign of the enclosed volume, which tells whether
-/// the faces' winding points outward.
+/// Smooth vertex normals in view space, weighted by area, and the sign of the enclosed volume: it tells whether the
+/// winding of the faces points outward.
 fn normals(triangles: &[Triangle], positions: &[[f32; 3]], camera: &Camera) -> (Vec<[f64; 3]>, f64) {
     let seen: Vec<[f64; 3]> = positions.iter().map(|&p| camera.view(p)).collect();
     let mut normals = vec![[0.0; 3]; positions.len()];
     let mut volume = 0.0;
-    // Relative to a point of the mesh: far from the origin the sum would drown in rounding.
+    // Positions are relative to a point of the mesh: far from the origin the sum would be lost in rounding.
     let origin = seen.first().copied().unwrap_or_default();
     for t in triangles {
         let [a, b, c] = t.vertices.map(|v| seen[v as usize]);

@@ -1,4 +1,4 @@
-//! report.json: what was baked, how, and every figure of every solve.
+//! report.json: the inputs, the options, and every figure of every solve.
 
 use std::io::IsTerminal;
 
@@ -8,7 +8,7 @@ use vrtm::{AssetInfo, AssetReport, DeviceInfo, Strain, StrainReport, TileInfo, T
 use crate::args::Args;
 use crate::source::Source;
 
-/// What is known before the first frame.
+/// Figures that are known before the first frame.
 pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInfo) -> Value {
     json!({
         "program": { "name": "bake", "version": env!("CARGO_PKG_VERSION") },
@@ -40,7 +40,7 @@ pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInf
     })
 }
 
-/// What is known of a tile before the first frame.
+/// Figures of a tile that are known before the first frame.
 pub fn tile(
     info: &TileInfo,
     settings: &vrtm::TileSettings,
@@ -152,7 +152,7 @@ fn strain(s: &Strain) -> Value {
     })
 }
 
-/// The summary at the end: a line per frame and tile.
+/// Prints the summary: a line per frame and tile.
 pub struct Table(Vec<String>);
 
 impl Table {
@@ -184,7 +184,7 @@ impl Table {
 
     pub fn print(&self) {
         let text = self.0.join("\n");
-        // A reader that hangs up early (`bake | head`) is no failure of the bake.
+        // A reader that closes the pipe early (`bake | head`) does not make the bake fail.
         use std::io::Write;
         let _ = writeln!(std::io::stdout(), "{text}");
     }
@@ -196,7 +196,7 @@ pub fn progress(frames: usize) -> indicatif::ProgressBar {
         return indicatif::ProgressBar::hidden();
     }
     let style = indicatif::ProgressStyle::with_template("{wide_bar} frame {pos}/{len}, {msg} [{eta} left]");
-    // A failure's line should not share its line with half a bar.
+    // The message of a failure gets a line of its own, without the rest of the bar.
     indicatif::ProgressBar::new(frames as u64)
         .with_finish(indicatif::ProgressFinish::AndClear)
         .with_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_bar()))

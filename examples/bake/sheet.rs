@@ -1,4 +1,4 @@
-//! The sheet of a frame: rest, deformed and corrected side by side, the strain as colour below, and the figures.
+//! The sheet of a frame: rest, deformed and corrected side by side, the strain as colours below, and the figures.
 
 use vrtm::TileReport;
 
@@ -16,27 +16,27 @@ const GAP: usize = 20;
 const MARGIN: usize = 28;
 const BAR: usize = 64;
 const LABEL: usize = 34;
-/// Side of the picture of a texture.
+/// Side of the picture of a texture in pixels.
 const THUMB: usize = 300;
 const PAPER: Colour = [0.80, 0.80, 0.78];
 const INK: Colour = [0.012, 0.012, 0.016];
-/// What is not rigid, under the strain's colours.
+/// Colour of elastic material in the strain pictures.
 const QUIET: Colour = [0.16, 0.16, 0.165];
 const STRETCH: Colour = [0.72, 0.015, 0.020];
 const SQUEEZE: Colour = [0.020, 0.085, 0.72];
 const SHEAR: Colour = [0.24, 0.015, 0.40];
-/// Strain at which the colour is full.
+/// Strain at which the colour is saturated.
 const FULL: f32 = 0.30;
 
-/// What stays the same from frame to frame.
+/// All that does not change from frame to frame.
 pub struct Stage<'a> {
     mesh: &'a Mesh,
     triangles: Vec<Triangle>,
     charts: Vec<u32>,
-    /// UDIM numbers, ascending; the order of materials and of each frame's tiles.
+    /// UDIM numbers in ascending order, which is the order of the materials and of each frame's tiles.
     udims: Vec<u32>,
     materials: Vec<Material>,
-    /// Each triangle's index into `udims`.
+    /// Index of each triangle into `udims`.
     tiles: Vec<usize>,
     camera: Camera,
     size: [usize; 2],
@@ -44,7 +44,7 @@ pub struct Stage<'a> {
     threads: usize,
 }
 
-/// One tile's result.
+/// Result of one tile.
 pub struct TileResult {
     pub redirect: Field<2>,
     pub warp: Field<2>,
@@ -52,7 +52,7 @@ pub struct TileResult {
 }
 
 impl<'a> Stage<'a> {
-    /// `tiles` holds each tile's UDIM number and rigidity map, ascending; `poses` those to be drawn.
+    /// `tiles` holds each tile's UDIM number and rigidity map in ascending order; `poses` are the poses to be drawn.
     pub fn new(
         mesh: &'a Mesh,
         tiles: &[(u32, Option<&Map>)],
@@ -159,7 +159,7 @@ impl<'a> Stage<'a> {
         strain::measure(&triangles, &charts, &self.mesh.rest, pose, &self.materials[tile], warp)
     }
 
-    /// Shades samples and averages them to pixels; `texture` gives a tile's colour at a UV.
+    /// Shades samples and averages them to pixels; `texture` returns a tile's colour at a UV.
     fn picture(
         &self,
         canvas: &mut Canvas,
@@ -201,7 +201,7 @@ impl<'a> Stage<'a> {
     }
 }
 
-/// Flat enough for a colour to be read off, round enough for a shape to be seen.
+/// Shading that is flat enough to read colours from, and varied enough to show the shape.
 fn soft_light(colour: Colour, hit: &Hit) -> Colour {
     let [x, y, z] = hit.normal;
     let key = (-0.45 * x + 0.55 * y + 0.70 * z).max(0.0);
@@ -209,7 +209,7 @@ fn soft_light(colour: Colour, hit: &Hit) -> Colour {
     colour.map(|c| c * strength)
 }
 
-/// The redirected UV. The map's deltas are interpolated: they are zero at a chart's border and smooth inside.
+/// The redirected UV. Deltas are interpolated, because they are zero at a chart's border and smooth inside.
 fn redirect(map: &Field<2>, uv: [f32; 2]) -> [f32; 2] {
     let centre = |x: f32, size: usize| x.clamp(0.5 / size as f32, 1.0 - 0.5 / size as f32);
     let clamped = [centre(uv[0], map.width), centre(uv[1], map.height)];
@@ -217,7 +217,7 @@ fn redirect(map: &Field<2>, uv: [f32; 2]) -> [f32; 2] {
     [0, 1].map(|c| uv[c] + target[c] - clamped[c])
 }
 
-/// A key light from the upper left and a sky.
+/// Light from the upper left and from the sky.
 fn light(colour: Colour, hit: &Hit) -> Colour {
     let [x, y, z] = hit.normal;
     let key = (-0.45 * x + 0.55 * y + 0.70 * z).max(0.0);
@@ -227,13 +227,13 @@ fn light(colour: Colour, hit: &Hit) -> Colour {
     colour.map(|c| c * strength + gloss)
 }
 
-/// White without strain, red where stretched, blue where squeezed, violet where both (sheared).
+/// Colour of a strain: white without, red for stretch, blue for compression, violet for both (shear).
 fn strain_colour([stretch, squeeze]: [f32; 2]) -> Colour {
     let (a, b) = ((stretch / FULL).min(1.0), (squeeze / FULL).min(1.0));
     mix(mix([0.92; 3], STRETCH, a), mix(SQUEEZE, SHEAR, a), b)
 }
 
-/// A tile's texture, flat.
+/// Draws a tile's texture in the UV plane.
 fn texture(canvas: &mut Canvas, at: [usize; 2], label: &str, colour: impl Fn([f32; 2]) -> Colour) {
     let side = (THUMB * SUPER) as f32;
     canvas.rectangle(at, [THUMB, THUMB], |x, y| {

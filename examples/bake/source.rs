@@ -1,4 +1,4 @@
-//! Where a bake's mesh, poses and maps come from: an asset folder, a user's files, or a built-in scene.
+//! Loads a bake's mesh, poses and maps: from an asset folder, from a user's files, or from a built-in scene.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -12,30 +12,30 @@ use crate::mesh::Mesh;
 use crate::obj;
 use crate::scenes::{self, Scene};
 
-/// Everything that is read before the first solve.
+/// All that is read before the first solve.
 #[derive(Debug)]
 pub struct Source {
     pub name: String,
-    /// The mesh's file, for messages.
+    /// Name of the mesh's file, for messages.
     pub origin: String,
     pub mesh: Mesh,
-    /// All frames there are: the sheet's camera looks at all of them, so that frames that are baked one by one
-    /// (on a farm) can be compared.
+    /// All existing frames. The sheet's camera considers all of them, so that frames that are baked one by one (on a
+    /// farm) can be compared.
     pub frames: Vec<Frame>,
     /// Indices of the frames to bake.
     pub chosen: Vec<usize>,
-    /// Per UDIM number.
+    /// Maps by UDIM number.
     pub maps: BTreeMap<u32, TileMaps>,
-    /// Author, licence and source of an asset, for the report.
+    /// Author, licence and source of an asset for the report.
     pub credits: Value,
 }
 
 #[derive(Debug)]
 pub struct Frame {
-    /// From 1.
+    /// Counted from 1.
     pub number: usize,
     pub positions: Vec<[f32; 3]>,
-    /// The pose's file, for messages.
+    /// Name of the pose's file, for messages.
     pub origin: String,
     pub note: String,
 }
@@ -127,7 +127,7 @@ fn asset(folder: &Path) -> Result<Source> {
     let mut frames = Vec::new();
     let poses = folder.join("frames.f32");
     load_f32(&poses, mesh.rest.len(), &mut frames)?;
-    // A file that was cut between two frames still divides evenly.
+    // The size of a file that was truncated between two frames is still a multiple of a frame's.
     if let Some(count) = json["frames"].as_u64().filter(|&count| count != frames.len() as u64) {
         return Err(Failure::file(&poses, format!("{} frames, but asset.json says {count}", frames.len())));
     }
@@ -196,7 +196,7 @@ fn files(rest: &Path, args: &Args) -> Result<Source> {
     })
 }
 
-/// The files of a pattern that exist, one per tile; a path without `<UDIM>` serves a mesh of one tile.
+/// The existing files of a pattern, one per tile; a path without `<UDIM>` serves a mesh with one tile.
 fn load_pattern(argument: &str, pattern: &str, udims: &[u32]) -> Result<Vec<(u32, Map)>> {
     if !pattern.contains("<UDIM>") {
         let [udim] = udims else {
@@ -213,7 +213,7 @@ fn load_pattern(argument: &str, pattern: &str, udims: &[u32]) -> Result<Vec<(u32
     found.into_iter().map(|(udim, path)| Ok((udim, Map::load(&path)?))).collect()
 }
 
-/// Little-endian f32, frames x vertices x 3; appends the frames.
+/// Reads little-endian f32, frames x vertices x 3, and appends the frames.
 fn load_f32(path: &Path, vertices: usize, frames: &mut Vec<Frame>) -> Result<()> {
     let bytes = read(path)?;
     let frame = vertices * 12;

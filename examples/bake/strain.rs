@@ -1,17 +1,17 @@
-//! Strain as a picture: for each node of a tile's grid, how far its edges are stretched and squeezed when the texture
+//! Strain as a picture: for each node of a tile's grid, the stretch and the compression of its edges when the texture
 //! lies on the posed mesh, without the warp and with it. Both ends of an edge are located on the triangles.
 
 use crate::maps::Field;
 use crate::material::Material;
 use crate::mesh::Triangle;
 
-/// Per node: stretch and squeeze, each >= 0, and 1 where the node is known; without the warp, then with it.
+/// Per node: stretch and compression, each >= 0, and 1 where the node has values; without the warp, then with it.
 pub struct StrainMaps {
     pub before: Field<3>,
     pub after: Field<3>,
 }
 
-/// Nodes of less rigidity have no strain worth a colour.
+/// Nodes with less rigidity get no strain colour.
 const RIGID: f32 = 0.3;
 
 struct Node {
@@ -21,7 +21,7 @@ struct Node {
     after: Option<(u32, [f64; 3])>,
 }
 
-/// `triangles` and `charts` are the tile's own; `warp` is that of its nodes.
+/// Measures the strain of a tile. `triangles` and `charts` are those of the tile; `warp` is at its nodes.
 pub fn measure(
     triangles: &[&Triangle],
     charts: &[u32],
@@ -96,17 +96,17 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2) + (a[2] - b[2]).powi(2)).sqrt()
 }
 
-/// Stretch and squeeze at a UV, from the known nodes around it.
+/// Stretch and compression at a UV, from the nodes with values around it.
 pub fn sample(field: &Field<3>, uv: [f32; 2]) -> Option<[f32; 2]> {
-    // Nodes sit on the tile's edges, texels inside: half a texel lies between.
+    // Nodes lie on the tile's edges, texel centres half a texel inside.
     let shift = |x: f32, size: usize| (x * (size - 1) as f32 + 0.5) / size as f32;
     let node = [shift(uv[0], field.width), 1.0 - shift(1.0 - uv[1], field.height)];
     let known = Field::sample(field, node);
-    // Unknown nodes hold zeros, so the third channel is the weight of the others.
+    // Nodes without values hold zeros, so that the third channel is the weight of the others.
     (known[2] > 0.05).then(|| [known[0] / known[2], known[1] / known[2]])
 }
 
-/// Numbers the pieces of UV triangles that hang together by shared corners.
+/// Numbers the components of triangles that are connected by shared corners.
 pub fn charts(triangles: &[Triangle], corners: usize) -> Vec<u32> {
     let mut parent: Vec<u32> = (0..corners as u32).collect();
     fn root(parent: &mut [u32], mut i: u32) -> u32 {
@@ -125,7 +125,7 @@ pub fn charts(triangles: &[Triangle], corners: usize) -> Vec<u32> {
     triangles.iter().map(|t| root(&mut parent, t.corners[0])).collect()
 }
 
-/// Finds the triangle under a UV by bins.
+/// Finds the triangle under a UV by a grid of bins.
 struct Locator {
     bins: usize,
     starts: Vec<u32>,
@@ -165,7 +165,7 @@ impl Locator {
         Locator { bins, starts, items }
     }
 
-    /// The first triangle that holds the UV, with its barycentric weights.
+    /// The first triangle that contains the UV, with its barycentric weights.
     fn locate(&self, triangles: &[&Triangle], uv: [f64; 2]) -> Option<(usize, [f64; 3])> {
         let cell = |x: f64| (x * self.bins as f64).clamp(0.0, self.bins as f64 - 1.0) as usize;
         let bin = cell(uv[1]) * self.bins + cell(uv[0]);
@@ -177,7 +177,7 @@ impl Locator {
             let (wa, wb, wc) = (side(b, c), side(c, a), side(a, b));
             let area = wa + wb + wc;
             let weights = [wa / area, wb / area, wc / area];
-            // A hair of tolerance: a UV of f32 can lie beside the edge that it was made on.
+            // A small tolerance: a UV in f32 may lie beside the edge on which it was computed.
             weights.iter().all(|&w| w >= -1e-6).then_some((index as usize, weights))
         })
     }

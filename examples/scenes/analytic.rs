@@ -1,4 +1,4 @@
-//! A unit sheet under deformations that are one formula each, with discs or stripes as rigidity.
+//! A unit sheet under deformations with a formula each, with discs or stripes as rigidity.
 
 use super::Scene;
 use super::build::{Builder, Point, bump, deform, sin_cos};
@@ -6,20 +6,20 @@ use super::paint::Canvas;
 
 const CELLS: usize = 64;
 const MAP: usize = 512;
-/// The sheet covers UV from here to 1 less this; its chart's border is then well inside of the tile.
+/// The sheet covers the UVs from this value to 1 minus this value; its chart's border is then well inside of the tile.
 const MARGIN: f64 = 0.02;
 
-/// Squashed in x to `share` of its width.
-pub fn squash(share: f64) -> Scene {
-    sheet("squash", "squashed in x", discs(6), |[x, y, z]| [0.5 + (x - 0.5) * share, y, z])
+/// A sheet compressed in x to a fraction of its width.
+pub fn squash(fraction: f64) -> Scene {
+    sheet("squash", "squashed in x", discs(6), |[x, y, z]| [0.5 + (x - 0.5) * fraction, y, z])
 }
 
-/// Blown up in the middle.
+/// A sheet that bulges in the middle.
 pub fn bulge() -> Scene {
     sheet("bulge", "blown up in the middle", discs(6), |[x, y, _]| [x, y, 0.30 * around_centre(x, y, 0.45)])
 }
 
-/// Drawn together toward the centre, in the plane.
+/// A sheet compressed toward its centre, in the plane.
 pub fn pinch() -> Scene {
     sheet("pinch", "drawn toward the centre", discs(6), |[x, y, z]| {
         let factor = 1.0 - 0.40 * around_centre(x, y, 0.48);
@@ -27,12 +27,12 @@ pub fn pinch() -> Scene {
     })
 }
 
-/// Sheared in x by `k` per unit of y.
+/// A sheet sheared in x by `k` per unit of y.
 pub fn shear(k: f64) -> Scene {
     sheet("shear", "sheared in x", discs(6), move |[x, y, z]| [x + k * (y - 0.5), y, z])
 }
 
-/// Rolled to a part of a torus: crowded with discs, squashed on its inside, stretched on its outside.
+/// A sheet rolled to a part of a torus: crowded with discs, compressed on the inside, stretched on the outside.
 pub fn torus() -> Scene {
     sheet("torus", "rolled to a part of a torus", discs(9), |[x, y, _]| {
         let (large, small) = (0.42, 0.22);
@@ -43,16 +43,18 @@ pub fn torus() -> Scene {
     })
 }
 
-/// Stripes along y, squashed in x to `share`: a problem of one dimension, with a minimum in closed form.
-pub fn strips(share: f64) -> Scene {
+/// Stripes along y on a sheet compressed in x: a problem in one dimension with a minimum in closed form.
+pub fn strips(fraction: f64) -> Scene {
     let mut canvas = Canvas::new(MAP, MAP);
     for i in 0..4 {
         canvas.tile([0.125 + 0.25 * f64::from(i), 0.5], [0.0625, 0.6], 0.0, 0.0, 0.0, 1.0);
     }
-    sheet("strips", "squashed across the stripes", canvas, move |[x, y, z]| [0.5 + (x - 0.5) * share, y, z])
+    sheet("strips", "squashed across the stripes", canvas, move |[x, y, z]| {
+        [0.5 + (x - 0.5) * fraction, y, z]
+    })
 }
 
-/// One of each.
+/// One scene of each kind.
 pub fn all() -> Vec<Scene> {
     vec![squash(0.7), bulge(), pinch(), shear(0.5), torus(), strips(0.7)]
 }
@@ -76,7 +78,7 @@ fn discs(n: u32) -> Canvas {
 
 fn sheet(name: &'static str, note: &'static str, canvas: Canvas, pose: impl Fn(Point) -> Point) -> Scene {
     let mut mesh = Builder::default();
-    let at = |share: f64| MARGIN + (1.0 - 2.0 * MARGIN) * share;
+    let at = |fraction: f64| MARGIN + (1.0 - 2.0 * MARGIN) * fraction;
     for j in 0..=CELLS {
         for i in 0..=CELLS {
             mesh.point([at(i as f64 / CELLS as f64), at(j as f64 / CELLS as f64), 0.0]);

@@ -1,4 +1,4 @@
-//! What the scenes are built with: patches of quads, and the few functions of an angle that they need.
+//! Helpers of the scenes: patches of quads, and elementary functions with the same bits on every machine.
 
 use super::Scene;
 
@@ -6,11 +6,11 @@ pub type Point = [f64; 3];
 
 pub const TAU: f64 = std::f64::consts::TAU;
 
-/// Sine and cosine by their series, so that the same bits come out everywhere.
+/// Sine and cosine by their series, with the same bits on every machine.
 pub fn sin_cos(angle: f64) -> (f64, f64) {
     let turns = (angle / TAU).round();
     let x = angle - turns * TAU;
-    // Halve twice, sum the series where it converges at once, double twice.
+    // The angle is divided by four, the series converges fast there, and two double-angle steps lead back.
     let y = 0.25 * x;
     let square = y * y;
     let (mut sin, mut cos, mut term_s, mut term_c) = (y, 1.0, y, 1.0);
@@ -27,19 +27,19 @@ pub fn sin_cos(angle: f64) -> (f64, f64) {
     (sin, cos)
 }
 
-/// 0 below `a`, 1 above `b`, smooth between.
+/// 0 below `a`, 1 above `b`, smooth in between.
 pub fn smooth(a: f64, b: f64, x: f64) -> f64 {
     let t = ((x - a) / (b - a)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A bump of height 1 at `centre` that has gone to 0 at a distance of `width`.
+/// A bump of height 1 at `centre` that falls to 0 at a distance of `width`.
 pub fn bump(centre: f64, width: f64, x: f64) -> f64 {
     let t = 1.0 - ((x - centre) / width).powi(2);
     if t > 0.0 { t * t } else { 0.0 }
 }
 
-/// A mesh in the making; positions stay f64 until the end.
+/// A mesh under construction; positions stay f64 until the end.
 #[derive(Default)]
 pub struct Builder {
     pub points: Vec<Point>,
@@ -56,7 +56,8 @@ impl Builder {
         self.points.len() as u32 - 1
     }
 
-    /// Adds a chart of `nx` by `ny` quads over vertices that exist; `uv` gets the node's share of the way, 0..1.
+    /// Adds a chart of `nx` by `ny` quads over existing vertices; `uv` gets the node's position in the chart, from 0 to
+    /// 1.
     pub fn chart(
         &mut self,
         nx: usize,
@@ -83,7 +84,7 @@ impl Builder {
         }
     }
 
-    /// Adds a chart that closes a ring of vertices: rings of quads toward the centre and a polygon in the middle.
+    /// Adds a chart that closes a ring of vertices: rings of quads toward the centre, and a polygon in the middle.
     pub fn disc(
         &mut self,
         ring: &[u32],
@@ -96,18 +97,20 @@ impl Builder {
         let outer: Vec<Point> = ring.iter().map(|&v| self.points[v as usize]).collect();
         let mut vertices: Vec<Vec<u32>> = vec![ring.to_vec()];
         for k in 1..rings {
-            let share = k as f64 / rings as f64;
-            let inner = outer.iter().map(|p| std::array::from_fn(|c| p[c] + (centre[c] - p[c]) * share));
+            let fraction = k as f64 / rings as f64;
+            let inner = outer.iter().map(|p| std::array::from_fn(|c| p[c] + (centre[c] - p[c]) * fraction));
             let inner: Vec<Point> = inner.collect();
             vertices.push(inner.into_iter().map(|p| self.point(p)).collect());
         }
         let first = self.uvs.len() as u32;
         for k in 0..rings {
-            let share = 1.0 - k as f64 / rings as f64;
+            let fraction = 1.0 - k as f64 / rings as f64;
             for i in 0..n {
                 let (sin, cos) = sin_cos(TAU * i as f64 / n as f64);
-                let uv =
-                    [uv_centre[0] + uv_radius[0] * share * cos, uv_centre[1] + uv_radius[1] * share * sin];
+                let uv = [
+                    uv_centre[0] + uv_radius[0] * fraction * cos,
+                    uv_centre[1] + uv_radius[1] * fraction * sin,
+                ];
                 self.uvs.push([uv[0] as f32, uv[1] as f32]);
             }
         }
@@ -146,7 +149,7 @@ pub fn to_f32(p: Point) -> [f32; 3] {
     [p[0] as f32, p[1] as f32, p[2] as f32]
 }
 
-/// Moves every point by a deformation of space.
+/// Applies a deformation of space to every point.
 pub fn deform(points: &[Point], f: impl Fn(Point) -> Point) -> Vec<[f32; 3]> {
     points.iter().map(|&p| to_f32(f(p))).collect()
 }

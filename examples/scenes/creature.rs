@@ -10,7 +10,7 @@ const AROUND: usize = 40;
 const BACK: [f64; 4] = [0.02, 0.56, 0.98, 0.97];
 const BELLY: [f64; 4] = [0.02, 0.29, 0.98, 0.52];
 
-/// Half height of the body along its axis: z runs from the tail (-3) to the snout (2.2).
+/// Half the height of the body along its axis: z runs from the tail (-3) to the snout (2.2).
 fn girth(z: f64) -> f64 {
     0.07 + 0.72 * smooth(-3.2, -0.2, z) * (1.0 - 0.62 * smooth(0.4, 1.5, z)) + 0.20 * bump(1.55, 0.8, z)
         - 0.24 * smooth(1.7, 2.25, z)
@@ -27,7 +27,7 @@ pub fn creature() -> Scene {
         }
     }
     let vertex = |i: usize, j: usize| (i * AROUND + j % AROUND) as u32;
-    // The back takes five eighths of the way around, the belly the rest.
+    // The back covers five eighths of the circumference, the belly the rest.
     let (low, high) = (AROUND * 3 / 16, AROUND * 13 / 16);
     let span = high - low;
     mesh.chart(ALONG, span, |i, j| vertex(i, j + low), |s, t| rect(BACK, s, t));
@@ -67,12 +67,12 @@ fn leg(mesh: &mut Builder, k: usize, side: f64, z: f64) {
     }
     let vertex = |i: usize, j: usize| first + (j * around + i % around) as u32;
     let left = 0.02 + 0.205 * k as f64;
-    // A mirrored twin shares its texture's handedness with the other leg, not its winding.
+    // The right leg is mirrored: its texture has the handedness of the left leg's, its faces the opposite winding.
     let turn = move |s: f64| if side < 0.0 { 1.0 - s } else { s };
     mesh.chart(around, down, vertex, move |s, t| [left + 0.185 * turn(s), 0.25 - 0.21 * t]);
 }
 
-/// Bends sideways and up along the body, rolls about its axis, breathes in.
+/// Bends the body sideways and up, rolls it about its axis, and swells it.
 fn pose(mesh: &Builder, turn: f64, arch: f64, twist: f64, breath: f64) -> Vec<[f32; 3]> {
     deform(&mesh.points, |[x, y, z]: Point| {
         let swell = 1.0 + 0.35 * breath * bump(-0.2, 1.6, z) * smooth(0.3, 0.9, y);
@@ -104,7 +104,7 @@ fn paint() -> Canvas {
             let offset = if row % 2 == 0 { 0.25 } else { 0.75 };
             let s = (f64::from(i) + offset) / 32.0;
             let t = (f64::from(row) + 0.5) / 15.0;
-            // Scales narrow with the body, so that they are round on the surface.
+            // Scales become narrower with the body, so that they are round on the surface.
             let z = -3.0 + 5.2 * s;
             let shrink = (girth(z) / 0.80).clamp(0.35, 1.0);
             canvas.oval(rect(BACK, s, t), [0.0125 * shrink.max(0.7), 0.0115], soft, 1.0);

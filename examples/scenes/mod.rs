@@ -1,9 +1,9 @@
 //! Scenes that need no file: shared by the bake example, the tests and the benches through `#[path]`.
 //!
-//! Everything is made by arithmetic on f64 without library transcendentals, so a scene has the same bits on every
+//! All numbers come from f64 arithmetic without library transcendentals, so that a scene has the same bits on every
 //! machine.
 
-// Each program that includes this module uses a part of it.
+// Each program that includes this module uses some of its items only.
 #![allow(dead_code, missing_docs)]
 
 pub mod analytic;
@@ -21,7 +21,7 @@ pub use mug::mug_to_jug;
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     pub name: &'static str,
-    /// What it shows, for a caption.
+    /// Description for a caption.
     pub notes: Vec<&'static str>,
     pub rest: Vec<[f32; 3]>,
     pub face_counts: Vec<u32>,
@@ -41,11 +41,11 @@ pub struct TileMaps {
     pub width: u32,
     pub height: u32,
     pub rigidity: Vec<u8>,
-    /// Texels under 128 do not move; `None` = all may.
+    /// Texels under 128 are fixed; `None` = no texel is fixed.
     pub mask: Option<Vec<u8>>,
 }
 
-/// The scene of this name, if there is one.
+/// The scene with this name, if there is one.
 pub fn by_name(name: &str) -> Option<Scene> {
     match name {
         "mug_to_jug" => Some(mug_to_jug()),
@@ -55,6 +55,6 @@ pub fn by_name(name: &str) -> Option<Scene> {
     }
 }
 
-/// The names that [`by_name`] knows.
+/// The names for [`by_name`].
 pub const NAMES: [&str; 9] =
     ["mug_to_jug", "creature", "arm", "squash", "bulge", "pinch", "shear", "torus", "strips"];

@@ -59,9 +59,9 @@ fn handle(mesh: &mut Builder) {
     for j in 0..=along {
         let (sin, cos) = sin_cos(TAU * (0.5 * j as f64 / along as f64 - 0.25));
         for i in 0..around {
-            // The seam runs along the inside of the bow.
+            // The seam runs along the inside of the handle.
             let (s, c) = sin_cos(TAU * (i as f64 / around as f64 + 0.5));
-            // Wide across, flat along the bow, as a hand likes it.
+            // The tube is wide across and flat along the handle.
             let bow = 0.82 + 0.11 * c;
             mesh.point([0.93 + 0.85 * bow * cos, 1.3 + bow * sin, 0.19 * s]);
         }
@@ -70,7 +70,7 @@ fn handle(mesh: &mut Builder) {
     mesh.chart(along, around, vertex, |s, t| rect(HANDLE, s, t));
 }
 
-/// One step of the edit, each share 0..1.
+/// One step of the edit; each parameter is a fraction from 0 to 1.
 fn pose(mesh: &Builder, belly: f64, neck: f64, spout: f64, twist: f64) -> Vec<[f32; 3]> {
     deform(&mesh.points, |[x, y, z]: Point| {
         let h = y / HEIGHT;
@@ -78,7 +78,7 @@ fn pose(mesh: &Builder, belly: f64, neck: f64, spout: f64, twist: f64) -> Vec<[f
             + 0.10 * neck * smooth(0.88, 1.0, h)
             - 0.12 * belly * smooth(0.25, 0.0, h);
         let radius = (x * x + z * z).sqrt();
-        // The handle rides on the wall instead of being blown up with it.
+        // The handle moves with the mug's side instead of being scaled with it.
         let moved = if radius > 1.0 { radius + scale - 1.0 } else { radius * scale };
         let factor = if radius > 0.0 { moved / radius } else { 1.0 };
         let (mut x, mut z) = (x * factor, z * factor);
@@ -112,7 +112,7 @@ fn paint() -> Canvas {
         canvas.disc(place(s, 0.07), 0.0065, soft, 1.0);
         canvas.disc(place(s, 0.92), 0.0065, soft, 1.0);
     }
-    // Emblems with soft edges where belly turns into neck; some only half as rigid.
+    // Emblems with soft edges where the belly turns into the neck; some are less rigid.
     for i in 0..10 {
         let centre = place((f64::from(i) + 0.5) / 10.0, 0.64);
         let peak = if i % 4 == 3 { 0.6 } else { 1.0 };

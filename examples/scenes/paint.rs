@@ -1,4 +1,4 @@
-//! A painter for rigidity maps: shapes with soft edges, given in UV units.
+//! Paints rigidity maps: shapes with soft edges, in UV units.
 
 use super::TileMaps;
 use super::build::sin_cos;
@@ -14,7 +14,8 @@ impl Canvas {
         Canvas { width, height, values: vec![0.0; width * height] }
     }
 
-    /// Paints where `distance` (to the outline, negative inside) is under half of `soft`; the larger value stays.
+    /// Paints texels whose `distance` (to the outline, negative inside) is under half of `soft`; the larger value
+    /// stays.
     fn shape(
         &mut self,
         centre: [f64; 2],
@@ -47,7 +48,7 @@ impl Canvas {
 
     pub fn oval(&mut self, centre: [f64; 2], radii: [f64; 2], soft: f64, peak: f64) {
         let reach = radii[0].max(radii[1]);
-        // The first-order distance to an ellipse.
+        // First-order distance to an ellipse.
         self.shape(centre, reach, soft, peak, |u, v| {
             let [a, b] = radii;
             let f = ((u / a).powi(2) + (v / b).powi(2)).sqrt();

@@ -1,4 +1,4 @@
-//! Asset folders: asset.json, rest.obj, frames.f32 (little-endian, frames x vertices x 3), rigidity maps as PNG.
+//! Reads asset folders: asset.json, rest.obj, frames.f32 (little-endian, frames x vertices x 3), rigidity maps as PNG.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::{Maps, Model};
 
-/// Where the assets are, if they are there. With VRTM_REQUIRE_ASSETS=1 they must be.
+/// The folder of the assets, if it exists. With VRTM_REQUIRE_ASSETS=1 it must exist.
 fn folder() -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/assets");
     if folder.is_dir() {
@@ -22,7 +22,7 @@ fn folder() -> Option<PathBuf> {
     None
 }
 
-/// All assets; none, said plainly, where there is no folder of them.
+/// All assets. Empty, with a message, if there is no folder of assets.
 pub fn assets() -> Vec<Model> {
     let Some(folder) = folder() else { return Vec::new() };
     let mut names: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()).collect();

@@ -1,10 +1,10 @@
-//! A device on a GPU, software or not, where there is one.
+//! A device on the first GPU adapter, hardware or software, if there is one.
 
-#![allow(dead_code)] // Each test uses a part of it.
+#![allow(dead_code)] // Each test uses some of these items only.
 
 use vrtm::{Backend, Device, DeviceSettings, adapters};
 
-/// True if there is an adapter; where there is none, that is said plainly. With VRTM_REQUIRE_GPU=1 there must be one.
+/// True if there is an adapter; prints a message if there is none. With VRTM_REQUIRE_GPU=1 there must be one.
 pub fn has_gpu() -> bool {
     if !adapters().is_empty() {
         return true;
@@ -15,7 +15,7 @@ pub fn has_gpu() -> bool {
     false
 }
 
-/// A device on the first adapter, with these settings otherwise.
+/// A device on the first adapter, with the given settings but for the backend.
 pub fn gpu(settings: &DeviceSettings) -> Option<Device> {
     if !has_gpu() {
         return None;

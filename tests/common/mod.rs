@@ -1,7 +1,7 @@
-//! What the tests of whole solves share: models made of scenes and asset folders, solving them, and plain f64 views of
-//! the results that share no code with the library.
+//! Shared by the tests of whole solves: models from scenes and asset folders, solving them, and f64 views of the
+//! results that share no code with the library.
 
-// Each test uses a part of it.
+// Each test uses some of these items only.
 #![allow(dead_code, unused_imports)]
 
 mod files;
@@ -61,13 +61,13 @@ impl From<Scene> for Model {
 }
 
 impl Model {
-    /// The asset on a CPU device of so many threads (0 = one per core), every tile with a square grid of `grid` cells a
-    /// side.
+    /// The asset on a CPU device with `threads` threads (0 = one per core); every tile has a grid of `grid` by `grid`
+    /// cells.
     pub fn asset(&self, threads: u32, grid: u32) -> Asset {
         self.asset_on(&cpu(threads), grid)
     }
 
-    /// The same on a device.
+    /// The asset on a given device; every tile has a grid of `grid` by `grid` cells.
     pub fn asset_on(&self, device: &Device, grid: u32) -> Asset {
         let mut asset = self.bare_on(device, Strided::from_f32x3(&self.rest));
         for maps in &self.maps {
@@ -80,12 +80,12 @@ impl Model {
         asset
     }
 
-    /// The asset without maps, with other rest positions.
+    /// The asset on a CPU device, without maps and with other rest positions.
     pub fn bare(&self, threads: u32, rest: Strided) -> Asset {
         self.bare_on(&cpu(threads), rest)
     }
 
-    /// The same on a device.
+    /// The asset on a given device, without maps and with other rest positions.
     pub fn bare_on(&self, device: &Device, rest: Strided) -> Asset {
         let [u, v] = [0, 1].map(|k| self.uvs.iter().map(|uv| uv[k]).collect::<Vec<f32>>());
         let uvs = UvSource {
@@ -98,12 +98,12 @@ impl Model {
         Asset::new(device, &source).unwrap()
     }
 
-    /// A frame, numbered from 1.
+    /// Positions of a frame, numbered from 1.
     pub fn frame(&self, number: usize) -> Strided<'_> {
         Strided::from_f32x3(&self.frames[number - 1])
     }
 
-    /// The vertices of faces for which `f` is true of all UVs.
+    /// Marks the vertices of the faces all of whose UVs satisfy `f`.
     pub fn vertices(&self, f: impl Fn([f32; 2]) -> bool) -> Vec<bool> {
         let mut chosen = vec![false; self.rest.len()];
         for face in self.faces() {
@@ -114,7 +114,7 @@ impl Model {
         chosen
     }
 
-    /// Each face's corners.
+    /// The range of corners of each face.
     pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
         let mut end = 0;
         self.face_counts.iter().map(move |&count| {
@@ -124,7 +124,7 @@ impl Model {
     }
 }
 
-/// A CPU device of so many threads.
+/// A CPU device with `threads` threads (0 = one per core).
 pub fn cpu(threads: u32) -> Device {
     Device::new(&DeviceSettings {
         backend: Backend::Cpu,
@@ -134,7 +134,7 @@ pub fn cpu(threads: u32) -> Device {
     .unwrap()
 }
 
-/// The analytic scenes, each one frame.
+/// The analytic scenes, with one frame each.
 pub fn analytic() -> Vec<Model> {
     scenes::analytic::all().into_iter().map(Model::from).collect()
 }
@@ -144,7 +144,7 @@ pub fn view(bytes: &[u8], width: u32, height: u32) -> ImageView<'_> {
     ImageView::new("map", bytes, ImageLayout::packed(width, height, PixelFormat::U8)).unwrap()
 }
 
-/// Gives every tile a square grid.
+/// Gives every tile a grid of `grid` by `grid` cells.
 pub fn set_grid(asset: &mut Asset, grid: u32) {
     for tile in 0..asset.tile_count() {
         let settings = TileSettings { grid: [Some(grid); 2], ..asset.settings(tile).unwrap() };
@@ -152,12 +152,12 @@ pub fn set_grid(asset: &mut Asset, grid: u32) {
     }
 }
 
-/// Options of a quality.
+/// Default options with another quality.
 pub fn options(quality: Quality) -> SolveOptions {
     SolveOptions { quality, ..SolveOptions::default() }
 }
 
-/// An output with two f32 channels, first row at v = 0. What the library does not write stays NaN.
+/// Fetches an output with two f32 channels, first row at v = 0. Texels that the library does not write stay NaN.
 pub fn fetch(asset: &mut Asset, tile: usize, kind: FetchKind, size: [u32; 2]) -> Vec<[f32; 2]> {
     let nan = f32::NAN.to_ne_bytes();
     let mut bytes: Vec<u8> = nan.into_iter().cycle().take((size[0] * size[1]) as usize * 8).collect();
@@ -168,7 +168,7 @@ pub fn fetch(asset: &mut Asset, tile: usize, kind: FetchKind, size: [u32; 2]) ->
     floats(&bytes)
 }
 
-/// Pairs of f32.
+/// Reads pairs of f32 in native byte order.
 pub fn floats(bytes: &[u8]) -> Vec<[f32; 2]> {
     let float = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
     bytes.chunks_exact(8).map(|b| [float(b), float(&b[4..])]).collect()
@@ -182,12 +182,12 @@ pub fn bits(asset: &Asset) -> Vec<[u32; 2]> {
         .collect()
 }
 
-/// Positions as f64.
+/// Converts positions to f64.
 pub fn doubles(positions: &[[f32; 3]]) -> Vec<[f64; 3]> {
     positions.iter().map(|p| p.map(f64::from)).collect()
 }
 
-/// Runs `job` on all items, on as many threads as there are cores; the results keep the items' order.
+/// Runs `job` on all items, on as many threads as there are cores; the results are in the order of the items.
 pub fn on_all_cores<T: Sync, R: Send>(items: &[T], job: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let next = std::sync::atomic::AtomicUsize::new(0);

@@ -1,8 +1,9 @@
-//! A warp as plain f64 arithmetic, on the definition alone: two triangles per cell, diagonal from (0,0) to (1,1).
+//! A warp evaluated in f64 from its definition alone: two triangles per cell, with the diagonal from (0,0) to (1,1)
+//! (method §9).
 
 use vrtm::Asset;
 
-/// One tile's warp.
+/// The warp of one tile.
 #[derive(Clone, Debug)]
 pub struct Warp {
     pub nx: usize,
@@ -29,19 +30,19 @@ impl Warp {
         self.u.iter().flatten().fold(0.0, |m, x| m.max(x.abs()))
     }
 
-    /// Where node (i, j) goes, in cells.
+    /// Warped position of node (i, j), in cells.
     pub fn node(&self, i: usize, j: usize) -> [f64; 2] {
         let u = self.u[j * (self.nx + 1) + i];
         [i as f64 + f64::from(u[0]), j as f64 + f64::from(u[1])]
     }
 
-    /// W at a point of the tile, in cells.
+    /// W at a point of the tile, both in cells.
     pub fn at(&self, p: [f64; 2]) -> [f64; 2] {
         let cell = [(p[0], self.nx), (p[1], self.ny)].map(|(x, n)| x.floor().clamp(0.0, n as f64 - 1.0));
         let (s, t) = (p[0] - cell[0], p[1] - cell[1]);
         let (i, j) = (cell[0] as usize, cell[1] as usize);
         let [a, c] = [self.node(i, j), self.node(i + 1, j + 1)];
-        // Along the longer of s and t to the corner between, then on to the far one.
+        // From corner a along the longer one of s and t to the corner b, then to the corner c.
         let (b, first, second) =
             if s >= t { (self.node(i + 1, j), s, t) } else { (self.node(i, j + 1), t, s) };
         [0, 1].map(|k| a[k] + first * (b[k] - a[k]) + second * (c[k] - b[k]))
@@ -64,8 +65,9 @@ impl Warp {
         least
     }
 
-    /// How many warped triangles cover each texel centre of an image, row by row from v = 0. A centre on an edge
-    /// belongs to the triangle that holds it after a shift by (ε, ε²); both sides of an edge see the same number.
+    /// Number of warped triangles that cover each texel centre of an image, row by row from v = 0. A centre on an edge
+    /// belongs to the triangle that contains it after a shift by (ε, ε²); the triangles on both sides of an edge
+    /// evaluate the same number.
     pub fn count(&self, size: [usize; 2]) -> Vec<u8> {
         let scale = [size[0] as f64 / self.nx as f64, size[1] as f64 / self.ny as f64];
         let mut count = vec![0u8; size[0] * size[1]];

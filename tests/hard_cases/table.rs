@@ -1,11 +1,11 @@
-//! The table: a sheet, or pieces of one, and what happens to it.
+//! The table of hard cases: a sheet, or several pieces, with extreme UVs, poses, maps or options.
 
 use vrtm::{Overlap, Quality, SolveOptions, TileSettings};
 
 use super::{Case, Expect, Map, Points};
 
 const GRID: usize = 64;
-/// The sheet covers UV from here to 1 less this.
+/// The sheet covers the UVs from this value to 1 minus this value.
 const MARGIN: f64 = 0.04;
 
 /// Discs, 6 by 6.
@@ -20,11 +20,11 @@ fn all(value: f32) -> Map {
     Map::new([1, 1], |_, _| value)
 }
 
-fn at(share: f64) -> f64 {
-    MARGIN + (1.0 - 2.0 * MARGIN) * share
+fn at(fraction: f64) -> f64 {
+    MARGIN + (1.0 - 2.0 * MARGIN) * fraction
 }
 
-/// Two triangles per quad, the other way round where `flipped`.
+/// Two triangles per quad, with the opposite winding where `flipped`.
 fn quads(n: [usize; 2], flipped: impl Fn(usize, usize) -> bool) -> Vec<u32> {
     let node = |i: usize, j: usize| (j * (n[0] + 1) + i) as u32;
     let mut triangles = Vec::new();
@@ -68,24 +68,24 @@ fn sheet(name: &'static str, expect: Expect, pose: impl Fn([f64; 3]) -> [f64; 3]
     fine(name, 16, expect, pose)
 }
 
-fn squash(share: f64) -> impl Fn([f64; 3]) -> [f64; 3] {
-    move |[x, y, z]| [0.5 + (x - 0.5) * share, y, z]
+fn squash(fraction: f64) -> impl Fn([f64; 3]) -> [f64; 3] {
+    move |[x, y, z]| [0.5 + (x - 0.5) * fraction, y, z]
 }
 
-/// Drawn toward the middle, and up.
+/// Compressed toward the middle, and lifted there.
 fn bulge([x, y, z]: [f64; 3]) -> [f64; 3] {
     let t = (1.0 - ((x - 0.5).powi(2) + (y - 0.5).powi(2)) / 0.2).max(0.0);
     [x, y, z + 0.35 * t * t]
 }
 
-/// The bulge, on a sheet that was changed first.
+/// The bulge of a sheet that is modified first.
 fn bulged(name: &'static str, expect: Expect, change: impl FnOnce(&mut Case)) -> Case {
     let mut case = sheet(name, expect, bulge);
     change(&mut case);
     case
 }
 
-/// The same with all positions, at rest and posed, moved.
+/// The bulge with all positions, at rest and in the pose, translated.
 fn moved(name: &'static str, expect: Expect, f: impl Fn([f64; 3]) -> [f64; 3]) -> Case {
     bulged(name, expect, |case| {
         for points in std::iter::once(&mut case.rest).chain(&mut case.poses) {
@@ -94,8 +94,7 @@ fn moved(name: &'static str, expect: Expect, f: impl Fn([f64; 3]) -> [f64; 3]) -
     })
 }
 
-/// Squares of so many texels a side, each a chart of its own with a vertex of its own in the middle, which the pose
-/// moves.
+/// Squares of `texels` texels a side, each of them a chart with one vertex in the middle, which the pose moves.
 fn charts(name: &'static str, grid: u32, texels: f64, count: usize) -> Case {
     let per_row = (count as f64).sqrt().ceil() as usize;
     let (mut rest, mut pose, mut triangles) = (Points::new(), Points::new(), Vec::new());
@@ -145,8 +144,9 @@ pub fn cases() -> Vec<Case> {
             let side = (1.0 - 2.0 * MARGIN) / 32.0;
             [MARGIN + 0.5 * k * side, y, (1.0 - (k.rem_euclid(2.0) - 1.0).abs()) * side * 0.75f64.sqrt()]
         }),
-        // Stretched by a thousandth, it is solved for; a coarse level that took the folds for compression would show. A
-        // chord over a fold of one cell's width is shorter than at rest, so the finest level does see a little of it.
+        // The sheet is also stretched by a thousandth, so that it is solved. A coarse level that took the folds for
+        // compression would show. A chord over a fold of one cell's width is shorter than at rest, so that the finest
+        // level does see some compression.
         fine("accordion, all but isometric", 32, Near(1.5), |[x, y, _]| {
             let k = (x - MARGIN) / (1.0 - 2.0 * MARGIN) * 32.0;
             let side = (1.0 - 2.0 * MARGIN) / 32.0;
@@ -222,8 +222,8 @@ pub fn cases() -> Vec<Case> {
             }
         }),
         bulged("triangles shrinking to 1e-30", Gain(0.99), |case| {
-            // The first quad's corner, which lies on the tile's, is cut into a zigzag of triangles between the two axes,
-            // each a hundred-thousandth of the one before, but half as large in space.
+            // The first quad's corner, which lies on the tile's, is divided into a zigzag of triangles between the two
+            // axes, each a hundred-thousandth of the previous one in UV, but half of it in space.
             case.uvs.iter_mut().for_each(|uv| *uv = uv.map(|x| x - MARGIN as f32));
             case.triangles.splice(0..6, [1, 18, 17]);
             let (mut x, mut y) = (1, 17);
@@ -320,7 +320,7 @@ pub fn cases() -> Vec<Case> {
         }),
         bulged("measured", Gain(0.99), |case| case.options.measure = true),
     ];
-    // Strain is measured, too, where numbers are at their ends.
+    // Strain is measured as well, with extreme numbers.
     for case in list.iter_mut().filter(|case| case.name.contains("e30") || case.name.contains("e-3")) {
         case.options.measure = true;
     }
@@ -342,7 +342,7 @@ pub fn cases() -> Vec<Case> {
         ));
     }
     for (name, overlap) in [("overlap, fixed", Overlap::Fixed), ("overlap, first face", Overlap::FirstFace)] {
-        // The right half lies mirrored on the left one.
+        // The right half of the UVs is the mirror image of the left half, at the same place.
         list.push(bulged(name, Certified, |case| {
             case.uvs.iter_mut().for_each(|uv| uv[0] = uv[0].min(1.0 - uv[0]));
             case.settings.overlap = overlap;
@@ -363,17 +363,17 @@ pub fn cases() -> Vec<Case> {
     for (name, warm) in [("20 frames", false), ("20 frames, warm", true)] {
         let mut case = sheet(name, Gain(0.99), |p| p);
         let pose = |frame: usize| {
-            let share = frame as f64 / 20.0;
+            let fraction = frame as f64 / 20.0;
             case.rest
                 .iter()
-                .map(|&p| squash(1.0 - 0.5 * share)(bulge(p).map(|x| x * (1.0 + share))))
+                .map(|&p| squash(1.0 - 0.5 * fraction)(bulge(p).map(|x| x * (1.0 + fraction))))
                 .collect()
         };
         case.poses = (1..=20).map(pose).collect();
         case.options.warm = warm;
         list.push(case);
     }
-    // A crushed frame, then rest, then a lively one.
+    // A crushed frame, then rest, then a moderate pose.
     let mut case = sheet("warm through a collapse", Certified, |p| p);
     let points = |f: &dyn Fn([f64; 3]) -> [f64; 3]| case.rest.iter().map(|&p| f(p)).collect::<Points>();
     case.poses = vec![
@@ -388,7 +388,7 @@ pub fn cases() -> Vec<Case> {
     list
 }
 
-/// The bulge in units of 10^-6 to 10^6, the first in units of 1; powers of two have to give the same bits.
+/// The bulge in units of 10^-6 to 10^6, the first one in units of 1; powers of two have to give the same bits.
 pub fn units() -> Vec<Case> {
     [1.0, 1e-6, 1e-3, 1e3, 1e6, 2f64.powi(-20), 2f64.powi(20)]
         .into_iter()

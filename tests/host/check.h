@@ -1,4 +1,4 @@
-/* What the C and C++ hosts share: one line per case, a small mesh, a pose, and maps. */
+/* Shared by the C and C++ hosts: printing a line per case, a small mesh, a pose, and maps. */
 
 #ifndef CHECK_H
 #define CHECK_H
@@ -24,13 +24,13 @@ static inline int check_that(int good, const char *name, const char *detail)
     return good;
 }
 
-/* The call succeeds. */
+/* Expects that the call succeeds. */
 static inline int succeeds(const char *name, vrtm_status status)
 {
     return check_that(status == VRTM_OK, name, status == VRTM_OK ? "" : vrtm_last_error());
 }
 
-/* The call fails with this status, and the message holds `text`. */
+/* Expects that the call fails with this status, and that the message contains `text`. */
 static inline int fails(const char *name, vrtm_status status, vrtm_status wanted, const char *text)
 {
     char detail[700];
@@ -54,7 +54,7 @@ enum {
 };
 
 typedef struct sheet {
-    double points[VERTICES][4]; /* as Maya hands them over: the fourth is 1 */
+    double points[VERTICES][4]; /* as Maya hands them over: the fourth coordinate is 1 */
     float uvs[VERTICES][2];
     uint32_t counts[FACES];
     uint32_t indices[CORNERS];
@@ -116,7 +116,7 @@ static inline vrtm_array sheet_positions(const void *points)
     return a;
 }
 
-/* The descriptor's arrays must live on: the caller keeps them. */
+/* The descriptor points to the sheet's arrays, which the caller must keep. */
 typedef struct sheet_desc {
     vrtm_array positions, uvs;
     vrtm_mesh_desc mesh;

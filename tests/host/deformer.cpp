@@ -16,7 +16,7 @@
 namespace {
 
 const int frames = 12;
-/* Neither in order nor without repeats, as when a user scrubs. */
+/* Frames out of order and with repeats, as when a user scrubs. */
 const int shuffled[] = {7, 2, 11, 0, 5, 9, 1, 10, 4, 8, 3, 6, 6, 2};
 
 struct Output {
@@ -29,7 +29,7 @@ struct Output {
         return same(redirection, o.redirection) && same(warp, o.warp) && same(corners, o.corners);
     }
 
-    /* Bit for bit: 0 and -0 differ. */
+    /* Compares bits: 0 and -0 differ. */
     static bool same(const std::vector<float> &a, const std::vector<float> &b)
     {
         return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
@@ -170,7 +170,10 @@ void many_nodes(const vrtm::Device &device, const sheet &mesh, const std::vector
     check_that(wrong == 0, "six nodes at once give the bits of one alone", "");
 }
 
-/* A host should not do this; if it does, one of the two is told so and nothing else happens. */
+/*
+ * Two threads use one asset at the same time. A host should not do this; if it does, one of the two calls fails with
+ * VRTM_ERROR_BUSY, and nothing else happens.
+ */
 void one_node_twice(const vrtm::Device &device, const sheet &mesh, const std::vector<Output> &expected)
 {
     DeformerNode node(device, mesh);
@@ -216,7 +219,7 @@ void call_back(void *user, vrtm_log_level, const char *)
 
 void callbacks(const sheet &flat)
 {
-    /* Folded over in UV: the overlap is worth a warning, from inside the call that finds it. */
+    /* The mesh overlaps itself in UV: the call that finds the overlap logs a warning. */
     sheet mesh = flat;
     for (float(&uv)[2] : mesh.uvs) {
         uv[0] = std::fmin(uv[0], 1 - uv[0]);

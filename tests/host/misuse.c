@@ -1,7 +1,7 @@
 /*
- * The misuse ladder: every wrong call gets its status and a message that names the argument, and writes nothing.
+ * Misuse: every wrong call returns its status and a message that names the argument, and writes nothing.
  *
- * Each step below spoils one field of a good call, makes the call, and mends the field again.
+ * Each step below sets one field of a valid call to a wrong value, makes the call, and restores the field.
  */
 
 #include "check.h"
@@ -9,7 +9,7 @@
 #define BAD VRTM_ERROR_INVALID_ARGUMENT
 #define GONE VRTM_ERROR_INVALID_HANDLE
 
-/* Sets `field` for the time of the step. */
+/* Sets `field` during the step. */
 #define WITH(type, field, value, step)   \
     do {                                 \
         const type kept_ = (field);      \
@@ -382,7 +382,7 @@ int main(void)
     sheet_describe(&s, &d);
     vrtm_image rigidity = sheet_rigidity(&s);
     vrtm_device_desc desc = vrtm_device_desc_init();
-    desc.threads = 1; /* other hosts have more; this one runs under valgrind, where they crawl */
+    desc.threads = 1; /* one thread: this host runs under valgrind, where threads are slow; other hosts use more */
     if (!succeeds("device", vrtm_device_create(&desc, &device)) ||
         !succeeds("asset", vrtm_asset_create(device, &d.mesh, &asset)) ||
         !succeeds("tile", vrtm_asset_tile(asset, 0, &tile)) ||

@@ -1,4 +1,4 @@
-/* Everything once, as a host would: device, asset, maps, settings, solve, fetch, reports. */
+/* Calls everything once, as a host would: device, asset, maps, settings, solve, fetch, reports. */
 
 #include "check.h"
 
@@ -137,7 +137,7 @@ int main(void)
     succeeds("fetch warp at the nodes", vrtm_tile_fetch(tile, VRTM_FETCH_WARP, &image));
     check_that(warp[0] == 0 && warp[1] == 1 && warp[2 * MAP] == 1, "the warp keeps the tile's corners", "");
 
-    /* A wider image: its texels' other bytes and the rows' ends stay as they are. */
+    /* An image with more bytes per texel and longer rows: the bytes that belong to neither channel stay as they are. */
     static uint8_t wide[MAP][16 * MAP + 8];
     memset(wide, 0xAB, sizeof wide);
     image.data = wide;
@@ -172,7 +172,7 @@ int main(void)
     succeeds("asset_report", vrtm_asset_report(asset, &whole));
     check_that(whole.tiles == 1 && whole.tiles_active == 1 && whole.bytes > 0, "the asset's report adds up", "");
 
-    /* The one call of a compute(): the same bits. */
+    /* redirect, the only call that a deformer's compute() needs, gives the same bits. */
     memset(again, 0, sizeof again);
     vrtm_image_out first = vrtm_image_out_init(), second = first;
     first.data = again;

@@ -1,5 +1,5 @@
 /*
- * The library is loaded, used and unloaded twice, as when a host's plug-in is. Its path is the program's argument.
+ * The library is loaded, used and unloaded twice, as a host does with a plug-in. Its path is the program's argument.
  *
  * The solve runs on a thread that ends before the unload, and on the main thread in the last round: a thread that used
  * the library and lives on may keep it in memory, but must not be harmed.
@@ -33,7 +33,7 @@ static sheet s;
 static float map[2 * MAP * MAP];
 static vrtm_device stale;
 
-/* Returns null, or what went wrong. */
+/* Returns null, or a message that says what failed. */
 static void *use(void *unused)
 {
     (void)unused;
@@ -55,7 +55,7 @@ static void *use(void *unused)
     if (stale.id != 0 && api.vrtm_device_destroy(stale) != VRTM_ERROR_INVALID_HANDLE) {
         return (void *)"a handle of the unloaded library was accepted";
     }
-    /* Whatever GPU drivers were loaded must not keep the library. */
+    /* GPU drivers that were loaded must not keep the library loaded. */
     uint32_t adapters = 0;
     vrtm_device_desc gpu = vrtm_device_desc_init();
     gpu.backend = VRTM_BACKEND_GPU;

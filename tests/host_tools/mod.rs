@@ -1,6 +1,6 @@
-//! What the tests that speak C share: the built library, the system's compilers, a place for what they make.
+//! Shared by the tests that compile C: the built library, the system's compilers, and a folder for programs.
 
-#![allow(dead_code)] // Each test program uses a part of it.
+#![allow(dead_code)] // Each test program uses some of these items only.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -15,8 +15,9 @@ pub fn scratch() -> &'static Path {
     Path::new(env!("CARGO_TARGET_TMPDIR"))
 }
 
-/// The library as a host links it. Cargo builds it together with the rlib that this test is linked to, into the same
-/// folder, so it is never older than the test (a copy further up may be: only `cargo build` renews that one).
+/// The path of the library as a host links it. Cargo builds it together with the rlib that this test is linked to, into
+/// the same folder, so that it is never older than the test. (A copy in the folder above may be older: only `cargo
+/// build` renews that one.)
 pub fn library() -> PathBuf {
     let name = format!("{}vrtm{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
     let test = std::env::current_exe().unwrap();

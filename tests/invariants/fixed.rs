@@ -1,14 +1,15 @@
-//! Which nodes have to stay where they are, worked out from the faces alone: those without all four cells inside one
-//! chart. (The library may fix more, never fewer.)
+//! Finds the nodes that must be fixed, from the faces alone: those without all four cells inside one chart (method §1).
+//! The library may fix more nodes, never fewer.
 
 use std::collections::HashMap;
 
 use crate::common::Model;
 
-/// A point this far (in cells) beyond a border counts as beyond it: the rounding of f32 UVs on a grid of 1024.
+/// Distance in cells from a border or a grid line under which a point counts as on it: the rounding of f32 UVs on a
+/// grid of 1024.
 const SLACK: f64 = 1e-4;
 
-/// Per node of a tile's n by n grid.
+/// True for each node of a tile's n by n grid that must be fixed.
 pub fn fixed_nodes(model: &Model, udim: u32, n: usize) -> Vec<bool> {
     let width = n + 1;
     let origin = [(udim - 1001) % 10, (udim - 1001) / 10].map(f64::from);
@@ -26,7 +27,7 @@ pub fn fixed_nodes(model: &Model, udim: u32, n: usize) -> Vec<bool> {
         cover(&polygon, width, &mut layers);
         for k in 0..polygon.len() {
             let next = (k + 1) % polygon.len();
-            // The same rest position with the same UV is the same corner.
+            // Corners with the same rest position and the same UV are one corner.
             let key = |k: usize| {
                 let c = face.start + k;
                 (model.rest[model.indices[c] as usize].map(|x| (x + 0.0).to_bits()), uv(c).map(f32::to_bits))
@@ -42,7 +43,7 @@ pub fn fixed_nodes(model: &Model, udim: u32, n: usize) -> Vec<bool> {
     }
     let at = |i: usize, j: usize| layers[j * width + i];
     let free = |i: usize, j: usize| {
-        // Cells (i-1..=i, j-1..=j) have their corners in one layer, and no border runs through them.
+        // The corners of the cells (i-1..=i, j-1..=j) lie in one layer, and no border crosses these cells.
         let corners = (0..9).all(|k| at(i + k % 3 - 1, j + k / 3 - 1) == 1);
         corners && (0..4).all(|k| !cells[(j - k / 2) * n + i - k % 2])
     };
@@ -53,8 +54,8 @@ pub fn fixed_nodes(model: &Model, udim: u32, n: usize) -> Vec<bool> {
         .collect()
 }
 
-/// Adds a layer to the nodes inside a polygon. Nodes within the slack of its edges, where there may be a neighbour or
-/// none, count as in one layer.
+/// Counts a layer at the nodes inside a polygon. Nodes within the slack of its edges, beyond which there may or may not
+/// be a neighbour, count as in one layer.
 fn cover(polygon: &[[f64; 2]], width: usize, layers: &mut [u8]) {
     let span = |axis: usize| {
         let low = polygon.iter().fold(f64::INFINITY, |m, p| m.min(p[axis]));
@@ -80,7 +81,7 @@ fn near(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> bool {
     (q[0] - along * d[0]).hypot(q[1] - along * d[1]) < SLACK
 }
 
-/// By the number of edges that a ray toward +x crosses.
+/// True if the point is inside, by the number of edges that a ray toward +x crosses.
 fn contains(polygon: &[[f64; 2]], p: [f64; 2]) -> bool {
     let crossed = |k: usize| {
         let (a, b) = (polygon[k], polygon[(k + 1) % polygon.len()]);
@@ -89,7 +90,7 @@ fn contains(polygon: &[[f64; 2]], p: [f64; 2]) -> bool {
     (0..polygon.len()).filter(|&k| crossed(k)).count() % 2 == 1
 }
 
-/// Marks the cells whose inside a segment runs through, from points along it.
+/// Marks the cells whose interior a segment crosses, by points along the segment.
 fn cross(a: [f64; 2], b: [f64; 2], n: usize, cells: &mut [bool]) {
     let steps = ((b[0] - a[0]).hypot(b[1] - a[1]) * 50.0).ceil().max(1.0);
     for k in 0..=steps as usize {

@@ -1,4 +1,4 @@
-//! A pose that is rest, or rest moved rigidly, changes nothing.
+//! A pose that is rest, or rest moved rigidly, gives the identity.
 
 use vrtm::{Asset, Device, DeviceSettings, SolveOptions, Strided};
 
@@ -35,7 +35,7 @@ fn rest_is_the_identity(models: &[Model], asset: impl Fn(&Model) -> Asset) {
     }
 }
 
-/// A rotation about a skew axis that is exact in no digit.
+/// A rotation about an oblique axis; no entry of its matrix is exact.
 fn turn(p: [f64; 3]) -> [f64; 3] {
     let (s, c) = 0.83f64.sin_cos();
     let p = [c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]];
@@ -81,7 +81,8 @@ fn rest_far_away_is_as_good_as_near_on_a_gpu() {
 }
 
 fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
-    // The whole asset 1e6 units off: f64 keeps nine digits of a unit there, which is what a solve starts from.
+    // The whole asset is 1e6 units from the origin: f64 keeps nine digits of a unit there, and the solver starts from
+    // these.
     for model in models {
         let far = |points: &[[f32; 3]]| -> Vec<[f64; 3]> {
             doubles(points).into_iter().map(|p| [p[0] + 1e6, p[1] - 1e6, p[2]]).collect()
@@ -101,7 +102,7 @@ fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
         near.solve(model.frame(1), &SolveOptions::default()).unwrap();
         for tile in 0..asset.tile_count() {
             let [a, b] = [&asset, &near].map(|asset| asset.tile_report(tile).unwrap());
-            // Rounding may send a crowded chart to another minimum; its energy is then as low, to a per mille or so.
+            // Rounding may send a crowded chart to another minimum, whose energy is as low, to a per mille or so.
             let slack = 0.005 * a.energy_before.max(b.energy_before);
             assert!((a.energy - b.energy).abs() <= slack, "{}: {} {}", model.name, a.energy, b.energy);
         }

@@ -1,4 +1,4 @@
-//! What holds for every result of `descent` (DESIGN 7), each recomputed here in f64 from what the library hands out.
+//! Checks what holds for every result of `descent` (method §11.1), recomputed here in f64 from the library's outputs.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,4 +1,4 @@
-//! Masks hold nodes, maps may change between frames, and rigidity is the same from vertices and from a map.
+//! Masked nodes stay fixed, maps may change between frames, and rigidity per vertex gives the same as a map.
 
 use vrtm::{
     Device, DeviceSettings, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings,
@@ -8,12 +8,12 @@ use crate::common::{self, Model, Warp, bits, options};
 
 const N: u32 = 256;
 
-/// A mask that holds the texels for which `f` is true.
+/// A mask that fixes the texels for which `f` is true.
 fn mask(f: impl Fn(u32, u32) -> bool) -> Vec<u8> {
     (0..N * N).map(|k| if f(k % N, k / N) { 0 } else { 255 }).collect()
 }
 
-/// All masks are symmetric under a swap of top and bottom, or say nothing about it.
+/// Masks; none of them tests the order of the rows.
 fn masks() -> Vec<(&'static str, Vec<u8>)> {
     let hole = |x: u32, y: u32, cx: f64, cy: f64, r: f64| (f64::from(x) - cx).hypot(f64::from(y) - cy) < r;
     vec![
@@ -58,10 +58,10 @@ fn masks_hold(device: &Device, options: &SolveOptions) {
             moved += usize::from(*u != [0.0; 2]);
         }
         assert!(warp.min_jacobian() > 0.0, "{name}");
-        let still = matches!(name, "checkerboard of 1" | "everything");
-        assert_eq!(moved == 0, still, "{name}: {moved} nodes moved");
+        let is_identity = matches!(name, "checkerboard of 1" | "everything");
+        assert_eq!(moved == 0, is_identity, "{name}: {moved} nodes moved");
         let report = asset.tile_report(0).unwrap();
-        assert!(still || report.energy < report.energy_before, "{name}");
+        assert!(is_identity || report.energy < report.energy_before, "{name}");
     }
 }
 
@@ -87,7 +87,7 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
     let settings =
         |asset: &mut vrtm::Asset, settings: TileSettings| asset.set_settings(0, &settings).unwrap();
     let grid = TileSettings { grid: [Some(N); 2], ..TileSettings::default() };
-    // Each sets all that it depends on, so that it can be done on a fresh asset too.
+    // Each change sets all inputs that it depends on, so that it can be applied to a fresh asset, too.
     let changes: Vec<(&str, Change)> = vec![
         ("as it was", Box::new(|_| {})),
         ("mask", Box::new(|a| a.set_mask(0, Some(common::view(&line, N, N))).unwrap())),
@@ -123,11 +123,11 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
         fresh.solve(model.frame(1), options).unwrap();
         change(&mut asset);
         asset.solve(model.frame(1), options).unwrap();
-        // "nothing rigid" comes after another size.
+        // The case before "nothing rigid" has another grid.
         let [now, expected] = [&asset, &fresh].map(bits);
-        let still = *name == "nothing rigid";
-        assert!(now == expected || (still && now.iter().all(|u| *u == [0; 2])), "{name}");
-        assert_eq!(still, expected.iter().all(|u| *u == [0; 2]), "{name}");
+        let is_identity = *name == "nothing rigid";
+        assert!(now == expected || (is_identity && now.iter().all(|u| *u == [0; 2])), "{name}");
+        assert_eq!(is_identity, expected.iter().all(|u| *u == [0; 2]), "{name}");
         seen.push(expected);
     }
     assert!(seen[0] == seen[3] && seen[0] == seen[8], "the way back leads back");
@@ -137,7 +137,8 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
 
 #[test]
 fn vertex_rigidity_is_the_same_map_painted() {
-    // The sheet's x is its u; a ramp is linear over triangles and between texels, so both give nodes the same values.
+    // x on the sheet equals u. A ramp is linear over triangles and between texels, so that both give the nodes the same
+    // values.
     let model = Model::from(common::scenes::analytic::bulge());
     let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
     let ramp: Vec<u8> =
@@ -151,9 +152,9 @@ fn vertex_rigidity_is_the_same_map_painted() {
     asset.solve(model.frame(1), &options(Quality::High)).unwrap();
     let vertices = Warp::of(&asset, 0);
     assert!(painted.largest() > 1.0);
-    // Nodes differ by their rounding, 1e-7. Coarse levels blur the map across the sheet's border, where vertices give
-    // nothing: the way to the minimum is another one. `high` ends 4e-5 of the energy above it, which is about 4e-3 of
-    // the displacement.
+    // Rigidity at the nodes differs by rounding, 1e-7. On coarse levels the map continues beyond the sheet's border,
+    // where rigidity per vertex is 0, so that the solver takes another way to the minimum. `high` ends 4e-5 of the
+    // energy above it, which is about 4e-3 of the displacement.
     let difference = painted.u.iter().zip(&vertices.u).flat_map(|(a, b)| [a[0] - b[0], a[1] - b[1]]);
     let largest = difference.fold(0.0f32, |m, x| m.max(x.abs()));
     println!("vertices against map: {largest:e} cells of {}", painted.largest());

@@ -1,4 +1,4 @@
-//! What is written agrees with itself: formats, row orders, strides, corner UVs, one call or two.
+//! All outputs of a result agree: formats, row orders, strides, corner UVs, and one call or two.
 
 use vrtm::{Asset, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions};
 
@@ -18,7 +18,7 @@ fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fi
     out
 }
 
-/// A half float's value.
+/// Value of a half-precision float.
 fn half(bits: u16) -> f64 {
     let (exponent, fraction) = (i32::from(bits >> 10 & 31), f64::from(bits & 1023));
     let size = match exponent {
@@ -39,7 +39,7 @@ fn delta_is_redirection_less_texel_centre() {
         let centre = [k as u32 % width, k as u32 / width].map(|x| f64::from(x) + 0.5);
         let centre = [centre[0] / f64::from(width), centre[1] / f64::from(height)];
         for c in 0..2 {
-            // Both are rounded to f32 once: half an ulp of 1, and far less.
+            // Both are rounded to f32 once: the difference is far less than half a unit in the last place of 1.
             let off = f64::from(a[c]) - centre[c] - f64::from(d[c]);
             assert!(off.abs() < 2.0 * f64::from(f32::EPSILON) / 4.0, "{k}: {off}");
         }
@@ -56,7 +56,7 @@ fn half_floats_are_the_nearest_to_the_floats() {
         let halves = halves.chunks_exact(2).map(|b| half(u16::from_ne_bytes([b[0], b[1]])));
         let mut nonzero = 0;
         for (&value, half) in whole.iter().flatten().zip(halves) {
-            // Half an ulp: 11 bits of precision, spacing 2^-24 below 2^-14.
+            // Half a unit in the last place: 11 bits of precision, spacing 2^-24 below 2^-14.
             let exponent = f64::from(value.abs()).log2().floor().max(-14.0);
             let slack = 2f64.powi(exponent as i32 - 11);
             assert!((f64::from(value) - half).abs() <= slack, "{kind:?}: {value} {half}");
@@ -79,7 +79,7 @@ fn the_origin_mirrors_rows() {
         assert!(top != bottom, "{kind:?}");
         assert!(top.chunks_exact(row).rev().eq(bottom.chunks_exact(row)), "{kind:?}");
     }
-    // v grows upward: with the origin at the bottom, so does it with the row.
+    // v points up: with the origin at the bottom, it grows with the row.
     let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(4, 64, PixelFormat::F32) };
     let rows = floats(&raw(&mut asset, FetchKind::Redirection, layout, 4 * 64 * 8, 0));
     assert!(rows[0][1] < 0.05 && rows[4 * 63][1] > 0.95);
@@ -93,7 +93,7 @@ fn strides_leave_the_bytes_between_alone() {
             let (width, height) = (37usize, 41usize);
             let packed = ImageLayout::packed(width as u32, height as u32, format);
             let expected = raw(&mut asset, kind, packed, width * height * size, 0);
-            // Strides that no type has as its alignment.
+            // Strides that are no multiple of any type's alignment.
             let (pixel, line) = (size + 5, (size + 5) * width + 13);
             let layout = ImageLayout { pixel_stride: pixel, row_stride: line, ..packed };
             for fill in [0x5a, 0xa5] {
@@ -131,7 +131,7 @@ fn one_call_is_solve_and_fetch() {
     for (k, bytes) in images.iter().enumerate() {
         assert_eq!(floats(bytes), fetch(&mut two, k / 3, KINDS[k % 3], [96, 96]), "output {k}");
     }
-    // A tile that is not there: nothing is written, nothing is solved.
+    // A tile index out of range: nothing is written, nothing is solved.
     let before = images[0].clone();
     let image = ImageViewMut::new("image", &mut images[0], layout).unwrap();
     let mut fetches = [Fetch { tile: 2, kind: FetchKind::Warp, image }];
@@ -165,10 +165,10 @@ fn corner_uvs_are_the_inverse_of_the_warp() {
                     continue;
                 }
                 let back = warp.at(p);
-                // UVs are rounded to f32, in a tile far to the right to fewer digits after the point.
+                // UVs are rounded to f32; in a tile far to the right fewer digits are left after the point.
                 let ulp = f64::from(f32::EPSILON) * f64::from(uv(c)[0].max(uv(c)[1]).max(1.0)) * n;
                 let off = (back[0] - q[0]).hypot(back[1] - q[1]);
-                // W may stretch that by a few times.
+                // W may magnify that a few times.
                 assert!(off < 1e-4 + 2.0 * ulp, "{}: corner {c} is {off} cells off", model.name);
                 worst = worst.max(off);
                 moved += usize::from(uvs[c] != uv(c));

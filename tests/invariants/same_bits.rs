@@ -1,4 +1,4 @@
-//! A frame's result depends on its inputs alone: not on threads, not on what was solved before, not on failed calls.
+//! A frame's result depends on its inputs alone: not on the number of threads, on earlier solves, or on failed calls.
 
 use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions,
@@ -18,7 +18,7 @@ fn models() -> Vec<Model> {
 #[test]
 fn any_number_of_threads() {
     for model in models() {
-        // `high` takes the same ways, more often.
+        // `high` runs the same code, only more often.
         let high = model.name == "mug_to_jug" || model.name == "fox";
         for quality in [Quality::Normal, Quality::High].into_iter().take(1 + usize::from(high)) {
             let solve = |threads: u32| {
@@ -50,7 +50,7 @@ fn any_order_of_frames_on_a_gpu() {
 
 fn frames_in_any_order(models: &[Model], asset: impl Fn(&Model) -> Asset) {
     for model in models.iter().filter(|model| model.frames.len() > 1) {
-        // Three frames tell as much as eight.
+        // Three frames suffice.
         let count = model.frames.len().min(3);
         let alone: Vec<_> = (1..=count)
             .map(|frame| {
@@ -60,12 +60,12 @@ fn frames_in_any_order(models: &[Model], asset: impl Fn(&Model) -> Asset) {
             })
             .collect();
         let mut asset = asset(model);
-        // Backwards, then the first again, then the same twice.
+        // All frames backwards, then the first one again, then the same frame twice.
         for frame in (1..=count).rev().chain([1, 1]) {
             asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
             assert!(bits(&asset) == alone[frame - 1], "{} frame {frame}", model.name);
         }
-        // Another quality, or a start from the last result, in between leaves no trace.
+        // A solve at another quality, or a warm start, in between does not change later results.
         asset.solve(model.frame(count), &options(Quality::Draft)).unwrap();
         asset.solve(model.frame(2), &SolveOptions { warm: true, ..SolveOptions::default() }).unwrap();
         asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
@@ -85,7 +85,7 @@ fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_a_gpu() {
 }
 
 fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
-    // The creature's first leg alone moves on from frame 1; its other charts keep their results.
+    // After frame 1 the creature's first leg alone moves; its other charts keep their results.
     let mut creature = Model::from(common::scenes::creature());
     let leg = creature.vertices(|uv| uv[0] < 0.22 && uv[1] < 0.28);
     let others = creature.vertices(|uv| uv[0] >= 0.22 || uv[1] >= 0.28);
@@ -94,7 +94,7 @@ fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
         p[1] = p[1] * 1.2 + 0.01 * (v % 2) as f32;
     }
     creature.frames.push(next);
-    // The arm's forearm is another tile than its upper arm.
+    // The arm's forearm and upper arm are on different tiles.
     let mut arm = Model::from(common::scenes::arm());
     let upper = arm.vertices(|uv| uv[0] < 1.0);
     let mut next = arm.frames[0].clone();
@@ -114,13 +114,13 @@ fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
         let mut fresh = new(&model);
         fresh.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
         assert!(bits(&asset) == bits(&fresh), "{}", model.name);
-        // What was reused has its energies in the report too.
+        // The report contains the energies of reused charts, too.
         for tile in 0..asset.tile_count() {
             let [a, b] = [&asset, &fresh].map(|asset| asset.tile_report(tile).unwrap());
             assert_eq!((a.energy_before, a.energy), (b.energy_before, b.energy), "{}", model.name);
             assert_eq!((a.min_jacobian, a.folds), (b.min_jacobian, b.folds), "{}", model.name);
         }
-        // A change of a setting is a change of the input.
+        // A changed setting is a changed input: nothing is reused.
         let settings = vrtm::TileSettings { smoothness: 0.1, ..asset.settings(0).unwrap() };
         asset.set_settings(0, &settings).unwrap();
         asset.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
@@ -178,25 +178,25 @@ fn failed_calls_leave_the_result(asset: impl Fn(&Model) -> Asset) {
     let mut again = vec![[0.0; 2]; model.indices.len()];
     asset.corner_uvs(&mut again).unwrap();
     assert_eq!(corners, again);
-    // And it is still what the next solve reuses.
+    // The next solve still reuses the result.
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
     assert_eq!(asset.tile_report(0).unwrap().charts_active, 0);
     assert!(bits(&asset) == result);
 }
 
-/// Two crowded sheets side by side in one tile, the right one in a pose of its own.
+/// Two crowded sheets side by side in one tile; the right one has a pose of its own.
 fn pair(right: f64) -> Model {
-    let sheet = |share| Model::from(common::scenes::analytic::squash(share));
+    let sheet = |fraction| Model::from(common::scenes::analytic::squash(fraction));
     let (mut pair, right) = (sheet(0.4), sheet(right));
     let (vertices, uvs) = (pair.rest.len() as u32, pair.uvs.len() as u32);
     for uv in &mut pair.uvs {
         uv[0] *= 0.5;
     }
     pair.uvs.extend(right.uvs.iter().map(|uv| [0.5 + 0.5 * uv[0], uv[1]]));
-    // Apart in space: they are no neighbours.
-    let aside = |p: &[f32; 3]| [p[0] + 2.0, p[1], p[2]];
-    pair.rest.extend(right.rest.iter().map(aside));
-    pair.frames[0].extend(right.frames[0].iter().map(aside));
+    // The sheets are apart in space: their charts are not neighbours.
+    let shifted = |p: &[f32; 3]| [p[0] + 2.0, p[1], p[2]];
+    pair.rest.extend(right.rest.iter().map(shifted));
+    pair.frames[0].extend(right.frames[0].iter().map(shifted));
     pair.face_counts.extend(&right.face_counts);
     pair.indices.extend(right.indices.iter().map(|v| v + vertices));
     pair.uv_indices.extend(right.uv_indices.iter().map(|uv| uv + uvs));

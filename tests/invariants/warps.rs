@@ -1,12 +1,12 @@
-//! Every warp: free of folds, fixed where it has to be, no worse than the identity, one-to-one and onto, and inverted
-//! by its redirection.
+//! Checks every warp: no folds, fixed nodes at 0, energy not above the identity's, one-to-one and onto, and inverted by
+//! its redirection.
 
 use vrtm::{Asset, Backend, Device, DeviceSettings, FetchKind, Quality};
 
 use crate::common::{self, Model, Warp, fetch, on_all_cores, options};
 use crate::fixed::fixed_nodes;
 
-/// One solve to look at.
+/// A model that is solved and checked.
 struct Case<'a> {
     model: &'a Model,
     grid: u32,
@@ -23,7 +23,7 @@ fn check(cases: &[Case]) {
     on_all_cores(cases, |case| check_case(case, &cpu)).iter().for_each(|line| println!("{line}"));
 }
 
-/// One solve after the other: a GPU takes them no faster side by side.
+/// Solves run one after the other, because a GPU does not run them faster side by side.
 fn check_on_gpu(cases: &[Case]) {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
     cases.iter().for_each(|case| println!("{}", check_case(case, &device)));
@@ -66,31 +66,33 @@ impl Default for Worst {
 fn check_tile(asset: &mut Asset, tile: usize, fixed: &[bool], name: &str, worst: &mut Worst) {
     let warp = Warp::of(asset, tile);
     let report = asset.tile_report(tile).unwrap();
-    // 1: no fold, and the certificate says the same of the same numbers.
+    // No folds, and the reported least Jacobian is that of the same displacements, evaluated here.
     let least = warp.min_jacobian();
     assert!(least > 0.0 && report.folds == 0, "{name}: least J {least}, {} folds", report.folds);
-    // On a GPU it is a bound from below: off by the rounding of f32, which grows with the cells' size.
+    // On a GPU the report has a lower bound. It is smaller by the rounding of f32, which grows with the size of the
+    // cells.
     let gpu = asset.device().info().backend == Backend::Gpu;
     let slack = if gpu { 1e-4 } else { 1e-9 };
     let (low, high) = (least.min(1.0) - slack, least.min(1.0) + 1e-9);
     assert!((low..=high).contains(&report.min_jacobian), "{name}: {least} {}", report.min_jacobian);
     worst.jacobian = worst.jacobian.min(least);
-    // 2: fixed nodes.
+    // Fixed nodes have displacement 0.
     for (k, u) in warp.u.iter().enumerate().filter(|(k, _)| fixed[*k]) {
         assert_eq!(*u, [0.0; 2], "{name}: node ({}, {}) is fixed", k % (warp.nx + 1), k / (warp.nx + 1));
     }
-    // 4: of E, this much can be seen from outside.
+    // The energy is not above that of the identity, by the report: it cannot be computed from outside.
     assert!(report.energy <= report.energy_before, "{name}: {} {}", report.energy_before, report.energy);
-    // The warp as it is fetched is the warp.
+    // The fetched image of the warp equals the displacements.
     let nodes = fetch(asset, tile, FetchKind::Warp, [warp.nx as u32 + 1, warp.ny as u32 + 1]);
     for (k, uv) in nodes.iter().enumerate() {
         let p = warp.node(k % (warp.nx + 1), k / (warp.nx + 1));
         let q = [f64::from(uv[0]) * warp.nx as f64, f64::from(uv[1]) * warp.ny as f64];
-        // UVs are rounded to f32: half an ulp of 1, in cells.
+        // UVs are rounded to f32: half a unit in the last place of 1, in cells.
         let slack = f64::from(f32::EPSILON) / 4.0 * 1.001 * warp.nx as f64;
         assert!((p[0] - q[0]).abs() <= slack && (p[1] - q[1]).abs() <= slack, "{name}: {p:?} {q:?}");
     }
-    // 6: onto, one-to-one, and inverted; as large as the grid, half of it, and nothing of the kind.
+    // W covers each texel centre once, and the redirection inverts it: at the grid's size, at half of it, and at a size
+    // that divides neither.
     let (nx, ny) = (warp.nx as u32, warp.ny as u32);
     for size in [[nx, ny], [nx / 2, ny / 2], [nx * 3 / 4 + 5, ny * 5 / 4 + 3]] {
         let redirection = fetch(asset, tile, FetchKind::Redirection, size);
@@ -127,7 +129,7 @@ fn analytic_scenes() {
 
 #[test]
 fn crushed_sheets() {
-    let models = [0.4, 0.1, 0.01].map(|share| Model::from(common::scenes::analytic::squash(share)));
+    let models = [0.4, 0.1, 0.01].map(|fraction| Model::from(common::scenes::analytic::squash(fraction)));
     check(&models.iter().map(|model| all_frames(model, 256)).collect::<Vec<_>>());
 }
 
@@ -179,7 +181,7 @@ fn on_a_gpu() {
     let all = Quality::Normal;
     let first = |model| Case { model, grid: 128, frames: vec![1], quality: all };
     let mut cases: Vec<Case> = models.iter().map(first).collect();
-    // Another quality takes other ways, and a frame after a frame starts from used memory.
+    // Other qualities run other stages, and later frames start from memory that earlier ones have used.
     let mug = models.iter().find(|model| model.name == "mug_to_jug").unwrap();
     cases.extend([Quality::Draft, Quality::High].map(|quality| Case {
         model: mug,

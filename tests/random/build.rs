@@ -1,4 +1,4 @@
-//! A recipe's arrays, maps and poses.
+//! Builds the arrays, maps and poses of a recipe.
 
 use vrtm::{
     Asset, Device, ImageLayout, ImageView, MeshSource, Origin, PixelFormat, SolveOptions, Strided, UvSource,
@@ -6,7 +6,7 @@ use vrtm::{
 
 use super::recipe::{Layer, Move, Paint, Piece, Recipe, Rigidity, Shape};
 
-/// What a host would hand over.
+/// The data that a host would hand over.
 pub struct Model {
     pub rest: Vec<[f64; 3]>,
     pub uvs: Vec<[f32; 2]>,
@@ -25,7 +25,7 @@ pub fn random(seed: u32, k: u32) -> f32 {
 }
 
 impl Shape {
-    /// Vertices in the unit square, faces, and the size of a quad.
+    /// Points in the unit square, faces, and the size of a quad.
     fn mesh(&self) -> (Vec<[f32; 2]>, Vec<Vec<u32>>, [f32; 2]) {
         match *self {
             Shape::Sheet(nx, ny) => {
@@ -52,7 +52,7 @@ impl Shape {
                 (points, (0..n).map(|k| vec![0, 1 + k, 1 + (k + 1) % n]).collect(), [1.0 / n as f32; 2])
             }
             Shape::Polygon(n) => {
-                // Every other corner lies halfway in, from the second on: concave.
+                // From the second one on, every other corner lies at half the radius: the polygon is concave.
                 let radius = |k: u32| if k % 2 == 1 && n > 4 { 0.25 } else { 0.5 };
                 let points = (0..n).map(|k| on_circle(k as f32 / n as f32, radius(k))).collect();
                 (points, vec![(0..n).collect()], [0.0; 2])
@@ -61,19 +61,19 @@ impl Shape {
     }
 }
 
-fn on_circle(share: f32, radius: f32) -> [f32; 2] {
-    let (sin, cos) = (share * std::f32::consts::TAU).sin_cos();
+fn on_circle(fraction: f32, radius: f32) -> [f32; 2] {
+    let (sin, cos) = (fraction * std::f32::consts::TAU).sin_cos();
     [0.5 + radius * cos, 0.5 + radius * sin]
 }
 
 impl Piece {
-    /// Adds its vertices, UVs and faces; `number` keeps pieces apart in space.
+    /// Adds the piece's vertices, UVs and faces; `number` keeps pieces apart in space.
     fn add_to(&self, model: &mut Model, number: usize, polygons: bool) {
         let (points, faces, quad) = self.shape.mesh();
         let first = model.uvs.len();
         let noise = |k: usize, c: u32| random(self.seed, 4 * k as u32 + c) - 0.5;
         for (k, p) in points.iter().enumerate() {
-            // Jitter moves the UV alone; the surface stays where it is.
+            // Jitter moves the UV alone; the surface does not move.
             let [s, t] = [0, 1].map(|c| p[c] + self.jitter * quad[c] * noise(k, c as u32) - 0.5);
             let s = if self.mirrored { -s } else { s };
             let ([s, t], (sin, cos)) = ([s * self.size[0], t * self.size[1]], self.turn.sin_cos());
@@ -167,7 +167,7 @@ impl Layer {
         (0..width * height).map(|k| self.paint.at(k % width, k / width, self.size)).collect()
     }
 
-    /// Calls `f` with a view of it, first row at v = 0.
+    /// Calls `f` with a view of the map, first row at v = 0.
     fn with<R>(&self, f: impl FnOnce(ImageView) -> R) -> R {
         let bytes: Vec<u8> = self.values().iter().flat_map(|v| v.to_ne_bytes()).collect();
         let [width, height] = self.size;
@@ -197,7 +197,7 @@ impl Recipe {
         model
     }
 
-    /// Calls `f` with positions in the format that the recipe asks for.
+    /// Calls `f` with the positions in the recipe's format.
     pub fn with_positions<R>(&self, points: &[[f64; 3]], f: impl FnOnce(Strided) -> R) -> R {
         if self.doubles {
             return f(Strided::from_f64x3(points));

@@ -1,4 +1,5 @@
-//! What has to hold, worked out in f64 from what the library hands out; its reports are only compared with that.
+//! Checks what holds for every result, computed in f64 from the library's outputs; its reports are only compared with
+//! that.
 
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
@@ -18,7 +19,7 @@ pub fn cpu(threads: u32) -> Device {
     .unwrap()
 }
 
-/// What a case came to, for the count of those that say something.
+/// What happened in a case, for counting how many cases test something.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Seen {
     /// A chart was solved.
@@ -31,10 +32,11 @@ pub struct Seen {
     pub fell_back: bool,
 }
 
-/// Panics where something does not hold. `device` is that of the first run; `None` = a CPU of the recipe's threads.
+/// Panics if a check fails. `device` is that of the first run; `None` = a CPU device with the recipe's number of
+/// threads.
 pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
-    let own = cpu(recipe.threads);
-    let device = device.unwrap_or(&own);
+    let cpu_device = cpu(recipe.threads);
+    let device = device.unwrap_or(&cpu_device);
     let model = recipe.model();
     let mut asset = recipe.asset(&model, device).unwrap();
     let mut seen = Seen::default();
@@ -45,7 +47,7 @@ pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
             assert!(bits == again(recipe.asset(&model, device).unwrap()), "other bits")
         }
         Then::Threads(threads) => {
-            // On a GPU, the CPU's threads only prepare and fetch.
+            // On a GPU device, the CPU's threads only prepare and fetch.
             let other = cpu(*threads);
             let other = if device.info().backend == Backend::Cpu { &other } else { device };
             assert!(bits == again(recipe.asset(&model, other).unwrap()), "other bits on {threads} threads");
@@ -67,7 +69,7 @@ pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
     seen
 }
 
-/// All displacements as bits.
+/// The bits of all displacements.
 fn displacements(asset: &Asset) -> Vec<u32> {
     (0..asset.tile_count())
         .flat_map(|tile| asset.displacements(tile).unwrap())
@@ -76,7 +78,7 @@ fn displacements(asset: &Asset) -> Vec<u32> {
         .collect()
 }
 
-/// Solves and checks all frames; the bits of all results.
+/// Solves and checks all frames; returns the bits of all results.
 fn run(recipe: &Recipe, model: &Model, asset: &mut Asset, seen: &mut Seen) -> Vec<u32> {
     let mut bits = Vec::new();
     for pose in &model.poses {
@@ -102,7 +104,7 @@ fn warp(recipe: &Recipe, model: &Model, asset: &Asset, tile: usize, seen: &mut S
     let min_jacobian = warp.min_jacobian();
     assert!(min_jacobian > 0.0, "min J is {min_jacobian}, reported {}", report.min_jacobian);
     assert_eq!(report.folds, 0, "folds");
-    // The GPU's is a lower bound; of a tile without movable nodes it is the identity's.
+    // The GPU's value is a lower bound; for a tile without movable nodes it is the identity's.
     let reported = report.min_jacobian;
     assert!(reported > 0.0 && reported <= min_jacobian + 1e-12, "min J {min_jacobian}, reported {reported}");
     assert_eq!(report.max_displacement, warp.largest(), "largest displacement");
@@ -122,7 +124,7 @@ fn warp(recipe: &Recipe, model: &Model, asset: &Asset, tile: usize, seen: &mut S
     assert_eq!(moved, None, "this node may not move");
 }
 
-/// The nodes that must not move: held by the mask, or without a face somewhere around them. (The library may hold more.)
+/// The nodes that must be fixed: masked, or not wholly surrounded by faces. (The library may fix more.)
 fn held(recipe: &Recipe, model: &Model, udim: u32, n: [usize; 2]) -> Vec<bool> {
     let width = n[0] + 1;
     let origin = [(udim - 1001) % 10, (udim - 1001) / 10].map(f64::from);
@@ -134,7 +136,7 @@ fn held(recipe: &Recipe, model: &Model, udim: u32, n: [usize; 2]) -> Vec<bool> {
         }
         let p: Vec<[f64; 2]> =
             uvs.iter().map(|uv| [0, 1].map(|c| (uv[c] - origin[c]) * n[c] as f64)).collect();
-        // However a polygon is cut into triangles, these are among them.
+        // These contain the triangles of every triangulation of the polygon.
         for c in 2..p.len() {
             for b in 1..c {
                 (0..b).for_each(|a| cover([p[a], p[b], p[c]], n, &mut covered));
@@ -151,9 +153,9 @@ fn held(recipe: &Recipe, model: &Model, udim: u32, n: [usize; 2]) -> Vec<bool> {
         .collect()
 }
 
-/// Marks the nodes in a triangle.
+/// Marks the nodes inside a triangle.
 fn cover(p: [[f64; 2]; 3], n: [usize; 2], covered: &mut [bool]) {
-    // UVs are f32; an edge may be a node's by rounding.
+    // UVs are f32, so that a node on an edge may lie outside by rounding.
     const SLACK: f64 = 1e-4;
     let span = |c: usize| {
         let low = p.iter().fold(f64::INFINITY, |m, p| m.min(p[c])) - SLACK;
@@ -183,7 +185,7 @@ fn masked(mask: &Layer, n: [usize; 2]) -> Vec<bool> {
     let values = mask.values();
     let span = |c: usize, node: usize| {
         let per_cell = f64::from(mask.size[c]) / n[c] as f64;
-        // A hair less than half: whether a texel that only touches counts is the library's to say.
+        // Slightly less than half a cell: whether a texel that only touches counts is left to the library.
         let [low, high] = [-0.499, 0.499].map(|half| ((node as f64 + half) * per_cell).floor() as i64);
         let last = i64::from(mask.size[c]) - 1;
         low.clamp(0, last) as usize..=high.clamp(0, last) as usize
@@ -197,7 +199,7 @@ fn masked(mask: &Layer, n: [usize; 2]) -> Vec<bool> {
         .collect()
 }
 
-/// The redirection lies in the tile, and W takes it back to the texel's centre.
+/// Checks that the redirection lies in the tile, and that W maps it back to the texel's centre.
 fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     let size = recipe.output;
     let layout =
@@ -206,7 +208,7 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
     asset.fetch(tile, FetchKind::Redirection, &mut image).unwrap();
     let floats: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap())).collect();
-    // W is onto, so nothing leaves the tile; rounding may, by a bit of f32.
+    // W maps the tile onto itself, so that redirections lie in the tile up to f32 rounding.
     let outside = floats.iter().position(|x| !(-1e-6..=1.0 + 1e-6).contains(x));
     assert_eq!(outside, None, "{:?} is outside of the tile", outside.map(|k| floats[k]));
     let warp = Warp::of(asset, tile);
@@ -220,7 +222,7 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     floats.iter().map(|x| x.to_bits()).collect()
 }
 
-/// W takes each corner's new UV back to the one that was given.
+/// Checks that W maps each corner's new UV back to the original one.
 fn corner_uvs(model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
     let mut redirected = redirected.iter();
     for face in &model.faces {
@@ -237,14 +239,14 @@ fn corner_uvs(model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
             let [p, q] = [new, *given].map(|uv| [0, 1].map(|c| (uv[c] - origin[c]) * cells[c]));
             if (0..2).all(|c| (0.0..=cells[c]).contains(&q[c])) {
                 let off = (0..2).map(|c| (warp.at(p)[c] - q[c]).abs()).fold(0.0, f64::max);
-                // As for texels: what f32 loses of a UV, times what W makes of it.
+                // As for texels: the rounding of a UV in f32, magnified by W.
                 assert!(off <= 1e-3, "corner at {q:?}, redirected to {p:?}, comes back {off} cells off");
             }
         }
     }
 }
 
-/// The lower corner of a face's tile.
+/// Lower corner of the tile that holds a face.
 fn origin_of(uvs: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|c| (uvs.iter().map(|uv| uv[c]).sum::<f64>() / uvs.len() as f64).floor())
 }
@@ -256,7 +258,7 @@ fn is_thin(p: [[f64; 2]; 3]) -> bool {
     (a[0] * b[1] - a[1] * b[0]).abs() <= 1e-6 * longest
 }
 
-/// A call that is refused names its argument and changes nothing.
+/// Checks that a refused call names its argument and changes nothing.
 fn refused(recipe: &Recipe, model: &Model, asset: &mut Asset, refusal: &Refusal) {
     let before = displacements(asset);
     let mut pose = model.poses[0].clone();

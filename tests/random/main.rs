@@ -1,13 +1,13 @@
-//! Random small models: whatever a host hands over that is allowed, the result is certified. Each failure that was ever
-//! found is a case in `named.rs`.
+//! Random small models: for every valid input the result is certified. Each failure that was ever found is a case in
+//! `named.rs`.
 //!
-//! The ordinary run draws the same models every time. `VRTM_RANDOM_CASES=200000` draws so many others, from a seed that is
-//! printed; `VRTM_RANDOM_SEED` gives it.
+//! The ordinary run draws the same models every time. `VRTM_RANDOM_CASES=200000` draws that number of other models,
+//! from a seed that is printed; `VRTM_RANDOM_SEED` sets the seed.
 
 #[path = "../common/gpu.rs"]
 mod gpu;
 #[path = "../common/warp.rs"]
-#[allow(dead_code)] // Other tests use the rest.
+#[allow(dead_code)] // Other tests use the other items.
 mod warp;
 
 mod build;
@@ -26,14 +26,15 @@ use proptest::test_runner::{Config, RngAlgorithm, TestError, TestRng, TestRunner
 use recipe::Recipe;
 use vrtm::{Device, DeviceSettings};
 
-/// Models of an ordinary run, and how many of them a GPU gets as well: a software one takes tens of milliseconds for each.
+/// Number of models of an ordinary run, and of those that a GPU solves as well: a software one takes tens of
+/// milliseconds for each.
 const CASES: u64 = 10_000;
 const GPU_CASES: u64 = 200;
 
-/// Models drawn from one seed: one failure hides the rest of its batch, not more.
+/// Number of models drawn from one seed: a failure hides the rest of its batch, and not more.
 const BATCH: u64 = 100;
 
-/// No model takes half a second on an idle machine.
+/// Time after which a solve counts as hanging. No model takes half a second on an idle machine.
 const HANG: Duration = Duration::from_secs(120);
 
 fn variable(name: &str) -> Option<u64> {
@@ -41,16 +42,16 @@ fn variable(name: &str) -> Option<u64> {
     Some(text.parse().unwrap_or_else(|_| panic!("{name}: {text} is not a number")))
 }
 
-/// Cases and first seed of a run.
-fn plan(ordinary: u64, share: u64) -> (u64, u64) {
+/// Number of cases and first seed of a run. `divisor` reduces the number in VRTM_RANDOM_CASES.
+fn plan(ordinary: u64, divisor: u64) -> (u64, u64) {
     let Some(cases) = variable("VRTM_RANDOM_CASES") else { return (ordinary, 0) };
     let now = || std::time::UNIX_EPOCH.elapsed().map_or(1, |t| t.as_secs() << 20);
     let seed = variable("VRTM_RANDOM_SEED").unwrap_or_else(now);
     println!("VRTM_RANDOM_SEED={seed}");
-    ((cases / share).max(1), seed)
+    ((cases / divisor).max(1), seed)
 }
 
-/// A recipe as Rust: lists that are vectors are so by name.
+/// Prints a recipe as Rust source: `Debug` prints vectors and arrays alike, so `vec!` is added to the vectors by name.
 fn as_rust(recipe: &Recipe) -> String {
     let text = format!("{recipe:?}").replace("pieces: [", "pieces: vec![");
     let (head, tail) = text.split_once("frames: [").unwrap();
@@ -60,17 +61,17 @@ fn as_rust(recipe: &Recipe) -> String {
     format!("{head}frames: vec![{frames}], output{rest}")
 }
 
-/// One thread's work, for the others to look at.
+/// The state of one thread, which the other threads watch.
 #[derive(Default)]
 struct Worker {
-    /// What is being checked, and since when.
+    /// The recipe being checked, and the time when its check began.
     running: Mutex<Option<(Instant, Recipe)>>,
-    /// Models that were solved, moved, were crushed, fell back.
+    /// Number of models that were solved, moved, nearly folded, fell back.
     seen: [AtomicU64; 4],
 }
 
 impl Worker {
-    /// Draws a batch and checks it; what failed first, made small.
+    /// Draws a batch and checks it. Returns the first failure, shrunk.
     fn batch(&self, seed: u64, cases: u64, device: Option<&Device>) -> Option<String> {
         let mut bytes = [0; 32];
         bytes[..8].copy_from_slice(&seed.to_le_bytes());
@@ -99,7 +100,7 @@ impl Worker {
         }
     }
 
-    /// Ends the program if a model does not end: its thread cannot be ended, but the model can be named.
+    /// Aborts the program, naming the model, if a solve hangs: its thread cannot be ended.
     fn end_a_hang(&self) {
         if let Some((since, recipe)) = &*self.running.lock().unwrap()
             && since.elapsed() > HANG
@@ -110,11 +111,11 @@ impl Worker {
     }
 }
 
-/// Checks so many models on all cores.
+/// Checks `cases` models on all cores.
 fn check_all(cases: u64, seed: u64, device: Option<&Device>) {
     let start = Instant::now();
     let cores = thread::available_parallelism().map_or(1, |n| n.get());
-    // A GPU takes one solve at a time.
+    // A GPU runs one solve at a time.
     let threads = if device.is_some() { 1 } else { cores };
     let workers: Vec<Worker> = (0..threads).map(|_| Worker::default()).collect();
     let (next, failed) = (AtomicU64::new(0), Mutex::new(Vec::new()));
@@ -145,7 +146,7 @@ fn check_all(cases: u64, seed: u64, device: Option<&Device>) {
     );
     let failed = failed.into_inner().unwrap();
     assert!(failed.is_empty(), "{} batches failed:\n{}", failed.len(), failed.join("\n"));
-    // Models that are at rest or cannot move say little.
+    // Models that are at rest or fixed test little.
     assert!(3 * moved > cases, "only {moved} of {cases} models moved");
 }
 

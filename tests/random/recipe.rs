@@ -1,27 +1,27 @@
-//! What a random model is made of: few numbers with a meaning, so that a failure shrinks to the ones that matter, and its
+//! The description of a random model: few numbers with a meaning, so that a failure shrinks to those that matter. Its
 //! `Debug` text is Rust that `named.rs` can hold.
 
 use vrtm::{SolveOptions, TileSettings};
 
-/// A mesh, its maps and what is done with it.
+/// A mesh, its maps and the checks that are run on it.
 #[derive(Clone, Debug)]
 pub struct Recipe {
     pub pieces: Vec<Piece>,
-    /// Faces as polygons with their counts; otherwise all are triangles.
+    /// Faces are polygons with their counts if true; otherwise all are triangles.
     pub polygons: bool,
-    /// UVs as two arrays with one entry per corner; otherwise as pairs with indices.
+    /// UVs are two arrays with one entry per corner if true; otherwise pairs with indices.
     pub split_uvs: bool,
-    /// Positions are handed over as f64; otherwise as f32.
+    /// Positions are handed over as f64 if true; otherwise as f32.
     pub doubles: bool,
-    /// All positions, at rest and posed, are in units of ten to this power ...
+    /// All positions, at rest and posed, are in units of ten to this power.
     pub unit: i32,
-    /// ... and, in such units, this far away.
+    /// Distance of all positions from the origin, in these units.
     pub away: f64,
     pub rigidity: Rigidity,
     pub mask: Option<Layer>,
     pub settings: TileSettings,
     pub options: SolveOptions,
-    /// One pose each: moves one after the other.
+    /// One pose per entry: its moves are applied one after the other.
     pub frames: Vec<Vec<Move>>,
     /// Size of the redirection that is fetched.
     pub output: [u32; 2],
@@ -29,25 +29,25 @@ pub struct Recipe {
     pub then: Then,
 }
 
-/// A chart, or what is left of one.
+/// A chart, or a part of one if faces are flipped or vertices welded.
 #[derive(Clone, Debug)]
 pub struct Piece {
     pub shape: Shape,
-    /// Lower corner and size in UV, before it is turned about its middle.
+    /// Lower corner and size in UV, before the piece is turned about its middle.
     pub low: [f32; 2],
     pub size: [f32; 2],
-    /// Radians.
+    /// Angle in radians.
     pub turn: f32,
     pub mirrored: bool,
-    /// Share of a quad by which UVs are off; triangles turn over from about 0.5 on.
+    /// UV noise as a fraction of a quad; triangles turn over from about 0.5 on.
     pub jitter: f32,
-    /// Each so many-th face has the other winding; 0 = none.
+    /// Every n-th face has the other winding; 0 = none.
     pub flip: u32,
-    /// Each so many-th vertex has the UV of the next; 0 = none.
+    /// Every n-th vertex has the UV of the next one; 0 = none.
     pub weld: u32,
     /// Length in space of a unit of u and of v.
     pub stretch: [f32; 2],
-    /// How far the surface is from flat at rest: smoothly, and vertex by vertex.
+    /// Deviation of the surface from flat at rest: smooth, and vertex by vertex.
     pub bend: f32,
     pub crumple: f32,
     pub seed: u32,
@@ -55,13 +55,13 @@ pub struct Piece {
 
 #[derive(Clone, Debug)]
 pub enum Shape {
-    /// Quads in both directions.
+    /// Number of quads along both axes.
     Sheet(u32, u32),
-    /// Triangles side by side.
+    /// Number of triangles side by side.
     Strip(u32),
-    /// Triangles around a vertex.
+    /// Number of triangles around a vertex.
     Fan(u32),
-    /// One star-shaped polygon.
+    /// One star-shaped polygon with this number of corners.
     Polygon(u32),
 }
 
@@ -75,15 +75,15 @@ pub struct Layer {
 #[derive(Clone, Debug)]
 pub enum Paint {
     Constant(f32),
-    /// Between 0 and 1, by seed.
+    /// Noise between 0 and 1 with this seed.
     Grey(u32),
-    /// 0 or 1, by seed.
+    /// Noise of values 0 and 1 with this seed.
     Bits(u32),
-    /// So many discs a side.
+    /// This number of discs a side.
     Discs(u32),
-    /// So many holes a side.
+    /// This number of holes a side.
     Holes(u32),
-    /// Squares of so many texels.
+    /// Squares of this number of texels.
     Checker(u32),
     /// 0 along a parabola, 1 elsewhere.
     Curve,
@@ -93,7 +93,7 @@ pub enum Paint {
 pub enum Rigidity {
     Nothing,
     Map(Layer),
-    /// By the vertex's number along a row of texels.
+    /// One value per vertex: a row of texels, indexed by the vertex.
     Vertices(Paint),
 }
 
@@ -109,22 +109,22 @@ pub enum Move {
     Shift(f64),
     Line,
     Point,
-    /// One vertex somewhere else.
+    /// Moves one vertex far away.
     Spike(u32, f64),
 }
 
-/// What is checked beside the frames.
+/// A check in addition to those of the frames.
 #[derive(Clone, Debug)]
 pub enum Then {
-    /// The same once more, on a new asset: the same bits.
+    /// Solves again on a new asset: the bits are the same.
     Again,
-    /// On so many threads: the same bits.
+    /// Solves with this number of threads: the bits are the same.
     Threads(u32),
-    /// The last frame alone, on a new asset: the same bits, unless solves are warm.
+    /// Solves the last frame alone on a new asset: the bits are the same unless solves are warm.
     Alone,
-    /// The pose is rest: exactly no displacement.
+    /// Solves rest as a pose: all displacements are exactly 0.
     Rest,
-    /// A call that has to be refused: the result stays.
+    /// Makes an invalid call: the result stays.
     Refused(Refusal),
 }
 

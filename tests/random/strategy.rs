@@ -1,5 +1,5 @@
-//! How recipes are drawn: mostly moderate, in every respect now and then at an end of what is allowed. Alternatives stand in
-//! the order in which a failure shrinks: the plainest first.
+//! How recipes are drawn: mostly moderate values, sometimes the least or greatest that is allowed. Alternatives are
+//! listed in the order in which a failure shrinks: the simplest one first.
 
 use proptest::bool::weighted;
 use proptest::collection::vec;
@@ -22,7 +22,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
         let (rigidity, mask, mut settings, options) = maps;
         let (frames, output, threads, then) = runs;
         if matches!(rigidity, Rigidity::Vertices(_)) {
-            // Without a map's size the grid would have 1024 cells a side.
+            // Without a map the default grid would have 1024 cells a side.
             settings.grid = settings.grid.map(|n| Some(n.unwrap_or(0).max(16)));
         }
         Recipe {
@@ -44,7 +44,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
     })
 }
 
-/// A size that is nearly as often small as large.
+/// A log-uniform number between 10^low and 10^high.
 fn magnitude(low: f32, high: f32) -> impl Strategy<Value = f32> + Clone {
     (low..=high).prop_map(|exponent| 10f32.powf(exponent))
 }
@@ -68,7 +68,7 @@ fn piece() -> impl Strategy<Value = Piece> {
         2 => (3..=9u32).prop_map(Shape::Fan),
         1 => (3..=7u32).prop_map(Shape::Polygon),
     ];
-    // Large, a few texels, slivers; now and then over the tile's border into the next one, or beyond all of them.
+    // Large ones, some of a few texels, slivers; sometimes across the tile's border, or outside of all tiles.
     let size = prop_oneof![
         12 => [0.3..0.95f32, 0.3..0.95f32],
         2 => [0.02..0.3f32, 0.02..0.3f32],
@@ -144,7 +144,7 @@ fn rigidity() -> impl Strategy<Value = Rigidity> {
 fn settings() -> impl Strategy<Value = TileSettings> {
     let cells = || prop_oneof![4 => Just(16u32), 4 => Just(32), 2 => Just(48), 1 => 1..48u32, 1 => Just(0)];
     let overlap = prop_oneof![Just(Overlap::Fixed), Just(Overlap::FirstFace)];
-    // All of a weight's range, 10^-6 to 10^6.
+    // The whole range of a weight, 10^-6 to 10^6.
     let weight = || prop_oneof![1 => Just(0.0f32), 4 => magnitude(-6.0, 5.99)];
     let default = TileSettings::default();
     let weights = prop_oneof![
