@@ -1,16 +1,18 @@
-//! The surface map f: UV -> object space, exactly on the triangles and in f64: what the reference solver and the
-//! strain on the mesh rest on. It shares no numbers with the solver's own f32 surface.
+//! The exact surface map f from the UV plane to space (method §2), affine on each triangle, in f64, with point
+//! location. The reference solver and the strain on the mesh use it. It shares no numbers with the solver's own f32
+//! surface.
 
 use crate::mesh::{NONE, TileMesh};
 
-/// Barycentrics down to this count as inside: a point on an edge belongs to either side.
+/// Barycentric coordinates of at least minus this count as inside: a point on an edge belongs to the triangles on both
+/// sides.
 const SLACK: f64 = 1e-12;
 
 /// A triangle in the UV plane, in cells.
 #[derive(Clone, Copy, Debug)]
 struct UvTriangle {
     origin: [f64; 2],
-    /// Rows that take an offset from `origin` to the barycentrics of corners 1 and 2.
+    /// Rows of the 2x2 matrix that takes an offset from `origin` to the barycentric coordinates of corners 1 and 2.
     barycentric: [[f64; 2]; 2],
     neighbours: [u32; 3],
 }
@@ -35,7 +37,7 @@ pub(crate) struct Locator {
 }
 
 impl Locator {
-    /// `under` is the triangle under each of the (nx + 1) x (ny + 1) nodes.
+    /// `under` holds the triangle under each of the (nx + 1) x (ny + 1) nodes, or `NONE`.
     pub fn new(tile: &TileMesh, nx: usize, ny: usize, under: Vec<u32>) -> Locator {
         let triangles = tile
             .triangles
@@ -59,34 +61,35 @@ impl Locator {
         self.under[j * (self.nx + 1) + i]
     }
 
-    /// The triangle of the chart of `home` under a point given in cells. The walk starts under the nearest node. A
-    /// walk can be stopped by the border of a chart that is not convex; it then starts again from the other corners
-    /// of the point's cell and from `home`, and at last all triangles are searched for the one that contains the
-    /// point best (a point on the border may lie outside all of them by rounding).
+    /// The triangle under a point given in cells, in the chart of the triangle `home`. The walk starts at the triangle
+    /// under the nearest node. The border of a chart that is not convex may stop it; it then starts again at the
+    /// corners of the point's cell and at `home`. At last all triangles of the chart are searched for the one that
+    /// contains the point best (by rounding, a point on the border may lie outside of all of them).
     pub fn find(&self, at: [f64; 2], home: u32) -> u32 {
         let chart = self.chart_of[home as usize];
         let clamp = |x: f64, n: usize| x.clamp(0.0, n as f64) as usize;
-        let start = |x: f64, y: f64| {
+        let under_node = |x: f64, y: f64| {
             let t = self.under(clamp(x, self.nx), clamp(y, self.ny));
             (t != NONE && self.chart_of[t as usize] == chart).then_some(t)
         };
-        let nearest = start(at[0].round(), at[1].round()).unwrap_or(home);
+        let nearest = under_node(at[0].round(), at[1].round()).unwrap_or(home);
         if let Some(t) = self.walk(nearest, at) {
             return t;
         }
         let (x, y) = (at[0].floor(), at[1].floor());
         for corner in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
-            if let Some(t) = start(corner.0, corner.1).and_then(|t| self.walk(t, at)) {
+            if let Some(t) = under_node(corner.0, corner.1).and_then(|t| self.walk(t, at)) {
                 return t;
             }
         }
         self.walk(home, at).unwrap_or_else(|| self.search(chart, at))
     }
 
-    /// Crosses the edge that the point lies furthest beyond, until it lies beyond none.
+    /// Crosses the edge opposite to the most negative barycentric coordinate (where it has a neighbour) until none is
+    /// negative. `None` if there is no such edge, or after too many steps.
     fn walk(&self, start: u32, at: [f64; 2]) -> Option<u32> {
         let mut t = start;
-        // Such a walk can go round in circles in badly shaped triangles.
+        // On badly shaped triangles such a walk may go round in circles.
         for _ in 0..1000 {
             let triangle = &self.triangles[t as usize];
             let l = triangle.barycentrics(at);
@@ -102,6 +105,7 @@ impl Locator {
         None
     }
 
+    /// The triangle of a chart whose least barycentric coordinate of the point is the greatest.
     fn search(&self, chart: u32, at: [f64; 2]) -> u32 {
         let depth = |t: usize| self.triangles[t].barycentrics(at).into_iter().fold(f64::INFINITY, f64::min);
         let first = self.chart_of.partition_point(|&c| c < chart);
@@ -110,8 +114,8 @@ impl Locator {
     }
 }
 
-/// f in D dimensions: affine on each triangle, relative to the first vertex of its chart, so that a mesh far away
-/// from the origin loses no digits.
+/// f in D dimensions: affine on each triangle, and relative to the first vertex of its chart, so that a mesh far from
+/// the origin loses no digits.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface<const D: usize> {
     triangles: Vec<Affine<D>>,
@@ -126,7 +130,7 @@ struct Affine<const D: usize> {
 }
 
 impl<const D: usize> Surface<D> {
-    /// `position` gives a mesh vertex in object space.
+    /// `position(v)` is the position of vertex v of the mesh.
     pub fn new(tile: &TileMesh, locator: &Locator, position: impl Fn(usize) -> [f64; D]) -> Surface<D> {
         let mut triangles = Vec::with_capacity(tile.triangles.len());
         for chart in &tile.charts {

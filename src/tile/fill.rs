@@ -1,10 +1,12 @@
-//! Which integer points lie in a triangle: nodes under UV triangles, texel centres under warped cells.
+//! The integer points in a triangle: nodes under triangles of the UV plane (method §1), texel centres under warped
+//! cells (method §9).
 
-/// Integer points in a triangle, with a top-left rule. An edge is always evaluated from its lower to its higher
-/// end, so two triangles that share it see the same number and a node falls to exactly one of them.
+/// A triangle whose integer points are wanted. A point on an edge counts as moved by (h, h²) with an infinitesimal
+/// h > 0. An edge is always evaluated from its lower to its higher end, so that two triangles that share it obtain the
+/// same number, and a point falls to exactly one of them.
 pub struct Fill {
     corners: [[f64; 2]; 3],
-    /// +1 or -1: the winding.
+    /// 1 if the corners turn left, -1 if they turn right.
     sign: f64,
 }
 
@@ -15,8 +17,8 @@ impl Fill {
         Fill { corners, sign: if area < 0.0 { -1.0 } else { 1.0 } }
     }
 
-    /// Calls `f(i, j, true)` for points of 0..width x 0..height inside by the rule, `f(i, j, false)` for other points of
-    /// the closed triangle.
+    /// Calls `f(i, j, true)` for the points of 0..width x 0..height that are inside by this rule, and `f(i, j, false)`
+    /// for the other points of the closed triangle.
     pub fn visit(&self, width: usize, height: usize, mut f: impl FnMut(usize, usize, bool)) {
         let ys = self.corners.map(|c| c[1]);
         let low = ys.iter().copied().fold(f64::INFINITY, f64::min).ceil().max(0.0);
@@ -37,7 +39,7 @@ impl Fill {
         }
     }
 
-    /// The triangle's extent on a row.
+    /// The triangle's extent along x on the row `y`.
     fn span(&self, y: f64) -> (f64, f64) {
         let mut span = (f64::INFINITY, f64::NEG_INFINITY);
         for k in 0..3 {
@@ -56,9 +58,9 @@ impl Fill {
         span
     }
 
-    /// `Some(true)` inside by the rule, `Some(false)` on an edge that is not ours, `None` outside.
+    /// `Some(true)` inside by the rule, `Some(false)` on an edge but outside by the rule, `None` outside.
     fn contains(&self, x: f64, y: f64) -> Option<bool> {
-        let mut ours = true;
+        let mut inside = true;
         for k in 0..3 {
             let (mut a, mut b) = (self.corners[k], self.corners[(k + 1) % 3]);
             let mut sign = self.sign;
@@ -71,11 +73,12 @@ impl Fill {
                 return None;
             }
             if side == 0.0 {
-                // From low to high with the inside on its left: a right edge, or (horizontal) a lower one.
-                let first = if a[1] == b[1] { sign > 0.0 } else { sign < 0.0 };
-                ours &= first;
+                // If the sign is positive, the inside is to the left of the edge from its lower to its higher end: it
+                // is a right edge or, if horizontal, a lower one. Left and lower edges belong to the triangle.
+                let is_owned = if a[1] == b[1] { sign > 0.0 } else { sign < 0.0 };
+                inside &= is_owned;
             }
         }
-        Some(ours)
+        Some(inside)
     }
 }

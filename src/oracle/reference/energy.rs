@@ -1,22 +1,23 @@
-//! E of a chart (DESIGN 5), its exact gradient, and its Gauss-Newton system.
+//! The energy E of a chart (method §4), its exact gradient, and its Gauss-Newton matrix. Here these are derivatives of
+//! E, not halves of them.
 //!
-//! With v = f(W_b) - f(W_a), L = |v|, v^ = v/L and T = df/dW at each end, an edge's distortion w (L - l)²/l² has
-//!   dE/dv  = 2w (L - l)/l² v^                 so each end is pulled along its own tangent plane: ± T'(dE/dv)
-//!   d²E/dv² = 2w/l² [v^v^' + (1 - l/L)(I - v^v^')]
-//! of which the second part, the curvature of a chord under tension, is kept where it is positive.
+//! With v = f(W_b) - f(W_a), L = |v|, v^ = v/L and T = df/dW at each end, the distortion w (L - l)²/l² of an edge has
+//!   dE/dv   = 2w (L - l)/l² v^, so that each end is pulled in its own tangent plane by ± T'(dE/dv), and
+//!   d²E/dv² = 2w/l² [v^v^' + (1 - l/L)(I - v^v^')],
+//! whose second part, the curvature of a chord under tension, is kept in the matrix where it is positive.
 
 use super::chart::{ChartProblem, DIM};
 use super::linear::Stencil;
 use crate::oracle::exact::{Locator, Surface};
 use crate::settings::TileSettings;
 
-/// No corner Jacobian of a result is less.
+/// ε: no corner Jacobian of a result is less.
 pub(super) const BOUND: f64 = 0.02;
 
-/// The barrier begins at this distance from the bound: a warp with room never feels it.
+/// The barrier is 0 for Jacobians that exceed the bound by this or more, so that it has no effect on a warp with room.
 pub(super) const BARRIER_WIDTH: f64 = 0.1;
 
-/// An edge (a, b) of the 8-connected grid, kind as in `EDGES`.
+/// An edge (a, b) between two nodes that are neighbours among eight.
 pub(super) struct Edge {
     pub a: u32,
     pub b: u32,
@@ -26,15 +27,15 @@ pub(super) struct Edge {
     pub smooth: f64,
     /// κ / |d0|².
     pub orientation: f64,
-    /// n0.
+    /// ν: the unit normal of the edge's offset at rest.
     pub normal: [f64; 2],
-    /// l.
+    /// l: the rest length.
     pub length: f64,
     /// 1 / max(l, floor).
     pub inverse: f64,
 }
 
-/// What the room term makes of a corner Jacobian, with the barrier that the solver adds on its way.
+/// The room term as a function of a corner Jacobian, with the barrier that is added during the minimisation.
 #[derive(Clone, Copy)]
 pub(super) struct Law {
     room: f64,
@@ -48,14 +49,14 @@ impl Law {
         Law { room: f64::from(settings.room), threshold: f64::from(settings.room_threshold), barrier: 0.0 }
     }
 
-    /// Value, first and (positive part of the) second derivative with respect to J.
+    /// The value, its first derivative, and the positive part of its second derivative with respect to J.
     ///
     /// The barrier is that of Li et al., "Incremental Potential Contact" (2020), eq. 6: -(s - 1)² ln s with
-    /// s = (J - ε) / width, twice differentiable, and exactly 0 from s = 1 on.
+    /// s = (J - ε) / `BARRIER_WIDTH`: twice differentiable, and exactly 0 from s = 1 on.
     fn of(&self, j: f64) -> (f64, f64, f64) {
-        let lack = (self.threshold - j).max(0.0);
-        let mut value = (self.room * lack * lack, -2.0 * self.room * lack, 0.0);
-        if lack > 0.0 {
+        let deficit = (self.threshold - j).max(0.0);
+        let mut value = (self.room * deficit * deficit, -2.0 * self.room * deficit, 0.0);
+        if deficit > 0.0 {
             value.2 = 2.0 * self.room;
         }
         let s = (j - BOUND) / BARRIER_WIDTH;
@@ -80,23 +81,26 @@ pub(super) struct Sample {
     pub position: [f64; DIM],
 }
 
-/// The surface that lengths are measured on, with the means to find a point on it.
+/// The surface on which lengths are measured, with its point location.
 pub(super) struct Shape<'a> {
     pub locator: &'a Locator,
     pub surface: &'a Surface<DIM>,
 }
 
-/// First and second derivative of an edge.
+/// First and second derivative of an edge's distortion with respect to v.
 struct EdgeLaw {
     /// dE/dv.
     force: [f64; DIM],
+    /// v^.
     unit: [f64; DIM],
+    /// Second derivative along v.
     along: f64,
+    /// Second derivative across v, where it is positive, else 0.
     across: f64,
 }
 
 impl ChartProblem {
-    /// The surface under node `n` displaced by `u`.
+    /// The sample of the surface at node `n` displaced by `u`.
     pub fn sample(&self, shape: &Shape, n: usize, u: [f64; 2]) -> Sample {
         let place = self.place(n);
         let at = [place[0] + u[0], place[1] + u[1]];
@@ -104,7 +108,7 @@ impl ChartProblem {
         Sample { triangle, position: shape.surface.at(triangle, at) }
     }
 
-    /// The surface under all nodes that matter.
+    /// The samples at all touched nodes.
     pub fn samples(&self, shape: &Shape, u: &[[f64; 2]]) -> Vec<Sample> {
         let mut samples = vec![Sample::default(); u.len()];
         for &n in &self.touched {
@@ -123,6 +127,7 @@ impl ChartProblem {
             + edge.orientation * turn * turn
     }
 
+    /// The derivatives of one edge's distortion.
     fn edge_law(&self, edge: &Edge, p: &[f64; DIM], q: &[f64; DIM]) -> EdgeLaw {
         let v: [f64; DIM] = std::array::from_fn(|k| q[k] - p[k]);
         let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -133,7 +138,7 @@ impl ChartProblem {
         EdgeLaw { force, unit, along, across }
     }
 
-    /// E, with the barrier if there is one.
+    /// The energy, with the barrier if its strength is not 0.
     pub fn energy(&self, u: &[[f64; 2]], samples: &[Sample]) -> f64 {
         let mut sum = 0.0;
         for edge in &self.edges {
@@ -145,7 +150,7 @@ impl ChartProblem {
         sum
     }
 
-    /// Calls `f` with every corner Jacobian that counts.
+    /// Calls `f` with the Jacobian of every corner that counts.
     pub fn each_jacobian(&self, u: &[[f64; 2]], mut f: impl FnMut(f64)) {
         for &cell in &self.cells {
             for corner in self.corners(cell as usize).filter(|&c| self.counts(c)) {
@@ -154,7 +159,7 @@ impl ChartProblem {
         }
     }
 
-    /// The gradient of E, and (if asked) its Gauss-Newton matrix.
+    /// The gradient of the energy. Sets `matrix`, if there is one, to its Gauss-Newton matrix.
     pub fn gradient(
         &self,
         shape: &Shape,
@@ -173,7 +178,7 @@ impl ChartProblem {
             let d = [0, 1].map(|c| u[ends[1]][c] - u[ends[0]][c]);
             let soft = edge.soft();
             let pull = [0, 1].map(|c| soft[c][0] * d[0] + soft[c][1] * d[1]);
-            // T'v^ of both ends.
+            // T'v^ at both ends.
             let slope = tangents.map(|t| [dot(&t[0], &law.unit), dot(&t[1], &law.unit)]);
             for (p, sign) in [(0, -1.0), (1, 1.0)] {
                 for c in 0..2 {
@@ -227,7 +232,7 @@ impl ChartProblem {
         gradient
     }
 
-    /// Energy of all edges and corners of one movable node.
+    /// Energy of all edges and corners of one movable node, displaced by `at` with the sample `s`.
     pub fn node_energy(&self, samples: &[Sample], u: &[[f64; 2]], n: usize, at: [f64; 2], s: &Sample) -> f64 {
         let mut sum = 0.0;
         for &e in &self.edges_of[n] {
@@ -281,7 +286,7 @@ impl ChartProblem {
         (g, h)
     }
 
-    /// The 12 corners that move with a node.
+    /// The twelve corners whose Jacobians depend on a node.
     pub fn corners_of(&self, n: usize) -> impl Iterator<Item = super::chart::Corner> + '_ {
         let width = self.width();
         [n - width - 1, n - width, n - 1, n]
@@ -290,6 +295,7 @@ impl ChartProblem {
             .filter(move |c| c.nodes.contains(&n))
     }
 
+    /// Index of node `m` in the stencil of node `n`.
     fn stencil_index(&self, n: usize, m: usize) -> usize {
         let width = self.width();
         (m / width + 1 - n / width) * 3 + m % width + 1 - n % width
@@ -297,11 +303,12 @@ impl ChartProblem {
 }
 
 impl Edge {
+    /// The end that is not `n`.
     fn other(&self, n: usize) -> usize {
         if self.a as usize == n { self.b as usize } else { self.a as usize }
     }
 
-    /// Second derivative of the smoothness and orientation terms with respect to d.
+    /// Second derivative of the smoothness and orientation terms with respect to the edge's offset.
     fn soft(&self) -> [[f64; 2]; 2] {
         let (s, o, n) = (2.0 * self.smooth, 2.0 * self.orientation, self.normal);
         [[s + o * n[0] * n[0], o * n[0] * n[1]], [o * n[0] * n[1], s + o * n[1] * n[1]]]

@@ -1,17 +1,18 @@
-//! A x = b for the 9-point system of 2x2 blocks: conjugate gradients, preconditioned with a Galerkin V(2,2) cycle of
-//! block Gauss-Seidel.
+//! The solution of A x = b, where A has nine points and 2x2 blocks: conjugate gradients, preconditioned with a V(2,2)
+//! cycle of block Gauss-Seidel and Galerkin products.
 
 /// A 2x2 block, row by row.
 pub(super) type Block = [f64; 4];
 
-/// The blocks that couple a node to its 3x3 neighbourhood, itself at 4.
+/// The blocks that couple a node with the 3x3 nodes around it, itself at 4.
 pub(super) type Stencil = [Block; 9];
 
+/// m v.
 pub(super) fn times(m: &Block, v: [f64; 2]) -> [f64; 2] {
     [m[0] * v[0] + m[1] * v[1], m[2] * v[0] + m[3] * v[1]]
 }
 
-/// The inverse of a symmetric positive block.
+/// The inverse of a symmetric positive definite block; 0 for another one.
 pub(super) fn inverse(m: &Block) -> Block {
     let det = m[0] * m[3] - m[1] * m[2];
     if det > 0.0 { [m[3] / det, -m[1] / det, -m[2] / det, m[0] / det] } else { [0.0; 4] }
@@ -19,7 +20,7 @@ pub(super) fn inverse(m: &Block) -> Block {
 
 struct Level {
     width: usize,
-    /// Movable nodes, in order; all others are 0.
+    /// Movable nodes, in order; x is 0 at all others.
     nodes: Vec<u32>,
     matrix: Vec<Stencil>,
     inverse: Vec<Block>,
@@ -27,8 +28,8 @@ struct Level {
     b: Vec<[f64; 2]>,
 }
 
-/// The levels of one chart's grid. Coarse nodes exist where all 3x3 finer nodes move (the paper's eq. 8), so bilinear
-/// interpolation never moves a fixed node.
+/// The levels of one chart's grid. A coarse node may move if all 3x3 finer nodes around it may (the paper's eq. 8), so
+/// that bilinear interpolation never moves a fixed node.
 pub(super) struct Multigrid {
     levels: Vec<Level>,
     /// Per finer level, for each of its nodes: up to four coarser nodes with their weights.
@@ -38,7 +39,7 @@ pub(super) struct Multigrid {
 const NO_PARENT: (u32, f64) = (0, 0.0);
 
 impl Multigrid {
-    /// `movable` holds (nx + 1) x (ny + 1) nodes, false on the rim.
+    /// `movable` has (nx + 1) x (ny + 1) entries, false on the rim.
     pub fn new(nx: usize, ny: usize, movable: &[bool]) -> Multigrid {
         let mut levels = Vec::new();
         let mut parents = Vec::new();
@@ -71,7 +72,7 @@ impl Multigrid {
                 let mut list = [NO_PARENT; 4];
                 for (k, entry) in list.iter_mut().enumerate() {
                     let (di, dj) = (k % 2, k / 2);
-                    // An even node has one parent on an axis, an odd one two.
+                    // A node with an even index on an axis has one parent along it, one with an odd index two.
                     if di > i % 2 || dj > j % 2 {
                         continue;
                     }
@@ -107,7 +108,8 @@ impl Multigrid {
         }
     }
 
-    /// Solves A x = b until the residual is `tolerance` of b, or for `most` iterations.
+    /// Solves A x = b until the norm of the residual is at most `tolerance` times that of b, in at most `most`
+    /// iterations.
     pub fn solve(&mut self, b: &[[f64; 2]], tolerance: f64, most: usize) -> Vec<[f64; 2]> {
         let dot = |x: &[[f64; 2]], y: &[[f64; 2]]| -> f64 {
             x.iter().zip(y).map(|(x, y)| x[0] * y[0] + x[1] * y[1]).sum()
@@ -145,7 +147,7 @@ impl Multigrid {
         x
     }
 
-    /// One symmetric V(2,2) cycle for A z = r from 0.
+    /// Approximates the solution of A z = r by one symmetric V(2,2) cycle from 0.
     fn cycle(&mut self, r: &[[f64; 2]]) -> Vec<[f64; 2]> {
         self.levels[0].b.copy_from_slice(r);
         for k in 0..self.levels.len() {
@@ -184,7 +186,7 @@ impl Multigrid {
     }
 }
 
-/// coarser.matrix = P' finer.matrix P. Bilinear P keeps it 9-point.
+/// Sets coarser.matrix to P' finer.matrix P. With bilinear P it has nine points again.
 fn product(finer: &Level, parents: &[[(u32, f64); 4]], coarser: &mut Level) {
     coarser.matrix.fill([[0.0; 4]; 9]);
     for &n in &finer.nodes {
@@ -206,12 +208,13 @@ fn product(finer: &Level, parents: &[[(u32, f64); 4]], coarser: &mut Level) {
     }
 }
 
-/// Neighbour `k` of the 3x3 around node `n`.
+/// Node `k` of the 3x3 nodes around node `n`.
 pub(super) fn neighbour(n: usize, k: usize, width: usize) -> usize {
     n + (k / 3) * width + k % 3 - width - 1
 }
 
 impl Level {
+    /// b - A x at node `n`.
     fn residual(&self, n: usize) -> [f64; 2] {
         let mut r = self.b[n];
         for (k, block) in self.matrix[n].iter().enumerate() {
@@ -239,6 +242,7 @@ impl Level {
         }
     }
 
+    /// A p.
     fn apply(&self, p: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let mut q = vec![[0.0; 2]; p.len()];
         for &n in &self.nodes {

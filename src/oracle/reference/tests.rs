@@ -253,7 +253,7 @@ fn strips_meet_their_closed_form() {
         let (gap, error) = (minimum.energy / discrete - 1.0, minimum.energy / continuum - 1.0);
         assert!(minimum.converged);
         assert!(gap.abs() < 1e-3, "{n}: {} {discrete}", minimum.energy);
-        // Where each material point goes: y, the sum of the rest lengths and strains so far.
+        // The place of each material point: y is the sum of the lengths up to it.
         let mut y = 0.0;
         for i in 1..n {
             let w = rigidity(i - 1).max(rigidity(i));
@@ -275,8 +275,8 @@ fn a_minimum_is_one() {
         let found = problem.minimise(None, &Options::default());
         assert!(found.converged && found.energy < 0.5 * before, "{before} {}", found.energy);
         assert!((problem.energy(&found.u) / found.energy - 1.0).abs() < 1e-12);
-        // The same from elsewhere, but for the kinks at triangle edges: on the bulge each end has its own, and their
-        // energies spread by 4e-4 of what there is to gain.
+        // The same minimum from another start, except for the kinks at triangle edges: on the bulge each end has its
+        // own, and their energies spread by 4e-4 of what there is to gain.
         let again = problem.minimise(Some(&shaken(&problem, 0.2, 5)), &Options::default());
         assert!(
             (again.energy - found.energy).abs() < 1e-3 * (before - found.energy),
