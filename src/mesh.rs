@@ -1,10 +1,13 @@
 //! The validated mesh: triangles, UV corners, tiles and charts (method §1), from a host's arrays.
 
 mod charts;
+pub(crate) mod triangle;
 mod triangulate;
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
+
+use glam::DVec2;
 
 use crate::error::{Error, Result};
 use crate::report::AssetInfo;
@@ -43,7 +46,7 @@ pub(crate) struct Triangle {
     /// Its corners' vertices, as indices into `Chart::vertices`.
     pub local: [u32; 3],
     /// Its corners' UVs within the tile (0..1 inside it).
-    pub uv: [[f64; 2]; 3],
+    pub uv: [DVec2; 3],
     /// The triangle across the edge opposite to each corner, or `NONE` on the chart's border.
     pub neighbours: [u32; 3],
 }
@@ -104,7 +107,7 @@ struct RawTriangle {
     /// Numbers of its UV corners; see `Weld`.
     welded: [u32; 3],
     /// UVs within the tile.
-    uv: [[f64; 2]; 3],
+    uv: [DVec2; 3],
 }
 
 impl Mesh {
@@ -134,11 +137,9 @@ impl Mesh {
                 udims.extend(face.map(|_| NONE));
                 continue;
             };
-            let local: Vec<[f64; 2]> = polygon
-                .iter()
-                .map(|uv| [f64::from(uv[0]) - origin[0], f64::from(uv[1]) - origin[1]])
-                .collect();
-            if local.iter().flatten().any(|x| !(0.0..=1.0).contains(x)) {
+            let local: Vec<DVec2> =
+                polygon.iter().map(|uv| DVec2::from(uv.map(f64::from)) - origin).collect();
+            if local.iter().any(|uv| uv.to_array().iter().any(|x| !(0.0..=1.0).contains(x))) {
                 info.clipped_faces += 1;
             }
             corners.extend(polygon.iter().map(|&uv| Corner { tile: NONE, chart: NONE, uv }));
@@ -147,7 +148,7 @@ impl Mesh {
                 face.clone().map(|c| weld.id(&rest[source.indices[c] as usize], &uvs(c))).collect();
             let triangles = raw.entry(udim).or_default();
             for [a, b, c] in triangulate::polygon(&local) {
-                if triangulate::is_degenerate(&[local[a], local[b], local[c]]) {
+                if triangulate::is_degenerate([local[a], local[b], local[c]]) {
                     info.degenerate_triangles += 1;
                     continue;
                 }
@@ -276,12 +277,13 @@ fn check_indices(name: &str, indices: &[u32], what: &str, count: usize) -> Resul
 }
 
 /// The UDIM tile that holds a face's UV centroid, and that tile's lower corner.
-fn tile_of(polygon: &[[f32; 2]]) -> Option<(u32, [f64; 2])> {
+fn tile_of(polygon: &[[f32; 2]]) -> Option<(u32, DVec2)> {
     let centre =
         |axis: usize| polygon.iter().map(|uv| f64::from(uv[axis])).sum::<f64>() / polygon.len() as f64;
     let (u, v) = (centre(0).floor(), centre(1).floor());
     // UDIM tiles have ten columns; 900 rows are more than any pipeline uses.
-    ((0.0..10.0).contains(&u) && (0.0..900.0).contains(&v)).then(|| (1001 + u as u32 + 10 * v as u32, [u, v]))
+    ((0.0..10.0).contains(&u) && (0.0..900.0).contains(&v))
+        .then(|| (1001 + u as u32 + 10 * v as u32, DVec2::new(u, v)))
 }
 
 /// Numbers UV corners: the same rest position with the same UV is the same corner, whatever indices a host uses.

@@ -12,6 +12,8 @@ pub(crate) mod metric;
 pub(crate) mod pose;
 pub(crate) mod pyramid;
 
+use glam::DVec2;
+
 use crate::image::Map;
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::settings::{MAX_GRID, TileSettings};
@@ -335,16 +337,17 @@ fn vertex_rigidity(mesh: &Mesh, tile: &TileMesh, coverage: &Coverage, values: &[
 
 /// The triangles of a tile, prepared for point location on a grid of nx by ny cells.
 fn uv_triangles(tile: &TileMesh, nx: usize, ny: usize) -> Vec<UvTriangle> {
+    let cells = DVec2::new(nx as f64, ny as f64);
     tile.triangles
         .iter()
         .map(|t| {
-            let [a, b, c] = t.uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
-            let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-            let det = e1[0] * e2[1] - e1[1] * e2[0];
-            let row = |x: f64, y: f64| [(x / det) as f32, (y / det) as f32];
+            let [a, b, c] = t.uv.map(|uv| uv * cells);
+            let (e1, e2) = (b - a, c - a);
+            let det = e1.perp_dot(e2);
+            let single = |v: DVec2| v.to_array().map(|x| x as f32);
             UvTriangle {
-                origin: a.map(|x| x as f32),
-                barycentric: [row(e2[1], -e2[0]), row(-e1[1], e1[0])],
+                origin: single(a),
+                barycentric: [single(-e2.perp() / det), single(e1.perp() / det)],
                 neighbours: t.neighbours,
             }
         })

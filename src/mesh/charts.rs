@@ -1,6 +1,7 @@
 //! The charts of a tile (method §1), from its triangles: which of them are neighbours in the UV plane, and the
 //! connected components of this relation.
 
+use super::triangle::doubled_area;
 use super::{Chart, NONE, RawTriangle, TileMesh, Triangle};
 
 /// Builds a tile from its triangles, which it sorts by chart. Also returns the chart of each triangle, in the order of `raw`.
@@ -75,8 +76,7 @@ fn side(triangle: &RawTriangle, k: u8) -> f64 {
     if triangle.welded[a] > triangle.welded[b] {
         (a, b) = (b, a);
     }
-    let [a, b, c] = [a, b, k].map(|i| triangle.uv[i]);
-    ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).signum()
+    doubled_area([a, b, k].map(|i| triangle.uv[i])).signum()
 }
 
 /// Per triangle, the number of its connected component. Components are numbered in the order of their first triangles.

@@ -1,22 +1,21 @@
 //! Triangulation of polygons, and the test for degenerate triangles, in the UV plane (method §1).
 
-/// Twice the signed area of a triangle.
-fn cross(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
-    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-}
+use glam::DVec2;
+
+use super::triangle::doubled_area;
 
 /// True for a triangle without area, or so thin that f32 UVs do not determine on which side of an edge the third corner
 /// lies.
-pub fn is_degenerate(uv: &[[f64; 2]; 3]) -> bool {
-    let length2 = |a: [f64; 2], b: [f64; 2]| (b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2);
-    let longest2 = length2(uv[0], uv[1]).max(length2(uv[1], uv[2])).max(length2(uv[2], uv[0]));
-    cross(uv[0], uv[1], uv[2]).abs() <= 1e-7 * longest2
+pub fn is_degenerate(uv: [DVec2; 3]) -> bool {
+    let length2 = |a: usize, b: usize| uv[a].distance_squared(uv[b]);
+    let longest2 = length2(0, 1).max(length2(1, 2)).max(length2(2, 0));
+    doubled_area(uv).abs() <= 1e-7 * longest2
 }
 
 /// Triangulates a polygon by ear clipping; a convex one becomes the fan around its first corner.
-pub fn polygon(uv: &[[f64; 2]]) -> Vec<[usize; 3]> {
+pub fn polygon(uv: &[DVec2]) -> Vec<[usize; 3]> {
     let n = uv.len();
-    let area: f64 = (1..n - 1).map(|k| cross(uv[0], uv[k], uv[k + 1])).sum();
+    let area: f64 = (1..n - 1).map(|k| doubled_area([uv[0], uv[k], uv[k + 1]])).sum();
     let sign = if area < 0.0 { -1.0 } else { 1.0 };
     let mut open: Vec<usize> = (0..n).collect();
     let mut triangles = Vec::with_capacity(n - 2);
@@ -24,12 +23,10 @@ pub fn polygon(uv: &[[f64; 2]]) -> Vec<[usize; 3]> {
         let m = open.len();
         let is_ear = |k: usize| {
             let [a, b, c] = [open[(k + m - 1) % m], open[k], open[(k + 1) % m]];
-            let inside = |p: [f64; 2]| {
-                sign * cross(uv[a], uv[b], p) >= 0.0
-                    && sign * cross(uv[b], uv[c], p) >= 0.0
-                    && sign * cross(uv[c], uv[a], p) >= 0.0
+            let inside = |p: DVec2| {
+                [(a, b), (b, c), (c, a)].iter().all(|&(i, j)| sign * doubled_area([uv[i], uv[j], p]) >= 0.0)
             };
-            sign * cross(uv[a], uv[b], uv[c]) > 0.0
+            sign * doubled_area([uv[a], uv[b], uv[c]]) > 0.0
                 // Points equal to a corner are skipped: a polygon with holes comes with bridges, whose points occur
                 // twice.
                 && !open.iter().any(|&p| ![uv[a], uv[b], uv[c]].contains(&uv[p]) && inside(uv[p]))

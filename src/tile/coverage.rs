@@ -1,6 +1,8 @@
 //! Coverage of a tile's grid (method §1), from the UVs of its triangles: the triangle under each node, and the nodes
 //! whose four cells lie inside one chart.
 
+use glam::DVec2;
+
 use crate::mesh::{NONE, TileMesh};
 use crate::settings::Overlap;
 
@@ -28,14 +30,14 @@ impl Coverage {
     /// chart, charts by first face); with `Overlap::Fixed` such nodes are not interior.
     pub fn new(mesh: &TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverage {
         let width = nx + 1;
+        let cells = DVec2::new(nx as f64, ny as f64);
         let mut triangle = vec![NONE; width * (ny + 1)];
         let mut layered = vec![false; triangle.len()];
         // (node, triangle) for nodes on an edge that the fill rule does not give to this triangle. At the chart's upper
         // and right rim it gives them to no other triangle either.
         let mut rim = Vec::new();
         for (t, source) in mesh.triangles.iter().enumerate() {
-            let corners = source.uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
-            Fill::new(corners).visit(width, ny + 1, |i, j, inside| {
+            Fill::new(source.uv.map(|uv| uv * cells)).visit(width, ny + 1, |i, j, inside| {
                 let node = j * width + i;
                 match (inside, triangle[node]) {
                     (true, NONE) => triangle[node] = t as u32,
@@ -86,13 +88,13 @@ impl Coverage {
 
 /// Per cell, the chart whose border crosses its interior, `SEVERAL` for several charts, or `NONE`.
 fn borders(mesh: &TileMesh, nx: usize, ny: usize) -> Vec<u32> {
+    let size = DVec2::new(nx as f64, ny as f64);
     let mut cells = vec![NONE; nx * ny];
     for (c, chart) in mesh.charts.iter().enumerate() {
         for t in &mesh.triangles[chart.triangles.clone()] {
             for k in 0..3 {
                 if t.neighbours[k] == NONE {
-                    let [a, b] = [t.uv[(k + 1) % 3], t.uv[(k + 2) % 3]]
-                        .map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
+                    let [a, b] = [t.uv[(k + 1) % 3], t.uv[(k + 2) % 3]].map(|uv| uv * size);
                     cells_of_segment(a, b, nx, ny, |cell| {
                         let owner = &mut cells[cell];
                         *owner = if *owner == NONE || *owner == c as u32 { c as u32 } else { SEVERAL };
@@ -105,15 +107,15 @@ fn borders(mesh: &TileMesh, nx: usize, ny: usize) -> Vec<u32> {
 }
 
 /// Calls `f` for each cell whose open interior the segment from `a` to `b` crosses.
-fn cells_of_segment(a: [f64; 2], b: [f64; 2], nx: usize, ny: usize, mut f: impl FnMut(usize)) {
-    let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
-    let first = a[1].floor().max(0.0);
-    let last = (b[1].ceil() - 1.0).min(ny as f64 - 1.0);
+fn cells_of_segment(a: DVec2, b: DVec2, nx: usize, ny: usize, mut f: impl FnMut(usize)) {
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    let first = a.y.floor().max(0.0);
+    let last = (b.y.ceil() - 1.0).min(ny as f64 - 1.0);
     let mut row = first;
     while row <= last {
-        let at = |y: f64| a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1])).clamp(0.0, 1.0);
-        let level = a[1] == b[1];
-        let (x0, x1) = if level { (a[0], b[0]) } else { (at(row.max(a[1])), at((row + 1.0).min(b[1]))) };
+        let at = |y: f64| a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)).clamp(0.0, 1.0);
+        let level = a.y == b.y;
+        let (x0, x1) = if level { (a.x, b.x) } else { (at(row.max(a.y)), at((row + 1.0).min(b.y))) };
         let mut x = x0.min(x1).floor().max(0.0);
         let end = (x0.max(x1).ceil() - 1.0).min(nx as f64 - 1.0);
         while x <= end {
@@ -130,7 +132,7 @@ mod tests {
 
     fn cells(a: [f64; 2], b: [f64; 2]) -> Vec<usize> {
         let mut cells = Vec::new();
-        cells_of_segment(a, b, 8, 8, |cell| cells.push(cell));
+        cells_of_segment(a.into(), b.into(), 8, 8, |cell| cells.push(cell));
         cells
     }
 

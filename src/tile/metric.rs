@@ -1,10 +1,13 @@
 //! Metrics on the coarser levels (method §3), and rest lengths on all of them: exact chords on level 0 (method §2), arc
 //! lengths on the others.
 
+use glam::{DVec2, DVec3};
+
 use super::blocks::{Block, NODES, Plane, SIDE, slot};
 use super::codes::Lengths;
 use super::window::{self, WINDOW_NODES, Window, place};
 use super::{EDGES, FLOOR_SHARE, Grid, Level};
+use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, NONE, TileMesh};
 
 /// For each node of level 1, the triangles in its dual cell with their fractions of its covered area (method §3).
@@ -22,6 +25,7 @@ const DUAL_AREA: f64 = 4.0;
 impl Gather {
     /// Clips the triangles to the dual cells of level 1. Also returns that level's coverage, per block.
     pub(super) fn new(tile: &TileMesh, nx: usize, ny: usize, level: &Level) -> (Gather, Vec<Plane>) {
+        let cells = DVec2::new(nx as f64, ny as f64);
         // (node, triangle, area of the triangle in the node's dual cell).
         let mut pieces: Vec<(u32, u32, f32)> = Vec::new();
         for (c, chart) in tile.charts.iter().enumerate() {
@@ -29,11 +33,11 @@ impl Gather {
                 continue;
             }
             for t in chart.triangles.clone() {
-                let corners = tile.triangles[t].uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
-                each_dual_cell(&corners, level.nx, level.ny, |i, j| {
+                let corners = tile.triangles[t].uv.map(|uv| uv * cells);
+                each_dual_cell(corners, level.nx, level.ny, |i, j| {
                     let b = level.blocks.find(c as u32, i as i64 / SIDE as i64, j as i64 / SIDE as i64);
                     if b != NONE {
-                        let area = area_in_box(&corners, [2.0 * i as f64 - 1.0, 2.0 * j as f64 - 1.0]);
+                        let area = area_in_box(corners, 2.0 * DVec2::new(i as f64, j as f64) - 1.0);
                         if area > 0.0 {
                             let node = b * NODES as u32 + slot(i % SIDE, j % SIDE) as u32;
                             pieces.push((node, t as u32, area as f32));
@@ -98,7 +102,7 @@ impl Gather {
 }
 
 /// Calls `f` for each node of level 1 whose dual cell meets the triangle's bounding box.
-fn each_dual_cell(corners: &[[f64; 2]; 3], nx: usize, ny: usize, mut f: impl FnMut(usize, usize)) {
+fn each_dual_cell(corners: [DVec2; 3], nx: usize, ny: usize, mut f: impl FnMut(usize, usize)) {
     let range = |axis: usize, cells: usize| {
         let values = corners.map(|c| c[axis]);
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
@@ -117,19 +121,18 @@ fn each_dual_cell(corners: &[[f64; 2]; 3], nx: usize, ny: usize, mut f: impl FnM
 }
 
 /// Area of a triangle inside the box of side 2 whose lower corner is `low`, by Sutherland-Hodgman clipping.
-fn area_in_box(corners: &[[f64; 2]; 3], low: [f64; 2]) -> f64 {
-    let mut polygon: Vec<[f64; 2]> = corners.to_vec();
+fn area_in_box(corners: [DVec2; 3], low: DVec2) -> f64 {
+    let mut polygon = corners.to_vec();
     let mut clipped = Vec::with_capacity(8);
     for (axis, sign, bound) in
-        [(0, 1.0, low[0]), (0, -1.0, -low[0] - 2.0), (1, 1.0, low[1]), (1, -1.0, -low[1] - 2.0)]
+        [(0, 1.0, low.x), (0, -1.0, -low.x - 2.0), (1, 1.0, low.y), (1, -1.0, -low.y - 2.0)]
     {
         clipped.clear();
         for (k, &b) in polygon.iter().enumerate() {
             let a = polygon[(k + polygon.len() - 1) % polygon.len()];
             let (da, db) = (sign * a[axis] - bound, sign * b[axis] - bound);
             if (da < 0.0) != (db < 0.0) {
-                let s = da / (da - db);
-                clipped.push([a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])]);
+                clipped.push(a + da / (da - db) * (b - a));
             }
             if db >= 0.0 {
                 clipped.push(b);
@@ -143,7 +146,7 @@ fn area_in_box(corners: &[[f64; 2]; 3], low: [f64; 2]) -> f64 {
     let twice: f64 = (0..polygon.len())
         .map(|k| {
             let (a, b) = (polygon[k], polygon[(k + 1) % polygon.len()]);
-            (a[0] - low[0]) * (b[1] - low[1]) - (a[1] - low[1]) * (b[0] - low[0])
+            (a - low).perp_dot(b - low)
         })
         .sum();
     0.5 * twice.abs()
@@ -221,7 +224,7 @@ pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
     let mut exact: Vec<[Plane; 4]> = Vec::with_capacity(grid.levels[0].blocks.list.len());
     for b in 0..grid.levels[0].blocks.list.len() {
         let scale = scales[grid.levels[0].blocks.list[b].chart as usize];
-        exact.push(chords(grid, mesh, tile, [nx as f64, ny as f64], b, scale));
+        exact.push(chords(grid, mesh, tile, DVec2::new(nx as f64, ny as f64), b, scale));
     }
     let medians: Vec<f32> =
         (0..tile.charts.len()).map(|c| median_length(&grid.levels[0], &exact, c)).collect();
@@ -303,7 +306,7 @@ fn edges(f: impl Fn(usize, usize, (i64, i64)) -> f32) -> [Plane; 4] {
 
 /// Exact rest lengths of a block's edges on level 0 (method §2), in f64 from the mesh itself; inside one triangle from
 /// its edge vectors.
-fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, scale: f64) -> [Plane; 4] {
+fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: DVec2, b: usize, scale: f64) -> [Plane; 4] {
     let level = &grid.levels[0];
     let Block { x, y, chart, .. } = level.blocks.list[b];
     let mut triangles = [NONE; WINDOW_NODES];
@@ -317,32 +320,28 @@ fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, 
             return None;
         }
         let source = &tile.triangles[t as usize];
-        let [a, b, c] = source.uv.map(|uv| [uv[0] * cells[0], uv[1] * cells[1]]);
-        let [p, q, r] = source.local.map(|v| mesh.rest[vertices[v as usize] as usize]);
-        let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-        let det = e1[0] * e2[1] - e1[1] * e2[0];
-        let bary =
-            move |d: [f64; 2]| [(d[0] * e2[1] - d[1] * e2[0]) / det, (d[1] * e1[0] - d[0] * e1[1]) / det];
-        let in_space = move |d: [f64; 2]| {
-            let [l1, l2] = bary(d);
-            std::array::from_fn::<f64, 3, _>(|k| l1 * (q[k] - p[k]) + l2 * (r[k] - p[k]))
+        let [a, b, c] = source.uv.map(|uv| uv * cells);
+        let [p, q, r] = source.local.map(|v| DVec3::from(mesh.rest[vertices[v as usize] as usize]));
+        let in_space = move |d: DVec2| {
+            let [l1, l2] = barycentrics([DVec2::ZERO, b - a, c - a], d);
+            l1 * (q - p) + l2 * (r - p)
         };
-        let node = [(x as usize * SIDE + i) as f64 - 1.0 - a[0], (y as usize * SIDE + j) as f64 - 1.0 - a[1]];
-        Some((t, p, in_space(node), in_space))
+        let node = DVec2::new((x as usize * SIDE + i) as f64, (y as usize * SIDE + j) as f64) - 1.0;
+        Some((t, p, in_space(node - a), in_space))
     };
     // Scaled before it is squared: units of 1e300 must not overflow.
-    let norm = |v: [f64; 3]| v.iter().map(|x| (x * scale).powi(2)).sum::<f64>().sqrt();
+    let length = |v: DVec3| (v * scale).length();
     edges(|i, j, (di, dj)| {
         let other = ((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
-        let length = match (sample(i + 1, j + 1), sample(other.0, other.1)) {
-            (Some((s, _, _, in_space)), Some((t, ..))) if s == t => norm(in_space([di as f64, dj as f64])),
-            (Some((_, p, v, _)), Some((_, q, w, _))) => {
-                norm(std::array::from_fn(|k| (q[k] - p[k]) + (w[k] - v[k])))
+        let chord = match (sample(i + 1, j + 1), sample(other.0, other.1)) {
+            (Some((s, _, _, in_space)), Some((t, ..))) if s == t => {
+                length(in_space(DVec2::new(di as f64, dj as f64)))
             }
+            (Some((_, p, v, _)), Some((_, q, w, _))) => length((q - p) + (w - v)),
             // An end without a triangle of the chart: no movable node has this edge.
             _ => 0.0,
         };
-        length as f32
+        chord as f32
     })
 }
 
@@ -368,14 +367,15 @@ mod tests {
 
     #[test]
     fn clipped_areas_add_up_to_the_triangle() {
-        let corners = [[1.3, 2.1], [9.7, 3.2], [4.4, 11.9]];
+        let corners = [[1.3, 2.1], [9.7, 3.2], [4.4, 11.9]].map(DVec2::from);
         let mut sum = 0.0;
-        each_dual_cell(&corners, 10, 10, |i, j| {
-            sum += area_in_box(&corners, [2.0 * i as f64 - 1.0, 2.0 * j as f64 - 1.0]);
+        each_dual_cell(corners, 10, 10, |i, j| {
+            sum += area_in_box(corners, 2.0 * DVec2::new(i as f64, j as f64) - 1.0);
         });
         let exact: f64 = 0.5 * (8.4 * 9.8 - 1.1 * 3.1);
         assert!((sum - exact).abs() < 1e-9, "{sum} {exact}");
-        assert_eq!(area_in_box(&[[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]], [1.0, 1.0]), 4.0);
-        assert_eq!(area_in_box(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [5.0, 5.0]), 0.0);
+        let half_square = |side: f64| [DVec2::ZERO, side * DVec2::X, side * DVec2::Y];
+        assert_eq!(area_in_box(half_square(20.0), DVec2::splat(1.0)), 4.0);
+        assert_eq!(area_in_box(half_square(1.0), DVec2::splat(5.0)), 0.0);
     }
 }

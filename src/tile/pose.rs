@@ -1,6 +1,8 @@
 //! A pose as the solver sees it (method §1, Positions): each chart's vertices relative to its centre and in its own
 //! unit, and the triangles with their tangents (method §2).
 
+use glam::DVec3;
+
 use crate::mesh::TileMesh;
 
 /// Coordinates are clamped to this, in units of the chart: squares of lengths over rest lengths have to stay finite in
@@ -69,8 +71,8 @@ impl Pose {
     pub fn is_isometric(&self, rest: &Pose, tile: &TileMesh, c: usize) -> bool {
         let (pose, rest) = (&self.charts[c].positions, &rest.charts[c].positions);
         let length = |p: &[[f32; 3]], a: u32, b: u32| {
-            let (a, b) = (p[a as usize], p[b as usize]);
-            (0..3).map(|k| (f64::from(b[k]) - f64::from(a[k])).powi(2)).sum::<f64>().sqrt()
+            let [a, b] = [a, b].map(|v| DVec3::from(p[v as usize].map(f64::from)));
+            a.distance(b)
         };
         // Extents are 0.5 to 1 at rest: an end is rounded by up to 2^-25, a length by a few times that.
         const ROUNDING: f64 = 4.0 / (1u64 << 24) as f64;
