@@ -5,6 +5,8 @@
 //! its chord in the pose, divided by its chord at rest without the warp, minus 1. Both ends are located in the
 //! triangles exactly.
 
+use glam::{DVec2, DVec3};
+
 use crate::mesh::{Mesh, NONE};
 use crate::oracle::exact::{Locator, Surface};
 use crate::report::{Strain, StrainReport};
@@ -47,13 +49,12 @@ pub(crate) fn measure(
     let mut ends = vec![End::default(); width * (ny + 1)];
     for (n, end) in ends.iter_mut().enumerate().filter(|(n, _)| rigid(*n)) {
         let (i, j) = (n % width, n / width);
-        let (at, home) = ([i as f64, j as f64], coverage.triangle[n]);
-        let shift = u(i, j).map(f64::from);
-        let warped = [at[0] + shift[0], at[1] + shift[1]];
+        let (at, home) = (DVec2::new(i as f64, j as f64), coverage.triangle[n]);
+        let warped = at + DVec2::from(u(i, j).map(f64::from));
         *end = End {
-            rest: rest.at(home, at),
-            before: posed.at(home, at),
-            after: posed.at(locator.find(warped, home), warped),
+            rest: rest.at(home, at).into(),
+            before: posed.at(home, at).into(),
+            after: posed.at(locator.find(warped, home), warped).into(),
         };
     }
     let mut edges = Edges::default();
@@ -67,12 +68,12 @@ pub(crate) fn measure(
             if !rigid(b) || (maps.chart[a] == NONE && maps.chart[b] == NONE) {
                 continue;
             }
-            let length = distance(&ends[a].rest, &ends[b].rest);
+            let length = distance(ends[a].rest, ends[b].rest);
             if length > 0.0 {
                 // NaN, from a pose at the limits of f64, becomes `LARGEST` too.
                 let strain = |p, q| (distance(p, q) / length - 1.0).abs().min(LARGEST);
-                let before = strain(&ends[a].before, &ends[b].before);
-                let after = strain(&ends[a].after, &ends[b].after);
+                let before = strain(ends[a].before, ends[b].before);
+                let after = strain(ends[a].after, ends[b].after);
                 let place = Place {
                     border: near_border[a] || near_border[b],
                     free: maps.chart[a] != NONE && maps.chart[b] != NONE,
@@ -96,9 +97,9 @@ struct Place {
 /// Positions of a node on the surface: at rest, in the pose without the warp, and in the pose with it.
 #[derive(Clone, Copy, Default)]
 struct End {
-    rest: [f64; 3],
-    before: [f64; 3],
-    after: [f64; 3],
+    rest: DVec3,
+    before: DVec3,
+    after: DVec3,
 }
 
 /// The edges that count: their |strain| before and after the warp.
@@ -192,11 +193,11 @@ fn dilate(values: &mut [bool], first: usize, stride: usize, count: usize, line: 
 }
 
 /// The distance of two points.
-fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    let d: [f64; 3] = std::array::from_fn(|k| b[k] - a[k]);
+fn distance(a: DVec3, b: DVec3) -> f64 {
+    let d = b - a;
     // In units of 1e300 or 1e-300, squares must not overflow or vanish.
-    let largest = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    if largest == 0.0 { 0.0 } else { largest * d.iter().map(|x| (x / largest).powi(2)).sum::<f64>().sqrt() }
+    let largest = d.to_array().into_iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if largest == 0.0 { 0.0 } else { largest * (d / largest).length() }
 }
 
 #[cfg(test)]

@@ -11,6 +11,8 @@ mod linear;
 mod minimise;
 mod step;
 
+use glam::DVec2;
+
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, TileMesh};
 use crate::oracle::exact::{Locator, Surface};
@@ -141,7 +143,7 @@ impl<'a> Problem<'a> {
             let chart = minimiser.chart;
             for &n in &chart.nodes {
                 let [i, j] = chart.node(n as usize);
-                out.u[j * (self.nx + 1) + i] = found.u[n as usize];
+                out.u[j * (self.nx + 1) + i] = found.u[n as usize].into();
             }
             out.energy += found.energy;
             out.per_chart[c] = found.energy;
@@ -160,12 +162,12 @@ impl<'a> Problem<'a> {
     }
 
     /// The displacements of a warp in a chart's rectangle; 0 at nodes that are fixed.
-    fn window(&self, chart: &ChartProblem, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    fn window(&self, chart: &ChartProblem, u: &[[f64; 2]]) -> Vec<DVec2> {
         let at = |n: usize| {
             let [i, j] = chart.node(n);
-            u[j * (self.nx + 1) + i]
+            DVec2::from(u[j * (self.nx + 1) + i])
         };
-        (0..chart.movable.len()).map(|n| if chart.movable[n] { at(n) } else { [0.0; 2] }).collect()
+        (0..chart.movable.len()).map(|n| if chart.movable[n] { at(n) } else { DVec2::ZERO }).collect()
     }
 }
 

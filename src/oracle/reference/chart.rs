@@ -1,6 +1,8 @@
 //! The minimisation problem of one chart: its rectangle of the grid, its edges with their rest lengths and weights
 //! (method §2 and §4), and the cells whose Jacobians count.
 
+use glam::DVec2;
+
 use super::energy::{Edge, Law};
 use super::linear::neighbour;
 use crate::mesh::NONE;
@@ -121,8 +123,8 @@ impl ChartProblem {
     }
 
     /// A node's place in the tile's grid, in cells.
-    pub fn place(&self, n: usize) -> [f64; 2] {
-        self.node(n).map(|x| x as f64)
+    pub fn place(&self, n: usize) -> DVec2 {
+        self.node(n).map(|x| x as f64).into()
     }
 
     /// Lists the edges with a movable end.
@@ -159,7 +161,7 @@ impl ChartProblem {
                     weight,
                     smooth: (lambda * (1.0 - weight) + floor) / d2,
                     orientation: 0.5 * (kappa(a) + kappa(b)) / d2,
-                    normal: [-dj as f64 / d2.sqrt(), di as f64 / d2.sqrt()],
+                    normal: DVec2::new(-dj as f64, di as f64) / d2.sqrt(),
                     length,
                     inverse: 0.0,
                 });
@@ -217,16 +219,16 @@ pub(super) struct Corner {
 impl Corner {
     /// J and its gradients with respect to the three nodes, from their displacements and the two sides at rest, (±1, 0)
     /// and (0, ±1).
-    pub fn jacobian(&self, u: [[f64; 2]; 3], rest: [[f64; 2]; 2]) -> (f64, [[f64; 2]; 3]) {
-        let side = |k: usize| [rest[k][0] + u[k + 1][0] - u[0][0], rest[k][1] + u[k + 1][1] - u[0][1]];
+    pub fn jacobian(&self, u: [DVec2; 3], rest: [DVec2; 2]) -> (f64, [DVec2; 3]) {
+        let side = |k: usize| rest[k] + u[k + 1] - u[0];
         let (p, q, s) = (side(0), side(1), self.sign);
-        let (x, y) = ([s * q[1], -s * q[0]], [-s * p[1], s * p[0]]);
-        (s * (p[0] * q[1] - p[1] * q[0]), [[-x[0] - y[0], -x[1] - y[1]], x, y])
+        let (x, y) = (-s * q.perp(), s * p.perp());
+        (s * p.perp_dot(q), [-x - y, x, y])
     }
 
     /// The two sides at rest.
-    pub fn rest(&self) -> [[f64; 2]; 2] {
+    pub fn rest(&self) -> [DVec2; 2] {
         let [c, x, y] = self.nodes;
-        [[if x > c { 1.0 } else { -1.0 }, 0.0], [0.0, if y > c { 1.0 } else { -1.0 }]]
+        [DVec2::new(if x > c { 1.0 } else { -1.0 }, 0.0), DVec2::new(0.0, if y > c { 1.0 } else { -1.0 })]
     }
 }

@@ -5,6 +5,8 @@
 //! J, times multipliers >= 0; close to a minimum with the barrier, its norm is that of the gradient of E projected onto
 //! the bounds.
 
+use glam::DVec2;
+
 use super::Options;
 use super::chart::{ChartProblem, DIM};
 use super::energy::{BARRIER_WIDTH, BOUND, Shape};
@@ -14,7 +16,7 @@ use crate::oracle::exact::{Locator, Surface};
 
 /// The result of the minimisation of one chart.
 pub(super) struct Descent {
-    pub u: Vec<[f64; 2]>,
+    pub u: Vec<DVec2>,
     pub energy: f64,
     /// Norm of the (projected) gradient at the end and at the identity.
     pub gradient: f64,
@@ -43,8 +45,8 @@ pub(super) struct Minimiser<'a> {
 impl Minimiser<'_> {
     /// Descends from `start`, or from the identity if there is none, or from all starts if `thorough`. Returns the
     /// lowest result.
-    pub fn run(&mut self, start: Option<Vec<[f64; 2]>>) -> Descent {
-        let identity = vec![[0.0; 2]; self.chart.movable.len()];
+    pub fn run(&mut self, start: Option<Vec<DVec2>>) -> Descent {
+        let identity = vec![DVec2::ZERO; self.chart.movable.len()];
         let mut grid = Multigrid::new(self.chart.nx, self.chart.ny, &self.chart.movable);
         let last = (self.surface)(1.0);
         let shape = Shape { locator: self.locator, surface: &last };
@@ -72,7 +74,7 @@ impl Minimiser<'_> {
             }
             best.corrections = corrections;
         };
-        if let Some(start) = start.as_ref().filter(|s| s.iter().flatten().all(|x| x.is_finite())) {
+        if let Some(start) = start.as_ref().filter(|s| s.iter().all(|u| u.is_finite())) {
             let inside = self.inside(start);
             keep(self.descend(&mut grid, &shape, inside, FIRST_BARRIER, initial_gradient));
         }
@@ -92,7 +94,7 @@ impl Minimiser<'_> {
     /// Follows the minimum from the rest metric towards that of the pose: in a crowded chart the minimum that is
     /// reached depends on the way to it, and with the pose's metric at once, nodes are driven into the bound that need
     /// not be there.
-    fn ease(&mut self, grid: &mut Multigrid, initial: f64, mut u: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    fn ease(&mut self, grid: &mut Multigrid, initial: f64, mut u: Vec<DVec2>) -> Vec<DVec2> {
         for t in STAGES {
             let surface = (self.surface)(t);
             let shape = Shape { locator: self.locator, surface: &surface };
@@ -105,10 +107,10 @@ impl Minimiser<'_> {
     }
 
     /// A warp strictly inside the bounds: `start`, blended with the identity as little as necessary.
-    fn inside(&self, start: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    fn inside(&self, start: &[DVec2]) -> Vec<DVec2> {
         let mut fraction = 0.0;
         loop {
-            let u: Vec<[f64; 2]> = start.iter().map(|u| u.map(|x| x * (1.0 - fraction))).collect();
+            let u: Vec<DVec2> = start.iter().map(|u| u * (1.0 - fraction)).collect();
             if fraction >= 1.0 || self.chart.min_jacobian(&u) > BOUND + 1e-6 {
                 return u;
             }
@@ -121,7 +123,7 @@ impl Minimiser<'_> {
         &mut self,
         grid: &mut Multigrid,
         shape: &Shape,
-        u: Vec<[f64; 2]>,
+        u: Vec<DVec2>,
         mut barrier: f64,
         initial: f64,
     ) -> Descent {
@@ -170,7 +172,7 @@ impl Minimiser<'_> {
             }
             damp(grid.matrix(), &chart.nodes, damping);
             grid.prepare();
-            let minus: Vec<[f64; 2]> = gradient.iter().map(|g| g.map(|x| -x)).collect();
+            let minus: Vec<DVec2> = gradient.iter().map(|g| -g).collect();
             let mut step = grid.solve(&minus, 1e-3, 150);
             chart.limit(&state.u, &mut step);
             out.corrections += 1;
@@ -185,8 +187,7 @@ impl Minimiser<'_> {
                 damping = 0.0;
             }
             chart.sweep(shape, state, out.corrections.is_multiple_of(2));
-            let change: Vec<[f64; 2]> =
-                state.u.iter().zip(&last).map(|(u, l)| [u[0] - l[0], u[1] - l[1]]).collect();
+            let change: Vec<DVec2> = state.u.iter().zip(&last).map(|(u, l)| u - l).collect();
             last.copy_from_slice(&state.u);
             self.extrapolate(shape, state, &change);
             let gain = before - state.energy;
@@ -197,7 +198,7 @@ impl Minimiser<'_> {
     /// Repeats the joint change of the last correction and sweep, half of it first and twice as much each time, while
     /// the energy falls. The part of the curvature that Gauss-Newton leaves out is negative where crowded features
     /// buckle: there its steps are too short, in the same direction again and again.
-    fn extrapolate(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) {
+    fn extrapolate(&self, shape: &Shape, state: &mut State, step: &[DVec2]) {
         let mut fraction = 0.5;
         while let Some(trial) = self.trial(shape, state, step, fraction) {
             *state = trial;
@@ -206,9 +207,8 @@ impl Minimiser<'_> {
     }
 
     /// The state after a fraction of a step, if it is inside the bounds and its energy is lower.
-    fn trial(&self, shape: &Shape, state: &State, step: &[[f64; 2]], fraction: f64) -> Option<State> {
-        let moved = |(u, s): (&[f64; 2], &[f64; 2])| [u[0] + fraction * s[0], u[1] + fraction * s[1]];
-        let u: Vec<[f64; 2]> = state.u.iter().zip(step).map(moved).collect();
+    fn trial(&self, shape: &Shape, state: &State, step: &[DVec2], fraction: f64) -> Option<State> {
+        let u: Vec<DVec2> = state.u.iter().zip(step).map(|(u, s)| u + fraction * s).collect();
         if self.chart.min_jacobian(&u) <= BOUND {
             return None;
         }
@@ -217,7 +217,7 @@ impl Minimiser<'_> {
     }
 
     /// Takes a fraction of a step that lowers the energy, by halving. Returns the fraction, 0 if there is none.
-    fn search(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) -> f64 {
+    fn search(&self, shape: &Shape, state: &mut State, step: &[DVec2]) -> f64 {
         let mut fraction = 1.0;
         for _ in 0..8 {
             if let Some(trial) = self.trial(shape, state, step, fraction) {
@@ -261,6 +261,6 @@ fn damp(matrix: &mut [Stencil], nodes: &[u32], damping: f64) {
     }
 }
 
-fn norm(g: &[[f64; 2]]) -> f64 {
-    g.iter().flatten().map(|x| x * x).sum::<f64>().sqrt()
+fn norm(g: &[DVec2]) -> f64 {
+    g.iter().flat_map(DVec2::to_array).map(|x| x * x).sum::<f64>().sqrt()
 }

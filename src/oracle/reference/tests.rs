@@ -125,7 +125,7 @@ fn the_gradient_is_that_of_the_energy() {
     let window = problem.window(chart, &u);
     let state = chart.state(&shape, window.clone());
     let gradient = chart.gradient(&shape, &state.u, &state.samples, None);
-    let largest = gradient.iter().flatten().fold(0.0f64, |m, g| m.max(g.abs()));
+    let largest = gradient.iter().fold(0.0f64, |m, g| m.max(g.abs().max_element()));
     for &n in &chart.nodes {
         for axis in 0..2 {
             let at = |h: f64| {
@@ -199,16 +199,14 @@ fn the_linear_system_is_solved() {
     let matrix = grid.matrix().clone();
     grid.prepare();
     let x = grid.solve(&b, 1e-10, 60);
-    let norm = |v: &[f64; 2]| v[0] * v[0] + v[1] * v[1];
     let (mut residual, mut whole) = (0.0, 0.0);
     for &n in &chart.nodes {
         let mut r = b[n as usize];
         for (k, block) in matrix[n as usize].iter().enumerate() {
-            let y = linear::times(block, x[linear::neighbour(n as usize, k, chart.width())]);
-            r = [r[0] - y[0], r[1] - y[1]];
+            r -= linear::times(block, x[linear::neighbour(n as usize, k, chart.width())]);
         }
-        residual += norm(&r);
-        whole += norm(&b[n as usize]);
+        residual += r.length_squared();
+        whole += b[n as usize].length_squared();
     }
     assert!(residual.sqrt() < 1e-9 * whole.sqrt(), "{residual} {whole}");
 }
