@@ -85,4 +85,4 @@ pub const TRIAL_FRACTIONS: [f32; 3] = [1.0, 0.5, 0.25];
 // Both backends form the second direction from the first step, which further ones could not be formed from.
 const _: () = assert!(CG_ITERATIONS <= 2);
 // A GPU's falloff does two passes per dispatch.
-const _: () = assert!(FALLOFF_PASSES == 2 && FIRST_FALLOFF_PASSES % FALLOFF_PASSES == 0);
+const _: () = assert!(FALLOFF_PASSES == 2 && FIRST_FALLOFF_PASSES.is_multiple_of(FALLOFF_PASSES));
