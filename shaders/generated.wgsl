@@ -9,20 +9,22 @@ const CRUSHED_JACOBIAN: f32 = 0.01;
 const TINY: f32 = 1e-24;
 /// A point counts as inside a triangle if no barycentric coordinate is under minus this.
 const INSIDE_TOLERANCE: f32 = 1e-6;
-/// The same at a chart's border, where there is no neighbour to walk to (method §2).
+/// As `INSIDE_TOLERANCE`, at a chart's border, where there is no neighbour to walk to (method §2).
 const BORDER_TOLERANCE: f32 = 0.001;
-/// Triangles that a walk to a point visits at most. A node moves a few cells before its start is renewed; fine meshes
-/// have several triangles per cell.
+/// Greatest number of triangles that a walk to a point visits. A node moves a few cells before its start is
+/// renewed; fine meshes have several triangles per cell.
 const WALK_STEPS: u32 = 256u;
-/// Length of a node's step in a sweep, in cells along either axis, at most: the linear model is not trusted further.
+/// Greatest length of a node's step in a sweep, in cells along either axis: the linear model is not trusted
+/// further.
 const MAX_NODE_STEP: f32 = 2.0;
-/// Part of the step up to the bound on the Jacobian that is taken: a little less than all, because of rounding.
+/// Fraction that is taken of the step at which a corner reaches the bound on the Jacobian: less than 1, because of
+/// rounding.
 const BOUND_SAFETY: f32 = 0.999;
 /// A step whose predicted gain is under this fraction of the node's energy is lost in that energy's rounding: it is
 /// not taken.
 const MIN_RELATIVE_GAIN: f32 = 1e-6;
-/// Sweeps that are done on a block while it is gathered, its halo frozen. With more, what has not moved yet would hold
-/// back what is next to it.
+/// Sweeps that are done on a block while it is gathered, its halo frozen. With more, nodes that have not moved yet
+/// would hold back their neighbours.
 const SWEEPS_PER_PASS: u32 = 2u;
 /// Corners with a Jacobian under this get the near-bound penalty (method §7.1) ...
 const NEAR_BOUND_JACOBIAN: f32 = 0.049999997;
@@ -31,38 +33,40 @@ const NEAR_BOUND_JACOBIAN: f32 = 0.049999997;
 const NEAR_BOUND_STIFFNESS: f32 = 10.0;
 /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
 const SMOOTHER_SWEEPS: u32 = 2u;
-/// Rounds of these in each direction on the coarsest level, where a block or a few hold all of it.
+/// Rounds of these sweeps in each direction on the coarsest level, all of which lies in one or a few blocks.
 const COARSEST_ROUNDS: u32 = 4u;
-/// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction does,
-/// and need more memory (method §7.3).
+/// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
+/// does, and need more memory (method §7.3).
 const CG_ITERATIONS: u32 = 2u;
-/// A step of this length, in cells, is none: more than the largest grid.
+/// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
 const MAX_STEP: f32 = 32768.0;
 /// A step leaves at least this fraction of what a corner Jacobian has over `MIN_JACOBIAN` (method §7.6).
 const KEPT_MARGIN: f32 = 0.1;
 /// A node's step fraction exceeds those of its neighbours by at most this: a step that changes abruptly folds by
 /// itself.
 const FRACTION_FALLOFF: f32 = 0.125;
-/// Passes of this falloff before the first round of halving, and after each.
+/// Passes of this falloff before the first round; `FALLOFF_PASSES` follow each round.
 const FIRST_FALLOFF_PASSES: u32 = 4u;
-/// See `FIRST_FALLOFF_PASSES`.
+/// Passes of the falloff after each round.
 const FALLOFF_PASSES: u32 = 2u;
 /// Rounds that halve the step fraction around corners which would still fall under the bound.
 const HALVING_ROUNDS: u32 = 8u;
-/// Rounds in all: after the halvings, nodes around such corners stay where they are. A chart that is not free of folds
-/// after them is refused for its energy.
+/// Rounds in all: after the halvings, nodes around such corners stay where they are. A chart that is not free of
+/// folds after them is refused for its energy.
 const LIMIT_ROUNDS: u32 = 16u;
-/// A fraction of a step is accepted if it gains at least this much of what its model predicts (method §7.7): a whole
-/// step that gains next to nothing would end a chart's corrections where half of it would go on.
+/// A trial is accepted if it gains more than this fraction of the gain that the model predicts (method §7.7): a
+/// whole step that gains next to nothing would end a chart's corrections where half of the step would continue
+/// them.
 const SUFFICIENT_DECREASE: f32 = 0.02;
-/// Weight of the identity's energy in the unit of a gain: where little energy is left of much, a fraction of what is
-/// left counts for nothing.
+/// Weight of the identity's energy in the unit of gains: where little is left of much energy, a small part of what
+/// is left does not matter.
 const IDENTITY_ENERGY_WEIGHT: f32 = 0.06;
-/// The step fraction of one correction over that of the one before, at most.
+/// Greatest ratio of the step fraction of one correction to that of the one before.
 const FRACTION_GROWTH: f32 = 4.0;
-/// Gains, in units of tolerance times energy, from which and from up to which the next step fraction grows.
+/// The gains, in units of tolerance times energy, between which the next step fraction grows from 0 to 1.
 const GAIN_RAMP: vec2f = vec2f(1.0, 4.0);
-/// The same for the error of a first correction's prediction.
+/// The errors of a first correction's predicted gain, in the same units, between which the next step fraction
+/// grows.
 const MODEL_ERROR_RAMP: vec2f = vec2f(0.1, 3.0);
 
 /// Stands for "no block" and "no triangle".

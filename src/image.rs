@@ -27,7 +27,7 @@ impl PixelFormat {
     }
 }
 
-/// Which end of the tile the first row is.
+/// The end of the tile at which the first row of an image lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Origin {
     /// The first row is v = 1, as in image files.
@@ -50,7 +50,7 @@ pub struct ImageLayout {
     pub pixel_stride: usize,
     /// Bytes from one row to the next; 0 = packed.
     pub row_stride: usize,
-    /// What the first row is.
+    /// The end of the tile at which the first row lies.
     pub origin: Origin,
 }
 
@@ -60,7 +60,8 @@ impl ImageLayout {
         ImageLayout { width, height, format, pixel_stride: 0, row_stride: 0, origin: Origin::Top }
     }
 
-    /// Resolves zero strides and checks the layout for `channels` channels per texel; gives the bytes needed.
+    /// Resolves zero strides and checks the layout for `channels` channels per texel. Returns the number of bytes
+    /// needed.
     ///
     /// # Errors
     /// `InvalidArgument` naming `name` for a zero size or a stride smaller than what it spans.
@@ -133,7 +134,7 @@ impl<'a> ImageView<'a> {
         Ok(ImageView { bytes, layout })
     }
 
-    /// Copies the image, packed, rows from v = 0 upward; values must be finite and are clamped to 0..1.
+    /// Copies the image, packed, rows from v = 0 upward. Values must be finite; they are clamped to 0..1.
     pub(crate) fn to_map(self, name: &str) -> Result<Map> {
         let (width, height) = (self.layout.width as usize, self.layout.height as usize);
         let mut values = Vec::new();
@@ -201,13 +202,13 @@ pub(crate) struct Map {
 }
 
 impl Map {
-    /// Resamples to the (nx+1) x (ny+1) nodes of a grid: a box of one cell around the node where the map is
-    /// finer than the grid, bilinear between texel centres where it is coarser.
+    /// Resamples the map to the (nx + 1) x (ny + 1) nodes of a grid (method §1): its mean over a box of one cell around
+    /// the node where it is finer than the grid, bilinear interpolation between texel centres where it is coarser.
     pub fn to_nodes(&self, nx: usize, ny: usize) -> Vec<f32> {
         let columns = taps(self.width, nx);
         let rows = taps(self.height, ny);
         let mut out = Vec::with_capacity((nx + 1) * (ny + 1));
-        // Rows are filtered one at a time: a row of sums over v, then u.
+        // Per row of nodes: sums over v first, then over u.
         let mut line = vec![0.0f32; self.width];
         for row in &rows {
             line.fill(0.0);
@@ -225,8 +226,8 @@ impl Map {
         out
     }
 
-    /// Which nodes a mask leaves free: those without a texel under 0.5 within half a cell. A line of one fixed
-    /// texel is thus a barrier, however coarse the grid.
+    /// Per node, true if the mask has no texel under 0.5 within half a cell. A line one texel wide that must not move
+    /// is thus a barrier, however coarse the grid.
     pub fn to_free_nodes(&self, nx: usize, ny: usize) -> Vec<bool> {
         let columns = spans(self.width, nx);
         let rows = spans(self.height, ny);
@@ -245,7 +246,7 @@ impl Map {
     }
 }
 
-/// Per node of one axis: the texels that it averages, with weights that sum to 1.
+/// Per node along one axis, the texels that are averaged, with weights that sum to 1.
 fn taps(texels: usize, cells: usize) -> Vec<Vec<(usize, f32)>> {
     let per_cell = texels as f64 / cells as f64;
     let half = 0.5 * per_cell.max(1.0);
@@ -258,10 +259,10 @@ fn taps(texels: usize, cells: usize) -> Vec<Vec<(usize, f32)>> {
             let first = low.floor() as i64;
             let last = high.ceil() as i64;
             for texel in first..last {
-                let share = (high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low);
-                if share > 0.0 {
+                let weight = (high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low);
+                if weight > 0.0 {
                     let x = texel.clamp(0, texels as i64 - 1) as usize;
-                    taps.push((x, share as f32));
+                    taps.push((x, weight as f32));
                 }
             }
             taps
@@ -269,7 +270,7 @@ fn taps(texels: usize, cells: usize) -> Vec<Vec<(usize, f32)>> {
         .collect()
 }
 
-/// Per node of one axis: the texels that come within half a cell of it.
+/// Per node along one axis, the texels that come within half a cell of it.
 fn spans(texels: usize, cells: usize) -> Vec<std::ops::Range<usize>> {
     let per_cell = texels as f64 / cells as f64;
     (0..=cells)

@@ -1,10 +1,13 @@
-//! Host arrays -> validated mesh: triangles, UV corners, tiles, charts.
+//! The validated mesh: triangles, UV corners, tiles and charts (method §1), from a host's arrays.
 
 mod charts;
+pub(crate) mod triangle;
 mod triangulate;
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
+
+use glam::DVec2;
 
 use crate::error::{Error, Result};
 use crate::report::AssetInfo;
@@ -17,7 +20,7 @@ pub struct UvSource<'a> {
     pub u: Strided<'a>,
     /// v of each UV, where it comes as an array of its own (same length as `u`).
     pub v: Option<Strided<'a>>,
-    /// UV of each face corner; `None` = one UV per corner, in corner order.
+    /// Index of each face corner's UV; `None` = one UV per corner, in corner order.
     pub indices: Option<&'a [u32]>,
 }
 
@@ -28,27 +31,27 @@ pub struct MeshSource<'a> {
     pub positions: Strided<'a>,
     /// Corners per face, each >= 3; `None` = all triangles.
     pub face_counts: Option<&'a [u32]>,
-    /// Vertex of each face corner.
+    /// Index of each face corner's vertex.
     pub indices: &'a [u32],
     /// UVs of the face corners. v points up; UDIM tile = 1001 + floor(u) + 10 floor(v).
     pub uvs: UvSource<'a>,
 }
 
-/// No triangle, no tile, no block.
+/// The index of no triangle, tile, chart or block.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// A triangle of a tile.
 #[derive(Clone, Debug)]
 pub(crate) struct Triangle {
-    /// Its corners, as indices into its chart's `vertices`.
+    /// Its corners' vertices, as indices into `Chart::vertices`.
     pub local: [u32; 3],
     /// Its corners' UVs within the tile (0..1 inside it).
-    pub uv: [[f64; 2]; 3],
+    pub uv: [DVec2; 3],
     /// The triangle across the edge opposite to each corner, or `NONE` on the chart's border.
     pub neighbours: [u32; 3],
 }
 
-/// A connected piece of UV triangles: nothing crosses its border.
+/// A connected component of triangles in the UV plane (method §1).
 #[derive(Clone, Debug)]
 pub(crate) struct Chart {
     /// Its triangles in `TileMesh::triangles`.
@@ -57,7 +60,7 @@ pub(crate) struct Chart {
     pub vertices: Vec<u32>,
 }
 
-/// One UDIM tile's share of the mesh.
+/// The triangles of the mesh that belong to one UDIM tile.
 #[derive(Clone, Debug)]
 pub(crate) struct TileMesh {
     pub udim: u32,
@@ -74,14 +77,14 @@ impl TileMesh {
     }
 }
 
-/// Where a face corner's UV is.
+/// A face corner's UV, with its tile and chart.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Corner {
     /// Its tile in `Mesh::tiles`, or `NONE`.
     pub tile: u32,
     /// Its chart in that tile, or `NONE` where no triangle was kept.
     pub chart: u32,
-    /// As given.
+    /// The host's UV.
     pub uv: [f32; 2],
 }
 
@@ -95,15 +98,21 @@ pub(crate) struct Mesh {
     pub info: AssetInfo,
 }
 
-/// A triangle on its way into a tile: mesh vertices, welded UV corners, UVs.
+/// A triangle before its tile is built.
 struct RawTriangle {
+    /// Face corners of the mesh.
     corners: [u32; 3],
+    /// Vertices of the mesh.
     vertices: [u32; 3],
+    /// Numbers of its UV corners; see `Weld`.
     welded: [u32; 3],
-    uv: [[f64; 2]; 3],
+    /// UVs within the tile.
+    uv: [DVec2; 3],
 }
 
 impl Mesh {
+    /// # Errors
+    /// `InvalidArgument` naming the array and the index of its first invalid element.
     pub fn new(source: &MeshSource) -> Result<Mesh> {
         let uvs = check(source)?;
         let rest: Vec<[f64; 3]> = (0..source.positions.len()).map(|i| source.positions.get3(i)).collect();
@@ -128,11 +137,9 @@ impl Mesh {
                 udims.extend(face.map(|_| NONE));
                 continue;
             };
-            let local: Vec<[f64; 2]> = polygon
-                .iter()
-                .map(|uv| [f64::from(uv[0]) - origin[0], f64::from(uv[1]) - origin[1]])
-                .collect();
-            if local.iter().flatten().any(|x| !(0.0..=1.0).contains(x)) {
+            let local: Vec<DVec2> =
+                polygon.iter().map(|uv| DVec2::from(uv.map(f64::from)) - origin).collect();
+            if local.iter().any(|uv| uv.to_array().iter().any(|x| !(0.0..=1.0).contains(x))) {
                 info.clipped_faces += 1;
             }
             corners.extend(polygon.iter().map(|&uv| Corner { tile: NONE, chart: NONE, uv }));
@@ -141,7 +148,7 @@ impl Mesh {
                 face.clone().map(|c| weld.id(&rest[source.indices[c] as usize], &uvs(c))).collect();
             let triangles = raw.entry(udim).or_default();
             for [a, b, c] in triangulate::polygon(&local) {
-                if triangulate::is_degenerate(&[local[a], local[b], local[c]]) {
+                if triangulate::is_degenerate([local[a], local[b], local[c]]) {
                     info.degenerate_triangles += 1;
                     continue;
                 }
@@ -175,7 +182,7 @@ impl Mesh {
     }
 }
 
-/// Corners of each face.
+/// Number of corners of each face.
 fn face_counts<'a>(source: &MeshSource<'a>) -> Box<dyn Iterator<Item = usize> + 'a> {
     match source.face_counts {
         Some(counts) => Box::new(counts.iter().map(|&n| n as usize)),
@@ -183,7 +190,7 @@ fn face_counts<'a>(source: &MeshSource<'a>) -> Box<dyn Iterator<Item = usize> + 
     }
 }
 
-/// Validates all arrays; gives the UV of a corner.
+/// Validates all arrays. Returns the function from a face corner to its UV.
 fn check<'a>(source: &MeshSource<'a>) -> Result<impl Fn(usize) -> [f32; 2] + use<'a>> {
     let MeshSource { positions, face_counts, indices, uvs } = *source;
     if positions.components() != 3 {
@@ -270,12 +277,13 @@ fn check_indices(name: &str, indices: &[u32], what: &str, count: usize) -> Resul
 }
 
 /// The UDIM tile that holds a face's UV centroid, and that tile's lower corner.
-fn tile_of(polygon: &[[f32; 2]]) -> Option<(u32, [f64; 2])> {
+fn tile_of(polygon: &[[f32; 2]]) -> Option<(u32, DVec2)> {
     let centre =
         |axis: usize| polygon.iter().map(|uv| f64::from(uv[axis])).sum::<f64>() / polygon.len() as f64;
     let (u, v) = (centre(0).floor(), centre(1).floor());
-    // UDIM has ten columns; nine hundred rows are more than any pipeline names.
-    ((0.0..10.0).contains(&u) && (0.0..900.0).contains(&v)).then(|| (1001 + u as u32 + 10 * v as u32, [u, v]))
+    // UDIM tiles have ten columns; 900 rows are more than any pipeline uses.
+    ((0.0..10.0).contains(&u) && (0.0..900.0).contains(&v))
+        .then(|| (1001 + u as u32 + 10 * v as u32, DVec2::new(u, v)))
 }
 
 /// Numbers UV corners: the same rest position with the same UV is the same corner, whatever indices a host uses.

@@ -1,6 +1,6 @@
-//! The f64 side: what results are measured with, and what tests and benches compare them with. It shares no code with the
-//! solver that it judges. The reference solver and the comparison of both backends are not part of a library that is
-//! shipped: they come with the cargo feature `oracle`.
+//! The f64 side, which judges results: `exact`, `measure` and `reference` measure them and find the minimum with which
+//! tests and benches compare them, and share no numerical code with the solver. `parity` compares the two backends.
+//! `reference` and `parity` are not part of a library that is shipped: they come with the cargo feature `oracle`.
 
 pub(crate) mod exact;
 pub(crate) mod measure;

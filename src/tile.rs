@@ -1,4 +1,5 @@
-//! A tile's maps: mobility, rigidity, node -> triangle coverage, active blocks, on every level of its grid.
+//! The grid of a tile (method §1 to §3), built from the mesh, the maps and the settings: rigidity, mobility, blocks,
+//! rest lengths and weights of interpolation on every level, and the triangle under each node of level 0.
 
 pub(crate) mod blocks;
 pub(crate) mod codes;
@@ -10,6 +11,8 @@ pub(crate) mod interpolation;
 pub(crate) mod metric;
 pub(crate) mod pose;
 pub(crate) mod pyramid;
+
+use glam::DVec2;
 
 use crate::image::Map;
 use crate::mesh::{Mesh, NONE, TileMesh};
@@ -26,7 +29,7 @@ use pyramid::NodeMaps;
 /// neighbours (the paper's V_horz, V_vert, V_shear0, V_shear1).
 pub const EDGES: [(i64, i64); 4] = [(1, 0), (0, 1), (1, 1), (-1, 1)];
 
-/// Where a tile's rigidity comes from.
+/// The source of a tile's rigidity.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) enum Rigidity {
     /// Nothing is rigid.
@@ -38,7 +41,7 @@ pub(crate) enum Rigidity {
     Vertices(Vec<f32>),
 }
 
-/// What a host has set on a tile.
+/// A tile's maps and settings, as the host has set them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TileMaps {
     pub rigidity: Rigidity,
@@ -46,7 +49,7 @@ pub(crate) struct TileMaps {
     pub settings: TileSettings,
 }
 
-/// Grid of a tile whose rigidity comes from the vertices, if no setting gives its size.
+/// Cells on a side of the grid of a tile with rigidity per vertex, unless a setting gives its size.
 const VERTEX_GRID: usize = 1024;
 
 impl TileMaps {
@@ -55,7 +58,7 @@ impl TileMaps {
         let default = match &self.rigidity {
             Rigidity::Map(map) => [map.width, map.height],
             Rigidity::Vertices(_) => [VERTEX_GRID; 2],
-            // Nothing will move: the smallest grid says so at no cost.
+            // No node will be movable: the smallest grid is enough.
             Rigidity::None => [SIDE; 2],
         };
         std::array::from_fn(|axis| {
@@ -65,41 +68,41 @@ impl TileMaps {
     }
 }
 
-/// A triangle's UVs, ready for location: in cells, relative to its first corner.
+/// A triangle in the UV plane, in cells, prepared for point location (method §2).
 #[derive(Clone, Copy, Debug)]
 pub struct UvTriangle {
-    /// Its first corner, in cells.
+    /// Its first UV corner, in cells.
     pub origin: [f32; 2],
-    /// Rows of the 2x2 matrix that takes an offset from `origin` to the barycentrics of corners 1 and 2.
+    /// Rows of the 2x2 matrix that takes an offset from `origin` to the barycentric coordinates of corners 1 and 2.
     pub barycentric: [[f32; 2]; 2],
     /// The triangle across the edge opposite to each corner, or `NONE`.
     pub neighbours: [u32; 3],
 }
 
-/// One level of a tile's grid: what does not depend on the pose.
+/// One level of a tile's grid: all of its data that does not depend on the pose.
 #[derive(Debug)]
 pub struct Level {
-    /// Cells in u.
+    /// Cells along u.
     pub nx: usize,
-    /// Cells in v.
+    /// Cells along v.
     pub ny: usize,
     pub blocks: Blocks,
-    /// Per block: codes of `codes::share`.
+    /// Per block: rigidity, as codes of `codes::share`.
     pub rigidity: Vec<Plane<u16>>,
-    /// Per block, only if a setting asks for it: how dense rigid material is around each node, 0..1.
+    /// Per block: density ρ of rigid material around each node, 0..1 (method §4). Empty unless a setting asks for it.
     pub density: Vec<Plane>,
-    /// Per block: what a correction's interpolation from the next coarser level gives to each node's lower neighbour, as
-    /// `interpolation` says; the upper one has the rest. Codes of `codes::weight`. Not on the coarsest level.
+    /// Per block: weight of each node's lower neighbour where corrections are interpolated from the next coarser level
+    /// (method §7.5; the upper neighbour has the rest), as codes of `codes::weight`. Empty on the coarsest level.
     pub interpolation: Vec<Plane<u8>>,
-    /// Per block: 1 may move, 0 fixed.
+    /// Per block: 1 for movable nodes, 0 for fixed ones.
     pub movable: Vec<Plane<u8>>,
-    /// Per block: rest length l of the edges `EDGES` of each node, in units of the chart; codes of `lengths`.
+    /// Per block: rest lengths l of the edges `EDGES` of each node, in units of the chart, as codes of `lengths`.
     pub rest_length: Vec<[Plane<u16>; 4]>,
-    /// Per chart, of each of `EDGES`.
+    /// Per chart: the coding of rest lengths, for each of `EDGES`.
     pub lengths: Vec<[Lengths; 4]>,
-    /// Per chart: floor of l.
+    /// Per chart: floor of rest lengths (method §2).
     pub floor: Vec<f32>,
-    /// Per block, on coarser levels: how much of each node's surroundings the chart covers, 0..1.
+    /// Per block, on coarser levels: each node's coverage θ by the chart, 0..1 (method §3).
     pub coverage: Vec<Plane>,
     /// Per block: the block of the next finer level at (2x, 2y), (2x + 1, 2y), (2x, 2y + 1), (2x + 1, 2y + 1).
     pub children: Vec<[u32; 4]>,
@@ -107,7 +110,7 @@ pub struct Level {
     pub parent: Vec<u32>,
 }
 
-/// A tile's grid: everything that is built once per mesh, map and setting.
+/// A tile's grid: all data that is built once per mesh, maps and settings.
 #[derive(Debug)]
 pub struct Grid {
     pub levels: Vec<Level>,
@@ -115,16 +118,18 @@ pub struct Grid {
     pub chart_of: Vec<u32>,
     /// Per block of level 0: the triangle under each node at rest.
     pub triangle: Vec<Plane<u32>>,
-    /// Triangles and areas around each node of level 1.
+    /// The triangles in the dual cell of each node of level 1, with their fractions of its covered area.
     pub gather: Gather,
-    /// Movable nodes per chart: 0 for charts that nothing moves or stiffens.
+    /// Movable nodes of level 0, per chart; 0 for a chart without rigidity (method §1).
     pub movable: Vec<u64>,
+    /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
-    /// The rest pose, as the solver sees it.
+    /// The rest pose, in the charts' units.
     pub rest: Pose,
 }
 
-/// l is floored at this share of a chart's median edge: a texel that maps onto almost nothing must not rule.
+/// Floor of rest lengths, as a fraction of the chart's median edge (method §2): a texel that maps onto almost nothing
+/// must not dominate the energy.
 const FLOOR_SHARE: f32 = 0.05;
 
 impl Grid {
@@ -169,14 +174,15 @@ impl Grid {
         grid
     }
 
-    /// True if the identity is a chart's best warp for a pose: nothing of it may move, or it is as long as at rest.
+    /// True if the identity is a chart's best warp for a pose, so that it needs no solve (method §5): it has no movable
+    /// node, its floor is 0, or its triangle edges are as long as at rest.
     pub(crate) fn is_still(&self, tile: &TileMesh, pose: &Pose, chart: usize) -> bool {
         self.movable[chart] == 0
             || self.levels[0].floor[chart] == 0.0
             || pose.is_isometric(&self.rest, tile, chart)
     }
 
-    /// The triangles of a pose.
+    /// Returns the function from a triangle's number to the triangle in a pose.
     pub(crate) fn pose_triangles<'a>(
         &'a self,
         tile: &'a TileMesh,
@@ -192,19 +198,19 @@ impl Grid {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let per_block = NODE_BYTES * blocks::NODES;
-        let of_level = |l: &Level| {
+        let level_bytes = |l: &Level| {
             l.blocks.list.len() * per_block
                 + (l.density.len() + l.coverage.len()) * size_of::<Plane>()
                 + l.interpolation.len() * blocks::NODES
         };
-        let levels: usize = self.levels.iter().map(of_level).sum();
+        let levels: usize = self.levels.iter().map(level_bytes).sum();
         let finest = self.triangle.len() * blocks::NODES * 4;
         let triangles = self.triangles.len() * (size_of::<UvTriangle>() + 4);
         (levels + finest + triangles + self.gather.bytes() + self.rest.bytes()) as u64
     }
 }
 
-/// Bytes per node of `Level`.
+/// Bytes per node of a level's rigidity, mobility and rest lengths.
 const NODE_BYTES: usize = 2 + 1 + 8;
 
 impl Level {
@@ -247,7 +253,7 @@ impl Level {
     }
 }
 
-/// One plane of a block from a function of its nodes (i, j); nodes beyond the level get the default.
+/// A block's plane of the values of a function at its nodes (i, j); nodes beyond the level have the default.
 fn plane<T: Copy + Default>(level: &Level, block: &Block, f: impl Fn(usize, usize) -> T) -> Plane<T> {
     let mut plane = [T::default(); blocks::NODES];
     let (x, y) = (block.x as usize * SIDE, block.y as usize * SIDE);
@@ -259,12 +265,13 @@ fn plane<T: Copy + Default>(level: &Level, block: &Block, f: impl Fn(usize, usiz
     plane
 }
 
+/// The planes of all blocks of a level.
 fn planes<T: Copy + Default>(level: &Level, f: impl Fn(usize, usize) -> T) -> Vec<Plane<T>> {
     level.blocks.list.iter().map(|b| plane(level, b, &f)).collect()
 }
 
-/// The finest level's maps: what may move, how rigid it is. Charts in which nothing is rigid are fixed: their best warp
-/// is the identity.
+/// Rigidity and mobility on level 0 (method §1). The nodes of a chart without rigidity are fixed: its best warp is the
+/// identity.
 pub(crate) fn node_maps(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps, coverage: &Coverage) -> NodeMaps {
     let (nx, ny) = (coverage.nx, coverage.ny);
     let nodes = (nx + 1) * (ny + 1);
@@ -277,15 +284,15 @@ pub(crate) fn node_maps(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps, coverage:
     let chart_of = tile.chart_of_triangles();
     let mut chart: Vec<u32> = (0..nodes)
         .map(|n| {
-            let moves = coverage.interior[n] && free.as_ref().is_none_or(|free| free[n]);
-            if moves { chart_of[coverage.triangle[n] as usize] } else { NONE }
+            let is_movable = coverage.interior[n] && free.as_ref().is_none_or(|free| free[n]);
+            if is_movable { chart_of[coverage.triangle[n] as usize] } else { NONE }
         })
         .collect();
     let mut rigid = vec![false; tile.charts.len()];
     for j in 1..ny {
         for i in 1..nx {
             let at = j * (nx + 1) + i;
-            // An edge is rigid if either end is, so a movable node next to a rigid one counts too.
+            // The weight of an edge is the larger rigidity of its ends: a movable node next to a rigid one counts too.
             if chart[at] != NONE && !rigid[chart[at] as usize] {
                 let near = |dj: usize| rigidity[at + dj * (nx + 1) - nx - 2..][..3].iter().any(|&r| r > 0.0);
                 rigid[chart[at] as usize] = near(0) || near(1) || near(2);
@@ -300,7 +307,7 @@ pub(crate) fn node_maps(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps, coverage:
     NodeMaps { nx, ny, rigidity, chart }
 }
 
-/// Rigidity per vertex, linear over the triangle under each node; 0 where there is none.
+/// Rigidity per vertex, interpolated linearly on the triangle under each node; 0 at nodes without a triangle.
 fn vertex_rigidity(mesh: &Mesh, tile: &TileMesh, coverage: &Coverage, values: &[f32]) -> Vec<f32> {
     debug_assert_eq!(values.len(), mesh.rest.len());
     let chart_of = tile.chart_of_triangles();
@@ -325,17 +332,19 @@ fn vertex_rigidity(mesh: &Mesh, tile: &TileMesh, coverage: &Coverage, values: &[
         .collect()
 }
 
+/// The triangles of a tile, prepared for point location on a grid of nx by ny cells.
 fn uv_triangles(tile: &TileMesh, nx: usize, ny: usize) -> Vec<UvTriangle> {
+    let cells = DVec2::new(nx as f64, ny as f64);
     tile.triangles
         .iter()
         .map(|t| {
-            let [a, b, c] = t.uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
-            let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-            let det = e1[0] * e2[1] - e1[1] * e2[0];
-            let row = |x: f64, y: f64| [(x / det) as f32, (y / det) as f32];
+            let [a, b, c] = t.uv.map(|uv| uv * cells);
+            let (e1, e2) = (b - a, c - a);
+            let det = e1.perp_dot(e2);
+            let single = |v: DVec2| v.to_array().map(|x| x as f32);
             UvTriangle {
-                origin: a.map(|x| x as f32),
-                barycentric: [row(e2[1], -e2[0]), row(-e1[1], e1[0])],
+                origin: single(a),
+                barycentric: [single(-e2.perp() / det), single(e1.perp() / det)],
                 neighbours: t.neighbours,
             }
         })

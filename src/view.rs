@@ -32,7 +32,7 @@ pub struct Strided<'a> {
 }
 
 impl<'a> Strided<'a> {
-    /// A view of raw bytes. `name` is the argument's name, for messages. `stride` 0 means tightly packed.
+    /// A view of raw bytes. `name` is the argument's name in error messages. `stride` 0 means tightly packed.
     ///
     /// # Errors
     /// `InvalidArgument` if the stride is smaller than an element or the bytes do not hold `count` elements.
@@ -131,11 +131,12 @@ impl<'a> Strided<'a> {
         self.check(name, f64::is_finite)
     }
 
-    /// The same, for values that will be kept as f32.
+    /// Errors with the index of the first component that is not finite as f32.
     pub(crate) fn check_f32(&self, name: &str) -> Result<()> {
         self.check(name, |value| (value as f32).is_finite())
     }
 
+    /// Errors with the index of the first component that is not `good`.
     fn check(&self, name: &str, good: impl Fn(f64) -> bool) -> Result<()> {
         for i in 0..self.count {
             for c in 0..self.components {

@@ -3,6 +3,9 @@
 //! inside of one is assigned the barycentric interpolation of the triangle's corners at rest. The fill rule assigns
 //! each centre to exactly one triangle, because the two triangles at an edge evaluate it on the same coordinates.
 
+use glam::DVec2;
+
+use crate::mesh::triangle::barycentrics;
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::fill::Fill;
 use crate::tile::window::{self, WINDOW_NODES, Window, place};
@@ -21,7 +24,7 @@ pub(crate) fn texels(
     put: impl Fn(usize, usize, [f64; 2]) + Sync,
 ) {
     let level = &grid.levels[0];
-    let scale = [size[0] as f64 / level.nx as f64, size[1] as f64 / level.ny as f64];
+    let scale = DVec2::new(size[0] as f64 / level.nx as f64, size[1] as f64 / level.ny as f64);
     team.run(level.blocks.list.len(), |b| {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         if !load(level, u, b, &mut windows) {
@@ -33,19 +36,17 @@ pub(crate) fn texels(
             for i in 0..SIDE {
                 let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(di, dj)| {
                     let at = place(i + 1 + di, j + 1 + dj);
-                    ([x + i + di, y + j + dj], [windows[0][at], windows[1][at]])
+                    let node = DVec2::new((x + i + di) as f64, (y + j + dj) as f64);
+                    (node, DVec2::new(windows[0][at].into(), windows[1][at].into()))
                 });
-                if corners.iter().all(|c| c.1 == [0.0; 2]) {
+                if corners.iter().all(|c| c.1 == DVec2::ZERO) {
                     continue;
                 }
                 for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
-                    let rest = [a, b, c].map(|k| corners[k].0.map(|n| n as f64));
-                    let warped = [a, b, c].map(|k| {
-                        let (node, u) = corners[k];
-                        // All cells at this node compute the same texel coordinates.
-                        [0, 1].map(|axis| (node[axis] as f64 + f64::from(u[axis])) * scale[axis] - 0.5)
-                    });
-                    triangle(&rest, warped, size, &put);
+                    let rest = [a, b, c].map(|k| corners[k].0);
+                    // All cells at this node compute the same texel coordinates.
+                    let warped = [a, b, c].map(|k| (corners[k].0 + corners[k].1) * scale - 0.5);
+                    triangle(rest, warped, size, &put);
                 }
             }
         }
@@ -62,39 +63,30 @@ fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) ->
 
 /// Calls `put` for the texels whose centre lies in a warped triangle, given its corners at rest in cells and warped in
 /// texels.
-fn triangle(
-    rest: &[[f64; 2]; 3],
-    warped: [[f64; 2]; 3],
-    size: [usize; 2],
-    put: &impl Fn(usize, usize, [f64; 2]),
-) {
+fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], size: [usize; 2], put: &impl Fn(usize, usize, [f64; 2])) {
     let [a, b, c] = warped;
-    let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-    let inverse = 1.0 / (e1[0] * e2[1] - e1[1] * e2[0]);
+    let (e1, e2) = (b - a, c - a);
+    let inverse = 1.0 / e1.perp_dot(e2);
     Fill::new(warped).visit(size[0], size[1], |x, y, inside| {
         if !inside {
             return;
         }
-        let d = [x as f64 - a[0], y as f64 - a[1]];
-        let l1 = (d[0] * e2[1] - d[1] * e2[0]) * inverse;
-        let l2 = (e1[0] * d[1] - e1[1] * d[0]) * inverse;
-        put(
-            x,
-            y,
-            [0, 1].map(|k| rest[0][k] + l1 * (rest[1][k] - rest[0][k]) + l2 * (rest[2][k] - rest[0][k])),
-        );
+        let d = DVec2::new(x as f64, y as f64) - a;
+        let l1 = d.perp_dot(e2) * inverse;
+        let l2 = e1.perp_dot(d) * inverse;
+        put(x, y, (rest[0] + l1 * (rest[1] - rest[0]) + l2 * (rest[2] - rest[0])).into());
     });
 }
 
 /// Displacement of a node of a chart; 0 where no block is stored.
-fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> [f64; 2] {
+fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> DVec2 {
     let b = level.blocks.find(chart, i >> 4, j >> 4);
     if b == crate::mesh::NONE {
-        return [0.0; 2];
+        return DVec2::ZERO;
     }
     let s = crate::tile::blocks::slot(i as usize % SIDE, j as usize % SIDE);
     debug_assert!(s < NODES);
-    u[b as usize].each_ref().map(|plane| f64::from(plane[s]))
+    u[b as usize].each_ref().map(|plane| f64::from(plane[s])).into()
 }
 
 /// W⁻¹ at the point `c` of a chart, in cells; `None` if the four nodes around `c` have no displacement, or if the
@@ -108,12 +100,13 @@ pub(crate) fn point(
     c: [f64; 2],
     reach: f32,
 ) -> Option<[f64; 2]> {
-    let cell = |p: [f64; 2]| [p[0].floor() as i64, p[1].floor() as i64];
+    let c = DVec2::from(c);
+    let cell = |p: DVec2| p.to_array().map(|x| x.floor() as i64);
     let at = |i: i64, j: i64| displacement(level, u, chart, i, j);
     let rest_cell = cell(c);
     let unmoved = [(0, 0), (1, 0), (0, 1), (1, 1)]
         .iter()
-        .all(|&(di, dj)| at(rest_cell[0] + di, rest_cell[1] + dj) == [0.0; 2]);
+        .all(|&(di, dj)| at(rest_cell[0] + di, rest_cell[1] + dj) == DVec2::ZERO);
     if unmoved {
         return None;
     }
@@ -121,13 +114,11 @@ pub(crate) fn point(
     let mut guess = c;
     for _ in 0..8 {
         let [i, j] = cell(guess);
-        let (s, t) = (guess[0] - i as f64, guess[1] - j as f64);
+        let DVec2 { x: s, y: t } = guess - DVec2::new(i as f64, j as f64);
         let (u00, u10, u01, u11) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
-        guess = [0, 1].map(|k| {
-            let low = u00[k] + s * (u10[k] - u00[k]);
-            let high = u01[k] + s * (u11[k] - u01[k]);
-            c[k] - (low + t * (high - low))
-        });
+        let low = u00 + s * (u10 - u00);
+        let high = u01 + s * (u11 - u01);
+        guess = c - (low + t * (high - low));
     }
     let [gi, gj] = cell(guess);
     // The right cell is no farther from c than the largest displacement; the guess may be farther from it by its
@@ -140,7 +131,7 @@ pub(crate) fn point(
             let mut i = gi - ring;
             while i <= gi + ring {
                 if let Some(p) = in_cell(&at, i, j, c) {
-                    return Some(p);
+                    return Some(p.into());
                 }
                 i += step;
             }
@@ -150,21 +141,16 @@ pub(crate) fn point(
 }
 
 /// W⁻¹ at `c` if it lies in cell (i, j).
-fn in_cell(at: &impl Fn(i64, i64) -> [f64; 2], i: i64, j: i64, c: [f64; 2]) -> Option<[f64; 2]> {
+fn in_cell(at: &impl Fn(i64, i64) -> DVec2, i: i64, j: i64, c: DVec2) -> Option<DVec2> {
     let corner = |di: i64, dj: i64| {
-        let d = at(i + di, j + dj);
-        let rest = [(i + di) as f64, (j + dj) as f64];
-        (rest, [rest[0] + d[0], rest[1] + d[1]])
+        let rest = DVec2::new((i + di) as f64, (j + dj) as f64);
+        (rest, rest + at(i + di, j + dj))
     };
     let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
     [[0, 1, 2], [0, 2, 3]].into_iter().find_map(|k| {
         let [(ra, a), (rb, b), (rc, cc)] = k.map(|k| corners[k]);
-        let (e1, e2, d) =
-            ([b[0] - a[0], b[1] - a[1]], [cc[0] - a[0], cc[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-        let det = e1[0] * e2[1] - e1[1] * e2[0];
-        let l1 = (d[0] * e2[1] - d[1] * e2[0]) / det;
-        let l2 = (e1[0] * d[1] - e1[1] * d[0]) / det;
+        let [l1, l2] = barycentrics([a, b, cc], c);
         let inside = l1 >= -1e-9 && l2 >= -1e-9 && l1 + l2 <= 1.0 + 1e-9;
-        inside.then(|| [0, 1].map(|k| ra[k] + l1 * (rb[k] - ra[k]) + l2 * (rc[k] - ra[k])))
+        inside.then(|| ra + l1 * (rb - ra) + l2 * (rc - ra))
     })
 }

@@ -92,13 +92,10 @@ fn triangles_without_uv_area_are_dropped_and_counted() {
 #[test]
 fn a_concave_polygon_is_cut_into_triangles_of_one_sign() {
     // An arrow head: the fan around its first corner would flip.
-    let uv = [[0.0, 0.0], [0.5, 0.4], [1.0, 0.0], [0.5, 1.0]];
+    let uv = [[0.0, 0.0], [0.5, 0.4], [1.0, 0.0], [0.5, 1.0]].map(DVec2::from);
     let triangles = triangulate::polygon(&uv);
     assert_eq!(triangles.len(), 2);
-    let area = |t: &[usize; 3]| {
-        let [a, b, c] = t.map(|k| uv[k]);
-        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    };
+    let area = |t: &[usize; 3]| triangle::doubled_area(t.map(|k| uv[k]));
     assert!(triangles.iter().all(|t| area(t) > 0.0), "{triangles:?}");
     let sum: f64 = triangles.iter().map(area).sum();
     assert!((sum - 0.6).abs() < 1e-12);

@@ -1,18 +1,18 @@
-//! What a correction's gain decides: whether it is accepted, and which fraction of the next one's step a chart takes
-//! (method §7.7).
+//! Decisions from a correction's gain (method §7.7): whether it is accepted, and the step fraction of the next
+//! correction.
 
 use super::law::{FRACTION_GROWTH, GAIN_RAMP, IDENTITY_ENERGY_WEIGHT, MODEL_ERROR_RAMP, SUFFICIENT_DECREASE};
 
 /// One correction: a Gauss-Newton step for all nodes of a level, then sweeps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Correction {
-    /// The first one on its level: all charts take part again.
+    /// True for the first one on its level: all charts take part again.
     pub first: bool,
     /// Sweeps after the step.
     pub sweeps: u32,
     /// Gain, as a fraction of a chart's energy, from which the chart takes part in the level's next correction.
     pub tolerance: f32,
-    /// Whether a first correction that gained what the quadratic model predicted is the last one.
+    /// True if a chart ends after a first correction that gained what the quadratic model predicted.
     pub trusts_model: bool,
 }
 
@@ -27,7 +27,7 @@ pub(crate) struct Gain<F> {
     pub identity: F,
     /// Gain that the quadratic model predicts for the whole step.
     pub predicted: F,
-    /// The fraction of the step that the chart was to take.
+    /// The chart's step fraction ψ in this correction.
     pub fraction: f32,
 }
 
@@ -39,13 +39,13 @@ impl<F: Real> Gain<F> {
 }
 
 impl Correction {
-    /// The fraction of the next correction's step that a chart is to take; 0: it sits out the level's further corrections.
+    /// The chart's step fraction ψ' in the next correction; 0 if it sits out the further corrections of the level.
     ///
     /// It grows with the gain of this correction, but to at most [`FRACTION_GROWTH`] times this one's fraction. After a
     /// first correction whose model is trusted it grows with the error of the model's prediction instead: the next
-    /// correction gains about as much as the prediction was wrong, which is next to nothing on scenes with room and 1 to
-    /// 3 % of the energy in crowded ones, where the step is limited. Both ramps are continuous, so that a warp does not
-    /// jump from one frame to the next where a chart comes to need another correction.
+    /// correction gains about as much as the prediction was wrong, which is next to nothing on scenes with room and 1
+    /// to 3 % of the energy in crowded ones, where the step is limited. Both ramps are continuous, so that a warp does
+    /// not jump from one frame to the next where a chart comes to need another correction.
     pub fn next_fraction<F: Real>(&self, gain: &Gain<F>) -> F {
         let identity = F::from_f64(IDENTITY_ENERGY_WEIGHT) * gain.identity;
         let unit = F::from(self.tolerance) * (gain.before + identity);
@@ -66,7 +66,7 @@ fn ramp<F: Real>(x: F, [low, high]: [f64; 2]) -> F {
     ((x - low) / (high - low)).clamp_to_unit()
 }
 
-/// f64, in which the CPU sums energies, or f32, in which a GPU does.
+/// The number format in which a backend sums energies: f64 on the CPU, f32 on a GPU.
 pub(crate) trait Real:
     Copy
     + PartialOrd
@@ -79,7 +79,7 @@ pub(crate) trait Real:
     /// The nearest number.
     fn from_f64(x: f64) -> Self;
     fn abs(self) -> Self;
-    /// The other operand where this one is NaN.
+    /// The smaller of both operands, or the other one if one is NaN.
     fn min(self, other: Self) -> Self;
     /// Clamped to 0..1.
     fn clamp_to_unit(self) -> Self;

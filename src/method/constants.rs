@@ -1,4 +1,4 @@
-//! Constants that Rust and WGSL share: declared once, in Rust, with their comments.
+//! Declaration of constants that Rust and WGSL have in common: once, in Rust, with their comments.
 
 /// A constant's type and value in WGSL.
 #[cfg(all(test, feature = "gpu"))]
@@ -9,7 +9,7 @@ pub(crate) enum Constant {
     Vec2([f32; 2]),
 }
 
-/// A constant: its comment's lines, its name, its value.
+/// A constant: the lines of its comment, its name, its value.
 #[cfg(all(test, feature = "gpu"))]
 pub(crate) type Declaration = (&'static [&'static str], &'static str, Constant);
 
@@ -20,7 +20,7 @@ impl From<u32> for Constant {
     }
 }
 
-/// Sizes and counts are u32 in WGSL.
+/// Sizes and counts, which are u32 in WGSL.
 #[cfg(all(test, feature = "gpu"))]
 impl From<usize> for Constant {
     fn from(x: usize) -> Constant {
@@ -35,7 +35,7 @@ impl From<f32> for Constant {
     }
 }
 
-/// Where the CPU decides in f64, a GPU does with the nearest f32.
+/// A constant that the CPU uses in f64, and a GPU as the nearest f32.
 #[cfg(all(test, feature = "gpu"))]
 impl From<f64> for Constant {
     fn from(x: f64) -> Constant {
@@ -52,7 +52,7 @@ impl From<[f64; 2]> for Constant {
 
 #[cfg(all(test, feature = "gpu"))]
 impl Constant {
-    /// As WGSL writes it.
+    /// Its type and value in the notation of WGSL.
     pub fn wgsl(self) -> (&'static str, String) {
         match self {
             Constant::U32(x) if x > 1 << 16 => ("u32", format!("{x:#x}u")),
@@ -63,13 +63,13 @@ impl Constant {
     }
 }
 
-/// Declares public constants, and for tests a function `declarations` that lists them in their order.
+/// Declares public constants, and, for tests, a function `declarations` that lists them in the same order.
 macro_rules! constants {
     ($($(#[doc = $doc:literal])+ $name:ident: $ty:ty = $value:expr;)+) => {
-        // Some are for one backend, or for the shaders alone.
+        // Some are used by one backend only, or by the shaders only.
         $($(#[doc = $doc])+ #[allow(dead_code)] pub const $name: $ty = $value;)+
 
-        /// All of these constants.
+        /// All of these constants, in order.
         #[cfg(all(test, feature = "gpu"))]
         pub fn declarations() -> Vec<$crate::method::constants::Declaration> {
             vec![$((&[$($doc),+], stringify!($name), $name.into())),+]

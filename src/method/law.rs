@@ -1,5 +1,5 @@
-//! The constants that both backends obey. `shaders/generated.wgsl` is written from them (`gpu/generated.rs`), so that each
-//! number stands once.
+//! The constants that both backends obey. `shaders/generated.wgsl` is written from them (`gpu/generated.rs`), so that
+//! each number stands once.
 
 use super::constants::constants;
 
@@ -13,21 +13,23 @@ constants! {
 
     /// A point counts as inside a triangle if no barycentric coordinate is under minus this.
     INSIDE_TOLERANCE: f32 = 1e-6;
-    /// The same at a chart's border, where there is no neighbour to walk to (method §2).
+    /// As `INSIDE_TOLERANCE`, at a chart's border, where there is no neighbour to walk to (method §2).
     BORDER_TOLERANCE: f32 = 1e-3;
-    /// Triangles that a walk to a point visits at most. A node moves a few cells before its start is renewed; fine meshes
-    /// have several triangles per cell.
+    /// Greatest number of triangles that a walk to a point visits. A node moves a few cells before its start is
+    /// renewed; fine meshes have several triangles per cell.
     WALK_STEPS: u32 = 256;
 
-    /// Length of a node's step in a sweep, in cells along either axis, at most: the linear model is not trusted further.
+    /// Greatest length of a node's step in a sweep, in cells along either axis: the linear model is not trusted
+    /// further.
     MAX_NODE_STEP: f32 = 2.0;
-    /// Part of the step up to the bound on the Jacobian that is taken: a little less than all, because of rounding.
+    /// Fraction that is taken of the step at which a corner reaches the bound on the Jacobian: less than 1, because of
+    /// rounding.
     BOUND_SAFETY: f32 = 0.999;
     /// A step whose predicted gain is under this fraction of the node's energy is lost in that energy's rounding: it is
     /// not taken.
     MIN_RELATIVE_GAIN: f32 = 1e-6;
-    /// Sweeps that are done on a block while it is gathered, its halo frozen. With more, what has not moved yet would hold
-    /// back what is next to it.
+    /// Sweeps that are done on a block while it is gathered, its halo frozen. With more, nodes that have not moved yet
+    /// would hold back their neighbours.
     SWEEPS_PER_PASS: u32 = 2;
 
     /// Corners with a Jacobian under this get the near-bound penalty (method §7.1) ...
@@ -38,12 +40,12 @@ constants! {
 
     /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
     SMOOTHER_SWEEPS: u32 = 2;
-    /// Rounds of these in each direction on the coarsest level, where a block or a few hold all of it.
+    /// Rounds of these sweeps in each direction on the coarsest level, all of which lies in one or a few blocks.
     COARSEST_ROUNDS: u32 = 4;
-    /// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction does,
-    /// and need more memory (method §7.3).
+    /// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
+    /// does, and need more memory (method §7.3).
     CG_ITERATIONS: u32 = 2;
-    /// A step of this length, in cells, is none: more than the largest grid.
+    /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
     MAX_STEP: f32 = 32768.0;
 
     /// A step leaves at least this fraction of what a corner Jacobian has over `MIN_JACOBIAN` (method §7.6).
@@ -51,27 +53,29 @@ constants! {
     /// A node's step fraction exceeds those of its neighbours by at most this: a step that changes abruptly folds by
     /// itself.
     FRACTION_FALLOFF: f32 = 0.125;
-    /// Passes of this falloff before the first round of halving, and after each.
+    /// Passes of this falloff before the first round; `FALLOFF_PASSES` follow each round.
     FIRST_FALLOFF_PASSES: u32 = 4;
-    /// See `FIRST_FALLOFF_PASSES`.
+    /// Passes of the falloff after each round.
     FALLOFF_PASSES: u32 = 2;
     /// Rounds that halve the step fraction around corners which would still fall under the bound.
     HALVING_ROUNDS: u32 = 8;
-    /// Rounds in all: after the halvings, nodes around such corners stay where they are. A chart that is not free of folds
-    /// after them is refused for its energy.
+    /// Rounds in all: after the halvings, nodes around such corners stay where they are. A chart that is not free of
+    /// folds after them is refused for its energy.
     LIMIT_ROUNDS: u32 = 16;
 
-    /// A fraction of a step is accepted if it gains at least this much of what its model predicts (method §7.7): a whole
-    /// step that gains next to nothing would end a chart's corrections where half of it would go on.
+    /// A trial is accepted if it gains more than this fraction of the gain that the model predicts (method §7.7): a
+    /// whole step that gains next to nothing would end a chart's corrections where half of the step would continue
+    /// them.
     SUFFICIENT_DECREASE: f32 = 0.02;
-    /// Weight of the identity's energy in the unit of a gain: where little energy is left of much, a fraction of what is
-    /// left counts for nothing.
+    /// Weight of the identity's energy in the unit of gains: where little is left of much energy, a small part of what
+    /// is left does not matter.
     IDENTITY_ENERGY_WEIGHT: f64 = 0.06;
-    /// The step fraction of one correction over that of the one before, at most.
+    /// Greatest ratio of the step fraction of one correction to that of the one before.
     FRACTION_GROWTH: f64 = 4.0;
-    /// Gains, in units of tolerance times energy, from which and from up to which the next step fraction grows.
+    /// The gains, in units of tolerance times energy, between which the next step fraction grows from 0 to 1.
     GAIN_RAMP: [f64; 2] = [1.0, 4.0];
-    /// The same for the error of a first correction's prediction.
+    /// The errors of a first correction's predicted gain, in the same units, between which the next step fraction
+    /// grows.
     MODEL_ERROR_RAMP: [f64; 2] = [0.1, 3.0];
 }
 

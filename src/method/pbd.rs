@@ -1,40 +1,44 @@
-//! pbd: the paper's solver (its section 4): position-based dynamics (Müller et al., "Position Based Dynamics", 2007) on a
-//! hierarchy of grids. The baseline that `descent` is measured against.
+//! The schedule of `pbd` on a level (method §10): the paper's solver (its section 4), position based dynamics (Müller
+//! et al., "Position Based Dynamics", 2007) on a hierarchy of grids. It is the baseline with which `descent` is
+//! compared.
 //!
 //! From the coarsest level to the finest: bilinear interpolation, smoothing by eq. 4-5, and the level's iterations. An
-//! iteration projects the eight sets of figure 8 in turn, each over the whole level. With d the offset between the ends of
-//! a segment in the tile, L and l its length in the pose and at rest, w the larger rigidity of its ends (eq. 1):
+//! iteration projects the eight sets of edges of figure 8 in turn, each over the whole level. With d the offset between
+//! the ends of an edge in the plane, L and l its length in the pose and at rest, w the larger rigidity of its ends
+//! (eq. 1), and c the level's factor on corrections:
 //!
 //! ```text
-//! d <- d (1 + w c (l / L - 1)), turned toward its rest direction by a share, about its centre or its fixed end;
-//! each end then stays inside the bounding box of its eight neighbours.
+//! d <- d (1 + w c (l / L - 1)), turned back towards its rest direction by a fraction, about its centre or its fixed
+//! end; each end is then limited to the bounding box of its eight neighbours.
 //! ```
 //!
-//! After every fourth iteration, and the last, come regularisation (eq. 4-5), integration and, but for the last, damping
-//! and prediction: p + (1 - damping) (p - p'), p' being where the positions were integrated before.
+//! After every fourth iteration and after the last one come regularisation (eq. 4-5), integration and, except after the
+//! last one, damping and prediction: p + (1 - damping) (p - p'), where p' is the position at the previous integration.
 //!
-//! What the paper leaves open is as it does best on six scenes at 256² (bulge, pinch, shear, squash, torus, the mug's belly
-//! and neck). The figures are E and the strain's RMS on the mesh, over those of the identity: geometric means, with the
-//! defaults but for what is named. The defaults: **0.128, 0.106**; `descent`: draft 0.125, 0.177, normal 0.101, 0.104.
+//! What the paper leaves open was chosen for the best results on six scenes at 256 by 256 cells (bulge, pinch, shear,
+//! squash, torus, and the mug's belly and neck). The figures are the energy E and the RMS strain on the mesh, each
+//! divided by that of the identity, as geometric means, with the default values except for what is named. The defaults
+//! have **0.128, 0.106**; `descent` has 0.125, 0.177 at `draft` and 0.101, 0.104 at `normal`.
 //!
-//! - Projections of all sets to a regularisation: **4**; 1: 0.162, 0.275; 2: 0.133, 0.169; 8: 0.136, 0.098; 16: 0.137, 0.124.
-//! - Iterations: **16**; 1: 0.629, 0.786; 2: 0.428, 0.624; 4: 0.252, 0.432; 8: 0.141, 0.214; 32: 0.126, 0.090; 64: 0.122,
-//!   0.109; 128: 0.120, 0.107. A time step is not among the choices: without a force it cancels out.
-//! - Velocity damping: **none**; 0.1: 0.128, 0.113; 0.2: 0.128, 0.122; 0.3: 0.128, 0.131. Inertia does the work of iterations.
-//! - Share of the rotation toward rest: **none**; 0.01: 0.128, 0.110; 0.05: 0.129, 0.129. It did not prevent folds of a
-//!   sheet squashed to 40 %, either.
+//! - Iterations to a regularisation: **4**; 1: 0.162, 0.275; 2: 0.133, 0.169; 8: 0.136, 0.098; 16: 0.137, 0.124.
+//! - Iterations per level: **16**; 1: 0.629, 0.786; 2: 0.428, 0.624; 4: 0.252, 0.432; 8: 0.141, 0.214; 32: 0.126,
+//!   0.090; 64: 0.122, 0.109; 128: 0.120, 0.107. A time step is not among the choices: without a force it cancels.
+//! - Velocity damping: **none**; 0.1: 0.128, 0.113; 0.2: 0.128, 0.122; 0.3: 0.128, 0.131. Inertia takes the place of
+//!   further iterations.
+//! - Fraction by which an edge is turned back: **none**; 0.01: 0.128, 0.110; 0.05: 0.129, 0.129. Turning back did not
+//!   prevent folds of a sheet squashed to 40 % either.
 //! - Smoothing s: **0.8**; 0.1: 0.135, 0.109; 0.3: 0.132, 0.107; 0.5: 0.130, 0.105; 1: 0.127, 0.107.
-//! - Factor on corrections per coarser level: **0.7**; 0.5: 0.130, 0.143; 0.6: 0.124, 0.122; 0.8: 0.135, 0.094; 1: 0.146,
-//!   0.082. It scales the rotation too.
-//! - Order of the sets: **level, upright, slanted**; slanted first: 0.128, 0.107; all even ones first: 0.135, 0.130.
+//! - Factor on corrections per coarser level: **0.7**; 0.5: 0.130, 0.143; 0.6: 0.124, 0.122; 0.8: 0.135, 0.094; 1:
+//!   0.146, 0.082. It scales the turning back, too.
+//! - Order of the sets: **east, north, diagonal**; diagonal first: 0.128, 0.107; all even ones first: 0.135, 0.130.
 //! - Smoothing after interpolation: **eq. 4-5**; the Gaussian everywhere: 0.128, 0.106; none: 0.129, 0.104.
-//! - Direction of a correction: **along the segment**, as for Müller's distance constraint; along the gradient of L in the
-//!   tile: 0.127, 0.100, for the surface's slopes at both ends of every segment.
-//! - Length: the distance of the two ends' positions on the finest level, arc length by metrics on coarser ones.
-//! - A node that would leave its chart stays. A warm start goes on from the last result on the finest level alone.
+//! - Direction of a correction: **along the edge** in the plane, as for Müller's distance constraint; along the
+//!   gradient of L in the plane: 0.127, 0.100, at the price of the surface's tangents at both ends of every edge.
+//! - Length: the distance of the ends' positions on the finest level, arc length by metrics on coarser ones.
+//! - A node that would leave its chart stays. A warm start continues from the last result on the finest level alone.
 //!
-//! Sixteen projections to a regularisation and 64 in all bring the strain to 0.025, a quarter of what `descent` leaves, at an
-//! E of 0.159: features then take their room from elastic material, whose own deformation is in E.
+//! Sixteen iterations to a regularisation and 64 in all bring the strain to 0.025, a quarter of that of `descent`, at
+//! an E of 0.159: features then take their room from elastic material, whose own deformation counts in E.
 
 use super::schedule::{Stages, Summary};
 use crate::settings::PbdValues;
@@ -46,30 +50,31 @@ const PROJECTIONS: u32 = 4;
 /// One iteration on a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Iteration {
-    /// The level's first: velocities are 0.
+    /// True for the first one on the level: velocities are 0.
     pub first: bool,
-    /// Regularisation and integration follow.
+    /// True if regularisation and integration follow.
     pub regularise: bool,
-    /// Its last: no positions are predicted any more.
+    /// True for the last one on the level: no prediction follows.
     pub last: bool,
-    /// Share of its velocity that a node keeps.
+    /// Fraction of its velocity that a node keeps: 1 - damping.
     pub momentum: f32,
-    /// Share of the rotation toward the rest direction.
+    /// Fraction by which an edge is turned back towards its rest direction.
     pub orientation: f32,
+    /// See `PbdSettings`.
     pub smoothing: f32,
-    /// Factor on this level's corrections.
+    /// Factor on this level's corrections, C to the power of the level.
     pub correction: f32,
 }
 
-/// One of the eight sets of edges that share no node (the paper's figure 8): an edge of `EDGES`, and the parity of the
-/// node that owns it, of its i for horizontal edges and of its j for others.
+/// One of the eight sets of edges that share no node (the paper's figure 8): the index of a direction in `EDGES`, and
+/// the parity of the node that owns the edge, of its i for edges to the east and of its j for the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Set {
     pub edge: usize,
     pub parity: usize,
 }
 
-/// In the order of their projection.
+/// All sets, in the order of their projection.
 pub(crate) const SETS: [Set; 8] = [
     Set { edge: 0, parity: 0 },
     Set { edge: 0, parity: 1 },
@@ -82,7 +87,8 @@ pub(crate) const SETS: [Set; 8] = [
 ];
 
 impl Set {
-    /// To the other end of the one edge of this set that node (i, j) has, and whether that end owns it.
+    /// The offset to the other end of the one edge of this set that node (i, j) has, and whether that end owns the
+    /// edge.
     #[inline(always)]
     pub fn partner(self, i: usize, j: usize) -> ((i64, i64), bool) {
         let along = if self.edge == 0 { i } else { j };
@@ -91,7 +97,7 @@ impl Set {
     }
 }
 
-/// A level's iterations. `late` tells when the time is up.
+/// Does a level's iterations. `late` returns whether the time budget is exceeded.
 pub(crate) fn level<S: Stages>(
     stages: &mut S,
     settings: &PbdValues,
@@ -108,7 +114,7 @@ pub(crate) fn level<S: Stages>(
     }
     let correction = (0..level).fold(1.0, |factor, _| factor * settings.coarse_correction);
     for n in 1..=settings.iterations {
-        // The last one leaves the positions where they are integrated, so this has to be known before it.
+        // The last iteration does not predict, so it has to be known before it that it is the last.
         summary.truncated = late(stages);
         let last = n == settings.iterations || summary.truncated;
         let iteration = Iteration {
@@ -141,17 +147,17 @@ mod tests {
         for set in SETS {
             let mut seen = BTreeSet::new();
             for (i, j) in (0..256).map(|k| (k % 16, k / 16)) {
-                let ((di, dj), theirs) = set.partner(i, j);
-                let (own, other) = ((i as i64, j as i64), (i as i64 + di, j as i64 + dj));
+                let ((di, dj), owned_by_other) = set.partner(i, j);
+                let (node, other) = ((i as i64, j as i64), (i as i64 + di, j as i64 + dj));
                 if !inside(other) {
                     continue;
                 }
-                // The other end says the same.
+                // Seen from the other end, it is the same edge.
                 let back = set.partner(other.0 as usize, other.1 as usize);
-                assert_eq!(back, ((-di, -dj), !theirs), "{set:?} at {own:?}");
-                if !theirs {
-                    assert!(seen.insert(own) && seen.insert(other), "{set:?} has a node of {own:?} twice");
-                    assert!(edges.insert((own, other)), "{own:?} to {other:?} is in two sets");
+                assert_eq!(back, ((-di, -dj), !owned_by_other), "{set:?} at {node:?}");
+                if !owned_by_other {
+                    assert!(seen.insert(node) && seen.insert(other), "{set:?} has a node of {node:?} twice");
+                    assert!(edges.insert((node, other)), "{node:?} to {other:?} is in two sets");
                 }
             }
         }

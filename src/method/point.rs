@@ -1,25 +1,26 @@
-//! Points of the schedule, by name: where a solve can change from one backend to the other, and what a comparison of both
-//! says where it looked.
+//! Points of the schedule, by name: where a solve may change from one backend to the other, and where a comparison of
+//! both was made.
 
 use std::cmp::Reverse;
 use std::fmt;
 
 use crate::error::{Error, Result};
 
-/// A point of the schedule: behind a stage. The order is the schedule's.
+/// A point of the schedule, just after a stage. Points are ordered as in the schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Point {
     Surface,
     Pyramid,
     Level {
         level: Reverse<usize>,
-        /// 0: prolong (or where a solve starts), 1: relax, or all iterations of pbd, from 2 on: the corrections.
+        /// 0: prolong (or the start of a solve); 1: relax, or all iterations of pbd; 1 + n: the n-th correction.
         step: u32,
     },
     Certify,
 }
 
 impl Point {
+    /// The point after a step on a level.
     pub fn level(level: usize, step: u32) -> Point {
         Point::Level { level: Reverse(level), step }
     }
@@ -39,7 +40,7 @@ impl fmt::Display for Point {
     }
 }
 
-/// Which backend runs the first stages, and up to where.
+/// A change of backend within a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Switch {
     /// True if the GPU begins.
@@ -50,8 +51,12 @@ pub(crate) struct Switch {
 
 impl Switch {
     /// Reads `BACKEND:STAGE`: `cpu` or `gpu`, and the last stage that it runs: `surface`, `pyramid`, `prolong@LEVEL`,
-    /// `relax@LEVEL` (pbd: its iterations), `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (N of them) or `certify`. Level 0
-    /// is the finest. A level that the grid does not have stands before all that it has.
+    /// `relax@LEVEL` (pbd: its iterations), `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (the
+    /// first N of them) or `certify`. Level 0 is the finest. A level that the grid does not have comes before all of
+    /// the grid's levels.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for other text.
     pub fn parse(text: &str) -> Result<Switch> {
         let unreadable = || {
             Error::argument(format!(

@@ -1,6 +1,6 @@
-//! The schedule of a solve, written once over the stages that a backend implements:
-//! surface -> pyramid -> (prolong -> correct, or relax alone) per level, coarsest first -> certify. The paper's solver has its own
-//! way through the levels (`pbd`).
+//! The schedule of a solve (method §5), written once for the stages that both backends implement: surface; pyramid; on
+//! each level, coarsest first, prolong, then correct, or relax alone; certify. The paper's solver has a schedule of its
+//! own on each level (`pbd`).
 
 use std::time::{Duration, Instant};
 
@@ -13,25 +13,26 @@ use crate::settings::{PbdValues, Quality, SolveOptions, Solver, TileSettings};
 use crate::tile::Grid;
 use crate::tile::pose::Pose;
 
-/// What a backend works with: one tile, one pose.
+/// The input of a backend: one tile, one pose.
 pub(crate) struct Input<'a> {
     pub grid: &'a Grid,
     pub mesh: &'a TileMesh,
     pub pose: &'a Pose,
     pub settings: &'a TileSettings,
+    /// Per chart, true if it is to be solved.
     pub charts: &'a [bool],
-    /// λ of a level, in that of the next finer one; see `Plan`.
+    /// λ(level + 1) / λ(level); see `Plan`.
     pub continuation: f32,
 }
 
 impl Input<'_> {
-    /// λ of a level.
+    /// λ on a level (method §4).
     pub fn smoothness(&self, level: usize) -> f32 {
         self.settings.smoothness * self.continuation.powi(level as i32)
     }
 }
 
-/// What a chart's solve ended with.
+/// The result of a chart's solve, in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct ChartResult {
     pub energy_before: f64,
@@ -39,54 +40,58 @@ pub(crate) struct ChartResult {
     pub min_jacobian: f64,
     pub folds: u64,
     pub max_displacement: f32,
-    /// True if the solve found nothing better than the identity.
+    /// True if the identity took the place of the solver's warp (method §8).
     pub fallback: bool,
 }
 
-/// The stages of a backend, for one tile and the charts that it was given to solve. No stage hands back what the
-/// schedule would need to decide on: a GPU runs the whole of it without a readback.
+/// The stages of a backend, for the charts of one tile that are to be solved. No stage returns anything on which the
+/// schedule would have to decide: a GPU runs all of it without a readback.
 pub(crate) trait Stages {
     /// Levels of the grid; 0 is the finest.
     fn levels(&self) -> usize;
-    /// Pose triangles and their metrics.
+    /// Computes the pose's triangles and their metrics.
     fn surface(&mut self);
-    /// Pose metrics on all coarser levels.
+    /// Computes the pose's metrics on all coarser levels.
     fn pyramid(&mut self);
     /// Sets a level to the identity.
     fn identity(&mut self, level: usize);
     /// Sets level 0 to the previous result.
     fn previous(&mut self);
-    /// Displacements of a level from the next coarser one.
+    /// Interpolates the displacements of a level from the next coarser one (method §3).
     fn prolong(&mut self, level: usize);
-    /// Block descent.
+    /// Relaxes a level node by node (method §6).
     fn relax(&mut self, level: usize, sweeps: u32);
-    /// One Gauss-Newton step for all nodes of a level, relaxed and then accepted chart by chart.
+    /// Does one Gauss-Newton step for all nodes of a level, relaxes, and accepts or refuses chart by chart (method §7).
     fn correct(&mut self, level: usize, correction: &Correction);
-    /// One iteration of the paper's solver on a level.
+    /// Does one iteration of the paper's solver on a level (method §10).
     fn iterate(&mut self, level: usize, iteration: &pbd::Iteration);
-    /// Smooths a level's displacements as the paper does after interpolation.
+    /// Smooths a level's displacements after interpolation, as the paper does.
     fn smooth(&mut self, level: usize, smoothing: f32);
-    /// Energies, corner Jacobians in f64, and the fallback: a chart that is folded or no better than the identity
-    /// becomes the identity; with `as_is`, only one that is not a number does.
+    /// Computes energies and corner Jacobians, and applies the fallback (method §8): a chart that is folded, or whose
+    /// energy is not finite or above that of the identity, becomes the identity; with `as_is`, only one whose energy is
+    /// not finite.
     fn certify(&mut self, as_is: bool);
-    /// Waits until what was called has been done. Called before the clock is looked at, if there is a time budget.
+    /// Waits until all stages called so far are done. Called before the clock is read, if there is a time budget.
     fn wait(&mut self) {}
 }
 
-/// How much work to do.
+/// The work of a solve, from its options (method §5).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plan {
-    /// Sweeps after each correction, on the finest level and on the others; on a level without any, sweeps alone.
+    /// Sweeps after each correction, on the finest level and on the others; on a level without corrections, all of its
+    /// sweeps.
     pub sweeps: [u32; 2],
-    /// Corrections on the finest level and on the others.
+    /// Greatest number of corrections, on the finest level and on each of the others.
     pub corrections: [u32; 2],
+    /// See `Correction`.
     pub tolerance: f32,
     /// See `Correction`.
     pub trusts_model: bool,
-    /// λ of a level, in that of the next finer one. What is smoother on coarser levels leaves the finer ones the choice
-    /// which of two features gives way: the squash to 40 % ends 2 % lower, strips 1.6 %, scenes with room 0.1 to 0.4 %.
+    /// λ(level + 1) / λ(level). A smoother warp on the coarser levels leaves to the finer ones the decision which of
+    /// two features gives way: with 2, the energy of the squash to 40 % ends 2 % lower, that of strips 1.6 %, that of
+    /// scenes with room 0.1 to 0.4 %.
     pub continuation: f32,
-    /// The paper's solver in place of these, with all of its settings.
+    /// The settings of the paper's solver, if it takes the place of the descent.
     pub pbd: Option<PbdValues>,
     pub warm: bool,
     pub budget: Option<Duration>,
@@ -95,24 +100,25 @@ pub(crate) struct Plan {
 impl Plan {
     pub fn new(options: &SolveOptions) -> Plan {
         let pbd = (options.solver == Solver::Pbd).then(|| options.pbd.resolved());
-        // The coarser levels cost a third of the finest, and their corrections move features where sweeps alone would
-        // take hundreds. A chart with room is done after one correction on the finest; the others go to crowded ones.
-        // `high` comes to the finest level as `normal` does, and goes on from there: it is never to end higher.
+        // The coarser levels together cost a third of the finest one, and their corrections move features as far as
+        // hundreds of sweeps alone would. A chart with room is done after one correction on the finest level; the
+        // further ones go to crowded charts. `high` reaches the finest level in the same way as `normal` and continues
+        // from there: it is never to end with a higher energy.
         let (sweeps, corrections, tolerance, trusts_model, continuation) = match options.quality {
-            // No correction follows on the finest level, so the next one has to be as strained as it will be.
+            // No correction follows on the finest level: the coarser levels have to be solved with the λ of the finest.
             Quality::Draft => ([3, 3], [0, 1], 0.0, true, 1.0),
             Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
             Quality::High => ([4, 2], [12, 1], 1e-4, false, 2.0),
         };
         let cap = |n: u32| options.max_corrections.unwrap_or(n);
-        // What a solver does not look at must not make two plans differ.
-        let of_descent = pbd.is_none();
+        // Options that the solver does not use must not make two plans differ.
+        let descent = pbd.is_none();
         Plan {
-            sweeps: if of_descent { sweeps } else { [0; 2] },
-            corrections: if of_descent { corrections.map(cap) } else { [0; 2] },
-            tolerance: if of_descent { options.tolerance.unwrap_or(tolerance) } else { 0.0 },
-            trusts_model: of_descent && trusts_model,
-            continuation: if of_descent { continuation } else { 1.0 },
+            sweeps: if descent { sweeps } else { [0; 2] },
+            corrections: if descent { corrections.map(cap) } else { [0; 2] },
+            tolerance: if descent { options.tolerance.unwrap_or(tolerance) } else { 0.0 },
+            trusts_model: descent && trusts_model,
+            continuation: if descent { continuation } else { 1.0 },
             pbd,
             warm: options.warm,
             budget: options.time_budget,
@@ -124,7 +130,7 @@ impl Plan {
     }
 }
 
-/// What the schedule did.
+/// The work that the schedule did.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Summary {
     pub times: StageTimes,
@@ -153,7 +159,7 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
         match &plan.pbd {
             None => {
                 if warm && !is_late(stages, plan, start) {
-                    // The last frame's result has not seen this pose on any level.
+                    // On no level has the last frame's result been relaxed for this pose.
                     summary.sweeps += plan.sweeps[0];
                     timed(&mut times.relax, || stages.relax(level, plan.sweeps[0]));
                 }
@@ -172,8 +178,9 @@ pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Inst
     summary
 }
 
-/// Corrections of a level, each with its sweeps; or sweeps alone. None come before the first correction: it starts from a
-/// prolonged state as well as from a relaxed one (gaps of scenes with room are the same or smaller without).
+/// Does the corrections of a level, each with its sweeps; or sweeps alone. No sweeps come before the first correction:
+/// a prolonged state is as good a start as a relaxed one (the gaps of scenes with room are the same or smaller
+/// without).
 fn correct_level(
     stages: &mut impl Stages,
     plan: &Plan,
@@ -185,7 +192,7 @@ fn correct_level(
     let coarser = usize::from(level > 0);
     let (corrections, sweeps) = (plan.corrections[coarser], plan.sweeps[coarser]);
     for step in 0..corrections.max(1) {
-        // Past the budget only prolongation is left: the state so far becomes the result.
+        // Past the budget only prolongation and certification are left: the present state becomes the result.
         if is_late(stages, plan, start) {
             summary.truncated = true;
             break;
@@ -202,7 +209,7 @@ fn correct_level(
     }
 }
 
-/// The sweeps of each pass over a level.
+/// The number of sweeps of each pass over a level.
 pub(crate) fn passes(sweeps: u32) -> impl Iterator<Item = u32> {
     (0..sweeps).step_by(SWEEPS_PER_PASS as usize).map(move |done| (sweeps - done).min(SWEEPS_PER_PASS))
 }
@@ -215,6 +222,7 @@ fn is_late(stages: &mut impl Stages, plan: &Plan, start: Instant) -> bool {
     })
 }
 
+/// Adds the milliseconds that `f` takes.
 fn timed(sum: &mut f32, f: impl FnOnce()) {
     let start = Instant::now();
     f();

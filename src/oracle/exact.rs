@@ -1,24 +1,27 @@
-//! The surface map f: UV -> object space, exactly on the triangles and in f64: what the reference solver and the
-//! strain on the mesh rest on. It shares no numbers with the solver's own f32 surface.
+//! The exact surface map f from the UV plane to space (method §2), affine on each triangle, in f64, with point
+//! location. The reference solver and the strain on the mesh use it. It shares no numbers with the solver's own f32
+//! surface.
+
+use glam::DVec2;
 
 use crate::mesh::{NONE, TileMesh};
 
-/// Barycentrics down to this count as inside: a point on an edge belongs to either side.
+/// Barycentric coordinates of at least minus this count as inside: a point on an edge belongs to the triangles on both
+/// sides.
 const SLACK: f64 = 1e-12;
 
 /// A triangle in the UV plane, in cells.
 #[derive(Clone, Copy, Debug)]
 struct UvTriangle {
-    origin: [f64; 2],
-    /// Rows that take an offset from `origin` to the barycentrics of corners 1 and 2.
-    barycentric: [[f64; 2]; 2],
+    origin: DVec2,
+    /// Rows of the 2x2 matrix that takes an offset from `origin` to the barycentric coordinates of corners 1 and 2.
+    barycentric: [DVec2; 2],
     neighbours: [u32; 3],
 }
 
 impl UvTriangle {
-    fn barycentrics(&self, at: [f64; 2]) -> [f64; 3] {
-        let d = [at[0] - self.origin[0], at[1] - self.origin[1]];
-        let [l1, l2] = self.barycentric.map(|row| row[0] * d[0] + row[1] * d[1]);
+    fn barycentrics(&self, at: DVec2) -> [f64; 3] {
+        let [l1, l2] = self.barycentric.map(|row| row.dot(at - self.origin));
         [1.0 - l1 - l2, l1, l2]
     }
 }
@@ -35,18 +38,19 @@ pub(crate) struct Locator {
 }
 
 impl Locator {
-    /// `under` is the triangle under each of the (nx + 1) x (ny + 1) nodes.
+    /// `under` holds the triangle under each of the (nx + 1) x (ny + 1) nodes, or `NONE`.
     pub fn new(tile: &TileMesh, nx: usize, ny: usize, under: Vec<u32>) -> Locator {
+        let cells = DVec2::new(nx as f64, ny as f64);
         let triangles = tile
             .triangles
             .iter()
             .map(|t| {
-                let [a, b, c] = t.uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
-                let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-                let det = e1[0] * e2[1] - e1[1] * e2[0];
+                let [a, b, c] = t.uv.map(|uv| uv * cells);
+                let (e1, e2) = (b - a, c - a);
+                let det = e1.perp_dot(e2);
                 UvTriangle {
                     origin: a,
-                    barycentric: [[e2[1] / det, -e2[0] / det], [-e1[1] / det, e1[0] / det]],
+                    barycentric: [-e2.perp() / det, e1.perp() / det],
                     neighbours: t.neighbours,
                 }
             })
@@ -59,34 +63,35 @@ impl Locator {
         self.under[j * (self.nx + 1) + i]
     }
 
-    /// The triangle of the chart of `home` under a point given in cells. The walk starts under the nearest node. A
-    /// walk can be stopped by the border of a chart that is not convex; it then starts again from the other corners
-    /// of the point's cell and from `home`, and at last all triangles are searched for the one that contains the
-    /// point best (a point on the border may lie outside all of them by rounding).
-    pub fn find(&self, at: [f64; 2], home: u32) -> u32 {
+    /// The triangle under a point given in cells, in the chart of the triangle `home`. The walk starts at the triangle
+    /// under the nearest node. The border of a chart that is not convex may stop it; it then starts again at the
+    /// corners of the point's cell and at `home`. At last all triangles of the chart are searched for the one that
+    /// contains the point best (by rounding, a point on the border may lie outside of all of them).
+    pub fn find(&self, at: DVec2, home: u32) -> u32 {
         let chart = self.chart_of[home as usize];
         let clamp = |x: f64, n: usize| x.clamp(0.0, n as f64) as usize;
-        let start = |x: f64, y: f64| {
+        let under_node = |x: f64, y: f64| {
             let t = self.under(clamp(x, self.nx), clamp(y, self.ny));
             (t != NONE && self.chart_of[t as usize] == chart).then_some(t)
         };
-        let nearest = start(at[0].round(), at[1].round()).unwrap_or(home);
+        let nearest = under_node(at.x.round(), at.y.round()).unwrap_or(home);
         if let Some(t) = self.walk(nearest, at) {
             return t;
         }
-        let (x, y) = (at[0].floor(), at[1].floor());
+        let DVec2 { x, y } = at.floor();
         for corner in [(x, y), (x + 1.0, y), (x, y + 1.0), (x + 1.0, y + 1.0)] {
-            if let Some(t) = start(corner.0, corner.1).and_then(|t| self.walk(t, at)) {
+            if let Some(t) = under_node(corner.0, corner.1).and_then(|t| self.walk(t, at)) {
                 return t;
             }
         }
         self.walk(home, at).unwrap_or_else(|| self.search(chart, at))
     }
 
-    /// Crosses the edge that the point lies furthest beyond, until it lies beyond none.
-    fn walk(&self, start: u32, at: [f64; 2]) -> Option<u32> {
+    /// Crosses the edge opposite to the most negative barycentric coordinate (where it has a neighbour) until none is
+    /// negative. `None` if there is no such edge, or after too many steps.
+    fn walk(&self, start: u32, at: DVec2) -> Option<u32> {
         let mut t = start;
-        // Such a walk can go round in circles in badly shaped triangles.
+        // On badly shaped triangles such a walk may go round in circles.
         for _ in 0..1000 {
             let triangle = &self.triangles[t as usize];
             let l = triangle.barycentrics(at);
@@ -102,7 +107,8 @@ impl Locator {
         None
     }
 
-    fn search(&self, chart: u32, at: [f64; 2]) -> u32 {
+    /// The triangle of a chart whose least barycentric coordinate of the point is the greatest.
+    fn search(&self, chart: u32, at: DVec2) -> u32 {
         let depth = |t: usize| self.triangles[t].barycentrics(at).into_iter().fold(f64::INFINITY, f64::min);
         let first = self.chart_of.partition_point(|&c| c < chart);
         let end = self.chart_of.partition_point(|&c| c <= chart);
@@ -110,8 +116,8 @@ impl Locator {
     }
 }
 
-/// f in D dimensions: affine on each triangle, relative to the first vertex of its chart, so that a mesh far away
-/// from the origin loses no digits.
+/// f in D dimensions: affine on each triangle, and relative to the first vertex of its chart, so that a mesh far from
+/// the origin loses no digits.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface<const D: usize> {
     triangles: Vec<Affine<D>>,
@@ -120,13 +126,13 @@ pub(crate) struct Surface<const D: usize> {
 /// f(at) = value + (at - origin) . tangent, with `at` in cells.
 #[derive(Clone, Copy, Debug)]
 struct Affine<const D: usize> {
-    origin: [f64; 2],
+    origin: DVec2,
     value: [f64; D],
     tangent: [[f64; D]; 2],
 }
 
 impl<const D: usize> Surface<D> {
-    /// `position` gives a mesh vertex in object space.
+    /// `position(v)` is the position of vertex v of the mesh.
     pub fn new(tile: &TileMesh, locator: &Locator, position: impl Fn(usize) -> [f64; D]) -> Surface<D> {
         let mut triangles = Vec::with_capacity(tile.triangles.len());
         for chart in &tile.charts {
@@ -148,9 +154,9 @@ impl<const D: usize> Surface<D> {
     }
 
     /// f at a point of a triangle.
-    pub fn at(&self, triangle: u32, at: [f64; 2]) -> [f64; D] {
+    pub fn at(&self, triangle: u32, at: DVec2) -> [f64; D] {
         let t = &self.triangles[triangle as usize];
-        let d = [at[0] - t.origin[0], at[1] - t.origin[1]];
+        let d = at - t.origin;
         std::array::from_fn(|k| t.value[k] + d[0] * t.tangent[0][k] + d[1] * t.tangent[1][k])
     }
 

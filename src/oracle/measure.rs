@@ -1,7 +1,11 @@
-//! Strain on the mesh itself (DESIGN 12): what an artist sees, never the solver's own quantities.
+//! Strain on the mesh: the change of painted lengths on the surface, as an artist sees it, from the warp and the mesh
+//! in f64 and never from the solver's own quantities.
 //!
-//! A segment that is painted into the texture from node a to node b lies on the surface from W(a) to W(b). Its
-//! strain is its chord in the pose over its chord at rest, less 1; both ends are located in the triangles exactly.
+//! An edge that is painted into the texture from node a to node b lies on the surface from W(a) to W(b). Its strain is
+//! its chord in the pose, divided by its chord at rest without the warp, minus 1. Both ends are located in the
+//! triangles exactly.
+
+use glam::{DVec2, DVec3};
 
 use crate::mesh::{Mesh, NONE};
 use crate::oracle::exact::{Locator, Surface};
@@ -12,17 +16,20 @@ use crate::tile::pyramid::NodeMaps;
 
 /// Edges count if both ends are more rigid than this.
 const RIGID: f32 = 0.5;
-/// Edges with an end this near (in cells, along the farther axis) to a chart border count as border edges.
+/// Edges with an end this near to a chart's border (in cells, along the axis of the greater distance) count as border
+/// edges.
 const BORDER: usize = 10;
-/// A rise of |strain| that is harm, a fall that is help.
+/// An edge whose |strain| rises by more than this counts as harmed.
 const HARM: f64 = 0.25;
+/// An edge whose |strain| falls by more than this counts as helped.
 const HELP: f64 = 0.10;
 
-/// Strains count up to this: enough for any scene, and statistics stay finite in f32.
+/// |Strain| is limited to this: enough for any scene, and statistics stay finite in f32.
 const LARGEST: f64 = 1e12;
 
-/// Measures a warp of one tile. `u` gives the displacement of node (i, j) in cells; `pose` has one position per
-/// vertex. Both ends of an edge that counts are covered by one chart: one of them can move.
+/// Measures the strain of a warp of one tile. `u(i, j)` is the displacement of node (i, j) in cells; `pose` has one
+/// position per vertex. An edge counts if both of its ends are covered and rigid and at least one of them may move; one
+/// chart then covers both.
 pub(crate) fn measure(
     mesh: &Mesh,
     tile_index: usize,
@@ -42,13 +49,12 @@ pub(crate) fn measure(
     let mut ends = vec![End::default(); width * (ny + 1)];
     for (n, end) in ends.iter_mut().enumerate().filter(|(n, _)| rigid(*n)) {
         let (i, j) = (n % width, n / width);
-        let (at, home) = ([i as f64, j as f64], coverage.triangle[n]);
-        let shift = u(i, j).map(f64::from);
-        let warped = [at[0] + shift[0], at[1] + shift[1]];
+        let (at, home) = (DVec2::new(i as f64, j as f64), coverage.triangle[n]);
+        let warped = at + DVec2::from(u(i, j).map(f64::from));
         *end = End {
-            rest: rest.at(home, at),
-            before: posed.at(home, at),
-            after: posed.at(locator.find(warped, home), warped),
+            rest: rest.at(home, at).into(),
+            before: posed.at(home, at).into(),
+            after: posed.at(locator.find(warped, home), warped).into(),
         };
     }
     let mut edges = Edges::default();
@@ -62,13 +68,13 @@ pub(crate) fn measure(
             if !rigid(b) || (maps.chart[a] == NONE && maps.chart[b] == NONE) {
                 continue;
             }
-            let length = distance(&ends[a].rest, &ends[b].rest);
+            let length = distance(ends[a].rest, ends[b].rest);
             if length > 0.0 {
-                // Not a number, for a pose at the ends of f64, becomes the largest too.
+                // NaN, from a pose at the limits of f64, becomes `LARGEST` too.
                 let strain = |p, q| (distance(p, q) / length - 1.0).abs().min(LARGEST);
-                let before = strain(&ends[a].before, &ends[b].before);
-                let after = strain(&ends[a].after, &ends[b].after);
-                let place = Where {
+                let before = strain(ends[a].before, ends[b].before);
+                let after = strain(ends[a].after, ends[b].after);
+                let place = Place {
                     border: near_border[a] || near_border[b],
                     free: maps.chart[a] != NONE && maps.chart[b] != NONE,
                 };
@@ -79,34 +85,35 @@ pub(crate) fn measure(
     edges.report()
 }
 
-/// Where an edge lies.
+/// The place of an edge.
 #[derive(Clone, Copy)]
-struct Where {
-    /// Near a chart's border.
+struct Place {
+    /// True if an end is near a chart's border.
     border: bool,
-    /// Both of its ends may move.
+    /// True if both ends may move.
     free: bool,
 }
 
-/// A node on the surface at rest, in the pose without and with the warp.
+/// Positions of a node on the surface: at rest, in the pose without the warp, and in the pose with it.
 #[derive(Clone, Copy, Default)]
 struct End {
-    rest: [f64; 3],
-    before: [f64; 3],
-    after: [f64; 3],
+    rest: DVec3,
+    before: DVec3,
+    after: DVec3,
 }
 
+/// The edges that count: their |strain| before and after the warp.
 #[derive(Default)]
 struct Edges {
     before: Vec<f64>,
     after: Vec<f64>,
-    place: Vec<Where>,
+    place: Vec<Place>,
     harmed: u64,
     helped: u64,
 }
 
 impl Edges {
-    fn add(&mut self, before: f64, after: f64, place: Where) {
+    fn add(&mut self, before: f64, after: f64, place: Place) {
         self.harmed += u64::from(after - before > HARM);
         self.helped += u64::from(before - after > HELP);
         self.before.push(before);
@@ -116,30 +123,30 @@ impl Edges {
 
     fn report(mut self) -> StrainReport {
         let count = self.before.len();
-        let share = |n: u64| if count > 0 { (n as f64 / count as f64) as f32 } else { 0.0 };
+        let fraction = |n: u64| if count > 0 { (n as f64 / count as f64) as f32 } else { 0.0 };
         StrainReport {
             edges: count as u64,
-            harm: share(self.harmed),
-            help: share(self.helped),
+            harm: fraction(self.harmed),
+            help: fraction(self.helped),
             before: statistics(&mut self.before, &self.place),
             after: statistics(&mut self.after, &self.place),
         }
     }
 }
 
-/// Statistics of magnitudes; reorders them.
-fn statistics(values: &mut [f64], places: &[Where]) -> Strain {
+/// Statistics of |strain|; reorders the values.
+fn statistics(values: &mut [f64], places: &[Place]) -> Strain {
     if values.is_empty() {
         return Strain::default();
     }
-    let rms = |which: &dyn Fn(&Where) -> bool| {
+    let rms = |which: &dyn Fn(&Place) -> bool| {
         let chosen = || values.iter().zip(places).filter(|(_, place)| which(place)).map(|(v, _)| v);
         let count = chosen().count().max(1);
         (chosen().map(|v| v * v).sum::<f64>() / count as f64).sqrt() as f32
     };
     let (all, near, far) = (rms(&|_| true), rms(&|place| place.border), rms(&|place| !place.border));
     let free = rms(&|place| place.free);
-    // The smallest value that is not exceeded by more than the rest.
+    // The smallest value that at least the fraction q of all values does not exceed.
     let mut quantile = |q: f64| {
         let at = ((q * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1;
         *values.select_nth_unstable_by(at, f64::total_cmp).1 as f32
@@ -156,8 +163,8 @@ fn statistics(values: &mut [f64], places: &[Where]) -> Strain {
     }
 }
 
-/// Per node: is there, within `BORDER` nodes along both axes, one that is not inside a chart? (Between the insides of
-/// two charts there is always such a node.) A running count along rows, then along columns.
+/// Per node, true if a node within `BORDER` nodes along both axes is not inside a chart. (Between the insides of two
+/// charts there is always such a node.) Counted along rows first, then along columns.
 fn near_border(coverage: &Coverage) -> Vec<bool> {
     let (width, height) = (coverage.nx + 1, coverage.ny + 1);
     let mut near: Vec<bool> = coverage.interior.iter().map(|inside| !inside).collect();
@@ -171,7 +178,7 @@ fn near_border(coverage: &Coverage) -> Vec<bool> {
     near
 }
 
-/// Widens the true values of one row or column by `BORDER` on both sides.
+/// Sets all values of one row or column within `BORDER` of a true one.
 fn dilate(values: &mut [bool], first: usize, stride: usize, count: usize, line: &mut Vec<bool>) {
     line.clear();
     line.extend((0..count).map(|k| values[first + k * stride]));
@@ -185,11 +192,12 @@ fn dilate(values: &mut [bool], first: usize, stride: usize, count: usize, line: 
     }
 }
 
-fn distance(a: &[f64; 3], b: &[f64; 3]) -> f64 {
-    let d: [f64; 3] = std::array::from_fn(|k| b[k] - a[k]);
-    // Units of 1e300 or 1e-300 must not overflow or vanish in the squares.
-    let largest = d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    if largest == 0.0 { 0.0 } else { largest * d.iter().map(|x| (x / largest).powi(2)).sum::<f64>().sqrt() }
+/// The distance of two points.
+fn distance(a: DVec3, b: DVec3) -> f64 {
+    let d = b - a;
+    // In units of 1e300 or 1e-300, squares must not overflow or vanish.
+    let largest = d.to_array().into_iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if largest == 0.0 { 0.0 } else { largest * (d / largest).length() }
 }
 
 #[cfg(test)]

@@ -1,26 +1,28 @@
-//! parity: runs the schedule on both backends, to find where they part. A [`Pair`](pair::Pair) runs it on both side by
-//! side and compares after each stage; a [`Switched`](switched::Switched) runs it on one backend up to a point and on
-//! the other from there.
+//! Comparison of the two backends, to find the stage at which they part. A [`Pair`](pair::Pair) runs the schedule on
+//! both side by side and compares their states after each stage; `asset::switched` runs it on one backend up to a point
+//! and on the other one from there.
 
 pub(crate) mod pair;
 
 use crate::method::point::Point;
 
-/// How far one quantity is apart on the two backends, after one stage of one tile.
+/// The difference of one quantity between the two backends, after one stage of one tile.
 #[doc(hidden)]
 #[derive(Clone, Debug, PartialEq)]
 pub struct StageDifference {
     /// The stage and its level (0 is the finest), as `VRTM_SWITCH` names it: `correct@0.2`.
     pub stage: String,
-    /// What was compared, and in which units.
+    /// The quantity, with its unit.
     pub quantity: &'static str,
-    /// The largest and the root mean square difference; infinite where one is not a number and the other is.
+    /// The largest difference; infinite if one of two values is NaN and the other is not.
     pub max: f64,
+    /// The root mean square of the differences; infinite where `max` is.
     pub rms: f64,
     /// The largest magnitude on the CPU.
     pub size: f64,
-    /// Numbers that were compared, and those of them whose bits differ.
+    /// Number of values that were compared.
     pub count: u64,
+    /// Number of values that differ.
     pub different: u64,
 }
 
@@ -35,7 +37,7 @@ impl StageDifference {
                 continue;
             }
             let apart = (cpu - gpu).abs();
-            // What is no number on both is the same; a 0 may have either sign.
+            // NaN on both counts as equal, and so do 0 and -0.
             let apart = if cpu.is_nan() && gpu.is_nan() || cpu == gpu { 0.0 } else { apart };
             let apart = if apart.is_nan() { f64::INFINITY } else { apart };
             different += u64::from(apart > 0.0);

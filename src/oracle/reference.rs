@@ -1,14 +1,17 @@
-//! The slow, plain solver: the finest-level energy of DESIGN 5 with exact chords, in f64, on one thread, brought to
-//! its minimum. It is the oracle that the solver is measured against, and shares no numerical code with it.
+//! The reference solver (method §11.2): it minimises the energy of level 0 (method §4), with exact chords, in f64 and
+//! on one thread, from the mesh, the maps and a pose. The solver's results are compared with its minima; the two share
+//! no numerical code.
 //!
-//! Warps are dense: node (i, j) of the tile's (nx + 1) x (ny + 1) nodes is entry `j * (nx + 1) + i`, displacements are
-//! in cells.
+//! A warp is stored for all nodes: node (i, j) of the tile's (nx + 1) x (ny + 1) nodes has the index
+//! `j * (nx + 1) + i`, and displacements are in cells.
 
 mod chart;
 mod energy;
 mod linear;
 mod minimise;
 mod step;
+
+use glam::DVec2;
 
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, TileMesh};
@@ -19,18 +22,18 @@ use chart::{ChartProblem, DIM};
 use energy::Shape;
 use minimise::Minimiser;
 
-/// When to stop, and where to start.
+/// Stopping criteria and starts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Options {
-    /// A chart has converged when its gradient's norm is this share of that at the identity ...
+    /// A chart has converged when its gradient's norm is at most this fraction of that at the identity ...
     pub tolerance: f64,
-    /// ... or when three corrections with their sweeps in a row each gain no more than this share of its energy: on
-    /// triangles the energy has kinks, and the gradient need not vanish at a minimum.
+    /// ... or when three corrections in a row, each with its sweep, gain no more than this fraction of its energy each:
+    /// the energy has kinks at the edges of triangles, and its gradient need not vanish at a minimum.
     pub stall: f64,
-    /// Cap on the corrections of a chart, per strength of the barrier.
+    /// Greatest number of corrections of a chart, per strength of the barrier.
     pub max_corrections: usize,
-    /// Descend from the start, if there is one, from the identity by way of intermediate poses, and from the identity
-    /// at once; keep the lowest result, chart by chart. Crowded charts have many minima, a few per mille apart.
+    /// True for several starts: the given one, if any, the identity by way of intermediate metrics, and the identity
+    /// itself. The lowest result is kept, chart by chart. Crowded charts have many minima, a few per mille apart.
     pub thorough: bool,
 }
 
@@ -40,18 +43,18 @@ impl Default for Options {
     }
 }
 
-/// A minimum.
+/// The minimum that was found.
 #[derive(Clone, Debug)]
 pub(crate) struct Minimum {
     /// The warp.
     pub u: Vec<[f64; 2]>,
     /// Its energy, over all charts.
     pub energy: f64,
-    /// Energy of each chart of the tile; 0 for charts that nothing moves.
+    /// Energy of each chart of the tile; 0 for charts without movable nodes.
     pub per_chart: Vec<f64>,
     /// Norm of the gradient over all charts, projected onto the active bounds.
     pub gradient_norm: f64,
-    /// The same at the identity.
+    /// This norm at the identity.
     pub initial_gradient_norm: f64,
     /// Gauss-Newton steps, over all charts.
     pub corrections: usize,
@@ -66,7 +69,7 @@ pub(crate) struct Problem<'a> {
     mesh: &'a Mesh,
     tile: &'a TileMesh,
     locator: Locator,
-    /// Of charts in which something moves.
+    /// Per chart with movable nodes, its problem.
     charts: Vec<Option<ChartProblem>>,
     pose: &'a [[f64; 3]],
 }
@@ -100,12 +103,12 @@ impl<'a> Problem<'a> {
         Ok(Problem { nx, ny, mesh, tile, locator, charts, pose })
     }
 
-    /// E of a warp.
+    /// The energy of a warp, over all charts.
     pub fn energy(&self, u: &[[f64; 2]]) -> f64 {
         (0..self.tile.charts.len()).map(|c| self.energy_of_chart(c, u)).sum()
     }
 
-    /// E of one chart; 0 for a chart that nothing moves.
+    /// The energy of one chart; 0 for a chart without movable nodes.
     pub fn energy_of_chart(&self, chart: usize, u: &[[f64; 2]]) -> f64 {
         let Some(problem) = &self.charts[chart] else { return 0.0 };
         let surface = self.surface(1.0);
@@ -113,13 +116,13 @@ impl<'a> Problem<'a> {
         problem.state(&shape, self.window(problem, u)).energy
     }
 
-    /// The smallest corner Jacobian of all charts' cells; 1 if nothing moves.
+    /// The least corner Jacobian over all charts, at most 1; 1 without movable nodes.
     pub fn min_jacobian(&self, u: &[[f64; 2]]) -> f64 {
         let charts = self.charts.iter().flatten();
         charts.map(|p| p.min_jacobian(&self.window(p, u))).fold(f64::INFINITY, f64::min).min(1.0)
     }
 
-    /// The minimum that descent reaches from `start`, or else from the identity.
+    /// The minimum that is reached from `start`, or else from the identity.
     pub fn minimise(&mut self, start: Option<&[[f64; 2]]>, options: &Options) -> Minimum {
         let mut out = Minimum {
             u: vec![[0.0; 2]; (self.nx + 1) * (self.ny + 1)],
@@ -140,7 +143,7 @@ impl<'a> Problem<'a> {
             let chart = minimiser.chart;
             for &n in &chart.nodes {
                 let [i, j] = chart.node(n as usize);
-                out.u[j * (self.nx + 1) + i] = found.u[n as usize];
+                out.u[j * (self.nx + 1) + i] = found.u[n as usize].into();
             }
             out.energy += found.energy;
             out.per_chart[c] = found.energy;
@@ -153,21 +156,22 @@ impl<'a> Problem<'a> {
         out
     }
 
+    /// The surface with the metric (1 - t) G_rest + t G_pose.
     fn surface(&self, t: f64) -> Surface<DIM> {
         Surface::new(self.tile, &self.locator, |v| mix(self.mesh.rest[v], self.pose[v], t))
     }
 
-    /// A chart's window of a dense warp, its fixed nodes at 0.
-    fn window(&self, chart: &ChartProblem, u: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    /// The displacements of a warp in a chart's rectangle; 0 at nodes that are fixed.
+    fn window(&self, chart: &ChartProblem, u: &[[f64; 2]]) -> Vec<DVec2> {
         let at = |n: usize| {
             let [i, j] = chart.node(n);
-            u[j * (self.nx + 1) + i]
+            DVec2::from(u[j * (self.nx + 1) + i])
         };
-        (0..chart.movable.len()).map(|n| if chart.movable[n] { at(n) } else { [0.0; 2] }).collect()
+        (0..chart.movable.len()).map(|n| if chart.movable[n] { at(n) } else { DVec2::ZERO }).collect()
     }
 }
 
-/// The vertex of the surface whose metric is (1 - t) G_rest + t G_pose.
+/// A vertex of the surface whose metric is (1 - t) G_rest + t G_pose.
 fn mix(rest: [f64; 3], pose: [f64; 3], t: f64) -> [f64; DIM] {
     let (r, p) = ((1.0 - t).sqrt(), t.sqrt());
     [r * rest[0], r * rest[1], r * rest[2], p * pose[0], p * pose[1], p * pose[2]]

@@ -1,5 +1,6 @@
-//! 16x16 blocks of nodes: the unit of storage, of work, and of skipping. A block belongs to one chart; where charts
-//! meet inside one block, each has its own copy. "Which problem does this node belong to" is answered here alone.
+//! Blocks of 16 by 16 nodes (method §1): the unit in which nodes are stored, worked on and skipped. A block belongs to
+//! one chart; where several charts share such a square of the grid, each has a block of its own. A node's block alone
+//! tells to which chart's problem the node belongs.
 
 use std::ops::Range;
 
@@ -10,16 +11,16 @@ pub const SIDE: usize = 16;
 /// Nodes of a block.
 pub const NODES: usize = SIDE * SIDE;
 
-/// One quantity at the nodes of a block, as four colour planes (i & 1, j & 1) of 8x8: neighbours of one colour's
-/// nodes then lie side by side too.
+/// One quantity at the nodes of a block, as four planes of 8x8, one per node colour (i & 1, j & 1): the neighbours of
+/// nodes of one colour then lie side by side, too.
 pub type Plane<T = f32> = [T; NODES];
 
-/// Place of node (i, j) of a block in its plane.
+/// Index of node (i, j) of a block in its planes.
 pub const fn slot(i: usize, j: usize) -> usize {
     ((j & 1) * 2 + (i & 1)) * 64 + (j >> 1) * 8 + (i >> 1)
 }
 
-/// The node (i, j) at a place in a plane.
+/// The node (i, j) at an index of a plane.
 #[cfg(test)]
 pub const fn node_at(slot: usize) -> (usize, usize) {
     let (colour, row, column) = (slot / 64, slot / 8 % 8, slot % 8);
@@ -29,13 +30,14 @@ pub const fn node_at(slot: usize) -> (usize, usize) {
 /// A stored block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// The chart it belongs to.
+    /// Its chart.
     pub chart: u32,
-    /// Its place in the level, in blocks.
+    /// Its place in the level along u, in blocks.
     pub x: u32,
-    /// Its place in the level, in blocks.
+    /// Its place in the level along v, in blocks.
     pub y: u32,
-    /// True if it has a movable node; others are stored for their neighbours' sake only, and never visited.
+    /// True if it holds a movable node. The others are stored for the halos of their neighbours only, and never
+    /// visited.
     pub active: bool,
 }
 
@@ -44,17 +46,18 @@ pub struct Block {
 pub struct Blocks {
     /// Sorted by chart, y, x.
     pub list: Vec<Block>,
-    /// The 3x3 blocks of the same chart around each block (itself at 4), or `NONE`.
+    /// Per block, the 3x3 neighbour blocks of the same chart (itself at 4), or `NONE`.
     pub neighbours: Vec<[u32; 9]>,
     /// The range of each chart in `list`.
     pub of_chart: Vec<Range<usize>>,
 }
 
 impl Blocks {
-    /// Finds the blocks that hold movable nodes or neighbours of such. `chart` gives the chart of a movable node
-    /// (i, j) of a level of `nx` by `ny` cells, `NONE` for a fixed one.
+    /// Finds the blocks that hold a movable node or a neighbour of one. `chart(i, j)` is the chart of a movable node of
+    /// a level of `nx` by `ny` cells, `NONE` for a fixed one.
     pub fn new(nx: usize, ny: usize, charts: usize, chart: impl Fn(usize, usize) -> u32) -> Blocks {
-        // (chart, y, x) of every block touched, with a flag for those that hold the movable node itself.
+        // (chart, y, x, whether it holds the node itself) of every block that holds a movable node or a neighbour of
+        // one.
         let mut touched: Vec<(u32, u32, u32, bool)> = Vec::new();
         for y in 0..ny.div_ceil(SIDE) {
             for x in 0..nx.div_ceil(SIDE) {
@@ -65,7 +68,7 @@ impl Blocks {
                         if c == NONE {
                             continue;
                         }
-                        // -1, 0 or 1: towards which blocks the node's neighbours reach.
+                        // Least and greatest offset, in blocks, of the node's neighbours along an axis.
                         let reach = |n: usize| -> (i64, i64) {
                             let n = n % SIDE;
                             (if n == 0 { -1 } else { 0 }, if n == SIDE - 1 { 1 } else { 0 })
@@ -113,7 +116,7 @@ impl Blocks {
         blocks
     }
 
-    /// The block of a chart at (x, y), or `NONE`.
+    /// The block of a chart at (x, y), in blocks, or `NONE`.
     pub fn find(&self, chart: u32, x: i64, y: i64) -> u32 {
         let range = self.of_chart[chart as usize].clone();
         let key = (y, x);

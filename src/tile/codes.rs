@@ -1,57 +1,61 @@
-//! A grid's constants in few bytes: they are most of what a solve reads, beside its own state.
+//! Codes of 8 and 16 bits for rigidity, weights of interpolation and rest lengths (method §1): these constants of a
+//! grid are most of what a solve reads beside its own state.
 
 /// The code of 1 in `share`.
 pub const SHARES: f32 = 65535.0;
 
-/// A number from 0 to 1 in steps of 1 / `SHARES`.
+/// The code of a number from 0 to 1, in steps of 1 / `SHARES`.
 pub fn share(x: f32) -> u16 {
-    // What is not a number becomes 0.
+    // NaN becomes 0.
     (x.clamp(0.0, 1.0) * SHARES + 0.5) as u16
 }
 
-/// What `share` kept: 0 and 1 exactly.
+/// The number of a code of `share`; 0 and 1 are exact.
 #[cfg(any(test, feature = "gpu"))]
 pub fn of_share(code: u16) -> f32 {
     f32::from(code) / SHARES
 }
 
-/// A weight from 0 to 1 in steps of 1/254: one half is among them.
+/// The code of a weight from 0 to 1, in steps of 1/254, so that one half is exact.
 pub fn weight(x: f32) -> u8 {
     (x.clamp(0.0, 1.0) * 254.0 + 0.5) as u8
 }
 
-/// What `weight` kept: 0, 1/2 and 1 exactly.
+/// The weight of a code of `weight`; 0, 1/2 and 1 are exact.
 pub fn of_weight(code: u8) -> f32 {
     f32::from(code) / 254.0
 }
 
-/// Lengths between two bounds, and 0: as many of the leading bits of what their f32 differ from the lower bound's as 16 bits
-/// hold. Where the longest is twice the shortest, errors are up to 2e-5 of a length; ten times: 6e-5; a thousand times: 1e-4.
+/// A coding of lengths between two bounds, and of 0, in 16 bits: the leading bits of the difference between the f32
+/// representations of the length and of the lower bound. Its relative error is at most 1.6e-5 where the longest length
+/// is twice the shortest one, 6.2e-5 where it is ten times, and 1.3e-4 where it is a thousand times as long.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lengths {
-    /// The code n > 0 stands for the f32 with the bits (n << shift) + base, wrapped; 0 for 0.
+    /// The code n > 0 stands for the f32 with the bits (n << shift) + base, in wrapping arithmetic; 0 stands for 0.
     pub base: u32,
     pub shift: u32,
 }
 
 impl Lengths {
-    /// For lengths from `low` to `high`. Shorter ones become 0, longer ones the longest.
+    /// The coding of lengths from `low` to `high`. Shorter lengths become 0, longer ones that of the greatest code.
     pub fn between(low: f32, high: f32) -> Lengths {
         let [low, high] = [low, high.max(low)].map(f32::to_bits);
-        // The first code is 1, and rounding may take the longest length a code up.
+        // Codes begin with 1, and rounding may raise the code of the longest length by 1.
         let shift = (0..32).find(|shift| (u64::from(high - low) >> shift) + 2 <= u64::from(u16::MAX));
         let shift = shift.unwrap_or_default();
         Lengths { base: low.wrapping_sub(1 << shift), shift }
     }
 
+    /// The code of a length.
     pub fn code(self, length: f32) -> u16 {
-        let beyond = i64::from(length.to_bits()) - i64::from(self.base.wrapping_add(1 << self.shift));
-        if beyond < 0 {
+        let excess = i64::from(length.to_bits()) - i64::from(self.base.wrapping_add(1 << self.shift));
+        if excess < 0 {
             return 0;
         }
-        (1 + ((beyond + (1 << self.shift >> 1)) >> self.shift)).min(i64::from(u16::MAX)) as u16
+        (1 + ((excess + (1 << self.shift >> 1)) >> self.shift)).min(i64::from(u16::MAX)) as u16
     }
 
+    /// The length of a code.
     #[cfg(any(test, feature = "gpu"))]
     pub fn length(self, code: u16) -> f32 {
         match code {

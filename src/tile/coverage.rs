@@ -1,39 +1,43 @@
-//! Node -> triangle coverage of a tile's grid, and the cells that lie wholly inside one chart.
+//! Coverage of a tile's grid (method §1), from the UVs of its triangles: the triangle under each node, and the nodes
+//! whose four cells lie inside one chart.
+
+use glam::DVec2;
 
 use crate::mesh::{NONE, TileMesh};
 use crate::settings::Overlap;
 
 use super::fill::Fill;
 
-/// What covers the nodes of an nx by ny grid. Node (i, j) lies at UV (i / nx, j / ny) and is entry
-/// `j * (nx + 1) + i`.
+/// The triangles that cover the nodes of a grid of nx by ny cells. Node (i, j) lies at UV (i / nx, j / ny) and has the
+/// index `j * (nx + 1) + i`.
 #[derive(Clone, Debug)]
 pub(crate) struct Coverage {
     pub nx: usize,
     pub ny: usize,
     /// The triangle under each node, or `NONE`.
     pub triangle: Vec<u32>,
-    /// True for nodes all of whose four cells lie inside one chart (and in the tile).
+    /// True for nodes whose four cells all lie in the tile and inside one chart.
     pub interior: Vec<bool>,
-    /// Share of the covered nodes that more than one layer covers.
+    /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
 }
 
-/// A cell that borders of more than one chart cross.
+/// Marks a cell that the borders of several charts cross.
 const SEVERAL: u32 = NONE - 1;
 
 impl Coverage {
-    /// Covers the grid. Where layers overlap, the lowest triangle owns a node (triangles are sorted by chart, charts
-    /// by first face); with `Overlap::Fixed` such nodes are not interior.
+    /// Computes the coverage. Where layers overlap, a node belongs to the first triangle (triangles are sorted by
+    /// chart, charts by first face); with `Overlap::Fixed` such nodes are not interior.
     pub fn new(mesh: &TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverage {
         let width = nx + 1;
+        let cells = DVec2::new(nx as f64, ny as f64);
         let mut triangle = vec![NONE; width * (ny + 1)];
         let mut layered = vec![false; triangle.len()];
-        // Nodes exactly on an edge that the fill rule gives to nobody: the chart's lower and right rim.
+        // (node, triangle) for nodes on an edge that the fill rule does not give to this triangle. At the chart's upper
+        // and right rim it gives them to no other triangle either.
         let mut rim = Vec::new();
         for (t, source) in mesh.triangles.iter().enumerate() {
-            let corners = source.uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
-            Fill::new(corners).visit(width, ny + 1, |i, j, inside| {
+            Fill::new(source.uv.map(|uv| uv * cells)).visit(width, ny + 1, |i, j, inside| {
                 let node = j * width + i;
                 match (inside, triangle[node]) {
                     (true, NONE) => triangle[node] = t as u32,
@@ -77,20 +81,20 @@ impl Coverage {
             }
         }
         let covered = triangle.iter().filter(|&&t| t != NONE).count().max(1);
-        let shared = layered.iter().filter(|&&l| l).count();
-        Coverage { nx, ny, triangle, interior, overlap: shared as f32 / covered as f32 }
+        let overlapping = layered.iter().filter(|&&l| l).count();
+        Coverage { nx, ny, triangle, interior, overlap: overlapping as f32 / covered as f32 }
     }
 }
 
-/// Per cell, the chart whose border crosses its open interior, `SEVERAL`, or `NONE`.
+/// Per cell, the chart whose border crosses its interior, `SEVERAL` for several charts, or `NONE`.
 fn borders(mesh: &TileMesh, nx: usize, ny: usize) -> Vec<u32> {
+    let size = DVec2::new(nx as f64, ny as f64);
     let mut cells = vec![NONE; nx * ny];
     for (c, chart) in mesh.charts.iter().enumerate() {
         for t in &mesh.triangles[chart.triangles.clone()] {
             for k in 0..3 {
                 if t.neighbours[k] == NONE {
-                    let [a, b] = [t.uv[(k + 1) % 3], t.uv[(k + 2) % 3]]
-                        .map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
+                    let [a, b] = [t.uv[(k + 1) % 3], t.uv[(k + 2) % 3]].map(|uv| uv * size);
                     cells_of_segment(a, b, nx, ny, |cell| {
                         let owner = &mut cells[cell];
                         *owner = if *owner == NONE || *owner == c as u32 { c as u32 } else { SEVERAL };
@@ -102,16 +106,16 @@ fn borders(mesh: &TileMesh, nx: usize, ny: usize) -> Vec<u32> {
     cells
 }
 
-/// Calls `f` for each cell whose open interior the segment crosses.
-fn cells_of_segment(a: [f64; 2], b: [f64; 2], nx: usize, ny: usize, mut f: impl FnMut(usize)) {
-    let (a, b) = if a[1] <= b[1] { (a, b) } else { (b, a) };
-    let first = a[1].floor().max(0.0);
-    let last = (b[1].ceil() - 1.0).min(ny as f64 - 1.0);
+/// Calls `f` for each cell whose open interior the segment from `a` to `b` crosses.
+fn cells_of_segment(a: DVec2, b: DVec2, nx: usize, ny: usize, mut f: impl FnMut(usize)) {
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    let first = a.y.floor().max(0.0);
+    let last = (b.y.ceil() - 1.0).min(ny as f64 - 1.0);
     let mut row = first;
     while row <= last {
-        let at = |y: f64| a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1])).clamp(0.0, 1.0);
-        let level = a[1] == b[1];
-        let (x0, x1) = if level { (a[0], b[0]) } else { (at(row.max(a[1])), at((row + 1.0).min(b[1]))) };
+        let at = |y: f64| a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)).clamp(0.0, 1.0);
+        let level = a.y == b.y;
+        let (x0, x1) = if level { (a.x, b.x) } else { (at(row.max(a.y)), at((row + 1.0).min(b.y))) };
         let mut x = x0.min(x1).floor().max(0.0);
         let end = (x0.max(x1).ceil() - 1.0).min(nx as f64 - 1.0);
         while x <= end {
@@ -128,7 +132,7 @@ mod tests {
 
     fn cells(a: [f64; 2], b: [f64; 2]) -> Vec<usize> {
         let mut cells = Vec::new();
-        cells_of_segment(a, b, 8, 8, |cell| cells.push(cell));
+        cells_of_segment(a.into(), b.into(), 8, 8, |cell| cells.push(cell));
         cells
     }
 

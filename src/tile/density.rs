@@ -1,16 +1,17 @@
-//! Where rigid material is dense and where it is sparse: what the orientation-preservation heuristic of the paper's
-//! figure 5 goes by.
+//! The density ρ of rigid material around the nodes of level 0 (method §4), from their rigidity. The heuristic of the
+//! paper's figure 5 makes the preservation of orientation depend on it.
 
 use super::pyramid::NodeMaps;
 
-/// A box this part of the tile's longer side wide, run over the rigidity twice: together a tent over half of the tile,
-/// since it is to see whether features are far apart, not whether it is in one.
-const WINDOW: usize = 4;
+/// The tile's longer side over the width of a box that is run over the rigidity twice. Both passes together are a tent
+/// over half of the tile: the density is to depend on whether features are far apart, not on whether a node lies in
+/// one.
+const SIDE_PER_BOX: usize = 4;
 
-/// Mean rigidity around each node, 0..1, row by row from v = 0: a tent of half of the tile's longer side, cut off at the
-/// tile's rim.
+/// Mean rigidity around each node, 0..1, row by row from v = 0, under a tent half as wide as the tile's longer side and
+/// cut off at the tile's rim.
 pub fn density(maps: &NodeMaps) -> Vec<f32> {
-    let radius = (maps.nx.max(maps.ny) / WINDOW / 2).max(1);
+    let radius = (maps.nx.max(maps.ny) / SIDE_PER_BOX / 2).max(1);
     let (columns, rows) = (maps.nx + 1, maps.ny + 1);
     let mut values: Vec<f64> = maps.rigidity.iter().map(|&r| f64::from(r)).collect();
     for _ in 0..2 {
@@ -28,7 +29,7 @@ pub fn density(maps: &NodeMaps) -> Vec<f32> {
     values.into_iter().map(|x| x as f32).collect()
 }
 
-/// Means over the up to 2 radius + 1 values around each one.
+/// Per value, the mean of itself and of up to `radius` values on either side.
 fn means(line: &[f64], radius: usize) -> Vec<f64> {
     let sums: Vec<f64> = std::iter::once(0.0)
         .chain(line.iter().scan(0.0, |sum, x| {
@@ -62,7 +63,7 @@ mod tests {
         for (i, weight) in [(30, 17.0), (31, 16.0), (46, 1.0), (47, 0.0), (14, 1.0)] {
             assert!((line[65 * 20 + i] - weight / 289.0f32).abs() < 1e-6, "{i}: {}", line[65 * 20 + i]);
         }
-        // Stripes of half of the surface, narrower than the window.
+        // Stripes of half of the surface, narrower than the box.
         let stripes = of(256, 256, |i, _| if i % 4 < 2 { 1.0 } else { 0.0 });
         assert!((stripes[257 * 128 + 128] - 0.5).abs() < 0.06);
     }

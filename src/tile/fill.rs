@@ -1,24 +1,28 @@
-//! Which integer points lie in a triangle: nodes under UV triangles, texel centres under warped cells.
+//! The integer points in a triangle: nodes under triangles of the UV plane (method §1), texel centres under warped
+//! cells (method §9).
 
-/// Integer points in a triangle, with a top-left rule. An edge is always evaluated from its lower to its higher
-/// end, so two triangles that share it see the same number and a node falls to exactly one of them.
+use glam::DVec2;
+
+use crate::mesh::triangle::doubled_area;
+
+/// A triangle whose integer points are wanted. A point on an edge counts as moved by (h, h²) with an infinitesimal
+/// h > 0. An edge is always evaluated from its lower to its higher end, so that two triangles that share it obtain the
+/// same number, and a point falls to exactly one of them.
 pub struct Fill {
-    corners: [[f64; 2]; 3],
-    /// +1 or -1: the winding.
+    corners: [DVec2; 3],
+    /// 1 if the corners turn left, -1 if they turn right.
     sign: f64,
 }
 
 impl Fill {
-    pub fn new(corners: [[f64; 2]; 3]) -> Fill {
-        let [a, b, c] = corners;
-        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-        Fill { corners, sign: if area < 0.0 { -1.0 } else { 1.0 } }
+    pub fn new(corners: [DVec2; 3]) -> Fill {
+        Fill { corners, sign: if doubled_area(corners) < 0.0 { -1.0 } else { 1.0 } }
     }
 
-    /// Calls `f(i, j, true)` for points of 0..width x 0..height inside by the rule, `f(i, j, false)` for other points of
-    /// the closed triangle.
+    /// Calls `f(i, j, true)` for the points of 0..width x 0..height that are inside by this rule, and `f(i, j, false)`
+    /// for the other points of the closed triangle.
     pub fn visit(&self, width: usize, height: usize, mut f: impl FnMut(usize, usize, bool)) {
-        let ys = self.corners.map(|c| c[1]);
+        let ys = self.corners.map(|c| c.y);
         let low = ys.iter().copied().fold(f64::INFINITY, f64::min).ceil().max(0.0);
         let high = ys.iter().copied().fold(f64::NEG_INFINITY, f64::max).floor().min(height as f64 - 1.0);
         let mut y = low;
@@ -28,7 +32,7 @@ impl Fill {
             let last = (right + 1e-6).floor().min(width as f64 - 1.0);
             let mut x = first;
             while x <= last {
-                if let Some(inside) = self.contains(x, y) {
+                if let Some(inside) = self.contains(DVec2::new(x, y)) {
                     f(x as usize, y as usize, inside);
                 }
                 x += 1.0;
@@ -37,18 +41,18 @@ impl Fill {
         }
     }
 
-    /// The triangle's extent on a row.
+    /// The triangle's extent along x on the row `y`.
     fn span(&self, y: f64) -> (f64, f64) {
         let mut span = (f64::INFINITY, f64::NEG_INFINITY);
         for k in 0..3 {
             let (a, b) = (self.corners[k], self.corners[(k + 1) % 3]);
-            if (a[1] < y && b[1] < y) || (a[1] > y && b[1] > y) {
+            if (a.y < y && b.y < y) || (a.y > y && b.y > y) {
                 continue;
             }
-            let xs = if a[1] == b[1] {
-                [a[0], b[0]]
+            let xs = if a.y == b.y {
+                [a.x, b.x]
             } else {
-                let x = a[0] + (b[0] - a[0]) * ((y - a[1]) / (b[1] - a[1]));
+                let x = a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y));
                 [x, x]
             };
             span = (span.0.min(xs[0]).min(xs[1]), span.1.max(xs[0]).max(xs[1]));
@@ -56,26 +60,27 @@ impl Fill {
         span
     }
 
-    /// `Some(true)` inside by the rule, `Some(false)` on an edge that is not ours, `None` outside.
-    fn contains(&self, x: f64, y: f64) -> Option<bool> {
-        let mut ours = true;
+    /// `Some(true)` inside by the rule, `Some(false)` on an edge but outside by the rule, `None` outside.
+    fn contains(&self, p: DVec2) -> Option<bool> {
+        let mut inside = true;
         for k in 0..3 {
             let (mut a, mut b) = (self.corners[k], self.corners[(k + 1) % 3]);
             let mut sign = self.sign;
-            if (a[1], a[0]) > (b[1], b[0]) {
+            if (a.y, a.x) > (b.y, b.x) {
                 (a, b) = (b, a);
                 sign = -sign;
             }
-            let side = sign * ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]));
+            let side = sign * doubled_area([a, b, p]);
             if side < 0.0 {
                 return None;
             }
             if side == 0.0 {
-                // From low to high with the inside on its left: a right edge, or (horizontal) a lower one.
-                let first = if a[1] == b[1] { sign > 0.0 } else { sign < 0.0 };
-                ours &= first;
+                // If the sign is positive, the inside is to the left of the edge from its lower to its higher end: it
+                // is a right edge or, if horizontal, a lower one. Left and lower edges belong to the triangle.
+                let is_owned = if a.y == b.y { sign > 0.0 } else { sign < 0.0 };
+                inside &= is_owned;
             }
         }
-        Some(ours)
+        Some(inside)
     }
 }

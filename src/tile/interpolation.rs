@@ -1,31 +1,32 @@
-//! How corrections are interpolated from a level to the next finer one: linear in x, then in y, but with more weight on
-//! the side that a node is held to more stiffly. Plain halves would tear rigid features from themselves on coarse levels,
-//! where one coarse cell holds rigid and elastic material: the preconditioner then stalls, the more the stiffer (200 to 1).
+//! The weights with which corrections are interpolated from a level to the next finer one (method §7.5): linearly in x,
+//! then in y, with more weight on the neighbour to which a node is held more stiffly. With weights of one half,
+//! interpolation would stretch rigid features on coarse levels, where one coarse cell holds rigid and elastic material;
+//! the preconditioner would then stall, the more so the greater the ratio of stiffnesses (200 to 1).
 //!
 //! The weights come from a scalar model of the energy's second derivative, of the same sparsity: each edge has a
-//! stiffness, interpolation has the rows that this stiffness gives (Dendy 1982, black-box multigrid, here split into an x
-//! and a y part), and the coarser level's stiffness is the Galerkin product of the finer one's. It knows rigidity, but not
-//! the pose: so it is built once per map.
+//! stiffness, the weights follow from it as in Dendy's black box multigrid (1982), here split into an x and a y part,
+//! and the coarser level's stiffness is the Galerkin product of the finer one's. The model depends on rigidity, but not
+//! on the pose, so that it is built once per map.
 
 use super::EDGES;
 use super::pyramid::NodeMaps;
 use crate::settings::TileSettings;
 
-/// The stiffness of the edges `EDGES` at the nodes of a level, row by row.
+/// The scalar model on one level: the stiffness of the edges `EDGES` of each node, row by row.
 pub struct Stiffness {
     columns: usize,
     rows: usize,
     edges: Vec<[f32; 4]>,
 }
 
-/// Where an edge is: the first edge of its owner is east, ...
+/// Indices of the directions in `EDGES`.
 const EAST: usize = 0;
 const NORTH: usize = 1;
 const NORTH_EAST: usize = 2;
 const NORTH_WEST: usize = 3;
 
 impl Stiffness {
-    /// Of the finest level: half of the trace of the 2x2 block between two nodes, at rest.
+    /// The model on level 0: half of the trace of the 2x2 block between two nodes, at rest.
     pub fn new(maps: &NodeMaps, settings: &TileSettings) -> Stiffness {
         let (columns, rows) = (maps.nx + 1, maps.ny + 1);
         let stiffness = |i: usize, j: usize, (di, dj): (i64, i64)| {
@@ -42,7 +43,7 @@ impl Stiffness {
         Stiffness { columns, rows, edges: edges.collect() }
     }
 
-    /// An edge of a node, 0 beyond the level.
+    /// The stiffness of an edge of node (i, j); 0 for nodes beyond the level.
     fn at(&self, i: i64, j: i64, edge: usize) -> f32 {
         if i < 0 || j < 0 || i >= self.columns as i64 || j >= self.rows as i64 {
             return 0.0;
@@ -50,15 +51,16 @@ impl Stiffness {
         self.edges[j as usize * self.columns + i as usize][edge]
     }
 
-    /// Per node of this level the weight of its lower neighbour, row by row: of the one to the west at odd columns; of the
-    /// one to the south at even columns and odd rows. The upper one has the rest. And the next coarser level.
+    /// Returns the weights of this level, row by row, and the model on the next coarser one. A weight is that of a
+    /// node's lower neighbour: of the western one at odd columns, of the southern one at even columns and odd rows. The
+    /// upper neighbour has the rest.
     pub fn coarser(&self) -> (Vec<f32>, Stiffness) {
         let (mut weights, halfway) = self.collapse_x();
         let coarser = halfway.collapse_y(&mut weights, self.columns);
         (weights, coarser)
     }
 
-    /// The weights at odd columns, and the stiffness between even columns, all rows.
+    /// The weights at odd columns, and the Galerkin product on the even columns and all rows.
     fn collapse_x(&self) -> (Vec<f32>, Stiffness) {
         let mut weights = vec![HALF; self.columns * self.rows];
         for j in 0..self.rows as i64 {
@@ -78,11 +80,12 @@ impl Stiffness {
         let halfway = (0..columns * self.rows).map(|n| {
             let (i, j) = (2 * (n % columns) as i64, (n / columns) as i64);
             let s = |di: i64, dj: i64, edge: usize| self.at(i + di, j + dj, edge);
-            // Of the odd columns on both sides, in this row and the next, towards this column.
+            // The weights that nodes of the odd columns on both sides give to this column, in this row and the next.
             let (west, north_west) = (1.0 - weight(i - 1, j), 1.0 - weight(i - 1, j + 1));
             let (east, north_east) = (weight(i + 1, j), weight(i + 1, j + 1));
-            // Edges that leave the odd node to the east for other rows pull both of its neighbours together.
-            let aside = s(1, 0, NORTH)
+            // The edges from the odd node to the east to nodes of other rows: they couple its two neighbours, with a
+            // negative stiffness.
+            let to_other_rows = s(1, 0, NORTH)
                 + s(1, 0, NORTH_EAST)
                 + s(1, 0, NORTH_WEST)
                 + s(1, -1, NORTH)
@@ -90,7 +93,7 @@ impl Stiffness {
                 + s(2, -1, NORTH_WEST);
             [
                 s(0, 0, EAST) * (1.0 - east) * (1.0 - east) + s(1, 0, EAST) * east * east
-                    - aside * east * (1.0 - east),
+                    - to_other_rows * east * (1.0 - east),
                 s(0, 0, NORTH)
                     + s(1, 0, NORTH) * east * north_east
                     + s(-1, 0, NORTH) * west * north_west
@@ -110,8 +113,8 @@ impl Stiffness {
         (weights, Stiffness { columns, rows: self.rows, edges: halfway })
     }
 
-    /// The weights at odd rows and even ones of the `columns` columns that there were before `collapse_x`, and the coarser
-    /// level.
+    /// Sets the weights at odd rows and even columns, and returns the model on the coarser level. `columns` is the
+    /// number of columns before `collapse_x`.
     fn collapse_y(&self, weights: &mut [f32], columns: usize) -> Stiffness {
         for j in (1..self.rows as i64).step_by(2) {
             for i in 0..self.columns as i64 {
@@ -132,11 +135,11 @@ impl Stiffness {
         let edges = (0..self.columns * rows).map(|n| {
             let (i, j) = ((n % self.columns) as i64, 2 * (n / self.columns) as i64);
             let s = |di: i64, dj: i64, edge: usize| self.at(i + di, j + dj, edge);
-            // Of the odd rows on both sides, in this column and the ones beside it, towards this row.
+            // The weights that nodes of the odd rows on both sides give to this row, in this column and its neighbours.
             let (south, south_east) = (1.0 - weight(i, j - 1), 1.0 - weight(i + 1, j - 1));
             let (north, north_east, north_west) =
                 (weight(i, j + 1), weight(i + 1, j + 1), weight(i - 1, j + 1));
-            let aside = s(0, 1, EAST)
+            let to_other_columns = s(0, 1, EAST)
                 + s(-1, 1, EAST)
                 + s(0, 1, NORTH_EAST)
                 + s(0, 1, NORTH_WEST)
@@ -151,7 +154,7 @@ impl Stiffness {
                     + s(0, -1, NORTH_EAST) * south
                     + s(1, -1, NORTH_WEST) * south_east,
                 s(0, 0, NORTH) * (1.0 - north) * (1.0 - north) + s(0, 1, NORTH) * north * north
-                    - aside * north * (1.0 - north),
+                    - to_other_columns * north * (1.0 - north),
                 s(0, 1, EAST) * north * (1.0 - north_east)
                     + s(0, 0, NORTH_EAST) * (1.0 - north_east)
                     + s(0, 1, NORTH_EAST) * north,
@@ -164,10 +167,11 @@ impl Stiffness {
     }
 }
 
-/// Without a difference.
+/// The weight where both sides are equally stiff or have no stiffness.
 const HALF: f32 = 0.5;
 
-/// The lower neighbour's weight, given the stiffness of the edges to either side. Coarse edges may push: these do not count.
+/// The lower neighbour's weight, given the stiffness of the edges to either side. Edges of coarse levels may have a
+/// negative stiffness, which does not count.
 fn lower_weight(lower: [f32; 3], upper: [f32; 3]) -> f32 {
     let [lower, upper] = [lower, upper].map(|edges| edges.into_iter().map(|s| s.max(0.0)).sum::<f32>());
     if lower + upper > 0.0 { lower / (lower + upper) } else { HALF }
@@ -204,7 +208,7 @@ mod tests {
         sum
     }
 
-    /// What the weights make of a coarse level's values.
+    /// The values of a coarse level, interpolated with the weights.
     fn interpolate(weights: &[f32], columns: usize, rows: usize, coarse: &[f32]) -> Vec<f32> {
         let wide = (columns - 1) / 2 + 1;
         let in_y = |i: usize, j: usize| {

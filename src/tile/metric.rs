@@ -1,64 +1,71 @@
-//! Metrics on the coarser levels, and rest lengths on all of them (DESIGN: arc length on coarse levels, exact chords
-//! on the finest).
+//! Metrics on the coarser levels (method §3), and rest lengths on all of them: exact chords on level 0 (method §2), arc
+//! lengths on the others.
+
+use glam::{DVec2, DVec3};
 
 use super::blocks::{Block, NODES, Plane, SIDE, slot};
 use super::codes::Lengths;
 use super::window::{self, WINDOW_NODES, Window, place};
 use super::{EDGES, FLOOR_SHARE, Grid, Level};
+use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, NONE, TileMesh};
 
-/// For each node of level 1, the triangles in its dual cell with their shares of its covered area.
+/// For each node of level 1, the triangles in its dual cell with their fractions of its covered area (method §3).
 #[derive(Debug, Default)]
 pub struct Gather {
-    /// Per block and slot, the first entry; one more at the end.
+    /// Per block and slot, the index of its first entry; one more at the end.
     starts: Vec<u32>,
+    /// (triangle, fraction).
     entries: Vec<(u32, f32)>,
 }
 
-/// Level 1's dual cells are 2 by 2 level-0 cells.
+/// Area of a dual cell of level 1, in cells of level 0.
 const DUAL_AREA: f64 = 4.0;
 
 impl Gather {
-    /// Clips the triangles to the dual cells of level 1, and sets that level's coverage.
+    /// Clips the triangles to the dual cells of level 1. Also returns that level's coverage, per block.
     pub(super) fn new(tile: &TileMesh, nx: usize, ny: usize, level: &Level) -> (Gather, Vec<Plane>) {
-        let mut parts: Vec<(u32, u32, f32)> = Vec::new();
+        let cells = DVec2::new(nx as f64, ny as f64);
+        // (node, triangle, area of the triangle in the node's dual cell).
+        let mut pieces: Vec<(u32, u32, f32)> = Vec::new();
         for (c, chart) in tile.charts.iter().enumerate() {
             if level.blocks.of_chart[c].is_empty() {
                 continue;
             }
             for t in chart.triangles.clone() {
-                let corners = tile.triangles[t].uv.map(|uv| [uv[0] * nx as f64, uv[1] * ny as f64]);
-                each_dual_cell(&corners, level.nx, level.ny, |i, j| {
+                let corners = tile.triangles[t].uv.map(|uv| uv * cells);
+                each_dual_cell(corners, level.nx, level.ny, |i, j| {
                     let b = level.blocks.find(c as u32, i as i64 / SIDE as i64, j as i64 / SIDE as i64);
                     if b != NONE {
-                        let area = area_in_box(&corners, [2.0 * i as f64 - 1.0, 2.0 * j as f64 - 1.0]);
+                        let area = area_in_box(corners, 2.0 * DVec2::new(i as f64, j as f64) - 1.0);
                         if area > 0.0 {
                             let node = b * NODES as u32 + slot(i % SIDE, j % SIDE) as u32;
-                            parts.push((node, t as u32, area as f32));
+                            pieces.push((node, t as u32, area as f32));
                         }
                     }
                 });
             }
         }
-        parts.sort_by_key(|p| p.0);
+        pieces.sort_by_key(|p| p.0);
         let nodes = level.blocks.list.len() * NODES;
         let mut starts = vec![0u32; nodes + 1];
         let mut coverage = vec![[0.0f32; NODES]; level.blocks.list.len()];
-        let mut entries = Vec::with_capacity(parts.len());
-        let mut rest = &parts[..];
+        let mut entries = Vec::with_capacity(pieces.len());
+        let mut remaining = &pieces[..];
         for node in 0..nodes {
-            let count = rest.iter().take_while(|p| p.0 as usize == node).count();
-            let (own, others) = rest.split_at(count);
-            rest = others;
-            let sum: f32 = own.iter().map(|p| p.2).sum();
+            let count = remaining.iter().take_while(|p| p.0 as usize == node).count();
+            let (of_node, others) = remaining.split_at(count);
+            remaining = others;
+            let sum: f32 = of_node.iter().map(|p| p.2).sum();
             coverage[node / NODES][node % NODES] = (sum / DUAL_AREA as f32).min(1.0);
-            entries.extend(own.iter().map(|p| (p.1, p.2 / sum)));
+            entries.extend(of_node.iter().map(|p| (p.1, p.2 / sum)));
             starts[node + 1] = entries.len() as u32;
         }
         (Gather { starts, entries }, coverage)
     }
 
-    /// Per node of some blocks, its first entry (one more at the end), and these entries.
+    /// Per node of some blocks, the index of its first entry among those of these blocks (one more at the end), and
+    /// these entries.
     #[cfg(feature = "gpu")]
     pub fn of_blocks(&self, blocks: std::ops::Range<usize>) -> (Vec<u32>, &[(u32, f32)]) {
         let starts = &self.starts[blocks.start * NODES..=blocks.end * NODES];
@@ -66,7 +73,7 @@ impl Gather {
         (starts.iter().map(|start| start - first).collect(), &self.entries[first as usize..end as usize])
     }
 
-    /// Bytes of what `of_blocks` gives, an entry being 8.
+    /// Bytes of the two arrays of `of_blocks`, an entry having 8.
     #[cfg(feature = "gpu")]
     pub fn bytes_of(&self, blocks: std::ops::Range<usize>) -> [u64; 2] {
         let [first, end] = [blocks.start, blocks.end].map(|b| self.starts[b * NODES]);
@@ -78,15 +85,15 @@ impl Gather {
         self.starts.len() * 4 + self.entries.len() * 8
     }
 
-    /// Metrics (E, F, G) of one block of level 1, per level-1 cell squared, from those of the triangles per level-0
-    /// cell squared.
+    /// Computes the metrics (E, F, G) of one block of level 1, per level-1 cell squared, from those of the triangles
+    /// per level-0 cell squared.
     pub fn block(&self, b: usize, triangles: &[[f32; 3]], out: &mut [Plane; 3]) {
         for s in 0..NODES {
             let node = b * NODES + s;
             let mut sum = [0.0f32; 3];
-            for &(t, share) in &self.entries[self.starts[node] as usize..self.starts[node + 1] as usize] {
+            for &(t, fraction) in &self.entries[self.starts[node] as usize..self.starts[node + 1] as usize] {
                 for (x, m) in sum.iter_mut().zip(triangles[t as usize]) {
-                    *x += share * m;
+                    *x += fraction * m;
                 }
             }
             for (plane, x) in out.iter_mut().zip(sum) {
@@ -97,7 +104,7 @@ impl Gather {
 }
 
 /// Calls `f` for each node of level 1 whose dual cell meets the triangle's bounding box.
-fn each_dual_cell(corners: &[[f64; 2]; 3], nx: usize, ny: usize, mut f: impl FnMut(usize, usize)) {
+fn each_dual_cell(corners: [DVec2; 3], nx: usize, ny: usize, mut f: impl FnMut(usize, usize)) {
     let range = |axis: usize, cells: usize| {
         let values = corners.map(|c| c[axis]);
         let low = values.iter().copied().fold(f64::INFINITY, f64::min);
@@ -115,20 +122,19 @@ fn each_dual_cell(corners: &[[f64; 2]; 3], nx: usize, ny: usize, mut f: impl FnM
     }
 }
 
-/// Area of a triangle inside the box of side 2 at `low`: Sutherland-Hodgman clipping.
-fn area_in_box(corners: &[[f64; 2]; 3], low: [f64; 2]) -> f64 {
-    let mut polygon: Vec<[f64; 2]> = corners.to_vec();
+/// Area of a triangle inside the box of side 2 whose lower corner is `low`, by Sutherland-Hodgman clipping.
+fn area_in_box(corners: [DVec2; 3], low: DVec2) -> f64 {
+    let mut polygon = corners.to_vec();
     let mut clipped = Vec::with_capacity(8);
     for (axis, sign, bound) in
-        [(0, 1.0, low[0]), (0, -1.0, -low[0] - 2.0), (1, 1.0, low[1]), (1, -1.0, -low[1] - 2.0)]
+        [(0, 1.0, low.x), (0, -1.0, -low.x - 2.0), (1, 1.0, low.y), (1, -1.0, -low.y - 2.0)]
     {
         clipped.clear();
         for (k, &b) in polygon.iter().enumerate() {
             let a = polygon[(k + polygon.len() - 1) % polygon.len()];
             let (da, db) = (sign * a[axis] - bound, sign * b[axis] - bound);
             if (da < 0.0) != (db < 0.0) {
-                let s = da / (da - db);
-                clipped.push([a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])]);
+                clipped.push(a + da / (da - db) * (b - a));
             }
             if db >= 0.0 {
                 clipped.push(b);
@@ -142,13 +148,14 @@ fn area_in_box(corners: &[[f64; 2]; 3], low: [f64; 2]) -> f64 {
     let twice: f64 = (0..polygon.len())
         .map(|k| {
             let (a, b) = (polygon[k], polygon[(k + 1) % polygon.len()]);
-            (a[0] - low[0]) * (b[1] - low[1]) - (a[1] - low[1]) * (b[0] - low[0])
+            (a - low).perp_dot(b - low)
         })
         .sum();
     0.5 * twice.abs()
 }
 
-/// Coverage-weighted 3x3 Gaussian of the finer level's metrics, for one block; per cell squared of this level.
+/// Computes the metrics of one block, per cell squared of this level: the 3x3 Gaussian of the finer level's metrics,
+/// weighted by coverage (method §3).
 pub fn restrict_block(level: &Level, finer: &Level, fine: &[[Plane; 3]], b: usize, out: &mut [Plane; 3]) {
     *out = [[0.0; NODES]; 3];
     let mut weights = [0.0f32; WINDOW_NODES];
@@ -157,10 +164,10 @@ pub fn restrict_block(level: &Level, finer: &Level, fine: &[[Plane; 3]], b: usiz
         if child == NONE {
             continue;
         }
-        let around = &finer.blocks.neighbours[child as usize];
-        window::load(around, 0.0, |b| &finer.coverage[b], &mut weights);
+        let neighbours = &finer.blocks.neighbours[child as usize];
+        window::load(neighbours, 0.0, |b| &finer.coverage[b], &mut weights);
         for (c, plane) in out.iter_mut().enumerate() {
-            window::load(around, 0.0, |b| &fine[b][c], &mut window);
+            window::load(neighbours, 0.0, |b| &fine[b][c], &mut window);
             each_coarse_node(quarter, |s, i, j| {
                 let (sum, weight) = gaussian(&window, &weights, i, j);
                 plane[s] = if weight > 0.0 { 4.0 * sum / weight } else { 0.0 };
@@ -169,7 +176,7 @@ pub fn restrict_block(level: &Level, finer: &Level, fine: &[[Plane; 3]], b: usiz
     }
 }
 
-/// Coverage of one block from the finer level's: its 3x3 Gaussian.
+/// Coverage of one block: the 3x3 Gaussian of the finer level's.
 fn restrict_coverage(level: &Level, finer: &Level, b: usize) -> Plane {
     let mut out = [0.0; NODES];
     let mut window = [0.0f32; WINDOW_NODES];
@@ -183,7 +190,7 @@ fn restrict_coverage(level: &Level, finer: &Level, b: usize) -> Plane {
 }
 
 /// Calls `f(slot, i, j)` for the 8x8 nodes of a quarter of a block; (i, j) is the node's place in the window of the
-/// finer block that it lies in.
+/// finer level's block that covers the quarter.
 fn each_coarse_node(quarter: usize, mut f: impl FnMut(usize, usize, usize)) {
     for j in 0..SIDE / 2 {
         for i in 0..SIDE / 2 {
@@ -192,7 +199,7 @@ fn each_coarse_node(quarter: usize, mut f: impl FnMut(usize, usize, usize)) {
     }
 }
 
-/// Weighted sum and sum of weights over 3x3 nodes, with the Gaussian's 1-2-1.
+/// Weighted sum of values, and sum of weights, over 3x3 nodes, times the Gaussian's 1/4, 1/2, 1/4 along both axes.
 fn gaussian(values: &Window, weights: &Window, i: usize, j: usize) -> (f32, f32) {
     let mut sums = (0.0, 0.0);
     for dj in 0..3 {
@@ -219,7 +226,7 @@ pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
     let mut exact: Vec<[Plane; 4]> = Vec::with_capacity(grid.levels[0].blocks.list.len());
     for b in 0..grid.levels[0].blocks.list.len() {
         let scale = scales[grid.levels[0].blocks.list[b].chart as usize];
-        exact.push(chords(grid, mesh, tile, [nx as f64, ny as f64], b, scale));
+        exact.push(chords(grid, mesh, tile, DVec2::new(nx as f64, ny as f64), b, scale));
     }
     let medians: Vec<f32> =
         (0..tile.charts.len()).map(|c| median_length(&grid.levels[0], &exact, c)).collect();
@@ -228,10 +235,10 @@ pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
     drop(triangle);
     let mut metrics: Vec<[Plane; 3]> = Vec::new();
     for k in 0..grid.levels.len() {
-        // A level-k edge is 2^k times as long.
+        // An edge of level k is 2^k times as long.
         grid.levels[k].floor = medians.iter().map(|m| FLOOR_SHARE * m * (1u32 << k) as f32).collect();
         if k == 0 {
-            keep_lengths(&mut grid.levels[0], &exact);
+            store_lengths(&mut grid.levels[0], &exact);
             exact.clear();
             continue;
         }
@@ -249,17 +256,16 @@ pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
             }
         }
         metrics = next;
-        let lengths: Vec<_> =
-            level.blocks.neighbours.iter().map(|around| arc_lengths(around, &metrics)).collect();
-        keep_lengths(level, &lengths);
+        let lengths: Vec<_> = level.blocks.neighbours.iter().map(|b| arc_lengths(b, &metrics)).collect();
+        store_lengths(level, &lengths);
     }
 }
 
-/// Lengths up to this share of the floor are as good as none.
+/// Lengths of at most this fraction of the floor are stored as 0.
 const SHORTEST: f32 = 1.0 / 1024.0;
 
-/// Sets a level's rest lengths.
-fn keep_lengths(level: &mut Level, lengths: &[[Plane; 4]]) {
+/// Stores a level's rest lengths as codes.
+fn store_lengths(level: &mut Level, lengths: &[[Plane; 4]]) {
     for (chart, range) in level.blocks.of_chart.iter().enumerate() {
         let least = level.floor[chart] * SHORTEST;
         for e in 0..4 {
@@ -275,10 +281,10 @@ fn keep_lengths(level: &mut Level, lengths: &[[Plane; 4]]) {
 }
 
 /// Rest lengths of a block's edges on a coarser level.
-fn arc_lengths(around: &[u32; 9], metrics: &[[Plane; 3]]) -> [Plane; 4] {
+fn arc_lengths(neighbours: &[u32; 9], metrics: &[[Plane; 3]]) -> [Plane; 4] {
     let mut windows = [[0.0f32; WINDOW_NODES]; 3];
     for (c, window) in windows.iter_mut().enumerate() {
-        window::load(around, 0.0, |b| &metrics[b][c], window);
+        window::load(neighbours, 0.0, |b| &metrics[b][c], window);
     }
     let metric = |at: usize| windows.each_ref().map(|w| w[at]);
     edges(|i, j, (di, dj)| {
@@ -287,7 +293,7 @@ fn arc_lengths(around: &[u32; 9], metrics: &[[Plane; 3]]) -> [Plane; 4] {
     })
 }
 
-/// One value per node and owned edge of a block.
+/// The values of `f(i, j, offset)` at all edges that the nodes (i, j) of a block own.
 fn edges(f: impl Fn(usize, usize, (i64, i64)) -> f32) -> [Plane; 4] {
     std::array::from_fn(|e| {
         let mut plane = [0.0; NODES];
@@ -300,52 +306,50 @@ fn edges(f: impl Fn(usize, usize, (i64, i64)) -> f32) -> [Plane; 4] {
     })
 }
 
-/// Exact rest lengths of a block's edges on the finest level, in f64 from the mesh itself; inside one triangle from
+/// Exact rest lengths of a block's edges on level 0 (method §2), in f64 from the mesh itself; inside one triangle from
 /// its edge vectors.
-fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: [f64; 2], b: usize, scale: f64) -> [Plane; 4] {
+fn chords(grid: &Grid, mesh: &Mesh, tile: &TileMesh, cells: DVec2, b: usize, scale: f64) -> [Plane; 4] {
     let level = &grid.levels[0];
     let Block { x, y, chart, .. } = level.blocks.list[b];
     let mut triangles = [NONE; WINDOW_NODES];
     window::load(&level.blocks.neighbours[b], NONE, |b| &grid.triangle[b], &mut triangles);
     let vertices = &tile.charts[chart as usize].vertices;
-    // Position relative to the triangle's first corner, that corner, and the tangents.
+    // At a node: its triangle, the triangle's first vertex, the position relative to it, and the map from an offset in
+    // the plane to one in space.
     let sample = |i: usize, j: usize| {
         let t = triangles[place(i, j)];
         if t == NONE || grid.chart_of[t as usize] != chart {
             return None;
         }
         let source = &tile.triangles[t as usize];
-        let [a, b, c] = source.uv.map(|uv| [uv[0] * cells[0], uv[1] * cells[1]]);
-        let [p, q, r] = source.local.map(|v| mesh.rest[vertices[v as usize] as usize]);
-        let (e1, e2) = ([b[0] - a[0], b[1] - a[1]], [c[0] - a[0], c[1] - a[1]]);
-        let det = e1[0] * e2[1] - e1[1] * e2[0];
-        let bary =
-            move |d: [f64; 2]| [(d[0] * e2[1] - d[1] * e2[0]) / det, (d[1] * e1[0] - d[0] * e1[1]) / det];
-        let along = move |d: [f64; 2]| {
-            let [l1, l2] = bary(d);
-            std::array::from_fn::<f64, 3, _>(|k| l1 * (q[k] - p[k]) + l2 * (r[k] - p[k]))
+        let [a, b, c] = source.uv.map(|uv| uv * cells);
+        let [p, q, r] = source.local.map(|v| DVec3::from(mesh.rest[vertices[v as usize] as usize]));
+        let in_space = move |d: DVec2| {
+            let [l1, l2] = barycentrics([DVec2::ZERO, b - a, c - a], d);
+            l1 * (q - p) + l2 * (r - p)
         };
-        let node = [(x as usize * SIDE + i) as f64 - 1.0 - a[0], (y as usize * SIDE + j) as f64 - 1.0 - a[1]];
-        Some((t, p, along(node), along))
+        let node = DVec2::new((x as usize * SIDE + i) as f64, (y as usize * SIDE + j) as f64) - 1.0;
+        Some((t, p, in_space(node - a), in_space))
     };
     // Scaled before it is squared: units of 1e300 must not overflow.
-    let norm = |v: [f64; 3]| v.iter().map(|x| (x * scale).powi(2)).sum::<f64>().sqrt();
+    let length = |v: DVec3| (v * scale).length();
     edges(|i, j, (di, dj)| {
         let other = ((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
-        let length = match (sample(i + 1, j + 1), sample(other.0, other.1)) {
-            (Some((s, _, _, along)), Some((t, ..))) if s == t => norm(along([di as f64, dj as f64])),
-            (Some((_, p, v, _)), Some((_, q, w, _))) => {
-                norm(std::array::from_fn(|k| (q[k] - p[k]) + (w[k] - v[k])))
+        let chord = match (sample(i + 1, j + 1), sample(other.0, other.1)) {
+            (Some((s, _, _, in_space)), Some((t, ..))) if s == t => {
+                length(in_space(DVec2::new(di as f64, dj as f64)))
             }
-            // Not inside the chart: no movable node has this edge.
+            (Some((_, p, v, _)), Some((_, q, w, _))) => length((q - p) + (w - v)),
+            // An end without a triangle of the chart: no movable node has this edge.
             _ => 0.0,
         };
-        length as f32
+        chord as f32
     })
 }
 
-/// Median rest length of a chart's east and of its north edges at movable nodes, whichever is shorter: on anisotropic
-/// charts the longer one would drown all edges of the other direction.
+/// The smaller one of two medians over a chart's movable nodes: that of the lengths of their edges to the east, and
+/// that of their edges to the north. On an anisotropic chart the larger one would exceed all lengths of the other
+/// direction.
 fn median_length(level: &Level, exact: &[[Plane; 4]], chart: usize) -> f32 {
     let median = |edge: usize| {
         let mut lengths: Vec<f32> = Vec::new();
@@ -365,14 +369,15 @@ mod tests {
 
     #[test]
     fn clipped_areas_add_up_to_the_triangle() {
-        let corners = [[1.3, 2.1], [9.7, 3.2], [4.4, 11.9]];
+        let corners = [[1.3, 2.1], [9.7, 3.2], [4.4, 11.9]].map(DVec2::from);
         let mut sum = 0.0;
-        each_dual_cell(&corners, 10, 10, |i, j| {
-            sum += area_in_box(&corners, [2.0 * i as f64 - 1.0, 2.0 * j as f64 - 1.0]);
+        each_dual_cell(corners, 10, 10, |i, j| {
+            sum += area_in_box(corners, 2.0 * DVec2::new(i as f64, j as f64) - 1.0);
         });
         let exact: f64 = 0.5 * (8.4 * 9.8 - 1.1 * 3.1);
         assert!((sum - exact).abs() < 1e-9, "{sum} {exact}");
-        assert_eq!(area_in_box(&[[0.0, 0.0], [20.0, 0.0], [0.0, 20.0]], [1.0, 1.0]), 4.0);
-        assert_eq!(area_in_box(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [5.0, 5.0]), 0.0);
+        let half_square = |side: f64| [DVec2::ZERO, side * DVec2::X, side * DVec2::Y];
+        assert_eq!(area_in_box(half_square(20.0), DVec2::splat(1.0)), 4.0);
+        assert_eq!(area_in_box(half_square(1.0), DVec2::splat(5.0)), 0.0);
     }
 }

@@ -1,9 +1,12 @@
-//! A pose as the solver sees it: each chart's vertices relative to the chart, and triangles made from them.
+//! A pose as the solver sees it (method §1, Positions): each chart's vertices relative to its centre and in its own
+//! unit, and the triangles with their tangents (method §2).
+
+use glam::DVec3;
 
 use crate::mesh::TileMesh;
 
-/// Farther out, in sizes of the chart at rest, a pose is not followed: squares of its lengths over rest lengths have to
-/// stay finite in f32.
+/// Coordinates are clamped to this, in units of the chart: squares of lengths over rest lengths have to stay finite in
+/// f32.
 const FARTHEST: f64 = (1u32 << 20) as f64;
 
 /// Positions of one chart, relative to its own centre and in units of its own rest size, so that f32 suffices
@@ -12,7 +15,7 @@ const FARTHEST: f64 = (1u32 << 20) as f64;
 pub struct ChartPose {
     /// Per vertex of the chart.
     pub positions: Vec<[f32; 3]>,
-    /// What the mesh's units were multiplied by: a power of two near 1 / extent at rest.
+    /// The factor on the mesh's units: a power of two near 1 / extent at rest.
     pub scale: f64,
 }
 
@@ -23,7 +26,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Takes the positions of the tile's vertices; `rest` gives the scales (absent for the rest pose itself).
+    /// Converts the positions of the tile's vertices. `rest` holds the scales; it is absent for the rest pose itself.
     pub fn new(tile: &TileMesh, position: impl Fn(u32) -> [f64; 3], rest: Option<&Pose>) -> Pose {
         let charts = tile
             .charts
@@ -63,13 +66,13 @@ impl Pose {
         self.charts.iter().map(|c| c.positions.len() * 12 + 32).sum()
     }
 
-    /// True if every triangle edge of chart `c` is as long as in `rest`, as far as f32 positions can tell: then the
-    /// chart moved as a rigid body or bent without stretching, and the identity is its best warp.
+    /// True if every triangle edge of chart `c` is as long as in `rest`, to the precision of f32 positions: the chart
+    /// moved as a rigid body or bent without stretching, and the identity is its best warp.
     pub fn is_isometric(&self, rest: &Pose, tile: &TileMesh, c: usize) -> bool {
         let (pose, rest) = (&self.charts[c].positions, &rest.charts[c].positions);
         let length = |p: &[[f32; 3]], a: u32, b: u32| {
-            let (a, b) = (p[a as usize], p[b as usize]);
-            (0..3).map(|k| (f64::from(b[k]) - f64::from(a[k])).powi(2)).sum::<f64>().sqrt()
+            let [a, b] = [a, b].map(|v| DVec3::from(p[v as usize].map(f64::from)));
+            a.distance(b)
         };
         // Extents are 0.5 to 1 at rest: an end is rounded by up to 2^-25, a length by a few times that.
         const ROUNDING: f64 = 4.0 / (1u64 << 24) as f64;
@@ -83,8 +86,8 @@ impl Pose {
     }
 }
 
-/// 2^k with extent * 2^k in 0.5..1, or near it at the ends of f64; 1 where there is no extent. Made from the exponent's
-/// bits: exact anywhere.
+/// The power of two 2^k with extent * 2^k in 0.5..1, or near it at the limits of f64; 1 for an extent of 0. It is made
+/// from the bits of the exponent, so that it is exact everywhere.
 fn power_of_two_near_inverse(extent: f64) -> f64 {
     if !extent.is_normal() && !extent.is_infinite() {
         return 1.0;
@@ -93,16 +96,17 @@ fn power_of_two_near_inverse(extent: f64) -> f64 {
     f64::from_bits(((-exponent - 1).clamp(-1022, 1022) + 1023).unsigned_abs() << 52)
 }
 
-/// A triangle of a pose: position at its first UV corner and the tangents along u and v, per level-0 cell.
+/// A triangle of a pose: its first vertex and the tangents T along u and v, per cell of level 0 (method §2).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PoseTriangle {
+    /// f at the first UV corner.
     pub origin: [f32; 3],
-    /// df/dx, then df/dy.
+    /// ∂f/∂x, then ∂f/∂y.
     pub tangent: [[f32; 3]; 2],
 }
 
 impl PoseTriangle {
-    /// From its corners' positions and the barycentric matrix of its UVs.
+    /// The triangle with these positions of its corners and the `barycentric` matrix of its UVs.
     pub fn new(corners: [[f32; 3]; 3], barycentric: &[[f32; 2]; 2]) -> PoseTriangle {
         let [a, b, c] = corners;
         let e1: [f32; 3] = std::array::from_fn(|k| b[k] - a[k]);
@@ -112,7 +116,7 @@ impl PoseTriangle {
         PoseTriangle { origin: a, tangent }
     }
 
-    /// The metric (E, F, G) = JᵀJ, per level-0 cell squared.
+    /// The entries (E, F, G) of the metric TᵀT, per cell squared of level 0 (method §3).
     pub fn metric(&self) -> [f32; 3] {
         let dot = |a: &[f32; 3], b: &[f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let [x, y] = &self.tangent;

@@ -1,8 +1,9 @@
-//! Maps to levels: rigidity by the paper's eq. 7, mobility by its eq. 8.
+//! Rigidity and mobility on the coarser levels (method §3), each from the next finer level: the paper's eq. 7 and eq.
+//! 8.
 
 use crate::mesh::NONE;
 
-/// One level's node maps, dense; node (i, j) is entry `j * (nx + 1) + i`.
+/// Rigidity and mobility at all nodes of one level; node (i, j) has the index `j * (nx + 1) + i`.
 #[derive(Clone, Debug)]
 pub(crate) struct NodeMaps {
     pub nx: usize,
@@ -13,9 +14,9 @@ pub(crate) struct NodeMaps {
 }
 
 impl NodeMaps {
-    /// The next coarser level. A coarse node moves only if all of the 3x3 finer nodes around it do (eq. 8), so
-    /// bilinear prolongation never moves a fixed node, nor one of another chart; rigidity is a 3x3 Gaussian
-    /// (eq. 7). An odd last column or row is dropped: its nodes are fixed.
+    /// The next coarser level. A coarse node may move only if all of the 3x3 finer nodes around it may (eq. 8), so that
+    /// bilinear prolongation never moves a fixed node, nor one of another chart. Rigidity is a 3x3 Gaussian (eq. 7). An
+    /// odd last column or row of cells is dropped; the nodes at its inner side are fixed by the same rule.
     pub fn coarser(&self) -> NodeMaps {
         let (nx, ny) = (self.nx / 2, self.ny / 2);
         let width = self.nx + 1;
@@ -49,7 +50,7 @@ impl NodeMaps {
         NodeMaps { nx, ny, rigidity, chart }
     }
 
-    /// True if nothing moves on this level.
+    /// True if no node of this level may move.
     pub fn is_fixed(&self) -> bool {
         self.chart.iter().all(|&c| c == NONE)
     }

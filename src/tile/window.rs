@@ -1,4 +1,4 @@
-//! A block and the ring of nodes around it, copied side by side: what a stage works on.
+//! Windows (method §1): a block and its halo of one node, copied side by side, for a stage to work on.
 
 use super::blocks::{Plane, SIDE};
 use crate::mesh::NONE;
@@ -8,36 +8,36 @@ pub const WINDOW_NODES: usize = 4 * WINDOW_PLANE;
 /// Nodes of one colour of a window: 9 x 9.
 const WINDOW_PLANE: usize = 81;
 
-/// One quantity at the nodes (-1..=16, -1..=16) of a block, as four colour planes of 9x9.
+/// One quantity at the nodes (-1..=16, -1..=16) of a block, as four planes of 9x9, one per node colour.
 pub type Window<T = f32> = [T; WINDOW_NODES];
 
-/// Place of the node (i - 1, j - 1) of the block in a window: i and j run from 0 to 17.
+/// Index of the node (i - 1, j - 1) of the block in a window; i and j run from 0 to 17.
 #[inline(always)]
 pub const fn place(i: usize, j: usize) -> usize {
     ((j & 1) * 2 + (i & 1)) * WINDOW_PLANE + (j >> 1) * 9 + (i >> 1)
 }
 
-/// Copies a block's plane and its ring. `plane(b)` is the plane of block `b`; a block that is not stored gives
-/// `default`.
+/// Copies the plane of the block `neighbours[4]` and its halo into a window. `plane(b)` is the plane of block `b`;
+/// where a neighbour block is not stored, the halo is `default`.
 #[inline(always)]
 pub fn load<'a, T: Copy + 'a>(
-    around: &[u32; 9],
+    neighbours: &[u32; 9],
     default: T,
     plane: impl Fn(usize) -> &'a Plane<T>,
     window: &mut Window<T>,
 ) {
-    let own = plane(around[4] as usize);
+    let centre = plane(neighbours[4] as usize);
     for colour in 0..4 {
         let (ci, cj) = (colour & 1, colour >> 1);
         for row in 0..8 {
             let to = place(ci + 1, 2 * row + cj + 1);
             let from = colour * 64 + row * 8;
-            window[to..to + 8].copy_from_slice(&own[from..from + 8]);
+            window[to..to + 8].copy_from_slice(&centre[from..from + 8]);
         }
     }
-    // South (j = -1 is row 15 below) and north.
+    // South (j = -1 is row 15 of the block below) and north.
     for (k, from_j, to_j) in [(1, 15, 0), (7, 0, 17)] {
-        let b = around[k];
+        let b = neighbours[k];
         for ci in 0..2 {
             let to = place(ci + 1, to_j);
             let row = &mut window[to..to + 8];
@@ -51,7 +51,7 @@ pub fn load<'a, T: Copy + 'a>(
     }
     // West and east.
     for (k, from_i, to_i) in [(3, 15, 0), (5, 0, 17)] {
-        let b = around[k];
+        let b = neighbours[k];
         if b == NONE {
             for j in 0..SIDE {
                 window[place(to_i, j + 1)] = default;
@@ -63,10 +63,11 @@ pub fn load<'a, T: Copy + 'a>(
             }
         }
     }
+    // The corners.
     for (k, from, to) in
         [(0, (15, 15), (0, 0)), (2, (0, 15), (17, 0)), (6, (15, 0), (0, 17)), (8, (0, 0), (17, 17))]
     {
-        let b = around[k];
+        let b = neighbours[k];
         window[place(to.0, to.1)] =
             if b == NONE { default } else { plane(b as usize)[super::blocks::slot(from.0, from.1)] };
     }

@@ -41,7 +41,7 @@ fn a_warp_that_undoes_the_stretch_is_help_and_its_reverse_is_harm() {
     let moving = |i: usize, j: usize| if (1..64).contains(&j) { shrink(i, j) } else { [0.0; 2] };
     let report = measure(&mesh, 0, &coverage, &nodes, &pose, &moving);
     assert!(report.before.rms > 0.5);
-    // Away from the rows at the tile's rim, which stand still, nothing is left.
+    // Away from the rows at the tile's rim, which are fixed, no strain is left.
     assert!(report.after.interior_rms < 1e-6, "{}", report.after.interior_rms);
     assert!(report.after.border_rms > 0.1);
     assert!(report.help > 0.5);

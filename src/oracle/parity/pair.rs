@@ -1,4 +1,4 @@
-//! Both backends side by side.
+//! The schedule on both backends side by side, with a comparison of their states after each stage.
 
 use super::{Point, StageDifference};
 use crate::error::{Error, Result};
@@ -11,26 +11,27 @@ use crate::tile::Grid;
 use crate::tile::blocks::NODES;
 use crate::{cpu, gpu};
 
-/// A run on each backend, for the same input. After each stage their states are compared.
+/// A run on each backend, for the same input, whose states are compared after each stage.
 pub(crate) struct Pair<'a> {
     cpu: cpu::Run<'a>,
     gpu: gpu::Run<'a>,
     grid: &'a Grid,
-    /// The charts to solve.
+    /// Per chart, true if it is to be solved.
     charts: &'a [bool],
-    /// After each stage, the GPU goes on from the CPU's state: what a stage adds shows alone.
+    /// True if the GPU continues from the CPU's state after each stage, so that a difference is that of one stage.
     lockstep: bool,
+    /// Number of the present correction on its level.
     correction: u32,
     /// Per chart, the energy of the last state that was compared, on either backend.
     energies: [Vec<f64>; 2],
-    found: Vec<StageDifference>,
+    differences: Vec<StageDifference>,
     error: Option<Error>,
 }
 
-/// Planes of `decoded`: diagonal (3), pairs (16), interpolation's weights.
+/// Planes per block of decoded rows: diagonal blocks (3), pairs (16), weights of interpolation.
 const DECODED_PLANES: usize = 20;
 
-/// Rows with their pairs decoded.
+/// Rows with their pairs decoded to f32 (method §7.2).
 fn decoded(rows: &[u32]) -> Vec<u32> {
     let mut all = Vec::with_capacity(rows.len() / ROW_PLANES * DECODED_PLANES);
     for block in rows.chunks(ROW_PLANES * NODES) {
@@ -50,15 +51,17 @@ fn decoded(rows: &[u32]) -> Vec<u32> {
     all
 }
 
-/// What of a block's planes is compared.
+/// The planes of a level's blocks that are compared.
 #[derive(Clone, Copy)]
-struct Part {
+struct Selection {
     level: usize,
-    /// Planes per block, and which of them.
-    of: usize,
+    /// Planes per block in the array.
+    planes: usize,
+    /// The first plane that is compared.
     first: usize,
+    /// Number of planes that are compared.
     count: usize,
-    /// Movable nodes only.
+    /// True if only movable nodes are compared.
     movable: bool,
 }
 
@@ -80,12 +83,12 @@ impl<'a> Pair<'a> {
             lockstep,
             correction: 0,
             energies: [vec![], vec![]],
-            found: Vec::new(),
+            differences: Vec::new(),
             error: None,
         }
     }
 
-    /// All that was found, the certificates last.
+    /// All differences, those of the certificates last.
     pub fn finish(mut self) -> Result<Vec<StageDifference>> {
         if let Some(error) = self.error {
             return Err(error);
@@ -97,61 +100,63 @@ impl<'a> Pair<'a> {
                 let (cpu, gpu) = (&self.cpu.results[c], &done.charts[c]);
                 (of(cpu), of(gpu))
             });
-            self.found.push(StageDifference::new(Point::Certify, quantity, pairs));
+            self.differences.push(StageDifference::new(Point::Certify, quantity, pairs));
         };
         add("smallest corner Jacobian", &|chart| chart.min_jacobian);
         add("folds", &|chart| chart.folds as f64);
         add("fallback", &|chart| f64::from(u8::from(chart.fallback)));
         add("largest displacement (cells)", &|chart| f64::from(chart.max_displacement));
-        Ok(self.found)
+        Ok(self.differences)
     }
 
-    /// Runs what may fail; only the first error counts.
-    fn look(&mut self, f: impl FnOnce(&mut Self) -> Result<()>) {
+    /// Does a comparison, unless one has failed before; keeps the error.
+    fn attempt(&mut self, f: impl FnOnce(&mut Self) -> Result<()>) {
         if self.error.is_none() {
             self.error = f(self).err();
         }
     }
 
-    /// Compares planes of the blocks of some charts.
+    /// Compares the selected planes of the blocks of some charts.
     fn compare(
         &mut self,
         at: Point,
         quantity: &'static str,
-        part: Part,
+        selection: Selection,
         charts: &[bool],
         cpu: &[u32],
         gpu: &[u32],
     ) {
-        let level = &self.grid.levels[part.level];
+        let level = &self.grid.levels[selection.level];
         let blocks = level.blocks.list.iter().enumerate();
         let planes = blocks
-            .filter(|(_, block)| charts[block.chart as usize] && (block.active || !part.movable))
-            .flat_map(|(b, _)| (part.first..part.first + part.count).map(move |plane| (b, plane)));
+            .filter(|(_, block)| charts[block.chart as usize] && (block.active || !selection.movable))
+            .flat_map(|(b, _)| {
+                (selection.first..selection.first + selection.count).map(move |plane| (b, plane))
+            });
         let pairs = planes.flat_map(|(b, plane)| {
-            let at = (b * part.of + plane) * NODES;
-            let wanted = move |s: &usize| !part.movable || level.movable[b][*s] != 0;
+            let at = (b * selection.planes + plane) * NODES;
+            let wanted = move |s: &usize| !selection.movable || level.movable[b][*s] != 0;
             let value = move |bits: &[u32], s: usize| f64::from(f32::from_bits(bits[at + s]));
             (0..NODES).filter(wanted).map(move |s| (value(cpu, s), value(gpu, s)))
         });
-        self.found.push(StageDifference::new(at, quantity, pairs));
+        self.differences.push(StageDifference::new(at, quantity, pairs));
     }
 
-    /// Compares the state of a level.
+    /// Compares the state of a level: displacements, samples of the surface and energies.
     fn state(&mut self, at: Point, level: usize) -> Result<()> {
         let (cpu, gpu) = (self.cpu.state(level), self.gpu.state(level)?);
-        let part = Part { level, of: STATE_PLANES, first: 0, count: 2, movable: false };
+        let selection = Selection { level, planes: STATE_PLANES, first: 0, count: 2, movable: false };
         let charts = self.charts;
-        self.compare(at, DISPLACEMENT, part, charts, &cpu, &gpu);
-        let part = Part { first: 2, count: 3, movable: true, ..part };
+        self.compare(at, DISPLACEMENT, selection, charts, &cpu, &gpu);
+        let selection = Selection { first: 2, count: 3, movable: true, ..selection };
         let values = if level == 0 { "position under W (chart sizes)" } else { "metric under W" };
-        self.compare(at, values, part, charts, &cpu, &gpu);
+        self.compare(at, values, selection, charts, &cpu, &gpu);
         let of_cpu = self.cpu.energies_of(level);
         let of_gpu = self.gpu.energies_of(level)?;
         self.per_chart(at, "energy of a chart, relative", |c| relative(of_cpu[c], of_gpu[c]));
         let sum = |of: &[f64]| (0..of.len()).filter(|&c| charts[c]).map(|c| of[c]).sum();
         let all = [relative(sum(&of_cpu), sum(&of_gpu))];
-        self.found.push(StageDifference::new(at, "energy of all charts, relative", all.into_iter()));
+        self.differences.push(StageDifference::new(at, "energy of all charts, relative", all.into_iter()));
         self.energies = [of_cpu, of_gpu];
         if self.lockstep {
             self.gpu.set_state(level, &cpu)?;
@@ -159,14 +164,15 @@ impl<'a> Pair<'a> {
         Ok(())
     }
 
+    /// Compares one pair (CPU, GPU) per chart that is solved.
     fn per_chart(&mut self, at: Point, quantity: &'static str, pair: impl Fn(usize) -> (f64, f64)) {
         let solved = (0..self.charts.len()).filter(|&c| self.charts[c]);
-        self.found.push(StageDifference::new(at, quantity, solved.map(pair)));
+        self.differences.push(StageDifference::new(at, quantity, solved.map(pair)));
     }
 
-    /// After a stage that sets or changes a level's displacements.
+    /// Compares after a stage that sets or changes a level's displacements.
     fn level(&mut self, level: usize, step: u32) {
-        self.look(|pair| {
+        self.attempt(|pair| {
             let at = Point::level(level, step);
             pair.state(at, level)?;
             if step == 0 && level == 0 {
@@ -180,45 +186,46 @@ impl<'a> Pair<'a> {
         });
     }
 
-    /// The systems of a level and those below it, for charts that take part.
+    /// Compares the matrix of a level, for some charts.
     fn rows(&mut self, at: Point, level: usize, quantity: &'static str, charts: &[bool]) -> Result<()> {
         let (cpu, gpu) = (self.cpu.rows(level), self.gpu.rows(level)?);
-        let part = Part { level, of: DECODED_PLANES, first: 0, count: DECODED_PLANES, movable: true };
-        self.compare(at, quantity, part, charts, &decoded(&cpu), &decoded(&gpu));
+        let selection =
+            Selection { level, planes: DECODED_PLANES, first: 0, count: DECODED_PLANES, movable: true };
+        self.compare(at, quantity, selection, charts, &decoded(&cpu), &decoded(&gpu));
         Ok(())
     }
 
-    /// What a correction starts with: its system. Both stand at the same state, if they go in lockstep.
+    /// Compares the linear systems with which a correction begins. In lockstep, both are those of the same state.
     fn before_correction(&mut self, at: Point, level: usize) -> Result<()> {
         let [_, right] = self.cpu.assembled(level);
         let [_, other] = self.gpu.assembled(level)?;
-        let part = Part { level, of: 2, first: 0, count: 2, movable: true };
-        self.compare(at, "right-hand side", part, self.charts, &right, &other);
+        let selection = Selection { level, planes: 2, first: 0, count: 2, movable: true };
+        self.compare(at, "right-hand side", selection, self.charts, &right, &other);
         self.rows(at, level, "assembled rows", self.charts)
     }
 
-    /// What it left inside.
+    /// Compares the internal results of a correction: coarser matrices, the step and its fractions, decisions.
     fn after_correction(&mut self, at: Point, level: usize, charts: &[bool]) -> Result<()> {
         for k in level + 1..self.grid.levels.len() {
             self.rows(at, k, "Galerkin rows", charts)?;
         }
-        let [step, share] = self.cpu.step_of(level);
-        let [other_step, other_share] = self.gpu.step_of(level)?;
-        // Most nodes take the whole step: what is cut off says more than what is left.
-        let [cut, other_cut] = [share, other_share]
-            .map(|share| share.into_iter().map(|x| (1.0 - f32::from_bits(x)).to_bits()).collect::<Vec<_>>());
-        let part = Part { level, of: 2, first: 0, count: 2, movable: true };
-        self.compare(at, "step (cells)", part, charts, &step, &other_step);
-        let part = Part { of: 1, count: 1, ..part };
-        self.compare(at, "cut of the step", part, charts, &cut, &other_cut);
+        let [step, fraction] = self.cpu.step_of(level);
+        let [other_step, other_fraction] = self.gpu.step_of(level)?;
+        // Most nodes take the whole step: 1 minus the fraction resolves more than the fraction.
+        let [cut, other_cut] = [fraction, other_fraction]
+            .map(|bits| bits.into_iter().map(|x| (1.0 - f32::from_bits(x)).to_bits()).collect::<Vec<_>>());
+        let selection = Selection { level, planes: 2, first: 0, count: 2, movable: true };
+        self.compare(at, "step (cells)", selection, charts, &step, &other_step);
+        let selection = Selection { planes: 1, count: 1, ..selection };
+        self.compare(at, "cut of the step", selection, charts, &cut, &other_cut);
         let mut records = self.gpu.chart_records()?;
         let next = self.cpu.next_fraction().to_vec();
         let blocks = &self.grid.levels[level].blocks;
-        // A chart that has nothing to move on this level has nothing to decide.
+        // Without an active block on this level, a chart has no decision.
         let moves = |c: usize| blocks.list[blocks.of_chart[c].clone()].iter().any(|block| block.active);
         let deciding = (0..charts.len()).filter(|&c| charts[c] && moves(c));
         let pairs = deciding.map(|c| (f64::from(u8::from(next[c] == 0.0)), f64::from(records[c].finished)));
-        self.found.push(StageDifference::new(at, "decision to stop", pairs));
+        self.differences.push(StageDifference::new(at, "decision to stop", pairs));
         if self.lockstep {
             for (record, &next) in records.iter_mut().zip(&next) {
                 (record.fraction, record.finished) = (next, u32::from(next == 0.0));
@@ -229,7 +236,7 @@ impl<'a> Pair<'a> {
     }
 }
 
-/// Both over what the CPU says.
+/// Both values divided by the CPU's, where that is finite and positive.
 fn relative(cpu: f64, gpu: f64) -> (f64, f64) {
     if cpu.is_finite() && cpu > 0.0 { (1.0, gpu / cpu) } else { (cpu, gpu) }
 }
@@ -242,14 +249,14 @@ impl Stages for Pair<'_> {
     fn surface(&mut self) {
         self.cpu.surface();
         self.gpu.surface();
-        self.look(|pair| {
+        self.attempt(|pair| {
             let (cpu, gpu) = (pair.cpu.triangles(), pair.gpu.triangles()?);
             let solved = |t: &usize| pair.charts[pair.grid.chart_of[*t] as usize];
             let pairs = (0..cpu.len()).filter(solved).flat_map(|t| {
                 let (cpu, gpu) = (cpu[t], gpu[t]);
                 (0..9).map(move |k| (f64::from(cpu[k]), f64::from(gpu[k])))
             });
-            pair.found.push(StageDifference::new(Point::Surface, "pose triangles", pairs));
+            pair.differences.push(StageDifference::new(Point::Surface, "pose triangles", pairs));
             if pair.lockstep { pair.gpu.set_triangles(&cpu) } else { Ok(()) }
         });
     }
@@ -257,11 +264,17 @@ impl Stages for Pair<'_> {
     fn pyramid(&mut self) {
         self.cpu.pyramid();
         self.gpu.pyramid();
-        self.look(|pair| {
+        self.attempt(|pair| {
             for level in 1..pair.grid.levels.len() {
                 let (cpu, gpu) = (pair.cpu.metric(level), pair.gpu.metric(level)?);
-                let part = Part { level, of: METRIC_PLANES, first: 0, count: METRIC_PLANES, movable: false };
-                pair.compare(Point::Pyramid, "metrics", part, pair.charts, &cpu, &gpu);
+                let selection = Selection {
+                    level,
+                    planes: METRIC_PLANES,
+                    first: 0,
+                    count: METRIC_PLANES,
+                    movable: false,
+                };
+                pair.compare(Point::Pyramid, "metrics", selection, pair.charts, &cpu, &gpu);
                 if pair.lockstep {
                     pair.gpu.set_metric(level, &cpu)?;
                 }
@@ -307,20 +320,20 @@ impl Stages for Pair<'_> {
                 .collect()
         };
         let mut before = [vec![], vec![]];
-        self.look(|pair| {
+        self.attempt(|pair| {
             before = [pair.cpu.energies_of(level), pair.gpu.energies_of(level)?];
             pair.before_correction(at, level)
         });
         self.cpu.correct(level, correction);
         self.gpu.correct(level, correction);
-        self.look(|pair| pair.after_correction(at, level, &taking_part));
+        self.attempt(|pair| pair.after_correction(at, level, &taking_part));
         self.level(level, 1 + self.correction);
-        self.look(|pair| {
+        self.attempt(|pair| {
             let rise = |k: usize, c: usize| (pair.energies[k][c] / before[k][c] - 1.0).max(0.0);
-            // What rises on the CPU alone would show as the size of these.
+            // A rise on the CPU would be visible in `size`.
             let pairs = (0..taking_part.len()).filter(|&c| taking_part[c] && before[0][c] > 0.0);
             let pairs: Vec<_> = pairs.map(|c| (rise(0, c), rise(1, c))).collect();
-            pair.found.push(StageDifference::new(
+            pair.differences.push(StageDifference::new(
                 at,
                 "rise of a chart's energy, relative",
                 pairs.into_iter(),

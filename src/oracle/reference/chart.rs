@@ -1,4 +1,7 @@
-//! One chart as a problem of its own: its window of the grid, its edges and cells.
+//! The minimisation problem of one chart: its rectangle of the grid, its edges with their rest lengths and weights
+//! (method §2 and §4), and the cells whose Jacobians count.
+
+use glam::DVec2;
 
 use super::energy::{Edge, Law};
 use super::linear::neighbour;
@@ -9,37 +12,38 @@ use crate::tile::EDGES;
 use crate::tile::density::density;
 use crate::tile::pyramid::NodeMaps;
 
-/// Dimensions in which chords are measured. The surface that the solver sees on its way from rest to a pose is
-/// (sqrt(1 - t) f_rest, sqrt(t) f_pose) in six dimensions: its metric is (1 - t) G_rest + t G_pose, which neither
-/// collapses half-way through a twist nor changes under a rigid motion, as blended positions would.
+/// Number of dimensions in which chords are measured. Between rest and the pose the surface is (sqrt(1 - t) f_rest,
+/// sqrt(t) f_pose) in six dimensions: its metric is (1 - t) G_rest + t G_pose, which neither collapses half-way through
+/// a twist nor changes under a rigid motion, as blended positions would.
 pub(super) const DIM: usize = 6;
 
-/// rest length l is floored at this share of the median (of the shorter direction's, on anisotropic charts).
+/// Floor of rest lengths, as a fraction of the smaller one of two medians, of edges to the east and to the north.
 const FLOOR_SHARE: f64 = 0.05;
 
-/// A chart's window: the bounding box of its movable nodes and one node more, so that its rim is fixed.
+/// A chart's problem. Its nodes are those of a rectangle: the bounding box of the movable nodes, and one node more on
+/// each side, so that the rim is fixed.
 pub(super) struct ChartProblem {
-    /// The window's lower corner in the tile's grid.
+    /// The rectangle's lower corner in the tile's grid.
     origin: [usize; 2],
-    /// Cells of the window.
+    /// Cells of the rectangle along both axes.
     pub nx: usize,
     pub ny: usize,
     pub movable: Vec<bool>,
     /// Movable nodes, in order.
     pub nodes: Vec<u32>,
-    /// Movable nodes and their neighbours: those whose positions matter.
+    /// Movable nodes and their neighbours: the nodes on whose positions the energy depends.
     pub touched: Vec<u32>,
-    /// The triangle under each touched node at rest.
+    /// The triangle under each node at rest, or `NONE`.
     pub home: Vec<u32>,
     pub edges: Vec<Edge>,
-    /// Per node, the numbers of its 8 edges, or `NONE`; only movable nodes have all.
+    /// Per node, the indices of its eight edges, or `NONE`; only movable nodes have all eight.
     pub edges_of: Vec<[u32; 8]>,
-    /// Per cell with a corner that counts, its lower-left node.
+    /// The lower left node of each cell with a corner that counts.
     pub cells: Vec<u32>,
     pub law: Law,
 }
 
-/// The problems of all charts; none for a chart in which nothing moves.
+/// The problems of all charts; `None` for a chart without movable nodes.
 pub(super) fn problems(
     charts: usize,
     maps: &NodeMaps,
@@ -80,11 +84,11 @@ impl ChartProblem {
         let global = |n: usize| (origin[1] + n / width) * (maps.nx + 1) + origin[0] + n % width;
         let movable: Vec<bool> = (0..size).map(|n| maps.chart[global(n)] == chart).collect();
         let nodes: Vec<u32> = (0..size as u32).filter(|&n| movable[n as usize]).collect();
-        let mut near = vec![false; size];
+        let mut is_touched = vec![false; size];
         for &n in &nodes {
-            (0..9).for_each(|k| near[neighbour(n as usize, k, width)] = true);
+            (0..9).for_each(|k| is_touched[neighbour(n as usize, k, width)] = true);
         }
-        let touched: Vec<u32> = (0..size as u32).filter(|&n| near[n as usize]).collect();
+        let touched: Vec<u32> = (0..size as u32).filter(|&n| is_touched[n as usize]).collect();
         let home: Vec<u32> =
             (0..size).map(|n| locator.under(origin[0] + n % width, origin[1] + n / width)).collect();
         let mut problem = ChartProblem {
@@ -113,16 +117,17 @@ impl ChartProblem {
         self.nx + 1
     }
 
-    /// A node (i, j) of the tile's grid, from its number in the window.
+    /// The node (i, j) in the tile's grid of a node of the rectangle.
     pub fn node(&self, n: usize) -> [usize; 2] {
         [self.origin[0] + n % self.width(), self.origin[1] + n / self.width()]
     }
 
     /// A node's place in the tile's grid, in cells.
-    pub fn place(&self, n: usize) -> [f64; 2] {
-        self.node(n).map(|x| x as f64)
+    pub fn place(&self, n: usize) -> DVec2 {
+        self.node(n).map(|x| x as f64).into()
     }
 
+    /// Lists the edges with a movable end.
     fn list_edges(
         &mut self,
         rest: &Surface<DIM>,
@@ -156,7 +161,7 @@ impl ChartProblem {
                     weight,
                     smooth: (lambda * (1.0 - weight) + floor) / d2,
                     orientation: 0.5 * (kappa(a) + kappa(b)) / d2,
-                    normal: [-dj as f64 / d2.sqrt(), di as f64 / d2.sqrt()],
+                    normal: DVec2::new(-dj as f64, di as f64) / d2.sqrt(),
                     length,
                     inverse: 0.0,
                 });
@@ -169,11 +174,12 @@ impl ChartProblem {
         let floor = FLOOR_SHARE * median[0].min(median[1]);
         for edge in &mut self.edges {
             let l = edge.length.max(floor);
-            // A chart that is one point at rest has no strain to speak of.
+            // A chart that is one point at rest has no strain.
             edge.inverse = if l > 0.0 { 1.0 / l } else { 0.0 };
         }
     }
 
+    /// Lists the cells with a corner that counts.
     fn list_cells(&mut self) {
         for j in 0..self.ny {
             for i in 0..self.nx {
@@ -185,8 +191,8 @@ impl ChartProblem {
         }
     }
 
-    /// The four corners of the cell whose lower-left node is `n`: the corner node, its neighbour along x, its
-    /// neighbour along y, and the sign that makes J = 1 at rest.
+    /// The four corners of the cell whose lower left node is `n`: the node at the corner, its neighbours along x and
+    /// along y, and the sign with which J = 1 at rest.
     pub fn corners(&self, n: usize) -> impl Iterator<Item = Corner> + use<> {
         let width = self.width();
         (0..4).map(move |k| {
@@ -197,13 +203,13 @@ impl ChartProblem {
         })
     }
 
-    /// True if a corner has a part in the energy.
+    /// True if a corner's Jacobian depends on a movable node, and so counts in the energy.
     pub fn counts(&self, corner: Corner) -> bool {
         corner.nodes.iter().any(|&n| self.movable[n])
     }
 }
 
-/// A corner of a cell.
+/// A corner of a cell (method §1, Corner Jacobians).
 #[derive(Clone, Copy)]
 pub(super) struct Corner {
     pub nodes: [usize; 3],
@@ -211,18 +217,18 @@ pub(super) struct Corner {
 }
 
 impl Corner {
-    /// J and its gradient with respect to the three nodes, from their displacements. At rest the two sides are
-    /// (+-1, 0) and (0, +-1).
-    pub fn jacobian(&self, u: [[f64; 2]; 3], rest: [[f64; 2]; 2]) -> (f64, [[f64; 2]; 3]) {
-        let side = |k: usize| [rest[k][0] + u[k + 1][0] - u[0][0], rest[k][1] + u[k + 1][1] - u[0][1]];
+    /// J and its gradients with respect to the three nodes, from their displacements and the two sides at rest, (±1, 0)
+    /// and (0, ±1).
+    pub fn jacobian(&self, u: [DVec2; 3], rest: [DVec2; 2]) -> (f64, [DVec2; 3]) {
+        let side = |k: usize| rest[k] + u[k + 1] - u[0];
         let (p, q, s) = (side(0), side(1), self.sign);
-        let (x, y) = ([s * q[1], -s * q[0]], [-s * p[1], s * p[0]]);
-        (s * (p[0] * q[1] - p[1] * q[0]), [[-x[0] - y[0], -x[1] - y[1]], x, y])
+        let (x, y) = (-s * q.perp(), s * p.perp());
+        (s * p.perp_dot(q), [-x - y, x, y])
     }
 
     /// The two sides at rest.
-    pub fn rest(&self) -> [[f64; 2]; 2] {
+    pub fn rest(&self) -> [DVec2; 2] {
         let [c, x, y] = self.nodes;
-        [[if x > c { 1.0 } else { -1.0 }, 0.0], [0.0, if y > c { 1.0 } else { -1.0 }]]
+        [DVec2::new(if x > c { 1.0 } else { -1.0 }, 0.0), DVec2::new(0.0, if y > c { 1.0 } else { -1.0 })]
     }
 }

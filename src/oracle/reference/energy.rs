@@ -1,22 +1,25 @@
-//! E of a chart (DESIGN 5), its exact gradient, and its Gauss-Newton system.
+//! The energy E of a chart (method §4), its exact gradient, and its Gauss-Newton matrix. Here these are derivatives of
+//! E, not halves of them.
 //!
-//! With v = f(W_b) - f(W_a), L = |v|, v^ = v/L and T = df/dW at each end, an edge's distortion w (L - l)²/l² has
-//!   dE/dv  = 2w (L - l)/l² v^                 so each end is pulled along its own tangent plane: ± T'(dE/dv)
-//!   d²E/dv² = 2w/l² [v^v^' + (1 - l/L)(I - v^v^')]
-//! of which the second part, the curvature of a chord under tension, is kept where it is positive.
+//! With v = f(W_b) - f(W_a), L = |v|, v^ = v/L and T = df/dW at each end, the distortion w (L - l)²/l² of an edge has
+//!   dE/dv   = 2w (L - l)/l² v^, so that each end is pulled in its own tangent plane by ± T'(dE/dv), and
+//!   d²E/dv² = 2w/l² [v^v^' + (1 - l/L)(I - v^v^')],
+//! whose second part, the curvature of a chord under tension, is kept in the matrix where it is positive.
+
+use glam::DVec2;
 
 use super::chart::{ChartProblem, DIM};
 use super::linear::Stencil;
 use crate::oracle::exact::{Locator, Surface};
 use crate::settings::TileSettings;
 
-/// No corner Jacobian of a result is less.
+/// ε: no corner Jacobian of a result is less.
 pub(super) const BOUND: f64 = 0.02;
 
-/// The barrier begins at this distance from the bound: a warp with room never feels it.
+/// The barrier is 0 for Jacobians that exceed the bound by this or more, so that it has no effect on a warp with room.
 pub(super) const BARRIER_WIDTH: f64 = 0.1;
 
-/// An edge (a, b) of the 8-connected grid, kind as in `EDGES`.
+/// An edge (a, b) between two nodes that are neighbours among eight.
 pub(super) struct Edge {
     pub a: u32,
     pub b: u32,
@@ -26,15 +29,15 @@ pub(super) struct Edge {
     pub smooth: f64,
     /// κ / |d0|².
     pub orientation: f64,
-    /// n0.
-    pub normal: [f64; 2],
-    /// l.
+    /// ν: the unit normal of the edge's offset at rest.
+    pub normal: DVec2,
+    /// l: the rest length.
     pub length: f64,
     /// 1 / max(l, floor).
     pub inverse: f64,
 }
 
-/// What the room term makes of a corner Jacobian, with the barrier that the solver adds on its way.
+/// The room term as a function of a corner Jacobian, with the barrier that is added during the minimisation.
 #[derive(Clone, Copy)]
 pub(super) struct Law {
     room: f64,
@@ -48,14 +51,14 @@ impl Law {
         Law { room: f64::from(settings.room), threshold: f64::from(settings.room_threshold), barrier: 0.0 }
     }
 
-    /// Value, first and (positive part of the) second derivative with respect to J.
+    /// The value, its first derivative, and the positive part of its second derivative with respect to J.
     ///
     /// The barrier is that of Li et al., "Incremental Potential Contact" (2020), eq. 6: -(s - 1)² ln s with
-    /// s = (J - ε) / width, twice differentiable, and exactly 0 from s = 1 on.
+    /// s = (J - ε) / `BARRIER_WIDTH`: twice differentiable, and exactly 0 from s = 1 on.
     fn of(&self, j: f64) -> (f64, f64, f64) {
-        let lack = (self.threshold - j).max(0.0);
-        let mut value = (self.room * lack * lack, -2.0 * self.room * lack, 0.0);
-        if lack > 0.0 {
+        let deficit = (self.threshold - j).max(0.0);
+        let mut value = (self.room * deficit * deficit, -2.0 * self.room * deficit, 0.0);
+        if deficit > 0.0 {
             value.2 = 2.0 * self.room;
         }
         let s = (j - BOUND) / BARRIER_WIDTH;
@@ -80,32 +83,34 @@ pub(super) struct Sample {
     pub position: [f64; DIM],
 }
 
-/// The surface that lengths are measured on, with the means to find a point on it.
+/// The surface on which lengths are measured, with its point location.
 pub(super) struct Shape<'a> {
     pub locator: &'a Locator,
     pub surface: &'a Surface<DIM>,
 }
 
-/// First and second derivative of an edge.
+/// First and second derivative of an edge's distortion with respect to v.
 struct EdgeLaw {
     /// dE/dv.
     force: [f64; DIM],
+    /// v^.
     unit: [f64; DIM],
+    /// Second derivative along v.
     along: f64,
+    /// Second derivative across v, where it is positive, else 0.
     across: f64,
 }
 
 impl ChartProblem {
-    /// The surface under node `n` displaced by `u`.
-    pub fn sample(&self, shape: &Shape, n: usize, u: [f64; 2]) -> Sample {
-        let place = self.place(n);
-        let at = [place[0] + u[0], place[1] + u[1]];
+    /// The sample of the surface at node `n` displaced by `u`.
+    pub fn sample(&self, shape: &Shape, n: usize, u: DVec2) -> Sample {
+        let at = self.place(n) + u;
         let triangle = shape.locator.find(at, self.home[n]);
         Sample { triangle, position: shape.surface.at(triangle, at) }
     }
 
-    /// The surface under all nodes that matter.
-    pub fn samples(&self, shape: &Shape, u: &[[f64; 2]]) -> Vec<Sample> {
+    /// The samples at all touched nodes.
+    pub fn samples(&self, shape: &Shape, u: &[DVec2]) -> Vec<Sample> {
         let mut samples = vec![Sample::default(); u.len()];
         for &n in &self.touched {
             samples[n as usize] = self.sample(shape, n as usize, u[n as usize]);
@@ -114,15 +119,14 @@ impl ChartProblem {
     }
 
     /// The energy of one edge.
-    fn edge_value(&self, edge: &Edge, p: &[f64; DIM], q: &[f64; DIM], u: [f64; 2]) -> f64 {
+    fn edge_value(&self, edge: &Edge, p: &[f64; DIM], q: &[f64; DIM], u: DVec2) -> f64 {
         let length = (0..DIM).map(|k| (q[k] - p[k]).powi(2)).sum::<f64>().sqrt();
         let strain = (length - edge.length) * edge.inverse;
-        let turn = edge.normal[0] * u[0] + edge.normal[1] * u[1];
-        edge.weight * strain * strain
-            + edge.smooth * (u[0] * u[0] + u[1] * u[1])
-            + edge.orientation * turn * turn
+        let turn = edge.normal.dot(u);
+        edge.weight * strain * strain + edge.smooth * u.length_squared() + edge.orientation * turn * turn
     }
 
+    /// The derivatives of one edge's distortion.
     fn edge_law(&self, edge: &Edge, p: &[f64; DIM], q: &[f64; DIM]) -> EdgeLaw {
         let v: [f64; DIM] = std::array::from_fn(|k| q[k] - p[k]);
         let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -133,20 +137,19 @@ impl ChartProblem {
         EdgeLaw { force, unit, along, across }
     }
 
-    /// E, with the barrier if there is one.
-    pub fn energy(&self, u: &[[f64; 2]], samples: &[Sample]) -> f64 {
+    /// The energy, with the barrier if its strength is not 0.
+    pub fn energy(&self, u: &[DVec2], samples: &[Sample]) -> f64 {
         let mut sum = 0.0;
         for edge in &self.edges {
             let (a, b) = (edge.a as usize, edge.b as usize);
-            let d = [u[b][0] - u[a][0], u[b][1] - u[a][1]];
-            sum += self.edge_value(edge, &samples[a].position, &samples[b].position, d);
+            sum += self.edge_value(edge, &samples[a].position, &samples[b].position, u[b] - u[a]);
         }
         self.each_jacobian(u, |j| sum += self.law.of(j).0);
         sum
     }
 
-    /// Calls `f` with every corner Jacobian that counts.
-    pub fn each_jacobian(&self, u: &[[f64; 2]], mut f: impl FnMut(f64)) {
+    /// Calls `f` with the Jacobian of every corner that counts.
+    pub fn each_jacobian(&self, u: &[DVec2], mut f: impl FnMut(f64)) {
         for &cell in &self.cells {
             for corner in self.corners(cell as usize).filter(|&c| self.counts(c)) {
                 f(corner.jacobian(corner.nodes.map(|n| u[n]), corner.rest()).0);
@@ -154,15 +157,15 @@ impl ChartProblem {
         }
     }
 
-    /// The gradient of E, and (if asked) its Gauss-Newton matrix.
+    /// The gradient of the energy. Sets `matrix`, if there is one, to its Gauss-Newton matrix.
     pub fn gradient(
         &self,
         shape: &Shape,
-        u: &[[f64; 2]],
+        u: &[DVec2],
         samples: &[Sample],
         mut matrix: Option<&mut Vec<Stencil>>,
-    ) -> Vec<[f64; 2]> {
-        let mut gradient = vec![[0.0; 2]; u.len()];
+    ) -> Vec<DVec2> {
+        let mut gradient = vec![DVec2::ZERO; u.len()];
         if let Some(matrix) = &mut matrix {
             matrix.fill([[0.0; 4]; 9]);
         }
@@ -170,10 +173,10 @@ impl ChartProblem {
             let ends = [edge.a as usize, edge.b as usize];
             let law = self.edge_law(edge, &samples[ends[0]].position, &samples[ends[1]].position);
             let tangents = ends.map(|n| shape.surface.tangent(samples[n].triangle));
-            let d = [0, 1].map(|c| u[ends[1]][c] - u[ends[0]][c]);
+            let d = u[ends[1]] - u[ends[0]];
             let soft = edge.soft();
-            let pull = [0, 1].map(|c| soft[c][0] * d[0] + soft[c][1] * d[1]);
-            // T'v^ of both ends.
+            let pull = soft.map(|row| row.dot(d));
+            // T'v^ at both ends.
             let slope = tangents.map(|t| [dot(&t[0], &law.unit), dot(&t[1], &law.unit)]);
             for (p, sign) in [(0, -1.0), (1, 1.0)] {
                 for c in 0..2 {
@@ -206,7 +209,7 @@ impl ChartProblem {
                     continue;
                 }
                 for (&n, s) in corner.nodes.iter().zip(&slopes) {
-                    gradient[n] = [gradient[n][0] + first * s[0], gradient[n][1] + first * s[1]];
+                    gradient[n] += first * s;
                     let Some(matrix) = &mut matrix else { continue };
                     for (&m, t) in corner.nodes.iter().zip(&slopes) {
                         if self.movable[n] && self.movable[m] {
@@ -221,20 +224,20 @@ impl ChartProblem {
         }
         for (g, &movable) in gradient.iter_mut().zip(&self.movable) {
             if !movable {
-                *g = [0.0; 2];
+                *g = DVec2::ZERO;
             }
         }
         gradient
     }
 
-    /// Energy of all edges and corners of one movable node.
-    pub fn node_energy(&self, samples: &[Sample], u: &[[f64; 2]], n: usize, at: [f64; 2], s: &Sample) -> f64 {
+    /// Energy of all edges and corners of one movable node, displaced by `at` with the sample `s`.
+    pub fn node_energy(&self, samples: &[Sample], u: &[DVec2], n: usize, at: DVec2, s: &Sample) -> f64 {
         let mut sum = 0.0;
         for &e in &self.edges_of[n] {
             let edge = &self.edges[e as usize];
             let other = edge.other(n);
             let (p, q) = (&s.position, &samples[other].position);
-            sum += self.edge_value(edge, p, q, [at[0] - u[other][0], at[1] - u[other][1]]);
+            sum += self.edge_value(edge, p, q, at - u[other]);
         }
         for corner in self.corners_of(n) {
             let nodes = corner.nodes.map(|m| if m == n { at } else { u[m] });
@@ -244,20 +247,14 @@ impl ChartProblem {
     }
 
     /// Gradient and 2x2 matrix of one movable node.
-    pub fn node_system(
-        &self,
-        shape: &Shape,
-        samples: &[Sample],
-        u: &[[f64; 2]],
-        n: usize,
-    ) -> ([f64; 2], [f64; 4]) {
-        let (mut g, mut h) = ([0.0; 2], [0.0; 4]);
+    pub fn node_system(&self, shape: &Shape, samples: &[Sample], u: &[DVec2], n: usize) -> (DVec2, [f64; 4]) {
+        let (mut g, mut h) = (DVec2::ZERO, [0.0; 4]);
         let t = shape.surface.tangent(samples[n].triangle);
         for &e in &self.edges_of[n] {
             let edge = &self.edges[e as usize];
             let other = edge.other(n);
             let law = self.edge_law(edge, &samples[other].position, &samples[n].position);
-            let d = [u[n][0] - u[other][0], u[n][1] - u[other][1]];
+            let d = u[n] - u[other];
             let soft = edge.soft();
             let slope = [dot(&t[0], &law.unit), dot(&t[1], &law.unit)];
             for r in 0..2 {
@@ -273,7 +270,7 @@ impl ChartProblem {
             let (j, slopes) = corner.jacobian(corner.nodes.map(|m| u[m]), corner.rest());
             let (_, first, second) = self.law.of(j);
             let s = slopes[corner.nodes.iter().position(|&m| m == n).unwrap_or(0)];
-            g = [g[0] + first * s[0], g[1] + first * s[1]];
+            g += first * s;
             for k in 0..4 {
                 h[k] += second * s[k / 2] * s[k % 2];
             }
@@ -281,7 +278,7 @@ impl ChartProblem {
         (g, h)
     }
 
-    /// The 12 corners that move with a node.
+    /// The twelve corners whose Jacobians depend on a node.
     pub fn corners_of(&self, n: usize) -> impl Iterator<Item = super::chart::Corner> + '_ {
         let width = self.width();
         [n - width - 1, n - width, n - 1, n]
@@ -290,6 +287,7 @@ impl ChartProblem {
             .filter(move |c| c.nodes.contains(&n))
     }
 
+    /// Index of node `m` in the stencil of node `n`.
     fn stencil_index(&self, n: usize, m: usize) -> usize {
         let width = self.width();
         (m / width + 1 - n / width) * 3 + m % width + 1 - n % width
@@ -297,14 +295,15 @@ impl ChartProblem {
 }
 
 impl Edge {
+    /// The end that is not `n`.
     fn other(&self, n: usize) -> usize {
         if self.a as usize == n { self.b as usize } else { self.a as usize }
     }
 
-    /// Second derivative of the smoothness and orientation terms with respect to d.
-    fn soft(&self) -> [[f64; 2]; 2] {
+    /// Second derivative of the smoothness and orientation terms with respect to the edge's offset.
+    fn soft(&self) -> [DVec2; 2] {
         let (s, o, n) = (2.0 * self.smooth, 2.0 * self.orientation, self.normal);
-        [[s + o * n[0] * n[0], o * n[0] * n[1]], [o * n[0] * n[1], s + o * n[1] * n[1]]]
+        [DVec2::new(s + o * n.x * n.x, o * n.x * n.y), DVec2::new(o * n.x * n.y, s + o * n.y * n.y)]
     }
 }
 

@@ -1,17 +1,20 @@
-//! A x = b for the 9-point system of 2x2 blocks: conjugate gradients, preconditioned with a Galerkin V(2,2) cycle of
-//! block Gauss-Seidel.
+//! The solution of A x = b, where A has nine points and 2x2 blocks: conjugate gradients, preconditioned with a V(2,2)
+//! cycle of block Gauss-Seidel and Galerkin products.
+
+use glam::DVec2;
 
 /// A 2x2 block, row by row.
 pub(super) type Block = [f64; 4];
 
-/// The blocks that couple a node to its 3x3 neighbourhood, itself at 4.
+/// The blocks that couple a node with the 3x3 nodes around it, itself at 4.
 pub(super) type Stencil = [Block; 9];
 
-pub(super) fn times(m: &Block, v: [f64; 2]) -> [f64; 2] {
-    [m[0] * v[0] + m[1] * v[1], m[2] * v[0] + m[3] * v[1]]
+/// m v.
+pub(super) fn times(m: &Block, v: DVec2) -> DVec2 {
+    DVec2::new(m[0] * v.x + m[1] * v.y, m[2] * v.x + m[3] * v.y)
 }
 
-/// The inverse of a symmetric positive block.
+/// The inverse of a symmetric positive definite block; 0 for another one.
 pub(super) fn inverse(m: &Block) -> Block {
     let det = m[0] * m[3] - m[1] * m[2];
     if det > 0.0 { [m[3] / det, -m[1] / det, -m[2] / det, m[0] / det] } else { [0.0; 4] }
@@ -19,16 +22,16 @@ pub(super) fn inverse(m: &Block) -> Block {
 
 struct Level {
     width: usize,
-    /// Movable nodes, in order; all others are 0.
+    /// Movable nodes, in order; x is 0 at all others.
     nodes: Vec<u32>,
     matrix: Vec<Stencil>,
     inverse: Vec<Block>,
-    x: Vec<[f64; 2]>,
-    b: Vec<[f64; 2]>,
+    x: Vec<DVec2>,
+    b: Vec<DVec2>,
 }
 
-/// The levels of one chart's grid. Coarse nodes exist where all 3x3 finer nodes move (the paper's eq. 8), so bilinear
-/// interpolation never moves a fixed node.
+/// The levels of one chart's grid. A coarse node may move if all 3x3 finer nodes around it may (the paper's eq. 8), so
+/// that bilinear interpolation never moves a fixed node.
 pub(super) struct Multigrid {
     levels: Vec<Level>,
     /// Per finer level, for each of its nodes: up to four coarser nodes with their weights.
@@ -38,7 +41,7 @@ pub(super) struct Multigrid {
 const NO_PARENT: (u32, f64) = (0, 0.0);
 
 impl Multigrid {
-    /// `movable` holds (nx + 1) x (ny + 1) nodes, false on the rim.
+    /// `movable` has (nx + 1) x (ny + 1) entries, false on the rim.
     pub fn new(nx: usize, ny: usize, movable: &[bool]) -> Multigrid {
         let mut levels = Vec::new();
         let mut parents = Vec::new();
@@ -52,8 +55,8 @@ impl Multigrid {
                 nodes,
                 matrix: vec![[[0.0; 4]; 9]; size],
                 inverse: vec![[0.0; 4]; size],
-                x: vec![[0.0; 2]; size],
-                b: vec![[0.0; 2]; size],
+                x: vec![DVec2::ZERO; size],
+                b: vec![DVec2::ZERO; size],
             });
             let (cx, cy) = (nx / 2, ny / 2);
             let mut coarse = vec![false; (cx + 1) * (cy + 1)];
@@ -71,7 +74,7 @@ impl Multigrid {
                 let mut list = [NO_PARENT; 4];
                 for (k, entry) in list.iter_mut().enumerate() {
                     let (di, dj) = (k % 2, k / 2);
-                    // An even node has one parent on an axis, an odd one two.
+                    // A node with an even index on an axis has one parent along it, one with an odd index two.
                     if di > i % 2 || dj > j % 2 {
                         continue;
                     }
@@ -107,12 +110,11 @@ impl Multigrid {
         }
     }
 
-    /// Solves A x = b until the residual is `tolerance` of b, or for `most` iterations.
-    pub fn solve(&mut self, b: &[[f64; 2]], tolerance: f64, most: usize) -> Vec<[f64; 2]> {
-        let dot = |x: &[[f64; 2]], y: &[[f64; 2]]| -> f64 {
-            x.iter().zip(y).map(|(x, y)| x[0] * y[0] + x[1] * y[1]).sum()
-        };
-        let mut x = vec![[0.0; 2]; b.len()];
+    /// Solves A x = b until the norm of the residual is at most `tolerance` times that of b, in at most `most`
+    /// iterations.
+    pub fn solve(&mut self, b: &[DVec2], tolerance: f64, most: usize) -> Vec<DVec2> {
+        let dot = |x: &[DVec2], y: &[DVec2]| -> f64 { x.iter().zip(y).map(|(x, y)| x.dot(*y)).sum() };
+        let mut x = vec![DVec2::ZERO; b.len()];
         let mut r = b.to_vec();
         let goal = tolerance * dot(b, b).sqrt();
         let mut z = self.cycle(&r);
@@ -129,40 +131,37 @@ impl Multigrid {
             }
             let alpha = rz / curvature;
             for n in 0..x.len() {
-                for c in 0..2 {
-                    x[n][c] += alpha * p[n][c];
-                    r[n][c] -= alpha * q[n][c];
-                }
+                x[n] += alpha * p[n];
+                r[n] -= alpha * q[n];
             }
             z = self.cycle(&r);
             let next = dot(&r, &z);
             let beta = next / rz;
             rz = next;
             for (p, z) in p.iter_mut().zip(&z) {
-                *p = [z[0] + beta * p[0], z[1] + beta * p[1]];
+                *p = z + beta * *p;
             }
         }
         x
     }
 
-    /// One symmetric V(2,2) cycle for A z = r from 0.
-    fn cycle(&mut self, r: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    /// Approximates the solution of A z = r by one symmetric V(2,2) cycle from 0.
+    fn cycle(&mut self, r: &[DVec2]) -> Vec<DVec2> {
         self.levels[0].b.copy_from_slice(r);
         for k in 0..self.levels.len() {
             let (finer, coarser) = self.levels.split_at_mut(k + 1);
             let level = &mut finer[k];
-            level.x.fill([0.0; 2]);
+            level.x.fill(DVec2::ZERO);
             level.forward();
             level.forward();
             let Some(coarser) = coarser.first_mut() else {
                 break;
             };
-            coarser.b.fill([0.0; 2]);
+            coarser.b.fill(DVec2::ZERO);
             for &n in &level.nodes {
                 let residual = level.residual(n as usize);
                 for &(parent, weight) in &self.parents[k][n as usize] {
-                    let b = &mut coarser.b[parent as usize];
-                    *b = [b[0] + weight * residual[0], b[1] + weight * residual[1]];
+                    coarser.b[parent as usize] += weight * residual;
                 }
             }
         }
@@ -172,8 +171,7 @@ impl Multigrid {
             if let Some(coarser) = coarser.first() {
                 for &n in &level.nodes {
                     for &(parent, weight) in &self.parents[k][n as usize] {
-                        let (x, z) = (&mut level.x[n as usize], coarser.x[parent as usize]);
-                        *x = [x[0] + weight * z[0], x[1] + weight * z[1]];
+                        level.x[n as usize] += weight * coarser.x[parent as usize];
                     }
                 }
             }
@@ -184,7 +182,7 @@ impl Multigrid {
     }
 }
 
-/// coarser.matrix = P' finer.matrix P. Bilinear P keeps it 9-point.
+/// Sets coarser.matrix to P' finer.matrix P. With bilinear P it has nine points again.
 fn product(finer: &Level, parents: &[[(u32, f64); 4]], coarser: &mut Level) {
     coarser.matrix.fill([[0.0; 4]; 9]);
     for &n in &finer.nodes {
@@ -206,25 +204,24 @@ fn product(finer: &Level, parents: &[[(u32, f64); 4]], coarser: &mut Level) {
     }
 }
 
-/// Neighbour `k` of the 3x3 around node `n`.
+/// Node `k` of the 3x3 nodes around node `n`.
 pub(super) fn neighbour(n: usize, k: usize, width: usize) -> usize {
     n + (k / 3) * width + k % 3 - width - 1
 }
 
 impl Level {
-    fn residual(&self, n: usize) -> [f64; 2] {
+    /// b - A x at node `n`.
+    fn residual(&self, n: usize) -> DVec2 {
         let mut r = self.b[n];
         for (k, block) in self.matrix[n].iter().enumerate() {
-            let y = times(block, self.x[neighbour(n, k, self.width)]);
-            r = [r[0] - y[0], r[1] - y[1]];
+            r -= times(block, self.x[neighbour(n, k, self.width)]);
         }
         r
     }
 
     fn relax(&mut self, n: usize) {
-        let step = times(&self.inverse[n], self.residual(n));
-        let x = &mut self.x[n];
-        *x = [x[0] + step[0], x[1] + step[1]];
+        let residual = self.residual(n);
+        self.x[n] += times(&self.inverse[n], residual);
     }
 
     fn forward(&mut self) {
@@ -239,13 +236,13 @@ impl Level {
         }
     }
 
-    fn apply(&self, p: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let mut q = vec![[0.0; 2]; p.len()];
+    /// A p.
+    fn apply(&self, p: &[DVec2]) -> Vec<DVec2> {
+        let mut q = vec![DVec2::ZERO; p.len()];
         for &n in &self.nodes {
             let n = n as usize;
             for (k, block) in self.matrix[n].iter().enumerate() {
-                let y = times(block, p[neighbour(n, k, self.width)]);
-                q[n] = [q[n][0] + y[0], q[n][1] + y[1]];
+                q[n] += times(block, p[neighbour(n, k, self.width)]);
             }
         }
         q

@@ -1,8 +1,11 @@
-//! Gauss-Newton to the minimum of one chart's energy.
+//! The minimum of one chart's energy E (method §4), by Gauss-Newton steps.
 //!
-//! Where there is no room the bound on J is active at the minimum. It is then approached from inside by a barrier
-//! whose strength μ falls: at a minimum with the barrier its gradient is that of E minus multipliers >= 0 times the
-//! gradients of the active J, so its norm is that of E's gradient projected onto the bounds.
+//! Where features have too little room, the bound on J is active at the minimum. It is approached from inside by a
+//! barrier of decreasing strength μ. The gradient of E with the barrier is that of E minus the gradients of the active
+//! J, times multipliers >= 0; close to a minimum with the barrier, its norm is that of the gradient of E projected onto
+//! the bounds.
+
+use glam::DVec2;
 
 use super::Options;
 use super::chart::{ChartProblem, DIM};
@@ -11,9 +14,9 @@ use super::linear::{Multigrid, Stencil};
 use super::step::State;
 use crate::oracle::exact::{Locator, Surface};
 
-/// What became of one chart.
+/// The result of the minimisation of one chart.
 pub(super) struct Descent {
-    pub u: Vec<[f64; 2]>,
+    pub u: Vec<DVec2>,
     pub energy: f64,
     /// Norm of the (projected) gradient at the end and at the identity.
     pub gradient: f64,
@@ -22,26 +25,28 @@ pub(super) struct Descent {
     pub converged: bool,
 }
 
-/// Shares of the way from the rest metric to the pose's, for a start from the identity.
+/// Intermediate metrics for a start from the identity: t in (1 - t) G_rest + t G_pose.
 const STAGES: [f64; 3] = [0.25, 0.5, 0.75];
 
-/// Strengths of the barrier, the first at least.
+/// First strength of the barrier; a start from the identity itself may have a greater one.
 const FIRST_BARRIER: f64 = 1e-3;
+/// Last strength of the barrier.
 const LAST_BARRIER: f64 = 1.1e-6;
 
-/// Nested minimisation of one chart.
+/// The minimisation of one chart.
 pub(super) struct Minimiser<'a> {
     pub chart: ChartProblem,
     pub locator: &'a Locator,
-    /// The surface at a share of the way from rest to pose.
+    /// The surface with the metric (1 - t) G_rest + t G_pose, as a function of t.
     pub surface: &'a dyn Fn(f64) -> Surface<DIM>,
     pub options: Options,
 }
 
 impl Minimiser<'_> {
-    /// Descends from `start`, or from the identity if there is none; from all starts if asked. The lowest wins.
-    pub fn run(&mut self, start: Option<Vec<[f64; 2]>>) -> Descent {
-        let identity = vec![[0.0; 2]; self.chart.movable.len()];
+    /// Descends from `start`, or from the identity if there is none, or from all starts if `thorough`. Returns the
+    /// lowest result.
+    pub fn run(&mut self, start: Option<Vec<DVec2>>) -> Descent {
+        let identity = vec![DVec2::ZERO; self.chart.movable.len()];
         let mut grid = Multigrid::new(self.chart.nx, self.chart.ny, &self.chart.movable);
         let last = (self.surface)(1.0);
         let shape = Shape { locator: self.locator, surface: &last };
@@ -55,7 +60,7 @@ impl Minimiser<'_> {
             corrections: 0,
             converged: initial_gradient == 0.0,
         };
-        // An isometric pose: what is left is rounding.
+        // The pose is isometric: all of the energy is rounding.
         if best.energy <= 1e-20 * self.chart.edges.len() as f64 {
             best.converged = true;
             return best;
@@ -69,7 +74,7 @@ impl Minimiser<'_> {
             }
             best.corrections = corrections;
         };
-        if let Some(start) = start.as_ref().filter(|s| s.iter().flatten().all(|x| x.is_finite())) {
+        if let Some(start) = start.as_ref().filter(|s| s.iter().all(|u| u.is_finite())) {
             let inside = self.inside(start);
             keep(self.descend(&mut grid, &shape, inside, FIRST_BARRIER, initial_gradient));
         }
@@ -78,7 +83,7 @@ impl Minimiser<'_> {
             keep(self.descend(&mut grid, &shape, eased, FIRST_BARRIER, initial_gradient));
         }
         if self.options.thorough {
-            // Weaker than the forces of the start, a barrier would let nodes jam right at the bound.
+            // With a barrier weaker than the forces at the start, nodes would jam at the bound.
             let typical = energy_before / self.chart.nodes.len() as f64;
             let barrier = FIRST_BARRIER.max(0.1 * typical).min(1.0);
             keep(self.descend(&mut grid, &shape, identity, barrier, initial_gradient));
@@ -86,9 +91,10 @@ impl Minimiser<'_> {
         best
     }
 
-    /// Follows the minimum from the rest metric towards the pose's: an exact minimum of a crowded chart depends on the
-    /// way to it, and a sudden pose drives nodes into the bound that do not belong there.
-    fn ease(&mut self, grid: &mut Multigrid, initial: f64, mut u: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    /// Follows the minimum from the rest metric towards that of the pose: in a crowded chart the minimum that is
+    /// reached depends on the way to it, and with the pose's metric at once, nodes are driven into the bound that need
+    /// not be there.
+    fn ease(&mut self, grid: &mut Multigrid, initial: f64, mut u: Vec<DVec2>) -> Vec<DVec2> {
         for t in STAGES {
             let surface = (self.surface)(t);
             let shape = Shape { locator: self.locator, surface: &surface };
@@ -100,24 +106,24 @@ impl Minimiser<'_> {
         u
     }
 
-    /// A warp that is strictly inside the bounds: `start`, mixed with as little of the identity as it takes.
-    fn inside(&self, start: &[[f64; 2]]) -> Vec<[f64; 2]> {
-        let mut share = 0.0;
+    /// A warp strictly inside the bounds: `start`, blended with the identity as little as necessary.
+    fn inside(&self, start: &[DVec2]) -> Vec<DVec2> {
+        let mut fraction = 0.0;
         loop {
-            let u: Vec<[f64; 2]> = start.iter().map(|u| u.map(|x| x * (1.0 - share))).collect();
-            if share >= 1.0 || self.chart.min_jacobian(&u) > BOUND + 1e-6 {
+            let u: Vec<DVec2> = start.iter().map(|u| u * (1.0 - fraction)).collect();
+            if fraction >= 1.0 || self.chart.min_jacobian(&u) > BOUND + 1e-6 {
                 return u;
             }
-            share = (share * 2.0).clamp(1e-5, 1.0);
+            fraction = (fraction * 2.0).clamp(1e-5, 1.0);
         }
     }
 
-    /// Follows the barrier down, then polishes E itself.
+    /// Minimises with the barrier while its strength decreases, then evaluates E without it.
     fn descend(
         &mut self,
         grid: &mut Multigrid,
         shape: &Shape,
-        u: Vec<[f64; 2]>,
+        u: Vec<DVec2>,
         mut barrier: f64,
         initial: f64,
     ) -> Descent {
@@ -137,7 +143,7 @@ impl Minimiser<'_> {
                 (gradient, converged) = (found.gradient, found.converged);
                 break;
             }
-            // Far from the bound the barrier is 0, and all strengths are the same problem.
+            // If no corner is within the barrier's width, the barrier is 0 and its strength does not matter.
             let room = self.chart.min_jacobian(&state.u) > BOUND + BARRIER_WIDTH;
             barrier *= if room { LAST_BARRIER } else { 0.25 };
         }
@@ -146,8 +152,8 @@ impl Minimiser<'_> {
         Descent { u: state.u, energy, gradient, initial_gradient: initial, corrections, converged }
     }
 
-    /// Newton steps and sweeps in turn until the gradient is small, or until both stand still: on a surface of
-    /// triangles E has kinks, and a minimum on a kink has no small gradient.
+    /// Alternates Gauss-Newton steps and sweeps until the gradient is small, or until neither gains: E has kinks at the
+    /// edges of triangles, and at a minimum on a kink the gradient is not small.
     fn newton(&self, grid: &mut Multigrid, shape: &Shape, state: &mut State, goal: &Goal) -> Outcome {
         let chart = &self.chart;
         let mut last = state.u.clone();
@@ -166,7 +172,7 @@ impl Minimiser<'_> {
             }
             damp(grid.matrix(), &chart.nodes, damping);
             grid.prepare();
-            let minus: Vec<[f64; 2]> = gradient.iter().map(|g| g.map(|x| -x)).collect();
+            let minus: Vec<DVec2> = gradient.iter().map(|g| -g).collect();
             let mut step = grid.solve(&minus, 1e-3, 150);
             chart.limit(&state.u, &mut step);
             out.corrections += 1;
@@ -181,30 +187,28 @@ impl Minimiser<'_> {
                 damping = 0.0;
             }
             chart.sweep(shape, state, out.corrections.is_multiple_of(2));
-            let whole: Vec<[f64; 2]> =
-                state.u.iter().zip(&last).map(|(u, l)| [u[0] - l[0], u[1] - l[1]]).collect();
+            let change: Vec<DVec2> = state.u.iter().zip(&last).map(|(u, l)| u - l).collect();
             last.copy_from_slice(&state.u);
-            self.extrapolate(shape, state, &whole);
+            self.extrapolate(shape, state, &change);
             let gain = before - state.energy;
             stalled = if gain <= goal.stall * state.energy { stalled + 1 } else { 0 };
         }
     }
 
-    /// Goes on along what the last correction and sweep did together, further and further while the energy falls. The
-    /// part of the curvature that Gauss-Newton leaves out is negative where a crowd buckles: there it steps too short
-    /// in the same direction again and again.
-    fn extrapolate(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) {
-        let mut share = 0.5;
-        while let Some(trial) = self.trial(shape, state, step, share) {
+    /// Repeats the joint change of the last correction and sweep, half of it first and twice as much each time, while
+    /// the energy falls. The part of the curvature that Gauss-Newton leaves out is negative where crowded features
+    /// buckle: there its steps are too short, in the same direction again and again.
+    fn extrapolate(&self, shape: &Shape, state: &mut State, step: &[DVec2]) {
+        let mut fraction = 0.5;
+        while let Some(trial) = self.trial(shape, state, step, fraction) {
             *state = trial;
-            share *= 2.0;
+            fraction *= 2.0;
         }
     }
 
-    /// The state after a share of a step, if it is inside the bounds and lower.
-    fn trial(&self, shape: &Shape, state: &State, step: &[[f64; 2]], share: f64) -> Option<State> {
-        let moved = |(u, s): (&[f64; 2], &[f64; 2])| [u[0] + share * s[0], u[1] + share * s[1]];
-        let u: Vec<[f64; 2]> = state.u.iter().zip(step).map(moved).collect();
+    /// The state after a fraction of a step, if it is inside the bounds and its energy is lower.
+    fn trial(&self, shape: &Shape, state: &State, step: &[DVec2], fraction: f64) -> Option<State> {
+        let u: Vec<DVec2> = state.u.iter().zip(step).map(|(u, s)| u + fraction * s).collect();
         if self.chart.min_jacobian(&u) <= BOUND {
             return None;
         }
@@ -212,24 +216,27 @@ impl Minimiser<'_> {
         (trial.energy < state.energy).then_some(trial)
     }
 
-    /// Takes as much of a step as lowers the energy; gives the share taken.
-    fn search(&self, shape: &Shape, state: &mut State, step: &[[f64; 2]]) -> f64 {
-        let mut share = 1.0;
+    /// Takes a fraction of a step that lowers the energy, by halving. Returns the fraction, 0 if there is none.
+    fn search(&self, shape: &Shape, state: &mut State, step: &[DVec2]) -> f64 {
+        let mut fraction = 1.0;
         for _ in 0..8 {
-            if let Some(trial) = self.trial(shape, state, step, share) {
+            if let Some(trial) = self.trial(shape, state, step, fraction) {
                 *state = trial;
-                return share;
+                return fraction;
             }
-            share *= 0.5;
+            fraction *= 0.5;
         }
         0.0
     }
 }
 
-/// When a descent ends.
+/// The end of a descent.
 struct Goal {
+    /// Norm of the gradient.
     gradient: f64,
+    /// See `Options`.
     stall: f64,
+    /// Greatest number of corrections.
     most: usize,
 }
 
@@ -245,7 +252,7 @@ struct Outcome {
     converged: bool,
 }
 
-/// Levenberg-Marquardt, relative to the diagonal blocks.
+/// Levenberg-Marquardt damping: multiplies the diagonal blocks by 1 + damping.
 fn damp(matrix: &mut [Stencil], nodes: &[u32], damping: f64) {
     if damping > 0.0 {
         for &n in nodes {
@@ -254,6 +261,6 @@ fn damp(matrix: &mut [Stencil], nodes: &[u32], damping: f64) {
     }
 }
 
-fn norm(g: &[[f64; 2]]) -> f64 {
-    g.iter().flatten().map(|x| x * x).sum::<f64>().sqrt()
+fn norm(g: &[DVec2]) -> f64 {
+    g.iter().flat_map(DVec2::to_array).map(|x| x * x).sum::<f64>().sqrt()
 }

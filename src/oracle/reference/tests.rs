@@ -125,7 +125,7 @@ fn the_gradient_is_that_of_the_energy() {
     let window = problem.window(chart, &u);
     let state = chart.state(&shape, window.clone());
     let gradient = chart.gradient(&shape, &state.u, &state.samples, None);
-    let largest = gradient.iter().flatten().fold(0.0f64, |m, g| m.max(g.abs()));
+    let largest = gradient.iter().fold(0.0f64, |m, g| m.max(g.abs().max_element()));
     for &n in &chart.nodes {
         for axis in 0..2 {
             let at = |h: f64| {
@@ -199,16 +199,14 @@ fn the_linear_system_is_solved() {
     let matrix = grid.matrix().clone();
     grid.prepare();
     let x = grid.solve(&b, 1e-10, 60);
-    let norm = |v: &[f64; 2]| v[0] * v[0] + v[1] * v[1];
     let (mut residual, mut whole) = (0.0, 0.0);
     for &n in &chart.nodes {
         let mut r = b[n as usize];
         for (k, block) in matrix[n as usize].iter().enumerate() {
-            let y = linear::times(block, x[linear::neighbour(n as usize, k, chart.width())]);
-            r = [r[0] - y[0], r[1] - y[1]];
+            r -= linear::times(block, x[linear::neighbour(n as usize, k, chart.width())]);
         }
-        residual += norm(&r);
-        whole += norm(&b[n as usize]);
+        residual += r.length_squared();
+        whole += b[n as usize].length_squared();
     }
     assert!(residual.sqrt() < 1e-9 * whole.sqrt(), "{residual} {whole}");
 }
@@ -253,7 +251,7 @@ fn strips_meet_their_closed_form() {
         let (gap, error) = (minimum.energy / discrete - 1.0, minimum.energy / continuum - 1.0);
         assert!(minimum.converged);
         assert!(gap.abs() < 1e-3, "{n}: {} {discrete}", minimum.energy);
-        // Where each material point goes: y, the sum of the rest lengths and strains so far.
+        // The place of each material point: y is the sum of the lengths up to it.
         let mut y = 0.0;
         for i in 1..n {
             let w = rigidity(i - 1).max(rigidity(i));
@@ -275,8 +273,8 @@ fn a_minimum_is_one() {
         let found = problem.minimise(None, &Options::default());
         assert!(found.converged && found.energy < 0.5 * before, "{before} {}", found.energy);
         assert!((problem.energy(&found.u) / found.energy - 1.0).abs() < 1e-12);
-        // The same from elsewhere, but for the kinks at triangle edges: on the bulge each end has its own, and their
-        // energies spread by 4e-4 of what there is to gain.
+        // The same minimum from another start, except for the kinks at triangle edges: on the bulge each end has its
+        // own, and their energies spread by 4e-4 of what there is to gain.
         let again = problem.minimise(Some(&shaken(&problem, 0.2, 5)), &Options::default());
         assert!(
             (again.energy - found.energy).abs() < 1e-3 * (before - found.energy),
