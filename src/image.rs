@@ -1,10 +1,12 @@
 //! Views of a host's images: maps on the way in, redirection and warp on the way out.
 
+use half::f16;
+
 use crate::error::{Error, ErrorKind, Result};
-use crate::half;
 
 /// The number format of one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum PixelFormat {
     /// 8-bit, 0..255 for 0..1. Input only.
     U8,
@@ -18,6 +20,7 @@ pub enum PixelFormat {
 
 impl PixelFormat {
     /// Bytes of one channel.
+    #[must_use]
     pub fn size(self) -> usize {
         match self {
             PixelFormat::U8 => 1,
@@ -29,6 +32,7 @@ impl PixelFormat {
 
 /// The end of the tile at which the first row of an image lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Origin {
     /// The first row is v = 1, as in image files.
     #[default]
@@ -37,7 +41,7 @@ pub enum Origin {
     Bottom,
 }
 
-/// Size and layout of an image in memory. Strides are in bytes; 0 means tightly packed.
+/// Size and layout of an image in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImageLayout {
     /// Texels in u.
@@ -46,71 +50,83 @@ pub struct ImageLayout {
     pub height: u32,
     /// Number format of a channel.
     pub format: PixelFormat,
-    /// Bytes from one texel to the next; 0 = packed.
-    pub pixel_stride: usize,
-    /// Bytes from one row to the next; 0 = packed.
-    pub row_stride: usize,
+    /// Bytes from one texel to the next; `None` = packed.
+    pub pixel_stride: Option<usize>,
+    /// Bytes from one row to the next; `None` = packed.
+    pub row_stride: Option<usize>,
     /// The end of the tile at which the first row lies.
     pub origin: Origin,
 }
 
 impl ImageLayout {
-    /// A packed image.
+    /// A packed image whose first row is v = 1.
+    #[must_use]
     pub fn packed(width: u32, height: u32, format: PixelFormat) -> ImageLayout {
-        ImageLayout { width, height, format, pixel_stride: 0, row_stride: 0, origin: Origin::Top }
+        ImageLayout { width, height, format, pixel_stride: None, row_stride: None, origin: Origin::Top }
     }
 
-    /// Resolves zero strides and checks the layout for `channels` channels per texel. Returns the number of bytes
-    /// needed.
+    /// Checks the layout for `channels` channels per texel.
     ///
     /// # Errors
     /// `InvalidArgument` naming `name` for a zero size or a stride smaller than what it spans.
-    pub fn resolve(&mut self, name: &str, channels: usize) -> Result<usize> {
-        if self.width == 0 || self.height == 0 {
+    pub(crate) fn resolve(&self, name: &str, channels: usize) -> Result<TexelLayout> {
+        let &ImageLayout { width, height, format, origin, .. } = self;
+        if width == 0 || height == 0 {
+            return Err(Error::argument(format!("{name}: the size is {width}x{height}, a side is zero")));
+        }
+        let texel = format.size() * channels;
+        let pixel_stride = self.pixel_stride.unwrap_or(texel);
+        if pixel_stride < texel {
             return Err(Error::argument(format!(
-                "{name}: the size is {}x{}, a side is zero",
-                self.width, self.height
+                "{name}: pixel_stride is {pixel_stride} bytes, smaller than a texel ({texel} bytes)"
             )));
         }
-        let texel = self.format.size() * channels;
-        if self.pixel_stride == 0 {
-            self.pixel_stride = texel;
-        }
-        if self.pixel_stride < texel {
-            return Err(Error::argument(format!(
-                "{name}: pixel_stride is {} bytes, smaller than a texel ({texel} bytes)",
-                self.pixel_stride
-            )));
-        }
-        let too_large =
-            || Error::argument(format!("{name}: {}x{} texels are too large", self.width, self.height));
-        let row = (self.width as usize - 1)
-            .checked_mul(self.pixel_stride)
+        let too_large = || Error::argument(format!("{name}: {width}x{height} texels are too large"));
+        let row = (width as usize - 1)
+            .checked_mul(pixel_stride)
             .and_then(|n| n.checked_add(texel))
             .ok_or_else(too_large)?;
-        if self.row_stride == 0 {
-            self.row_stride = self.pixel_stride.checked_mul(self.width as usize).ok_or_else(too_large)?;
-        }
-        if self.row_stride < row {
+        let packed = || pixel_stride.checked_mul(width as usize).ok_or_else(too_large);
+        let row_stride = self.row_stride.map_or_else(packed, Ok)?;
+        if row_stride < row {
             return Err(Error::argument(format!(
-                "{name}: row_stride is {} bytes, smaller than a row ({row} bytes)",
-                self.row_stride
+                "{name}: row_stride is {row_stride} bytes, smaller than a row ({row} bytes)"
             )));
         }
-        (self.height as usize - 1)
-            .checked_mul(self.row_stride)
+        let bytes = (height as usize - 1)
+            .checked_mul(row_stride)
             .and_then(|n| n.checked_add(row))
             .filter(|&n| n <= isize::MAX as usize)
-            .ok_or_else(too_large)
+            .ok_or_else(too_large)?;
+        Ok(TexelLayout { width, height, format, pixel_stride, row_stride, origin, bytes })
+    }
+}
+
+/// An [`ImageLayout`] that was checked.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TexelLayout {
+    pub width: u32,
+    pub height: u32,
+    pub format: PixelFormat,
+    pixel_stride: usize,
+    row_stride: usize,
+    origin: Origin,
+    /// Bytes that the image spans.
+    pub bytes: usize,
+}
+
+impl TexelLayout {
+    /// Byte offset of texel `x` in row `y`, rows counted from v = 0 upward.
+    pub fn offset(&self, x: usize, y: usize) -> usize {
+        self.row(y) * self.row_stride + x * self.pixel_stride
     }
 
-    /// Byte offset of texel `x` in row `y`, rows counted from v = 0 upward. The layout must be resolved.
-    pub(crate) fn offset(&self, x: usize, y: usize) -> usize {
-        let row = match self.origin {
+    /// The row in memory of row `y`, counted from v = 0 upward.
+    fn row(&self, y: usize) -> usize {
+        match self.origin {
             Origin::Bottom => y,
             Origin::Top => self.height as usize - 1 - y,
-        };
-        row * self.row_stride + x * self.pixel_stride
+        }
     }
 }
 
@@ -118,7 +134,7 @@ impl ImageLayout {
 #[derive(Clone, Copy, Debug)]
 pub struct ImageView<'a> {
     bytes: &'a [u8],
-    layout: ImageLayout,
+    layout: TexelLayout,
 }
 
 impl<'a> ImageView<'a> {
@@ -126,10 +142,11 @@ impl<'a> ImageView<'a> {
     ///
     /// # Errors
     /// `InvalidArgument` for a zero size, a short stride or too few bytes.
-    pub fn new(name: &str, bytes: &'a [u8], mut layout: ImageLayout) -> Result<ImageView<'a>> {
-        let needed = layout.resolve(name, 1)?;
-        if bytes.len() < needed {
-            return Err(Error::argument(format!("{name}: {} bytes given, {needed} needed", bytes.len())));
+    pub fn new(name: &str, bytes: &'a [u8], layout: ImageLayout) -> Result<ImageView<'a>> {
+        let layout = layout.resolve(name, 1)?;
+        if bytes.len() < layout.bytes {
+            let (given, needed) = (bytes.len(), layout.bytes);
+            return Err(Error::argument(format!("{name}: {given} bytes given, {needed} needed")));
         }
         Ok(ImageView { bytes, layout })
     }
@@ -148,11 +165,11 @@ impl<'a> ImageView<'a> {
                 let value = match self.layout.format {
                     PixelFormat::U8 => f32::from(b[0]) / 255.0,
                     PixelFormat::U16 => f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0,
-                    PixelFormat::F16 => half::to_f32(u16::from_ne_bytes([b[0], b[1]])),
+                    PixelFormat::F16 => f16::from_ne_bytes([b[0], b[1]]).to_f32(),
                     PixelFormat::F32 => f32::from_ne_bytes([b[0], b[1], b[2], b[3]]),
                 };
                 if !value.is_finite() {
-                    let row = self.layout.offset(x, y) / self.layout.row_stride;
+                    let row = self.layout.row(y);
                     return Err(Error::argument(format!("{name}: texel ({x}, {row}) is {value}")));
                 }
                 values.push(value.clamp(0.0, 1.0));
@@ -166,7 +183,7 @@ impl<'a> ImageView<'a> {
 #[derive(Debug)]
 pub struct ImageViewMut<'a> {
     bytes: &'a mut [u8],
-    pub(crate) layout: ImageLayout,
+    pub(crate) layout: TexelLayout,
 }
 
 impl<'a> ImageViewMut<'a> {
@@ -174,16 +191,17 @@ impl<'a> ImageViewMut<'a> {
     ///
     /// # Errors
     /// `InvalidArgument` for a zero size, a short stride or too few bytes; `Unsupported` for integer formats.
-    pub fn new(name: &str, bytes: &'a mut [u8], mut layout: ImageLayout) -> Result<ImageViewMut<'a>> {
+    pub fn new(name: &str, bytes: &'a mut [u8], layout: ImageLayout) -> Result<ImageViewMut<'a>> {
         if !matches!(layout.format, PixelFormat::F16 | PixelFormat::F32) {
             return Err(Error::new(
                 ErrorKind::Unsupported,
                 format!("{name}: format must be f16 or f32 for an output"),
             ));
         }
-        let needed = layout.resolve(name, 2)?;
-        if bytes.len() < needed {
-            return Err(Error::argument(format!("{name}: {} bytes given, {needed} needed", bytes.len())));
+        let layout = layout.resolve(name, 2)?;
+        if bytes.len() < layout.bytes {
+            let (given, needed) = (bytes.len(), layout.bytes);
+            return Err(Error::argument(format!("{name}: {given} bytes given, {needed} needed")));
         }
         Ok(ImageViewMut { bytes, layout })
     }
@@ -328,7 +346,7 @@ mod tests {
         let bytes = [0u8; 64];
         let packed = ImageLayout::packed(4, 4, PixelFormat::F32);
         assert!(ImageView::new("map", &bytes, packed).is_ok());
-        let short = ImageLayout { row_stride: 15, ..packed };
+        let short = ImageLayout { row_stride: Some(15), ..packed };
         let message = ImageView::new("map", &bytes, short).unwrap_err().message;
         assert!(message.contains("map: row_stride"), "{message}");
         let empty = ImageLayout { width: 0, ..packed };

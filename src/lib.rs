@@ -53,7 +53,6 @@
 
 mod view;
 mod image;
-mod half;
 mod mesh;
 mod tile;
 mod method;

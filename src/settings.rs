@@ -87,7 +87,7 @@ pub struct TileSettings {
     pub orientation: f32,
     /// How much of it is added where rigid material is dense, >= 0 (the heuristic of the paper's figure 5): a node has
     /// κ = `orientation` + this times the density around it, which is the mean rigidity over a tent of half of the tile,
-    /// 0..1. For [`Solver::Pbd`] it is added to the share that a segment turns back.
+    /// 0..1. For [`Solver::Pbd`] it is added to the fraction that a segment turns back.
     pub orientation_density: f32,
     /// Room β, >= 0: weight of the penalty on cells that lose their area.
     pub room: f32,

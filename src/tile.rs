@@ -87,12 +87,12 @@ pub struct Level {
     /// Cells along v.
     pub ny: usize,
     pub blocks: Blocks,
-    /// Per block: rigidity, as codes of `codes::share`.
+    /// Per block: rigidity, as codes of `codes::encode_rigidity`.
     pub rigidity: Vec<Plane<u16>>,
     /// Per block: density ρ of rigid material around each node, 0..1 (method §4). Empty unless a setting asks for it.
     pub density: Vec<Plane>,
     /// Per block: weight of each node's lower neighbour where corrections are interpolated from the next coarser level
-    /// (method §7.5; the upper neighbour has the rest), as codes of `codes::weight`. Empty on the coarsest level.
+    /// (method §7.5; the upper neighbour has the rest), as codes of `codes::encode_weight`. Empty on the coarsest level.
     pub interpolation: Vec<Plane<u8>>,
     /// Per block: 1 for movable nodes, 0 for fixed ones.
     pub movable: Vec<Plane<u8>>,
@@ -130,7 +130,7 @@ pub struct Grid {
 
 /// Floor of rest lengths, as a fraction of the chart's median edge (method §2): a texel that maps onto almost nothing
 /// must not dominate the energy.
-const FLOOR_SHARE: f32 = 0.05;
+const FLOOR_FRACTION: f32 = 0.05;
 
 impl Grid {
     /// Builds a tile's grid.
@@ -158,7 +158,7 @@ impl Grid {
                 break;
             }
             let (weights, next) = stiffness.coarser();
-            level.interpolation = planes(&level, |i, j| codes::weight(weights[j * (maps.nx + 1) + i]));
+            level.interpolation = planes(&level, |i, j| codes::encode_weight(weights[j * (maps.nx + 1) + i]));
             levels.push(level);
             (maps, stiffness) = (coarser, next);
         }
@@ -242,7 +242,7 @@ impl Level {
             parent: vec![NONE; blocks.list.len()],
             blocks,
         };
-        level.rigidity = planes(&level, |i, j| codes::share(maps.rigidity[j * width + i]));
+        level.rigidity = planes(&level, |i, j| codes::encode_rigidity(maps.rigidity[j * width + i]));
         level.movable = level
             .blocks
             .list

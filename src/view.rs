@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 
 /// The number format of one component of a host's array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Scalar {
     /// 32-bit float.
     F32,
@@ -13,6 +14,7 @@ pub enum Scalar {
 
 impl Scalar {
     /// Bytes of one component.
+    #[must_use]
     pub fn size(self) -> usize {
         match self {
             Scalar::F32 => 4,
@@ -65,24 +67,28 @@ impl<'a> Strided<'a> {
     }
 
     /// Packed f32 triples: positions.
+    #[must_use]
     pub fn from_f32x3(values: &'a [[f32; 3]]) -> Strided<'a> {
         let bytes = as_bytes(values);
         Strided { bytes, scalar: Scalar::F32, components: 3, count: values.len(), stride: 12 }
     }
 
     /// Packed f64 triples: positions.
+    #[must_use]
     pub fn from_f64x3(values: &'a [[f64; 3]]) -> Strided<'a> {
         let bytes = as_bytes(values);
         Strided { bytes, scalar: Scalar::F64, components: 3, count: values.len(), stride: 24 }
     }
 
     /// Packed f32 pairs: UVs.
+    #[must_use]
     pub fn from_f32x2(values: &'a [[f32; 2]]) -> Strided<'a> {
         let bytes = as_bytes(values);
         Strided { bytes, scalar: Scalar::F32, components: 2, count: values.len(), stride: 8 }
     }
 
     /// Packed f32 values.
+    #[must_use]
     pub fn from_f32(values: &'a [f32]) -> Strided<'a> {
         Strided {
             bytes: as_bytes(values),
@@ -94,16 +100,19 @@ impl<'a> Strided<'a> {
     }
 
     /// Number of elements.
+    #[must_use]
     pub fn len(&self) -> usize {
         self.count
     }
 
     /// True if there is no element.
+    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
     /// Components per element.
+    #[must_use]
     pub fn components(&self) -> usize {
         self.components
     }
@@ -112,6 +121,7 @@ impl<'a> Strided<'a> {
     ///
     /// # Panics
     /// If `i` or `c` is out of range.
+    #[must_use]
     pub fn get(&self, i: usize, c: usize) -> f64 {
         assert!(i < self.count && c < self.components);
         let at = i * self.stride + c * self.scalar.size();
@@ -122,6 +132,7 @@ impl<'a> Strided<'a> {
     }
 
     /// The first three components of element `i`.
+    #[must_use]
     pub fn get3(&self, i: usize) -> [f64; 3] {
         [self.get(i, 0), self.get(i, 1), self.get(i, 2)]
     }

@@ -86,8 +86,8 @@ fn every_layout_holds_the_same_texels() {
                 for (pixel, row, tail) in [(0, 0, 0), (size + 5, (size + 5) * width + 13, 99)] {
                     let layout = ImageLayout {
                         origin,
-                        pixel_stride: pixel,
-                        row_stride: row,
+                        pixel_stride: (pixel > 0).then_some(pixel),
+                        row_stride: (row > 0).then_some(row),
                         ..ImageLayout::packed(width as u32, height as u32, format)
                     };
                     let (pixel, row) = (pixel.max(size), row.max(size * width));

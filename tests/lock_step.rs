@@ -17,7 +17,7 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
     let stage = difference.stage.split('@').next().unwrap();
     match (difference.quantity, stage) {
         // Where step fractions are halved, too, a corner within rounding of the bound may fall on either side.
-        ("cut of the step", _) if model == CRUSHED => ([0.0; 2], [0.5, 2e-2]),
+        ("limited part of the step", _) if model == CRUSHED => ([0.0; 2], [0.5, 2e-2]),
         ("displacement (cells)", "correct") if model == CRUSHED => ([0.0; 2], [1.0, 2e-2]),
         ("position under W (chart sizes)" | "metric under W", "correct") if model == CRUSHED => {
             ([5e-3, 1e-3], [1e-4, 1e-5])
@@ -49,7 +49,7 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
         // Two iterations of conjugate gradients on systems that differ as above.
         ("step (cells)", _) => ([4e-3, 4e-4], [1e-4, 1e-5]),
         // A root of a quadratic in the step, whose discriminant may be close to 0.
-        ("cut of the step", _) => ([0.0; 2], [0.1, 5e-3]),
+        ("limited part of the step", _) => ([0.0; 2], [0.1, 5e-3]),
         // The values are 0 or 1 per chart; `MAX_OTHER_DECISIONS` bounds how many differ.
         ("decision to stop", _) => ([0.0; 2], [1.0, 1.0]),
         // Strain is a difference of lengths over a length. With positions rounded to 6e-8 and a length of 1/100 of the
@@ -143,7 +143,7 @@ fn stages_from_the_same_state() {
                 let name = &model.name;
                 failures.push(format!("{name}: {stage}: {different} of {count} charts decide otherwise"));
             }
-            if *quantity == "cut of the step" {
+            if *quantity == "limited part of the step" {
                 least_fraction = least_fraction.min(1.0 - size);
             }
         }

@@ -2,11 +2,12 @@
 
 use std::sync::atomic::{AtomicPtr, Ordering};
 
+use half::f16;
+
 use crate::cpu::{Team, invert};
 use crate::device::Device;
 use crate::error::Result;
-use crate::half;
-use crate::image::{ImageLayout, ImageViewMut, PixelFormat};
+use crate::image::{ImageViewMut, PixelFormat, TexelLayout};
 use crate::mesh::{Mesh, NONE};
 use crate::tile::blocks::{SIDE, slot};
 
@@ -29,7 +30,7 @@ pub enum FetchKind {
 /// Texels of an image that several threads write, each its own.
 struct Canvas {
     pixels: AtomicPtr<u8>,
-    layout: ImageLayout,
+    layout: TexelLayout,
 }
 
 impl Canvas {
@@ -47,8 +48,8 @@ impl Canvas {
             let to = self.pixels.load(Ordering::Relaxed).add(at);
             match self.layout.format {
                 PixelFormat::F16 => {
-                    let pair = uv.map(|x| half::from_f32(x as f32));
-                    to.cast::<[u16; 2]>().write_unaligned(pair);
+                    let pair = uv.map(|x| f16::from_f32(x as f32));
+                    to.cast::<[f16; 2]>().write_unaligned(pair);
                 }
                 _ => to.cast::<[f32; 2]>().write_unaligned(uv.map(|x| x as f32)),
             }

@@ -125,8 +125,8 @@ impl Stages for Switched<'_> {
         self.at(Point::level(level, 0)).smooth(level, smoothing);
     }
 
-    fn certify(&mut self, as_is: bool) {
-        self.at(Point::Certify).certify(as_is);
+    fn certify(&mut self, allow_folds: bool) {
+        self.at(Point::Certify).certify(allow_folds);
     }
 
     fn wait(&mut self) {

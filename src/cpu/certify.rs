@@ -13,10 +13,10 @@ use super::team::SharedSlice;
 
 impl Run<'_> {
     /// Certifies the finest level's state and makes it the result. A chart becomes the identity if it is folded or if
-    /// its energy is above that of the identity or not finite; with `as_is`, only if its energy is not finite.
-    pub(super) fn certify_result(&mut self, as_is: bool) {
+    /// its energy is above that of the identity or not finite; with `allow_folds`, only if its energy is not finite.
+    pub(super) fn certify_result(&mut self, allow_folds: bool) {
         let all_known = (0..self.charts.len()).all(|c| !self.charts[c] || self.known_energies[c].is_some());
-        let energies = match (as_is, all_known) {
+        let energies = match (allow_folds, all_known) {
             (true, _) => self.energies_allowing_folds(0),
             (false, true) => self.known_energies.iter().map(|energy| energy.unwrap_or_default()).collect(),
             (false, false) => self.energies(0),
@@ -34,7 +34,7 @@ impl Run<'_> {
             result.max_displacement = certificate.max_displacement;
             // A comparison with NaN is false.
             let better = result.energy.is_finite()
-                && (as_is || (result.energy <= result.energy_before && certificate.folds == 0));
+                && (allow_folds || (result.energy <= result.energy_before && certificate.folds == 0));
             if !better {
                 *result = ChartResult {
                     energy: result.energy_before,

@@ -18,7 +18,7 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
     let mut codes: Window<u16> = [0; WINDOW_NODES];
     window::load(&level.blocks.neighbours[b], 0, |b| &level.rigidity[b], &mut codes);
     for at in window_vectors() {
-        (V::load_u16(&codes, at) / V::splat(codes::SHARES)).store(out, at);
+        (V::load_u16(&codes, at) / V::splat(codes::RIGIDITY_STEPS)).store(out, at);
     }
 }
 
@@ -37,5 +37,5 @@ pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window
 pub fn interpolation(level: &Level, neighbours: &[u32; 9]) -> Window {
     let mut codes: Window<u8> = [0; WINDOW_NODES];
     window::load(neighbours, 0, |b| &level.interpolation[b], &mut codes);
-    codes.map(codes::of_weight)
+    codes.map(codes::decode_weight)
 }

@@ -49,7 +49,7 @@ impl Stages for Run<'_> {
         self.smooth_level(level, smoothing);
     }
 
-    fn certify(&mut self, as_is: bool) {
-        self.certify_result(as_is);
+    fn certify(&mut self, allow_folds: bool) {
+        self.certify_result(allow_folds);
     }
 }

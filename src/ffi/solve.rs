@@ -30,7 +30,7 @@ pub const VRTM_SOLVER_DESCENT: vrtm_solver = 0;
 /// folds, a texel has several places to look at and gets one of them.
 pub const VRTM_SOLVER_PBD: vrtm_solver = 1;
 
-/// Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a share means 0. A
+/// Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a fraction means 0. A
 /// plain value that never grows.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -61,9 +61,9 @@ pub struct vrtm_solve_options {
     pub warm: u32,
     /// Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
     pub max_corrections: u32,
-    /// A chart is done when a correction gains less than this share of its energy (to which 6 % of what the original UVs
-    /// have is added), or when a level's first correction gained what its linear model foretold, to a tenth of that
-    /// share; 0 <= tolerance < 1; 0 = the quality's own.
+    /// A chart is done when a correction gains less than this fraction of its energy (to which 6 % of what the original UVs
+    /// have is added), or when a level's first correction gained what its quadratic model predicted, to a tenth of that
+    /// fraction; 0 <= tolerance < 1; 0 = the quality's own.
     pub tolerance: f32,
     /// Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
     /// depends on the speed of the machine.

@@ -69,7 +69,7 @@ pub struct vrtm_tile_settings {
     pub reserved: u32,
     /// What is added to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
     /// a tent of half of the tile), up to 1e6; 0 = none, the default. Sparse features then turn to keep their shape,
-    /// dense ones stay in order. For VRTM_SOLVER_PBD it is added to the share that a segment turns back.
+    /// dense ones stay in order. For VRTM_SOLVER_PBD it is added to the fraction that a segment turns back.
     pub orientation_density: f32,
 }
 

@@ -203,7 +203,8 @@ fn layout(
         other => return Err(Failure::argument(format!("{name}.origin is {other}, no VRTM_ORIGIN_ value"))),
     };
     let [width, height] = size;
-    let [pixel_stride, row_stride] = strides;
+    // 0 means packed.
+    let [pixel_stride, row_stride] = strides.map(|stride| (stride != 0).then_some(stride));
     Ok(ImageLayout { width, height, format, pixel_stride, row_stride, origin })
 }
 
@@ -222,8 +223,8 @@ pub(super) unsafe fn image_or_none<'a>(
         return Err(Failure::argument(format!("{name}.data is null")));
     }
     let size = [image.width, image.height];
-    let mut layout = layout(image.format, size, [image.pixel_stride, image.row_stride], image.origin, name)?;
-    let bytes = layout.resolve(name, 1)?;
+    let layout = layout(image.format, size, [image.pixel_stride, image.row_stride], image.origin, name)?;
+    let bytes = layout.resolve(name, 1)?.bytes;
     // SAFETY: the host vouches for the memory that the layout spans.
     let bytes = unsafe { desc::slice(image.data.cast::<u8>(), bytes, name) }?;
     Ok(Some(ImageView::new(name, bytes, layout)?))
@@ -246,11 +247,11 @@ impl Target {
         }
         let size = [image.width, image.height];
         let strides = [image.pixel_stride, image.row_stride];
-        let mut layout = layout(image.format, size, strides, image.origin, name)?;
+        let layout = layout(image.format, size, strides, image.origin, name)?;
         if !matches!(layout.format, PixelFormat::F32 | PixelFormat::F16) {
             return Err(Failure::unsupported(format!("{name}.format must be f32 or f16 for an output")));
         }
-        let bytes = layout.resolve(name, 2)?;
+        let bytes = layout.resolve(name, 2)?.bytes;
         let data = image.data.cast::<u8>();
         if data.addr().checked_add(bytes).is_none() {
             return Err(Failure::argument(format!("{name}: {bytes} bytes exceed the address space")));

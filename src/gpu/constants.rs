@@ -4,7 +4,7 @@ use super::bands::Band;
 use super::layout::{BlockRecord, NODE_PLANES, Triangle};
 use crate::mesh::{NONE, TileMesh};
 use crate::tile::blocks::NODES;
-use crate::tile::codes::of_share;
+use crate::tile::codes::decode_rigidity;
 use crate::tile::{Grid, Level};
 
 /// Records of the blocks that a band of level `k` holds.
@@ -48,7 +48,9 @@ pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> 
     let mut all = Vec::with_capacity(band.held.len() * NODE_PLANES * NODES);
     for b in band.held.clone() {
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
-        all.extend(rigidity.map(|(&r, &movable)| of_share(r).to_bits() | u32::from(movable == 0) << 31));
+        all.extend(
+            rigidity.map(|(&r, &movable)| decode_rigidity(r).to_bits() | u32::from(movable == 0) << 31),
+        );
         let lengths = level.lengths[level.blocks.list[b].chart as usize];
         for (plane, lengths) in level.rest_length[b].iter().zip(lengths) {
             all.extend(plane.iter().map(|&code| lengths.length(code).to_bits()));

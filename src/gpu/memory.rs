@@ -18,7 +18,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
-use crate::tile::codes::of_weight;
+use crate::tile::codes::decode_weight;
 
 /// Bytes of a plane.
 pub const PLANE: u64 = NODES as u64 * 4;
@@ -121,7 +121,7 @@ impl Memory {
                     Some([starts_size, entries_size]) => {
                         let (starts, entries) = grid.gather.of_blocks(band.held.clone());
                         let entries: Vec<[u32; 2]> =
-                            entries.iter().map(|&(t, share)| [t, share.to_bits()]).collect();
+                            entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collect();
                         Some([
                             uploader.upload("gather", starts_size, bytemuck::cast_slice(&starts))?,
                             uploader.upload("gather", entries_size, bytemuck::cast_slice(&entries))?,
@@ -133,7 +133,7 @@ impl Memory {
                     sizes.rows.map_or_else(|| Ok(coarse_rows.clone()), |bytes| storage("rows", bytes))?;
                 if let Some(weights) = level.interpolation.get(band.held.clone()) {
                     let weights: Vec<f32> =
-                        weights.as_flattened().iter().map(|&code| of_weight(code)).collect();
+                        weights.as_flattened().iter().map(|&code| decode_weight(code)).collect();
                     let bytes: &[u8] = bytemuck::cast_slice(&weights);
                     let weights = uploader.upload("interpolation", bytes.len() as u64, bytes)?;
                     copy_weights(context, &weights, &rows, base.unwrap_or(0), band.held.len() as u64);

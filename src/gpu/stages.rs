@@ -126,12 +126,14 @@ impl Stages for Run<'_> {
         self.smooth_level(level, smoothing);
     }
 
-    fn certify(&mut self, as_is: bool) {
+    fn certify(&mut self, allow_folds: bool) {
         self.recorder.stage(Stage::Certify as usize);
-        let params =
-            Params { mode: if as_is { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID }, ..self.at_level(0) };
+        let params = Params {
+            mode: if allow_folds { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID },
+            ..self.at_level(0)
+        };
         self.reduce(Kernel::EnergyChords, 0, params, DECIDE_ENERGY);
-        let certificate = if as_is { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
+        let certificate = if allow_folds { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
         for band in 0..self.memory.bands[0].len() {
             let extra = [self.result.bands[band].1.clone()];

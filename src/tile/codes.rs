@@ -1,29 +1,37 @@
 //! Codes of 8 and 16 bits for rigidity, weights of interpolation and rest lengths (method §1): these constants of a
 //! grid are most of what a solve reads beside its own state.
 
-/// The code of 1 in `share`.
-pub const SHARES: f32 = 65535.0;
+use half::bf16;
 
-/// The code of a number from 0 to 1, in steps of 1 / `SHARES`.
-pub fn share(x: f32) -> u16 {
+/// The code of 1 in `encode_rigidity`.
+pub const RIGIDITY_STEPS: f32 = 65535.0;
+
+/// The code of a number from 0 to 1, in steps of 1 / `RIGIDITY_STEPS`.
+pub fn encode_rigidity(x: f32) -> u16 {
     // NaN becomes 0.
-    (x.clamp(0.0, 1.0) * SHARES + 0.5) as u16
+    (x.clamp(0.0, 1.0) * RIGIDITY_STEPS + 0.5) as u16
 }
 
-/// The number of a code of `share`; 0 and 1 are exact.
+/// The number of a code of `encode_rigidity`; 0 and 1 are exact.
 #[cfg(any(test, feature = "gpu"))]
-pub fn of_share(code: u16) -> f32 {
-    f32::from(code) / SHARES
+pub fn decode_rigidity(code: u16) -> f32 {
+    f32::from(code) / RIGIDITY_STEPS
 }
 
 /// The code of a weight from 0 to 1, in steps of 1/254, so that one half is exact.
-pub fn weight(x: f32) -> u8 {
+pub fn encode_weight(x: f32) -> u8 {
     (x.clamp(0.0, 1.0) * 254.0 + 0.5) as u8
 }
 
-/// The weight of a code of `weight`; 0, 1/2 and 1 are exact.
-pub fn of_weight(code: u8) -> f32 {
+/// The weight of a code of `encode_weight`; 0, 1/2 and 1 are exact.
+pub fn decode_weight(code: u8) -> f32 {
     f32::from(code) / 254.0
+}
+
+/// The two bfloat16 of a word: that of its upper half, then that of its lower half.
+#[inline(always)]
+pub fn unpack_bfloat16(word: u32) -> [f32; 2] {
+    [(word >> 16) as u16, word as u16].map(|bits| bf16::from_bits(bits).to_f32())
 }
 
 /// A coding of lengths between two bounds, and of 0, in 16 bits: the leading bits of the difference between the f32
@@ -70,21 +78,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_and_weights_survive_the_round_trip() {
+    fn rigidities_and_weights_survive_the_round_trip() {
         for code in 0..=u16::MAX {
-            assert_eq!(share(of_share(code)), code);
+            assert_eq!(encode_rigidity(decode_rigidity(code)), code);
         }
         for code in 0..=254 {
-            assert_eq!(weight(of_weight(code)), code);
+            assert_eq!(encode_weight(decode_weight(code)), code);
         }
         for (x, y) in [(0.0, 0.0), (1.0, 1.0), (-1.0, 0.0), (2.0, 1.0), (f32::NAN, 0.0)] {
-            assert_eq!([of_share(share(x)), of_weight(weight(x))], [y; 2]);
+            assert_eq!([decode_rigidity(encode_rigidity(x)), decode_weight(encode_weight(x))], [y; 2]);
         }
-        assert_eq!(of_weight(weight(0.5)), 0.5);
+        assert_eq!(decode_weight(encode_weight(0.5)), 0.5);
         // A map of 8 bits.
         for byte in 0..=u8::MAX {
             let x = f32::from(byte) / 255.0;
-            assert_eq!(of_share(share(x)), x);
+            assert_eq!(decode_rigidity(encode_rigidity(x)), x);
         }
     }
 

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use super::blocks::{Block, NODES, Plane, SIDE, slot};
 use super::codes::Lengths;
 use super::window::{self, WINDOW_NODES, Window, place};
-use super::{EDGES, FLOOR_SHARE, Grid, Level};
+use super::{EDGES, FLOOR_FRACTION, Grid, Level};
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, NONE, TileMesh};
 
@@ -236,7 +236,7 @@ pub(super) fn rest_lengths(grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
     let mut metrics: Vec<[Plane; 3]> = Vec::new();
     for k in 0..grid.levels.len() {
         // An edge of level k is 2^k times as long.
-        grid.levels[k].floor = medians.iter().map(|m| FLOOR_SHARE * m * (1u32 << k) as f32).collect();
+        grid.levels[k].floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collect();
         if k == 0 {
             store_lengths(&mut grid.levels[0], &exact);
             exact.clear();

@@ -95,7 +95,7 @@ fn strides_leave_the_bytes_between_alone() {
             let expected = raw(&mut asset, kind, packed, width * height * size, 0);
             // Strides that are no multiple of any type's alignment.
             let (pixel, line) = (size + 5, (size + 5) * width + 13);
-            let layout = ImageLayout { pixel_stride: pixel, row_stride: line, ..packed };
+            let layout = ImageLayout { pixel_stride: Some(pixel), row_stride: Some(line), ..packed };
             for fill in [0x5a, 0xa5] {
                 let out = raw(&mut asset, kind, layout, line * height + 99, fill);
                 for (at, &byte) in out.iter().enumerate() {

@@ -11,7 +11,7 @@ use crate::cpu::constants::interpolation;
 use crate::mesh::NONE;
 use crate::tile::EDGES;
 use crate::tile::blocks::{SIDE, slot};
-use crate::tile::codes::of_weight;
+use crate::tile::codes::decode_weight;
 use crate::tile::window::{self, Window, place};
 
 /// Forms the owned pairs of level `finer + 1` from the rows of `finer`, and its row sums from the product A P 1 that
@@ -209,7 +209,7 @@ impl<V: Lanes> YWeights<V> {
     #[inline(always)]
     fn new(weights: &Window, west: Option<&Plane<u8>>, j: usize) -> YWeights<V> {
         let (below, above) = (2 * j, 2 * j + 2);
-        let first = west.map_or(0.0, |west| of_weight(west[slot(SIDE - 2, 2 * j + 1)]));
+        let first = west.map_or(0.0, |west| decode_weight(west[slot(SIDE - 2, 2 * j + 1)]));
         YWeights {
             below: V::one() - V::load(weights, place(1, below)),
             below_east: V::one() - V::load(weights, place(3, below)),

@@ -3,7 +3,7 @@
 
 use super::super::inspect::flat;
 use super::*;
-use crate::tile::codes::of_weight;
+use crate::tile::codes::decode_weight;
 
 impl Run<'_> {
     /// Assembles a level's system for its present state. Returns its rows in the layout of [`Run::rows`], and its
@@ -29,7 +29,7 @@ impl Run<'_> {
             all.extend(flat(&[*diagonal]));
             all.extend_from_slice(words.as_flattened().as_flattened());
             let weights = self.grid.levels[level].interpolation.get(b).unwrap_or(&[0; NODES]);
-            all.extend(weights.map(|code| of_weight(code).to_bits()));
+            all.extend(weights.map(|code| decode_weight(code).to_bits()));
         }
         all
     }

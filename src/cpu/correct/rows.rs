@@ -11,9 +11,9 @@ use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch;
 use super::super::row::Row;
 use super::*;
-use crate::half;
 use crate::mesh::NONE;
 use crate::tile::blocks::{SIDE, slot};
+use crate::tile::codes::unpack_bfloat16;
 use crate::tile::window::{self, Window, place};
 
 /// All decoded pairs that a block's rows need: per owned edge (p, n), the row-major 2x2 block with row p and column n,
@@ -80,7 +80,7 @@ pub fn decode<V: Lanes>([first, second]: [V::Index; 2]) -> [V; 4] {
 /// `decode` for one node.
 #[inline(always)]
 pub fn decode_one(words: [u32; 2]) -> [f32; 4] {
-    let [[xx, mean], [yy, half]] = words.map(half::of_bfloat16);
+    let [[xx, mean], [yy, half]] = words.map(unpack_bfloat16);
     [xx, mean + half, mean - half, yy]
 }
 

@@ -3,7 +3,7 @@
 
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE};
-use crate::tile::codes::SHARES;
+use crate::tile::codes::RIGIDITY_STEPS;
 use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
@@ -97,7 +97,7 @@ impl<S: Surface> Kernel for RegulariseBlock<'_, S> {
                 continue;
             }
             // Eq. 4 at movable nodes (M = 1): b = (1 - R) + R s.
-            let rigidity = V::load_u16(&level.rigidity[b], row.slot()) / V::splat(SHARES);
+            let rigidity = V::load_u16(&level.rigidity[b], row.slot()) / V::splat(RIGIDITY_STEPS);
             let blend = (V::one() - rigidity) + rigidity * smoothing;
             let here = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
             // Eq. 5, applied to displacements: the same as to positions, because the Gaussian reproduces the grid at

@@ -10,7 +10,7 @@ use crate::method::schedule::{Input, Stages};
 use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
 use crate::tile::blocks::slot;
-use crate::tile::codes::{of_share, share};
+use crate::tile::codes::{decode_rigidity, encode_rigidity};
 use crate::tile::coverage::Coverage;
 use crate::tile::pose::Pose;
 
@@ -140,8 +140,8 @@ fn the_larger_rigidity_is_the_stiffness_and_elastic_edges_are_not_projected() {
     let left = |u: f64, _: f64| if u < 0.5 { 0.5 } else { 0.0 };
     with_sheet(left, stretched, |run| {
         // The rigidities at the nodes are interpolated from the map; these are the stored ones.
-        let rigidity = |i: usize| of_share(run.grid.levels[0].rigidity[0][slot(i, 8)]);
-        let half = of_share(share(0.5));
+        let rigidity = |i: usize| decode_rigidity(run.grid.levels[0].rigidity[0][slot(i, 8)]);
+        let half = decode_rigidity(encode_rigidity(0.5));
         assert_eq!([rigidity(4), rigidity(7), rigidity(9), rigidity(10)], [half, half, 0.0, 0.0]);
         let border = rigidity(8);
         project(run, 0, 0);

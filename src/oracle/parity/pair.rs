@@ -3,12 +3,12 @@
 use super::{Point, StageDifference};
 use crate::error::{Error, Result};
 use crate::gpu::layout::{METRIC_PLANES, ROW_PLANES, STATE_PLANES};
-use crate::half::of_bfloat16;
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::schedule::Stages;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
+use crate::tile::codes::unpack_bfloat16;
 use crate::{cpu, gpu};
 
 /// A run on each backend, for the same input, whose states are compared after each stage.
@@ -38,7 +38,7 @@ fn decoded(rows: &[u32]) -> Vec<u32> {
         all.extend_from_slice(&block[..3 * NODES]);
         for edge in block[3 * NODES..11 * NODES].chunks(2 * NODES) {
             let half = |plane: usize, half: usize| {
-                edge[plane * NODES..][..NODES].iter().map(move |&word| of_bfloat16(word)[half])
+                edge[plane * NODES..][..NODES].iter().map(move |&word| unpack_bfloat16(word)[half])
             };
             let off = || half(0, 1).zip(half(1, 1));
             all.extend(half(0, 0).map(f32::to_bits));
@@ -217,7 +217,7 @@ impl<'a> Pair<'a> {
         let selection = Selection { level, planes: 2, first: 0, count: 2, movable: true };
         self.compare(at, "step (cells)", selection, charts, &step, &other_step);
         let selection = Selection { planes: 1, count: 1, ..selection };
-        self.compare(at, "cut of the step", selection, charts, &cut, &other_cut);
+        self.compare(at, "limited part of the step", selection, charts, &cut, &other_cut);
         let mut records = self.gpu.chart_records()?;
         let next = self.cpu.next_fraction().to_vec();
         let blocks = &self.grid.levels[level].blocks;
@@ -355,8 +355,8 @@ impl Stages for Pair<'_> {
         self.level(level, 0);
     }
 
-    fn certify(&mut self, as_is: bool) {
-        self.cpu.certify(as_is);
-        self.gpu.certify(as_is);
+    fn certify(&mut self, allow_folds: bool) {
+        self.cpu.certify(allow_folds);
+        self.gpu.certify(allow_folds);
     }
 }

@@ -18,7 +18,7 @@ use crate::tile::pyramid::NodeMaps;
 pub(super) const DIM: usize = 6;
 
 /// Floor of rest lengths, as a fraction of the smaller one of two medians, of edges to the east and to the north.
-const FLOOR_SHARE: f64 = 0.05;
+const FLOOR_FRACTION: f64 = 0.05;
 
 /// A chart's problem. Its nodes are those of a rectangle: the bounding box of the movable nodes, and one node more on
 /// each side, so that the rim is fixed.
@@ -171,7 +171,7 @@ impl ChartProblem {
             lengths.sort_by(f64::total_cmp);
             lengths[lengths.len() / 2]
         });
-        let floor = FLOOR_SHARE * median[0].min(median[1]);
+        let floor = FLOOR_FRACTION * median[0].min(median[1]);
         for edge in &mut self.edges {
             let l = edge.length.max(floor);
             // A chart that is one point at rest has no strain.
