@@ -12,6 +12,7 @@ mod parity;
 mod on_gpu;
 #[cfg(feature = "gpu")]
 mod switched;
+mod solved;
 mod tile_state;
 
 use std::time::Instant;
@@ -30,7 +31,8 @@ pub use fetch::FetchKind;
 #[cfg(feature = "oracle")]
 pub use oracle::ReferenceMinimum;
 use output::Outputs;
-use tile_state::{SolveCall, Solved, TileState};
+use solved::Solved;
+use tile_state::{SolveCall, TileState};
 
 /// One output of [`Asset::redirect`].
 #[derive(Debug)]

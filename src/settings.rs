@@ -201,7 +201,7 @@ pub(crate) struct PbdValues {
 }
 
 impl PbdValues {
-    /// The defaults; `method/pbd.rs` has the figures that chose them.
+    /// The defaults; method §10 has the figures that chose them.
     const DEFAULTS: PbdValues = PbdValues {
         iterations: 16,
         damping: 0.0,

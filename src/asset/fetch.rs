@@ -12,7 +12,7 @@ use crate::mesh::{Mesh, NONE};
 use crate::tile::blocks::{SIDE, slot};
 
 use super::output::Outputs;
-use super::tile_state::Solved;
+use super::solved::Solved;
 
 /// What a fetch writes: two channels (u, v) per texel, f32 or f16.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::gpu::{self, Displacements};
 
 use super::backend::Warp;
-use super::tile_state::Solved;
+use super::solved::Solved;
 
 /// What fetched images come through on their way from a GPU. One serves all tiles of an asset, one after the other: most
 /// of the time their images have the same size.

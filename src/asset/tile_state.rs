@@ -10,54 +10,15 @@ use crate::image::Map;
 use crate::mesh::{Mesh, TileMesh};
 use crate::method::schedule::{ChartResult, Input, Plan, Summary};
 use crate::report::{GpuWork, TileInfo, TileReport};
-use crate::settings::{LogLevel, Overlap, Solver};
-use crate::tile::blocks::{NODES, Plane, SIDE};
+use crate::settings::{LogLevel, Solver};
+use crate::tile::blocks::{NODES, SIDE};
 use crate::tile::coverage::Coverage;
-use crate::tile::pose::{ChartPose, Pose};
+use crate::tile::pose::Pose;
 use crate::tile::{Grid, Rigidity, TileMaps};
 use crate::view::Strided;
 
 use super::backend::{Job, TileSolution, TileSolver, Warp};
-
-/// A tile's last good solve.
-#[derive(Debug)]
-pub(super) struct Solved {
-    /// The grid it was solved on, which may be older than the maps.
-    pub grid: Arc<Grid>,
-    pub warp: Arc<Warp>,
-    /// What each chart's result was computed from; `None` where it is not a function of its inputs.
-    inputs: Vec<Option<ChartInput>>,
-    results: Vec<ChartResult>,
-    /// The setting that it was solved with.
-    overlap: Overlap,
-    pub report: TileReport,
-    /// What a GPU had to do.
-    pub work: Option<GpuWork>,
-}
-
-impl Solved {
-    /// Bytes of a result on a grid.
-    fn bytes_for(grid: &Grid) -> u64 {
-        (grid.levels[0].blocks.list.len() * size_of::<[Plane; 2]>()) as u64
-    }
-
-    /// Largest displacement of a chart, in cells.
-    pub fn reach(&self, chart: u32) -> f32 {
-        self.results[chart as usize].max_displacement
-    }
-
-    /// Charts whose warp may move a corner of `chart`: its own, and where the first face owns shared texels, any.
-    pub fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
-        let others = if self.overlap == Overlap::FirstFace { self.results.len() as u32 } else { 0 };
-        std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
-    }
-}
-
-#[derive(Clone, Debug, PartialEq)]
-struct ChartInput {
-    pose: ChartPose,
-    plan: Plan,
-}
+use super::solved::{ChartInput, Solved};
 
 /// A call that solves all tiles of an asset.
 pub(super) struct SolveCall<'a> {

@@ -12,6 +12,7 @@ mod rows;
 mod step_limit;
 #[cfg(test)]
 mod tests;
+mod transfer;
 mod workspace;
 
 use crate::method::acceptance::{Correction, Gain};

@@ -88,7 +88,9 @@ impl Memory {
         }
         let (workspace, pbd) = match solver {
             Solver::Descent => (Workspace::new(allocator, grid), Vec::new()),
-            Solver::Pbd => (Workspace::default(), PbdBuffers::new(allocator, grid)),
+            Solver::Pbd => {
+                (Workspace::without_corrections(allocator, grid), PbdBuffers::new(allocator, grid))
+            }
         };
         let triangles = allocator.array(TriangleRecord::default(), grid.triangles.len());
         let metrics = allocator.array([0.0; 3], grid.triangles.len());

@@ -15,30 +15,7 @@
 //! After every fourth iteration and after the last one come regularisation (eq. 4-5), integration and, except after the
 //! last one, damping and prediction: p + (1 - damping) (p - p'), where p' is the position at the previous integration.
 //!
-//! What the paper leaves open was chosen for the best results on six scenes at 256 by 256 cells (bulge, pinch, shear,
-//! squash, torus, and the mug's belly and neck). The figures are the energy E and the RMS strain on the mesh, each
-//! divided by that of the identity, as geometric means, with the default values except for what is named. The defaults
-//! have **0.128, 0.106**; `descent` has 0.125, 0.177 at `draft` and 0.101, 0.104 at `normal`.
-//!
-//! - Iterations to a regularisation: **4**; 1: 0.162, 0.275; 2: 0.133, 0.169; 8: 0.136, 0.098; 16: 0.137, 0.124.
-//! - Iterations per level: **16**; 1: 0.629, 0.786; 2: 0.428, 0.624; 4: 0.252, 0.432; 8: 0.141, 0.214; 32: 0.126,
-//!   0.090; 64: 0.122, 0.109; 128: 0.120, 0.107. A time step is not among the choices: without a force it cancels.
-//! - Velocity damping: **none**; 0.1: 0.128, 0.113; 0.2: 0.128, 0.122; 0.3: 0.128, 0.131. Inertia takes the place of
-//!   further iterations.
-//! - Fraction by which an edge is turned back: **none**; 0.01: 0.128, 0.110; 0.05: 0.129, 0.129. Turning back did not
-//!   prevent folds of a sheet squashed to 40 % either.
-//! - Smoothing s: **0.8**; 0.1: 0.135, 0.109; 0.3: 0.132, 0.107; 0.5: 0.130, 0.105; 1: 0.127, 0.107.
-//! - Factor on corrections per coarser level: **0.7**; 0.5: 0.130, 0.143; 0.6: 0.124, 0.122; 0.8: 0.135, 0.094; 1:
-//!   0.146, 0.082. It scales the turning back, too.
-//! - Order of the sets: **east, north, diagonal**; diagonal first: 0.128, 0.107; all even ones first: 0.135, 0.130.
-//! - Smoothing after interpolation: **eq. 4-5**; the Gaussian everywhere: 0.128, 0.106; none: 0.129, 0.104.
-//! - Direction of a correction: **along the edge** in the plane, as for Müller's distance constraint; along the
-//!   gradient of L in the plane: 0.127, 0.100, at the price of the surface's tangents at both ends of every edge.
-//! - Length: the distance of the ends' positions on the finest level, arc length by metrics on coarser ones.
-//! - A node that would leave its chart stays. A warm start continues from the last result on the finest level alone.
-//!
-//! Sixteen iterations to a regularisation and 64 in all bring the strain to 0.025, a quarter of that of `descent`, at
-//! an E of 0.159: features then take their room from elastic material, whose own deformation counts in E.
+//! What the paper leaves open, what was chosen, and the figures that chose it, stand in method §10.
 
 use super::schedule::{Stages, Summary};
 use crate::settings::PbdValues;

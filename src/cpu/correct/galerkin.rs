@@ -4,8 +4,8 @@
 //! once.
 
 use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
-use super::multigrid::{RestrictQuarter, active_neighbours};
 use super::rows::{BlockRows, Pairs, Words, decode_one, encode, halo_pairs};
+use super::transfer::{RestrictQuarter, active_neighbours};
 use super::*;
 use crate::cpu::constants::interpolation;
 use crate::mesh::NONE;

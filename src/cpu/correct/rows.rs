@@ -235,7 +235,7 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
     let (words, z) = (&*words, &*system.direction);
     run.each_block(level, |worker, b, _| {
         prefetch(&words[b]);
-        let neighbours = super::multigrid::active_neighbours(grid, b);
+        let neighbours = super::transfer::active_neighbours(grid, b);
         let mut ones: Window = [0.0; WINDOW_NODES];
         if coarser {
             window::load(&neighbours, 0.0, |b| &z[b][0], &mut ones);
@@ -286,7 +286,7 @@ fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
         let ones = unsafe { &mut z.get_mut(b)[0] };
         *ones = [0.0; NODES];
         let weights = constants::interpolation(fine, &fine.blocks.neighbours[b]);
-        super::multigrid::add_interpolated(run, level, b, &weights, movable, ones);
+        super::transfer::add_interpolated(run, level, b, &weights, movable, ones);
     });
 }
 

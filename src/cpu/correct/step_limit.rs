@@ -7,7 +7,7 @@
 use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
 use super::super::row::Row;
-use super::multigrid::active_neighbours;
+use super::transfer::active_neighbours;
 use super::workspace::Limiting;
 use super::*;
 use crate::method::law::{

@@ -57,6 +57,11 @@ impl Workspace {
         }
     }
 
+    /// For a solver without corrections.
+    pub fn without_corrections(allocator: &mut impl Allocate, grid: &Grid) -> Workspace {
+        Workspace { next_fraction: allocator.array(1.0, grid.movable.len()), ..Workspace::default() }
+    }
+
     /// Begins a correction of `level`. The finest level's step is stored in `result`.
     pub fn assembling<'a>(&'a mut self, level: usize, result: &'a mut [[Plane; 2]]) -> Assembling<'a> {
         let step = if level == 0 { result } else { &mut self.coarse_step };

@@ -1,0 +1,52 @@
+//! The last good solve of a tile, and what it depends on.
+
+use std::sync::Arc;
+
+use crate::method::schedule::{ChartResult, Plan};
+use crate::report::{GpuWork, TileReport};
+use crate::settings::Overlap;
+use crate::tile::Grid;
+use crate::tile::blocks::Plane;
+use crate::tile::pose::ChartPose;
+
+use super::backend::Warp;
+
+/// A tile's last good solve.
+#[derive(Debug)]
+pub(super) struct Solved {
+    /// The grid it was solved on, which may be older than the maps.
+    pub grid: Arc<Grid>,
+    pub warp: Arc<Warp>,
+    /// What each chart's result was computed from; `None` where it is not a function of its inputs.
+    pub inputs: Vec<Option<ChartInput>>,
+    pub results: Vec<ChartResult>,
+    /// The setting that it was solved with.
+    pub overlap: Overlap,
+    pub report: TileReport,
+    /// What a GPU had to do.
+    pub work: Option<GpuWork>,
+}
+
+impl Solved {
+    /// Bytes of a result on a grid.
+    pub fn bytes_for(grid: &Grid) -> u64 {
+        (grid.levels[0].blocks.list.len() * size_of::<[Plane; 2]>()) as u64
+    }
+
+    /// Largest displacement of a chart, in cells.
+    pub fn reach(&self, chart: u32) -> f32 {
+        self.results[chart as usize].max_displacement
+    }
+
+    /// Charts whose warp may move a corner of `chart`: its own, and where the first face owns shared texels, any.
+    pub fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
+        let others = if self.overlap == Overlap::FirstFace { self.results.len() as u32 } else { 0 };
+        std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ChartInput {
+    pub pose: ChartPose,
+    pub plan: Plan,
+}
