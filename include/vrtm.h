@@ -111,7 +111,7 @@ extern "C" {
 // Version of this header as one number, to compare with vrtm_version().
 #define VRTM_VERSION (((VRTM_VERSION_MAJOR * 1000000) + (VRTM_VERSION_MINOR * 1000)) + VRTM_VERSION_PATCH)
 
-// What a call came to: VRTM_OK or one of the VRTM_ERROR_ values. The values are never renumbered; later versions
+// Result of a call: VRTM_OK or one of the VRTM_ERROR_ values. The values are never renumbered; later versions
 // may add some, so treat any value but VRTM_OK as a failure.
 typedef int32_t vrtm_status;
 
@@ -301,7 +301,7 @@ typedef int32_t vrtm_log_level;
 // Something to show to the artist: clipped faces, overlapping charts.
 #define VRTM_LOG_WARNING 1
 
-// What was chosen and why.
+// The chosen backend and device, and the reason.
 #define VRTM_LOG_INFO 2
 
 // A host's log function. It is called on the thread that called into vrtm, during that call; several threads may be
@@ -310,7 +310,7 @@ typedef int32_t vrtm_log_level;
 // normally: no exception, no longjmp.
 typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
 
-// What a device is made from. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
+// Settings of a new device. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
 // memory budget, no log.
 typedef struct vrtm_device_desc {
     // sizeof(vrtm_device_desc); set by vrtm_device_desc_init().
@@ -333,7 +333,7 @@ typedef struct vrtm_device_desc {
     void *log_user;
 } vrtm_device_desc;
 
-// What a device turned out to be. Start from vrtm_device_data_init().
+// Description of a device. Start from vrtm_device_data_init().
 typedef struct vrtm_device_data {
     // sizeof(vrtm_device_data); set by vrtm_device_data_init().
     uint32_t struct_size;
@@ -355,8 +355,8 @@ typedef struct vrtm_device_data {
 typedef struct vrtm_adapter_data {
     // sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
     uint32_t struct_size;
-    // 1 for an adapter that is emulated on the CPU (or does not say that it is hardware): VRTM_BACKEND_AUTO never takes
-    // it. 0 otherwise.
+    // 1 for an adapter that is emulated on the CPU (or does not say that it is hardware): VRTM_BACKEND_AUTO never
+    // takes it. 0 otherwise.
     uint32_t software;
     // The adapter's name, UTF-8.
     char name[128];
@@ -382,7 +382,8 @@ VRTM_API
 vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
                                vrtm_device *device);
 
-// Says what a device is, why, and how much memory its assets hold; also if its GPU went away.
+// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works after a lost GPU,
+// too.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
@@ -445,7 +446,7 @@ typedef struct vrtm_mesh_desc {
     size_t uv_index_count;
 } vrtm_mesh_desc;
 
-// What was read from a mesh. Start from vrtm_asset_data_init().
+// Description of a mesh. Start from vrtm_asset_data_init().
 typedef struct vrtm_asset_data {
     // sizeof(vrtm_asset_data); set by vrtm_asset_data_init().
     uint32_t struct_size;
@@ -481,7 +482,7 @@ vrtm_status vrtm_asset_create(vrtm_device device,
                               const vrtm_mesh_desc *desc,
                               vrtm_asset *asset);
 
-// Says what was read from the mesh. Never busy.
+// Describes the mesh. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
@@ -522,7 +523,7 @@ vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
 // For a setting whose zero means "the default": no such term at all.
 #define VRTM_OFF -1.0
 
-// What is known of a tile before a solve. Start from vrtm_tile_data_init().
+// Facts of a tile that need no solve. Start from vrtm_tile_data_init().
 typedef struct vrtm_tile_data {
     // sizeof(vrtm_tile_data); set by vrtm_tile_data_init().
     uint32_t struct_size;
@@ -538,7 +539,7 @@ typedef struct vrtm_tile_data {
     uint32_t grid_width;
     // Cells of the grid in v.
     uint32_t grid_height;
-    // Share (0..1) of the covered nodes that more than one layer of triangles covers.
+    // Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
     float overlap;
 } vrtm_tile_data;
 
@@ -562,8 +563,8 @@ typedef struct vrtm_tile_settings {
     uint32_t grid_width;
     // Cells of the grid in v, likewise.
     uint32_t grid_height;
-    // Smoothness of elastic material against the stiffness 1 of rigid material, up to 1e6; 0 = 0.02, VRTM_OFF = none. A
-    // lower one lets rigid features keep their shape better and makes material of little rigidity more rigid.
+    // Smoothness of elastic material against the stiffness 1 of rigid material, up to 1e6; 0 = 0.02, VRTM_OFF = none.
+    // A lower one lets rigid features keep their shape better and makes material of little rigidity more rigid.
     float smoothness;
     // Smoothness of all material, 1e-6 to 1e6; 0 = 0.0005.
     float smoothness_floor;
@@ -571,17 +572,17 @@ typedef struct vrtm_tile_settings {
     float orientation;
     // Weight of the penalty on cells that lose their area, up to 1e6; 0 = 0.3, VRTM_OFF = none.
     float room;
-    // Share of a cell's area, up to 1, under which that penalty starts; 0 = 0.4, VRTM_OFF = 0.
+    // Fraction of a cell's area, up to 1, under which that penalty starts; 0 = 0.4, VRTM_OFF = 0.
     float room_threshold;
     // Zero.
     uint32_t reserved;
-    // What is added to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
+    // Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
     // a tent of half of the tile), up to 1e6; 0 = none, the default. Sparse features then turn to keep their shape,
-    // dense ones stay in order. For VRTM_SOLVER_PBD it is added to the share that a segment turns back.
+    // dense ones stay in order. For VRTM_SOLVER_PBD it is added to the fraction that a segment turns back.
     float orientation_density;
 } vrtm_tile_settings;
 
-// Says what is known of a tile. The first call, and the first after a change of map or settings, builds the tile's
+// Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size;
@@ -633,7 +634,7 @@ vrtm_status vrtm_tile_get_settings(vrtm_tile tile,
 
 /* ---- Results ---- */
 
-// What a fetch writes: two channels (u, v) per texel.
+// Content of a fetched image: two channels (u, v) per texel.
 typedef int32_t vrtm_fetch_kind;
 
 // The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
@@ -707,15 +708,15 @@ typedef int32_t vrtm_solver;
 // folds, a texel has several places to look at and gets one of them.
 #define VRTM_SOLVER_PBD 1
 
-// Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a share means 0. A
+// Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a fraction means 0. A
 // plain value that never grows.
 typedef struct vrtm_pbd_settings {
     // Iterations on each level of the grid, 1..1024; 0 = 16. Each projects all constraints once; every fourth is
     // followed by a regularisation.
     uint32_t iterations;
-    // Share (0..1) of its velocity that a node loses from one regularisation to the next; 0 = none.
+    // Fraction (0..1) of its velocity that a node loses from one regularisation to the next; 0 = none.
     float damping;
-    // Share (0..1) of its turn that a segment takes back after its projection; 0 = none.
+    // Fraction (0..1) of its turn that a segment takes back after its projection; 0 = none.
     float orientation_preservation;
     // How much (0..1) as-rigid-as-possible material is smoothed; 0 = 0.8.
     float smoothing;
@@ -734,9 +735,9 @@ typedef struct vrtm_solve_options {
     uint32_t warm;
     // Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
     uint32_t max_corrections;
-    // A chart is done when a correction gains less than this share of its energy (to which 6 % of what the original UVs
-    // have is added), or when a level's first correction gained what its linear model foretold, to a tenth of that
-    // share; 0 <= tolerance < 1; 0 = the quality's own.
+    // A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
+    // original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a tenth
+    // of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
     float tolerance;
     // Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
     // depends on the speed of the machine.
@@ -815,9 +816,9 @@ typedef struct vrtm_tile_report_data {
     double energy_before;
     // Energy of the result.
     double energy;
-    // Smallest corner Jacobian of the result (1 at rest), found in double precision (on a GPU in single precision, less
-    // a bound of the rounding: never more than the true one): greater than 0 certifies that the
-    // warp is one-to-one and onto.
+    // Smallest corner Jacobian of the result (1 at rest), found in double precision (on a GPU in single precision,
+    // less a bound of the rounding: never more than the true one): greater than 0 certifies that the warp is
+    // one-to-one and onto.
     double min_jacobian;
     // Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     uint64_t folds;
@@ -879,9 +880,9 @@ typedef struct vrtm_tile_report_data {
     vrtm_strain before;
     // Strain with the warp.
     vrtm_strain after;
-    // Share (0..1) of the segments whose strain rose by more than 0.25.
+    // Fraction (0..1) of the segments whose strain rose by more than 0.25.
     float harm;
-    // Share of the segments whose strain fell by more than 0.10.
+    // Fraction of the segments whose strain fell by more than 0.10.
     float help;
     // Milliseconds: iterations of VRTM_SOLVER_PBD.
     float ms_pbd;

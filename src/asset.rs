@@ -86,7 +86,7 @@ impl Asset {
         &self.device
     }
 
-    /// What was read.
+    /// Sizes of the mesh, and the faces that were left out.
     #[must_use]
     pub fn info(&self) -> AssetInfo {
         self.mesh.info
@@ -104,7 +104,7 @@ impl Asset {
         self.mesh.tiles.iter().position(|tile| tile.udim == udim)
     }
 
-    /// What is known of a tile. Builds its grid if a map or setting changed.
+    /// The facts of a tile that need no solve. Builds its grid if a map or setting changed.
     ///
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range; so for every function that takes a tile.
@@ -273,7 +273,8 @@ impl Asset {
         self.tiles[tile].solved.as_ref().map(|solved| solved.report).ok_or_else(not_solved)
     }
 
-    /// What a tile's last solve had the GPU do; `None` on the CPU, or if no chart had to be solved.
+    /// The dispatches, submissions and transfers of a tile's last solve; `None` on the CPU, or if no chart had to be
+    /// solved.
     ///
     /// # Errors
     /// `NotSolved` before the first solve.

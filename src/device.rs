@@ -27,7 +27,7 @@ struct Inner {
     gpu: Option<Arc<Context>>,
 }
 
-/// What the environment decides beside the settings; a test may, too.
+/// Decisions of the environment beside the settings; tests set them directly.
 #[derive(Clone, Copy, Debug, Default)]
 struct Options {
     backend: Option<Backend>,
@@ -79,15 +79,15 @@ pub fn adapters() -> Vec<AdapterInfo> {
 }
 
 impl Device {
-    /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one holds threads of its
-    /// driver, so make one device and keep it. Environment variables override the settings, for support: VRTM_DEVICE
-    /// (auto, cpu, gpu), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default limits and
-    /// without optional features.
+    /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one holds threads of
+    /// its driver, so make one device and keep it. Environment variables override the settings, for support:
+    /// VRTM_DEVICE (auto, cpu, gpu), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default
+    /// limits and without optional features.
     ///
     /// To find the stage at which a GPU goes wrong, VRTM_SWITCH=BACKEND:STAGE has assets on a GPU run the stages up to
     /// and with STAGE on one backend (cpu or gpu) and the rest on the other. A stage is `surface`, `pyramid`,
-    /// `prolong@LEVEL`, `relax@LEVEL`, `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (the first N of
-    /// them) or `certify`; level 0 is the finest, and the coarsest comes first. `cpu:certify` is the CPU's result,
+    /// `prolong@LEVEL`, `relax@LEVEL`, `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (the first N
+    /// of them) or `certify`; level 0 is the finest, and the coarsest comes first. `cpu:certify` is the CPU's result,
     /// `gpu:certify` the GPU's, `cpu:relax@1` begins on the CPU and ends on the GPU.
     ///
     /// # Errors
@@ -144,7 +144,7 @@ impl Device {
         Ok(device)
     }
 
-    /// What this device is, and why.
+    /// The chosen backend, why it was chosen, and the memory held.
     #[must_use]
     pub fn info(&self) -> DeviceInfo {
         let mut reason = self.0.reason.clone();

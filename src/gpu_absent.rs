@@ -1,5 +1,5 @@
-//! Stands in for the GPU backend in a build without the cargo feature `gpu`: the same names, but no adapter is ever found, and
-//! of the other types there is no value.
+//! Stands in for the GPU backend in a build without the cargo feature `gpu`: the same names, but no adapter is ever
+//! found, and of the other types there is no value.
 
 use std::sync::Arc;
 

@@ -3,7 +3,7 @@
 use std::ffi::c_char;
 use std::fmt::{self, Write};
 
-/// A zero-terminated line of text in place: messages must not need memory when memory is what is short.
+/// A zero-terminated line of text in place: messages must not need memory when memory is short.
 #[derive(Clone, Copy)]
 pub(crate) struct Line<const N: usize> {
     bytes: [u8; N],

@@ -1,9 +1,9 @@
 //! The panic boundary. A panic of this library, or of a library that it calls, never unwinds into the host and never
 //! writes to the host's stderr: it becomes an `Err` with the panic's text and place.
 //!
-//! The standard hook prints panics. The hook installed here keeps the place of those that happen inside a boundary, on the
-//! thread that entered it or on a worker thread (workers have no name), and passes all others on to the hook that was
-//! there before, since a Rust program that links this crate has panics of its own.
+//! The standard hook prints panics. The hook installed here keeps the place of those that happen inside a boundary, on
+//! the thread that entered it or on a worker thread (workers have no name), and passes all others on to the hook that
+//! was there before, since a Rust program that links this crate has panics of its own.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -17,8 +17,8 @@ use crate::line::Line;
 /// Bytes of a panic's place; a longer one is cut.
 const PLACE_BYTES: usize = 128;
 
-// Plain values, initialised at compile time: no destructor is registered with the thread, which would keep the library from
-// being unloaded or would run after it was.
+// Plain values, initialised at compile time: no destructor is registered with the thread, which would keep the library
+// from being unloaded or would run after it was.
 thread_local! {
     /// How many boundaries this thread is in: more than one if a host's callback calls back.
     static DEPTH: Cell<usize> = const { Cell::new(0) };
@@ -50,7 +50,7 @@ impl Panicked {
 }
 
 /// Runs an entry point of the library. Panics of the worker threads that it starts are kept, too.
-#[allow(clippy::result_large_err, reason = "a box would need memory, which may be what is short")]
+#[allow(clippy::result_large_err, reason = "a box would need memory, which may be short")]
 pub(crate) fn catch<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     struct WithWorkers;
     impl Drop for WithWorkers {
@@ -64,7 +64,8 @@ pub(crate) fn catch<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     catch_here(body)
 }
 
-/// Runs code of others that panics where it should fail (wgpu on a lost device). `Err` holds the panic's text and place.
+/// Runs code of others that panics where it should fail (wgpu on a lost device). `Err` holds the panic's text and
+/// place.
 #[cfg(any(test, feature = "gpu"))]
 pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
     install_hook();
@@ -72,7 +73,7 @@ pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
 }
 
 /// Catches this thread's panics.
-#[allow(clippy::result_large_err, reason = "a box would need memory, which may be what is short")]
+#[allow(clippy::result_large_err, reason = "a box would need memory, which may be short")]
 fn catch_here<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     struct Inside;
     impl Drop for Inside {
@@ -82,7 +83,7 @@ fn catch_here<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     }
     DEPTH.with(|depth| depth.set(depth.get() + 1));
     let _leave = Inside;
-    // What a panic may leave half done is dropped with its owner, or stands behind a lock that forgets it.
+    // State that a panic leaves half done is dropped with its owner, or stands behind a lock that discards it.
     catch_unwind(AssertUnwindSafe(body)).map_err(|payload| Panicked { payload, place: take_place() })
 }
 

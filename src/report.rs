@@ -1,8 +1,8 @@
-//! What a host gets told: about a device, an asset, a tile, and each solve.
+//! Descriptions of a device, an asset and a tile, and the report of each solve.
 
 use crate::settings::Backend;
 
-/// What a device turned out to be.
+/// Description of a device.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct DeviceInfo {
@@ -32,7 +32,7 @@ pub struct AdapterInfo {
     pub software: bool,
 }
 
-/// What was read from a mesh.
+/// Description of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct AssetInfo {
@@ -56,7 +56,7 @@ pub struct AssetInfo {
     pub faces_outside: u64,
 }
 
-/// What is known of a tile before a solve.
+/// Facts of a tile that need no solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct TileInfo {
@@ -70,7 +70,7 @@ pub struct TileInfo {
     pub grid: [u32; 2],
     /// Nodes that may move.
     pub movable_nodes: u64,
-    /// Share of the covered nodes that more than one layer covers.
+    /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
 }
 
@@ -133,9 +133,9 @@ pub struct StrainReport {
     pub before: Strain,
     /// With the warp.
     pub after: Strain,
-    /// Share of edges whose |strain| rose by more than 0.25.
+    /// Fraction of edges whose |strain| rose by more than 0.25.
     pub harm: f32,
-    /// Share of edges whose |strain| fell by more than 0.10.
+    /// Fraction of edges whose |strain| fell by more than 0.10.
     pub help: f32,
 }
 
@@ -151,8 +151,8 @@ pub struct TileReport {
     pub energy_before: f64,
     /// Energy of the result.
     pub energy: f64,
-    /// Smallest corner Jacobian of the result: > 0 certifies that the warp is one-to-one and onto. In f64 on the CPU; on
-    /// a GPU in f32 less a bound of the rounding, so that it is never more than the true one.
+    /// Smallest corner Jacobian of the result: > 0 certifies that the warp is one-to-one and onto. In f64 on the CPU;
+    /// on a GPU in f32 less a bound of the rounding, so that it is never more than the true one.
     pub min_jacobian: f64,
     /// Corner Jacobians <= 0: always 0 from [`crate::Solver::Descent`].
     pub folds: u64,
@@ -176,13 +176,13 @@ pub struct TileReport {
     pub nodes_active: u64,
     /// Grid levels.
     pub levels: u32,
-    /// Relaxation sweeps of the schedule, over all levels (not those after parts of a step that were refused); iterations
-    /// of [`crate::Solver::Pbd`].
+    /// Relaxation sweeps of the schedule, over all levels (not those after parts of a step that were refused);
+    /// iterations of [`crate::Solver::Pbd`].
     pub sweeps: u32,
     /// Corrections of the schedule, over all levels; charts that gain too little sit out the last ones.
     pub corrections: u32,
-    /// Node updates by relaxation or iterations, over all levels; on a GPU as if every part of the schedule ran, and a level had a
-    /// quarter of the next finer one's nodes.
+    /// Node updates by relaxation or iterations, over all levels; on a GPU as if every part of the schedule ran, and a
+    /// level had a quarter of the next finer one's nodes.
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,
@@ -222,7 +222,7 @@ pub struct AssetReport {
     pub truncated: bool,
 }
 
-/// What a tile's last solve had the GPU do.
+/// Dispatches, submissions and transfers of a tile's last solve on a GPU.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct GpuWork {

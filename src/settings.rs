@@ -1,4 +1,4 @@
-//! What a host may set: per device, per tile, per solve.
+//! The settings of a host: per device, per tile, per solve.
 
 use std::fmt;
 use std::num::NonZeroU32;
@@ -26,14 +26,15 @@ pub enum Backend {
 pub enum LogLevel {
     /// Something the host may want to show: clipped faces, overlaps.
     Warning,
-    /// What was chosen and why.
+    /// The chosen backend and device, and the reason.
     Info,
 }
 
-/// A host's log function; called on the thread that called into vrtm. The asset that the line is about is busy meanwhile.
+/// A host's log function; called on the thread that called into vrtm. The asset that the line is about is busy
+/// meanwhile.
 pub type LogFn = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
 
-/// What a device is made from. The default is: choose the backend, all cores, no budget, no log.
+/// Settings of a new device. The default is: choose the backend, all cores, no budget, no log.
 #[derive(Clone, Default)]
 pub struct DeviceSettings {
     /// Which backend.
@@ -42,8 +43,8 @@ pub struct DeviceSettings {
     pub adapter: u32,
     /// CPU threads per solve, at most 1024; `None` = one per core.
     pub threads: Option<NonZeroU32>,
-    /// Most bytes that the tiles of all assets of the device may hold together, while no call is under way: maps, grids,
-    /// solvers, results; `None` = no limit.
+    /// Most bytes that the tiles of all assets of the device may hold together, while no call is under way: maps,
+    /// grids, solvers, results; `None` = no limit.
     pub memory_budget: Option<u64>,
     /// Where warnings go; `None` = nowhere.
     pub log: Option<LogFn>,
@@ -77,16 +78,17 @@ pub enum Overlap {
 pub struct TileSettings {
     /// Cells of the grid in u and v, 1..=16384, rounded up to a multiple of 16; `None` = the rigidity map's size.
     pub grid: [Option<u32>; 2],
-    /// Smoothness λ of elastic material against the stiffness 1 of rigid material, >= 0. A lower one lets rigid features
-    /// keep their shape better where elastic material has to give way for them, and makes material of little rigidity more
-    /// rigid: what counts is R against λ (1 - R).
+    /// Smoothness λ of elastic material against the stiffness 1 of rigid material, >= 0. A lower one lets rigid
+    /// features keep their shape better where elastic material has to give way for them, and makes material of little
+    /// rigidity more rigid: what counts is R against λ (1 - R).
     pub smoothness: f32,
     /// Smoothness λ0 of all material, > 0: keeps every node's problem well-posed.
     pub smoothness_floor: f32,
     /// Orientation preservation κ, >= 0 (the paper's section 4.2).
     pub orientation: f32,
     /// How much of it is added where rigid material is dense, >= 0 (the heuristic of the paper's figure 5): a node has
-    /// κ = `orientation` + this times the density around it, which is the mean rigidity over a tent of half of the tile,
+    /// κ = `orientation` + this times the density around it, which is the mean rigidity over a tent of half of the
+    /// tile,
     /// 0..1. For [`Solver::Pbd`] it is added to the fraction that a segment turns back.
     pub orientation_density: f32,
     /// Room β, >= 0: weight of the penalty on cells that lose their area.
@@ -154,7 +156,8 @@ pub const MAX_GRID: u32 = 16384;
 pub enum Quality {
     /// One correction per level, but relaxation alone on the finest.
     Draft,
-    /// One correction per level; on the finest up to four where a chart is crowded, while they gain 0.3 % of its energy.
+    /// One correction per level; on the finest up to four where a chart is crowded, while they gain 0.3 % of its
+    /// energy.
     #[default]
     Normal,
     /// As `Normal` on coarser levels; up to twelve corrections on the finest, with more sweeps, while they gain 0.01 %.
@@ -168,8 +171,8 @@ pub enum Solver {
     /// Block descent with Gauss-Newton corrections: never folds.
     #[default]
     Descent,
-    /// The paper's own: position-based dynamics on a hierarchy of grids (its section 4). The baseline. It may fold, and its
-    /// result is what it is: [`crate::TileReport::folds`] and [`crate::TileReport::min_jacobian`] tell.
+    /// The paper's own: position-based dynamics on a hierarchy of grids (its section 4). The baseline. It may fold, and
+    /// its result is what it is: [`crate::TileReport::folds`] and [`crate::TileReport::min_jacobian`] tell.
     Pbd,
 }
 
@@ -179,8 +182,8 @@ pub struct PbdSettings {
     /// Iterations per level, 1..=1024: projections of all constraints, of which every fourth is followed by a
     /// regularisation.
     pub iterations: Option<u32>,
-    /// Velocity damping, 0..=1: the fraction of its velocity that a node loses from one regularisation to the next. There
-    /// is no time step to set: without forces it cancels out.
+    /// Velocity damping, 0..=1: the fraction of its velocity that a node loses from one regularisation to the next.
+    /// There is no time step to set: without forces it cancels out.
     pub damping: Option<f32>,
     /// Orientation preservation, 0..=1: the fraction of its turn that a segment takes back after its projection.
     pub orientation_preservation: Option<f32>,
@@ -258,13 +261,13 @@ pub struct SolveOptions {
     pub warm: bool,
     /// Stop correcting a chart when a correction gains less than this fraction of its energy (to which 6 % of what the
     /// original UVs have is added), or when a level's first correction gained what its quadratic model predicted, to a
-    /// tenth of that fraction; over 0 and under 1. Up to four times these the next correction is taken in part. `None` = the
-    /// quality's own.
+    /// tenth of that fraction; over 0 and under 1. Up to four times these the next correction is taken in part. `None`
+    /// = the quality's own.
     pub tolerance: Option<f32>,
     /// Cap on corrections per level in place of the quality's own, 1..=64; `None` = the quality's own.
     pub max_corrections: Option<u32>,
-    /// Stop after about this time with the best state so far; `None` = no limit. With a limit the result depends on the speed
-    /// of the machine.
+    /// Stop after about this time with the best state so far; `None` = no limit. With a limit the result depends on the
+    /// speed of the machine.
     pub time_budget: Option<Duration>,
     /// Also measure the strain on the mesh (slow, f64): fills [`crate::TileReport::strain`].
     pub measure: bool,

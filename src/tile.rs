@@ -92,7 +92,8 @@ pub struct Level {
     /// Per block: density ρ of rigid material around each node, 0..1 (method §4). Empty unless a setting asks for it.
     pub density: Vec<Plane>,
     /// Per block: weight of each node's lower neighbour where corrections are interpolated from the next coarser level
-    /// (method §7.5; the upper neighbour has the rest), as codes of `codes::encode_weight`. Empty on the coarsest level.
+    /// (method §7.5; the upper neighbour has the rest), as codes of `codes::encode_weight`. Empty on the coarsest
+    /// level.
     pub interpolation: Vec<Plane<u8>>,
     /// Per block: 1 for movable nodes, 0 for fixed ones.
     pub movable: Vec<Plane<u8>>,

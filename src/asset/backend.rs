@@ -84,7 +84,7 @@ pub(super) struct Job<'a> {
     pub keep: &'a [bool],
 }
 
-/// What a job gives.
+/// The result of a job.
 pub(super) struct TileSolution {
     pub warp: Warp,
     /// Per chart; of those that were solved.
@@ -92,7 +92,7 @@ pub(super) struct TileSolution {
     pub summary: Summary,
     pub node_updates: u64,
     pub blocks_active: u64,
-    /// What a GPU had to do.
+    /// The GPU's dispatches, submissions and transfers.
     pub work: Option<GpuWork>,
 }
 

@@ -1,4 +1,4 @@
-//! What a tile's last result is written as.
+//! Writes a tile's last result as an image.
 
 use std::sync::atomic::{AtomicPtr, Ordering};
 
@@ -14,7 +14,7 @@ use crate::tile::blocks::{SIDE, slot};
 use super::output::Outputs;
 use super::solved::Solved;
 
-/// What a fetch writes: two channels (u, v) per texel, f32 or f16.
+/// The content of a fetched image: two channels (u, v) per texel, f32 or f16.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FetchKind {

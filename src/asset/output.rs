@@ -8,12 +8,12 @@ use crate::gpu::{self, Displacements};
 use super::backend::Warp;
 use super::solved::Solved;
 
-/// What fetched images come through on their way from a GPU. One serves all tiles of an asset, one after the other: most
-/// of the time their images have the same size.
+/// What fetched images come through on their way from a GPU. One serves all tiles of an asset, one after the other:
+/// most of the time their images have the same size.
 #[derive(Debug, Default)]
 pub(super) struct Outputs {
     gpu: Option<gpu::Output>,
-    /// What the device's books say.
+    /// The memory that the device has on its account for this output.
     booked: u64,
 }
 
@@ -22,7 +22,8 @@ const KEPT: u64 = 1 << 28;
 
 impl Outputs {
     /// Calls `put(x, y, uv, delta)` for all texels of a width by height image, rows from v = 0 upward: W⁻¹ at the texel
-    /// centre, and the same less the centre. A texel may come twice, its last call counts; never on two threads at once.
+    /// centre, and the same less the centre. A texel may come twice, its last call counts; never on two threads at
+    /// once.
     pub fn invert(
         &mut self,
         device: &Device,
@@ -95,7 +96,7 @@ impl Outputs {
         result
     }
 
-    /// Gives the memory back, and its share of the device's budget.
+    /// Frees the memory and takes it off the device's budget.
     pub fn release(&mut self, device: &Device) {
         self.gpu = None;
         let _ = device.rebook(self.booked, 0, "");

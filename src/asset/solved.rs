@@ -17,13 +17,13 @@ pub(super) struct Solved {
     /// The grid it was solved on, which may be older than the maps.
     pub grid: Arc<Grid>,
     pub warp: Arc<Warp>,
-    /// What each chart's result was computed from; `None` where it is not a function of its inputs.
+    /// The inputs of each chart's result; `None` where the result also depends on time or on earlier frames.
     pub inputs: Vec<Option<ChartInput>>,
     pub results: Vec<ChartResult>,
     /// The setting that it was solved with.
     pub overlap: Overlap,
     pub report: TileReport,
-    /// What a GPU had to do.
+    /// The GPU's dispatches, submissions and transfers.
     pub work: Option<GpuWork>,
 }
 

@@ -41,7 +41,7 @@ pub(super) struct TileState {
     /// Bytes of the solver's memory.
     solver_bytes: u64,
     pub solved: Option<Solved>,
-    /// What the device's books say.
+    /// The memory that the device has on its account for this tile.
     booked: u64,
     /// Milliseconds of the last grid build, until reported.
     build_ms: f32,
@@ -84,8 +84,9 @@ impl TileState {
         });
         let grid = Arc::new(Grid::new(mesh, source, &self.maps, coverage));
         if grid.overlap > 0.0 {
-            let share = 100.0 * grid.overlap;
-            device.log(LogLevel::Warning, &format!("tile {}: {share:.2} % of it is overlapped", source.udim));
+            let percent = 100.0 * grid.overlap;
+            device
+                .log(LogLevel::Warning, &format!("tile {}: {percent:.2} % of it is overlapped", source.udim));
         }
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
         // The old grid's memory is of no more use.
@@ -99,7 +100,7 @@ impl TileState {
         Ok(grid)
     }
 
-    /// Books what is held, and `more` that is about to be taken.
+    /// Puts the memory that is held, and `more` that is about to be allocated, on the device's account.
     fn book(&mut self, device: &Device, more: u64, udim: u32) -> Result<()> {
         let held = self.held() + more;
         device.rebook(self.booked, held, &format!("tile {udim}"))?;
@@ -266,7 +267,7 @@ impl TileState {
         report.bytes = self.held();
     }
 
-    /// What each chart's result was computed from.
+    /// The inputs of each chart's result.
     fn inputs(
         &self,
         grid: &Arc<Grid>,
@@ -283,7 +284,7 @@ impl TileState {
         pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collect()
     }
 
-    /// What is left of the solver's memory after a failure goes, and is taken out of the books.
+    /// Frees the solver's remaining memory after a failure, and takes it off the device's account.
     fn give_up(&mut self, device: &Device, tile: &TileMesh, error: Error) -> Error {
         self.solver = None;
         self.solver_bytes = 0;
@@ -322,7 +323,7 @@ impl TileState {
         Ok(())
     }
 
-    /// What is known of the tile before a solve.
+    /// The facts of the tile that need no solve.
     pub fn info(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileInfo> {
         let grid = self.grid(device, mesh, tile)?;
         let source = &mesh.tiles[tile];
@@ -336,7 +337,7 @@ impl TileState {
         })
     }
 
-    /// Gives the memory's share of the device's budget back.
+    /// Takes the memory off the device's budget.
     pub fn release(&mut self, device: &Device) {
         self.solved = None;
         self.forget(device);
@@ -352,7 +353,7 @@ struct WarpResult {
     results: Vec<ChartResult>,
     /// Filled as far as it follows from the solve itself.
     report: TileReport,
-    /// What a GPU had to do.
+    /// The GPU's dispatches, submissions and transfers.
     work: Option<GpuWork>,
 }
 

@@ -43,7 +43,7 @@ pub struct vrtm_mesh_desc {
     pub uv_index_count: usize,
 }
 
-/// What was read from a mesh. Start from vrtm_asset_data_init().
+/// Description of a mesh. Start from vrtm_asset_data_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_asset_data {
@@ -155,7 +155,7 @@ pub unsafe extern "C" fn vrtm_asset_create(
     })
 }
 
-/// Says what was read from the mesh. Never busy.
+/// Describes the mesh. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]

@@ -25,7 +25,7 @@ pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
 pub type vrtm_log_level = i32;
 /// Something to show to the artist: clipped faces, overlapping charts.
 pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
-/// What was chosen and why.
+/// The chosen backend and device, and the reason.
 pub const VRTM_LOG_INFO: vrtm_log_level = 2;
 
 /// A host's log function. It is called on the thread that called into vrtm, during that call; several threads may be
@@ -35,7 +35,7 @@ pub const VRTM_LOG_INFO: vrtm_log_level = 2;
 pub type vrtm_log_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
 
-/// What a device is made from. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
+/// Settings of a new device. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
 /// memory budget, no log.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -60,7 +60,7 @@ pub struct vrtm_device_desc {
     pub log_user: *mut c_void,
 }
 
-/// What a device turned out to be. Start from vrtm_device_data_init().
+/// Description of a device. Start from vrtm_device_data_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_device_data {
@@ -86,8 +86,8 @@ pub struct vrtm_device_data {
 pub struct vrtm_adapter_data {
     /// sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
     pub struct_size: u32,
-    /// 1 for an adapter that is emulated on the CPU (or does not say that it is hardware): VRTM_BACKEND_AUTO never takes
-    /// it. 0 otherwise.
+    /// 1 for an adapter that is emulated on the CPU (or does not say that it is hardware): VRTM_BACKEND_AUTO never
+    /// takes it. 0 otherwise.
     pub software: u32,
     /// The adapter's name, UTF-8.
     pub name: [c_char; 128],
@@ -188,7 +188,8 @@ pub unsafe extern "C" fn vrtm_device_create(
     })
 }
 
-/// Says what a device is, why, and how much memory its assets hold; also if its GPU went away.
+/// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works after a lost GPU,
+/// too.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]

@@ -9,7 +9,7 @@ use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{Target, vrtm_image_out};
 use crate::asset::FetchKind;
 
-/// What a fetch writes: two channels (u, v) per texel.
+/// Content of a fetched image: two channels (u, v) per texel.
 pub type vrtm_fetch_kind = i32;
 /// The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
 /// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds

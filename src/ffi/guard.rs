@@ -1,4 +1,4 @@
-//! What every exported function runs in: whatever goes wrong inside leaves as a status and a message.
+//! The guard that every exported function runs in: errors and panics inside become a status and a message.
 
 use super::status::{Outcome, VRTM_ERROR_INTERNAL, VRTM_OK, set_last_error, vrtm_status};
 use crate::panics;

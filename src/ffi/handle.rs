@@ -121,7 +121,7 @@ impl<T> Table<T> {
 static DEVICES: Table<Device> = Table::new();
 static ASSETS: Table<SharedAsset> = Table::new();
 
-/// An asset as threads share it: what never changes beside what calls take turns at.
+/// An asset shared by threads: constant data, and the state behind a lock.
 #[derive(Debug)]
 pub(super) struct SharedAsset {
     /// Read from the mesh; can be asked for during a solve.

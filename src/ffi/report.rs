@@ -1,4 +1,4 @@
-//! What a host gets told about the last solve.
+//! Reports of the last solve.
 
 use std::mem::offset_of;
 
@@ -45,9 +45,9 @@ pub struct vrtm_tile_report_data {
     pub energy_before: f64,
     /// Energy of the result.
     pub energy: f64,
-    /// Smallest corner Jacobian of the result (1 at rest), found in double precision (on a GPU in single precision, less
-    /// a bound of the rounding: never more than the true one): greater than 0 certifies that the
-    /// warp is one-to-one and onto.
+    /// Smallest corner Jacobian of the result (1 at rest), found in double precision (on a GPU in single precision,
+    /// less a bound of the rounding: never more than the true one): greater than 0 certifies that the warp is
+    /// one-to-one and onto.
     pub min_jacobian: f64,
     /// Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     pub folds: u64,
@@ -109,9 +109,9 @@ pub struct vrtm_tile_report_data {
     pub before: vrtm_strain,
     /// Strain with the warp.
     pub after: vrtm_strain,
-    /// Share (0..1) of the segments whose strain rose by more than 0.25.
+    /// Fraction (0..1) of the segments whose strain rose by more than 0.25.
     pub harm: f32,
-    /// Share of the segments whose strain fell by more than 0.10.
+    /// Fraction of the segments whose strain fell by more than 0.10.
     pub help: f32,
     /// Milliseconds: iterations of VRTM_SOLVER_PBD.
     pub ms_pbd: f32,

@@ -38,9 +38,9 @@ pub struct vrtm_pbd_settings {
     /// Iterations on each level of the grid, 1..1024; 0 = 16. Each projects all constraints once; every fourth is
     /// followed by a regularisation.
     pub iterations: u32,
-    /// Share (0..1) of its velocity that a node loses from one regularisation to the next; 0 = none.
+    /// Fraction (0..1) of its velocity that a node loses from one regularisation to the next; 0 = none.
     pub damping: f32,
-    /// Share (0..1) of its turn that a segment takes back after its projection; 0 = none.
+    /// Fraction (0..1) of its turn that a segment takes back after its projection; 0 = none.
     pub orientation_preservation: f32,
     /// How much (0..1) as-rigid-as-possible material is smoothed; 0 = 0.8.
     pub smoothing: f32,
@@ -61,9 +61,9 @@ pub struct vrtm_solve_options {
     pub warm: u32,
     /// Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
     pub max_corrections: u32,
-    /// A chart is done when a correction gains less than this fraction of its energy (to which 6 % of what the original UVs
-    /// have is added), or when a level's first correction gained what its quadratic model predicted, to a tenth of that
-    /// fraction; 0 <= tolerance < 1; 0 = the quality's own.
+    /// A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
+    /// original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a tenth
+    /// of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
     pub tolerance: f32,
     /// Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
     /// depends on the speed of the machine.

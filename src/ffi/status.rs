@@ -16,7 +16,7 @@ pub const VRTM_VERSION_PATCH: u32 = 0;
 /// Version of this header as one number, to compare with vrtm_version().
 pub const VRTM_VERSION: u32 = VRTM_VERSION_MAJOR * 1000000 + VRTM_VERSION_MINOR * 1000 + VRTM_VERSION_PATCH;
 
-/// What a call came to: VRTM_OK or one of the VRTM_ERROR_ values. The values are never renumbered; later versions
+/// Result of a call: VRTM_OK or one of the VRTM_ERROR_ values. The values are never renumbered; later versions
 /// may add some, so treat any value but VRTM_OK as a failure.
 pub type vrtm_status = i32;
 
@@ -110,7 +110,7 @@ impl From<Error> for Failure {
     }
 }
 
-/// What the functions of this API return inside.
+/// Result of the functions inside the guard.
 pub(super) type Outcome<T> = Result<T, Failure>;
 
 const MESSAGE_BYTES: usize = 512;

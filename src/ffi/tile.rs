@@ -9,7 +9,7 @@ use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{check_reserved, image_or_none, strided, vrtm_array, vrtm_image};
 use crate::settings::{Overlap, TileSettings};
 
-/// What is known of a tile before a solve. Start from vrtm_tile_data_init().
+/// Facts of a tile that need no solve. Start from vrtm_tile_data_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_tile_data {
@@ -27,7 +27,7 @@ pub struct vrtm_tile_data {
     pub grid_width: u32,
     /// Cells of the grid in v.
     pub grid_height: u32,
-    /// Share (0..1) of the covered nodes that more than one layer of triangles covers.
+    /// Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
     pub overlap: f32,
 }
 
@@ -54,8 +54,8 @@ pub struct vrtm_tile_settings {
     pub grid_width: u32,
     /// Cells of the grid in v, likewise.
     pub grid_height: u32,
-    /// Smoothness of elastic material against the stiffness 1 of rigid material, up to 1e6; 0 = 0.02, VRTM_OFF = none. A
-    /// lower one lets rigid features keep their shape better and makes material of little rigidity more rigid.
+    /// Smoothness of elastic material against the stiffness 1 of rigid material, up to 1e6; 0 = 0.02, VRTM_OFF = none.
+    /// A lower one lets rigid features keep their shape better and makes material of little rigidity more rigid.
     pub smoothness: f32,
     /// Smoothness of all material, 1e-6 to 1e6; 0 = 0.0005.
     pub smoothness_floor: f32,
@@ -63,11 +63,11 @@ pub struct vrtm_tile_settings {
     pub orientation: f32,
     /// Weight of the penalty on cells that lose their area, up to 1e6; 0 = 0.3, VRTM_OFF = none.
     pub room: f32,
-    /// Share of a cell's area, up to 1, under which that penalty starts; 0 = 0.4, VRTM_OFF = 0.
+    /// Fraction of a cell's area, up to 1, under which that penalty starts; 0 = 0.4, VRTM_OFF = 0.
     pub room_threshold: f32,
     /// Zero.
     pub reserved: u32,
-    /// What is added to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
+    /// Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
     /// a tent of half of the tile), up to 1e6; 0 = none, the default. Sparse features then turn to keep their shape,
     /// dense ones stay in order. For VRTM_SOLVER_PBD it is added to the fraction that a segment turns back.
     pub orientation_density: f32,
@@ -126,7 +126,7 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
     })
 }
 
-/// Says what is known of a tile. The first call, and the first after a change of map or settings, builds the tile's
+/// Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 /// grid, which takes time.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size;

@@ -4,7 +4,8 @@
 use super::triangle::doubled_area;
 use super::{Chart, NONE, RawTriangle, TileMesh, Triangle};
 
-/// Builds a tile from its triangles, which it sorts by chart. Also returns the chart of each triangle, in the order of `raw`.
+/// Builds a tile from its triangles, which it sorts by chart. Also returns the chart of each triangle, in the order of
+/// `raw`.
 ///
 /// Two triangles are neighbours if they, and no third one, share a UV edge and lie on opposite sides of it: where a
 /// mirrored half is folded onto the other one, or where three triangles meet, there is a border.

@@ -68,8 +68,8 @@ pub(crate) trait Stages {
     /// Smooths a level's displacements after interpolation, as the paper does.
     fn smooth(&mut self, level: usize, smoothing: f32);
     /// Computes energies and corner Jacobians, and applies the fallback (method §8): a chart that is folded, or whose
-    /// energy is not finite or above that of the identity, becomes the identity; with `allow_folds`, only one whose energy is
-    /// not finite.
+    /// energy is not finite or above that of the identity, becomes the identity; with `allow_folds`, only one whose
+    /// energy is not finite.
     fn certify(&mut self, allow_folds: bool);
     /// Waits until all stages called so far are done. Called before the clock is read, if there is a time budget.
     fn wait(&mut self) {}

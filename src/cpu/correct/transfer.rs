@@ -1,5 +1,5 @@
-//! The transfers between a level and the next coarser one: the interpolation P of corrections, with weights that depend on
-//! rigidity, and the restriction Pᵀ of residuals (method §7.4 and §7.5).
+//! The transfers between a level and the next coarser one: the interpolation P of corrections, with weights that depend
+//! on rigidity, and the restriction Pᵀ of residuals (method §7.4 and §7.5).
 
 use super::super::constants::interpolation;
 use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};

@@ -1,5 +1,5 @@
-//! The rules of acceptance, which stand in `method/acceptance.rs` and again in `shaders/correct/control.wgsl`, on a table of
-//! inputs.
+//! The rules of acceptance, which stand in `method/acceptance.rs` and again in `shaders/correct/control.wgsl`, on a
+//! table of inputs.
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages as Usage;
