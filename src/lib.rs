@@ -1,10 +1,10 @@
 //! vrtm keeps painted features rigid while the surface under them deforms.
 //!
-//! The data flows through the modules in the order in which they stand here:
-//! a host's arrays (`view`, `image`) become a validated mesh with tiles and charts (`mesh`), each tile's maps
-//! become a grid with movable nodes and active blocks (`tile`), `solve` runs the schedule over a backend's
-//! stages (`cpu`, `gpu`), and [`Asset`] hands out the redirection map, the warp, corner UVs and reports. Beside that way stand
-//! `exact`, `measure` and `reference`: the f64 side that results are measured with.
+//! The data flows through the modules in this order: a host's arrays (`view`, `image`) become a validated mesh with tiles
+//! and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`tile`); for each pose,
+//! `method::schedule` calls the stages of a backend (`cpu`, `gpu`) level by level; and [`Asset`] hands out the
+//! redirection map, the warp, corner UVs and reports. Beside that way stands `oracle`, the side in double precision that
+//! results are measured with. `docs/method.md` is the mathematics, `docs/architecture.md` the map of the source.
 //!
 //! # Example
 //!
