@@ -700,7 +700,7 @@ typedef int32_t vrtm_quality;
 // How a solve finds its warp.
 typedef int32_t vrtm_solver;
 
-// Block descent with Gauss-Newton corrections, which never folds; the default.
+// Gauss-Newton corrections and relaxation, which never folds; the default.
 #define VRTM_SOLVER_DESCENT 0
 
 // The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
@@ -773,7 +773,7 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
 // overlap in memory, neither each other nor the positions.
 //
 // Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile of another asset and
-// for images that overlap. On any error no image is written.
+// for images that overlap. On an error no image is written, unless a GPU fails while the images are written.
 VRTM_API
 vrtm_status vrtm_asset_redirect(vrtm_asset asset,
                                 const vrtm_array *positions,
@@ -852,7 +852,7 @@ typedef struct vrtm_tile_report_data {
     uint64_t node_updates;
     // Bytes held for this tile: maps, state, result.
     uint64_t bytes;
-    // Milliseconds: positions to triangles, metrics and samples. The stages' times are taken on the device; on a GPU
+    // Milliseconds: positions to triangles and their metrics. The stages' times are taken on the device; on a GPU
     // without timestamps they are 0, and only the total is told.
     float ms_surface;
     // Milliseconds: maps to grids; 0 unless a map or a setting changed.
@@ -861,7 +861,7 @@ typedef struct vrtm_tile_report_data {
     float ms_pyramid;
     // Milliseconds: displacements to the next finer level.
     float ms_prolong;
-    // Milliseconds: block descent.
+    // Milliseconds: relaxation, node by node.
     float ms_relax;
     // Milliseconds: Gauss-Newton corrections.
     float ms_correct;

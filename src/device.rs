@@ -86,7 +86,7 @@ impl Device {
     ///
     /// To find the stage at which a GPU goes wrong, VRTM_SWITCH=BACKEND:STAGE has assets on a GPU run the stages up to
     /// and with STAGE on one backend (cpu or gpu) and the rest on the other. A stage is `surface`, `pyramid`,
-    /// `prolong@LEVEL`, `relax@LEVEL`, `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (the first N
+    /// `prolong@LEVEL`, `relax@LEVEL` (of the paper's solver: its iterations), `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (the first N
     /// of them) or `certify`; level 0 is the finest, and the coarsest comes first. `cpu:certify` is the CPU's result,
     /// `gpu:certify` the GPU's, `cpu:relax@1` begins on the CPU and ends on the GPU.
     ///

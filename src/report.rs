@@ -79,7 +79,7 @@ pub struct TileInfo {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StageTimes {
-    /// Positions to triangles, metrics and samples.
+    /// Positions to triangles and their metrics.
     pub surface: f32,
     /// Maps to grids (0 unless a map or setting changed).
     pub maps: f32,
@@ -87,7 +87,7 @@ pub struct StageTimes {
     pub pyramid: f32,
     /// Displacements to the next finer level.
     pub prolong: f32,
-    /// Block descent.
+    /// Relaxation, node by node.
     pub relax: f32,
     /// Gauss-Newton corrections.
     pub correct: f32,

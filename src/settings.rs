@@ -168,7 +168,7 @@ pub enum Quality {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Solver {
-    /// Block descent with Gauss-Newton corrections: never folds.
+    /// Gauss-Newton corrections and relaxation: never folds.
     #[default]
     Descent,
     /// The paper's own: position-based dynamics on a hierarchy of grids (its section 4). The baseline. It may fold, and

@@ -103,13 +103,13 @@ impl Job<'_> {
     }
 
     /// Runs the schedule, if a chart has to be solved.
-    pub fn run(&self, stages: &mut impl Stages) -> Summary {
+    pub fn run_schedule(&self, stages: &mut impl Stages) -> Summary {
         let warm = self.plan.warm && self.last.is_some();
         if self.solves() { schedule::run(stages, self.plan, warm, self.called) } else { Summary::default() }
     }
 
     /// The last result of the charts that keep it, the identity elsewhere, in host memory.
-    pub fn start(&self) -> Result<Vec<[Plane; 2]>> {
+    pub fn initial_displacements(&self) -> Result<Vec<[Plane; 2]>> {
         let blocks = &self.grid.levels[0].blocks;
         let Some(last) = self.last else { return Ok(vec![[[0.0; NODES]; 2]; blocks.list.len()]) };
         let mut u = last.host()?.to_vec();
@@ -131,9 +131,9 @@ impl TileSolver {
 }
 
 fn run_on_cpu(memory: &mut cpu::Memory, job: &Job) -> Result<TileSolution> {
-    let mut u = job.start()?;
+    let mut u = job.initial_displacements()?;
     let mut run = cpu::Run::new(job.team, &job.input, memory, &mut u);
-    let summary = job.run(&mut run);
+    let summary = job.run_schedule(&mut run);
     let (charts, node_updates) = (std::mem::take(&mut run.results), run.node_updates());
     let blocks_active = run.blocks_active();
     Ok(TileSolution { warp: Warp::Host(u), charts, summary, node_updates, blocks_active, work: None })

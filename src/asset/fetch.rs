@@ -43,7 +43,7 @@ impl Canvas {
         assert!(x < self.layout.width as usize && y < self.layout.height as usize);
         let at = self.layout.offset(x, y);
         // SAFETY: `ImageViewMut` checked that every texel of the layout lies in its bytes. Two threads never write one
-        // texel: rows are kept apart, and a certified warp covers each texel once.
+        // texel: a warp without folds covers each texel once, and one with folds is written by one thread (`Outputs::invert`).
         unsafe {
             let to = self.pixels.load(Ordering::Relaxed).add(at);
             match self.layout.format {

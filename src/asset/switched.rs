@@ -121,8 +121,8 @@ impl Stages for Switched<'_> {
         self.at(Point::level(level, 1)).iterate(level, iteration);
     }
 
-    fn smooth(&mut self, level: usize, smoothing: f32) {
-        self.at(Point::level(level, 0)).smooth(level, smoothing);
+    fn regularise(&mut self, level: usize, smoothing: f32) {
+        self.at(Point::level(level, 0)).regularise(level, smoothing);
     }
 
     fn certify(&mut self, allow_folds: bool) {

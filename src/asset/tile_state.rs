@@ -186,7 +186,7 @@ impl TileState {
             let warp = Arc::new(Warp::Host(identity));
             return Ok(WarpResult { warp, results, report, work: None });
         }
-        let solution = self.run(call, grid, tile, pose, last.as_deref(), tasks)?;
+        let solution = self.run_solver(call, grid, tile, pose, last.as_deref(), tasks)?;
         for c in (0..tasks.len()).filter(|&c| tasks[c] == ChartTask::Solve) {
             results[c] = solution.charts[c];
         }
@@ -205,7 +205,7 @@ impl TileState {
     }
 
     /// Runs the tile's solver, which is made if need be.
-    fn run(
+    fn run_solver(
         &mut self,
         call: &SolveCall,
         grid: &Arc<Grid>,

@@ -20,7 +20,7 @@ use crate::method::law::TRIAL_FRACTIONS;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::window::WINDOW_NODES;
 
-use super::lanes::{Kernel, LANES, Lanes, Truth, wide};
+use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
 use super::patch::State;
 use super::sampling::{Start, Surface};
 use super::team::SharedSlice;
@@ -49,12 +49,12 @@ impl Run<'_> {
         let mut assembling = workspace.assembling(level, result);
         let (rows, residual) = assembling.system();
         let before = self.with_surface(level, assemble::Assemble { rows, residual, level });
-        let mut samples = std::mem::take(&mut self.memory.levels);
-        let mut solving = assembling.solving(&mut samples[level..]);
+        let mut buffers = std::mem::take(&mut self.memory.levels);
+        let mut solving = assembling.solving(&mut buffers[level..]);
         self.complete_systems(level, &mut solving.levels, correction.first);
         let predicted = self.conjugate_gradients(level, &mut solving);
         let mut limiting = solving.limiting();
-        self.memory.levels = samples;
+        self.memory.levels = buffers;
         step_limit::limit(self, level, &mut limiting);
         self.try_fractions(level, limiting.stepping(), correction, &before, &predicted, &mut fraction);
         workspace.next_fraction = fraction;

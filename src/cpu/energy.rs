@@ -1,6 +1,6 @@
 //! The energy of a level's present state per chart (method §4), summed in a fixed order.
 
-use super::lanes::{Kernel, Lanes, Truth, wide};
+use super::lanes::{Lanes, Mask, Vectorised, dispatch};
 use super::patch::{NEIGHBOURS, Patch, QUADRANTS, State, Weights};
 use super::row::Row;
 use super::sampling::Surface;
@@ -39,7 +39,7 @@ impl SurfaceFn<Vec<f64>> for Energies {
         run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
             let sum = run.patches.with(worker, |patch| {
-                wide(BlockEnergy {
+                dispatch(BlockEnergy {
                     patch,
                     level,
                     state,
@@ -68,7 +68,7 @@ struct BlockEnergy<'a, S> {
     allow_folds: bool,
 }
 
-impl<S: Surface> Kernel for BlockEnergy<'_, S> {
+impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
     type Output = f64;
 
     #[inline(always)]

@@ -39,7 +39,7 @@ pub trait Lanes:
     + 'static
 {
     /// Eight truth values.
-    type Mask: Truth<Self>;
+    type Mask: Mask<Self>;
     /// Eight u32.
     type Index: Copy + Send + Sync;
 
@@ -57,9 +57,9 @@ pub trait Lanes:
     fn store(self, values: &mut [f32], at: usize);
     fn sqrt(self) -> Self;
     fn floor(self) -> Self;
-    /// The other operand where this one is not a number.
+    /// The other operand where this one is NaN.
     fn max(self, other: Self) -> Self;
-    /// The other operand where this one is not a number.
+    /// The other operand where this one is NaN.
     fn min(self, other: Self) -> Self;
     fn lt(self, other: Self) -> Self::Mask;
     fn le(self, other: Self) -> Self::Mask;
@@ -68,16 +68,16 @@ pub trait Lanes:
 
     fn load_index(values: &[u32], at: usize) -> Self::Index;
     fn store_index(index: Self::Index, values: &mut [u32], at: usize);
-    fn index_from(values: [u32; LANES]) -> Self::Index;
-    fn index_array(index: Self::Index) -> [u32; LANES];
-    fn same(a: Self::Index, b: Self::Index) -> Self::Mask;
+    fn index_from_array(values: [u32; LANES]) -> Self::Index;
+    fn index_to_array(index: Self::Index) -> [u32; LANES];
+    fn index_eq(a: Self::Index, b: Self::Index) -> Self::Mask;
     /// Where the mask is true `a`, elsewhere `b`.
     fn select_index(mask: Self::Mask, a: Self::Index, b: Self::Index) -> Self::Index;
-    /// Both operands without their last 16 bits, rounded (to even where that is a tie; what is not a number may become
+    /// Both operands without their last 16 bits, rounded (to even where that is a tie; a NaN may become
     /// one): the first in the upper half of each word, the other in the lower.
-    fn halves(high: Self, low: Self) -> Self::Index;
-    /// What `halves` kept.
-    fn from_halves(words: Self::Index) -> (Self, Self);
+    fn pack_bfloat16(high: Self, low: Self) -> Self::Index;
+    /// What `pack_bfloat16` kept.
+    fn unpack_bfloat16(words: Self::Index) -> (Self, Self);
     /// Numbers at the same place of eight records: `out[k]` has in lane n the k-th number of record n.
     fn transpose(records: [&[f32; LANES]; LANES]) -> [Self; LANES];
 
@@ -92,7 +92,7 @@ pub trait Lanes:
 }
 
 /// Eight truth values, and what they choose.
-pub trait Truth<V>: Copy {
+pub trait Mask<V>: Copy {
     /// Lane k is true if bit k is set.
     fn from_bits(bits: u8) -> Self;
     fn bits(self) -> u8;
@@ -108,7 +108,7 @@ pub trait Truth<V>: Copy {
 }
 
 /// Work on a block, whose `run` is to be inlined (always) so that it can be compiled for several processors.
-pub trait Kernel {
+pub trait Vectorised {
     type Output;
     fn run<V: Lanes>(self) -> Self::Output;
 }
@@ -116,15 +116,15 @@ pub trait Kernel {
 /// Runs a kernel that was compiled for the widest vectors that this processor has. Every level gives the same bits: none
 /// of them fuses a multiplication with an addition.
 #[inline(always)]
-pub fn wide<K: Kernel>(kernel: K) -> K::Output {
+pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
-        unsafe fn avx2<K: Kernel>(kernel: K) -> K::Output {
+        unsafe fn avx2<K: Vectorised>(kernel: K) -> K::Output {
             kernel.run::<avx2::Avx2>()
         }
         #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt,avx512f,avx512vl,avx512bw,avx512dq")]
-        unsafe fn avx512<K: Kernel>(kernel: K) -> K::Output {
+        unsafe fn avx512<K: Vectorised>(kernel: K) -> K::Output {
             kernel.run::<avx2::Avx2>()
         }
         // SAFETY: the processor has it.
@@ -166,8 +166,8 @@ fn detected() -> Level {
     {
         use std::arch::is_x86_feature_detected as has;
         if has!("avx2") && has!("bmi1") && has!("bmi2") && has!("popcnt") && has!("lzcnt") {
-            let wide = has!("avx512f") && has!("avx512vl") && has!("avx512bw") && has!("avx512dq");
-            return if wide { Level::Avx512 } else { Level::Avx2 };
+            let avx512 = has!("avx512f") && has!("avx512vl") && has!("avx512bw") && has!("avx512dq");
+            return if avx512 { Level::Avx512 } else { Level::Avx2 };
         }
     }
     Level::Baseline

@@ -8,7 +8,7 @@ use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::constants::{self, window_vectors};
-use super::lanes::{LANES, Lanes, Truth, each};
+use super::lanes::{LANES, Lanes, Mask, each};
 use super::row::Row;
 use super::sampling::{GridRow, Samples, Surface};
 use super::team::SharedSlice;

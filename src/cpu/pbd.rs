@@ -66,7 +66,7 @@ impl Run<'_> {
     }
 
     /// Regularises a level (the paper's eq. 4 and 5) without integration and prediction.
-    pub(super) fn smooth_level(&mut self, level: usize, smoothing: f32) {
+    pub(super) fn regularise_level(&mut self, level: usize, smoothing: f32) {
         self.copy_inactive_blocks(level);
         self.pass(level, Pass::Regularise(Regularise { smoothing, velocity: None }));
     }

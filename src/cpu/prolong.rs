@@ -4,7 +4,7 @@
 //! result (method §5).
 
 use super::Run;
-use super::lanes::{Kernel, Lanes, Truth, wide};
+use super::lanes::{Lanes, Mask, Vectorised, dispatch};
 use super::sampling::Start;
 use super::team::SharedSlice;
 use crate::mesh::NONE;
@@ -126,7 +126,7 @@ pub fn interpolate_block<'a>(
     for (c, plane) in out.iter_mut().enumerate() {
         match coarse_nodes(finer, coarser, |b| coarse(b, c), b) {
             None => *plane = [0.0; NODES],
-            Some(nodes) => wide(Interpolate { nodes: &nodes, movable: &finer.movable[b], plane }),
+            Some(nodes) => dispatch(Interpolate { nodes: &nodes, movable: &finer.movable[b], plane }),
         }
     }
 }
@@ -138,7 +138,7 @@ struct Interpolate<'a> {
     plane: &'a mut Plane,
 }
 
-impl Kernel for Interpolate<'_> {
+impl Vectorised for Interpolate<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -9,7 +9,7 @@ use crate::method::law::{BOUND_SAFETY, MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE
 use crate::method::schedule::passes;
 use crate::tile::Level;
 
-use super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use std::sync::atomic::Ordering;
 
 use super::patch::{NodeState, Patch, State, Weights};
@@ -47,7 +47,7 @@ impl SurfaceFn<()> for Relax<'_> {
                 run.patches.with(worker, |patch| {
                     let fraction =
                         self.fraction.map_or(1.0, |fraction| fraction[level.blocks.list[b].chart as usize]);
-                    wide(RelaxBlock {
+                    dispatch(RelaxBlock {
                         patch,
                         level,
                         state,
@@ -76,7 +76,7 @@ struct RelaxBlock<'a, S> {
     fraction: f32,
 }
 
-impl<S: Surface> Kernel for RelaxBlock<'_, S> {
+impl<S: Surface> Vectorised for RelaxBlock<'_, S> {
     type Output = ();
 
     #[inline(always)]

@@ -45,8 +45,8 @@ impl Stages for Run<'_> {
         self.iterate_level(level, iteration);
     }
 
-    fn smooth(&mut self, level: usize, smoothing: f32) {
-        self.smooth_level(level, smoothing);
+    fn regularise(&mut self, level: usize, smoothing: f32) {
+        self.regularise_level(level, smoothing);
     }
 
     fn certify(&mut self, allow_folds: bool) {

@@ -1,7 +1,7 @@
 //! The energy of the edges and corners at one row of eight nodes, with its gradient and Gauss-Newton matrix, from the
 //! displacements, samples, rigidities and rest lengths of a patch (method §4).
 
-use super::lanes::{Lanes, Truth, each};
+use super::lanes::{Lanes, Mask, each};
 use super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
 use super::row::Row;
 use super::sampling::{GradientTerms, Surface};
@@ -53,7 +53,7 @@ impl Patch {
         let weight = row.near::<V>(&self.rigidity, 0, 0).max(row.near(&self.rigidity, di, dj));
         Edge {
             value: each!([0, 1, 2], |c| row.near(&self.value[c], di, dj)),
-            same_triangle: V::same(V::load_index(&self.triangle, row.at(di, dj)), p.samples.triangle),
+            same_triangle: V::index_eq(V::load_index(&self.triangle, row.at(di, dj)), p.samples.triangle),
             d: row.offset(&self.u, &p.u, di, dj),
             rest_length: row.near(&self.length[e], oi, oj),
             inverse_length: row.near(&self.inverse_length[e], oi, oj),

@@ -81,7 +81,7 @@ pub struct vrtm_tile_report_data {
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,
-    /// Milliseconds: positions to triangles, metrics and samples. The stages' times are taken on the device; on a GPU
+    /// Milliseconds: positions to triangles and their metrics. The stages' times are taken on the device; on a GPU
     /// without timestamps they are 0, and only the total is told.
     pub ms_surface: f32,
     /// Milliseconds: maps to grids; 0 unless a map or a setting changed.
@@ -90,7 +90,7 @@ pub struct vrtm_tile_report_data {
     pub ms_pyramid: f32,
     /// Milliseconds: displacements to the next finer level.
     pub ms_prolong: f32,
-    /// Milliseconds: block descent.
+    /// Milliseconds: relaxation, node by node.
     pub ms_relax: f32,
     /// Milliseconds: Gauss-Newton corrections.
     pub ms_correct: f32,

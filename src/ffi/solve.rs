@@ -23,7 +23,7 @@ pub const VRTM_QUALITY_HIGH: vrtm_quality = 2;
 
 /// How a solve finds its warp.
 pub type vrtm_solver = i32;
-/// Block descent with Gauss-Newton corrections, which never folds; the default.
+/// Gauss-Newton corrections and relaxation, which never folds; the default.
 pub const VRTM_SOLVER_DESCENT: vrtm_solver = 0;
 /// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
 /// its result is returned as it is, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
@@ -171,7 +171,7 @@ pub unsafe extern "C" fn vrtm_asset_solve(
 /// overlap in memory, neither each other nor the positions.
 ///
 /// Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile of another asset and
-/// for images that overlap. On any error no image is written.
+/// for images that overlap. On an error no image is written, unless a GPU fails while the images are written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_redirect(
     asset: vrtm_asset,

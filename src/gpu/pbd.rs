@@ -41,7 +41,7 @@ impl Run<'_> {
     }
 
     /// Regularisation alone (the paper's eq. 4 and 5), without velocities.
-    pub(super) fn smooth_level(&mut self, level: usize, smoothing: f32) {
+    pub(super) fn regularise_level(&mut self, level: usize, smoothing: f32) {
         self.copy_state(level, PBD_WITHOUT_VELOCITY);
         self.state_in_vectors = false;
         self.regularise_pass(level, Params { mode: PBD_WITHOUT_VELOCITY, smoothing, ..self.at_level(level) });

@@ -121,9 +121,9 @@ impl Stages for Run<'_> {
         self.iterate_level(level, iteration);
     }
 
-    fn smooth(&mut self, level: usize, smoothing: f32) {
+    fn regularise(&mut self, level: usize, smoothing: f32) {
         self.recorder.stage(Stage::Pbd as usize);
-        self.smooth_level(level, smoothing);
+        self.regularise_level(level, smoothing);
     }
 
     fn certify(&mut self, allow_folds: bool) {

@@ -84,7 +84,7 @@ pub(crate) fn level<S: Stages>(
     summary: &mut Summary,
 ) {
     if level < coarsest {
-        stages.smooth(level, settings.smoothing);
+        stages.regularise(level, settings.smoothing);
     }
     if summary.truncated {
         return;

@@ -66,7 +66,7 @@ pub(crate) trait Stages {
     /// Does one iteration of the paper's solver on a level (method §10).
     fn iterate(&mut self, level: usize, iteration: &pbd::Iteration);
     /// Smooths a level's displacements after interpolation, as the paper does.
-    fn smooth(&mut self, level: usize, smoothing: f32);
+    fn regularise(&mut self, level: usize, smoothing: f32);
     /// Computes energies and corner Jacobians, and applies the fallback (method §8): a chart that is folded, or whose
     /// energy is not finite or above that of the identity, becomes the identity; with `allow_folds`, only one whose
     /// energy is not finite.

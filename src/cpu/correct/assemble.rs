@@ -4,7 +4,7 @@
 //! that make up for the rounding of the pairs.
 
 use super::super::energy::Total;
-use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
 use super::super::row::Row;
 use super::super::sampling::{GradientTerms, Slopes};
@@ -44,7 +44,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
                         right_hand_side: right_hand_sides.get_mut(b),
                     }
                 };
-                wide(AssembleBlock {
+                dispatch(AssembleBlock {
                     patch,
                     level,
                     state,
@@ -81,7 +81,7 @@ struct Out<'a> {
     right_hand_side: &'a mut [Plane; 2],
 }
 
-impl<S: Surface> Kernel for AssembleBlock<'_, S> {
+impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
     type Output = f64;
 
     #[inline(always)]
@@ -144,7 +144,7 @@ fn block_row<V: Lanes, S: Surface>(
             row.store(plane, V::zero());
         }
         for plane in out.words.as_flattened_mut() {
-            V::store_index(V::index_from([0; LANES]), plane, row.slot());
+            V::store_index(V::index_from_array([0; LANES]), plane, row.slot());
         }
         return;
     }

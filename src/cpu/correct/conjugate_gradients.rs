@@ -30,7 +30,7 @@ impl Run<'_> {
                 let (direction, step) = (SharedSlice::new(direction), &*solving.step);
                 self.each_block(level, |_, b, c| {
                     // SAFETY: each item has its own block.
-                    wide(Direction { z: unsafe { direction.get_mut(b) }, x: &step[b], beta: beta[c] });
+                    dispatch(Direction { z: unsafe { direction.get_mut(b) }, x: &step[b], beta: beta[c] });
                 });
             }
             let curvature = multigrid::multiply(self, level, rows, direction, product);
@@ -48,7 +48,7 @@ impl Run<'_> {
             self.each_block(level, |_, b, c| {
                 // SAFETY: each item has its own block.
                 let (x, r) = unsafe { (step.get_mut(b), residual.get_mut(b)) };
-                wide(Update { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
+                dispatch(Update { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
             });
             (first_rz, first_alpha) = (rz, alpha);
         }
@@ -63,7 +63,7 @@ struct Direction<'a> {
     beta: f32,
 }
 
-impl Kernel for Direction<'_> {
+impl Vectorised for Direction<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -88,7 +88,7 @@ struct Update<'a> {
     last: bool,
 }
 
-impl Kernel for Update<'_> {
+impl Vectorised for Update<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -3,7 +3,7 @@
 //! for each row of fine nodes, and then along y, which takes a third of the operations of forming the whole stencil at
 //! once.
 
-use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
+use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
 use super::rows::{BlockRows, Pairs, Words, decode_one, encode, halo_pairs};
 use super::transfer::{RestrictQuarter, active_neighbours};
 use super::*;
@@ -38,7 +38,7 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
                 window::load(&neighbours, 0.0, |b| &fine.product[b][c], window);
             }
             let movable_here = &level.movable[b];
-            wide(RestrictQuarter {
+            dispatch(RestrictQuarter {
                 windows: &windows,
                 weights: &weights,
                 movable: movable_here,
@@ -48,7 +48,7 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
             run.pairs.with(worker, |pairs| {
                 let neighbour = |k: usize| (neighbours[k] != NONE).then(|| neighbours[k] as usize);
                 let diagonals = [0, 1, 3, 4].map(|k| neighbour(k).map(|b| &fine.rows.diagonal[b]));
-                wide(QuarterPairs {
+                dispatch(QuarterPairs {
                     fine_rows: fine.rows.block(child as usize),
                     fine_words: &fine.rows.words,
                     neighbours: &neighbours,
@@ -103,7 +103,7 @@ struct XProduct<V> {
     previous_east: Block<V>,
 }
 
-impl Kernel for QuarterPairs<'_> {
+impl Vectorised for QuarterPairs<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -284,7 +284,7 @@ fn store_pairs<V: Lanes>(
     let (x, j) = (quarter % 2 * LANES, quarter / 2 * LANES + row);
     for (e, &pair) in pairs.iter().enumerate() {
         let (di, dj) = EDGES[e];
-        let pair = encode::<V>(pair).map(V::index_array);
+        let pair = encode::<V>(pair).map(V::index_to_array);
         for lane in 0..LANES {
             let i = x + lane;
             // Pairs with a fixed node stay 0.

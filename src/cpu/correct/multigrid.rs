@@ -2,7 +2,7 @@
 //! colours (method §7.4). The smoother runs backwards after the coarse correction, so that the cycle is symmetric, as
 //! conjugate gradients require.
 
-use super::super::lanes::{Kernel, LANES, Lanes, each, wide};
+use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
 use super::super::row::Row;
 use super::rows::{BlockRows, Pairs};
@@ -94,8 +94,9 @@ fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, do
         // SAFETY: as above.
         let z = unsafe { z.get_mut(b) };
         let (backwards, dot, windows) = (sweeps.backwards, dots.is_some(), &mut windows);
-        let dot =
-            run.pairs.with(worker, |pairs| wide(SmoothBlock { rows, pairs, r, windows, backwards, dot, z }));
+        let dot = run
+            .pairs
+            .with(worker, |pairs| dispatch(SmoothBlock { rows, pairs, r, windows, backwards, dot, z }));
         if let Some(dots) = dots {
             // SAFETY: each item has its own sum.
             unsafe { *dots.get_mut(b) = f64::from(dot) };
@@ -125,7 +126,7 @@ struct SmoothBlock<'a> {
     z: &'a mut [Plane; 2],
 }
 
-impl Kernel for SmoothBlock<'_> {
+impl Vectorised for SmoothBlock<'_> {
     type Output = f32;
 
     #[inline(always)]
@@ -210,7 +211,7 @@ pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mu
         // SAFETY: each item has its own block and sum.
         unsafe {
             let (v, out, windows) = (&v[b], out.get_mut(b), &windows);
-            let dot = run.pairs.with(worker, |pairs| wide(BlockProduct { rows, pairs, windows, v, out }));
+            let dot = run.pairs.with(worker, |pairs| dispatch(BlockProduct { rows, pairs, windows, v, out }));
             *shared.get_mut(b) = f64::from(dot);
         }
     });
@@ -229,7 +230,7 @@ fn residual(run: &Run, level: usize, system: &mut SolvingLevel) {
         // SAFETY: each item has its own block.
         let out = unsafe { out.get_mut(b) };
         let (windows, r) = (&windows, &r[b]);
-        run.pairs.with(worker, |pairs| wide(BlockResidual { rows, pairs, windows, r, out }));
+        run.pairs.with(worker, |pairs| dispatch(BlockResidual { rows, pairs, windows, r, out }));
     });
 }
 
@@ -242,7 +243,7 @@ struct BlockProduct<'a> {
     out: &'a mut [Plane; 3],
 }
 
-impl Kernel for BlockProduct<'_> {
+impl Vectorised for BlockProduct<'_> {
     type Output = f32;
 
     #[inline(always)]
@@ -267,7 +268,7 @@ struct BlockResidual<'a> {
     out: &'a mut [Plane; 3],
 }
 
-impl Kernel for BlockResidual<'_> {
+impl Vectorised for BlockResidual<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -6,7 +6,7 @@
 
 use super::super::allocate::Allocate;
 use super::super::constants;
-use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch;
 use super::super::row::Row;
@@ -67,13 +67,13 @@ pub struct BlockRows<'a> {
 /// Encodes a row-major 2x2 block per lane as two words: (xx, mean of xy and yx), (yy, half of xy - yx).
 #[inline(always)]
 pub fn encode<V: Lanes>([xx, xy, yx, yy]: [V; 4]) -> [V::Index; 2] {
-    [V::halves(xx, (xy + yx) * 0.5), V::halves(yy, (xy - yx) * 0.5)]
+    [V::pack_bfloat16(xx, (xy + yx) * 0.5), V::pack_bfloat16(yy, (xy - yx) * 0.5)]
 }
 
 /// Decodes the words of `encode` to row-major 2x2 blocks.
 #[inline(always)]
 pub fn decode<V: Lanes>([first, second]: [V::Index; 2]) -> [V; 4] {
-    let ((xx, mean), (yy, half)) = (V::from_halves(first), V::from_halves(second));
+    let ((xx, mean), (yy, half)) = (V::unpack_bfloat16(first), V::unpack_bfloat16(second));
     [xx, mean + half, mean - half, yy]
 }
 
@@ -199,7 +199,7 @@ pub fn halo_pairs<V: Lanes>(words: &[Words], neighbours: &[u32; 9], pairs: &mut 
             for cj in 0..2 {
                 let words = each!([0, 1], |w| {
                     let at = slot(i, cj);
-                    V::index_from(each!([0, 1, 2, 3, 4, 5, 6, 7], |n| column[w][at + n * (SIDE / 2)]))
+                    V::index_from_array(each!([0, 1, 2, 3, 4, 5, 6, 7], |n| column[w][at + n * (SIDE / 2)]))
                 });
                 for (c, x) in decode::<V>(words).into_iter().enumerate() {
                     for (n, x) in x.to_array().into_iter().enumerate() {
@@ -246,8 +246,9 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
         // SAFETY: as above.
         let ones_and_product = coarser.then(|| (&ones, unsafe { product.get_mut(b) }));
         let (words, halo, movable) = (&words[b], &*halo, &grid.movable[b]);
-        run.pairs
-            .with(worker, |pairs| wide(Complete { words, halo, movable, pairs, diagonal, ones_and_product }));
+        run.pairs.with(worker, |pairs| {
+            dispatch(Complete { words, halo, movable, pairs, diagonal, ones_and_product })
+        });
     });
 }
 
@@ -301,7 +302,7 @@ struct Complete<'a> {
     ones_and_product: Option<(&'a Window, &'a mut [Plane; 3])>,
 }
 
-impl Kernel for Complete<'_> {
+impl Vectorised for Complete<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -4,7 +4,7 @@
 //! to be limited. The nodes of one corner may have different fractions; where a corner Jacobian is under ε all the
 //! same, they are halved.
 
-use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
+use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
 use super::super::row::Row;
 use super::transfer::active_neighbours;
@@ -36,7 +36,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
         // SAFETY: each item has its own block and flag.
         unsafe {
             let fraction = &mut fraction.get_mut(b)[0];
-            *flags.get_mut(k) = wide(FirstFraction { u: &u_window, step: &step_window, fraction });
+            *flags.get_mut(k) = dispatch(FirstFraction { u: &u_window, step: &step_window, fraction });
         };
     });
     // Charts in which no node is limited are done, and are kept out of the rounds of the other charts.
@@ -68,7 +68,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
                     moved[c][n] += fractions[n] * step_window[c][n];
                 }
             }
-            let any = wide(Marks { u: &moved, mark });
+            let any = dispatch(Marks { u: &moved, mark });
             // SAFETY: each item has its own flag.
             unsafe { *flags.get_mut(k) = any };
         });
@@ -134,7 +134,7 @@ fn apply_falloff(
                 window::load(&active_neighbours(level, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
                 &mut mark.get_mut(b)[1]
             };
-            wide(FallOff { fractions: &fractions, out });
+            dispatch(FallOff { fractions: &fractions, out });
         });
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
@@ -152,7 +152,7 @@ struct FirstFraction<'a> {
     fraction: &'a mut Plane,
 }
 
-impl Kernel for FirstFraction<'_> {
+impl Vectorised for FirstFraction<'_> {
     type Output = bool;
 
     #[inline(always)]
@@ -216,7 +216,7 @@ struct FallOff<'a> {
     out: &'a mut Plane,
 }
 
-impl Kernel for FallOff<'_> {
+impl Vectorised for FallOff<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -239,7 +239,7 @@ struct Marks<'a> {
     mark: &'a mut Plane,
 }
 
-impl Kernel for Marks<'_> {
+impl Vectorised for Marks<'_> {
     type Output = bool;
 
     #[inline(always)]

@@ -2,7 +2,7 @@
 //! on rigidity, and the restriction Pᵀ of residuals (method §7.4 and §7.5).
 
 use super::super::constants::interpolation;
-use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::prolong;
 use super::*;
 use crate::mesh::NONE;
@@ -30,7 +30,7 @@ pub fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]])
             }
             let weights = interpolation(fine, &neighbours);
             let (windows, weights, movable) = (&windows, &weights, &coarse.movable[b]);
-            wide(RestrictQuarter { windows, weights, movable, quarter, r });
+            dispatch(RestrictQuarter { windows, weights, movable, quarter, r });
         }
     });
 }
@@ -45,7 +45,7 @@ pub struct RestrictQuarter<'a, const N: usize> {
     pub r: &'a mut [Plane; N],
 }
 
-impl<const N: usize> Kernel for RestrictQuarter<'_, N> {
+impl<const N: usize> Vectorised for RestrictQuarter<'_, N> {
     type Output = ();
 
     #[inline(always)]
@@ -107,7 +107,7 @@ pub fn add_interpolated<'a, T: Copy + Default + Into<f32> + 'a>(
 ) {
     let (fine_level, coarse_level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     if let Some(nodes) = prolong::coarse_nodes(fine_level, coarse_level, coarse, b) {
-        wide(AddInterpolated { nodes: &nodes, weights, movable: &fine_level.movable[b], z });
+        dispatch(AddInterpolated { nodes: &nodes, weights, movable: &fine_level.movable[b], z });
     }
 }
 
@@ -119,7 +119,7 @@ struct AddInterpolated<'a> {
     z: &'a mut Plane,
 }
 
-impl Kernel for AddInterpolated<'_> {
+impl Vectorised for AddInterpolated<'_> {
     type Output = ();
 
     #[inline(always)]

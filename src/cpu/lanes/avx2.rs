@@ -1,9 +1,9 @@
-//! AVX2: 256-bit registers. Only to be used inside `wide`, which checks the processor first.
+//! AVX2: 256-bit registers. Only to be used inside `dispatch`, which checks the processor first.
 
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::{LANES, Lanes, Lengths, Truth};
+use super::{LANES, Lanes, Lengths, Mask};
 
 /// Eight f32.
 #[derive(Clone, Copy, Debug)]
@@ -13,7 +13,7 @@ pub struct Avx2(__m256);
 /// Eight truth values: all bits of a lane are set or none.
 #[derive(Clone, Copy, Debug)]
 #[repr(transparent)]
-pub struct Mask(__m256);
+pub struct LaneMask(__m256);
 
 macro_rules! lanewise {
     ($($trait:ident $method:ident $intrinsic:ident),*) => {$(
@@ -21,7 +21,7 @@ macro_rules! lanewise {
             type Output = Avx2;
             #[inline(always)]
             fn $method(self, other: Avx2) -> Avx2 {
-                // SAFETY: `wide` has checked the processor.
+                // SAFETY: `dispatch` has checked the processor.
                 Avx2(unsafe { $intrinsic(self.0, other.0) })
             }
         }
@@ -55,14 +55,14 @@ impl Neg for Avx2 {
     type Output = Avx2;
     #[inline(always)]
     fn neg(self) -> Avx2 {
-        // SAFETY: `wide` has checked the processor.
+        // SAFETY: `dispatch` has checked the processor.
         Avx2(unsafe { _mm256_xor_ps(self.0, _mm256_set1_ps(-0.0)) })
     }
 }
 
-// SAFETY of all that follows: `wide` has checked the processor, and loads and stores go through slices of LANES elements.
+// SAFETY of all that follows: `dispatch` has checked the processor, and loads and stores go through slices of LANES elements.
 impl Lanes for Avx2 {
-    type Mask = Mask;
+    type Mask = LaneMask;
     type Index = __m256i;
 
     #[inline(always)]
@@ -142,13 +142,13 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn lt(self, other: Self) -> Mask {
-        Mask(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0) })
+    fn lt(self, other: Self) -> LaneMask {
+        LaneMask(unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]
-    fn le(self, other: Self) -> Mask {
-        Mask(unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0) })
+    fn le(self, other: Self) -> LaneMask {
+        LaneMask(unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0) })
     }
 
     #[inline(always)]
@@ -170,29 +170,29 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn index_from(values: [u32; LANES]) -> __m256i {
+    fn index_from_array(values: [u32; LANES]) -> __m256i {
         unsafe { _mm256_loadu_si256(values.as_ptr().cast()) }
     }
 
     #[inline(always)]
-    fn index_array(index: __m256i) -> [u32; LANES] {
+    fn index_to_array(index: __m256i) -> [u32; LANES] {
         let mut out = [0; LANES];
         unsafe { _mm256_storeu_si256(out.as_mut_ptr().cast(), index) };
         out
     }
 
     #[inline(always)]
-    fn same(a: __m256i, b: __m256i) -> Mask {
-        Mask(unsafe { _mm256_castsi256_ps(_mm256_cmpeq_epi32(a, b)) })
+    fn index_eq(a: __m256i, b: __m256i) -> LaneMask {
+        LaneMask(unsafe { _mm256_castsi256_ps(_mm256_cmpeq_epi32(a, b)) })
     }
 
     #[inline(always)]
-    fn select_index(mask: Mask, a: __m256i, b: __m256i) -> __m256i {
+    fn select_index(mask: LaneMask, a: __m256i, b: __m256i) -> __m256i {
         unsafe { _mm256_blendv_epi8(b, a, _mm256_castps_si256(mask.0)) }
     }
 
     #[inline(always)]
-    fn halves(high: Self, low: Self) -> __m256i {
+    fn pack_bfloat16(high: Self, low: Self) -> __m256i {
         unsafe {
             let rounded = |x: Avx2| {
                 let bits = _mm256_castps_si256(x.0);
@@ -205,7 +205,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn from_halves(words: __m256i) -> (Self, Self) {
+    fn unpack_bfloat16(words: __m256i) -> (Self, Self) {
         unsafe {
             let high = _mm256_and_si256(words, _mm256_set1_epi32(0xffff_0000u32 as i32));
             let low = _mm256_slli_epi32::<16>(words);
@@ -244,10 +244,10 @@ impl Lanes for Avx2 {
     }
 }
 
-impl Truth<Avx2> for Mask {
+impl Mask<Avx2> for LaneMask {
     #[inline(always)]
-    fn from_bits(bits: u8) -> Mask {
-        Mask(unsafe {
+    fn from_bits(bits: u8) -> LaneMask {
+        LaneMask(unsafe {
             let one = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
             let spread = _mm256_and_si256(_mm256_set1_epi32(i32::from(bits)), one);
             _mm256_castsi256_ps(_mm256_cmpeq_epi32(spread, one))
@@ -260,13 +260,13 @@ impl Truth<Avx2> for Mask {
     }
 
     #[inline(always)]
-    fn and(self, other: Mask) -> Mask {
-        Mask(unsafe { _mm256_and_ps(self.0, other.0) })
+    fn and(self, other: LaneMask) -> LaneMask {
+        LaneMask(unsafe { _mm256_and_ps(self.0, other.0) })
     }
 
     #[inline(always)]
-    fn and_not(self, other: Mask) -> Mask {
-        Mask(unsafe { _mm256_andnot_ps(other.0, self.0) })
+    fn and_not(self, other: LaneMask) -> LaneMask {
+        LaneMask(unsafe { _mm256_andnot_ps(other.0, self.0) })
     }
 
     #[inline(always)]

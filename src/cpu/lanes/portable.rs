@@ -2,7 +2,7 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::{LANES, Lanes, Lengths, Truth};
+use super::{LANES, Lanes, Lengths, Mask};
 
 /// Eight f32.
 #[derive(Clone, Copy, Debug, Default)]
@@ -12,7 +12,7 @@ pub struct Portable([f32; LANES]);
 /// Eight truth values: all bits of a lane are set or none.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(32))]
-pub struct Mask([u32; LANES]);
+pub struct LaneMask([u32; LANES]);
 
 macro_rules! lanewise {
     ($($trait:ident $method:ident $op:tt),*) => {$(
@@ -72,8 +72,8 @@ impl Portable {
     }
 
     #[inline(always)]
-    fn compare(self, other: Portable, f: impl Fn(&f32, &f32) -> bool) -> Mask {
-        let mut out = Mask([0; LANES]);
+    fn compare(self, other: Portable, f: impl Fn(&f32, &f32) -> bool) -> LaneMask {
+        let mut out = LaneMask([0; LANES]);
         for k in 0..LANES {
             out.0[k] = if f(&self.0[k], &other.0[k]) { u32::MAX } else { 0 };
         }
@@ -82,7 +82,7 @@ impl Portable {
 }
 
 impl Lanes for Portable {
-    type Mask = Mask;
+    type Mask = LaneMask;
     type Index = [u32; LANES];
 
     #[inline(always)]
@@ -160,12 +160,12 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn lt(self, other: Self) -> Mask {
+    fn lt(self, other: Self) -> LaneMask {
         self.compare(other, |a, b| a < b)
     }
 
     #[inline(always)]
-    fn le(self, other: Self) -> Mask {
+    fn le(self, other: Self) -> LaneMask {
         self.compare(other, |a, b| a <= b)
     }
 
@@ -188,18 +188,18 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn index_from(values: [u32; LANES]) -> [u32; LANES] {
+    fn index_from_array(values: [u32; LANES]) -> [u32; LANES] {
         values
     }
 
     #[inline(always)]
-    fn index_array(index: [u32; LANES]) -> [u32; LANES] {
+    fn index_to_array(index: [u32; LANES]) -> [u32; LANES] {
         index
     }
 
     #[inline(always)]
-    fn same(a: [u32; LANES], b: [u32; LANES]) -> Mask {
-        let mut out = Mask([0; LANES]);
+    fn index_eq(a: [u32; LANES], b: [u32; LANES]) -> LaneMask {
+        let mut out = LaneMask([0; LANES]);
         for k in 0..LANES {
             out.0[k] = if a[k] == b[k] { u32::MAX } else { 0 };
         }
@@ -207,7 +207,7 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn select_index(mask: Mask, a: [u32; LANES], b: [u32; LANES]) -> [u32; LANES] {
+    fn select_index(mask: LaneMask, a: [u32; LANES], b: [u32; LANES]) -> [u32; LANES] {
         let mut out = b;
         for k in 0..LANES {
             out[k] = (a[k] & mask.0[k]) | (b[k] & !mask.0[k]);
@@ -216,7 +216,7 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn halves(high: Self, low: Self) -> [u32; LANES] {
+    fn pack_bfloat16(high: Self, low: Self) -> [u32; LANES] {
         let rounded = |x: f32| {
             let bits = x.to_bits();
             bits.wrapping_add(0x7fff + (bits >> 16 & 1))
@@ -229,7 +229,7 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn from_halves(words: [u32; LANES]) -> (Self, Self) {
+    fn unpack_bfloat16(words: [u32; LANES]) -> (Self, Self) {
         let (mut high, mut low) = (words, words);
         for k in 0..LANES {
             high[k] &= 0xffff_0000;
@@ -250,10 +250,10 @@ impl Lanes for Portable {
     }
 }
 
-impl Truth<Portable> for Mask {
+impl Mask<Portable> for LaneMask {
     #[inline(always)]
-    fn from_bits(bits: u8) -> Mask {
-        let mut out = Mask([0; LANES]);
+    fn from_bits(bits: u8) -> LaneMask {
+        let mut out = LaneMask([0; LANES]);
         for k in 0..LANES {
             out.0[k] = if bits >> k & 1 != 0 { u32::MAX } else { 0 };
         }
@@ -270,7 +270,7 @@ impl Truth<Portable> for Mask {
     }
 
     #[inline(always)]
-    fn and(self, other: Mask) -> Mask {
+    fn and(self, other: LaneMask) -> LaneMask {
         let mut out = self;
         for k in 0..LANES {
             out.0[k] &= other.0[k];
@@ -279,7 +279,7 @@ impl Truth<Portable> for Mask {
     }
 
     #[inline(always)]
-    fn and_not(self, other: Mask) -> Mask {
+    fn and_not(self, other: LaneMask) -> LaneMask {
         let mut out = self;
         for k in 0..LANES {
             out.0[k] &= !other.0[k];

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::{LANES, Lanes, Lengths, Truth};
+use super::{LANES, Lanes, Lengths, Mask};
 
 /// Eight f32: lanes 0 to 3, then 4 to 7.
 #[derive(Clone, Copy, Debug)]
@@ -11,7 +11,7 @@ pub struct Sse2(__m128, __m128);
 
 /// Eight truth values: all bits of a lane are set or none.
 #[derive(Clone, Copy, Debug)]
-pub struct Mask(__m128, __m128);
+pub struct LaneMask(__m128, __m128);
 
 // SAFETY of all that follows: the target always has SSE2, and loads and stores go through slices of LANES elements.
 
@@ -68,7 +68,7 @@ unsafe fn choose(mask: __m128, a: __m128, b: __m128) -> __m128 {
 }
 
 impl Lanes for Sse2 {
-    type Mask = Mask;
+    type Mask = LaneMask;
     type Index = [__m128i; 2];
 
     #[inline(always)]
@@ -170,13 +170,13 @@ impl Lanes for Sse2 {
     }
 
     #[inline(always)]
-    fn lt(self, other: Self) -> Mask {
-        unsafe { Mask(_mm_cmplt_ps(self.0, other.0), _mm_cmplt_ps(self.1, other.1)) }
+    fn lt(self, other: Self) -> LaneMask {
+        unsafe { LaneMask(_mm_cmplt_ps(self.0, other.0), _mm_cmplt_ps(self.1, other.1)) }
     }
 
     #[inline(always)]
-    fn le(self, other: Self) -> Mask {
-        unsafe { Mask(_mm_cmple_ps(self.0, other.0), _mm_cmple_ps(self.1, other.1)) }
+    fn le(self, other: Self) -> LaneMask {
+        unsafe { LaneMask(_mm_cmple_ps(self.0, other.0), _mm_cmple_ps(self.1, other.1)) }
     }
 
     #[inline(always)]
@@ -205,26 +205,29 @@ impl Lanes for Sse2 {
     }
 
     #[inline(always)]
-    fn index_from(values: [u32; LANES]) -> [__m128i; 2] {
+    fn index_from_array(values: [u32; LANES]) -> [__m128i; 2] {
         Self::load_index(&values, 0)
     }
 
     #[inline(always)]
-    fn index_array(index: [__m128i; 2]) -> [u32; LANES] {
+    fn index_to_array(index: [__m128i; 2]) -> [u32; LANES] {
         let mut out = [0; LANES];
         Self::store_index(index, &mut out, 0);
         out
     }
 
     #[inline(always)]
-    fn same(a: [__m128i; 2], b: [__m128i; 2]) -> Mask {
+    fn index_eq(a: [__m128i; 2], b: [__m128i; 2]) -> LaneMask {
         unsafe {
-            Mask(_mm_castsi128_ps(_mm_cmpeq_epi32(a[0], b[0])), _mm_castsi128_ps(_mm_cmpeq_epi32(a[1], b[1])))
+            LaneMask(
+                _mm_castsi128_ps(_mm_cmpeq_epi32(a[0], b[0])),
+                _mm_castsi128_ps(_mm_cmpeq_epi32(a[1], b[1])),
+            )
         }
     }
 
     #[inline(always)]
-    fn select_index(mask: Mask, a: [__m128i; 2], b: [__m128i; 2]) -> [__m128i; 2] {
+    fn select_index(mask: LaneMask, a: [__m128i; 2], b: [__m128i; 2]) -> [__m128i; 2] {
         unsafe {
             let half = |mask: __m128, a: __m128i, b: __m128i| {
                 _mm_castps_si128(choose(mask, _mm_castsi128_ps(a), _mm_castsi128_ps(b)))
@@ -234,7 +237,7 @@ impl Lanes for Sse2 {
     }
 
     #[inline(always)]
-    fn halves(high: Self, low: Self) -> [__m128i; 2] {
+    fn pack_bfloat16(high: Self, low: Self) -> [__m128i; 2] {
         unsafe {
             let rounded = |x: __m128| {
                 let bits = _mm_castps_si128(x);
@@ -250,7 +253,7 @@ impl Lanes for Sse2 {
     }
 
     #[inline(always)]
-    fn from_halves(words: [__m128i; 2]) -> (Self, Self) {
+    fn unpack_bfloat16(words: [__m128i; 2]) -> (Self, Self) {
         unsafe {
             let mask = _mm_set1_epi32(0xffff_0000u32 as i32);
             let [high, low] = [words.map(|w| _mm_and_si128(w, mask)), words.map(|w| _mm_slli_epi32::<16>(w))]
@@ -283,15 +286,15 @@ impl Lanes for Sse2 {
     }
 }
 
-impl Truth<Sse2> for Mask {
+impl Mask<Sse2> for LaneMask {
     #[inline(always)]
-    fn from_bits(bits: u8) -> Mask {
+    fn from_bits(bits: u8) -> LaneMask {
         unsafe {
             let half = |one: __m128i| {
                 let spread = _mm_and_si128(_mm_set1_epi32(i32::from(bits)), one);
                 _mm_castsi128_ps(_mm_cmpeq_epi32(spread, one))
             };
-            Mask(half(_mm_setr_epi32(1, 2, 4, 8)), half(_mm_setr_epi32(16, 32, 64, 128)))
+            LaneMask(half(_mm_setr_epi32(1, 2, 4, 8)), half(_mm_setr_epi32(16, 32, 64, 128)))
         }
     }
 
@@ -301,13 +304,13 @@ impl Truth<Sse2> for Mask {
     }
 
     #[inline(always)]
-    fn and(self, other: Mask) -> Mask {
-        unsafe { Mask(_mm_and_ps(self.0, other.0), _mm_and_ps(self.1, other.1)) }
+    fn and(self, other: LaneMask) -> LaneMask {
+        unsafe { LaneMask(_mm_and_ps(self.0, other.0), _mm_and_ps(self.1, other.1)) }
     }
 
     #[inline(always)]
-    fn and_not(self, other: Mask) -> Mask {
-        unsafe { Mask(_mm_andnot_ps(other.0, self.0), _mm_andnot_ps(other.1, self.1)) }
+    fn and_not(self, other: LaneMask) -> LaneMask {
+        unsafe { LaneMask(_mm_andnot_ps(other.0, self.0), _mm_andnot_ps(other.1, self.1)) }
     }
 
     #[inline(always)]

@@ -8,7 +8,7 @@ const SAMPLES: [f32; LANES] = [0.0, -0.0, 1.5, -2.25, 1e-38, -3e38, f32::INFINIT
 /// Everything that lanes can do, as bits.
 struct Everything;
 
-impl Kernel for Everything {
+impl Vectorised for Everything {
     type Output = Vec<u32>;
 
     #[inline(always)]
@@ -33,9 +33,10 @@ impl Kernel for Everything {
                 keep(V::splat(f32::from(mask.bits())));
             }
             let (i, j) =
-                (V::index_from([1, 2, 3, 4, 5, 6, 7, 8]), V::load_index(&[8, 2, 6, 4, 4, 6, 2, 8], 0));
-            keep(V::same(i, j).select(a, b));
-            let chosen = V::index_array(V::select_index(V::same(i, j), i, V::index_from([9; LANES])));
+                (V::index_from_array([1, 2, 3, 4, 5, 6, 7, 8]), V::load_index(&[8, 2, 6, 4, 4, 6, 2, 8], 0));
+            keep(V::index_eq(i, j).select(a, b));
+            let chosen =
+                V::index_to_array(V::select_index(V::index_eq(i, j), i, V::index_from_array([9; LANES])));
             keep(V::from_array(chosen.map(|x| x as f32)));
             let codes: [u16; LANES] = [0, 1, 2, 500, 32_767, 32_768, 65_534, 65_535];
             keep(V::load_u16(&codes, 0));
@@ -44,11 +45,11 @@ impl Kernel for Everything {
             {
                 keep(V::load_lengths(&codes, 0, lengths));
             }
-            let words = V::halves(a, b);
-            let (high, low) = V::from_halves(words);
+            let words = V::pack_bfloat16(a, b);
+            let (high, low) = V::unpack_bfloat16(words);
             keep(high);
             keep(low);
-            keep(V::from_array(V::index_array(words).map(|word| (word >> 8) as f32)));
+            keep(V::from_array(V::index_to_array(words).map(|word| (word >> 8) as f32)));
             let records: [[f32; LANES]; LANES] =
                 std::array::from_fn(|r| std::array::from_fn(|c| (10 * r + c) as f32));
             for row in V::transpose(records.each_ref()) {
@@ -66,8 +67,9 @@ fn canonical(bits: Vec<u32>) -> Vec<u32> {
 
 #[test]
 fn levels_agree() {
-    let best = canonical(wide(Everything));
-    let others = forced::LEVELS.iter().map(|&level| canonical(forced::at_most(level, || wide(Everything))));
+    let best = canonical(dispatch(Everything));
+    let others =
+        forced::LEVELS.iter().map(|&level| canonical(forced::at_most(level, || dispatch(Everything))));
     let plain = canonical(Everything.run::<Portable>());
     assert_eq!(best, plain);
     others.for_each(|other| assert_eq!(other, plain));

@@ -10,7 +10,7 @@ use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::super::constants;
-use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
+use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, State};
 use super::super::row::Row;
 use super::super::sampling::{GridRow, Samples, Surface};
@@ -37,7 +37,7 @@ impl Project {
         density: f32,
         b: usize,
     ) {
-        wide(ProjectBlock { project: self, level, state, next, surface, density, b });
+        dispatch(ProjectBlock { project: self, level, state, next, surface, density, b });
     }
 }
 
@@ -51,7 +51,7 @@ struct ProjectBlock<'a, S> {
     b: usize,
 }
 
-impl<S: Surface> Kernel for ProjectBlock<'_, S> {
+impl<S: Surface> Vectorised for ProjectBlock<'_, S> {
     type Output = ();
 
     #[inline(always)]

@@ -6,7 +6,7 @@ use crate::tile::blocks::{Plane, SIDE};
 use crate::tile::codes::RIGIDITY_STEPS;
 use crate::tile::window::{self, WINDOW_NODES, Window};
 
-use super::super::lanes::{Kernel, Lanes, Truth, each, wide};
+use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::State;
 use super::super::row::Row;
 use super::super::sampling::Surface;
@@ -45,7 +45,7 @@ impl Regularise {
         surface: S,
         b: usize,
     ) {
-        wide(RegulariseBlock { regularise: self, level, state, next, previous, surface, b });
+        dispatch(RegulariseBlock { regularise: self, level, state, next, previous, surface, b });
     }
 }
 
@@ -59,7 +59,7 @@ struct RegulariseBlock<'a, S> {
     b: usize,
 }
 
-impl<S: Surface> Kernel for RegulariseBlock<'_, S> {
+impl<S: Surface> Vectorised for RegulariseBlock<'_, S> {
     type Output = ();
 
     #[inline(always)]

@@ -192,7 +192,7 @@ fn regularisation_blends_with_the_gaussian_by_rigidity() {
     with_sheet(left, stretched, |run| {
         set(run, 4, 8, [1.0, 0.0]);
         set(run, 12, 8, [1.0, -1.0]);
-        run.smooth_level(0, 0.2);
+        run.regularise_level(0, 0.2);
         // A node moves to the Gaussian by the fraction s = 0.2 where R = 1, and all the way where R = 0.
         close(at(run, 4, 8), [1.0 - 0.2 * 0.75, 0.0]);
         close(at(run, 5, 8), [0.2 * 0.125, 0.0]);

@@ -1,7 +1,7 @@
 //! The surface of the finest level (method §2): exact positions and tangents on the triangle under W(p), which is found
 //! by walking. Lengths are chords.
 
-use super::super::lanes::{LANES, Lanes, Truth, each};
+use super::super::lanes::{LANES, Lanes, Mask, each};
 use super::TriangleRecord;
 use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
 use crate::mesh::NONE;
@@ -27,7 +27,7 @@ impl Surface for Chords<'_> {
         lanes: V::Mask,
         samples: &mut Samples<V>,
     ) -> V::Mask {
-        let mut triangle = V::index_array(samples.triangle);
+        let mut triangle = V::index_to_array(samples.triangle);
         let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| nodes.column(k) as f32);
         let (column, row) = (V::from_array(column), V::splat(nodes.j as f32));
         // Lanes without a triangle read the record of triangle 0 and are not used.
@@ -54,7 +54,7 @@ impl Surface for Chords<'_> {
             }
             found = lanes.and_not(V::Mask::from_bits(lost));
             first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[0]));
-            samples.triangle = V::index_from(triangle);
+            samples.triangle = V::index_from_array(triangle);
         }
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[1]));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
@@ -185,7 +185,7 @@ impl Chords<'_> {
     #[inline(always)]
     pub fn sample_row_on<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], triangle: V::Index) -> Samples<V> {
         const ZEROS: [f32; LANES] = [0.0; LANES];
-        let at = V::index_array(triangle);
+        let at = V::index_to_array(triangle);
         let half =
             |t: u32, h: usize| self.triangles.get(t as usize).map_or(&ZEROS, |record| &record.halves[h]);
         let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 0)));

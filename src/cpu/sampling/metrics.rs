@@ -1,7 +1,7 @@
 //! The surface of a coarser level (method §3): metrics, interpolated bilinearly between nodes, and their derivatives.
 //! Lengths are arc lengths.
 
-use super::super::lanes::{LANES, Lanes, Truth, each};
+use super::super::lanes::{LANES, Lanes, Mask, each};
 use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
 use crate::mesh::NONE;
 use crate::method::law::TINY;

@@ -5,7 +5,7 @@ use crate::mesh::NONE;
 use crate::tile::blocks::{Plane, SIDE, slot};
 
 use super::super::Run;
-use super::super::lanes::{Kernel, LANES, Lanes, Truth, each, wide};
+use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::State;
 use super::super::row::Row;
 use super::{Chords, GridRow, Metrics, Samples, Surface};
@@ -47,9 +47,9 @@ impl Run<'_> {
             // SAFETY: each item has its own block.
             set(b, unsafe { state.u.get_mut(b) });
             if level == 0 {
-                wide(ResampleChords { surface: chords, state, b, start });
+                dispatch(ResampleChords { surface: chords, state, b, start });
             } else {
-                wide(ResampleMetrics { surface: metrics, state, b, start });
+                dispatch(ResampleMetrics { surface: metrics, state, b, start });
             }
         });
         self.memory.levels[level].metric = metric;
@@ -64,7 +64,7 @@ struct ResampleChords<'a> {
     start: Start,
 }
 
-impl Kernel for ResampleChords<'_> {
+impl Vectorised for ResampleChords<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -112,13 +112,14 @@ impl Kernel for ResampleChords<'_> {
             let mut samples = Samples {
                 value: [V::zero(); 3],
                 slope: [V::zero(); 6],
-                triangle: V::index_from(start_triangles),
+                triangle: V::index_from_array(start_triangles),
             };
             let found = surface.sample_row(&nodes, &displacement, lanes, &mut samples);
             if lanes.and_not(found).any() {
                 // Where W leaves the chart, the surface is continued affinely from the triangle at which the walk
                 // began.
-                samples.triangle = V::select_index(found, samples.triangle, V::index_from(start_triangles));
+                samples.triangle =
+                    V::select_index(found, samples.triangle, V::index_from_array(start_triangles));
                 samples.value = surface.sample_row_on::<V>(&nodes, &displacement, samples.triangle).value;
             }
             for c in 0..3 {
@@ -152,7 +153,7 @@ struct ResampleMetrics<'a> {
     start: Start,
 }
 
-impl Kernel for ResampleMetrics<'_> {
+impl Vectorised for ResampleMetrics<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -169,7 +170,7 @@ impl Kernel for ResampleMetrics<'_> {
             let s = row.slot();
             let lanes = V::zero().lt(V::load_u8(&surface.level.movable[b], s));
             let displacement = each!([0, 1], |c| V::load(&u[c], s));
-            let no_triangle = V::index_from([NONE; LANES]);
+            let no_triangle = V::index_from_array([NONE; LANES]);
             let mut samples = Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: no_triangle };
             let found =
                 surface.sample_row(&GridRow::new(surface.level, b, row), &displacement, lanes, &mut samples);

@@ -349,9 +349,9 @@ impl Stages for Pair<'_> {
         self.level(level, 1);
     }
 
-    fn smooth(&mut self, level: usize, smoothing: f32) {
-        self.cpu.smooth(level, smoothing);
-        self.gpu.smooth(level, smoothing);
+    fn regularise(&mut self, level: usize, smoothing: f32) {
+        self.cpu.regularise(level, smoothing);
+        self.gpu.regularise(level, smoothing);
         self.level(level, 0);
     }
 
