@@ -83,8 +83,8 @@ pub(crate) struct Run<'a> {
     /// Per chart, the energy of the finest level's present state, if a correction was the last to change it.
     known_energies: Vec<Option<f64>>,
     node_updates: AtomicU64,
-    patches: PerThread<Patch>,
-    pairs: PerThread<Pairs>,
+    patches: PerThread<'a, Patch>,
+    pairs: PerThread<'a, Pairs>,
 }
 
 impl<'a> Run<'a> {

@@ -1,72 +1,80 @@
 //! Threads for one call: scoped, so that none outlives it, and kept awake between the short jobs of a solve.
 
-use std::any::Any;
 use std::cell::UnsafeCell;
+use std::marker::PhantomData;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A job's function with its lifetime erased; only read between `open` and the close that `run` waits for.
-type Job = *const (dyn Fn(&Worker, usize) + Sync);
+use protocol::Protocol;
 
-/// The threads of one call.
-pub struct Team {
-    threads: usize,
-    /// Which job (high bits), whether it is open for helpers, and how many have joined (low 16 bits).
-    state: AtomicU64,
-    job: Mutex<Option<JobCell>>,
-    count: AtomicUsize,
-    next: AtomicUsize,
-    quit: AtomicBool,
-    sleepers: AtomicUsize,
-    bed: Mutex<()>,
-    alarm: Condvar,
-    panic: Mutex<Option<Box<dyn Any + Send>>>,
+mod protocol;
+#[cfg(test)]
+mod tests;
+
+/// What `protocol` is made of. `tests/loom` gives it loom's.
+mod sync {
+    pub use std::hint::spin_loop;
+    pub use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+    pub use std::sync::{Condvar, Mutex, MutexGuard};
+    pub use std::thread::yield_now;
+
+    /// Rounds of looking for work before a helper goes to sleep: about 50 microseconds.
+    pub const SPINS: usize = 4000;
 }
 
-/// One of a team's threads: a job's items are given the one that runs them.
-pub struct Worker(usize);
+/// The threads of one call. It runs one job at a time.
+pub struct Team {
+    threads: usize,
+    protocol: Protocol<Job>,
+    /// Whether a job is running.
+    running: AtomicBool,
+}
 
+/// One of a team's threads, which an item gets as an argument. Neither `Send` nor `Sync`: it stays on its thread.
+pub struct Worker {
+    number: usize,
+    /// The team's address.
+    team: *const (),
+}
+
+/// A team's turn at running a job, which ends when dropped.
+struct Turn<'a>(&'a AtomicBool);
+
+impl Drop for Turn<'_> {
+    fn drop(&mut self) {
+        self.0.store(false, Ordering::Release);
+    }
+}
+
+/// A job's function with its lifetime erased.
 #[derive(Clone, Copy)]
-struct JobCell(Job);
-// SAFETY: the pointee is Sync, and `run` keeps it alive until every helper that joined has left.
-unsafe impl Send for JobCell {}
-
-const OPEN: u64 = 1 << 16;
-const JOINED: u64 = OPEN - 1;
-const EPOCH: u64 = 1 << 17;
-/// Rounds of looking for work before a helper goes to sleep: about 50 microseconds.
-const SPINS: usize = 4000;
+struct Job(*const (dyn Fn(&Worker, usize) + Sync));
+// SAFETY: the pointee is Sync.
+unsafe impl Send for Job {}
 
 impl Team {
     /// Calls `f` with a team of `threads` threads, the calling one among them.
     pub fn with<R>(threads: usize, f: impl FnOnce(&Team) -> R) -> R {
-        let team = Team {
-            threads: threads.max(1),
-            state: AtomicU64::new(0),
-            job: Mutex::new(None),
-            count: AtomicUsize::new(0),
-            next: AtomicUsize::new(0),
-            quit: AtomicBool::new(false),
-            sleepers: AtomicUsize::new(0),
-            bed: Mutex::new(()),
-            alarm: Condvar::new(),
-            panic: Mutex::new(None),
-        };
+        let threads = threads.clamp(1, Protocol::<Job>::MAX_THREADS);
+        let team = Team { threads, protocol: Protocol::new(threads), running: AtomicBool::new(false) };
         if team.threads == 1 {
             return f(&team);
         }
         std::thread::scope(|scope| {
             // A helper that cannot be started is no error: the others do its work.
             let helpers: Vec<_> = (1..team.threads)
-                .filter_map(|n| {
-                    let team = &team;
-                    std::thread::Builder::new().spawn_scoped(scope, move || team.help(&Worker(n))).ok()
+                .filter_map(|number| {
+                    let (protocol, address) = (&team.protocol, team.address() as usize);
+                    let help = move || {
+                        let worker = Worker { number, team: address as *const () };
+                        // SAFETY: called within a job that this helper has joined; `run_dyn` keeps its function alive.
+                        protocol.help(|job, k| unsafe { (*job.0)(&worker, k) });
+                    };
+                    std::thread::Builder::new().spawn_scoped(scope, help).ok()
                 })
                 .collect();
             let result = catch_unwind(AssertUnwindSafe(|| f(&team)));
-            team.quit.store(true, Ordering::SeqCst);
-            team.wake();
+            team.protocol.quit();
             // A scope waits for what its threads run, not for their ends, which are this library's code as well: a
             // host may unload it right after the call.
             for helper in helpers {
@@ -77,132 +85,82 @@ impl Team {
     }
 
     /// Calls `f(0)` to `f(count - 1)`, in any order and on any of the threads; returns when all are done.
+    ///
+    /// # Panics
+    /// If an item does, with one of the panics, after all threads have left the job; other items may then not have run.
+    /// If a job is already running: an item must not call this.
     pub fn run(&self, count: usize, f: impl Fn(usize) + Sync) {
         self.run_on(count, |_, k| f(k));
     }
 
-    /// The same of a function that is told the thread, too.
+    /// Like `run`, with the thread as the first argument of `f`.
     pub fn run_on(&self, count: usize, f: impl Fn(&Worker, usize) + Sync) {
-        let caller = Worker(0);
+        // Two jobs at once would share the items' counter and the caller's `Worker`.
+        assert!(!self.running.swap(true, Ordering::Acquire), "a job of this team is running");
+        let _turn = Turn(&self.running);
+        let caller = Worker { number: 0, team: self.address() };
         if self.threads == 1 || count <= 2 {
             (0..count).for_each(|k| f(&caller, k));
             return;
         }
-        let job: &(dyn Fn(&Worker, usize) + Sync) = &f;
-        // SAFETY: only the lifetime changes; this function does not return before all helpers have left the job.
-        let job: Job = unsafe { std::mem::transmute::<&(dyn Fn(&Worker, usize) + Sync), Job>(job) };
-        *self.job.lock().unwrap_or_else(PoisonError::into_inner) = Some(JobCell(job));
-        self.count.store(count, Ordering::Relaxed);
-        self.next.store(0, Ordering::Relaxed);
-        let epoch = self.state.load(Ordering::Relaxed) / EPOCH + 1;
-        self.state.store(epoch * EPOCH + OPEN, Ordering::SeqCst);
-        if self.sleepers.load(Ordering::SeqCst) > 0 {
-            self.wake();
-        }
-        let own = catch_unwind(AssertUnwindSafe(|| self.work(&caller, &f)));
-        self.state.fetch_and(!OPEN, Ordering::SeqCst);
-        while self.state.load(Ordering::Acquire) & JOINED != 0 {
-            std::hint::spin_loop();
-            std::thread::yield_now();
-        }
-        if let Err(panic) = own {
-            resume_unwind(panic);
-        }
-        let theirs = self.panic.lock().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(panic) = theirs {
-            resume_unwind(panic);
-        }
+        self.run_dyn(&caller, count, &f);
     }
 
-    /// Takes items until there are none; several at a time where there are many.
-    fn work(&self, worker: &Worker, f: &(dyn Fn(&Worker, usize) + Sync)) {
-        let count = self.count.load(Ordering::Relaxed);
-        let chunk = (count / (self.threads * 8)).clamp(1, 16);
-        loop {
-            let first = self.next.fetch_add(chunk, Ordering::Relaxed);
-            if first >= count {
-                return;
-            }
-            (first..(first + chunk).min(count)).for_each(|k| f(worker, k));
-        }
+    fn run_dyn<'a>(&self, caller: &Worker, count: usize, f: &'a (dyn Fn(&Worker, usize) + Sync + 'a)) {
+        // SAFETY: only the lifetime changes. The protocol returns or unwinds only after all helpers that may call the
+        // function have left the job, and hands the job to none afterwards; `tests/loom` checks that.
+        let job = Job(unsafe {
+            std::mem::transmute::<
+                *const (dyn Fn(&Worker, usize) + Sync + 'a),
+                *const (dyn Fn(&Worker, usize) + Sync + 'static),
+            >(f)
+        });
+        self.protocol.run(job, count, |k| f(caller, k));
     }
 
-    fn help(&self, worker: &Worker) {
-        let mut seen = 0;
-        let mut spins = 0;
-        while !self.quit.load(Ordering::Relaxed) {
-            let state = self.state.load(Ordering::Relaxed);
-            if state & OPEN == 0 || state / EPOCH == seen {
-                spins += 1;
-                std::hint::spin_loop();
-                if spins % 64 == 0 {
-                    std::thread::yield_now();
-                }
-                if spins > SPINS {
-                    self.sleep(seen);
-                    spins = 0;
-                }
-                continue;
-            }
-            if self.state.compare_exchange(state, state + 1, Ordering::SeqCst, Ordering::Relaxed).is_err() {
-                continue;
-            }
-            seen = state / EPOCH;
-            spins = 0;
-            let job = *self.job.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(JobCell(job)) = job {
-                // SAFETY: having joined an open job, `run` waits for us before its function goes.
-                let result = catch_unwind(AssertUnwindSafe(|| self.work(worker, unsafe { &*job })));
-                if let Err(panic) = result {
-                    *self.panic.lock().unwrap_or_else(PoisonError::into_inner) = Some(panic);
-                }
-            }
-            self.state.fetch_sub(1, Ordering::Release);
-        }
-    }
-
-    fn sleep(&self, seen: u64) {
-        let mut bed = self.bed.lock().unwrap_or_else(PoisonError::into_inner);
-        self.sleepers.fetch_add(1, Ordering::SeqCst);
-        loop {
-            let state = self.state.load(Ordering::SeqCst);
-            if self.quit.load(Ordering::SeqCst) || (state & OPEN != 0 && state / EPOCH != seen) {
-                break;
-            }
-            bed = self.alarm.wait(bed).unwrap_or_else(PoisonError::into_inner);
-        }
-        self.sleepers.fetch_sub(1, Ordering::SeqCst);
-    }
-
-    fn wake(&self) {
-        drop(self.bed.lock().unwrap_or_else(PoisonError::into_inner));
-        self.alarm.notify_all();
+    /// Tells teams apart that are alive at the same time.
+    fn address(&self) -> *const () {
+        (&raw const *self).cast()
     }
 }
 
-/// Scratch memory, a piece for each of a team's threads, made when it is first asked for. It holds anything.
-pub struct PerThread<T> {
+/// Memory that a job's items reuse: a piece for each of a team's threads, made on its first use. What an item finds in
+/// it is what the previous item on that thread left, which depends on the timing: an item must overwrite what it reads.
+pub struct PerThread<'a, T> {
     pieces: Vec<Piece<T>>,
     new: fn() -> Box<T>,
+    /// The team's address.
+    team: *const (),
+    /// The team outlives the pieces, so that no later team has its address.
+    of_team: PhantomData<&'a ()>,
 }
 
 /// In cache lines of its own.
 #[repr(align(128))]
 struct Piece<T>(UnsafeCell<Option<Box<T>>>);
 
-// SAFETY: only a piece's own worker touches it, of which there is one per thread.
-unsafe impl<T: Send> Sync for PerThread<T> {}
+// SAFETY: a piece is touched by its own worker alone, and a worker stays on its thread. Pieces are made, used and dropped
+// on different threads, hence `Send`; no two threads see one at a time.
+unsafe impl<T: Send> Sync for PerThread<'_, T> {}
+// SAFETY: owns its pieces; the address is only compared.
+unsafe impl<T: Send> Send for PerThread<'_, T> {}
 
-impl<T> PerThread<T> {
+impl<'a, T> PerThread<'a, T> {
     /// For a team's threads, each of which makes its piece with `new`.
-    pub fn new(team: &Team, new: fn() -> Box<T>) -> PerThread<T> {
-        PerThread { pieces: (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collect(), new }
+    pub fn new(team: &'a Team, new: fn() -> Box<T>) -> PerThread<'a, T> {
+        let pieces = (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collect();
+        PerThread { pieces, new, team: team.address(), of_team: PhantomData }
     }
 
-    /// Calls `f` with the worker's piece. Two jobs of one team do not run at once.
+    /// Calls `f` with the worker's piece. A call within `f` gets another piece.
+    ///
+    /// # Panics
+    /// If the worker is of another team.
     pub fn with<R>(&self, worker: &Worker, f: impl FnOnce(&mut T) -> R) -> R {
-        let piece = self.pieces[worker.0].0.get();
-        // SAFETY: no other thread has this worker, and no reference outlives its statement.
+        assert!(worker.team == self.team, "a worker of another team");
+        let piece = self.pieces[worker.number].0.get();
+        // SAFETY: a team has one worker of each number at a time, as it runs one job at a time, and a worker stays on its
+        // thread, as it is not `Sync`. No reference into the cell outlives its statement, so that `f` may come back.
         let mut own = unsafe { (*piece).take() }.unwrap_or_else(self.new);
         let result = f(&mut own);
         // SAFETY: as above.
@@ -211,8 +169,10 @@ impl<T> PerThread<T> {
     }
 }
 
-/// A slice whose elements different items of one job may read and write: the caller sees to it that no element is
-/// written by one item while another one touches it.
+/// A slice whose elements the items of one job read and write at once. It keeps no borrow: the compiler checks neither
+/// that the slice is still there nor that references to one element exclude each other. Both are up to the caller.
+///
+/// From `new` to the last use of any copy, the slice stays where it is, and nothing else touches it.
 #[derive(Debug)]
 pub struct SharedSlice<T>(*mut T, usize);
 
@@ -222,7 +182,7 @@ impl<T> Clone for SharedSlice<T> {
     }
 }
 impl<T> Copy for SharedSlice<T> {}
-// SAFETY: access goes through the unsafe methods below, whose callers keep elements apart.
+// SAFETY: any thread may get `&T` (`T: Sync`) and `&mut T` (`T: Send`), through the unsafe methods below alone.
 unsafe impl<T: Send + Sync> Sync for SharedSlice<T> {}
 // SAFETY: as above.
 unsafe impl<T: Send + Sync> Send for SharedSlice<T> {}
@@ -232,8 +192,14 @@ impl<T> SharedSlice<T> {
         SharedSlice(slice.as_mut_ptr(), slice.len())
     }
 
+    /// Element `i`, for as long as the caller promises.
+    ///
+    /// # Panics
+    /// If `i` is out of range.
+    ///
     /// # Safety
-    /// The slice is alive, and no other item writes the element now.
+    /// While the reference is in use, the slice is alive, and no `get_mut` reference to this element is in use: neither
+    /// another item's nor this one's.
     #[inline(always)]
     pub unsafe fn get<'a>(self, i: usize) -> &'a T {
         assert!(i < self.1);
@@ -241,57 +207,19 @@ impl<T> SharedSlice<T> {
         unsafe { &*self.0.add(i) }
     }
 
+    /// Element `i`, for as long as the caller promises.
+    ///
+    /// # Panics
+    /// If `i` is out of range.
+    ///
     /// # Safety
-    /// The slice is alive, and no other item touches the element now.
+    /// While the reference is in use, the slice is alive, and no other reference to this element is in use: neither
+    /// another item's nor this one's.
     #[inline(always)]
     #[allow(clippy::mut_from_ref)]
     pub unsafe fn get_mut<'a>(self, i: usize) -> &'a mut T {
         assert!(i < self.1);
         // SAFETY: in bounds; the rest is the caller's promise.
         unsafe { &mut *self.0.add(i) }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_item_runs_once() {
-        for threads in [1, 2, 5] {
-            Team::with(threads, |team| {
-                for count in [0, 1, 2, 3, 100, 1000] {
-                    let hits: Vec<AtomicUsize> = (0..count).map(|_| AtomicUsize::new(0)).collect();
-                    for _ in 0..20 {
-                        team.run(count, |i| {
-                            hits[i].fetch_add(1, Ordering::Relaxed);
-                        });
-                    }
-                    assert!(hits.iter().all(|h| h.load(Ordering::Relaxed) == 20));
-                }
-            });
-        }
-    }
-
-    #[test]
-    fn helpers_that_slept_are_woken() {
-        Team::with(2, |team| {
-            for _ in 0..3 {
-                std::thread::sleep(std::time::Duration::from_millis(5));
-                let sum = AtomicUsize::new(0);
-                team.run(100, |i| {
-                    sum.fetch_add(i, Ordering::Relaxed);
-                });
-                assert_eq!(sum.load(Ordering::Relaxed), 4950);
-            }
-        });
-    }
-
-    #[test]
-    fn a_panic_reaches_the_caller() {
-        let result = catch_unwind(|| {
-            Team::with(3, |team| team.run(50, |i| assert!(i != 30, "item {i}")));
-        });
-        assert!(result.is_err());
     }
 }

@@ -1,0 +1,180 @@
+//! How a team's caller and its helpers agree on who runs which item of which job, and when a job is over.
+//!
+//! A job is any value that can be copied, and `help` is told how to run its items. The caller publishes the job, works
+//! on it as the helpers do, closes it, and waits until every helper that joined has left: from then on no helper uses
+//! the job, even if an item panicked. `Team` relies on this; nothing in this file is unsafe.
+//!
+//! `super::sync` provides the atomics and locks. In the library they are those of std; `tests/loom` compiles this same
+//! file with those of loom and runs it in all interleavings. Loom knows no total order of `SeqCst` accesses. None is
+//! needed: all that caller and helpers decide on is in one word, `state`.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::PoisonError;
+
+use super::sync::{
+    AtomicU64, AtomicUsize, Condvar, Mutex, MutexGuard, Ordering, SPINS, spin_loop, yield_now,
+};
+
+/// The shared state of one caller and its helpers; `J` is what a job is to the helpers.
+pub struct Protocol<J> {
+    threads: usize,
+    /// Whether the team ends (`QUIT`), the job's number (in units of `EPOCH`), whether a helper sleeps (`SLEEPING`),
+    /// whether the job is open for helpers (`OPEN`), and how many helpers are in it (`JOINED`).
+    state: AtomicU64,
+    /// The job and the count of its items.
+    job: Mutex<Option<(J, usize)>>,
+    /// The first item that no thread has taken.
+    next: AtomicUsize,
+    sleep_lock: Mutex<()>,
+    wakeup: Condvar,
+    /// The first panic of a helper in this job.
+    panic: Mutex<Option<Box<dyn Any + Send>>>,
+}
+
+const JOINED: u64 = OPEN - 1;
+const OPEN: u64 = 1 << 16;
+/// A helper sleeps or is about to, and has not been woken since.
+const SLEEPING: u64 = 1 << 17;
+const EPOCH: u64 = 1 << 18;
+const QUIT: u64 = 1 << 63;
+
+/// A helper's membership in a job, which ends when dropped, even by a panic.
+struct Joined<'a>(&'a AtomicU64);
+
+impl Drop for Joined<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Release);
+    }
+}
+
+/// Whether there is something to do for a helper that was last in job `seen`: the end, or a job to join.
+fn is_news(state: u64, seen: u64) -> bool {
+    state & QUIT != 0 || state & OPEN != 0 && state / EPOCH != seen
+}
+
+/// A poisoned lock is as good as any: what it guards is written in one step.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl<J: Copy> Protocol<J> {
+    /// The most threads that `state` can count, the caller among them.
+    pub const MAX_THREADS: usize = JOINED as usize + 1;
+
+    /// For one caller and its helpers, `threads` in all.
+    pub fn new(threads: usize) -> Protocol<J> {
+        Protocol {
+            threads,
+            state: AtomicU64::new(0),
+            job: Mutex::new(None),
+            next: AtomicUsize::new(0),
+            sleep_lock: Mutex::new(()),
+            wakeup: Condvar::new(),
+            panic: Mutex::new(None),
+        }
+    }
+
+    /// The caller's side of a job: runs items 0 to `count - 1`, each once, here with `item` and on the helpers with what
+    /// they were given. Returns, or unwinds if an item panicked, only after every helper that joined has left the job.
+    /// After a panic some items may not have run. Must not be called while it runs, be it by an item.
+    pub fn run(&self, job: J, count: usize, item: impl Fn(usize)) {
+        self.next.store(0, Ordering::Relaxed);
+        *lock(&self.job) = Some((job, count));
+        let state = self.state.load(Ordering::Relaxed);
+        debug_assert!(state & (OPEN | JOINED) == 0, "another job is running");
+        // A helper sets `SLEEPING` either before, and is woken, or fails to, and sees that the job is open.
+        if self.state.swap((state / EPOCH + 1) * EPOCH + OPEN, Ordering::Release) & SLEEPING != 0 {
+            self.wake();
+        }
+        let own = catch_unwind(AssertUnwindSafe(|| self.work(count, item)));
+        self.state.fetch_and(!OPEN, Ordering::Relaxed);
+        // Late helpers cannot join any more; what the others did happens before the end of this loop.
+        while self.state.load(Ordering::Acquire) & JOINED != 0 {
+            spin_loop();
+            yield_now();
+        }
+        // Taken even if the caller's own panic comes first, or the next job would unwind with it.
+        let of_helper = lock(&self.panic).take();
+        if let Some(panic) = own.err().or(of_helper) {
+            resume_unwind(panic);
+        }
+    }
+
+    /// A helper's side: runs items, with `item`, of every job that it finds open, until `quit`.
+    pub fn help(&self, item: impl Fn(J, usize)) {
+        let mut seen = 0;
+        let mut spins = 0;
+        loop {
+            let state = self.state.load(Ordering::Relaxed);
+            if !is_news(state, seen) {
+                spins += 1;
+                spin_loop();
+                if spins % 64 == 0 {
+                    yield_now();
+                }
+                if spins > SPINS {
+                    self.sleep(seen);
+                    spins = 0;
+                }
+                continue;
+            }
+            if state & QUIT != 0 {
+                return;
+            }
+            if self.state.compare_exchange(state, state + 1, Ordering::Acquire, Ordering::Relaxed).is_err() {
+                continue;
+            }
+            let _joined = Joined(&self.state);
+            seen = state / EPOCH;
+            spins = 0;
+            let job = *lock(&self.job);
+            if let Some((job, count)) = job {
+                let result = catch_unwind(AssertUnwindSafe(|| self.work(count, |k| item(job, k))));
+                if let Err(panic) = result {
+                    lock(&self.panic).get_or_insert(panic);
+                }
+            }
+        }
+    }
+
+    /// Ends the helpers, after the last job.
+    pub fn quit(&self) {
+        if self.state.fetch_or(QUIT, Ordering::Relaxed) & SLEEPING != 0 {
+            self.wake();
+        }
+    }
+
+    /// Takes items until there are none; several at a time where there are many.
+    fn work(&self, count: usize, item: impl Fn(usize)) {
+        let chunk = (count / (self.threads * 8)).clamp(1, 16);
+        loop {
+            let first = self.next.fetch_add(chunk, Ordering::Relaxed);
+            if first >= count {
+                return;
+            }
+            (first..(first + chunk).min(count)).for_each(&item);
+        }
+    }
+
+    /// Returns when there is news for a helper that was last in job `seen`.
+    fn sleep(&self, seen: u64) {
+        let mut guard = lock(&self.sleep_lock);
+        loop {
+            let state = self.state.load(Ordering::Relaxed);
+            if is_news(state, seen) {
+                return;
+            }
+            let sleeping = state | SLEEPING;
+            if self.state.compare_exchange(state, sleeping, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
+                guard = self.wakeup.wait(guard).unwrap_or_else(PoisonError::into_inner);
+            }
+        }
+    }
+
+    /// Wakes all helpers that have set `SLEEPING`: one that does not wait yet holds the lock.
+    fn wake(&self) {
+        drop(lock(&self.sleep_lock));
+        self.wakeup.notify_all();
+    }
+}
