@@ -1,23 +1,35 @@
 //! Eight f32 lanes: one row of one colour of a block. Every processor level gives the same bits, because only + - * /
 //! and square roots are used and nothing is contracted.
 
-#[cfg(target_arch = "x86_64")]
-mod avx2;
-#[cfg(any(test, not(target_arch = "x86_64")))]
-mod portable;
-#[cfg(target_arch = "x86_64")]
-mod sse2;
+mod vector;
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
+#[cfg(not(any(
+    all(any(target_arch = "x86", target_arch = "x86_64"), target_feature = "sse2", target_feature = "fxsr"),
+    all(target_arch = "aarch64", target_feature = "neon"),
+    all(target_arch = "wasm32", target_feature = "simd128")
+)))]
+use fearless_simd::Fallback as Baseline;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+use fearless_simd::Neon as Baseline;
+#[cfg(all(
+    any(target_arch = "x86", target_arch = "x86_64"),
+    target_feature = "sse2",
+    target_feature = "fxsr"
+))]
+use fearless_simd::Sse2 as Baseline;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+use fearless_simd::WasmSimd128 as Baseline;
+use fearless_simd::f32x8;
+#[cfg(target_arch = "x86_64")]
+use fearless_simd::{Avx2, Simd};
+
 use crate::tile::codes::Lengths;
 
-#[cfg(not(target_arch = "x86_64"))]
-use Portable as Baseline;
-#[cfg(any(test, not(target_arch = "x86_64")))]
-pub use portable::Portable;
-#[cfg(target_arch = "x86_64")]
-use sse2::Sse2 as Baseline;
+/// Plain loops over arrays: the definition of what all levels do.
+#[cfg(test)]
+pub type Portable = f32x8<fearless_simd::Fallback>;
 
 /// Lanes per vector.
 pub const LANES: usize = 8;
@@ -119,28 +131,31 @@ pub trait Vectorised {
 pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
-        #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
-        unsafe fn avx2<K: Vectorised>(kernel: K) -> K::Output {
-            kernel.run::<avx2::Avx2>()
+        // All that `fearless_simd` asks of AVX2, or its functions are called instead of inlined, and AVX-512.
+        #[target_feature(enable = "avx2,bmi1,bmi2,cmpxchg16b,f16c,fma,fxsr,lzcnt,movbe,popcnt,xsave")]
+        #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
+        fn avx512<K: Vectorised>(kernel: K) -> K::Output {
+            kernel.run::<f32x8<Avx2>>()
         }
-        #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt,avx512f,avx512vl,avx512bw,avx512dq")]
-        unsafe fn avx512<K: Vectorised>(kernel: K) -> K::Output {
-            kernel.run::<avx2::Avx2>()
-        }
-        // SAFETY: the processor has it.
         match level() {
+            // SAFETY: the processor has it.
             Level::Avx512 => return unsafe { avx512(kernel) },
-            Level::Avx2 => return unsafe { avx2(kernel) },
+            Level::Avx2 => {
+                return vector::token::<Avx2>().vectorize(
+                    #[inline(always)]
+                    || kernel.run::<f32x8<Avx2>>(),
+                );
+            }
             Level::Baseline => {}
         }
     }
-    kernel.run::<Baseline>()
+    kernel.run::<f32x8<Baseline>>()
 }
 
 /// Processor levels that kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
-    /// What the target has at least: SSE2, or whatever the compiler makes of plain loops.
+    /// What the target has at least: SSE2, NEON, WebAssembly's vectors, or whatever the compiler makes of plain loops.
     Baseline,
     /// AVX2, and the bit instructions of processors that have it.
     #[cfg(target_arch = "x86_64")]
@@ -165,7 +180,7 @@ fn detected() -> Level {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::is_x86_feature_detected as has;
-        if has!("avx2") && has!("bmi1") && has!("bmi2") && has!("popcnt") && has!("lzcnt") {
+        if fearless_simd::Level::new().as_avx2().is_some() {
             let avx512 = has!("avx512f") && has!("avx512vl") && has!("avx512bw") && has!("avx512dq");
             return if avx512 { Level::Avx512 } else { Level::Avx2 };
         }
