@@ -1,32 +1,13 @@
-//! Writes the C header from `src/ffi` into OUT_DIR: one section per file, put into the template `src/ffi/vrtm.h.in`, so
-//! that a function stands beside its structs. `include/vrtm.h` is a committed copy: a build never writes into the source
-//! tree, which may be read-only, and `tests/header.rs` fails when the two differ.
+//! Writes the C header from `src/ffi`: one section per file, put into the template `src/ffi/vrtm.h.in`, so that a
+//! function stands beside its structs.
 
 use std::collections::HashMap;
 use std::path::Path;
-use std::process::ExitCode;
 
 const SECTIONS: [&str; 9] =
     ["status", "handle", "types", "device", "asset", "tile", "fetch", "solve", "report"];
 
-fn main() -> ExitCode {
-    println!("cargo:rerun-if-changed=build.rs");
-    println!("cargo:rerun-if-changed=cbindgen.toml");
-    println!("cargo:rerun-if-changed=src/ffi");
-    match write_header() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("vrtm.h: {message}");
-            ExitCode::FAILURE
-        }
-    }
-}
-
-fn write_header() -> Result<(), String> {
-    let variable =
-        |name| std::env::var_os(name).ok_or_else(|| format!("{name} is not set: run this in cargo"));
-    let root = variable("CARGO_MANIFEST_DIR")?;
-    let root = Path::new(&root);
+pub fn header(root: &Path) -> Result<String, String> {
     let config = cbindgen::Config::from_file(root.join("cbindgen.toml"))?;
     let template = root.join("src/ffi/vrtm.h.in");
     let mut header =
@@ -49,8 +30,7 @@ fn write_header() -> Result<(), String> {
         }
         header = header.replace(&place, constants_below_their_type(&plain_types(&section), &source)?.trim());
     }
-    let path = Path::new(&variable("OUT_DIR")?).join("vrtm.h");
-    std::fs::write(&path, header).map_err(|error| format!("{}: {error}", path.display()))
+    Ok(header)
 }
 
 /// cbindgen writes all constants of a typedef'd type at the end: each belongs right below its type.
