@@ -27,7 +27,13 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
 pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window) {
     let lengths = level.lengths[level.blocks.list[b].chart as usize][e];
     let mut codes: Window<u16> = [0; WINDOW_NODES];
-    window::load(&level.blocks.neighbours[b], 0, |b| &level.rest_length[b][e], &mut codes);
+    window::load(
+        &level.blocks.neighbours[b],
+        0,
+        #[inline(always)]
+        |b| &level.rest_length[b][e],
+        &mut codes,
+    );
     for at in window_vectors() {
         V::load_lengths(&codes, at, lengths).store(out, at);
     }

@@ -169,7 +169,7 @@ impl Patch {
     /// Evaluates the slopes of the surface at W(p) for the movable nodes of the block.
     #[inline(always)]
     pub fn load_slopes<V: Lanes, S: Surface>(&mut self, surface: S) {
-        for row in (0..4).flat_map(Row::of_colour) {
+        for row in Row::all() {
             let at = row.at(0, 0);
             let lanes = self.movable_lanes::<V>(row);
             if !lanes.any() {

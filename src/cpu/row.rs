@@ -19,13 +19,18 @@ impl Row {
     /// All rows of a node colour.
     #[inline(always)]
     pub fn of_colour(colour: usize) -> impl Iterator<Item = Row> {
-        (0..SIDE / 2).map(move |r| Row { ci: colour & 1, j: 2 * r + (colour >> 1 & 1) })
+        (0..SIDE / 2).map(move |k| Row::new(colour, k))
     }
 
     /// All rows of a block, node colour by node colour.
     #[inline(always)]
     pub fn all() -> impl Iterator<Item = Row> {
-        (0..4).flat_map(Row::of_colour)
+        (0..2 * SIDE).map(|k| Row::new(k / (SIDE / 2), k % (SIDE / 2)))
+    }
+
+    #[inline(always)]
+    fn new(colour: usize, k: usize) -> Self {
+        Row { ci: colour & 1, j: 2 * k + (colour >> 1 & 1) }
     }
 
     /// Column of the first lane's node.

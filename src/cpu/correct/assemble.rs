@@ -110,20 +110,16 @@ fn window_slopes<S: Surface>(patch: &Patch, surface: S) -> [Window; 6] {
             window[at..at + LANES].copy_from_slice(&plane[s..s + LANES]);
         }
     }
-    let mut load_halo_node = |i: usize, j: usize| {
-        let at = place(i, j);
-        if patch.movable[at] != 0 {
-            let slope = patch.slope_at_window(surface, at, i, j);
-            for (window, x) in slopes.iter_mut().zip(slope) {
-                window[at] = x;
+    for k in 0..SIDE + 1 {
+        for (i, j) in [(k, 0), (SIDE + 1, k), (k + 1, SIDE + 1), (0, k + 1)] {
+            let at = place(i, j);
+            if patch.movable[at] != 0 {
+                let slope = patch.slope_at_window(surface, at, i, j);
+                for (window, x) in slopes.iter_mut().zip(slope) {
+                    window[at] = x;
+                }
             }
         }
-    };
-    for k in 0..SIDE + 1 {
-        load_halo_node(k, 0);
-        load_halo_node(SIDE + 1, k);
-        load_halo_node(k + 1, SIDE + 1);
-        load_halo_node(0, k + 1);
     }
     slopes
 }

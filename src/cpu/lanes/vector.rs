@@ -211,12 +211,14 @@ fn quarter<S: Simd>(records: &[&[f32; LANES]; LANES], row: usize, column: usize)
     [a, c, b, d]
 }
 
-// In half as many instructions as four quarters take, since these shuffles work on both halves of a register.
+/// In half as many instructions as four quarters take, since these shuffles work on both halves of a register. A kernel
+/// of `fearless_simd` would not always be inlined.
 #[cfg(target_arch = "x86_64")]
-fearless_simd::kernel!(
-    #[inline(always)]
-    fn transposed(avx2: Avx2, rows: [f32x8<Avx2>; LANES]) -> [f32x8<Avx2>; LANES] {
-        use std::arch::x86_64::*;
+#[inline(always)]
+fn transposed(avx2: Avx2, rows: [f32x8<Avx2>; LANES]) -> [f32x8<Avx2>; LANES] {
+    use std::arch::x86_64::*;
+    // SAFETY: the token stands for a processor that has AVX2.
+    unsafe {
         let r = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| __m256::from(rows[k]));
         let low = each!([0, 2, 4, 6], |k| _mm256_unpacklo_ps(r[k], r[k + 1]));
         let high = each!([0, 2, 4, 6], |k| _mm256_unpackhi_ps(r[k], r[k + 1]));
@@ -236,7 +238,7 @@ fearless_simd::kernel!(
         ];
         each!([0, 1, 2, 3, 4, 5, 6, 7], |k| columns[k].simd_into(avx2))
     }
-);
+}
 
 impl<S: Simd> Mask<f32x8<S>> for mask32x8<S> {
     #[inline(always)]

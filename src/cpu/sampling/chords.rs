@@ -75,9 +75,7 @@ impl Surface for Chords<'_> {
         triangle: &[u32; LANES],
         _lanes: V::Mask,
     ) -> Slopes<V> {
-        const ZEROS: [f32; LANES] = [0.0; LANES];
-        let half = |t: u32| self.triangles.get(t as usize).map_or(&ZEROS, |record| &record.halves[1]);
-        let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(triangle[k])));
+        let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| self.half(triangle[k], 1)));
         each!([0, 1, 2, 3, 4, 5], |k| second[k + 1])
     }
 
@@ -180,16 +178,23 @@ impl Chords<'_> {
         None
     }
 
+    /// Half `h` of the record of a triangle; zeros for `NONE`.
+    #[inline(always)]
+    fn half(&self, triangle: u32, h: usize) -> &[f32; LANES] {
+        const ZEROS: [f32; LANES] = [0.0; LANES];
+        match self.triangles.get(triangle as usize) {
+            Some(record) => &record.halves[h],
+            None => &ZEROS,
+        }
+    }
+
     /// Samples at a row's nodes displaced by u, on the given triangles, which are continued affinely; 0 in lanes
     /// without a triangle.
     #[inline(always)]
     pub fn sample_row_on<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], triangle: V::Index) -> Samples<V> {
-        const ZEROS: [f32; LANES] = [0.0; LANES];
         let at = V::index_to_array(triangle);
-        let half =
-            |t: u32, h: usize| self.triangles.get(t as usize).map_or(&ZEROS, |record| &record.halves[h]);
-        let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 0)));
-        let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| half(at[k], 1)));
+        let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| self.half(at[k], 0)));
+        let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| self.half(at[k], 1)));
         let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| nodes.column(k) as f32);
         let (column, row) = (V::from_array(column), V::splat(nodes.j as f32));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];

@@ -21,26 +21,36 @@ impl Metrics<'_> {
     /// these nodes is not stored.
     #[inline(always)]
     fn corners(&self, b: usize, i: i64, j: i64) -> Option<[[f32; 3]; 4]> {
-        let at = |block: usize, i: i64, j: i64| {
-            let s = slot(i as usize % SIDE, j as usize % SIDE);
-            let planes = &self.metric[block];
-            [planes[0][s], planes[1][s], planes[2][s]]
-        };
         let holder = self.level.blocks.holding(b, i, j);
         if holder == NONE {
             return None;
         }
-        let low = at(holder as usize, i, j);
+        let low = self.node(holder, i, j);
         // Most cells lie within one block.
         if i as usize % SIDE != SIDE - 1 && j as usize % SIDE != SIDE - 1 {
-            let at = |i, j| at(holder as usize, i, j);
-            return Some([low, at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]);
+            return Some([
+                low,
+                self.node(holder, i + 1, j),
+                self.node(holder, i, j + 1),
+                self.node(holder, i + 1, j + 1),
+            ]);
         }
-        let at = |i: i64, j: i64| match self.level.blocks.holding(b, i, j) {
-            NONE => None,
-            block => Some(at(block as usize, i, j)),
-        };
-        Some([low, at(i + 1, j)?, at(i, j + 1)?, at(i + 1, j + 1)?])
+        let mut corners = [low; 4];
+        for (corner, (i, j)) in corners[1..].iter_mut().zip([(i + 1, j), (i, j + 1), (i + 1, j + 1)]) {
+            match self.level.blocks.holding(b, i, j) {
+                NONE => return None,
+                block => *corner = self.node(block, i, j),
+            }
+        }
+        Some(corners)
+    }
+
+    /// The metric at the node (i, j), which `block` holds.
+    #[inline(always)]
+    fn node(&self, block: u32, i: i64, j: i64) -> [f32; 3] {
+        let s = slot(i as usize % SIDE, j as usize % SIDE);
+        let planes = &self.metric[block as usize];
+        [planes[0][s], planes[1][s], planes[2][s]]
     }
 
     /// Metric and slope at (s, t) in a cell, from the metrics at its corners.
