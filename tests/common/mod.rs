@@ -6,6 +6,7 @@
 
 mod files;
 mod gpu;
+pub mod roughness;
 #[path = "../../examples/scenes/mod.rs"]
 pub mod scenes;
 mod warp;

@@ -1,0 +1,123 @@
+//! How smooth the warp is as a function of the pose, on all scenes: a table, and JSON for comparisons.
+//!
+//!     cargo bench --bench roughness
+//!     cargo bench --bench roughness -- --grid 512 --qualities normal,high --scenes fox
+
+#![allow(missing_docs)]
+
+#[path = "../../tests/common/mod.rs"]
+mod common;
+#[allow(dead_code)] // The alternating poses are those of `speed_error`.
+#[path = "../speed_error/scenes.rs"]
+mod scenes;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use common::roughness::Roughness;
+use scenes::Case;
+use serde_json::json;
+use vrtm::{Backend, Device, DeviceSettings, Quality};
+
+/// Measures how smooth the warp is as a function of the pose.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// Scenes and assets; by default all.
+    #[arg(long, value_delimiter = ',')]
+    scenes: Vec<String>,
+    /// Cells on a side of the grids.
+    #[arg(long, default_value_t = 256)]
+    grid: u32,
+    /// draft, normal, high.
+    #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
+    qualities: Vec<String>,
+    /// cpu or gpu.
+    #[arg(long, default_value = "cpu")]
+    backend: String,
+    /// Also write the table there, and JSON beside it.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Passed by `cargo bench` and not by `cargo test`; without it one small scene is measured.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    let mut args = Args::parse();
+    if !args.bench {
+        args.grid = args.grid.min(64);
+        args.scenes = vec!["bulge".into()];
+    }
+    match run(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+const HEAD: &str =
+    "| scene | quality | strain | d1 RMS | d2 RMS | d2 over 0.1 | largest d2 | noise 1e-7, 99.9 % | ms |
+|---|---|---|---|---|---|---|---|---|
+";
+
+fn run(args: &Args) -> Result<(), String> {
+    let backend = match args.backend.as_str() {
+        "cpu" => Backend::Cpu,
+        "gpu" => Backend::Gpu,
+        other => return Err(format!("--backend {other}: neither cpu nor gpu")),
+    };
+    let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() })
+        .map_err(|error| error.to_string())?;
+    let mut text = HEAD.to_owned();
+    print!("{HEAD}");
+    let mut rows = Vec::new();
+    for case in scenes::cases(&args.scenes, args.grid)? {
+        for quality in &args.qualities {
+            let r = measure(&case, &device, quality)?;
+            let line = format!(
+                "| {} {} | {quality} | {:.4} | {:.4} | {:.4} | {:.2} % | {:.2} | {:.5} | {:.1} |\n",
+                case.name,
+                case.frame,
+                r.strain,
+                r.first,
+                r.second,
+                100.0 * r.large,
+                r.largest,
+                r.noise,
+                r.ms
+            );
+            print!("{line}");
+            text += &line;
+            rows.push(json!({
+                "scene": case.name, "frame": case.frame, "udim": case.udim, "grid": case.grid, "quality": quality,
+                "backend": args.backend, "strain": r.strain, "energy": r.energy, "first": r.first,
+                "second": r.second, "large": r.large, "largest": r.largest, "noise": r.noise, "ms": r.ms,
+            }));
+        }
+    }
+    if let Some(path) = &args.out {
+        let write = |path: &PathBuf, text: &str| {
+            std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+        };
+        write(path, &text)?;
+        let lines: Vec<String> = rows.iter().map(|row| row.to_string()).collect();
+        write(&path.with_extension("json"), &format!("[\n{}\n]\n", lines.join(",\n")))?;
+    }
+    Ok(())
+}
+
+fn measure(case: &Case, device: &Device, quality: &str) -> Result<Roughness, String> {
+    let quality = match quality {
+        "draft" => Quality::Draft,
+        "normal" => Quality::Normal,
+        "high" => Quality::High,
+        other => return Err(format!("--qualities {other}: neither draft, normal nor high")),
+    };
+    let (mut asset, tile) = case.asset(device);
+    let frame = &case.model.frames[case.frame - 1];
+    Ok(Roughness::of(&mut asset, tile, &case.model.rest, frame, &common::options(quality)))
+}
