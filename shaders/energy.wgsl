@@ -18,7 +18,7 @@ fn energy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     for (var colour = 0u; colour < 4u; colour++) {
         let n = node_at(thread_slot(colour, t));
         if !fixed_in_patch(place_at(n, vec2i())) {
-            sum += shared_energy(n, node_state(b, n), floor);
+            sum += shared_energy(n, node_state(n), floor);
             for (var q = 0u; q < 4u; q++) {
                 let m = cell_offsets(n, patch_u[place_at(n, vec2i())], q);
                 for (var k = 0u; k < 3u; k++) {

@@ -31,6 +31,15 @@ const NEAR_BOUND_JACOBIAN: f32 = 0.049999997;
 /// ... of this stiffness, in the step's system only, not in the energy: where the bound is active, the step slides
 /// along it instead of being limited by it.
 const NEAR_BOUND_STIFFNESS: f32 = 10.0;
+/// Weight of the tangents in the slopes of the finest level (method §2); differences have the rest. More of it follows
+/// the energy more closely across the edges of triangles, and jumps more there.
+const TANGENT_WEIGHT: f32 = 0.15;
+/// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
+const TENSION_STIFFNESS: f32 = 0.25;
+/// ... and of one that is shorter.
+const COMPRESSION_STIFFNESS: f32 = 1.0;
+/// Least square of an edge's offset that the stress stiffness is divided by, relative to that at rest.
+const MIN_OFFSET_SQUARE: f32 = 0.1;
 /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
 const SMOOTHER_SWEEPS: u32 = 2u;
 /// Rounds of these sweeps in each direction on the coarsest level, all of which lies in one or a few blocks.
@@ -49,9 +58,9 @@ const FRACTION_FALLOFF: f32 = 0.125;
 const FIRST_FALLOFF_PASSES: u32 = 4u;
 /// Passes of the falloff after each round.
 const FALLOFF_PASSES: u32 = 2u;
-/// Rounds that halve the step fraction around corners which would still fall under the bound.
-const HALVING_ROUNDS: u32 = 8u;
-/// Rounds in all: after the halvings, nodes around such corners stay where they are. A chart that is not free of
+/// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
+const SHRINKING_ROUNDS: u32 = 8u;
+/// Rounds in all: after these, nodes around corners that would still fall under the bound stay where they are. A chart that is not free of
 /// folds after them is refused for its energy.
 const LIMIT_ROUNDS: u32 = 16u;
 /// A trial is accepted if it gains more than this fraction of the gain that the model predicts (method §7.7): a
@@ -194,7 +203,8 @@ struct Params {
     items: u32,
     /// Side of this level's cells in cells of level 0.
     scale: f32,
-    /// `step`: the fraction t of the trial; `shrink_fractions`: the factor of the round.
+    /// `step`: the fraction t of the trial; `mark_corners`: the fraction of a margin that the round leaves, negative in the
+    /// last rounds.
     factor: f32,
     tolerance: f32,
     /// 1 if a first correction that gained what its model predicted ends the level's corrections.

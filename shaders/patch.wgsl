@@ -54,21 +54,19 @@ fn fixed_in_patch(at: u32) -> bool {
     return (patch_tag[at] & 1u) != 0u;
 }
 
-/// The displacement of a node and the sample of the surface at W.
+/// The displacement of a node and the sample of the surface at W, with the tangents on level 0.
 struct NodeState {
     u: vec2f,
     value: vec3f,
-    slope: mat2x3f,
+    tangents: mat2x3f,
     /// Twice the number of the triangle under W.
     tag: u32,
 }
 
-fn node_state(b: u32, n: vec2u) -> NodeState {
+fn node_state(n: vec2u) -> NodeState {
     let at = place_at(n, vec2i());
     let tag = patch_tag[at];
-    let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
-    let slope = slopes(b, node, patch_u[at], triangle_of(tag));
-    return NodeState(patch_u[at], patch_value[at].xyz, slope, tag & 0xfffffffeu);
+    return NodeState(patch_u[at], patch_value[at].xyz, tangents(triangle_of(tag)), tag & 0xfffffffeu);
 }
 
 fn triangle_of(tag: u32) -> u32 {

@@ -30,8 +30,8 @@ fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
 
 fn step_node(b: u32, n: vec2u, floor: f32, fraction: f32) {
     let at = place_at(n, vec2i());
-    let p = node_state(b, n);
-    let l = local_problem(n, p, floor);
+    let p = node_state(n);
+    let l = local_problem(n, p, slopes(b, vec2i(n), p.u, triangle_of(p.tag)), floor);
     let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
     var delta = newton_step(n, p.u, l);
     if !(-dot(l.gradient, delta) > MIN_RELATIVE_GAIN * l.energy) {
@@ -43,7 +43,7 @@ fn step_node(b: u32, n: vec2u, floor: f32, fraction: f32) {
         let u = p.u + delta;
         let found = sample_surface(b, node, u, triangle_of(p.tag));
         if found.found {
-            let trial_state = NodeState(u, found.value, mat2x3f(found.slope_x, found.slope_y), found.triangle << 1u);
+            let trial_state = NodeState(u, found.value, tangents(found.triangle), found.triangle << 1u);
             let energy = node_energy(n, trial_state, floor);
             if energy <= l.energy && energy < INVALID_ENERGY {
                 patch_u[at] = u;

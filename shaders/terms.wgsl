@@ -24,7 +24,7 @@ fn edge(n: vec2u, p: NodeState, k: u32, floor: f32) -> Edge {
     let d = (patch_u[at_neighbour] - p.u) + vec2f(o);
     let length = patch_length[select(at_node, at_neighbour, k > 3u)][k & 3u];
     let same = (patch_tag[at_neighbour] & 0xfffffffeu) == p.tag;
-    let chord = chord(p.value, p.slope, patch_value[at_neighbour].xyz, same, d);
+    let chord = chord(p.value, p.tangents, patch_value[at_neighbour].xyz, same, d);
     let weight = max(patch_value[at_node].w, patch_value[at_neighbour].w);
     let inverse_d0_square = 1.0 / f32(o.x * o.x + o.y * o.y);
     var kappa = params.orientation;
@@ -37,6 +37,14 @@ fn edge(n: vec2u, p: NodeState, k: u32, floor: f32) -> Edge {
 /// sigma = (lambda (1 - w) + lambda0) / |d0|^2: the weight of the smoothness term.
 fn smoothness(e: Edge) -> f32 {
     return ((1.0 - e.weight) * params.smoothness + params.smoothness_floor) * e.inverse_d0_square;
+}
+
+/// The stress stiffness of the edge (method §4, Derivatives).
+fn stress_stiffness(e: Edge) -> f32 {
+    let strain = (e.chord.length - e.length) * e.inverse_length;
+    let size = max(strain * TENSION_STIFFNESS, strain * -COMPRESSION_STIFFNESS);
+    let square = max(dot(e.chord.d, e.chord.d), MIN_OFFSET_SQUARE / e.inverse_d0_square);
+    return e.weight * size * (e.chord.length * e.inverse_length) / square;
 }
 
 /// Scalar product of d and d0 turned by 90 degrees (not a unit vector: its length is |d0|).
@@ -128,17 +136,19 @@ fn outer(v: vec2f) -> vec3f {
     return vec3f(v.x * v.x, v.x * v.y, v.y * v.y);
 }
 
-fn local_problem(n: vec2u, p: NodeState, floor: f32) -> Local {
+/// `slopes` are those at the node.
+fn local_problem(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32) -> Local {
     var out = Local(0.0, vec2f(), vec3f());
     for (var k = 0u; k < 8u; k++) {
         let e = edge(n, p, k, floor);
         out.energy += edge_energy(e);
-        let near = near_gradient(e.chord, p.slope);
+        let near = near_gradient(e.chord, slopes);
         let scaled = e.weight * e.inverse_length;
         let smooth_weight = smoothness(e);
         out.gradient += scaled * ((e.chord.length - e.length) * e.inverse_length) * near
             - smooth_weight * (e.chord.d - e.offset);
-        out.matrix += scaled * e.inverse_length * outer(near) + vec3f(smooth_weight, 0.0, smooth_weight);
+        let isotropic = smooth_weight + stress_stiffness(e);
+        out.matrix += scaled * e.inverse_length * outer(near) + vec3f(isotropic, 0.0, isotropic);
         let normal = vec2f(-e.offset.y, e.offset.x);
         let kappa = e.orientation * e.inverse_d0_square * e.inverse_d0_square;
         out.gradient -= off_axis(e) * kappa * normal;

@@ -17,6 +17,7 @@ pub(crate) mod invert;
 mod energy;
 mod terms;
 mod patch;
+mod slopes;
 mod sampling;
 mod constants;
 mod allocate;

@@ -18,15 +18,15 @@ type Points = Vec<[f64; 3]>;
 /// that a viewer sees no jump.
 const MARGIN: f64 = 2.0;
 
-/// Bound of a single node's second difference over the pose's largest one, except in squash: at most 3.9 was measured
-/// (mug_to_jug, warm).
-const MOST: f64 = 6.0;
+/// Bound of a single node's second difference over the pose's largest one, except in squash: at most 2.3 was measured
+/// (arm).
+const MOST: f64 = 4.0;
 
-/// The same bound in squash, where discs come to touch (see its motion): 14 was measured, 0.15 cells.
-const MOST_IN_SQUASH: f64 = 20.0;
+/// The same bound in squash, where discs come to touch (see its motion): 7.8 was measured, 0.09 cells.
+const MOST_IN_SQUASH: f64 = 15.0;
 
-/// Bound of the distance that a node moves from one frame to the next, in cells: 1.1 was measured (cesium_man).
-const FARTHEST: f64 = 1.5;
+/// Bound of the distance that a node moves from one frame to the next, in cells: 0.8 was measured (cesium_man).
+const FARTHEST: f64 = 1.2;
 
 /// A model that moves from rest through its frames and back.
 struct Motion {
@@ -188,21 +188,21 @@ fn difference(a: [f32; 2], b: [f32; 2]) -> [f64; 2] {
 fn motions() -> Vec<Motion> {
     let scenes = [
         // Discs that come to touch give way to one side or the other: W moves by 1e-2 cells RMS in one frame.
-        (analytic::squash(0.7), 1.80),
-        (analytic::bulge(), 0.47),
-        (analytic::pinch(), 1.23),
-        (analytic::shear(0.5), 0.086),
-        (analytic::torus(), 1.26),
-        (mug_to_jug(), 3.03),
-        (creature(), 0.20),
-        (arm(), 0.61),
+        (analytic::squash(0.7), 2.62),
+        (analytic::bulge(), 0.22),
+        (analytic::pinch(), 0.95),
+        (analytic::shear(0.5), 0.116),
+        (analytic::torus(), 1.10),
+        (mug_to_jug(), 0.38),
+        (creature(), 0.084),
+        (arm(), 0.143),
     ];
     let mut list: Vec<Motion> =
         scenes.into_iter().map(|(scene, measured)| Motion::new(scene, measured)).collect();
     for model in common::assets() {
         match model.name.as_str() {
-            "cesium_man" => list.push(Motion::new(model, 1.09)),
-            "mh_face" => list.push(Motion::new(model, 0.46)),
+            "cesium_man" => list.push(Motion::new(model, 0.68)),
+            "mh_face" => list.push(Motion::new(model, 0.315)),
             _ => {}
         }
     }

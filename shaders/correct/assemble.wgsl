@@ -54,8 +54,9 @@ fn set_diagonal(at: u32, diagonal: vec3f) {
 }
 
 fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
-    let p = node_state(b, n);
-    let l = local_problem(n, p, floor);
+    let p = node_state(n);
+    let own = slopes(b, vec2i(n), p.u, triangle_of(p.tag));
+    let l = local_problem(n, p, own, floor);
     var diagonal = l.matrix;
     var pairs: array<vec4f, 8>;
     for (var q = 0u; q < 4u; q++) {
@@ -79,18 +80,17 @@ fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
     let at = row_index(b, 0u, s);
     vectors[vector_index(b, RESIDUAL, s)] = -l.gradient.x;
     vectors[vector_index(b, RESIDUAL + 1u, s)] = -l.gradient.y;
-    let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
     for (var k = 0u; k < 8u; k++) {
         let e = edge(n, p, k, floor);
         var pair = vec4f();
         // Only pairs of movable nodes take part.
         if !fixed_in_patch(e.neighbour) {
-            let slope_n = slopes(b, node + offset(k), patch_u[e.neighbour], triangle_of(patch_tag[e.neighbour]));
+            let far = slopes(b, vec2i(n) + offset(k), patch_u[e.neighbour], triangle_of(patch_tag[e.neighbour]));
             let square = e.weight * e.inverse_length * e.inverse_length;
-            let smooth_weight = smoothness(e);
+            let isotropic = smoothness(e) + stress_stiffness(e);
             let normal = vec2f(-e.offset.y, e.offset.x);
-            pair = square * outer_pair(near_gradient(e.chord, p.slope), far_gradient(e.chord, slope_n))
-                - vec4f(smooth_weight, 0.0, 0.0, smooth_weight)
+            pair = square * outer_pair(near_gradient(e.chord, own), far_gradient(e.chord, far))
+                - vec4f(isotropic, 0.0, 0.0, isotropic)
                 - e.orientation * e.inverse_d0_square * e.inverse_d0_square * outer_pair(normal, normal)
                 + pairs[k];
         }

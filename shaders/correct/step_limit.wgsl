@@ -1,14 +1,14 @@
 // correct: the step limit (method §7.6): the step fraction phi of each node. The first fractions leave every corner
 // Jacobian a part of its margin over MIN_JACOBIAN and fall off smoothly around corners that would lose more; rounds of
-// halving treat the corners that would still fall under the bound. Charts whose whole step leaves enough margin are
-// done. Per node: `first_fractions` reads 16 bytes and writes 8; `mark_folds` reads 20 and writes 4 (both a quarter
+// shrinking treat the corners that would still lose too much. Charts whose whole step leaves enough margin are
+// done. Per node: `first_fractions` reads 16 bytes and writes 8; `mark_corners` reads 20 and writes 4 (both a quarter
 // more for the halo); `shrink_fractions` reads 8 (more for a halo of two nodes, marks of three) and writes 4.
 
 var<workgroup> window_u: array<vec2f, 324>;
 var<workgroup> window_step: array<vec2f, 324>;
 
 /// The first round that looks for folds: only dispatches of the falloff come before it.
-const FIRST_HALVING_ROUND: u32 = FIRST_FALLOFF_PASSES / FALLOFF_PASSES;
+const FIRST_SHRINKING_ROUND: u32 = FIRST_FALLOFF_PASSES / FALLOFF_PASSES;
 
 /// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same. A chart with
 /// a fraction under 1 is limited.
@@ -35,21 +35,22 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
     var limited = false;
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
-        let fraction = first_fraction(node_at(s));
+        let fraction = allowed_fraction(node_at(s), KEPT_MARGIN);
         vectors[vector_index(b, FRACTION, s)] = fraction;
-        vectors[vector_index(b, MARK, s)] = 0.0;
+        vectors[vector_index(b, MARK, s)] = 1.0;
         limited = limited || fraction < 1.0;
     }
     if limited {
-        atomicMax(&charts[blocks[b].chart].limit_rounds, FIRST_HALVING_ROUND);
+        atomicMax(&charts[blocks[b].chart].limit_rounds, FIRST_SHRINKING_ROUND);
     }
 }
 
 /// The smallest normal f32: keeps a quotient finite.
 const SMALLEST: f32 = 1.1754944e-38;
 
-/// The smallest fraction that the twelve corners of node n allow (method §7.6, Fraction per corner).
-fn first_fraction(n: vec2u) -> f32 {
+/// The smallest fraction that the twelve corners of node n allow if each keeps the fraction `kept` of its margin (method
+/// §7.6, Fraction per corner).
+fn allowed_fraction(n: vec2u, kept: f32) -> f32 {
     var fraction = 1.0;
     for (var q = 0u; q < 4u; q++) {
         let s = quadrant(q);
@@ -68,7 +69,7 @@ fn first_fraction(n: vec2u) -> f32 {
             // At the fraction s of the step, J less the margin that must be left is q(s) = start + first s + second
             // s^2, with q(0) >= 0. If q(1) < 0, it has one root in between.
             let over = max(sign * cross2(offsets[i], offsets[j]) - MIN_JACOBIAN, 0.0);
-            let start = over * (1.0 - KEPT_MARGIN);
+            let start = over * (1.0 - kept);
             let first = sign * (cross2(changes[i], offsets[j]) + cross2(offsets[i], changes[j]));
             let second = sign * cross2(changes[i], changes[j]);
             if start + first + second < 0.0 {
@@ -80,9 +81,11 @@ fn first_fraction(n: vec2u) -> f32 {
     return fraction;
 }
 
-/// Round `mode`: marks nodes with a corner whose Jacobian would fall under the bound at u + fraction x step.
+/// Round `mode`: sets each node's mark to the factor by which its fraction shrinks. In the shrinking rounds it is what
+/// the corners allow that lose more than all but the fraction `factor` of their margin at u + fraction x step; in the
+/// last rounds, where `factor` is negative, it is 0 at corners that fall under the bound.
 @compute @workgroup_size(64)
-fn mark_folds(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn mark_corners(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = limited_block_of_workgroup(group, t, params.mode);
     if b == NONE {
         return;
@@ -92,24 +95,34 @@ fn mark_folds(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
         window_u[k] = vec2f();
+        window_step[k] = vec2f();
         if holder != NONE {
             window_u[k] = displacement(holder, source.y);
             if blocks[holder].is_active != 0u {
                 let x = vector_index(holder, STEP, source.y);
-                window_u[k] += vectors[vector_index(holder, plane, source.y)] * vec2f(vectors[x], vectors[x + NODES]);
+                let step = vec2f(vectors[x], vectors[x + NODES]);
+                window_step[k] = vectors[vector_index(holder, plane, source.y)] * step;
             }
+        }
+        if params.factor < 0.0 {
+            window_u[k] += window_step[k];
         }
     }
     workgroupBarrier();
-    var folds = false;
+    var limited = false;
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
-        // A comparison with NaN is false: a node with a Jacobian that is NaN is marked, too.
-        let bad = !(worst_corner(node_at(s)) >= MIN_JACOBIAN);
-        vectors[vector_index(b, MARK, s)] = select(0.0, 1.0, bad);
-        folds = folds || bad;
+        var mark: f32;
+        if params.factor >= 0.0 {
+            mark = allowed_fraction(node_at(s), params.factor);
+        } else {
+            // A comparison with NaN is false: a node with a Jacobian that is NaN is marked, too.
+            mark = select(0.0, 1.0, worst_corner(node_at(s)) >= MIN_JACOBIAN);
+        }
+        vectors[vector_index(b, MARK, s)] = mark;
+        limited = limited || mark < 1.0;
     }
-    if folds {
+    if limited {
         atomicMax(&charts[blocks[b].chart].limit_rounds, params.mode + 1u);
     }
 }
@@ -191,8 +204,8 @@ fn after_falloff(k: u32, second: bool) -> f32 {
     return min(own, low + FRACTION_FALLOFF);
 }
 
-/// After round `mode`: multiplies the fractions of marked nodes and of their neighbours by `factor`, and does two
-/// passes of the falloff.
+/// After round `mode`: multiplies each fraction by the least mark of the node and its neighbours, and does two passes
+/// of the falloff.
 @compute @workgroup_size(64)
 fn shrink_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = limited_block_of_workgroup(group, t, params.mode + 1u);
@@ -204,14 +217,14 @@ fn shrink_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocati
         let at = wide_vector_index(b, FRACTION + (params.mode & 1u), n);
         fractions[k] = 2.0;
         if at != NONE {
-            var marked = false;
+            var least = 1.0;
             for (var i = 0u; i < 9u; i++) {
                 let mark_at = wide_vector_index(b, MARK, n + vec2i(i32(i % 3u), i32(i / 3u)) - 1);
                 if mark_at != NONE {
-                    marked = marked || vectors[mark_at] != 0.0;
+                    least = min(least, vectors[mark_at]);
                 }
             }
-            fractions[k] = vectors[at] * select(1.0, params.factor, marked);
+            fractions[k] = vectors[at] * least;
         }
     }
     workgroupBarrier();

@@ -4,8 +4,6 @@
 struct Sample {
     found: bool,
     value: vec3f,
-    slope_x: vec3f,
-    slope_y: vec3f,
     triangle: u32,
 }
 
@@ -66,7 +64,7 @@ fn sample_on_triangle(t: u32, node: vec2i, u: vec2f) -> Sample {
     let p = triangles[t].pose;
     let x = vec3f(p[3], p[4], p[5]);
     let y = vec3f(p[6], p[7], p[8]);
-    return Sample(true, vec3f(p[0], p[1], p[2]) + (x * d.x + y * d.y), x, y, t);
+    return Sample(true, vec3f(p[0], p[1], p[2]) + (x * d.x + y * d.y), t);
 }
 
 /// Triangle under the undisplaced node at slot s of block b.
@@ -99,13 +97,16 @@ fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
         }
     }
     if t == NONE {
-        return Sample(false, vec3f(), vec3f(), vec3f(), NONE);
+        return Sample(false, vec3f(), NONE);
     }
     return sample_on_triangle(t, node, u);
 }
 
-/// The tangents df/dx and df/dy on triangle t, which is known to be under W; 0 without a triangle.
-fn slopes(b: u32, node: vec2i, u: vec2f, t: u32) -> mat2x3f {
+/// Whether samples have tangents.
+const TANGENTS: bool = true;
+
+/// The tangents df/dx and df/dy on triangle t; 0 without a triangle.
+fn tangents(t: u32) -> mat2x3f {
     if t == NONE {
         return mat2x3f(vec3f(), vec3f());
     }
@@ -118,7 +119,7 @@ fn slopes(b: u32, node: vec2i, u: vec2f, t: u32) -> mat2x3f {
 fn resampled(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
     let rest = rest_triangle(b, s);
     if rest == NONE {
-        return Sample(true, vec3f(), vec3f(), vec3f(), NONE);
+        return Sample(true, vec3f(), NONE);
     }
     if fixed {
         return sample_on_triangle(rest, node, vec2f());
@@ -142,19 +143,19 @@ struct Chord {
 }
 
 /// The chord between an edge's ends: T d where both ends lie on one triangle (`same`), the difference of positions
-/// elsewhere. `value` and `slope` are the sample of the near end, `other` is the position of the far end.
-fn chord(value: vec3f, slope: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Chord {
-    let along = select(other - value, slope[0] * d.x + slope[1] * d.y, same);
+/// elsewhere. `value` and `tangents` are the sample of the near end, `other` is the position of the far end.
+fn chord(value: vec3f, tangents: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Chord {
+    let along = select(other - value, tangents[0] * d.x + tangents[1] * d.y, same);
     let length = sqrt(dot(along, along) + TINY);
     return Chord(along, d, length, 1.0 / length);
 }
 
-/// dL/du at the near end, with the tangents there.
+/// dL/du at the near end, with the slopes there.
 fn near_gradient(c: Chord, slope: mat2x3f) -> vec2f {
     return -far_gradient(c, slope);
 }
 
-/// dL/du at the far end, with the tangents there.
+/// dL/du at the far end, with the slopes there.
 fn far_gradient(c: Chord, slope: mat2x3f) -> vec2f {
     return vec2f(dot(slope[0], c.along), dot(slope[1], c.along)) * c.inverse;
 }

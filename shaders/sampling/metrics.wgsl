@@ -7,8 +7,6 @@
 struct Sample {
     found: bool,
     value: vec3f,
-    slope_x: vec3f,
-    slope_y: vec3f,
     triangle: u32,
 }
 
@@ -26,19 +24,20 @@ fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
         let at = low + vec2i(i32(k & 1u), i32(k >> 1u));
         let holder = block_holding(b, at.x, at.y);
         if holder == NONE {
-            return Sample(false, vec3f(), vec3f(), vec3f(), NONE);
+            return Sample(false, vec3f(), NONE);
         }
         g[k] = metric_at(holder, slot(u32(at.x & 15), u32(at.y & 15)));
     }
     let south = g[0] + fraction.x * (g[1] - g[0]);
     let north = g[2] + fraction.x * (g[3] - g[2]);
-    let slope_x = (1.0 - fraction.y) * (g[1] - g[0]) + fraction.y * (g[3] - g[2]);
-    return Sample(true, south + fraction.y * (north - south), slope_x, north - south, NONE);
+    return Sample(true, south + fraction.y * (north - south), NONE);
 }
 
-fn slopes(b: u32, node: vec2i, u: vec2f, t: u32) -> mat2x3f {
-    let sample = sample_surface(b, node, u, t);
-    return mat2x3f(sample.slope_x, sample.slope_y);
+/// Whether samples have tangents.
+const TANGENTS: bool = false;
+
+fn tangents(t: u32) -> mat2x3f {
+    return mat2x3f(vec3f(), vec3f());
 }
 
 /// Samples the metric anew for a displacement that is set from outside. Without a sample, and at fixed nodes, it is the
@@ -50,7 +49,7 @@ fn resampled(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
             return sample;
         }
     }
-    return Sample(true, metric_at(b, s), vec3f(), vec3f(), NONE);
+    return Sample(true, metric_at(b, s), NONE);
 }
 
 /// For an edge, the product of metric and offset (`along`), d, L and 1 / L: what the gradients at both ends have in
@@ -63,7 +62,7 @@ struct Chord {
 }
 
 /// L = sqrt(d' G d), with G the mean of the metrics at both ends.
-fn chord(value: vec3f, slope: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Chord {
+fn chord(value: vec3f, tangents: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Chord {
     let g = (value + other) * 0.5;
     let along = vec2f(g.x * d.x + g.y * d.y, g.y * d.x + g.z * d.y);
     let length = sqrt(max(dot(along, d), 0.0) + TINY);

@@ -77,7 +77,7 @@ impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
         if S::CHORDS {
-            patch.load_slopes::<V, S>(surface);
+            patch.load_tangents::<V, S>(surface);
         }
         let mut total = Total::<V>::new();
         for row in Row::all() {

@@ -92,8 +92,8 @@ pub struct Patch {
     pub density: Window,
     /// Whether the level stores densities.
     pub has_density: bool,
-    /// Slopes of the surface (see `Samples`) at the nodes of the block, without the halo.
-    pub slope: [Plane; 6],
+    /// Tangents (see `Samples`) at the nodes of the block, without the halo; finest level only.
+    pub tangents: [Plane; 6],
     /// The chart's floor of rest lengths.
     pub floor: f32,
 }
@@ -120,12 +120,12 @@ impl Patch {
             movable: [0; WINDOW_NODES],
             density: [0.0; WINDOW_NODES],
             has_density: false,
-            slope: [[0.0; NODES]; 6],
+            tangents: [[0.0; NODES]; 6],
             floor: 0.0,
         })
     }
 
-    /// Gathers block `b` of a level with its halo, except for the slopes.
+    /// Gathers block `b` of a level with its halo, except for the tangents.
     ///
     /// # Safety
     /// No other item writes this block or its neighbour blocks meanwhile.
@@ -166,9 +166,9 @@ impl Patch {
         }
     }
 
-    /// Evaluates the slopes of the surface at W(p) for the movable nodes of the block.
+    /// Gathers the tangents at W(p) for the movable nodes of a block of the finest level.
     #[inline(always)]
-    pub fn load_slopes<V: Lanes, S: Surface>(&mut self, surface: S) {
+    pub fn load_tangents<V: Lanes, S: Surface>(&mut self, surface: S) {
         for row in Row::all() {
             let at = row.at(0, 0);
             let lanes = self.movable_lanes::<V>(row);
@@ -177,9 +177,8 @@ impl Patch {
             }
             let mut triangle = [NONE; LANES];
             triangle.copy_from_slice(&self.triangle[at..at + LANES]);
-            let u = each!([0, 1], |c| V::load(&self.u[c], at));
-            let slope = surface.slope_row(&self.grid_row(row), &u, &triangle, lanes);
-            for (plane, x) in self.slope.iter_mut().zip(slope) {
+            let tangents = surface.tangents_row::<V>(&triangle);
+            for (plane, x) in self.tangents.iter_mut().zip(tangents) {
                 x.store(plane, row.slot());
             }
         }
@@ -203,14 +202,6 @@ impl Patch {
         GridRow { block: self.block, i: self.x + row.column() as i64, j: self.y + row.line() as i64 }
     }
 
-    /// The slope of the surface at W(p) for the node at place `at` = (i, j) of the window.
-    #[inline(always)]
-    pub fn slope_at_window<S: Surface>(&self, surface: S, at: usize, i: usize, j: usize) -> [f32; 6] {
-        let u = [self.u[0][at], self.u[1][at]];
-        let (i, j) = (self.x + i as i64 - 1, self.y + j as i64 - 1);
-        surface.slope(self.block, i, j, u, self.triangle[at])
-    }
-
     /// The present state of a row's nodes.
     #[inline(always)]
     pub fn node_state<V: Lanes>(&self, row: Row) -> NodeState<V> {
@@ -220,7 +211,7 @@ impl Patch {
             u: each!([0, 1], |c| V::load(&self.u[c], at)),
             samples: Samples {
                 value: each!([0, 1, 2], |c| V::load(&self.value[c], at)),
-                slope: each!([0, 1, 2, 3, 4, 5], |c| V::load(&self.slope[c], s)),
+                tangents: each!([0, 1, 2, 3, 4, 5], |c| V::load(&self.tangents[c], s)),
                 triangle: V::load_index(&self.triangle, at),
             },
         }
@@ -236,10 +227,10 @@ impl Patch {
         for c in 0..3 {
             blend(lanes, &mut self.value[c], at, trial.samples.value[c]);
         }
-        for c in 0..6 {
-            blend(lanes, &mut self.slope[c], s, trial.samples.slope[c]);
-        }
         if S::CHORDS {
+            for c in 0..6 {
+                blend(lanes, &mut self.tangents[c], s, trial.samples.tangents[c]);
+            }
             let old = V::load_index(&self.triangle, at);
             V::store_index(V::select_index(lanes, trial.samples.triangle, old), &mut self.triangle, at);
         }

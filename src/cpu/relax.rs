@@ -84,7 +84,9 @@ impl<S: Surface> Vectorised for RelaxBlock<'_, S> {
         let RelaxBlock { patch, level, state, surface, weights, b, sweeps, fraction } = self;
         // SAFETY: no other item accesses the block, or writes to its neighbour blocks.
         unsafe { patch.load::<V, S>(level, state, b) };
-        patch.load_slopes::<V, S>(surface);
+        if S::CHORDS {
+            patch.load_tangents::<V, S>(surface);
+        }
         for _ in 0..sweeps {
             for row in Row::all() {
                 step::<V, S>(patch, surface, weights, row, fraction);
@@ -131,7 +133,8 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
     }
     let here = patch.node_state::<V>(row);
     let stiff = patch.has_stiff_edges::<V>(row, weights);
-    let model = patch.quadratic_model::<V, S>(row, &here, weights, stiff, &mut ());
+    let slopes = if stiff { patch.slopes::<V, S>(row, &here) } else { [V::zero(); 6] };
+    let model = patch.quadratic_model::<V, S>(row, &here, &slopes, weights, stiff, &mut ());
     let mut delta = newton_step(&model);
     let predicted = -(model.gradient[0] * delta[0] + model.gradient[1] * delta[1]);
     lanes = lanes.and((model.terms.energy * MIN_RELATIVE_GAIN).lt(predicted));

@@ -15,17 +15,17 @@ pub use metrics::Metrics;
 pub use record::TriangleRecord;
 pub use resample::Start;
 
-/// The derivatives of the sampled values along x and y, at a row's eight nodes.
+/// Derivatives along x and y of the three sampled values, at a row's eight nodes.
 pub type Slopes<V> = [V; 6];
 
 /// Samples of the surface at the warped positions of a row's eight nodes.
 ///
-/// On the finest level, `value` is the position f(W(p)), `slope` is ∂f/∂x and ∂f/∂y, and `triangle` is the triangle
-/// under W(p). On coarser ones, `value` is the metric (E, F, G) at W(p), and `slope` is ∂/∂x and ∂/∂y of it.
+/// On the finest level, `value` is the position f(W(p)), `triangle` is the triangle under W(p), and `tangents` are ∂f/∂x
+/// and ∂f/∂y on it. On coarser ones, `value` is the metric (E, F, G) at W(p), and the others are not used.
 #[derive(Clone, Copy)]
 pub struct Samples<V: Lanes> {
     pub value: [V; 3],
-    pub slope: Slopes<V>,
+    pub tangents: Slopes<V>,
     pub triangle: V::Index,
 }
 
@@ -69,26 +69,22 @@ pub trait Surface: Copy + Sync {
         samples: &mut Samples<V>,
     ) -> V::Mask;
 
-    /// The slope at node (i, j) of block `b`, displaced by u. There has to be a sample.
-    fn slope(&self, b: usize, i: i64, j: i64, u: [f32; 2], triangle: u32) -> [f32; 6];
+    /// The tangents on a triangle of the finest level; 0 for `NONE`, and on coarser levels.
+    fn tangents(&self, triangle: u32) -> [f32; 6];
 
-    /// The slopes at a row's nodes displaced by u, in the given lanes. There have to be samples.
-    fn slope_row<V: Lanes>(
-        &self,
-        nodes: &GridRow,
-        u: &[V; 2],
-        triangle: &[u32; LANES],
-        lanes: V::Mask,
-    ) -> Slopes<V>;
+    /// As `tangents`, on eight triangles.
+    fn tangents_row<V: Lanes>(&self, triangle: &[u32; LANES]) -> Slopes<V>;
 
-    /// Lengths L of the edges between nodes with the values p and n, given the slopes at p, the offsets d, and whether
+    /// Lengths L of the edges between nodes with the values p and n, given the tangents at p, the offsets d, and whether
     /// both ends are on one triangle.
-    fn length<V: Lanes>(p: &[V; 3], slope: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V;
+    fn length<V: Lanes>(p: &[V; 3], tangents: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V;
 
-    /// Lengths as of `length`, their gradients ∂L/∂u_p, and the terms from which `far_gradient` computes ∂L/∂u_n.
+    /// Lengths as of `length`, their gradients ∂L/∂u_p with the slopes at p, and the terms from which `far_gradient`
+    /// computes ∂L/∂u_n.
     fn gradient<V: Lanes>(
         p: &[V; 3],
-        slope: &Slopes<V>,
+        tangents: &Slopes<V>,
+        slopes: &Slopes<V>,
         n: &[V; 3],
         same: V::Mask,
         d: &[V; 2],

@@ -4,7 +4,8 @@
 use super::lanes::{Lanes, Mask, each};
 use super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
 use super::row::Row;
-use super::sampling::{GradientTerms, Surface};
+use super::sampling::{GradientTerms, Slopes, Surface};
+use crate::method::law::{COMPRESSION_STIFFNESS, MIN_OFFSET_SQUARE, TENSION_STIFFNESS};
 
 /// The energy terms at each node of a row.
 pub struct Terms<V> {
@@ -24,8 +25,8 @@ pub struct QuadraticModel<V> {
     pub matrix: [V; 3],
 }
 
-/// Receives the edges of a row's nodes: the index of the neighbour, the edge, ∂L/∂u of the node, and the terms from
-/// which `Surface::far_gradient` computes ∂L/∂u of the neighbour.
+/// Receives the edges of a row's nodes: the index of the neighbour, the edge, ∂L/∂u of the node, the terms from which
+/// `Surface::far_gradient` computes ∂L/∂u of the neighbour, and the stress stiffness.
 pub trait Visitor<V: Lanes> {
     fn edge<S: Surface>(
         &mut self,
@@ -34,13 +35,14 @@ pub trait Visitor<V: Lanes> {
         edge: &Edge<V>,
         near: &[V; 2],
         terms: &GradientTerms<V>,
+        stress: V,
     );
 }
 
 /// Ignores the edges.
 impl<V: Lanes> Visitor<V> for () {
     #[inline(always)]
-    fn edge<S: Surface>(&mut self, _: Row, _: usize, _: &Edge<V>, _: &[V; 2], _: &GradientTerms<V>) {}
+    fn edge<S: Surface>(&mut self, _: Row, _: usize, _: &Edge<V>, _: &[V; 2], _: &GradientTerms<V>, _: V) {}
 }
 
 impl Patch {
@@ -97,7 +99,7 @@ impl Patch {
         let edges = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
             let length =
-                S::length(&p.samples.value, &p.samples.slope, &edge.value, edge.same_triangle, &edge.d);
+                S::length(&p.samples.value, &p.samples.tangents, &edge.value, edge.same_triangle, &edge.d);
             edge.energy(k, length, weights)
         });
         self.with_corners(row, p, edges, weights)
@@ -132,6 +134,7 @@ impl Patch {
         &self,
         row: Row,
         p: &NodeState<V>,
+        slopes: &Slopes<V>,
         weights: &Weights,
         stiff: bool,
         visitor: &mut impl Visitor<V>,
@@ -144,9 +147,11 @@ impl Patch {
         let mut matrix = [V::zero(); 3];
         each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
             let edge = self.edge(row, p, k);
+            let (value, tangents) = (&p.samples.value, &p.samples.tangents);
             let (length, near, gradient_terms) =
-                S::gradient(&p.samples.value, &p.samples.slope, &edge.value, edge.same_triangle, &edge.d);
-            visitor.edge::<S>(row, k, &edge, &near, &gradient_terms);
+                S::gradient(value, tangents, slopes, &edge.value, edge.same_triangle, &edge.d);
+            let stress = edge.stress_stiffness(length);
+            visitor.edge::<S>(row, k, &edge, &near, &gradient_terms, stress);
             edges[k] = edge.energy(k, length, weights);
             let scaled = edge.weight * edge.inverse_length;
             let pull = scaled * ((length - edge.rest_length) * edge.inverse_length);
@@ -156,9 +161,10 @@ impl Patch {
             for c in 0..2 {
                 gradient[c] += pull * near[c] - smooth * change[c];
             }
-            matrix[0] += stiffness * near[0] * near[0] + smooth;
+            let isotropic = smooth + stress;
+            matrix[0] += stiffness * near[0] * near[0] + isotropic;
             matrix[1] += stiffness * near[0] * near[1];
-            matrix[2] += stiffness * near[1] * near[1] + smooth;
+            matrix[2] += stiffness * near[1] * near[1] + isotropic;
             if weights.orients() {
                 let [nx, ny] = edge.normal;
                 let kappa = edge.orientation(weights);
@@ -290,6 +296,16 @@ impl<V: Lanes> Edge<V> {
     #[inline(always)]
     pub fn smoothness(&self, weights: &Weights) -> V {
         ((V::one() - self.weight) * weights.smoothness + weights.smoothness_floor) * self.inverse_rest_square
+    }
+
+    /// The stress stiffness of the edge (method §4, Derivatives). `length` is L.
+    #[inline(always)]
+    pub fn stress_stiffness(&self, length: V) -> V {
+        let strain = (length - self.rest_length) * self.inverse_length;
+        let size = (strain * TENSION_STIFFNESS).max(strain * -COMPRESSION_STIFFNESS);
+        let square = self.d[0] * self.d[0] + self.d[1] * self.d[1];
+        let square = square.max(V::splat(MIN_OFFSET_SQUARE / self.inverse_rest_square));
+        self.weight * size * (length * self.inverse_length) / square
     }
 
     /// Stiffness of the orientation term: κ / |d0|⁴, where κ is the mean of both ends. One |d0|² comes from the term,

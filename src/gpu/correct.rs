@@ -13,8 +13,8 @@ use super::layout::{
 use super::{BandBuffer, GateSet, Run};
 use crate::method::acceptance::Correction;
 use crate::method::law::{
-    CG_ITERATIONS, COARSEST_ROUNDS, FALLOFF_PASSES, FIRST_FALLOFF_PASSES, HALVING_ROUNDS, LIMIT_ROUNDS,
-    SMOOTHER_SWEEPS, TRIAL_FRACTIONS,
+    CG_ITERATIONS, COARSEST_ROUNDS, FALLOFF_PASSES, FIRST_FALLOFF_PASSES, LIMIT_ROUNDS, SMOOTHER_SWEEPS,
+    TRIAL_FRACTIONS, kept_margin,
 };
 
 impl Run<'_> {
@@ -161,16 +161,10 @@ impl Run<'_> {
         // A dispatch does `FALLOFF_PASSES` passes of the falloff; the first dispatches shrink no fractions.
         let falloffs = FIRST_FALLOFF_PASSES / FALLOFF_PASSES;
         for mode in 0..falloffs + LIMIT_ROUNDS {
-            let factor = if mode < falloffs {
-                1.0
-            } else if mode < falloffs + HALVING_ROUNDS {
-                0.5
-            } else {
-                0.0
-            };
-            let params = Params { mode, factor, ..self.params };
+            let kept = mode.checked_sub(falloffs).and_then(kept_margin);
+            let params = Params { mode, factor: kept.unwrap_or(-1.0), ..self.params };
             if mode >= falloffs {
-                self.dispatch_active(Kernel::MarkFolds, level, params, Some(BandBuffer::Vectors));
+                self.dispatch_active(Kernel::MarkCorners, level, params, Some(BandBuffer::Vectors));
             }
             self.dispatch_active(Kernel::ShrinkFractions, level, params, Some(BandBuffer::Vectors));
         }

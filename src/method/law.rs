@@ -38,6 +38,17 @@ constants! {
     /// along it instead of being limited by it.
     NEAR_BOUND_STIFFNESS: f32 = 10.0;
 
+    /// Weight of the tangents in the slopes of the finest level (method §2); differences have the rest. More of it follows
+    /// the energy more closely across the edges of triangles, and jumps more there.
+    TANGENT_WEIGHT: f32 = 0.15;
+
+    /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
+    TENSION_STIFFNESS: f32 = 0.25;
+    /// ... and of one that is shorter.
+    COMPRESSION_STIFFNESS: f32 = 1.0;
+    /// Least square of an edge's offset that the stress stiffness is divided by, relative to that at rest.
+    MIN_OFFSET_SQUARE: f32 = 0.1;
+
     /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
     SMOOTHER_SWEEPS: u32 = 2;
     /// Rounds of these sweeps in each direction on the coarsest level, all of which lies in one or a few blocks.
@@ -57,9 +68,9 @@ constants! {
     FIRST_FALLOFF_PASSES: u32 = 4;
     /// Passes of the falloff after each round.
     FALLOFF_PASSES: u32 = 2;
-    /// Rounds that halve the step fraction around corners which would still fall under the bound.
-    HALVING_ROUNDS: u32 = 8;
-    /// Rounds in all: after the halvings, nodes around such corners stay where they are. A chart that is not free of
+    /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
+    SHRINKING_ROUNDS: u32 = 8;
+    /// Rounds in all: after these, nodes around corners that would still fall under the bound stay where they are. A chart that is not free of
     /// folds after them is refused for its energy.
     LIMIT_ROUNDS: u32 = 16;
 
@@ -77,6 +88,12 @@ constants! {
     /// The errors of a first correction's predicted gain, in the same units, between which the next step fraction
     /// grows.
     MODEL_ERROR_RAMP: [f64; 2] = [0.1, 3.0];
+}
+
+/// The fraction of a corner's margin that round `round` of the step limit leaves: a little less than the round before, so
+/// that corners which kept enough then are not limited again. `None` in the rounds after the shrinking ones.
+pub fn kept_margin(round: u32) -> Option<f32> {
+    (round < SHRINKING_ROUNDS).then(|| KEPT_MARGIN * (1.0 - (round + 1) as f32 / SHRINKING_ROUNDS as f32))
 }
 
 /// Fractions of the step that are tried until one is accepted; then comes relaxation alone.

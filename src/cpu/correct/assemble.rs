@@ -13,8 +13,7 @@ use super::rows::{Words, encode};
 use super::*;
 use crate::method::law::{NEAR_BOUND_JACOBIAN, NEAR_BOUND_STIFFNESS};
 use crate::tile::Level;
-use crate::tile::blocks::SIDE;
-use crate::tile::window::{Window, place};
+use crate::tile::window::Window;
 
 /// Assembles the owned pairs, the row sums and the right-hand side of a level; returns the energy per chart.
 pub struct Assemble<'a> {
@@ -89,39 +88,17 @@ impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
         let AssembleBlock { patch, level, state, surface, weights, b, mut out } = self;
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
-        patch.load_slopes::<V, S>(surface);
-        let slopes = window_slopes::<S>(patch, surface);
+        if S::CHORDS {
+            patch.load_tangents::<V, S>(surface);
+        }
+        // SAFETY: nothing writes the state.
+        let slopes = unsafe { patch.window_slopes::<V, S>(level, state, surface) };
         let mut total = Total::new();
         for row in Row::all() {
             block_row::<V, S>(patch, weights, &slopes, row, &mut out, &mut total);
         }
         total.energy()
     }
-}
-
-/// Slopes at all nodes of the window, because the far end of an edge moves in its own tangent plane. They are 0 at
-/// fixed nodes of the halo, whose pairs are dropped.
-#[inline(always)]
-fn window_slopes<S: Surface>(patch: &Patch, surface: S) -> [Window; 6] {
-    let mut slopes: [Window; 6] = [[0.0; WINDOW_NODES]; 6];
-    for row in Row::all() {
-        let (at, s) = (row.at(0, 0), row.slot());
-        for (window, plane) in slopes.iter_mut().zip(&patch.slope) {
-            window[at..at + LANES].copy_from_slice(&plane[s..s + LANES]);
-        }
-    }
-    for k in 0..SIDE + 1 {
-        for (i, j) in [(k, 0), (SIDE + 1, k), (k + 1, SIDE + 1), (0, k + 1)] {
-            let at = place(i, j);
-            if patch.movable[at] != 0 {
-                let slope = patch.slope_at_window(surface, at, i, j);
-                for (window, x) in slopes.iter_mut().zip(slope) {
-                    window[at] = x;
-                }
-            }
-        }
-    }
-    slopes
 }
 
 /// Assembles the row sums, the right-hand side and the owned pairs of a row's nodes, and adds their energy to `total`.
@@ -147,7 +124,8 @@ fn block_row<V: Lanes, S: Surface>(
     let p = patch.node_state::<V>(row);
     let stiff = patch.has_stiff_edges::<V>(row, weights);
     let mut rank_one = RankOne { slopes, pairs: [[V::zero(); 4]; 8] };
-    let mut model = patch.quadratic_model::<V, S>(row, &p, weights, stiff, &mut rank_one);
+    let own = each!([0, 1, 2, 3, 4, 5], |c| row.near::<V>(&slopes[c], 0, 0));
+    let mut model = patch.quadratic_model::<V, S>(row, &p, &own, weights, stiff, &mut rank_one);
     total.add(patch, row, movable, weights, &model.terms);
     // Most corners are above the thresholds of both the room term and the near-bound penalty.
     let crowded = least_jacobian(&model.terms.corners)
@@ -202,7 +180,8 @@ fn block_row<V: Lanes, S: Surface>(
     }
 }
 
-/// The distortion terms of the pairs of a row's nodes: w / max(l, floor)² g_p g_nᵀ, row-major, per neighbour n.
+/// The distortion terms of the pairs of a row's nodes: w / max(l, floor)² g_p g_nᵀ less the stress stiffness,
+/// row-major, per neighbour n.
 struct RankOne<'a, V> {
     slopes: &'a [Window; 6],
     pairs: [[V; 4]; 8],
@@ -217,12 +196,15 @@ impl<V: Lanes> Visitor<V> for RankOne<'_, V> {
         edge: &Edge<V>,
         near: &[V; 2],
         terms: &GradientTerms<V>,
+        stress: V,
     ) {
         let (di, dj, ..) = NEIGHBOURS[k];
         let neighbour_slopes: Slopes<V> = each!([0, 1, 2, 3, 4, 5], |c| row.near(&self.slopes[c], di, dj));
         let far = S::far_gradient(terms, &neighbour_slopes);
         let stiffness = edge.weight * edge.inverse_length * edge.inverse_length;
         self.pairs[k] = each!([0, 1, 2, 3], |c| stiffness * (near[c / 2] * far[c % 2]));
+        self.pairs[k][0] -= stress;
+        self.pairs[k][3] -= stress;
     }
 }
 

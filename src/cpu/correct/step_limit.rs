@@ -1,8 +1,8 @@
 //! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and the
 //! step. Every corner Jacobian keeps a tenth of its margin over ε (`KEPT_MARGIN`); fractions fall off smoothly around
-//! corners that would lose more. They depend continuously on the step, so that a warp does not jump when a corner comes
-//! to be limited. The nodes of one corner may have different fractions; where a corner Jacobian is under ε all the
-//! same, they are halved.
+//! corners that would lose more. The nodes of one corner may have different fractions; where a corner loses too much
+//! all the same, they are multiplied by what the corner allows. The fractions depend continuously on the step, so that
+//! a warp does not jump when a corner comes to be limited.
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
@@ -11,12 +11,11 @@ use super::transfer::active_neighbours;
 use super::workspace::Limiting;
 use super::*;
 use crate::method::law::{
-    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, FRACTION_FALLOFF, HALVING_ROUNDS, KEPT_MARGIN, LIMIT_ROUNDS,
-    MIN_JACOBIAN,
+    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, FRACTION_FALLOFF, KEPT_MARGIN, LIMIT_ROUNDS, MIN_JACOBIAN,
+    kept_margin,
 };
 use crate::tile::Level;
-use crate::tile::blocks::{SIDE, slot};
-use crate::tile::window::{self, Window, place};
+use crate::tile::window::{self, Window};
 
 /// Sets the fractions so that u + fraction x step has no corner Jacobian under ε. A chart where this does not succeed
 /// within `LIMIT_ROUNDS` is refused later for its energy.
@@ -36,7 +35,8 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
         // SAFETY: each item has its own block and flag.
         unsafe {
             let fraction = &mut fraction.get_mut(b)[0];
-            *flags.get_mut(k) = dispatch(FirstFraction { u: &u_window, step: &step_window, fraction });
+            *flags.get_mut(k) =
+                dispatch(AllowedFraction { u: &u_window, step: &step_window, kept: KEPT_MARGIN, fraction });
         };
     });
     // Charts in which no node is limited are done, and are kept out of the rounds of the other charts.
@@ -51,13 +51,14 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     keep_open(&mut blocks, &limited);
     apply_falloff(run, grid, &blocks, fraction, mark, FIRST_FALLOFF_PASSES);
     for round in 0..LIMIT_ROUNDS {
-        let mut folds = vec![false; blocks.len()];
-        let flags = SharedSlice::new(&mut folds);
+        let mut marked = vec![false; blocks.len()];
+        let flags = SharedSlice::new(&mut marked);
+        let kept = kept_margin(round);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            let (mut moved, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
+            let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
             let mut fractions: Window = [1.0; WINDOW_NODES];
-            load_step(grid, u, step, b, &mut moved, &mut step_window);
+            load_step(grid, u, step, b, &mut u_window, &mut step_window);
             // SAFETY: fractions are only read, and each item has its own marks.
             let mark = unsafe {
                 window::load(&active_neighbours(grid, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
@@ -65,35 +66,34 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
             };
             for c in 0..2 {
                 for n in 0..WINDOW_NODES {
-                    moved[c][n] += fractions[n] * step_window[c][n];
+                    step_window[c][n] *= fractions[n];
+                    if kept.is_none() {
+                        u_window[c][n] += step_window[c][n];
+                    }
                 }
             }
-            let any = dispatch(Marks { u: &moved, mark });
+            let any = match kept {
+                Some(kept) => {
+                    dispatch(AllowedFraction { u: &u_window, step: &step_window, kept, fraction: mark })
+                }
+                None => dispatch(Marks { u: &u_window, mark }),
+            };
             // SAFETY: each item has its own flag.
             unsafe { *flags.get_mut(k) = any };
         });
-        keep_open(&mut blocks, &folds);
+        keep_open(&mut blocks, &marked);
         if blocks.is_empty() {
             return;
         }
-        let factor = if round < HALVING_ROUNDS { 0.5 } else { 0.0 };
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             let mut marks: Window = [1.0; WINDOW_NODES];
             // SAFETY: marks are only read, and each item has its own fractions.
-            let (fraction, mark) = unsafe {
+            let fraction = unsafe {
                 window::load(&active_neighbours(grid, b), 1.0, |b| &mark.get(b)[0], &mut marks);
-                (&mut fraction.get_mut(b)[0], &mark.get(b)[0])
+                &mut fraction.get_mut(b)[0]
             };
-            for j in 0..SIDE {
-                for i in 0..SIDE {
-                    let s = slot(i, j);
-                    let near_marked = (0..3).any(|dj| (0..3).any(|di| marks[place(i + di, j + dj)] == 0.0));
-                    if mark[s] == 0.0 || near_marked {
-                        fraction[s] *= factor;
-                    }
-                }
-            }
+            dispatch(Shrink { marks: &marks, fraction });
         });
         apply_falloff(run, grid, &blocks, fraction, mark, FALLOFF_PASSES);
     }
@@ -145,21 +145,22 @@ fn apply_falloff(
 }
 
 /// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same
-/// fraction. Returns whether any of them is less than 1.
-struct FirstFraction<'a> {
+/// fraction, and each corner keeps the fraction `kept` of its margin. Returns whether any of them is less than 1.
+struct AllowedFraction<'a> {
     u: &'a [Window; 2],
     step: &'a [Window; 2],
+    kept: f32,
     fraction: &'a mut Plane,
 }
 
-impl Vectorised for FirstFraction<'_> {
+impl Vectorised for AllowedFraction<'_> {
     type Output = bool;
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> bool {
         let mut any = false;
         for row in Row::all() {
-            let fraction = first_fraction::<V>(self.u, self.step, row);
+            let fraction = allowed_fraction::<V>(self.u, self.step, self.kept, row);
             any |= fraction.lt(V::one()).any();
             row.store(self.fraction, fraction);
         }
@@ -169,7 +170,7 @@ impl Vectorised for FirstFraction<'_> {
 
 /// The least of the fractions that the twelve corners at each node of a row allow.
 #[inline(always)]
-fn first_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], row: Row) -> V {
+fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], kept: f32, row: Row) -> V {
     let [p, dp] = [u, step].map(|w| each!([0, 1], |c| row.near::<V>(&w[c], 0, 0)));
     let mut fraction = V::one();
     for &(sx, sy) in &QUADRANTS {
@@ -184,7 +185,7 @@ fn first_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], row: Row) -> V 
             // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, less ε and the margin to be kept. q(0) >= 0;
             // if q(1) < 0, there is one root in between, here in a form without cancellation.
             let margin = (cross(a, b, sign) - V::splat(MIN_JACOBIAN)).max(V::zero());
-            let q0 = margin * (1.0 - KEPT_MARGIN);
+            let q0 = margin * (1.0 - kept);
             let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
             let limits = (q0 + q1 + q2).lt(V::zero());
             if limits.any() {
@@ -208,6 +209,27 @@ fn offset_change<V: Lanes>(step: &[Window; 2], dp: &[V; 2], row: Row, di: i64, d
 #[inline(always)]
 fn cross<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> V {
     (a[0] * b[1] - a[1] * b[0]) * sign
+}
+
+/// Multiplies the fractions of a block by the least mark of each node and its eight neighbours.
+struct Shrink<'a> {
+    marks: &'a Window,
+    fraction: &'a mut Plane,
+}
+
+impl Vectorised for Shrink<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for row in Row::all() {
+            let mut least = row.near::<V>(self.marks, 0, 0);
+            for (di, dj, ..) in NEIGHBOURS {
+                least = least.min(row.near(self.marks, di, dj));
+            }
+            row.store(self.fraction, row.load::<V>(self.fraction) * least);
+        }
+    }
 }
 
 /// One pass of the falloff over a block.

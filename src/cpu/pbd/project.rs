@@ -194,7 +194,7 @@ pub unsafe fn store_moved<V: Lanes, S: Surface>(
     // SAFETY: the caller's promise.
     let triangle = if S::CHORDS { unsafe { next.triangle.get_mut(nodes.block) } } else { &mut no_triangles };
     let mut samples =
-        Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: V::load_index(triangle, slot) };
+        Samples { value: [V::zero(); 3], tangents: [V::zero(); 6], triangle: V::load_index(triangle, slot) };
     let start = samples.triangle;
     let found = surface.sample_row(nodes, moved, lanes, &mut samples);
     for c in 0..2 {

@@ -58,45 +58,43 @@ impl Surface for Chords<'_> {
         }
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[1]));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
-        (samples.value, samples.slope) = affine_samples(&first, &second, &d);
+        (samples.value, samples.tangents) = affine_samples(&first, &second, &d);
         found
     }
 
     #[inline(always)]
-    fn slope(&self, _b: usize, _i: i64, _j: i64, _u: [f32; 2], triangle: u32) -> [f32; 6] {
-        self.triangles.get(triangle as usize).map_or([0.0; 6], TriangleRecord::slope)
+    fn tangents(&self, triangle: u32) -> [f32; 6] {
+        match self.triangles.get(triangle as usize) {
+            Some(record) => record.tangents(),
+            None => [0.0; 6],
+        }
     }
 
     #[inline(always)]
-    fn slope_row<V: Lanes>(
-        &self,
-        _nodes: &GridRow,
-        _u: &[V; 2],
-        triangle: &[u32; LANES],
-        _lanes: V::Mask,
-    ) -> Slopes<V> {
+    fn tangents_row<V: Lanes>(&self, triangle: &[u32; LANES]) -> Slopes<V> {
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| self.half(triangle[k], 1)));
         each!([0, 1, 2, 3, 4, 5], |k| second[k + 1])
     }
 
     #[inline(always)]
-    fn length<V: Lanes>(p: &[V; 3], slope: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V {
-        let c = chord(p, slope, n, same, d);
+    fn length<V: Lanes>(p: &[V; 3], tangents: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V {
+        let c = chord(p, tangents, n, same, d);
         (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + TINY).sqrt()
     }
 
     #[inline(always)]
     fn gradient<V: Lanes>(
         p: &[V; 3],
-        slope: &Slopes<V>,
+        tangents: &Slopes<V>,
+        slopes: &Slopes<V>,
         n: &[V; 3],
         same: V::Mask,
         d: &[V; 2],
     ) -> (V, [V; 2], GradientTerms<V>) {
-        let c = chord(p, slope, n, same, d);
+        let c = chord(p, tangents, n, same, d);
         let length = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + TINY).sqrt();
         let terms = GradientTerms { along: c, d: *d, inverse_length: V::one() / length };
-        let far = Self::far_gradient(&terms, slope);
+        let far = Self::far_gradient(&terms, slopes);
         (length, [-far[0], -far[1]], terms)
     }
 
@@ -114,14 +112,14 @@ impl Surface for Chords<'_> {
 #[inline(always)]
 fn affine_samples<V: Lanes>(first: &[V; LANES], second: &[V; LANES], d: &[V; 2]) -> ([V; 3], Slopes<V>) {
     let origin = [first[6], first[7], second[0]];
-    let slope = each!([0, 1, 2, 3, 4, 5], |k| second[k + 1]);
-    (each!([0, 1, 2], |k| origin[k] + (slope[k] * d[0] + slope[k + 3] * d[1])), slope)
+    let tangents = each!([0, 1, 2, 3, 4, 5], |k| second[k + 1]);
+    (each!([0, 1, 2], |k| origin[k] + (tangents[k] * d[0] + tangents[k + 3] * d[1])), tangents)
 }
 
 /// The chord: tangents times offset where both ends lie on one triangle, elsewhere the difference of the positions.
 #[inline(always)]
-fn chord<V: Lanes>(p: &[V; 3], slope: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> [V; 3] {
-    each!([0, 1, 2], |k| same.select(slope[k] * d[0] + slope[k + 3] * d[1], n[k] - p[k]))
+fn chord<V: Lanes>(p: &[V; 3], tangents: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> [V; 3] {
+    each!([0, 1, 2], |k| same.select(tangents[k] * d[0] + tangents[k + 3] * d[1], n[k] - p[k]))
 }
 
 impl Chords<'_> {
@@ -198,7 +196,7 @@ impl Chords<'_> {
         let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| nodes.column(k) as f32);
         let (column, row) = (V::from_array(column), V::splat(nodes.j as f32));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
-        let (value, slope) = affine_samples(&first, &second, &d);
-        Samples { value, slope, triangle }
+        let (value, tangents) = affine_samples(&first, &second, &d);
+        Samples { value, tangents, triangle }
     }
 }

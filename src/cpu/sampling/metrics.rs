@@ -53,21 +53,13 @@ impl Metrics<'_> {
         [planes[0][s], planes[1][s], planes[2][s]]
     }
 
-    /// Metric and slope at (s, t) in a cell, from the metrics at its corners.
+    /// The metric at (s, t) in a cell, from the metrics at its corners.
     #[inline(always)]
-    fn bilinear<V: Lanes>(corners: &[[V; 3]; 4], s: V, t: V) -> ([V; 3], Slopes<V>) {
+    fn bilinear<V: Lanes>(corners: &[[V; 3]; 4], s: V, t: V) -> [V; 3] {
         let [g00, g10, g01, g11] = corners;
         let low = each!([0, 1, 2], |k| g00[k] + s * (g10[k] - g00[k]));
         let high = each!([0, 1, 2], |k| g01[k] + s * (g11[k] - g01[k]));
-        let value = each!([0, 1, 2], |k| low[k] + t * (high[k] - low[k]));
-        let slope = each!([0, 1, 2, 3, 4, 5], |k| {
-            if k < 3 {
-                (V::one() - t) * (g10[k] - g00[k]) + t * (g11[k] - g01[k])
-            } else {
-                high[k - 3] - low[k - 3]
-            }
-        });
-        (value, slope)
+        each!([0, 1, 2], |k| low[k] + t * (high[k] - low[k]))
     }
 
     /// For a row's nodes displaced by u: the metrics at the corners of the cells that they lie in, the coordinates in
@@ -111,40 +103,22 @@ impl Surface for Metrics<'_> {
         samples: &mut Samples<V>,
     ) -> V::Mask {
         let (corners, [s, t], found) = self.cells(nodes, u, lanes);
-        (samples.value, samples.slope) = Self::bilinear(&corners, s, t);
+        samples.value = Self::bilinear(&corners, s, t);
         found
     }
 
     #[inline(always)]
-    fn slope(&self, b: usize, i: i64, j: i64, u: [f32; 2], _triangle: u32) -> [f32; 6] {
-        let cell_origin = [u[0].floor(), u[1].floor()];
-        let [s, t] = [u[0] - cell_origin[0], u[1] - cell_origin[1]];
-        let Some([g00, g10, g01, g11]) =
-            self.corners(b, i + cell_origin[0] as i64, j + cell_origin[1] as i64)
-        else {
-            return [0.0; 6];
-        };
-        let x = each!([0, 1, 2], |k| (1.0 - t) * (g10[k] - g00[k]) + t * (g11[k] - g01[k]));
-        let low = each!([0, 1, 2], |k| g00[k] + s * (g10[k] - g00[k]));
-        let high = each!([0, 1, 2], |k| g01[k] + s * (g11[k] - g01[k]));
-        [x[0], x[1], x[2], high[0] - low[0], high[1] - low[1], high[2] - low[2]]
+    fn tangents(&self, _triangle: u32) -> [f32; 6] {
+        [0.0; 6]
     }
 
     #[inline(always)]
-    fn slope_row<V: Lanes>(
-        &self,
-        nodes: &GridRow,
-        u: &[V; 2],
-        _triangle: &[u32; LANES],
-        lanes: V::Mask,
-    ) -> Slopes<V> {
-        // Lanes without a cell have metrics of 0 at the corners, and hence a slope of 0.
-        let (corners, [s, t], _) = self.cells(nodes, u, lanes);
-        Self::bilinear(&corners, s, t).1
+    fn tangents_row<V: Lanes>(&self, _triangle: &[u32; LANES]) -> Slopes<V> {
+        [V::zero(); 6]
     }
 
     #[inline(always)]
-    fn length<V: Lanes>(p: &[V; 3], _slope: &Slopes<V>, n: &[V; 3], _same: V::Mask, d: &[V; 2]) -> V {
+    fn length<V: Lanes>(p: &[V; 3], _tangents: &Slopes<V>, n: &[V; 3], _same: V::Mask, d: &[V; 2]) -> V {
         let g = each!([0, 1, 2], |k| (p[k] + n[k]) * 0.5);
         let along = [g[0] * d[0] + g[1] * d[1], g[1] * d[0] + g[2] * d[1]];
         ((along[0] * d[0] + along[1] * d[1]).max(V::zero()) + TINY).sqrt()
@@ -153,7 +127,8 @@ impl Surface for Metrics<'_> {
     #[inline(always)]
     fn gradient<V: Lanes>(
         p: &[V; 3],
-        slope: &Slopes<V>,
+        _tangents: &Slopes<V>,
+        slopes: &Slopes<V>,
         n: &[V; 3],
         _same: V::Mask,
         d: &[V; 2],
@@ -162,7 +137,7 @@ impl Surface for Metrics<'_> {
         let along = [g[0] * d[0] + g[1] * d[1], g[1] * d[0] + g[2] * d[1], V::zero()];
         let length = ((along[0] * d[0] + along[1] * d[1]).max(V::zero()) + TINY).sqrt();
         let terms = GradientTerms { along, d: *d, inverse_length: V::one() / length };
-        let half_change = half_change(&terms, slope);
+        let half_change = half_change(&terms, slopes);
         let near = [
             (half_change[0] - along[0]) * terms.inverse_length,
             (half_change[1] - along[1]) * terms.inverse_length,

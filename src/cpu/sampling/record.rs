@@ -39,7 +39,7 @@ impl TriangleRecord {
 
     /// ∂f/∂x, then ∂f/∂y.
     #[inline(always)]
-    pub fn slope(&self) -> [f32; 6] {
+    pub fn tangents(&self) -> [f32; 6] {
         let [_, a, b, c, d, e, f, _] = self.halves[1];
         [a, b, c, d, e, f]
     }

@@ -111,7 +111,7 @@ impl Vectorised for ResampleChords<'_> {
             }
             let mut samples = Samples {
                 value: [V::zero(); 3],
-                slope: [V::zero(); 6],
+                tangents: [V::zero(); 6],
                 triangle: V::index_from_array(start_triangles),
             };
             let found = surface.sample_row(&nodes, &displacement, lanes, &mut samples);
@@ -171,7 +171,8 @@ impl Vectorised for ResampleMetrics<'_> {
             let lanes = V::zero().lt(V::load_u8(&surface.level.movable[b], s));
             let displacement = each!([0, 1], |c| V::load(&u[c], s));
             let no_triangle = V::index_from_array([NONE; LANES]);
-            let mut samples = Samples { value: [V::zero(); 3], slope: [V::zero(); 6], triangle: no_triangle };
+            let mut samples =
+                Samples { value: [V::zero(); 3], tangents: [V::zero(); 6], triangle: no_triangle };
             let found =
                 surface.sample_row(&GridRow::new(surface.level, b, row), &displacement, lanes, &mut samples);
             for c in 0..3 {
