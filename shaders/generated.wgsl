@@ -37,7 +37,7 @@ const TANGENT_WEIGHT: f32 = 0.15;
 /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
 const TENSION_STIFFNESS: f32 = 0.25;
 /// ... and of one that is shorter.
-const COMPRESSION_STIFFNESS: f32 = 1.0;
+const COMPRESSION_STIFFNESS: f32 = 0.5;
 /// Least square of an edge's offset that the stress stiffness is divided by, relative to that at rest.
 const MIN_OFFSET_SQUARE: f32 = 0.1;
 /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).

@@ -76,9 +76,11 @@ const ONE_STAGE: Difference =
 /// of the CPU's own result over three poses with noise. A stage on both backends differs by rounding alone
 /// (tests/lock_step.rs), and a solve magnifies that as it magnifies noise in the pose: little where there is room, and
 /// up to another minimum where charts are crowded (method §13). How far away that minimum lies is not known beforehand.
-/// The largest multiple that is needed with Mesa's software driver is 2.7 (RMS of bulge on 512 x 512 cells), and 1.3 in
-/// crowded charts; the margin is for the small number of samples, and for other drivers.
-const FACTOR: f64 = 10.0;
+/// The largest multiple that was needed with Mesa's software driver is 2.7 (RMS of bulge on 512 x 512 cells), and 17 in
+/// one solve of `high` (RMS of mug_to_jug 1, 3.6e-4 cells): its tolerance is close to the digits of the f32 in which a
+/// GPU sums energies, so that the step fraction of a last correction differs. The margin is for the small number of
+/// samples, and for other drivers.
+const FACTOR: f64 = 25.0;
 
 /// Upper limit of the relative difference of energies, whatever the sensitivity: results must be equally good in
 /// crowded charts, too. The sensitivity reaches 0.03 there (ict_inner).

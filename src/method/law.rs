@@ -45,7 +45,7 @@ constants! {
     /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
     TENSION_STIFFNESS: f32 = 0.25;
     /// ... and of one that is shorter.
-    COMPRESSION_STIFFNESS: f32 = 1.0;
+    COMPRESSION_STIFFNESS: f32 = 0.5;
     /// Least square of an edge's offset that the stress stiffness is divided by, relative to that at rest.
     MIN_OFFSET_SQUARE: f32 = 0.1;
 
