@@ -736,8 +736,8 @@ typedef struct vrtm_solve_options {
     // Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
     uint32_t max_corrections;
     // A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
-    // original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a tenth
-    // of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
+    // original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a
+    // quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
     float tolerance;
     // Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
     // depends on the speed of the machine.

@@ -76,7 +76,7 @@ const FRACTION_GROWTH: f32 = 4.0;
 const GAIN_RAMP: vec2f = vec2f(1.0, 4.0);
 /// The errors of a first correction's predicted gain, in the same units, between which the next step fraction
 /// grows.
-const MODEL_ERROR_RAMP: vec2f = vec2f(0.1, 3.0);
+const MODEL_ERROR_RAMP: vec2f = vec2f(0.25, 2.0);
 
 /// Stands for "no block" and "no triangle".
 const NONE: u32 = 0xffffffffu;

@@ -261,8 +261,8 @@ pub struct SolveOptions {
     pub warm: bool,
     /// Stop correcting a chart when a correction gains less than this fraction of its energy (to which 6 % of what the
     /// original UVs have is added), or when a level's first correction gained what its quadratic model predicted, to a
-    /// tenth of that fraction; over 0 and under 1. Up to four times these the next correction is taken in part. `None`
-    /// = the quality's own.
+    /// quarter of that fraction; over 0 and under 1. Up to four times the former and eight times the latter the next
+    /// correction is taken in part. `None` = the quality's own.
     pub tolerance: Option<f32>,
     /// Cap on corrections per level in place of the quality's own, 1..=64; `None` = the quality's own.
     pub max_corrections: Option<u32>,

@@ -121,8 +121,8 @@ mod tests {
     fn a_trusted_first_correction_goes_on_where_its_model_erred() {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{a} {b}");
         near(next(true, true, 10.0, 10.0, 1.0), 0.0);
-        near(next(true, true, 10.0, 10.05, 1.0), 0.0);
-        near(next(true, true, 10.0, 11.55, 1.0), 0.5);
+        near(next(true, true, 10.0, 10.2, 1.0), 0.0);
+        near(next(true, true, 10.0, 11.125, 1.0), 0.5);
         near(next(true, true, 10.0, 15.0, 1.0), 1.0);
         // No more than the gain's own ramp.
         near(next(true, true, 2.5, 15.0, 1.0), 0.5);

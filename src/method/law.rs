@@ -87,7 +87,7 @@ constants! {
     GAIN_RAMP: [f64; 2] = [1.0, 4.0];
     /// The errors of a first correction's predicted gain, in the same units, between which the next step fraction
     /// grows.
-    MODEL_ERROR_RAMP: [f64; 2] = [0.1, 3.0];
+    MODEL_ERROR_RAMP: [f64; 2] = [0.25, 2.0];
 }
 
 /// The fraction of a corner's margin that round `round` of the step limit leaves: a little less than the round before, so
