@@ -18,7 +18,7 @@ fn energy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     for (var colour = 0u; colour < 4u; colour++) {
         let n = node_at(thread_slot(colour, t));
         if !fixed_in_patch(place_at(n, vec2i())) {
-            sum += shared_energy(n, node_state(n), floor);
+            sum += shared_energy(b, n, node_state(n), floor);
             for (var q = 0u; q < 4u; q++) {
                 let m = cell_offsets(n, patch_u[place_at(n, vec2i())], q);
                 for (var k = 0u; k < 3u; k++) {
@@ -50,10 +50,15 @@ fn movable(n: vec2u, o: vec2i) -> f32 {
     return select(1.0, 0.0, fixed_in_patch(place_at(n, o)));
 }
 
-fn shared_energy(n: vec2u, p: NodeState, floor: f32) -> f32 {
+fn shared_energy(b: u32, n: vec2u, p: NodeState, floor: f32) -> f32 {
     var sum = 0.0;
     for (var k = 0u; k < 8u; k++) {
-        sum += (1.0 - 0.5 * movable(n, offset(k))) * edge_energy(edge(n, p, k, floor));
+        var energy = edge_energy(edge(n, p, k, floor));
+        if params.pull > 0.0 {
+            let change = change_of_offset(b, n, p.u, k);
+            energy += pull_stiffness(k) * dot(change, change);
+        }
+        sum += (1.0 - 0.5 * movable(n, offset(k))) * energy;
     }
     for (var q = 0u; q < 4u; q++) {
         let s = quadrant(q);

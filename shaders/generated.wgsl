@@ -229,6 +229,8 @@ struct Params {
     momentum: f32,
     /// The paper's solver: smoothing s of its eq. 4.
     smoothing: f32,
+    /// Weight theta of the pull towards the previous result; 0 where there is none.
+    pull: f32,
 }
 
 /// A chart, and the decisions about it during a solve.

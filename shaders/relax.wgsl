@@ -31,7 +31,11 @@ fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
 fn step_node(b: u32, n: vec2u, floor: f32, fraction: f32) {
     let at = place_at(n, vec2i());
     let p = node_state(n);
-    let l = local_problem(n, p, slopes(b, vec2i(n), p.u, triangle_of(p.tag)), floor);
+    var l = local_problem(n, p, slopes(b, vec2i(n), p.u, triangle_of(p.tag)), floor);
+    if params.pull > 0.0 {
+        l.energy += pull_energy(b, n, p.u);
+        l.gradient += pull_gradient(b, n, p.u);
+    }
     let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
     var delta = newton_step(n, p.u, l);
     if !(-dot(l.gradient, delta) > MIN_RELATIVE_GAIN * l.energy) {
@@ -44,7 +48,10 @@ fn step_node(b: u32, n: vec2u, floor: f32, fraction: f32) {
         let found = sample_surface(b, node, u, triangle_of(p.tag));
         if found.found {
             let trial_state = NodeState(u, found.value, tangents(found.triangle), found.triangle << 1u);
-            let energy = node_energy(n, trial_state, floor);
+            var energy = node_energy(n, trial_state, floor);
+            if params.pull > 0.0 {
+                energy += pull_energy(b, n, u);
+            }
             if energy <= l.energy && energy < INVALID_ENERGY {
                 patch_u[at] = u;
                 patch_value[at] = vec4f(found.value, patch_value[at].w);

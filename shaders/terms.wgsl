@@ -136,7 +136,7 @@ fn outer(v: vec2f) -> vec3f {
     return vec3f(v.x * v.x, v.x * v.y, v.y * v.y);
 }
 
-/// `slopes` are those at the node.
+/// `slopes` are those at the node. Of the pull towards the previous result (pull.wgsl) only the matrix is included.
 fn local_problem(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32) -> Local {
     var out = Local(0.0, vec2f(), vec3f());
     for (var k = 0u; k < 8u; k++) {
@@ -147,7 +147,7 @@ fn local_problem(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32) -> Local {
         let smooth_weight = smoothness(e);
         out.gradient += scaled * ((e.chord.length - e.length) * e.inverse_length) * near
             - smooth_weight * (e.chord.d - e.offset);
-        let isotropic = smooth_weight + stress_stiffness(e);
+        let isotropic = smooth_weight + stress_stiffness(e) + params.pull * e.inverse_d0_square;
         out.matrix += scaled * e.inverse_length * outer(near) + vec3f(isotropic, 0.0, isotropic);
         let normal = vec2f(-e.offset.y, e.offset.x);
         let kappa = e.orientation * e.inverse_d0_square * e.inverse_d0_square;

@@ -79,6 +79,8 @@ pub(crate) struct Run<'a> {
     charts: &'a [bool],
     /// Displacements of the previous result; certification overwrites them with this solve's result.
     result: &'a mut [[Plane; 2]],
+    /// The same, if the solve is pulled towards them; else nothing. They stay as they are.
+    anchor: &'a [[Plane; 2]],
     /// Per chart; default values for charts that are not solved.
     pub results: Vec<ChartResult>,
     /// Per chart, the energy of the finest level's present state, if a correction was the last to change it.
@@ -89,11 +91,13 @@ pub(crate) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
+    /// `result` holds the previous result, or the identity; so does `anchor` if the input's pull is not 0.
     pub fn new(
         team: &'a Team,
         input: &Input<'a>,
         memory: &'a mut Memory,
         result: &'a mut [[Plane; 2]],
+        anchor: &'a [[Plane; 2]],
     ) -> Run<'a> {
         let Input { grid, mesh, pose, charts, .. } = *input;
         let work = grid
@@ -123,6 +127,7 @@ impl<'a> Run<'a> {
             work,
             charts,
             result,
+            anchor,
             results: vec![ChartResult::default(); charts.len()],
             known_energies: vec![None; charts.len()],
             node_updates: AtomicU64::new(0),

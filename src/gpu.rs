@@ -52,6 +52,8 @@ pub(crate) struct Run<'a> {
     smoothness: Vec<f32>,
     /// The weights from the settings; the parameters of every dispatch are derived from these.
     params: Params,
+    /// Weight of the pull towards the last result, on level 0.
+    pull: f32,
     last_result: Option<Arc<ResultBuffers>>,
     result: Arc<ResultBuffers>,
     node_updates: u64,
@@ -150,6 +152,7 @@ impl<'a> Run<'a> {
             charts,
             smoothness: (0..grid.levels.len()).map(|level| input.smoothness(level)).collect(),
             params,
+            pull: input.pull,
             last_result,
             result,
             node_updates: 0,
@@ -229,6 +232,18 @@ impl<'a> Run<'a> {
 
     fn at_level(&self, level: usize) -> Params {
         Params { scale: (1u32 << level) as f32, smoothness: self.smoothness[level], ..self.params }
+    }
+
+    /// The parameters of kernels that pull level 0 towards the previous result.
+    fn with_pull(&self, level: usize) -> Params {
+        Params { pull: if level == 0 { self.pull } else { 0.0 }, ..self.at_level(level) }
+    }
+
+    /// The extra buffer of kernels that may pull: the previous result. Where there is none, it is the identity, which
+    /// the new result holds until the end. On coarser levels it is not read.
+    fn anchor(&self, level: usize, band: usize) -> wgpu::Buffer {
+        let result = self.last_result.as_ref().unwrap_or(&self.result);
+        result.bands[if level == 0 { band } else { 0 }].1.clone()
     }
 
     /// Chooses the charts that the following kernels work on; `mode` is one of `SELECT_`.
@@ -354,7 +369,13 @@ impl<'a> Run<'a> {
         for band in 0..self.memory.bands[level].len() {
             let (active, partial) =
                 (self.memory.lists[level][band].active, self.memory.lists[level][band].partial);
-            self.dispatch_list(kernel, [level, band], &[], active, Params { partial, ..params });
+            let params = Params { partial, ..params };
+            if matches!(kernel, Kernel::EnergyChords | Kernel::EnergyMetrics) {
+                let extra = [self.anchor(level, band)];
+                self.dispatch_list(kernel, [level, band], &extra, active, params);
+            } else {
+                self.dispatch_list(kernel, [level, band], &[], active, params);
+            }
         }
         let params = Params { mode: decision, level: level as u32, ..params };
         let extra = [self.memory.ranges.clone()];

@@ -259,6 +259,11 @@ pub struct SolveOptions {
     /// Start from the previous result instead of the identity: faster on small changes, but the result then
     /// depends on the order of frames.
     pub warm: bool,
+    /// With `warm`: how strongly the warp is held to the last result, 0..=1e6, in the unit of
+    /// [`TileSettings::smoothness`]; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from frame to
+    /// frame is a half to a fifth, and the warp of a steady motion is one to two frames late (method §5). Without `warm`
+    /// it has no effect.
+    pub temporal_weight: f32,
     /// Stop correcting a chart when a correction gains less than this fraction of its energy (to which 6 % of what the
     /// original UVs have is added), or when a level's first correction gained what its quadratic model predicted, to a
     /// quarter of that fraction; over 0 and under 1. Up to four times the former and eight times the latter the next
@@ -281,8 +286,17 @@ pub struct SolveOptions {
 /// Most corrections per level: work is bounded.
 const MAX_CORRECTIONS: u32 = 64;
 
+/// With more, f32 has no digits left for the other terms.
+const MAX_TEMPORAL_WEIGHT: f32 = 1e6;
+
 impl SolveOptions {
     pub(crate) fn check(&self) -> Result<()> {
+        if !(0.0..=MAX_TEMPORAL_WEIGHT).contains(&self.temporal_weight) {
+            return Err(Error::argument(format!(
+                "options.temporal_weight: {} is not in 0..=1e6",
+                self.temporal_weight
+            )));
+        }
         if let Some(tolerance) = self.tolerance.filter(|x| !(*x > 0.0 && *x < 1.0)) {
             return Err(Error::argument(format!("options.tolerance: {tolerance} is not in 0..1")));
         }

@@ -39,6 +39,7 @@ fn efforts() -> Vec<Effort> {
         effort("draft", options(Quality::Draft)),
         effort("high", options(Quality::High)),
         effort("warm", SolveOptions { warm: true, ..SolveOptions::default() }),
+        effort("held", SolveOptions { warm: true, temporal_weight: 0.1, ..SolveOptions::default() }),
         effort("pbd", pbd),
         Effort { name: "density", options: options(Quality::Normal), orientation_density: 0.2 },
     ]

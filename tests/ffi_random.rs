@@ -240,6 +240,7 @@ impl Host {
         let mut options = sized::<vrtm_solve_options>();
         options.quality = self.random.below(3) as i32;
         options.warm = self.odd(0, &[1, 1, 2]);
+        options.temporal_weight = self.odd(0.0, &[0.1, 1e6, -1.0, f32::NAN]);
         options.measure = self.odd(0, &[1, 9]);
         options.tolerance = self.odd(0.0, &[0.5, 1.0, f32::NAN, -1.0]);
         options.time_budget_ms = self.odd(0.0, &[1e-3, -1.0, f32::INFINITY]);

@@ -219,8 +219,19 @@ fn a_switched_asset_goes_on_from_its_result() {
     let device = switched("cpu:certify").unwrap();
     let (mut asset, mut plain) = (model.asset_on(&device, 64), model.asset(0, 64));
     let warm = SolveOptions { warm: true, ..SolveOptions::default() };
+    let held = SolveOptions { temporal_weight: 0.1, ..warm };
     let normal = SolveOptions::default();
-    for (frame, options) in [(1, &normal), (1, &normal), (2, &warm), (2, &normal), (1, &warm)] {
+    let calls = [
+        (1, &normal),
+        (1, &normal),
+        (2, &warm),
+        (2, &normal),
+        (1, &warm),
+        (2, &held),
+        (2, &held),
+        (1, &held),
+    ];
+    for (frame, options) in calls {
         for asset in [&mut asset, &mut plain] {
             asset.solve(model.frame(frame), options).unwrap();
         }

@@ -87,7 +87,7 @@ fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
         if !fixed_in_patch(e.neighbour) {
             let far = slopes(b, vec2i(n) + offset(k), patch_u[e.neighbour], triangle_of(patch_tag[e.neighbour]));
             let square = e.weight * e.inverse_length * e.inverse_length;
-            let isotropic = smoothness(e) + stress_stiffness(e);
+            let isotropic = smoothness(e) + stress_stiffness(e) + params.pull * e.inverse_d0_square;
             let normal = vec2f(-e.offset.y, e.offset.x);
             pair = square * outer_pair(near_gradient(e.chord, own), far_gradient(e.chord, far))
                 - vec4f(isotropic, 0.0, 0.0, isotropic)

@@ -102,6 +102,11 @@ impl Job<'_> {
         self.input.charts.contains(&true)
     }
 
+    /// The last result in host memory, if the solve is pulled towards it; else nothing.
+    pub fn anchor(&self) -> Result<&[[Plane; 2]]> {
+        self.last.filter(|_| self.input.pull > 0.0).map_or(Ok(&[]), Warp::host)
+    }
+
     /// Runs the schedule, if a chart has to be solved.
     pub fn run_schedule(&self, stages: &mut impl Stages) -> Summary {
         let warm = self.plan.warm && self.last.is_some();
@@ -132,7 +137,7 @@ impl TileSolver {
 
 fn run_on_cpu(memory: &mut cpu::Memory, job: &Job) -> Result<TileSolution> {
     let mut u = job.initial_displacements()?;
-    let mut run = cpu::Run::new(job.team, &job.input, memory, &mut u);
+    let mut run = cpu::Run::new(job.team, &job.input, memory, &mut u, job.anchor()?);
     let summary = job.run_schedule(&mut run);
     let (charts, node_updates) = (std::mem::take(&mut run.results), run.node_updates());
     let blocks_active = run.blocks_active();

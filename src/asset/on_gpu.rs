@@ -43,7 +43,7 @@ fn run_on_both(switch: Switch, memory: &mut gpu::Memory, job: &Job) -> Result<Ti
     let context = memory.context.clone();
     let mut of_cpu = cpu::Memory::new(job.grid, job.plan.solver());
     let mut u = job.initial_displacements()?;
-    let cpu = cpu::Run::new(job.team, &job.input, &mut of_cpu, &mut u);
+    let cpu = cpu::Run::new(job.team, &job.input, &mut of_cpu, &mut u, job.anchor()?);
     let gpu = gpu::Run::new(&job.input, memory, last_on_gpu(job), job.keep)?;
     let mut run = Switched::new(cpu, gpu, switch);
     let summary = job.run_schedule(&mut run);

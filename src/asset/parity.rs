@@ -44,12 +44,13 @@ impl Asset {
         let settings = &self.tiles[tile].maps.settings;
         let plan = Plan::new(options);
         let continuation = plan.continuation;
-        let input = Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts, continuation };
+        let input =
+            Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts, continuation, pull: 0.0 };
         Team::with(self.device.threads(), |team| {
             let mut of_cpu = cpu::Memory::new(&grid, plan.solver());
             let mut of_gpu = gpu::Memory::new(context, &grid, mesh)?;
             let mut u = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
-            let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u);
+            let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u, &[]);
             context.contain(|| {
                 let gpu = gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()])?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);

@@ -222,7 +222,8 @@ impl TileState {
         let mut solver = self.solver.take().ok_or_else(missing)?;
         let settings = &self.maps.settings;
         let continuation = call.plan.continuation;
-        let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation };
+        let pull = if last.is_some() { call.plan.temporal_weight } else { 0.0 };
+        let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation, pull };
         let (team, plan, called) = (call.team, call.plan, call.start);
         let job = Job { team, input, grid, plan, called, last, keep: &keep };
         let solution = solver.run(&job);

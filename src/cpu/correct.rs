@@ -123,7 +123,7 @@ impl Run<'_> {
                 }
             });
             self.relax_level(level, correction.sweeps, Some(fraction));
-            let energies = self.energies(level);
+            let energies = self.energies_with_pull(level);
             for c in (0..self.charts.len()).filter(|&c| open[c]).collect::<Vec<_>>() {
                 let gain = Gain {
                     before: before[c],
@@ -135,7 +135,8 @@ impl Run<'_> {
                 // The last trial is relaxation alone.
                 if gain.suffices() || trial == TRIAL_FRACTIONS.len() {
                     open[c] = false;
-                    if level == 0 {
+                    // With a pull it is not the state's own energy.
+                    if level == 0 && self.weights[0].pull == 0.0 {
                         self.known_energies[c] = Some(energies[c]);
                     }
                     fraction[c] = correction.next_fraction(&gain) as f32;

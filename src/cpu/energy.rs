@@ -9,23 +9,33 @@ use super::terms::{Terms, least_jacobian, room_energy};
 use super::{Run, SurfaceFn};
 use crate::method::law::CRUSHED_JACOBIAN;
 use crate::tile::Level;
+use crate::tile::blocks::Plane;
 
 impl Run<'_> {
     /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0
     /// for charts that are not solved.
     pub(super) fn energies(&mut self, level: usize) -> Vec<f64> {
-        self.with_surface(level, Energies { level, allow_folds: false })
+        let weights = self.weights[level].without_pull();
+        self.with_surface(level, Energies { level, weights, allow_folds: false })
+    }
+
+    /// The same with the pull towards the previous result: what corrections lower.
+    pub(super) fn energies_with_pull(&mut self, level: usize) -> Vec<f64> {
+        let weights = self.weights[level];
+        self.with_surface(level, Energies { level, weights, allow_folds: false })
     }
 
     /// The energy per chart of a state that may be folded, whatever its corner Jacobians.
     pub(super) fn energies_allowing_folds(&mut self, level: usize) -> Vec<f64> {
-        self.with_surface(level, Energies { level, allow_folds: true })
+        let weights = self.weights[level].without_pull();
+        self.with_surface(level, Energies { level, weights, allow_folds: true })
     }
 }
 
 /// The energy of a level per chart.
 struct Energies {
     level: usize,
+    weights: Weights,
     /// Whether the energy is that of the terms even if cells are crushed.
     allow_folds: bool,
 }
@@ -44,7 +54,8 @@ impl SurfaceFn<Vec<f64>> for Energies {
                     level,
                     state,
                     surface,
-                    weights: &run.weights[self.level],
+                    weights: &self.weights,
+                    anchor: run.anchor,
                     b,
                     allow_folds: self.allow_folds,
                 })
@@ -63,6 +74,7 @@ struct BlockEnergy<'a, S> {
     state: State,
     surface: S,
     weights: &'a Weights,
+    anchor: &'a [[Plane; 2]],
     b: usize,
     /// As in `Energies`.
     allow_folds: bool,
@@ -73,11 +85,14 @@ impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let BlockEnergy { patch, level, state, surface, weights, b, allow_folds } = self;
+        let BlockEnergy { patch, level, state, surface, weights, anchor, b, allow_folds } = self;
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
         if S::CHORDS {
             patch.load_tangents::<V, S>(surface);
+        }
+        if weights.pull > 0.0 {
+            patch.load_anchor(level, anchor, b);
         }
         let mut total = Total::<V>::new();
         for row in Row::all() {

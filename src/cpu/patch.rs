@@ -38,6 +38,8 @@ pub struct Weights {
     pub orientation_density: f32,
     pub room: f32,
     pub room_threshold: f32,
+    /// Of the pull towards the previous result (method §5); 0 if there is none.
+    pub pull: f32,
 }
 
 impl Weights {
@@ -57,7 +59,13 @@ impl Weights {
             orientation_density: settings.orientation_density,
             room: settings.room,
             room_threshold: settings.room_threshold,
+            pull: if level == 0 { input.pull } else { 0.0 },
         }
+    }
+
+    /// The weights of the state's own energy, which does not know the previous result.
+    pub fn without_pull(self) -> Weights {
+        Weights { pull: 0.0, ..self }
     }
 }
 
@@ -92,6 +100,8 @@ pub struct Patch {
     pub density: Window,
     /// Whether the level stores densities.
     pub has_density: bool,
+    /// Displacements of the previous result; loaded only if there is a pull.
+    pub anchor: [Window; 2],
     /// Tangents (see `Samples`) at the nodes of the block, without the halo; finest level only.
     pub tangents: [Plane; 6],
     /// The chart's floor of rest lengths.
@@ -120,6 +130,7 @@ impl Patch {
             movable: [0; WINDOW_NODES],
             density: [0.0; WINDOW_NODES],
             has_density: false,
+            anchor: [[0.0; WINDOW_NODES]; 2],
             tangents: [[0.0; NODES]; 6],
             floor: 0.0,
         })
@@ -181,6 +192,13 @@ impl Patch {
             for (plane, x) in self.tangents.iter_mut().zip(tangents) {
                 x.store(plane, row.slot());
             }
+        }
+    }
+
+    /// Gathers the previous result on block `b` and its halo.
+    pub fn load_anchor(&mut self, level: &Level, anchor: &[[Plane; 2]], b: usize) {
+        for (c, window) in self.anchor.iter_mut().enumerate() {
+            window::load(&level.blocks.neighbours[b], 0.0, |b| &anchor[b][c], window);
         }
     }
 

@@ -8,6 +8,7 @@
 use crate::method::law::{BOUND_SAFETY, MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN};
 use crate::method::schedule::passes;
 use crate::tile::Level;
+use crate::tile::blocks::Plane;
 
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use std::sync::atomic::Ordering;
@@ -53,6 +54,7 @@ impl SurfaceFn<()> for Relax<'_> {
                         state,
                         surface,
                         weights: &run.weights[self.level],
+                        anchor: run.anchor,
                         b,
                         sweeps,
                         fraction,
@@ -71,6 +73,7 @@ struct RelaxBlock<'a, S> {
     state: State,
     surface: S,
     weights: &'a Weights,
+    anchor: &'a [[Plane; 2]],
     b: usize,
     sweeps: u32,
     fraction: f32,
@@ -81,11 +84,14 @@ impl<S: Surface> Vectorised for RelaxBlock<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let RelaxBlock { patch, level, state, surface, weights, b, sweeps, fraction } = self;
+        let RelaxBlock { patch, level, state, surface, weights, anchor, b, sweeps, fraction } = self;
         // SAFETY: no other item accesses the block, or writes to its neighbour blocks.
         unsafe { patch.load::<V, S>(level, state, b) };
         if S::CHORDS {
             patch.load_tangents::<V, S>(surface);
+        }
+        if weights.pull > 0.0 {
+            patch.load_anchor(level, anchor, b);
         }
         for _ in 0..sweeps {
             for row in Row::all() {

@@ -70,6 +70,43 @@ impl Patch {
         }
     }
 
+    /// The change since the previous result of the offsets `d` from a row's nodes to their neighbours at (di, dj).
+    #[inline(always)]
+    fn change_of_offset<V: Lanes>(&self, row: Row, d: &[V; 2], di: i64, dj: i64) -> [V; 2] {
+        let here = each!([0, 1], |c| row.near::<V>(&self.anchor[c], 0, 0));
+        let before = row.offset(&self.anchor, &here, di, dj);
+        each!([0, 1], |c| d[c] - before[c])
+    }
+
+    /// The energy of the pull in an edge: θ |d - d'|² / |d0|².
+    #[inline(always)]
+    fn pull_energy<V: Lanes>(&self, row: Row, d: &[V; 2], k: usize, weights: &Weights) -> V {
+        let (di, dj, ..) = NEIGHBOURS[k];
+        let change = self.change_of_offset(row, d, di, dj);
+        (change[0] * change[0] + change[1] * change[1]) * pull_stiffness(k, weights)
+    }
+
+    /// Adds the pull in an edge to the gradient and to the matrix of its node. Returns its energy.
+    #[inline(always)]
+    fn add_pull<V: Lanes>(
+        &self,
+        row: Row,
+        d: &[V; 2],
+        k: usize,
+        weights: &Weights,
+        gradient: &mut [V; 2],
+        matrix: &mut [V; 3],
+    ) -> V {
+        let (di, dj, ..) = NEIGHBOURS[k];
+        let stiffness = pull_stiffness(k, weights);
+        let change = self.change_of_offset(row, d, di, dj);
+        for c in 0..2 {
+            gradient[c] -= change[c] * stiffness;
+            matrix[2 * c] += V::splat(stiffness);
+        }
+        (change[0] * change[0] + change[1] * change[1]) * stiffness
+    }
+
     /// Whether an edge at one of a row's nodes has a weight above 0, or there is an orientation term. Otherwise
     /// smoothness is the only edge term.
     #[inline(always)]
@@ -100,7 +137,11 @@ impl Patch {
             let edge = self.edge(row, p, k);
             let length =
                 S::length(&p.samples.value, &p.samples.tangents, &edge.value, edge.same_triangle, &edge.d);
-            edge.energy(k, length, weights)
+            let mut energy = edge.energy(k, length, weights);
+            if weights.pull > 0.0 {
+                energy += self.pull_energy(row, &edge.d, k, weights);
+            }
+            energy
         });
         self.with_corners(row, p, edges, weights)
     }
@@ -175,6 +216,9 @@ impl Patch {
                 matrix[1] += kappa * (nx * ny);
                 matrix[2] += kappa * (ny * ny);
             }
+            if weights.pull > 0.0 {
+                edges[k] += self.add_pull(row, &edge.d, k, weights, &mut gradient, &mut matrix);
+            }
         });
         self.with_room(row, p, edges, gradient, matrix, weights)
     }
@@ -196,6 +240,9 @@ impl Patch {
             gradient[1] -= smooth * change[1];
             matrix[0] += smooth;
             matrix[2] += smooth;
+            if weights.pull > 0.0 {
+                edges[k] += self.add_pull(row, &d, k, weights, &mut gradient, &mut matrix);
+            }
         });
         self.with_room(row, p, edges, gradient, matrix, weights)
     }
@@ -243,6 +290,13 @@ impl Patch {
         }
         corners
     }
+}
+
+/// θ / |d0|² of the edge to neighbour `k`.
+#[inline(always)]
+pub fn pull_stiffness(k: usize, weights: &Weights) -> f32 {
+    let (di, dj, ..) = NEIGHBOURS[k];
+    weights.pull / (di * di + dj * dj) as f32
 }
 
 /// J of a corner and its gradient in the corner's node, from the offsets a and b to the neighbours.

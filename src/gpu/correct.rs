@@ -22,9 +22,8 @@ impl Run<'_> {
         self.select(if correction.first { SELECT_FIRST_CORRECTION } else { SELECT_LATER_CORRECTION });
         self.open_gate(GateSet::Correction, 0);
         let correction_gate = self.gate;
-        self.energy(level, DECIDE_BEFORE, None);
-        let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
-        self.dispatch_active(kernel, level, self.at_level(level), Some(BandBuffer::Rows));
+        self.energy(self.with_pull(level), level, DECIDE_BEFORE);
+        self.assemble(level);
         // Further corrections use the coarser systems of the first one: these precondition well enough.
         if correction.first {
             for k in level + 1..self.grid.levels.len() {
@@ -43,7 +42,9 @@ impl Run<'_> {
             // The last trial has a fraction of 0: it is relaxation alone.
             let last = n == TRIAL_FRACTIONS.len();
             let decision = if last { DECIDE_LAST_TRIAL } else { DECIDE_TRIAL };
-            self.energy(level, decision, Some(correction));
+            let Correction { tolerance, trusts_model, .. } = *correction;
+            let trusts_model = u32::from(trusts_model);
+            self.energy(Params { tolerance, trusts_model, ..self.with_pull(level) }, level, decision);
             if n == 0 {
                 // Nearly always all charts accept the whole step.
                 self.open_gate(GateSet::Trial, 0);
@@ -51,6 +52,21 @@ impl Run<'_> {
         }
         self.gate = None;
         self.select(SELECT_ALL);
+    }
+
+    /// Assembles the system of a level from its state.
+    pub(super) fn assemble(&mut self, level: usize) {
+        let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
+        let params = self.with_pull(level);
+        self.dispatch_active(kernel, level, params, None);
+        if params.pull > 0.0 {
+            for band in 0..self.memory.bands[level].len() {
+                let active = self.memory.lists[level][band].active;
+                let extra = [self.anchor(level, band)];
+                self.dispatch_list(Kernel::Pull, [level, band], &extra, active, params);
+            }
+        }
+        self.exchange(level, BandBuffer::Rows);
     }
 
     /// Forms the system of level `k` from that of the next finer level (method §7.4).

@@ -2,7 +2,6 @@
 //! Every call submits the commands recorded so far; calls that read wait for them.
 
 #[cfg(feature = "oracle")]
-use super::kernels::Kernel;
 use super::layout::{
     Chart, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SELECT_ALL, STATE_PLANES, Triangle, VECTOR_PLANES,
 };
@@ -73,7 +72,7 @@ impl Run<'_> {
     /// Per chart, the energy of a level's present state.
     #[cfg(feature = "oracle")]
     pub fn energies_of(&mut self, level: usize) -> Result<Vec<f64>> {
-        self.energy(level, DECIDE_ENERGY, None);
+        self.energy(self.at_level(level), level, DECIDE_ENERGY);
         // The energy of an invalid state is infinite on the CPU.
         let energy = |x: f32| if x < INVALID_ENERGY { f64::from(x) } else { f64::INFINITY };
         Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collect())
@@ -82,9 +81,8 @@ impl Run<'_> {
     /// Assembles a level's system for its present state. Returns its rows and its right-hand side.
     #[cfg(feature = "oracle")]
     pub fn assembled(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
-        let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         self.select_all();
-        self.dispatch_active(kernel, level, self.at_level(level), Some(BandBuffer::Rows));
+        self.assemble(level);
         let vectors = self.read(level, BandBuffer::Vectors)?;
         Ok([self.rows(level)?, vector_planes(&vectors, RESIDUAL)])
     }

@@ -78,7 +78,7 @@ impl Stages for Run<'_> {
         }
         self.exchange(level, BandBuffer::State);
         if level == 0 {
-            self.energy(0, DECIDE_IDENTITY, None);
+            self.energy(self.at_level(0), 0, DECIDE_IDENTITY);
         }
     }
 
@@ -161,19 +161,18 @@ impl Run<'_> {
         self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
         let kernel = if level == 0 { Kernel::RelaxChords } else { Kernel::RelaxMetrics };
         for sweeps in passes(sweeps) {
-            let params = Params { sweeps, mode, ..self.at_level(level) };
+            let params = Params { sweeps, mode, ..self.with_pull(level) };
             self.each_colour(level, false, BandBuffer::State, |run, band, list| {
-                run.dispatch_list(kernel, [level, band], &[], list, params);
+                let extra = [run.anchor(level, band)];
+                run.dispatch_list(kernel, [level, band], &extra, list, params);
             });
         }
     }
 
-    /// Computes a level's energy chart by chart, and takes the decision `decision`.
-    pub(super) fn energy(&mut self, level: usize, decision: u32, correction: Option<&Correction>) {
+    /// Computes a level's energy chart by chart, and takes the decision `decision`. With the parameters of `with_pull`
+    /// the energy is what corrections lower, with those of `at_level` it is that of the state alone.
+    pub(super) fn energy(&mut self, params: Params, level: usize, decision: u32) {
         let kernel = if level == 0 { Kernel::EnergyChords } else { Kernel::EnergyMetrics };
-        let tolerance = correction.map_or(0.0, |correction| correction.tolerance);
-        let trusts_model = correction.map_or(0, |correction| u32::from(correction.trusts_model));
-        let params = Params { tolerance, trusts_model, ..self.at_level(level) };
         self.reduce(kernel, level, params, decision);
     }
 }

@@ -23,6 +23,8 @@ pub(crate) struct Input<'a> {
     pub charts: &'a [bool],
     /// λ(level + 1) / λ(level); see `Plan`.
     pub continuation: f32,
+    /// Weight θ of the pull towards the last result, on level 0 (method §5); 0 if there is none.
+    pub pull: f32,
 }
 
 impl Input<'_> {
@@ -94,6 +96,8 @@ pub(crate) struct Plan {
     /// The settings of the paper's solver, if it takes the place of the descent.
     pub pbd: Option<PbdValues>,
     pub warm: bool,
+    /// `SolveOptions::temporal_weight`, if it has an effect.
+    pub temporal_weight: f32,
     pub budget: Option<Duration>,
 }
 
@@ -121,6 +125,7 @@ impl Plan {
             continuation: if descent { continuation } else { 1.0 },
             pbd,
             warm: options.warm,
+            temporal_weight: if descent && options.warm { options.temporal_weight } else { 0.0 },
             budget: options.time_budget,
         }
     }

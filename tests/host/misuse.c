@@ -317,6 +317,10 @@ static void solves_and_fetches(void)
          fails("a NaN smoothing", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.smoothing: NaN"));
     WITH(uint32_t, options.warm, 2,
          fails("warm 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.warm is 2"));
+    WITH(float, options.temporal_weight, -1,
+         fails("weight -1", vrtm_asset_solve(asset, &positions, &options), BAD, "options.temporal_weight: -1"));
+    WITH(float, options.temporal_weight, NAN,
+         fails("a NaN weight", vrtm_asset_solve(asset, &positions, &options), BAD, "options.temporal_weight: NaN"));
     WITH(float, options.tolerance, 1,
          fails("tolerance 1", vrtm_asset_solve(asset, &positions, &options), BAD, "options.tolerance"));
     WITH(float, options.time_budget_ms, NAN,

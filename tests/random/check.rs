@@ -230,8 +230,12 @@ fn corner_uvs(model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
         let new: Vec<[f64; 2]> = redirected.by_ref().take(face.len()).map(|uv| uv.map(f64::from)).collect();
         let origin = origin_of(&given);
         let tile = 1001.0 + origin[0] + 10.0 * origin[1];
-        // Corners of faces without area belong to no chart and stay as they are.
-        let solid = (1..face.len() - 1).all(|k| !is_thin([given[0], given[k], given[k + 1]]));
+        // Corners of triangles without area belong to no chart and stay as they are. A polygon may be cut into triangles
+        // of any three corners that follow one another, or into a fan.
+        let n = face.len();
+        let ear = |k: usize| [given[k], given[(k + 1) % n], given[(k + 2) % n]];
+        let fan = |k: usize| [given[0], given[k], given[k + 1]];
+        let solid = (0..n).map(ear).chain((1..n - 1).map(fan)).all(|corners| !is_thin(corners));
         let Some(tile) = asset.find_tile(tile as u32).filter(|_| solid) else { continue };
         let warp = Warp::of(asset, tile);
         let cells = [warp.nx as f64, warp.ny as f64];

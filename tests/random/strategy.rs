@@ -172,10 +172,12 @@ fn options() -> impl Strategy<Value = SolveOptions> {
         prop_oneof![2 => Just(Quality::Draft), 6 => Just(Quality::Normal), 1 => Just(Quality::High)];
     let tolerance = prop_oneof![6 => Just(0.0f32), 1 => magnitude(-6.0, -0.1)];
     let cap = prop_oneof![6 => Just(0u32), 1 => 1..6u32];
-    (quality, weighted(0.2), tolerance, cap, weighted(0.05)).prop_map(
-        |(quality, warm, tolerance, max_corrections, measure)| SolveOptions {
+    let temporal = prop_oneof![2 => Just(0.0f32), 1 => magnitude(-4.0, 2.0), 1 => Just(1e6)];
+    (quality, weighted(0.2), temporal, tolerance, cap, weighted(0.05)).prop_map(
+        |(quality, warm, temporal_weight, tolerance, max_corrections, measure)| SolveOptions {
             quality,
             warm,
+            temporal_weight,
             tolerance: (tolerance > 0.0).then_some(tolerance),
             max_corrections: (max_corrections > 0).then_some(max_corrections),
             measure,

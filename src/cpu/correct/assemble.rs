@@ -8,7 +8,7 @@ use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
 use super::super::row::Row;
 use super::super::sampling::{GradientTerms, Slopes};
-use super::super::terms::{Edge, Visitor, least_jacobian};
+use super::super::terms::{Edge, Visitor, least_jacobian, pull_stiffness};
 use super::rows::{Words, encode};
 use super::*;
 use crate::method::law::{NEAR_BOUND_JACOBIAN, NEAR_BOUND_STIFFNESS};
@@ -49,6 +49,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
                     state,
                     surface,
                     weights: &run.weights[self.level],
+                    anchor: run.anchor,
                     b,
                     out,
                 })
@@ -68,6 +69,7 @@ struct AssembleBlock<'a, S> {
     state: State,
     surface: S,
     weights: &'a Weights,
+    anchor: &'a [[Plane; 2]],
     b: usize,
     out: Out<'a>,
 }
@@ -85,11 +87,14 @@ impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let AssembleBlock { patch, level, state, surface, weights, b, mut out } = self;
+        let AssembleBlock { patch, level, state, surface, weights, anchor, b, mut out } = self;
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
         if S::CHORDS {
             patch.load_tangents::<V, S>(surface);
+        }
+        if weights.pull > 0.0 {
+            patch.load_anchor(level, anchor, b);
         }
         // SAFETY: nothing writes the state.
         let slopes = unsafe { patch.window_slopes::<V, S>(level, state, surface) };
@@ -147,8 +152,11 @@ fn block_row<V: Lanes, S: Surface>(
     each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
         let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
         let edge = patch.edge(row, &p, k);
-        let smooth = edge.smoothness(weights);
+        let mut smooth = edge.smoothness(weights);
         let mut pair = rank_one.pairs[k];
+        if weights.pull > 0.0 {
+            smooth += V::splat(pull_stiffness(k, weights));
+        }
         pair[0] -= smooth;
         pair[3] -= smooth;
         if weights.orients() {

@@ -45,11 +45,12 @@ fn with_sheet(
         settings: &maps.settings,
         charts: &[true],
         continuation: 1.0,
+        pull: 0.0,
     };
     let mut memory = Memory::new(&grid, Solver::Pbd);
     let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(1, |team| {
-        let mut run = Run::new(team, &input, &mut memory, &mut result);
+        let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);
         run.surface();
         run.identity(0);
         run.begin_level(0);

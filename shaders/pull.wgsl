@@ -1,0 +1,46 @@
+// The pull towards the previous result (method §5): the term theta |d - d'|^2 / |d0|^2 in each edge of level 0. Of the
+// node's matrix it is a constant part, which `local_problem` adds.
+
+/// Displacements u' of the previous result: two planes per block.
+@group(0) @binding(10) var<storage, read> anchor: array<f32>;
+
+/// u' at node n + o of a block or of its halo.
+fn anchor_at(b: u32, n: vec2u, o: vec2i) -> vec2f {
+    let source = window_source(vec2u(vec2i(n) + 1 + o));
+    let holder = blocks[b].neighbours[source.x];
+    if holder == NONE {
+        return vec2f();
+    }
+    let at = 2u * holder * NODES + source.y;
+    return vec2f(anchor[at], anchor[at + NODES]);
+}
+
+/// d - d' of edge k of node n, whose displacement is u.
+fn change_of_offset(b: u32, n: vec2u, u: vec2f, k: u32) -> vec2f {
+    let o = offset(k);
+    return (patch_u[place_at(n, o)] - u) - (anchor_at(b, n, o) - anchor_at(b, n, vec2i()));
+}
+
+/// theta / |d0|^2.
+fn pull_stiffness(k: u32) -> f32 {
+    let o = vec2f(offset(k));
+    return params.pull / dot(o, o);
+}
+
+/// The sum over a node's eight edges, undivided.
+fn pull_energy(b: u32, n: vec2u, u: vec2f) -> f32 {
+    var energy = 0.0;
+    for (var k = 0u; k < 8u; k++) {
+        let change = change_of_offset(b, n, u, k);
+        energy += pull_stiffness(k) * dot(change, change);
+    }
+    return energy;
+}
+
+fn pull_gradient(b: u32, n: vec2u, u: vec2f) -> vec2f {
+    var gradient = vec2f();
+    for (var k = 0u; k < 8u; k++) {
+        gradient -= pull_stiffness(k) * change_of_offset(b, n, u, k);
+    }
+    return gradient;
+}
