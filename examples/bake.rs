@@ -187,6 +187,7 @@ impl<'a> Bake<'a> {
         let failure = |e| Failure::named(&frame.origin, e);
         let options = SolveOptions {
             quality: args.quality.into(),
+            warm: args.warm,
             solver: args.solver.into(),
             pbd: PbdSettings { iterations: args.iterations, ..PbdSettings::default() },
             measure: true,

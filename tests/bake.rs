@@ -412,6 +412,7 @@ fn help_tells_the_options() {
         "--quality",
         "--solver",
         "--iterations",
+        "--warm",
         "--device",
         "--adapter",
         "--threads",

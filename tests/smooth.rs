@@ -4,13 +4,12 @@
 
 mod common;
 
+use common::motion::{self, Points, Spread, length};
 use common::scenes::{analytic, arm, creature, mug_to_jug};
 use common::{Model, Warp, cpu, on_all_cores};
 use vrtm::{Quality, SolveOptions, Strided};
 
 const FRAMES: usize = 240;
-
-type Points = Vec<[f64; 3]>;
 
 /// Bound of the worst frame's RMS, in multiples of the measured one (`Motion::measured`). In the worst frames the
 /// solver decides otherwise than one frame before: one correction more, another trial fraction, other cells that limit
@@ -68,78 +67,20 @@ impl Motion {
         let blend = |v: usize, c: usize| self.keys.iter().zip(&weights).map(|(key, w)| w * key[v][c]).sum();
         (0..self.model.rest.len()).map(|v| [0, 1, 2].map(|c| blend(v, c))).collect()
     }
-
-    /// Length of a cell at rest around each vertex; 0 at a vertex without faces.
-    fn cells(&self) -> Vec<f64> {
-        let mut areas = vec![[0.0; 2]; self.model.rest.len()];
-        let n = f64::from(self.grid);
-        for face in self.model.faces() {
-            let (p, uv): (Vec<_>, Vec<_>) = face
-                .clone()
-                .map(|c| {
-                    let uv = self.model.uvs[self.model.uv_indices[c] as usize];
-                    (
-                        self.keys[0][self.model.indices[c] as usize],
-                        [f64::from(uv[0]) * n, f64::from(uv[1]) * n],
-                    )
-                })
-                .unzip();
-            for k in 1..p.len() - 1 {
-                let [a, b] = [k, k + 1].map(|k| [0, 1, 2].map(|c| p[k][c] - p[0][c]));
-                let [s, t] = [k, k + 1].map(|k| [0, 1].map(|c| uv[k][c] - uv[0][c]));
-                let cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-                let area = [length(&cross), (s[0] * t[1] - s[1] * t[0]).abs()];
-                for c in face.clone() {
-                    let sum = &mut areas[self.model.indices[c] as usize];
-                    (0..2).for_each(|k| sum[k] += area[k]);
-                }
-            }
-        }
-        areas.iter().map(|[space, uv]| if *uv > 0.0 { (space / uv).sqrt() } else { 0.0 }).collect()
-    }
-}
-
-fn length(x: &[f64]) -> f64 {
-    x.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-/// Root of the mean square, and the largest value.
-#[derive(Clone, Copy, Debug, Default)]
-struct Size {
-    rms: f64,
-    max: f64,
-}
-
-impl Size {
-    fn of(lengths: impl Iterator<Item = f64>) -> Size {
-        let (sum, count, max) =
-            lengths.fold((0.0, 0.0, 0.0), |(sum, n, max), x| (sum + x * x, n + 1.0, f64::max(max, x)));
-        Size { rms: (sum / f64::max(count, 1.0)).sqrt(), max }
-    }
-
-    fn larger(self, other: Size) -> Size {
-        Size { rms: self.rms.max(other.rms), max: self.max.max(other.max) }
-    }
 }
 
 /// Second differences of the poses at each vertex, in cells.
-fn of_poses(motion: &Motion, poses: &[Points]) -> Size {
-    let cells = motion.cells();
-    let second = |w: &[Points]| {
-        let vertices = (0..cells.len()).filter(|&v| cells[v] > 0.0);
-        Size::of(vertices.map(|v| {
-            let d = [0, 1, 2].map(|c| w[2][v][c] - 2.0 * w[1][v][c] + w[0][v][c]);
-            length(&d) / cells[v]
-        }))
-    };
-    poses.windows(3).map(second).fold(Size::default(), Size::larger)
+fn of_poses(motion: &Motion, poses: &[Points]) -> Spread {
+    let cells = motion::cells(&motion.model, motion.grid);
+    let second = |w: &[Points]| motion::of_positions(&cells, [&w[0], &w[1], &w[2]]);
+    poses.windows(3).map(second).fold(Spread::default(), Spread::larger)
 }
 
 /// The figures of one run.
 #[derive(Clone, Debug)]
 struct Figures {
     /// Largest second difference of W over frames, in cells.
-    second: Size,
+    second: Spread,
     /// RMS of the second difference in the median frame.
     usual: f64,
     /// Largest distance that a node moves from one frame to the next, in cells, and the number of the second frame.
@@ -150,14 +91,15 @@ struct Figures {
 fn run(motion: &Motion, poses: &[Points], options: &SolveOptions) -> Figures {
     let mut asset = motion.model.asset_on(&cpu(1), motion.grid);
     let mut last: Vec<Vec<[f32; 2]>> = Vec::new();
-    let mut figures = Figures { second: Size::default(), usual: 0.0, jump: (0.0, 0), ms: 0.0 };
+    let mut figures = Figures { second: Spread::default(), usual: 0.0, jump: (0.0, 0), ms: 0.0 };
     let mut all = Vec::new();
     for (frame, pose) in poses.iter().enumerate() {
         asset.solve(Strided::from_f64x3(pose), options).unwrap();
         figures.ms += asset.report().unwrap().total_ms / FRAMES as f32;
         let now: Vec<[f32; 2]> = (0..asset.tile_count()).flat_map(|tile| Warp::of(&asset, tile).u).collect();
         if let Some(before) = last.last() {
-            let way = Size::of(now.iter().zip(before).map(|(a, b)| length(&difference(*a, *b)))).max;
+            let moved = now.iter().zip(before).map(|(a, b)| length(&difference(*a, *b)));
+            let way = moved.fold(0.0, f64::max);
             if way > figures.jump.0 {
                 figures.jump = (way, frame);
             }
@@ -166,9 +108,9 @@ fn run(motion: &Motion, poses: &[Points], options: &SolveOptions) -> Figures {
             // Nodes that never move are left out.
             let moving =
                 (0..now.len()).filter(|&n| now[n] != [0.0; 2] || b[n] != [0.0; 2] || a[n] != [0.0; 2]);
-            let second = Size::of(moving.map(|n| {
+            let second = Spread::of(moving.map(|n| {
                 let [d, e] = [difference(now[n], b[n]), difference(b[n], a[n])];
-                length(&[d[0] - e[0], d[1] - e[1]])
+                (n, length(&[d[0] - e[0], d[1] - e[1]]))
             }));
             all.push(second.rms);
             figures.second = figures.second.larger(second);
@@ -230,7 +172,7 @@ fn smooth_motions_give_smooth_warps() {
     );
     let mut failed = Vec::new();
     for ((motion, quality, warm), (pose, f)) in cases.iter().zip(&rows) {
-        let ratio = Size { rms: f.second.rms / pose.rms, max: f.second.max / pose.max };
+        let ratio = [f.second.rms / pose.rms, f.second.max / pose.max];
         let name = format!(
             "{:12} {:6} {:4}",
             motion.model.name,
@@ -244,8 +186,8 @@ fn smooth_motions_give_smooth_warps() {
             f.second.rms,
             f.second.max,
             f.usual,
-            ratio.rms,
-            ratio.max,
+            ratio[0],
+            ratio[1],
             f.jump.0,
             f.jump.1,
             f.ms
@@ -253,7 +195,7 @@ fn smooth_motions_give_smooth_warps() {
         let most = MARGIN * motion.measured;
         // A NaN fails.
         let largest = if motion.model.name == "squash" { MOST_IN_SQUASH } else { MOST };
-        let good = ratio.rms <= most && ratio.max <= largest && f.jump.0 <= FARTHEST;
+        let good = ratio[0] <= most && ratio[1] <= largest && f.jump.0 <= FARTHEST;
         if !good {
             failed
                 .push(format!("{name}: {ratio:?}, at most {most} and {largest}; jump of {} cells", f.jump.0));

@@ -1,12 +1,11 @@
 //! Writes cases as files for other programs: see benches/peers/.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use serde_json::json;
 use vrtm::{SolveOptions, Strided};
 
-use crate::common::{Model, cpu};
+use crate::common::{cpu, obj};
 use crate::rows::{Times, median};
 use crate::scenes::Case;
 
@@ -61,22 +60,4 @@ pub fn export(case: &Case, folder: &Path, solves: usize) -> Result<(), String> {
         "after": side(&strain.after),
     });
     write("case.json", format!("{text:#}\n").as_bytes())
-}
-
-fn obj(model: &Model, positions: &[[f32; 3]]) -> String {
-    let mut text = String::new();
-    for [x, y, z] in positions {
-        let _ = writeln!(text, "v {x} {y} {z}");
-    }
-    for [u, v] in &model.uvs {
-        let _ = writeln!(text, "vt {u} {v}");
-    }
-    for face in model.faces() {
-        text += "f";
-        for corner in face {
-            let _ = write!(text, " {}/{}", model.indices[corner] + 1, model.uv_indices[corner] + 1);
-        }
-        text += "\n";
-    }
-    text
 }

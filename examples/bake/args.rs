@@ -62,6 +62,10 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub iterations: Option<u32>,
 
+    /// Start each frame from the one that was baked before it, not from the original UVs
+    #[arg(long)]
+    pub warm: bool,
+
     /// Where to compute; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, value_enum, default_value = "auto")]
     pub device: Device,

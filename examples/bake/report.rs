@@ -17,6 +17,7 @@ pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInf
             "quality": format!("{:?}", args.quality).to_lowercase(),
             "solver": format!("{:?}", args.solver).to_lowercase(),
             "iterations": args.iterations,
+            "warm": args.warm,
             "size": args.size,
         },
         "device": {

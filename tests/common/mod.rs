@@ -6,6 +6,7 @@
 
 mod files;
 mod gpu;
+pub mod motion;
 pub mod roughness;
 #[path = "../../examples/scenes/mod.rs"]
 pub mod scenes;
@@ -18,7 +19,7 @@ use vrtm::{
     Origin, PixelFormat, Quality, SolveOptions, Strided, TileSettings, UvSource,
 };
 
-pub use files::assets;
+pub use files::{assets, obj, save};
 pub use gpu::{gpu, has_gpu};
 use scenes::Scene;
 pub use warp::Warp;

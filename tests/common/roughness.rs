@@ -4,6 +4,8 @@
 
 use vrtm::{Asset, SolveOptions, Strided};
 
+use super::motion::Spread;
+
 /// Poses along a motion from rest to a frame: 0.92, 0.925 ... 0.955 of the way.
 const START: f64 = 0.92;
 const STEP: f64 = 0.005;
@@ -80,6 +82,11 @@ impl Roughness {
     }
 }
 
+/// Second difference of three warps at a node.
+pub fn second_difference(w: &[Vec<[f64; 2]>], n: usize) -> f64 {
+    larger_component([0, 1].map(|c| w[2][n][c] - 2.0 * w[1][n][c] + w[0][n][c]))
+}
+
 fn larger_component(x: [f64; 2]) -> f64 {
     x[0].abs().max(x[1].abs())
 }
@@ -95,7 +102,7 @@ fn differences(warps: &[Vec<[f64; 2]>]) -> Roughness {
     }
     for (step, w) in warps.windows(3).enumerate() {
         for &n in &moving {
-            let d = larger_component([0, 1].map(|c| w[2][n][c] - 2.0 * w[1][n][c] + w[0][n][c]));
+            let d = second_difference(w, n);
             second += d * d;
             large += usize::from(d > LARGE);
             if d > result.largest {
@@ -113,10 +120,8 @@ fn differences(warps: &[Vec<[f64; 2]>]) -> Roughness {
 
 /// The difference that 99.9 % of the nodes that move stay under.
 fn percentile_999(a: &[[f64; 2]], b: &[[f64; 2]]) -> f64 {
-    let moving = a.iter().zip(b).filter(|(a, b)| **a != [0.0; 2] || **b != [0.0; 2]);
-    let mut d: Vec<f64> = moving.map(|(a, b)| larger_component([a[0] - b[0], a[1] - b[1]])).collect();
-    d.sort_by(f64::total_cmp);
-    d.get(d.len().saturating_sub(1 + d.len() / 1000)).copied().unwrap_or(0.0)
+    let moving = a.iter().zip(b).enumerate().filter(|(_, (a, b))| **a != [0.0; 2] || **b != [0.0; 2]);
+    Spread::of(moving.map(|(n, (a, b))| (n, larger_component([a[0] - b[0], a[1] - b[1]])))).p999
 }
 
 /// The points with Gaussian noise.
