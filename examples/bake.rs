@@ -188,6 +188,7 @@ impl<'a> Bake<'a> {
         let options = SolveOptions {
             quality: args.quality.into(),
             warm: args.warm,
+            temporal_weight: args.temporal_weight,
             solver: args.solver.into(),
             pbd: PbdSettings { iterations: args.iterations, ..PbdSettings::default() },
             measure: true,

@@ -413,6 +413,7 @@ fn help_tells_the_options() {
         "--solver",
         "--iterations",
         "--warm",
+        "--temporal-weight",
         "--device",
         "--adapter",
         "--threads",

@@ -43,6 +43,9 @@ struct Args {
     /// Start each frame from the one before it, not from the identity.
     #[arg(long)]
     warm: bool,
+    /// How strongly each frame is held to the one before it.
+    #[arg(long, requires = "warm", default_value_t = 0.0)]
+    temporal_weight: f32,
     /// Solve on a GPU.
     #[arg(long)]
     gpu: bool,
@@ -69,7 +72,8 @@ impl Args {
             Quality::Normal => vrtm::Quality::Normal,
             Quality::High => vrtm::Quality::High,
         };
-        SolveOptions { quality, warm: self.warm, ..SolveOptions::default() }
+        let Args { warm, temporal_weight, .. } = *self;
+        SolveOptions { quality, warm, temporal_weight, ..SolveOptions::default() }
     }
 
     /// The same for the bake program, whose pictures are to be of these solves.
@@ -80,7 +84,7 @@ impl Args {
         let mut list =
             ["--quality", &quality, "--size", &size, "--device", device].map(String::from).to_vec();
         if self.warm {
-            list.push("--warm".into());
+            list.extend(["--warm".into(), "--temporal-weight".into(), self.temporal_weight.to_string()]);
         }
         list
     }
@@ -146,6 +150,7 @@ fn shoot(args: &Args, case: &Case, device: &Device, folder: &FilePath) -> Result
     );
     let facts = json!({
         "scene": case.name, "frames": args.frames, "keys": path.times, "grid": args.grid, "warm": args.warm,
+        "temporal_weight": args.temporal_weight,
         "quality": format!("{:?}", args.quality).to_lowercase(), "bake": args.for_bake(),
         "peak": {
             "frame": peak.frame, "largest": peak.warp.max, "tile": node.udim, "node": node.at, "uv": node.uv,

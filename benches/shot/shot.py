@@ -24,7 +24,8 @@ def load(folder: Path) -> tuple[dict, dict[str, list[float]]]:
 
 
 def label(facts: dict) -> str:
-    return f"{facts['quality']}, {'warm' if facts['warm'] else 'stateless'}, {facts['grid']}²"
+    start = f"warm, {facts['temporal_weight']:g}" if facts["warm"] else "stateless"
+    return f"{facts['quality']}, {start}, {facts['grid']}²"
 
 
 def plot(folder: Path, beside: Path | None) -> Path:

@@ -66,6 +66,10 @@ pub struct Args {
     #[arg(long)]
     pub warm: bool,
 
+    /// How strongly each frame is held to the one before it, against jitter; 0.03 to 0.3 is a useful range
+    #[arg(long, value_name = "X", requires = "warm", default_value_t = 0.0)]
+    pub temporal_weight: f32,
+
     /// Where to compute; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, value_enum, default_value = "auto")]
     pub device: Device,

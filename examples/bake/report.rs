@@ -18,6 +18,7 @@ pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInf
             "solver": format!("{:?}", args.solver).to_lowercase(),
             "iterations": args.iterations,
             "warm": args.warm,
+            "temporal_weight": args.temporal_weight,
             "size": args.size,
         },
         "device": {
