@@ -60,8 +60,8 @@ const FIRST_FALLOFF_PASSES: u32 = 4u;
 const FALLOFF_PASSES: u32 = 2u;
 /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
 const SHRINKING_ROUNDS: u32 = 8u;
-/// Rounds in all: after these, nodes around corners that would still fall under the bound stay where they are. A chart that is not free of
-/// folds after them is refused for its energy.
+/// Rounds in all: after the shrinking ones, nodes around corners that would still fall under the bound stay where they
+/// are. A chart that is not free of folds after all rounds is refused for its energy.
 const LIMIT_ROUNDS: u32 = 16u;
 /// A trial is accepted if it gains more than this fraction of the gain that the model predicts (method §7.7): a
 /// whole step that gains next to nothing would end a chart's corrections where half of the step would continue
@@ -203,8 +203,8 @@ struct Params {
     items: u32,
     /// Side of this level's cells in cells of level 0.
     scale: f32,
-    /// `step`: the fraction t of the trial; `mark_corners`: the fraction of a margin that the round leaves, negative in the
-    /// last rounds.
+    /// `step`: the fraction t of the trial; `mark_corners`: the fraction of a margin that the round leaves, negative
+    /// in the last rounds.
     factor: f32,
     tolerance: f32,
     /// 1 if a first correction that gained what its model predicted ends the level's corrections.

@@ -118,6 +118,5 @@ fn measure(case: &Case, device: &Device, quality: &str) -> Result<Roughness, Str
         other => return Err(format!("--qualities {other}: neither draft, normal nor high")),
     };
     let (mut asset, tile) = case.asset(device);
-    let frame = &case.model.frames[case.frame - 1];
-    Ok(Roughness::of(&mut asset, tile, &case.model.rest, frame, &common::options(quality)))
+    Ok(Roughness::of(&mut asset, tile, &case.model, case.frame, &common::options(quality)))
 }

@@ -158,8 +158,8 @@ structs! {
         items: u32,
         /// Side of this level's cells in cells of level 0.
         scale: f32,
-        /// `step`: the fraction t of the trial; `mark_corners`: the fraction of a margin that the round leaves, negative in the
-        /// last rounds.
+        /// `step`: the fraction t of the trial; `mark_corners`: the fraction of a margin that the round leaves, negative
+        /// in the last rounds.
         factor: f32,
         tolerance: f32,
         /// 1 if a first correction that gained what its model predicted ends the level's corrections.

@@ -70,8 +70,8 @@ constants! {
     FALLOFF_PASSES: u32 = 2;
     /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
     SHRINKING_ROUNDS: u32 = 8;
-    /// Rounds in all: after these, nodes around corners that would still fall under the bound stay where they are. A chart that is not free of
-    /// folds after them is refused for its energy.
+    /// Rounds in all: after the shrinking ones, nodes around corners that would still fall under the bound stay where they
+    /// are. A chart that is not free of folds after all rounds is refused for its energy.
     LIMIT_ROUNDS: u32 = 16;
 
     /// A trial is accepted if it gains more than this fraction of the gain that the model predicts (method §7.7): a

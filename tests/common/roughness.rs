@@ -4,6 +4,7 @@
 
 use vrtm::{Asset, SolveOptions, Strided};
 
+use super::Model;
 use super::motion::Spread;
 
 /// Poses along a motion from rest to a frame: 0.92, 0.925 ... 0.955 of the way.
@@ -42,14 +43,15 @@ pub struct Roughness {
 }
 
 impl Roughness {
-    /// Solves the poses near a frame, of which the positions are given, and the noisy ones.
+    /// Solves the poses near a frame, numbered from 1, of the asset's model, and the noisy ones.
     pub fn of(
         asset: &mut Asset,
         tile: usize,
-        rest: &[[f32; 3]],
-        frame: &[[f32; 3]],
+        model: &Model,
+        frame: usize,
         options: &SolveOptions,
     ) -> Roughness {
+        let (rest, frame) = (&model.rest, &model.frames[frame - 1]);
         let way = |t: f64| -> Vec<[f64; 3]> {
             let point = |(r, p): (&[f32; 3], &[f32; 3])| {
                 [0, 1, 2].map(|k| f64::from(r[k]) + t * (f64::from(p[k]) - f64::from(r[k])))

@@ -211,6 +211,16 @@ fn cross<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> V {
     (a[0] * b[1] - a[1] * b[0]) * sign
 }
 
+/// The least value at each node of a row and at its eight neighbours.
+#[inline(always)]
+fn least_around<V: Lanes>(values: &Window, row: Row) -> V {
+    let mut least = row.near::<V>(values, 0, 0);
+    for (di, dj, ..) in NEIGHBOURS {
+        least = least.min(row.near(values, di, dj));
+    }
+    least
+}
+
 /// Multiplies the fractions of a block by the least mark of each node and its eight neighbours.
 struct Shrink<'a> {
     marks: &'a Window,
@@ -223,11 +233,7 @@ impl Vectorised for Shrink<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         for row in Row::all() {
-            let mut least = row.near::<V>(self.marks, 0, 0);
-            for (di, dj, ..) in NEIGHBOURS {
-                least = least.min(row.near(self.marks, di, dj));
-            }
-            row.store(self.fraction, row.load::<V>(self.fraction) * least);
+            row.store(self.fraction, row.load::<V>(self.fraction) * least_around::<V>(self.marks, row));
         }
     }
 }
@@ -244,12 +250,8 @@ impl Vectorised for FallOff<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) {
         for row in Row::all() {
-            let mut low = V::one();
-            for (di, dj, ..) in NEIGHBOURS {
-                low = low.min(row.near(self.fractions, di, dj));
-            }
             let fraction = row.near::<V>(self.fractions, 0, 0);
-            row.store(self.out, fraction.min(low + FRACTION_FALLOFF));
+            row.store(self.out, fraction.min(least_around::<V>(self.fractions, row) + FRACTION_FALLOFF));
         }
     }
 }
