@@ -51,20 +51,22 @@ impl Coverage {
                 triangle[node] = t;
             }
         }
-        let borders = borders(mesh, nx, ny);
+        let Borders { cells: borders, nodes: cuts } = Borders::new(mesh, nx, ny);
         let charts = mesh.chart_of_triangles();
         let chart_of = |node: usize| {
             let t = triangle[node];
             if t == NONE { NONE } else { charts[t as usize] }
         };
+        // Whether a border counts for a chart.
+        let counts = |border: u32, chart: u32| match overlap {
+            Overlap::Fixed => border != NONE,
+            Overlap::FirstFace => border == chart || border == SEVERAL,
+        };
         let inside = |i: usize, j: usize| {
             let corners = [j * width + i, j * width + i + 1, (j + 1) * width + i, (j + 1) * width + i + 1];
             let chart = chart_of(corners[0]);
-            let border = borders[j * nx + i];
-            let crossed = match overlap {
-                Overlap::Fixed => border != NONE || corners.iter().any(|&c| layered[c]),
-                Overlap::FirstFace => border == chart || border == SEVERAL,
-            };
+            let crossed = counts(borders[j * nx + i], chart)
+                || overlap == Overlap::Fixed && corners.iter().any(|&c| layered[c]);
             chart != NONE && !crossed && corners[1..].iter().all(|&c| chart_of(c) == chart)
         };
         let mut cells = vec![false; nx * ny];
@@ -77,7 +79,12 @@ impl Coverage {
         for j in 1..ny {
             for i in 1..nx {
                 let cell = |di: usize, dj: usize| cells[(j - dj) * nx + i - di];
-                interior[j * width + i] = cell(0, 0) && cell(1, 0) && cell(0, 1) && cell(1, 1);
+                let node = j * width + i;
+                interior[node] = cell(0, 0)
+                    && cell(1, 0)
+                    && cell(0, 1)
+                    && cell(1, 1)
+                    && !counts(cuts[node], chart_of(node));
             }
         }
         let covered = triangle.iter().filter(|&&t| t != NONE).count().max(1);
@@ -86,24 +93,54 @@ impl Coverage {
     }
 }
 
-/// Per cell, the chart whose border crosses its interior, `SEVERAL` for several charts, or `NONE`.
-fn borders(mesh: &TileMesh, nx: usize, ny: usize) -> Vec<u32> {
-    let size = DVec2::new(nx as f64, ny as f64);
-    let mut cells = vec![NONE; nx * ny];
-    for (c, chart) in mesh.charts.iter().enumerate() {
-        for t in &mesh.triangles[chart.triangles.clone()] {
-            for k in 0..3 {
-                if t.neighbours[k] == NONE {
+/// Where the borders of the charts are, cuts of no width among them. Each entry is a chart, `SEVERAL` for several, or
+/// `NONE`.
+struct Borders {
+    /// Per cell, the chart whose border crosses its interior.
+    cells: Vec<u32>,
+    /// Per node, the chart whose border runs along an edge of the grid at the node.
+    nodes: Vec<u32>,
+}
+
+impl Borders {
+    fn new(mesh: &TileMesh, nx: usize, ny: usize) -> Borders {
+        let size = DVec2::new(nx as f64, ny as f64);
+        let mut borders = Borders { cells: vec![NONE; nx * ny], nodes: vec![NONE; (nx + 1) * (ny + 1)] };
+        let mark = |owner: &mut u32, chart: u32| {
+            *owner = if *owner == NONE || *owner == chart { chart } else { SEVERAL };
+        };
+        for (c, chart) in mesh.charts.iter().enumerate() {
+            for t in &mesh.triangles[chart.triangles.clone()] {
+                for k in (0..3).filter(|&k| t.neighbours[k] == NONE) {
                     let [a, b] = [t.uv[(k + 1) % 3], t.uv[(k + 2) % 3]].map(|uv| uv * size);
-                    cells_of_segment(a, b, nx, ny, |cell| {
-                        let owner = &mut cells[cell];
-                        *owner = if *owner == NONE || *owner == c as u32 { c as u32 } else { SEVERAL };
-                    });
+                    cells_of_segment(a, b, nx, ny, |cell| mark(&mut borders.cells[cell], c as u32));
+                    nodes_of_segment(a, b, nx, ny, |node| mark(&mut borders.nodes[node], c as u32));
                 }
             }
         }
+        borders
     }
-    cells
+}
+
+/// If the segment from `a` to `b` lies on a line of the grid, calls `f` for the nodes of each edge of the grid of which it
+/// covers a part.
+fn nodes_of_segment(a: DVec2, b: DVec2, nx: usize, ny: usize, mut f: impl FnMut(usize)) {
+    for axis in 0..2 {
+        let (along, line, counts) = (axis, 1 - axis, [nx, ny]);
+        let at = a[line];
+        let on_grid = at == b[line] && at.fract() == 0.0 && (0.0..=counts[line] as f64).contains(&at);
+        if !on_grid || a[along] == b[along] {
+            continue;
+        }
+        let first = a[along].min(b[along]).floor().max(0.0);
+        let last = a[along].max(b[along]).ceil().min(counts[along] as f64);
+        let mut k = first;
+        while k <= last {
+            let [i, j] = if along == 0 { [k, at] } else { [at, k] };
+            f(j as usize * (nx + 1) + i as usize);
+            k += 1.0;
+        }
+    }
 }
 
 /// Calls `f` for each cell whose open interior the segment from `a` to `b` crosses.
@@ -146,5 +183,28 @@ mod tests {
         assert_eq!(cells([3.5, 1.5], [3.5, 3.5]), [11, 19, 27]);
         assert_eq!(cells([0.5, 0.5], [2.5, 2.5]), [0, 9, 18]);
         assert_eq!(cells([-3.0, 0.5], [1.5, 0.5]), [0, 1]);
+    }
+
+    #[test]
+    fn a_border_on_a_line_of_the_grid_meets_the_nodes_of_its_edges() {
+        let nodes = |a: [f64; 2], b: [f64; 2]| {
+            let mut nodes = Vec::new();
+            nodes_of_segment(a.into(), b.into(), 8, 8, |node| nodes.push(node));
+            nodes
+        };
+        assert_eq!(nodes([1.0, 2.0], [3.0, 2.0]), [19, 20, 21]);
+        assert_eq!(nodes([3.0, 2.0], [1.0, 2.0]), [19, 20, 21]);
+        // It ends within an edge: both nodes of that edge.
+        assert_eq!(nodes([1.5, 2.0], [3.25, 2.0]), [19, 20, 21, 22]);
+        assert_eq!(nodes([4.0, 6.5], [4.0, 9.5]), [58, 67, 76]);
+        assert_eq!(nodes([-2.0, 0.0], [0.5, 0.0]), [0, 1]);
+        for (a, b) in [
+            ([1.0, 2.5], [3.0, 2.5]),
+            ([1.0, 1.0], [3.0, 3.0]),
+            ([2.0, 2.0], [2.0, 2.0]),
+            ([0.0, 9.0], [8.0, 9.0]),
+        ] {
+            assert_eq!(nodes(a, b), [0usize; 0]);
+        }
     }
 }
