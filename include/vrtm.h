@@ -70,6 +70,9 @@
  * be null or valid for the size that goes with them, structs and number arrays aligned as in C; the data of vrtm_array,
  * vrtm_image and vrtm_image_out need no alignment. Strides are in bytes.
  *
+ * Floating point. Functions work in the processor's default mode (rounding to nearest, no flushing to zero, no traps),
+ * the host's log function included, and restore the mode of the calling thread (on x86-64 and ARM64).
+ *
  * Threads. Any function may be called from any thread. Different assets work at the same time. Calls on one asset do
  * not wait for each other: one that solves, fetches a map or changes anything gives VRTM_ERROR_BUSY while another call
  * is using the asset, and so does one that reads (reports, corner UVs, settings, find_tile) while such a call runs.
@@ -760,8 +763,8 @@ typedef struct vrtm_solve_options {
 // components, as many and in the same order as at rest). `options` may be null: all defaults. On any error the last
 // good result stays readable.
 //
-// The result is the same bit for bit for any number of threads and on any machine, unless options->warm or
-// options->time_budget_ms is set. Charts whose inputs have not changed keep their result at no cost.
+// The result is the same bit for bit for any number of threads, on any machine and in any floating-point mode, unless
+// options->warm or options->time_budget_ms is set. Charts whose inputs have not changed keep their result at no cost.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the vertex, for null, a wrong
 // count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_BUSY;

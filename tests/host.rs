@@ -88,6 +88,11 @@ fn misuse() {
 }
 
 #[test]
+fn float_mode() {
+    run_host("float_mode.c", 30);
+}
+
+#[test]
 fn deformer() {
     run_host("deformer.cpp", 15);
 }

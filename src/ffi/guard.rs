@@ -1,11 +1,14 @@
-//! The guard that every exported function runs in: errors and panics inside become a status and a message.
+//! The guard that every exported function runs in: errors and panics inside become a status and a message, and the
+//! processor's floating-point mode is the default one.
 
+use super::float_mode::FloatMode;
 use super::status::{Outcome, VRTM_ERROR_INTERNAL, VRTM_OK, set_last_error, vrtm_status};
 use crate::panics;
 
 /// Runs the body of the exported function `name`. Should it panic, a solve that was under way has not replaced its
 /// asset's last result.
 pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_status {
+    let _mode = FloatMode::set_default();
     match panics::catch(body) {
         Ok(Ok(())) => VRTM_OK,
         Ok(Err(failure)) => {

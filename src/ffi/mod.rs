@@ -13,6 +13,7 @@ pub mod asset;
 mod desc;
 pub mod device;
 pub mod fetch;
+mod float_mode;
 mod guard;
 pub mod handle;
 pub mod report;

@@ -49,6 +49,8 @@ impl Correction {
     pub fn next_fraction<F: Real>(&self, gain: &Gain<F>) -> F {
         let identity = F::from_f64(IDENTITY_ENERGY_WEIGHT) * gain.identity;
         let unit = F::from(self.tolerance) * (gain.before + identity);
+        // `draft` has no tolerance.
+        let unit = if unit > F::from(0.0) { unit } else { F::from(f32::MIN_POSITIVE) };
         let gained = gain.before - gain.after;
         let most = if self.first && self.trusts_model {
             ramp((gained - gain.predicted).abs() / unit, MODEL_ERROR_RAMP)

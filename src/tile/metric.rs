@@ -170,7 +170,8 @@ pub fn restrict_block(level: &Level, finer: &Level, fine: &[[Plane; 3]], b: usiz
             window::load(neighbours, 0.0, |b| &fine[b][c], &mut window);
             each_coarse_node(quarter, |s, i, j| {
                 let (sum, weight) = gaussian(&window, &weights, i, j);
-                plane[s] = if weight > 0.0 { 4.0 * sum / weight } else { 0.0 };
+                // Without coverage the sum is 0, too. (A branch is no help: the compiler divides on both sides of it.)
+                plane[s] = 4.0 * sum / weight.max(f32::MIN_POSITIVE);
             });
         }
     }

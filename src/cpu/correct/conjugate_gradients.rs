@@ -23,8 +23,12 @@ impl Run<'_> {
             if !first {
                 let beta: Vec<f32> = (0..charts)
                     .map(|c| {
-                        let beta = (rz[c] / first_rz[c]) as f32 / first_alpha[c];
-                        if beta.is_finite() { beta } else { 0.0 }
+                        // Both are 0 in charts that take no part, or have nothing left to solve.
+                        let solved = first_rz[c] == 0.0 || first_alpha[c] == 0.0;
+                        let (rz_before, alpha) =
+                            if solved { (1.0, 1.0) } else { (first_rz[c], first_alpha[c]) };
+                        let beta = (rz[c] / rz_before) as f32 / alpha;
+                        if !solved && beta.is_finite() { beta } else { 0.0 }
                     })
                     .collect();
                 let (direction, step) = (SharedSlice::new(direction), &*solving.step);
@@ -36,7 +40,7 @@ impl Run<'_> {
             let curvature = multigrid::multiply(self, level, rows, direction, product);
             let alpha: Vec<f32> = (0..charts)
                 .map(|c| {
-                    let alpha = (rz[c] / curvature[c]) as f32;
+                    let alpha = (rz[c] / if curvature[c] > 0.0 { curvature[c] } else { 1.0 }) as f32;
                     // No step if the curvature is not positive, as where nothing is left to solve, or a scalar is NaN.
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
