@@ -112,8 +112,13 @@ fn invert_cell(b: u32, c: u32, workgroup_of_block: u32) {
             let f = vec2f(far - o);
             let r = vec2f(centre - o);
             let area = cross2(e, f);
+            // Only the paper's solver makes triangles without area, or with so little that f32 cannot tell it from none.
+            if area == 0.0 {
+                continue;
+            }
             let du = select(u_right, u_up, above) - u;
-            let p = u + (cross2(r, f) / area) * du + (cross2(e, r) / area) * (u_far - u);
+            let s = clamp(cross2(r, f) / area, 0.0, 1.0);
+            let p = u + s * du + clamp(cross2(e, r) / area, 0.0, 1.0 - s) * (u_far - u);
             let at = (y - row) * width + x;
             image[at] = -p;
         }

@@ -125,6 +125,26 @@ fn both_backends_give_the_same_warp() {
     }
 }
 
+/// Folded and collapsed cells cover some texels several times and others by triangles with hardly any area: each texel
+/// still gets a place in the tile.
+#[test]
+fn redirections_of_folds_stay_in_the_tile() {
+    let models = [0.4, 0.1, 0.01].map(|fraction| Model::from(scenes::analytic::squash(fraction)));
+    let mut folds = 0;
+    for device in devices() {
+        for model in &models {
+            let mut asset = solved(model, &device, 64, 1, &pbd(16));
+            folds += report(&asset).folds;
+            for size in [[64, 64], [128, 32], [301, 77]] {
+                let uvs = fetch(&mut asset, 0, FetchKind::Redirection, size);
+                let bad = uvs.iter().flatten().find(|x| !(-1e-6..=1.0 + 1e-6).contains(*x));
+                assert_eq!(bad, None, "{} at {size:?}", model.name);
+            }
+        }
+    }
+    assert!(folds > 1000, "{folds}");
+}
+
 /// Compares the backends stage by stage from the same state, and switches from one to the other.
 #[cfg(feature = "gpu")]
 #[test]
