@@ -153,6 +153,7 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
 }
 
 /// Processor levels that kernels are compiled for.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Level {
     /// What the target has at least: SSE2, NEON, WebAssembly's vectors, or whatever the compiler makes of plain loops.
@@ -167,6 +168,7 @@ pub enum Level {
 }
 
 /// The level in use: the highest that the processor has.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
 #[inline(always)]
 pub fn level() -> Level {
     #[cfg(test)]
@@ -175,6 +177,7 @@ pub fn level() -> Level {
     detected()
 }
 
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
 #[inline(always)]
 fn detected() -> Level {
     #[cfg(target_arch = "x86_64")]
