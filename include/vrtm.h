@@ -764,7 +764,8 @@ typedef struct vrtm_solve_options {
 // good result stays readable.
 //
 // The result is the same bit for bit for any number of threads, on any machine and in any floating-point mode, unless
-// options->warm or options->time_budget_ms is set. Charts whose inputs have not changed keep their result at no cost.
+// options->warm or options->time_budget_ms is set. Charts whose inputs have not changed keep their result at no
+// cost, unless this solve or the last one is warm.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the vertex, for null, a wrong
 // count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_BUSY;

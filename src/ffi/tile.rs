@@ -85,12 +85,17 @@ unsafe impl Sized32 for vrtm_tile_settings {
     const NAME: &'static str = "vrtm_tile_settings";
 }
 
-/// Zero is the default, VRTM_OFF is zero.
-fn or_default(value: f32, default: f32) -> f32 {
+/// A field of the settings: zero is the default, VRTM_OFF is zero. Other numbers are checked with the settings, which know
+/// nothing of VRTM_OFF.
+fn or_default(name: &str, value: f32, default: f32) -> Outcome<f32> {
     match value {
-        0.0 => default,
-        VRTM_OFF => 0.0,
-        _ => value,
+        0.0 => Ok(default),
+        VRTM_OFF => Ok(0.0),
+        _ if value < 0.0 => {
+            let message = format!("settings.{name}: {value} is negative, and not VRTM_OFF (-1) either");
+            Err(Failure::argument(message))
+        }
+        _ => Ok(value),
     }
 }
 
@@ -111,7 +116,7 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
     let default = TileSettings::default();
     Ok(TileSettings {
         grid: [from.grid_width, from.grid_height].map(|n| (n != 0).then_some(n)),
-        smoothness: or_default(from.smoothness, default.smoothness),
+        smoothness: or_default("smoothness", from.smoothness, default.smoothness)?,
         // It has no "off": without it a node may have no say in where it goes.
         smoothness_floor: if from.smoothness_floor == 0.0 {
             default.smoothness_floor
@@ -120,8 +125,8 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
         },
         orientation: from.orientation,
         orientation_density: from.orientation_density,
-        room: or_default(from.room, default.room),
-        room_threshold: or_default(from.room_threshold, default.room_threshold),
+        room: or_default("room", from.room, default.room)?,
+        room_threshold: or_default("room_threshold", from.room_threshold, default.room_threshold)?,
         overlap,
     })
 }

@@ -230,7 +230,7 @@ static void maps(void)
 
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     WITH(float, settings.room, -2,
-         fails("room -2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room"));
+         fails("room -2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room: -2 is negative, and not VRTM_OFF"));
     WITH(float, settings.smoothness, NAN,
          fails("smoothness NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness"));
     WITH(float, settings.smoothness_floor, VRTM_OFF,
