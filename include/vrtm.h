@@ -830,7 +830,7 @@ typedef struct vrtm_tile_report_data {
     double min_jacobian;
     // Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     uint64_t folds;
-    // Largest displacement, in cells.
+    // Length of the longest displacement, in cells.
     float max_displacement;
     // 1 if the time budget ended the solve early.
     uint32_t truncated;

@@ -40,7 +40,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         if holder != NONE {
             window_u[k] = displacement(holder, source.y);
             if source.x == 4u {
-                largest = max(largest, max(abs(window_u[k].x), abs(window_u[k].y)));
+                largest = max(largest, max(length(window_u[k]), max(abs(window_u[k].x), abs(window_u[k].y))));
             }
         }
     }

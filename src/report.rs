@@ -156,7 +156,7 @@ pub struct TileReport {
     pub min_jacobian: f64,
     /// Corner Jacobians <= 0: always 0 from [`crate::Solver::Descent`].
     pub folds: u64,
-    /// Largest displacement, in cells.
+    /// Length of the longest displacement, in cells.
     pub max_displacement: f32,
     /// Charts in the tile.
     pub charts: u32,

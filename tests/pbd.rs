@@ -59,7 +59,7 @@ fn rest_is_the_identity_and_what_is_fixed_stays() {
         model.maps[0].mask =
             Some((0..512 * 512).map(|k| if inside(k % 512 / 8 + k / 4096 * 64) { 0 } else { 255 }).collect());
         let warp = Warp::of(&solved(&model, &device, 64, 1, &pbd(4)), 0);
-        assert!(warp.largest() > 0.1);
+        assert!(warp.longest() > 0.1);
         for (k, u) in warp.u.iter().enumerate() {
             let (i, j) = (k % 65, k / 65);
             let rim = i == 0 || j == 0 || i == 64 || j == 64;

@@ -33,7 +33,7 @@ impl Solved {
         (grid.levels[0].blocks.list.len() * size_of::<[Plane; 2]>()) as u64
     }
 
-    /// Largest displacement of a chart, in cells.
+    /// Length of a chart's longest displacement, in cells.
     pub fn reach(&self, chart: u32) -> f32 {
         self.results[chart as usize].max_displacement
     }

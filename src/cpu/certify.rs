@@ -70,8 +70,20 @@ impl Run<'_> {
     }
 }
 
-/// The least corner Jacobian (at most 1), the number of corners with a Jacobian that is not positive, and the largest
-/// component of a displacement in cells: of a chart or of a block.
+/// The length of a vector; not 0 unless both components are, however small. NaN if one of them is.
+fn length(x: f32, y: f32) -> f32 {
+    let (least, most) = (x.abs().min(y.abs()), x.abs().max(y.abs()));
+    if x.is_nan() || y.is_nan() {
+        f32::NAN
+    } else if most == 0.0 {
+        0.0
+    } else {
+        most * (1.0 + (least / most) * (least / most)).sqrt()
+    }
+}
+
+/// The least corner Jacobian (at most 1), the number of corners with a Jacobian that is not positive, and the longest
+/// displacement in cells: of a chart or of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Certificate {
     pub min_jacobian: f64,
@@ -116,8 +128,9 @@ pub(crate) fn certify_block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certif
     let mut windows = [[0.0f32; WINDOW_NODES]; 2];
     for (c, window) in windows.iter_mut().enumerate() {
         window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
-        u[b][c].iter().for_each(|x| certificate.add_displacement(x.abs()));
     }
+    let [x, y] = &u[b];
+    x.iter().zip(y).for_each(|(x, y)| certificate.add_displacement(length(*x, *y)));
     let is_active = |k: usize| {
         let b = level.blocks.neighbours[b][k];
         b != NONE && level.blocks.list[b as usize].active

@@ -97,7 +97,7 @@ fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> 
 /// W⁻¹ at the point `c` of a chart, in cells; `None` if the four nodes around `c` have no displacement, or if the
 /// search finds no triangle.
 ///
-/// `reach` is the largest component of the chart's displacements.
+/// `reach` is at least the largest component of the chart's displacements.
 pub(crate) fn point(
     level: &Level,
     u: &[[Plane; 2]],

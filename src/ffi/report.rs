@@ -51,7 +51,7 @@ pub struct vrtm_tile_report_data {
     pub min_jacobian: f64,
     /// Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     pub folds: u64,
-    /// Largest displacement, in cells.
+    /// Length of the longest displacement, in cells.
     pub max_displacement: f32,
     /// 1 if the time budget ended the solve early.
     pub truncated: u32,

@@ -25,9 +25,9 @@ impl Warp {
         self.u.iter().all(|u| *u == [0.0; 2])
     }
 
-    /// The largest displacement along an axis, in cells.
-    pub fn largest(&self) -> f32 {
-        self.u.iter().flatten().fold(0.0, |m, x| m.max(x.abs()))
+    /// The length of the longest displacement, in cells.
+    pub fn longest(&self) -> f32 {
+        self.u.iter().map(|u| f64::from(u[0]).hypot(f64::from(u[1])) as f32).fold(0.0, f32::max)
     }
 
     /// Warped position of node (i, j), in cells.

@@ -62,7 +62,7 @@ fn rigid_motions_are_the_identity(models: &[Model], asset: impl Fn(&Model) -> As
             let moved: Vec<_> = rest.iter().map(|&p| turn(p).map(|x| x + distance)).collect();
             asset.solve(Strided::from_f64x3(&moved), &SolveOptions::default()).unwrap();
             for tile in 0..asset.tile_count() {
-                let largest = Warp::of(&asset, tile).largest();
+                let largest = Warp::of(&asset, tile).longest();
                 assert!(largest <= 1e-3, "{} {distance} away: {largest} cells", model.name);
             }
         }

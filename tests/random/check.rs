@@ -107,7 +107,11 @@ fn warp(recipe: &Recipe, model: &Model, asset: &Asset, tile: usize, seen: &mut S
     // The GPU's value is a lower bound; for a tile without movable nodes it is the identity's.
     let reported = report.min_jacobian;
     assert!(reported > 0.0 && reported <= min_jacobian + 1e-12, "min J {min_jacobian}, reported {reported}");
-    assert_eq!(report.max_displacement, warp.largest(), "largest displacement");
+    let (reported, longest) = (report.max_displacement, warp.longest());
+    assert!(
+        (reported - longest).abs() <= 1e-6 * longest,
+        "longest displacement {longest}, reported {reported}"
+    );
     let (before, after) = (report.energy_before, report.energy);
     assert!(before.is_finite() && after <= before && after >= 0.0, "E before {before}, after {after}");
     for strain in report.strain.iter().flat_map(|strain| [strain.before, strain.after]) {
@@ -116,7 +120,7 @@ fn warp(recipe: &Recipe, model: &Model, asset: &Asset, tile: usize, seen: &mut S
         assert!(all.iter().all(|x| x.is_finite()), "{strain:?}");
     }
     seen.solved |= report.charts_active > 0;
-    seen.moved |= warp.largest() > 0.01;
+    seen.moved |= warp.longest() > 0.01;
     seen.crushed |= min_jacobian < 0.1;
     seen.fell_back |= report.charts_fallback > 0;
     let held = held(recipe, model, report.udim, [warp.nx, warp.ny]);

@@ -105,7 +105,7 @@ impl<'a> Pair<'a> {
         add("smallest corner Jacobian", &|chart| chart.min_jacobian);
         add("folds", &|chart| chart.folds as f64);
         add("fallback", &|chart| f64::from(u8::from(chart.fallback)));
-        add("largest displacement (cells)", &|chart| f64::from(chart.max_displacement));
+        add("longest displacement (cells)", &|chart| f64::from(chart.max_displacement));
         Ok(self.differences)
     }
 
