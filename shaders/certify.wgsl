@@ -40,6 +40,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         if holder != NONE {
             window_u[k] = displacement(holder, source.y);
             if source.x == 4u {
+                // The length of a tiny displacement may be rounded to 0, which would say that nothing moved.
                 largest = max(largest, max(length(window_u[k]), max(abs(window_u[k].x), abs(window_u[k].y))));
             }
         }

@@ -260,9 +260,9 @@ pub struct SolveOptions {
     /// depends on the order of frames.
     pub warm: bool,
     /// With `warm`: how strongly the warp is held to the last result, 0..=1e6, in the unit of
-    /// [`TileSettings::smoothness`]; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from frame to
-    /// frame is a half to a fifth, and the warp of a steady motion is one to two frames late (method §5). Without `warm`
-    /// it has no effect.
+    /// [`TileSettings::smoothness`]; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from frame
+    /// to frame falls to between three quarters and a fifth, and the warp of a steady motion is one to two frames
+    /// late (method §5). Without `warm` it has no effect.
     pub temporal_weight: f32,
     /// Stop correcting a chart when a correction gains less than this fraction of its energy (to which 6 % of what the
     /// original UVs have is added), or when a level's first correction gained what its quadratic model predicted, to a

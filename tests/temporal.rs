@@ -4,6 +4,7 @@
 
 mod common;
 
+use common::motion::{Spread, length};
 use common::scenes::{analytic, arm, creature};
 use common::{Model, bits, gpu, on_all_cores};
 use vrtm::{Asset, DeviceSettings, SolveOptions, Strided};
@@ -78,9 +79,10 @@ fn figures(stateless: &[Warp], (warps, strain, ms): (Vec<Warp>, f64, f32)) -> Fi
     // The first frames, in which a motion begins, are left out.
     let moving = &warps[8..=MOVING];
     let second = moving.windows(3).map(|w| {
-        let d: Vec<[f32; 2]> =
-            (0..w[0].len()).map(|n| [0, 1].map(|c| w[2][n][c] - 2.0 * w[1][n][c] + w[0][n][c])).collect();
-        distance(&d, &vec![[0.0; 2]; d.len()]).powi(2)
+        let at = |n: usize| {
+            [0, 1].map(|c| f64::from(w[2][n][c]) - 2.0 * f64::from(w[1][n][c]) + f64::from(w[0][n][c]))
+        };
+        Spread::of((0..w[0].len()).map(|n| (n, length(&at(n))))).rms.powi(2)
     });
     let jitter = (second.sum::<f64>() / (moving.len() - 2) as f64).sqrt();
     // The mean speed of the stateless results over the last eight frames of the motion.

@@ -78,33 +78,14 @@ impl Patch {
         each!([0, 1], |c| d[c] - before[c])
     }
 
-    /// The energy of the pull in an edge: θ |d - d'|² / |d0|².
+    /// The energy of the pull in an edge, θ |d - d'|² / |d0|², and what it adds to the gradient at the node.
     #[inline(always)]
-    fn pull_energy<V: Lanes>(&self, row: Row, d: &[V; 2], k: usize, weights: &Weights) -> V {
-        let (di, dj, ..) = NEIGHBOURS[k];
-        let change = self.change_of_offset(row, d, di, dj);
-        (change[0] * change[0] + change[1] * change[1]) * pull_stiffness(k, weights)
-    }
-
-    /// Adds the pull in an edge to the gradient and to the matrix of its node. Returns its energy.
-    #[inline(always)]
-    fn add_pull<V: Lanes>(
-        &self,
-        row: Row,
-        d: &[V; 2],
-        k: usize,
-        weights: &Weights,
-        gradient: &mut [V; 2],
-        matrix: &mut [V; 3],
-    ) -> V {
+    fn pull<V: Lanes>(&self, row: Row, d: &[V; 2], k: usize, weights: &Weights) -> (V, [V; 2]) {
         let (di, dj, ..) = NEIGHBOURS[k];
         let stiffness = pull_stiffness(k, weights);
         let change = self.change_of_offset(row, d, di, dj);
-        for c in 0..2 {
-            gradient[c] -= change[c] * stiffness;
-            matrix[2 * c] += V::splat(stiffness);
-        }
-        (change[0] * change[0] + change[1] * change[1]) * stiffness
+        let energy = (change[0] * change[0] + change[1] * change[1]) * stiffness;
+        (energy, each!([0, 1], |c| -(change[c] * stiffness)))
     }
 
     /// Whether an edge at one of a row's nodes has a weight above 0, or there is an orientation term. Otherwise
@@ -139,7 +120,7 @@ impl Patch {
                 S::length(&p.samples.value, &p.samples.tangents, &edge.value, edge.same_triangle, &edge.d);
             let mut energy = edge.energy(k, length, weights);
             if weights.pull > 0.0 {
-                energy += self.pull_energy(row, &edge.d, k, weights);
+                energy += self.pull(row, &edge.d, k, weights).0;
             }
             energy
         });
@@ -217,7 +198,12 @@ impl Patch {
                 matrix[2] += kappa * (ny * ny);
             }
             if weights.pull > 0.0 {
-                edges[k] += self.add_pull(row, &edge.d, k, weights, &mut gradient, &mut matrix);
+                let (energy, force) = self.pull(row, &edge.d, k, weights);
+                edges[k] += energy;
+                for c in 0..2 {
+                    gradient[c] += force[c];
+                    matrix[2 * c] += V::splat(pull_stiffness(k, weights));
+                }
             }
         });
         self.with_room(row, p, edges, gradient, matrix, weights)
@@ -241,7 +227,12 @@ impl Patch {
             matrix[0] += smooth;
             matrix[2] += smooth;
             if weights.pull > 0.0 {
-                edges[k] += self.add_pull(row, &d, k, weights, &mut gradient, &mut matrix);
+                let (energy, force) = self.pull(row, &d, k, weights);
+                edges[k] += energy;
+                for c in 0..2 {
+                    gradient[c] += force[c];
+                    matrix[2 * c] += V::splat(pull_stiffness(k, weights));
+                }
             }
         });
         self.with_room(row, p, edges, gradient, matrix, weights)

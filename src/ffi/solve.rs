@@ -76,9 +76,10 @@ pub struct vrtm_solve_options {
     pub solver: vrtm_solver,
     /// Settings of VRTM_SOLVER_PBD.
     pub pbd: vrtm_pbd_settings,
-    /// With `warm`, of VRTM_SOLVER_DESCENT: how strongly the warp is held to the last result, 0..1e6, in the unit of the
-    /// tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from frame to frame
-    /// is a half to a fifth, and the warp of a steady motion is one to two frames late. Without `warm` it has no effect.
+    /// With `warm`, of VRTM_SOLVER_DESCENT: how strongly the warp is held to the last result, 0..1e6, in the unit
+    /// of the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from
+    /// frame to frame falls to between three quarters and a fifth, and the warp of a steady motion is one to two
+    /// frames late. Without `warm` it has no effect.
     pub temporal_weight: f32,
 }
 

@@ -23,12 +23,12 @@ impl Run<'_> {
             if !first {
                 let beta: Vec<f32> = (0..charts)
                     .map(|c| {
-                        // Both are 0 in charts that take no part, or have nothing left to solve.
-                        let solved = first_rz[c] == 0.0 || first_alpha[c] == 0.0;
+                        // A chart that takes no part, or has nothing left to solve, has no first step.
+                        let stepped = first_rz[c] != 0.0 && first_alpha[c] != 0.0;
                         let (rz_before, alpha) =
-                            if solved { (1.0, 1.0) } else { (first_rz[c], first_alpha[c]) };
+                            if stepped { (first_rz[c], first_alpha[c]) } else { (1.0, 1.0) };
                         let beta = (rz[c] / rz_before) as f32 / alpha;
-                        if !solved && beta.is_finite() { beta } else { 0.0 }
+                        if stepped && beta.is_finite() { beta } else { 0.0 }
                     })
                     .collect();
                 let (direction, step) = (SharedSlice::new(direction), &*solving.step);
