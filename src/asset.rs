@@ -17,15 +17,17 @@ mod tile_state;
 
 use std::time::Instant;
 
-use crate::cpu::Team;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{ImageView, ImageViewMut};
+use crate::map::{Map, PAGE};
 use crate::mesh::{Mesh, MeshSource};
 use crate::method::schedule::Plan;
-use crate::report::{AssetInfo, AssetReport, GpuWork, TileInfo, TileReport};
+use crate::report::{AssetInfo, AssetReport, GpuWork, TileEstimate, TileInfo, TileReport};
 use crate::settings::{LogLevel, SolveOptions, TileSettings};
+use crate::team::Team;
 use crate::tile::Rigidity;
+use crate::tile::squares::pages_near;
 use crate::view::Strided;
 pub use fetch::FetchKind;
 #[cfg(feature = "oracle")]
@@ -110,7 +112,19 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range; so for every function that takes a tile.
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
         self.check_tile(tile)?;
-        self.tiles[tile].info(&self.device, &self.mesh, tile)
+        let state = &mut self.tiles[tile];
+        Team::with(self.device.threads(), |team| state.info(team, &self.device, &self.mesh, tile))
+    }
+
+    /// What preparing and solving a tile would take with its present maps and settings. It finds the nodes that may move,
+    /// which takes a small part of the time and memory of preparing the tile, and keeps nothing.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if `tile` is out of range.
+    pub fn tile_estimate(&self, tile: usize) -> Result<TileEstimate> {
+        self.check_tile(tile)?;
+        let (state, device) = (&self.tiles[tile], &self.device);
+        Team::with(device.threads(), |team| state.estimate(team, device, &self.mesh, tile))
     }
 
     /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` takes it away (the tile is then the identity).
@@ -120,10 +134,10 @@ impl Asset {
     pub fn set_rigidity(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
         self.check_tile(tile)?;
         let rigidity = match image {
-            Some(image) => Rigidity::Map(image.to_map("rigidity")?),
+            Some(image) => Rigidity::Map(self.map_of("rigidity", tile, image)?),
             None => Rigidity::None,
         };
-        self.tiles[tile].set_maps(|maps| maps.rigidity = rigidity);
+        self.tiles[tile].set_rigidity(rigidity);
         Ok(())
     }
 
@@ -133,9 +147,38 @@ impl Asset {
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_mask(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
         self.check_tile(tile)?;
-        let mask = image.map(|image| image.to_map("mask")).transpose()?;
-        self.tiles[tile].set_maps(|maps| maps.mask = mask);
+        let mask = image.map(|image| self.map_of("mask", tile, image)).transpose()?;
+        self.tiles[tile].set_mask(mask);
         Ok(())
+    }
+
+    /// Takes a part of a tile's rigidity map anew: that of `size` texels from the column and row `first`, as they lie in
+    /// memory. The image has the size and the format of the one that was set; its other texels are not read. A small part
+    /// takes far less time than setting the map does.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if no map of this size and format was set, if the part is empty or not inside of it, or for a
+    /// value that is not finite.
+    pub fn update_rigidity(
+        &mut self,
+        tile: usize,
+        image: ImageView,
+        first: [u32; 2],
+        size: [u32; 2],
+    ) -> Result<()> {
+        self.check_tile(tile)?;
+        let texels = image.rect("rigidity", first, size)?;
+        let (state, mesh) = (&mut self.tiles[tile], &self.mesh.tiles[tile]);
+        let device = &self.device;
+        Team::with(device.threads(), |team| state.update_rigidity(team, device, mesh, &image, texels))
+    }
+
+    /// Copies an image where the charts of a tile are.
+    fn map_of(&self, name: &str, tile: usize, image: ImageView) -> Result<Map> {
+        let (size, _) = image.shape();
+        let near = pages_near(&self.mesh.tiles[tile], size);
+        let columns = size[0].div_ceil(PAGE);
+        image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE])
     }
 
     /// Sets the rigidity of all tiles from one value per vertex (linear over each triangle); `None` takes it away.
@@ -153,7 +196,7 @@ impl Asset {
             None => Rigidity::None,
         };
         for tile in &mut self.tiles {
-            tile.set_maps(|maps| maps.rigidity = rigidity.clone());
+            tile.set_rigidity(rigidity.clone());
         }
         Ok(())
     }
@@ -165,7 +208,7 @@ impl Asset {
     pub fn set_settings(&mut self, tile: usize, settings: &TileSettings) -> Result<()> {
         self.check_tile(tile)?;
         settings.check()?;
-        self.tiles[tile].set_maps(|maps| maps.settings = *settings);
+        self.tiles[tile].set_settings(settings);
         Ok(())
     }
 

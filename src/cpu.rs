@@ -28,12 +28,12 @@ mod inspect;
 mod row;
 mod lanes;
 mod prefetch;
-mod team;
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Input};
+use crate::team::{PerThread, Team, Worker};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
 use crate::tile::pose::Pose;
@@ -42,8 +42,6 @@ use correct::Pairs;
 pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};
 use sampling::{Chords, Metrics, Surface};
-pub(crate) use team::Team;
-use team::{PerThread, Worker};
 
 /// The blocks of one level that take part in a solve: those of the charts that are solved.
 #[derive(Clone, Debug, Default)]

@@ -1,8 +1,7 @@
 //! Views of a host's images: maps on the way in, redirection and warp on the way out.
 
-use half::f16;
-
 use crate::error::{Error, ErrorKind, Result};
+use crate::map::{Map, TexelRect, decode};
 
 /// The number format of one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,31 +150,64 @@ impl<'a> ImageView<'a> {
         Ok(ImageView { bytes, layout })
     }
 
-    /// Copies the image, packed, rows from v = 0 upward. Values must be finite; they are clamped to 0..1.
-    pub(crate) fn to_map(self, name: &str) -> Result<Map> {
-        let (width, height) = (self.layout.width as usize, self.layout.height as usize);
-        let mut values = Vec::new();
-        values
-            .try_reserve_exact(width * height)
-            .map_err(|_| Error::new(ErrorKind::OutOfMemory, format!("{name}: no memory for a copy")))?;
-        for y in 0..height {
-            for x in 0..width {
-                let at = self.layout.offset(x, y);
-                let b = &self.bytes[at..];
-                let value = match self.layout.format {
-                    PixelFormat::U8 => f32::from(b[0]) / 255.0,
-                    PixelFormat::U16 => f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0,
-                    PixelFormat::F16 => f16::from_ne_bytes([b[0], b[1]]).to_f32(),
-                    PixelFormat::F32 => f32::from_ne_bytes([b[0], b[1], b[2], b[3]]),
-                };
+    /// Copies the image, in its format, rows from v = 0 upward: the pages that are `wanted`. Values must be finite; those
+    /// beyond 0..1 count as the nearest of these bounds.
+    pub(crate) fn to_map(self, name: &str, wanted: impl Fn(&TexelRect) -> bool) -> Result<Map> {
+        let size = [self.layout.width as usize, self.layout.height as usize];
+        self.check_finite(name, TexelRect { first: [0, 0], end: size })?;
+        let mut map = Map::new(name, size, self.layout.format, wanted)?;
+        let held: Vec<TexelRect> = map.held().collect();
+        for rect in held {
+            self.copy_to(&mut map, rect);
+        }
+        Ok(map)
+    }
+
+    /// Copies some texels to a map of the same size and format.
+    pub(crate) fn copy_to(&self, map: &mut Map, rect: TexelRect) {
+        for y in rect.first[1]..rect.end[1] {
+            for x in rect.first[0]..rect.end[0] {
+                map.put(x, y, &self.bytes[self.layout.offset(x, y)..]);
+            }
+        }
+    }
+
+    /// Checks that some texels are finite.
+    pub(crate) fn check_finite(&self, name: &str, rect: TexelRect) -> Result<()> {
+        if matches!(self.layout.format, PixelFormat::U8 | PixelFormat::U16) {
+            return Ok(());
+        }
+        for y in rect.first[1]..rect.end[1] {
+            for x in rect.first[0]..rect.end[0] {
+                let value = decode(self.layout.format, &self.bytes[self.layout.offset(x, y)..]);
                 if !value.is_finite() {
                     let row = self.layout.row(y);
                     return Err(Error::argument(format!("{name}: texel ({x}, {row}) is {value}")));
                 }
-                values.push(value.clamp(0.0, 1.0));
             }
         }
-        Ok(Map { width, height, values })
+        Ok(())
+    }
+
+    /// A rectangle of texels, given by its first column and row in memory, its width and its height.
+    pub(crate) fn rect(&self, name: &str, first: [u32; 2], size: [u32; 2]) -> Result<TexelRect> {
+        let ([width, height], _) = self.shape();
+        let [first, size] = [first, size].map(|pair| pair.map(|x| x as usize));
+        let end = [first[0] + size[0], first[1] + size[1]];
+        if size.contains(&0) || end[0] > width || end[1] > height {
+            return Err(Error::argument(format!(
+                "{name}: the part of {}x{} texels at ({}, {}) is empty or not inside of {width}x{height}",
+                size[0], size[1], first[0], first[1]
+            )));
+        }
+        // Rows run the same way as in memory or the other way round.
+        let [a, b] = [self.layout.row(first[1]), self.layout.row(end[1] - 1)];
+        Ok(TexelRect { first: [first[0], a.min(b)], end: [end[0], a.max(b) + 1] })
+    }
+
+    /// Texels in u and v, and their format.
+    pub(crate) fn shape(&self) -> ([usize; 2], PixelFormat) {
+        ([self.layout.width as usize, self.layout.height as usize], self.layout.format)
     }
 }
 
@@ -211,135 +243,9 @@ impl<'a> ImageViewMut<'a> {
     }
 }
 
-/// A copied map: f32 in 0..1, rows from v = 0 upward.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Map {
-    pub width: usize,
-    pub height: usize,
-    pub values: Vec<f32>,
-}
-
-impl Map {
-    /// Resamples the map to the (nx + 1) x (ny + 1) nodes of a grid (method §1): its mean over a box of one cell around
-    /// the node where it is finer than the grid, bilinear interpolation between texel centres where it is coarser.
-    pub fn to_nodes(&self, nx: usize, ny: usize) -> Vec<f32> {
-        let columns = taps(self.width, nx);
-        let rows = taps(self.height, ny);
-        let mut out = Vec::with_capacity((nx + 1) * (ny + 1));
-        // Per row of nodes: sums over v first, then over u.
-        let mut line = vec![0.0f32; self.width];
-        for row in &rows {
-            line.fill(0.0);
-            for &(y, weight) in row {
-                let source = &self.values[y * self.width..(y + 1) * self.width];
-                for (sum, value) in line.iter_mut().zip(source) {
-                    *sum += weight * value;
-                }
-            }
-            for column in &columns {
-                let value: f32 = column.iter().map(|&(x, weight)| weight * line[x]).sum();
-                out.push(value.clamp(0.0, 1.0));
-            }
-        }
-        out
-    }
-
-    /// Per node, true if the mask has no texel under 0.5 within half a cell. A line one texel wide that must not move
-    /// is thus a barrier, however coarse the grid.
-    pub fn to_free_nodes(&self, nx: usize, ny: usize) -> Vec<bool> {
-        let columns = spans(self.width, nx);
-        let rows = spans(self.height, ny);
-        let mut out = Vec::with_capacity((nx + 1) * (ny + 1));
-        let mut line = vec![true; self.width];
-        for row in &rows {
-            line.fill(true);
-            for y in row.clone() {
-                for (free, value) in line.iter_mut().zip(&self.values[y * self.width..]) {
-                    *free &= *value >= 0.5;
-                }
-            }
-            out.extend(columns.iter().map(|column| line[column.clone()].iter().all(|&free| free)));
-        }
-        out
-    }
-}
-
-/// Per node along one axis, the texels that are averaged, with weights that sum to 1.
-fn taps(texels: usize, cells: usize) -> Vec<Vec<(usize, f32)>> {
-    let per_cell = texels as f64 / cells as f64;
-    let half = 0.5 * per_cell.max(1.0);
-    (0..=cells)
-        .map(|node| {
-            let centre = node as f64 * per_cell;
-            let (low, high) = (centre - half, centre + half);
-            // A box one texel wide, sampled between texel centres, is the bilinear filter.
-            let mut taps: Vec<(usize, f32)> = Vec::new();
-            let first = low.floor() as i64;
-            let last = high.ceil() as i64;
-            for texel in first..last {
-                let weight = (high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low);
-                if weight > 0.0 {
-                    let x = texel.clamp(0, texels as i64 - 1) as usize;
-                    taps.push((x, weight as f32));
-                }
-            }
-            taps
-        })
-        .collect()
-}
-
-/// Per node along one axis, the texels that come within half a cell of it.
-fn spans(texels: usize, cells: usize) -> Vec<std::ops::Range<usize>> {
-    let per_cell = texels as f64 / cells as f64;
-    (0..=cells)
-        .map(|node| {
-            let centre = node as f64 * per_cell;
-            let first = (centre - 0.5 * per_cell).floor().max(0.0) as usize;
-            let last = (centre + 0.5 * per_cell).ceil() as usize;
-            first.min(texels - 1)..last.clamp(1, texels)
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn map(width: usize, height: usize, f: impl Fn(usize, usize) -> f32) -> Map {
-        let values = (0..width * height).map(|i| f(i % width, i / width)).collect();
-        Map { width, height, values }
-    }
-
-    #[test]
-    fn nodes_of_a_constant_map_are_that_constant() {
-        for (w, h) in [(1, 1), (3, 7), (16, 16), (100, 33)] {
-            let nodes = map(w, h, |_, _| 0.75).to_nodes(32, 16);
-            assert_eq!(nodes.len(), 33 * 17);
-            assert!(nodes.iter().all(|v| (v - 0.75).abs() < 1e-6));
-        }
-    }
-
-    #[test]
-    fn nodes_of_a_ramp_lie_on_the_ramp() {
-        // A linear map keeps its values under both filters, away from the clamped edge.
-        for w in [8, 16, 64] {
-            let nodes = map(w, 4, |x, _| (x as f32 + 0.5) / w as f32).to_nodes(16, 16);
-            for (i, node) in nodes.iter().enumerate().take(15).skip(2) {
-                assert!((node - i as f32 / 16.0).abs() < 1e-6, "{w}: {node} at {i}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_line_of_one_texel_is_a_barrier_on_any_grid() {
-        let mask = map(128, 128, |x, _| f32::from(x != 70));
-        for n in [16, 32, 128, 256] {
-            let free = mask.to_free_nodes(n, n);
-            let row = &free[..n + 1];
-            assert!(row.iter().any(|f| !f), "{n}");
-            assert!(row.iter().filter(|f| !**f).count() <= 3, "{n}");
-        }
-    }
 
     #[test]
     fn layouts_are_checked() {

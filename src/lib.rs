@@ -1,6 +1,6 @@
 //! vrtm keeps painted features rigid while the surface under them deforms.
 //!
-//! The data flows through the modules in this order: a host's arrays (`view`, `image`) become a validated mesh with tiles
+//! The data flows through the modules in this order: a host's arrays (`view`, `image`, `map`) become a validated mesh with tiles
 //! and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`tile`); for each pose,
 //! `method::schedule` calls the stages of a backend (`cpu`, `gpu`) level by level; and [`Asset`] hands out the
 //! redirection map, the warp, corner UVs and reports. Beside that way stands `oracle`, the side in double precision that
@@ -53,6 +53,7 @@
 
 mod view;
 mod image;
+mod map;
 mod mesh;
 mod tile;
 mod method;
@@ -69,6 +70,7 @@ mod settings;
 mod report;
 mod error;
 mod panics;
+mod team;
 mod line;
 #[cfg(not(feature = "oracle"))]
 mod ffi;
@@ -88,7 +90,7 @@ pub use mesh::{MeshSource, UvSource};
 pub use oracle::parity::StageDifference;
 pub use report::{
     AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,
-    TileInfo, TileReport,
+    TileEstimate, TileInfo, TileReport,
 };
 pub use settings::{
     Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, PbdSettings, Quality, SolveOptions, Solver,

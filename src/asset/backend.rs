@@ -3,13 +3,13 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::cpu::Team;
 use crate::device::Device;
 use crate::error::Result;
 use crate::mesh::TileMesh;
 use crate::method::schedule::{self, ChartResult, Input, Plan, Stages, Summary};
 use crate::report::GpuWork;
 use crate::settings::Solver;
+use crate::team::Team;
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 use crate::{cpu, gpu};

@@ -4,11 +4,12 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use half::f16;
 
-use crate::cpu::{Team, invert};
+use crate::cpu::invert;
 use crate::device::Device;
 use crate::error::Result;
 use crate::image::{ImageViewMut, PixelFormat, TexelLayout};
 use crate::mesh::{Mesh, NONE};
+use crate::team::Team;
 use crate::tile::blocks::{SIDE, slot};
 
 use super::output::Outputs;

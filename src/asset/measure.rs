@@ -3,8 +3,7 @@
 use super::{Asset, fetch};
 use crate::error::Result;
 use crate::oracle::measure::measure;
-use crate::tile::coverage::Coverage;
-use crate::tile::node_maps;
+use crate::tile::coverage::{Coverage, node_maps};
 use crate::view::Strided;
 
 impl Asset {
@@ -16,7 +15,7 @@ impl Asset {
             let mesh = &self.mesh.tiles[tile];
             let level = &solved.grid.levels[0];
             let coverage = Coverage::new(mesh, level.nx, level.ny, state.maps.settings.overlap);
-            let maps = node_maps(&self.mesh, mesh, &state.maps, &coverage);
+            let maps = node_maps(mesh, &state.maps, [level.nx, level.ny]);
             let nodes = fetch::dense(solved)?;
             let width = level.nx + 1;
             let strain = measure(&self.mesh, tile, &coverage, &maps, &pose, &|i, j| nodes[j * width + i]);

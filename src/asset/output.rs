@@ -1,9 +1,10 @@
 //! W⁻¹ of a tile's result at texel centres, on the backend that has the result.
 
-use crate::cpu::{Team, invert};
+use crate::cpu::invert;
 use crate::device::Device;
 use crate::error::Result;
 use crate::gpu::{self, Displacements};
+use crate::team::Team;
 
 use super::backend::Warp;
 use super::solved::Solved;

@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use super::Asset;
-use crate::cpu::Team;
 use crate::error::{Error, ErrorKind, Result};
 use crate::method::schedule::{self, Input, Plan};
 use crate::oracle::parity::StageDifference;
 use crate::oracle::parity::pair::Pair;
 use crate::settings::SolveOptions;
+use crate::team::Team;
 use crate::tile::blocks::NODES;
 use crate::tile::pose::Pose;
 use crate::view::Strided;
@@ -31,7 +31,9 @@ impl Asset {
         self.check_tile(tile)?;
         self.check_vertices("positions", &positions, 3)?;
         options.check()?;
-        let grid = self.tiles[tile].grid(&self.device, &self.mesh, tile)?;
+        let state = &mut self.tiles[tile];
+        let grid =
+            Team::with(self.device.threads(), |team| state.grid(team, &self.device, &self.mesh, tile))?;
         let Some(context) = self.device.gpu() else {
             return Err(Error::new(ErrorKind::Unsupported, "the asset is not on a GPU"));
         };

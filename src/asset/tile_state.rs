@@ -3,18 +3,20 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::cpu::Team;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::Map;
+use crate::image::ImageView;
+use crate::map::{Map, TexelRect};
 use crate::mesh::{Mesh, TileMesh};
 use crate::method::schedule::{ChartResult, Input, Plan, Summary};
-use crate::report::{GpuWork, TileInfo, TileReport};
-use crate::settings::{LogLevel, Solver};
+use crate::report::{GpuWork, TileEstimate, TileInfo, TileReport};
+use crate::settings::{LogLevel, Solver, TileSettings};
+use crate::team::Team;
 use crate::tile::blocks::{NODES, SIDE};
-use crate::tile::coverage::Coverage;
 use crate::tile::pose::Pose;
-use crate::tile::{Grid, Rigidity, TileMaps};
+use crate::tile::repaint::repaint;
+use crate::tile::survey::Survey;
+use crate::tile::{Grid, Rigidity, TileMaps, build};
 use crate::view::Strided;
 
 use super::backend::{Job, TileSolution, TileSolver, Warp};
@@ -35,7 +37,6 @@ pub(super) struct SolveCall<'a> {
 #[derive(Debug, Default)]
 pub(super) struct TileState {
     pub maps: TileMaps,
-    coverage: Option<Coverage>,
     grid: Option<Arc<Grid>>,
     solver: Option<TileSolver>,
     /// Bytes of the solver's memory.
@@ -48,22 +49,78 @@ pub(super) struct TileState {
 }
 
 impl TileState {
-    /// Takes new maps or settings; the grid is rebuilt at the next solve if it depends on what changed.
-    pub fn set_maps(&mut self, change: impl FnOnce(&mut TileMaps)) {
-        let before = self.maps.clone();
-        change(&mut self.maps);
-        let resized = before.grid_size() != self.maps.grid_size()
-            || before.settings.overlap != self.maps.settings.overlap;
-        if resized {
-            self.coverage = None;
-        }
-        let dense = |maps: &TileMaps| maps.settings.orientation_density > 0.0;
-        let smoothness = |maps: &TileMaps| (maps.settings.smoothness, maps.settings.smoothness_floor);
-        let resized =
-            resized || dense(&before) != dense(&self.maps) || smoothness(&before) != smoothness(&self.maps);
-        if resized || before.rigidity != self.maps.rigidity || before.mask != self.maps.mask {
+    /// Takes a new rigidity. The grid is rebuilt at the next solve if it differs.
+    pub fn set_rigidity(&mut self, rigidity: Rigidity) {
+        if self.maps.rigidity != rigidity {
+            self.maps.rigidity = rigidity;
             self.grid = None;
-        } else if before.settings != self.maps.settings
+        }
+    }
+
+    /// Takes some texels of the rigidity map anew, from an image of the same shape. Of the grid only what follows from them
+    /// is computed, if nodes neither start nor stop to move.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if there is no map of this shape, or a value is not finite.
+    pub fn update_rigidity(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        tile: &TileMesh,
+        image: &ImageView,
+        texels: TexelRect,
+    ) -> Result<()> {
+        let Rigidity::Map(map) = &mut self.maps.rigidity else {
+            return Err(Error::argument("rigidity: the tile has no map, a part of which could change"));
+        };
+        let (size, format) = image.shape();
+        if (size, format) != map.shape() {
+            let ([width, height], _) = map.shape();
+            let message = format!(
+                "rigidity: the map that was set has {width}x{height} texels of another format or size"
+            );
+            return Err(Error::argument(message));
+        }
+        image.check_finite("rigidity", texels)?;
+        image.copy_to(map, texels);
+        let Some(grid) = self.grid.take() else { return Ok(()) };
+        let start = Instant::now();
+        let Rigidity::Map(map) = &self.maps.rigidity else { return Ok(()) };
+        if let Some(repainted) = repaint(team, &grid, tile, &self.maps, map, &texels) {
+            if let Some(solved) = &mut self.solved {
+                let inputs = solved.inputs.iter_mut().zip(&repainted.charts);
+                inputs.filter(|(_, changed)| **changed).for_each(|(input, _)| *input = None);
+            }
+            self.grid = Some(Arc::new(repainted.grid));
+            if device.gpu().is_some() {
+                // A GPU's memory holds the rigidity of the grid that it was made for.
+                self.forget(device);
+            }
+        }
+        self.build_ms += start.elapsed().as_secs_f32() * 1000.0;
+        Ok(())
+    }
+
+    /// Takes a new mask. The grid is rebuilt at the next solve if it differs.
+    pub fn set_mask(&mut self, mask: Option<Map>) {
+        if self.maps.mask != mask {
+            self.maps.mask = mask;
+            self.grid = None;
+        }
+    }
+
+    /// Takes new settings. The grid is rebuilt at the next solve if it depends on what changed.
+    pub fn set_settings(&mut self, settings: &TileSettings) {
+        let of_grid = |maps: &TileMaps| {
+            let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, .. } =
+                maps.settings;
+            (maps.grid_size(), overlap, smoothness, smoothness_floor, orientation_density > 0.0)
+        };
+        let grid_before = of_grid(&self.maps);
+        let before = std::mem::replace(&mut self.maps.settings, *settings);
+        if of_grid(&self.maps) != grid_before {
+            self.grid = None;
+        } else if before != *settings
             && let Some(solved) = &mut self.solved
         {
             // Same grid, other weights: nothing can be reused.
@@ -72,29 +129,30 @@ impl TileState {
     }
 
     /// The tile's grid, built if need be.
-    pub fn grid(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> Result<Arc<Grid>> {
+    pub fn grid(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<Arc<Grid>> {
         if let Some(grid) = &self.grid {
             return Ok(grid.clone());
         }
         let start = Instant::now();
         let source = &mesh.tiles[tile];
-        let coverage = self.coverage.get_or_insert_with(|| {
-            let [nx, ny] = self.maps.grid_size();
-            Coverage::new(source, nx, ny, self.maps.settings.overlap)
-        });
-        let grid = Arc::new(Grid::new(mesh, source, &self.maps, coverage));
+        // The old grid's memory is of no more use.
+        self.forget(device);
+        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
+        self.book(device, survey.grid_bytes(), source.udim)?;
+        if survey.counts.rigid > 0 && survey.movable.iter().all(|&count| count == 0) {
+            let message = format!("tile {}: it has rigid texels, but nothing that may move", source.udim);
+            device.log(LogLevel::Warning, &message);
+        }
+        let grid = Arc::new(build::grid(team, mesh, &self.maps, survey));
         if grid.overlap > 0.0 {
             let percent = 100.0 * grid.overlap;
             device
                 .log(LogLevel::Warning, &format!("tile {}: {percent:.2} % of it is overlapped", source.udim));
         }
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
-        // The old grid's memory is of no more use.
-        self.forget(device);
         self.grid = Some(grid.clone());
         if let Err(error) = self.book(device, 0, source.udim) {
             self.grid = None;
-            self.coverage = None;
             return Err(error);
         }
         Ok(grid)
@@ -108,24 +166,27 @@ impl TileState {
         Ok(())
     }
 
-    /// Bytes of maps, coverage, grid, solver and result.
+    /// Bytes of maps, grid, solver and result.
     fn held(&self) -> u64 {
-        let map = |map: &Map| map.values.len() as u64 * 4;
+        let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
+        self.map_bytes() + grid + self.solver_bytes
+    }
+
+    /// Bytes of the maps.
+    fn map_bytes(&self) -> u64 {
         let rigidity = match &self.maps.rigidity {
             Rigidity::None => 0,
-            Rigidity::Map(image) => map(image),
+            Rigidity::Map(map) => map.bytes(),
             Rigidity::Vertices(values) => values.len() as u64 * 4,
         };
-        let coverage = self.coverage.as_ref().map_or(0, |c| c.triangle.len() as u64 * 5);
-        let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
-        rigidity + self.maps.mask.as_ref().map_or(0, map) + coverage + grid + self.solver_bytes
+        rigidity + self.maps.mask.as_ref().map_or(0, Map::bytes)
     }
 
     /// Solves the tile for a pose. Nothing of `solved` changes: the caller puts the result there when all tiles have
     /// theirs.
     pub fn solve(&mut self, call: &SolveCall, tile: usize) -> Result<Solved> {
         let start = Instant::now();
-        let grid = self.grid(call.device, call.mesh, tile)?;
+        let grid = self.grid(call.team, call.device, call.mesh, tile)?;
         let source = &call.mesh.tiles[tile];
         let pose = Pose::new(source, |v| call.positions.get3(v as usize), Some(&grid.rest));
         let tasks = self.tasks(&grid, source, &pose, call.plan);
@@ -137,9 +198,9 @@ impl TileState {
         Ok(Solved { grid, warp, inputs, results, overlap, report, work })
     }
 
-    /// The last result, if it was solved on this grid.
+    /// The last result, if it was solved on a grid with the same blocks.
     fn last(&self, grid: &Arc<Grid>) -> Option<&Solved> {
-        self.solved.as_ref().filter(|solved| Arc::ptr_eq(&solved.grid, grid))
+        self.solved.as_ref().filter(|solved| solved.grid.has_blocks_of(grid))
     }
 
     /// What there is to do for each chart.
@@ -324,9 +385,28 @@ impl TileState {
         Ok(())
     }
 
+    /// What preparing and solving the tile would take, from a survey alone.
+    pub fn estimate(&self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileEstimate> {
+        let source = &mesh.tiles[tile];
+        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
+        let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());
+        let grid = build::skeleton(survey);
+        let result = Solved::bytes_for(&grid);
+        let solver = TileSolver::bytes_for(device, &grid, source, Solver::Descent)?;
+        let prepared = self.map_bytes() + grid_bytes;
+        Ok(TileEstimate {
+            movable_nodes: grid.movable.iter().sum(),
+            prepared_bytes: prepared,
+            // Of level 1: metrics and lengths of edges, which are gone when the grid is there.
+            preparing_bytes: prepared + parts + grid_bytes / 5,
+            // The last result stays until the next one is there.
+            solving_bytes: prepared + solver + 2 * result,
+        })
+    }
+
     /// The facts of the tile that need no solve.
-    pub fn info(&mut self, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileInfo> {
-        let grid = self.grid(device, mesh, tile)?;
+    pub fn info(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileInfo> {
+        let grid = self.grid(team, device, mesh, tile)?;
         let source = &mesh.tiles[tile];
         Ok(TileInfo {
             udim: source.udim,
@@ -335,6 +415,7 @@ impl TileState {
             grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
             movable_nodes: grid.movable.iter().sum(),
             overlap: grid.overlap,
+            frozen: grid.frozen,
         })
     }
 

@@ -9,7 +9,7 @@ use crate::tile::blocks::{NODES, Plane};
 use crate::tile::window::{self, WINDOW_NODES, place};
 
 use super::Run;
-use super::team::SharedSlice;
+use crate::team::SharedSlice;
 
 impl Run<'_> {
     /// Certifies the finest level's state and makes it the result. A chart becomes the identity if it is folded or if

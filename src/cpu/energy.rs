@@ -4,10 +4,10 @@ use super::lanes::{Lanes, Mask, Vectorised, dispatch};
 use super::patch::{NEIGHBOURS, Patch, QUADRANTS, State, Weights};
 use super::row::Row;
 use super::sampling::Surface;
-use super::team::SharedSlice;
 use super::terms::{Terms, least_jacobian, room_energy};
 use super::{Run, SurfaceFn};
 use crate::method::law::CRUSHED_JACOBIAN;
+use crate::team::SharedSlice;
 use crate::tile::Level;
 use crate::tile::blocks::Plane;
 

@@ -11,7 +11,7 @@ use crate::tile::fill::Fill;
 use crate::tile::window::{self, WINDOW_NODES, Window, place};
 use crate::tile::{Grid, Level};
 
-use super::team::Team;
+use crate::team::Team;
 
 /// Calls `put(x, y, p)` for each texel of an image of `size` (width, height) whose centre lies in a moved cell. Rows
 /// are counted from v = 0 upwards; p is W⁻¹ at the centre, in cells. The other texels have the identity. No texel is

@@ -12,7 +12,7 @@ use super::correct::Workspace;
 use super::patch::State;
 use super::pbd::PbdBuffers;
 use super::sampling::TriangleRecord;
-use super::team::SharedSlice;
+use crate::team::SharedSlice;
 
 /// The state of one level, and its pose metrics.
 #[derive(Debug, Default)]
@@ -51,7 +51,8 @@ impl Buffers {
 /// The memory of one tile's solver.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
-    grid: Weak<Grid>,
+    /// The blocks that it is for.
+    blocks: Weak<Vec<Plane<u32>>>,
     solver: Solver,
     /// Per level.
     pub(super) levels: Vec<Buffers>,
@@ -68,7 +69,7 @@ pub(crate) struct Memory {
 impl Memory {
     /// Allocates the memory for a grid.
     pub fn new(grid: &Arc<Grid>, solver: Solver) -> Memory {
-        Memory { grid: Arc::downgrade(grid), ..Memory::construct(&mut Heap, grid, solver) }
+        Memory { blocks: Arc::downgrade(&grid.triangle), ..Memory::construct(&mut Heap, grid, solver) }
     }
 
     /// Number of bytes that `new` allocates for a grid.
@@ -94,12 +95,12 @@ impl Memory {
         };
         let triangles = allocator.array(TriangleRecord::default(), grid.triangles.len());
         let metrics = allocator.array([0.0; 3], grid.triangles.len());
-        Memory { grid: Weak::new(), solver, levels, workspace, pbd, triangles, metrics }
+        Memory { blocks: Weak::new(), solver, levels, workspace, pbd, triangles, metrics }
     }
 
     /// Whether this is the memory of the given solver on the given grid (grids of other sizes or maps have other
     /// blocks).
     pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
-        self.solver == solver && self.grid.upgrade().is_some_and(|own| Arc::ptr_eq(&own, grid))
+        self.solver == solver && self.blocks.upgrade().is_some_and(|own| Arc::ptr_eq(&own, &grid.triangle))
     }
 }

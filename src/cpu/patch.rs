@@ -11,7 +11,7 @@ use super::constants::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};
 use super::row::Row;
 use super::sampling::{GridRow, Samples, Surface};
-use super::team::SharedSlice;
+use crate::team::SharedSlice;
 
 /// The eight neighbours of a node: offset along x and y, index in `EDGES` of the edge between the two, and whether the
 /// neighbour owns it.

@@ -17,8 +17,8 @@ use super::allocate::Allocate;
 use super::memory::Buffers;
 use super::patch::State;
 use super::sampling::Surface;
-use super::team::SharedSlice;
 use super::{Run, SurfaceFn};
+use crate::team::SharedSlice;
 use project::Project;
 use regularise::{Regularise, Velocity};
 

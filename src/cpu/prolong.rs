@@ -6,8 +6,8 @@
 use super::Run;
 use super::lanes::{Lanes, Mask, Vectorised, dispatch};
 use super::sampling::Start;
-use super::team::SharedSlice;
 use crate::mesh::NONE;
+use crate::team::SharedSlice;
 use crate::tile::Level;
 use crate::tile::blocks::{NODES, Plane, SIDE, slot};
 use crate::tile::window::{self, WINDOW_NODES, Window, place};

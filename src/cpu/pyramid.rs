@@ -4,7 +4,7 @@
 use crate::tile::metric;
 
 use super::Run;
-use super::team::SharedSlice;
+use crate::team::SharedSlice;
 
 impl Run<'_> {
     /// Computes the metrics of all coarser levels from those of the triangles.

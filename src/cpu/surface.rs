@@ -3,7 +3,7 @@
 
 use super::Run;
 use super::sampling::TriangleRecord;
-use super::team::SharedSlice;
+use crate::team::SharedSlice;
 
 /// Triangles per item of work.
 const CHUNK: usize = 256;

@@ -141,15 +141,13 @@ mod tests {
     use crate::oracle::reference::tests::{maps, sheet};
     use crate::settings::TileSettings;
     use crate::tile::Grid;
-    use crate::tile::coverage::Coverage;
 
     #[test]
     fn what_is_counted_is_what_is_allocated() {
         let mesh = sheet(4, |u, v| [u, v, 0.0]);
         let tile = &mesh.tiles[0];
         let maps = maps(96, TileSettings::default(), |u, _| u);
-        let coverage = Coverage::new(tile, 96, 96, maps.settings.overlap);
-        let grid = Arc::new(Grid::new(&mesh, tile, &maps, &coverage));
+        let grid = Arc::new(Grid::new(&mesh, tile, &maps));
         // With one buffer per level, and with several.
         for band in [None, Some(32)] {
             let Some(context) = gpu(Options { band, ..Options::default() }) else { return };

@@ -11,8 +11,7 @@ use crate::mesh::{Mesh, NONE};
 use crate::oracle::exact::{Locator, Surface};
 use crate::report::{Strain, StrainReport};
 use crate::tile::EDGES;
-use crate::tile::coverage::Coverage;
-use crate::tile::pyramid::NodeMaps;
+use crate::tile::coverage::{Coverage, NodeMaps};
 
 /// Edges count if both ends are more rigid than this.
 const RIGID: f32 = 0.5;

@@ -16,8 +16,8 @@ use glam::DVec2;
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, TileMesh};
 use crate::oracle::exact::{Locator, Surface};
-use crate::tile::coverage::Coverage;
-use crate::tile::{TileMaps, node_maps};
+use crate::tile::TileMaps;
+use crate::tile::coverage::{Coverage, node_maps};
 use chart::{ChartProblem, DIM};
 use energy::Shape;
 use minimise::Minimiser;
@@ -96,7 +96,7 @@ impl<'a> Problem<'a> {
         }
         let [nx, ny] = maps.grid_size();
         let coverage = Coverage::new(tile, nx, ny, maps.settings.overlap);
-        let nodes = node_maps(mesh, tile, maps, &coverage);
+        let nodes = node_maps(tile, maps, [nx, ny]);
         let locator = Locator::new(tile, nx, ny, coverage.triangle);
         let rest = Surface::new(tile, &locator, |v| mix(mesh.rest[v], pose[v], 0.0));
         let charts = chart::problems(tile.charts.len(), &nodes, &locator, &rest, &maps.settings);

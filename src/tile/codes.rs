@@ -13,7 +13,6 @@ pub fn encode_rigidity(x: f32) -> u16 {
 }
 
 /// The number of a code of `encode_rigidity`; 0 and 1 are exact.
-#[cfg(any(test, feature = "gpu"))]
 pub fn decode_rigidity(code: u16) -> f32 {
     f32::from(code) / RIGIDITY_STEPS
 }

@@ -1,7 +1,7 @@
 //! The density ρ of rigid material around the nodes of level 0 (method §4), from their rigidity. The heuristic of the
 //! paper's figure 5 makes the preservation of orientation depend on it.
 
-use super::pyramid::NodeMaps;
+use super::coverage::NodeMaps;
 
 /// The tile's longer side over the width of a box that is run over the rigidity twice. Both passes together are a tent
 /// over half of the tile: the density is to depend on whether features are far apart, not on whether a node lies in

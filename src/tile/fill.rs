@@ -21,15 +21,21 @@ impl Fill {
 
     /// Calls `f(i, j, true)` for the points of 0..width x 0..height that are inside by this rule, and `f(i, j, false)`
     /// for the other points of the closed triangle.
-    pub fn visit(&self, width: usize, height: usize, mut f: impl FnMut(usize, usize, bool)) {
+    pub fn visit(&self, width: usize, height: usize, f: impl FnMut(usize, usize, bool)) {
+        self.visit_in([0, 0], [width, height], f);
+    }
+
+    /// The same for the points of first[0]..end[0] x first[1]..end[1].
+    pub fn visit_in(&self, first: [usize; 2], end: [usize; 2], mut f: impl FnMut(usize, usize, bool)) {
+        let [first, end] = [first, end].map(|corner| corner.map(|x| x as f64));
         let ys = self.corners.map(|c| c.y);
-        let low = ys.iter().copied().fold(f64::INFINITY, f64::min).ceil().max(0.0);
-        let high = ys.iter().copied().fold(f64::NEG_INFINITY, f64::max).floor().min(height as f64 - 1.0);
+        let low = ys.iter().copied().fold(f64::INFINITY, f64::min).ceil().max(first[1]);
+        let high = ys.iter().copied().fold(f64::NEG_INFINITY, f64::max).floor().min(end[1] - 1.0);
         let mut y = low;
         while y <= high {
             let (left, right) = self.span(y);
-            let first = (left - 1e-6).ceil().max(0.0);
-            let last = (right + 1e-6).floor().min(width as f64 - 1.0);
+            let first = (left - 1e-6).ceil().max(first[0]);
+            let last = (right + 1e-6).floor().min(end[0] - 1.0);
             let mut x = first;
             while x <= last {
                 if let Some(inside) = self.contains(DVec2::new(x, y)) {
@@ -39,6 +45,18 @@ impl Fill {
             }
             y += 1.0;
         }
+    }
+
+    /// True if a box lies inside, away from the edges: so do all of its points.
+    pub fn holds(&self, low: DVec2, high: DVec2) -> bool {
+        // Twice the area of the triangle that an edge spans with a point, in cells: far above its rounding.
+        const CLEAR: f64 = 1e-3;
+        (0..3).all(|k| {
+            let (a, b) = (self.corners[k], self.corners[(k + 1) % 3]);
+            [low, high, DVec2::new(low.x, high.y), DVec2::new(high.x, low.y)]
+                .into_iter()
+                .all(|p| self.sign * doubled_area([a, b, p]) > CLEAR)
+        })
     }
 
     /// The triangle's extent along x on the row `y`.

@@ -5,12 +5,118 @@
 //!
 //! The weights come from a scalar model of the energy's second derivative, of the same sparsity: each edge has a
 //! stiffness, the weights follow from it as in Dendy's black box multigrid (1982), here split into an x and a y part,
-//! and the coarser level's stiffness is the Galerkin product of the finer one's. The model depends on rigidity, but not
-//! on the pose, so that it is built once per map.
+//! and the coarser level's stiffness is the Galerkin product of the finer one's. Edges between two fixed nodes hold
+//! nothing and have no stiffness. The model depends on rigidity, but not on the pose, so that it is built once per map.
+//!
+//! It is computed patch by patch: for a square of 32 by 32 nodes, which a block of the coarser level covers, from these
+//! nodes and enough others around them.
 
 use super::EDGES;
-use super::pyramid::NodeMaps;
+use super::blocks::{NODES, Plane, SIDE, slot};
+use super::codes::{decode_rigidity, encode_weight};
+use super::survey::SurveyLevel;
+use crate::mesh::NONE;
 use crate::settings::TileSettings;
+use crate::team::Team;
+
+/// The stiffness of the edges `EDGES` of the nodes of a block.
+pub type StiffnessPlanes = [Plane; 4];
+
+/// What the stiffness of a level's edges follows from.
+#[derive(Clone, Copy)]
+pub enum Source<'a> {
+    /// On level 0: the codes of rigidity, per block.
+    Rigidity(&'a [Plane<u16>], &'a TileSettings),
+    /// On the others.
+    Stiffness(&'a [StiffnessPlanes]),
+}
+
+/// The nodes of a level around a block of the next coarser one: its 32 by 32 nodes, 8 more around them, and one more row
+/// and column.
+pub const PATCH: usize = 2 * SIDE + 2 * MARGIN + 1;
+/// Twice the reach of the Galerkin product and of the weights in it, and even.
+pub const MARGIN: usize = 8;
+
+/// The weights of the finer blocks under a block of the coarser level, and that block's stiffness.
+struct PatchResult {
+    /// Per quarter, as codes of `encode_weight`.
+    weights: [Plane<u8>; 4],
+    stiffness: StiffnessPlanes,
+}
+
+/// Computes the model around the coarser level's block at (x, y) of a chart.
+fn patch(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2]) -> PatchResult {
+    let model = Stiffness::around(finer, source, chart, [x, y]);
+    let (weights, coarser) = model.coarser();
+    let mut result = PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] };
+    for (quarter, plane) in result.weights.iter_mut().enumerate() {
+        let [first_i, first_j] = [quarter % 2, quarter / 2].map(|q| MARGIN + q * SIDE);
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                plane[slot(i, j)] = encode_weight(weights[(first_j + j) * PATCH + first_i + i]);
+            }
+        }
+    }
+    for j in 0..SIDE {
+        for i in 0..SIDE {
+            let edges = coarser.edges[(MARGIN / 2 + j) * coarser.columns + MARGIN / 2 + i];
+            for (plane, stiffness) in result.stiffness.iter_mut().zip(edges) {
+                plane[slot(i, j)] = stiffness;
+            }
+        }
+    }
+    result
+}
+
+/// Patches that are computed before they are put in their places.
+const ROUND: usize = 1024;
+
+/// Computes the patches over the given places (chart, y, x) of the coarser level: the weights of the finer blocks under
+/// them, if they are wanted, and the stiffness of the coarser blocks.
+pub fn patches(
+    team: &Team,
+    [finer, coarser]: [&SurveyLevel; 2],
+    source: Source,
+    places: &[(u32, u32, u32)],
+    mut weights: Option<&mut [Plane<u8>]>,
+    stiffness: &mut [StiffnessPlanes],
+) {
+    for round in places.chunks(ROUND) {
+        let found = team.map(round.len(), |p| {
+            let (chart, y, x) = round[p];
+            patch(finer, source, chart, [x, y])
+        });
+        for (&(chart, y, x), patch) in round.iter().zip(found) {
+            for (quarter, plane) in patch.weights.iter().enumerate() {
+                let (qx, qy) = (quarter as u32 % 2, quarter as u32 / 2);
+                let b = finer.blocks.find(chart, i64::from(2 * x + qx), i64::from(2 * y + qy));
+                if let Some(weights) = weights.as_mut().filter(|_| b != NONE) {
+                    weights[b as usize] = *plane;
+                }
+            }
+            let b = coarser.blocks.find(chart, i64::from(x), i64::from(y));
+            if b != NONE {
+                stiffness[b as usize] = patch.stiffness;
+                drop_fixed_edges(coarser, b as usize, &mut stiffness[b as usize]);
+            }
+        }
+    }
+}
+
+/// Takes the stiffness of the edges between two fixed nodes of block `b`.
+fn drop_fixed_edges(level: &SurveyLevel, b: usize, stiffness: &mut StiffnessPlanes) {
+    let movable = level.blocks.window(&level.movable, b);
+    for (plane, (di, dj)) in stiffness.iter_mut().zip(EDGES) {
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                let far = ((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
+                if !movable.contains(i + 1, j + 1) && !movable.contains(far.0, far.1) {
+                    plane[slot(i, j)] = 0.0;
+                }
+            }
+        }
+    }
+}
 
 /// The scalar model on one level: the stiffness of the edges `EDGES` of each node, row by row.
 pub struct Stiffness {
@@ -26,21 +132,66 @@ const NORTH_EAST: usize = 2;
 const NORTH_WEST: usize = 3;
 
 impl Stiffness {
-    /// The model on level 0: half of the trace of the 2x2 block between two nodes, at rest.
-    pub fn new(maps: &NodeMaps, settings: &TileSettings) -> Stiffness {
-        let (columns, rows) = (maps.nx + 1, maps.ny + 1);
-        let stiffness = |i: usize, j: usize, (di, dj): (i64, i64)| {
-            let (x, y) = (i as i64 + di, j as i64 + dj);
-            if x < 0 || x >= columns as i64 || y >= rows as i64 {
-                return 0.0;
+    /// The model on the nodes of a patch; 0 where no block of the chart is stored.
+    fn around(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2]) -> Stiffness {
+        let (columns, rows) = (PATCH, PATCH);
+        let mut edges = vec![[0.0; 4]; PATCH * PATCH];
+        let mut rigidity = vec![0.0; if matches!(source, Source::Rigidity(..)) { PATCH * PATCH } else { 0 }];
+        let mut movable = vec![false; rigidity.len()];
+        let first = [x, y].map(|x| i64::from(x) * 2 * SIDE as i64 - MARGIN as i64);
+        let side = SIDE as i64;
+        for by in first[1].div_euclid(side)..=(first[1] + PATCH as i64 - 1).div_euclid(side) {
+            for bx in first[0].div_euclid(side)..=(first[0] + PATCH as i64 - 1).div_euclid(side) {
+                let b = finer.blocks.find(chart, bx, by);
+                if b == NONE {
+                    continue;
+                }
+                let b = b as usize;
+                // The block's part of the patch.
+                let range = |at: i64, first: i64| {
+                    let start = at * side;
+                    (start.max(first), (start + side).min(first + PATCH as i64))
+                };
+                let ((i0, i1), (j0, j1)) = (range(bx, first[0]), range(by, first[1]));
+                for j in j0..j1 {
+                    for i in i0..i1 {
+                        let n = (j - first[1]) as usize * PATCH + (i - first[0]) as usize;
+                        let (i, j) = ((i - bx * side) as usize, (j - by * side) as usize);
+                        match source {
+                            Source::Rigidity(codes, _) => {
+                                rigidity[n] = decode_rigidity(codes[b][slot(i, j)]);
+                                movable[n] = finer.movable[b].contains(i, j);
+                            }
+                            Source::Stiffness(planes) => {
+                                edges[n] = std::array::from_fn(|e| planes[b][e][slot(i, j)]);
+                            }
+                        }
+                    }
+                }
             }
-            let far = maps.rigidity[y as usize * columns + x as usize];
-            let weight = maps.rigidity[j * columns + i].max(far);
-            let smooth = settings.smoothness * (1.0 - weight) + settings.smoothness_floor;
-            (0.5 * weight + smooth) / (di * di + dj * dj) as f32
-        };
-        let edges = (0..columns * rows).map(|n| EDGES.map(|e| stiffness(n % columns, n / columns, e)));
-        Stiffness { columns, rows, edges: edges.collect() }
+        }
+        if let Source::Rigidity(_, settings) = source {
+            Self::at_rest(&mut edges, &rigidity, &movable, settings);
+        }
+        Stiffness { columns, rows, edges }
+    }
+
+    /// The model on level 0: half of the trace of the 2x2 block between two nodes, at rest.
+    fn at_rest(edges: &mut [[f32; 4]], rigidity: &[f32], movable: &[bool], settings: &TileSettings) {
+        for (n, edges) in edges.iter_mut().enumerate() {
+            for (edge, (di, dj)) in edges.iter_mut().zip(EDGES) {
+                let (x, y) = ((n % PATCH) as i64 + di, (n / PATCH) as i64 + dj);
+                if x < 0 || x >= PATCH as i64 || y >= PATCH as i64 {
+                    continue;
+                }
+                let far = y as usize * PATCH + x as usize;
+                if movable[n] || movable[far] {
+                    let weight = rigidity[n].max(rigidity[far]);
+                    let smooth = settings.smoothness * (1.0 - weight) + settings.smoothness_floor;
+                    *edge = (0.5 * weight + smooth) / (di * di + dj * dj) as f32;
+                }
+            }
+        }
     }
 
     /// The stiffness of an edge of node (i, j); 0 for nodes beyond the level.
@@ -54,7 +205,7 @@ impl Stiffness {
     /// Returns the weights of this level, row by row, and the model on the next coarser one. A weight is that of a
     /// node's lower neighbour: of the western one at odd columns, of the southern one at even columns and odd rows. The
     /// upper neighbour has the rest.
-    pub fn coarser(&self) -> (Vec<f32>, Stiffness) {
+    fn coarser(&self) -> (Vec<f32>, Stiffness) {
         let (mut weights, halfway) = self.collapse_x();
         let coarser = halfway.collapse_y(&mut weights, self.columns);
         (weights, coarser)
@@ -180,12 +331,21 @@ fn lower_weight(lower: [f32; 3], upper: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::NONE;
 
     fn level(nx: usize, ny: usize, rigidity: impl Fn(usize, usize) -> f32) -> Stiffness {
-        let nodes = (nx + 1) * (ny + 1);
-        let rigidity = (0..nodes).map(|k| rigidity(k % (nx + 1), k / (nx + 1))).collect();
-        Stiffness::new(&NodeMaps { nx, ny, rigidity, chart: vec![NONE; nodes] }, &TileSettings::default())
+        let (columns, rows) = (nx + 1, ny + 1);
+        let settings = TileSettings::default();
+        let stiffness = |i: usize, j: usize, (di, dj): (i64, i64)| {
+            let (x, y) = (i as i64 + di, j as i64 + dj);
+            if x < 0 || x >= columns as i64 || y >= rows as i64 {
+                return 0.0;
+            }
+            let weight = rigidity(i, j).max(rigidity(x as usize, y as usize));
+            let smooth = settings.smoothness * (1.0 - weight) + settings.smoothness_floor;
+            (0.5 * weight + smooth) / (di * di + dj * dj) as f32
+        };
+        let edges = (0..columns * rows).map(|n| EDGES.map(|e| stiffness(n % columns, n / columns, e)));
+        Stiffness { columns, rows, edges: edges.collect() }
     }
 
     fn random(seed: &mut u32) -> f32 {

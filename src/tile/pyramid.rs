@@ -1,57 +1,101 @@
-//! Rigidity and mobility on the coarser levels (method §3), each from the next finer level: the paper's eq. 7 and eq.
-//! 8.
+//! Rigidity on all levels (method §3), in the blocks of a survey: at the nodes that are *held*, those that may move and
+//! their neighbours. No edge of another node counts.
 
+use super::blocks::{NODES, Plane, SIDE, slot};
+use super::codes::{decode_rigidity, encode_rigidity};
+use super::cover::at;
+use super::node_set::NodeSet;
+use super::rigidity::NodeRigidity;
+use super::survey::SurveyLevel;
+use super::window::{self, WINDOW_NODES, place};
 use crate::mesh::NONE;
+use crate::team::Team;
 
-/// Rigidity and mobility at all nodes of one level; node (i, j) has the index `j * (nx + 1) + i`.
-#[derive(Clone, Debug)]
-pub(crate) struct NodeMaps {
-    pub nx: usize,
-    pub ny: usize,
-    pub rigidity: Vec<f32>,
-    /// The chart of a movable node, `NONE` for a fixed one.
-    pub chart: Vec<u32>,
+/// The nodes of each block that are movable or a neighbour of one.
+pub fn held(level: &SurveyLevel) -> Vec<NodeSet> {
+    (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collect()
 }
 
-impl NodeMaps {
-    /// The next coarser level. A coarse node may move only if all of the 3x3 finer nodes around it may (eq. 8), so that
-    /// bilinear prolongation never moves a fixed node, nor one of another chart. Rigidity is a 3x3 Gaussian (eq. 7). An
-    /// odd last column or row of cells is dropped; the nodes at its inner side are fixed by the same rule.
-    pub fn coarser(&self) -> NodeMaps {
-        let (nx, ny) = (self.nx / 2, self.ny / 2);
-        let width = self.nx + 1;
-        let mut rigidity = Vec::with_capacity((nx + 1) * (ny + 1));
-        let mut chart = Vec::with_capacity((nx + 1) * (ny + 1));
-        for j in 0..=ny {
-            for i in 0..=nx {
-                let mut sum = 0.0;
-                let mut weights = 0.0;
-                let mut owner = self.chart[2 * j * width + 2 * i];
-                for dj in -1i64..=1 {
-                    for di in -1i64..=1 {
-                        let (x, y) = (2 * i as i64 + di, 2 * j as i64 + dj);
-                        if x < 0 || y < 0 || x > self.nx as i64 || y > self.ny as i64 {
-                            owner = NONE;
-                            continue;
-                        }
-                        let at = y as usize * width + x as usize;
-                        let weight = ((2 - di.abs()) * (2 - dj.abs())) as f32;
-                        sum += weight * self.rigidity[at];
-                        weights += weight;
-                        if self.chart[at] == NONE {
-                            owner = NONE;
-                        }
-                    }
+/// Rigidity on level 0, per block, as codes of `encode_rigidity`; 0 at nodes that are not held.
+pub fn finest(
+    team: &Team,
+    rigidity: &NodeRigidity,
+    level: &SurveyLevel,
+    held: &[NodeSet],
+) -> Vec<Plane<u16>> {
+    let mut codes = vec![[0u16; NODES]; level.blocks.list.len()];
+    team.fill(&mut codes, |b, codes| finest_block(rigidity, level, held, b, codes));
+    codes
+}
+
+/// The same for one block.
+pub fn finest_block(
+    rigidity: &NodeRigidity,
+    level: &SurveyLevel,
+    held: &[NodeSet],
+    b: usize,
+    codes: &mut Plane<u16>,
+) {
+    let block = &level.blocks.list[b];
+    *codes = [0; NODES];
+    let Some(square) = rigidity.coverer.squares.find(block.x, block.y) else { return };
+    let cover = rigidity.coverer.cover(square);
+    let values = rigidity.window([block.x, block.y], &cover);
+    for j in 0..SIDE {
+        for i in (0..SIDE).filter(|&i| held[b].contains(i, j)) {
+            codes[slot(i, j)] = encode_rigidity(values[at(i + 1, j + 1)]);
+        }
+    }
+}
+
+/// One level of the pyramid.
+pub struct Held<'a> {
+    pub level: &'a SurveyLevel,
+    /// Per block.
+    pub held: &'a [NodeSet],
+}
+
+/// Rigidity of a block of the next coarser level: a 3x3 Gaussian (the paper's eq. 7) over the finer nodes that are held.
+/// `children` are the finer blocks of the block's quarters.
+pub fn coarser_block(
+    finer: &Held,
+    codes: &[Plane<u16>],
+    coarser: &Held,
+    children: &[u32; 4],
+    b: usize,
+) -> Plane<u16> {
+    let mut out = [0; NODES];
+    let mut window = [0u16; WINDOW_NODES];
+    for (quarter, &child) in children.iter().enumerate().filter(|(_, child)| **child != NONE) {
+        let blocks = &finer.level.blocks;
+        window::load(&blocks.neighbours[child as usize], 0, |b| &codes[b], &mut window);
+        let held = blocks.window(finer.held, child as usize);
+        for j in 0..SIDE / 2 {
+            for i in 0..SIDE / 2 {
+                let (x, y) = (i + quarter % 2 * 8, j + quarter / 2 * 8);
+                if coarser.held[b].contains(x, y) {
+                    out[slot(x, y)] = encode_rigidity(gaussian(&window, &held, 2 * i + 1, 2 * j + 1));
                 }
-                rigidity.push(sum / weights);
-                chart.push(owner);
             }
         }
-        NodeMaps { nx, ny, rigidity, chart }
     }
+    out
+}
 
-    /// True if no node of this level may move.
-    pub fn is_fixed(&self) -> bool {
-        self.chart.iter().all(|&c| c == NONE)
+/// The mean of the rigidities of the 3x3 nodes around (i, j) of a window that are held.
+fn gaussian(window: &[u16; WINDOW_NODES], held: &super::node_set::NodeWindow, i: usize, j: usize) -> f32 {
+    let mut sum = 0.0;
+    let mut weights = 0.0;
+    for dj in 0..3 {
+        for di in 0..3 {
+            let (x, y) = (i + di - 1, j + dj - 1);
+            if held.contains(x, y) {
+                let weight = [1.0, 2.0, 1.0][di] * [1.0, 2.0, 1.0][dj];
+                sum += weight * decode_rigidity(window[place(x, y)]);
+                weights += weight;
+            }
+        }
     }
+    // A held node has a neighbour that may move, the finer nodes around which are all held: there is a weight.
+    sum / weights
 }

@@ -75,12 +75,26 @@ pub fn load<'a, T: Copy + 'a>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::blocks::{Blocks, NODES, node_at};
+    use super::super::blocks::{Blocks, NODES, Part, node_at};
+    use super::super::node_set::NodeSet;
     use super::*;
+    use crate::team::Team;
 
     #[test]
     fn a_window_holds_the_nodes_of_its_surroundings() {
-        let blocks = Blocks::new(64, 64, 1, |i, j| if i < 40 && (8..40).contains(&j) { 0 } else { NONE });
+        let parts: Vec<Part> = (0..9)
+            .map(|k| Part { chart: 0, x: k % 3, y: k / 3, nodes: NodeSet::EMPTY })
+            .map(|mut part| {
+                for n in 0..NODES {
+                    let (i, j) = (part.x as usize * SIDE + n % SIDE, part.y as usize * SIDE + n / SIDE);
+                    if (1..40).contains(&i) && (8..40).contains(&j) {
+                        part.nodes.insert(n % SIDE, n / SIDE);
+                    }
+                }
+                part
+            })
+            .collect();
+        let (blocks, _) = Team::with(1, |team| Blocks::new(team, 1, &parts));
         let planes: Vec<Plane<i64>> = blocks
             .list
             .iter()

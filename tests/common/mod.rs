@@ -10,6 +10,7 @@ pub mod motion;
 pub mod roughness;
 #[path = "../../examples/scenes/mod.rs"]
 pub mod scenes;
+pub mod sixteen;
 mod warp;
 
 use std::panic::resume_unwind;

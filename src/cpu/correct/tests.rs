@@ -1,12 +1,12 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::cpu::{Memory, Team};
+use crate::cpu::Memory;
 use crate::method::schedule::{Input, Stages};
 use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
+use crate::team::Team;
 use crate::tile::blocks::{SIDE, slot};
-use crate::tile::coverage::Coverage;
 use crate::tile::pose::Pose;
 use crate::tile::{EDGES, Grid};
 
@@ -43,8 +43,7 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
     let stiff = |u: f64, v: f64| if (u - 0.5).hypot(v - 0.5) < 0.3 { 1.0 } else { 0.37 };
     let maps = maps(GRID, TileSettings::default(), stiff);
     let tile = &mesh.tiles[0];
-    let coverage = Coverage::new(tile, GRID, GRID, maps.settings.overlap);
-    let grid = Arc::new(Grid::new(&mesh, tile, &maps, &coverage));
+    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
     let positions = posed(4, |u, v| [1.31 * u + 0.17 * v, 0.83 * v - 0.09 * u, 0.0]);
     let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
     let (settings, charts) = (&maps.settings, &[true]);

@@ -10,8 +10,8 @@ use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::State;
 use super::super::row::Row;
 use super::super::sampling::Surface;
-use super::super::team::SharedSlice;
 use super::project::{grid_row, store_moved};
+use crate::team::SharedSlice;
 
 /// The parameters of integration and prediction.
 #[derive(Clone, Copy)]

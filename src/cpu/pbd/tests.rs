@@ -3,15 +3,15 @@ use std::sync::Arc;
 use super::super::lanes::{LANES, Lanes, Portable as V};
 use super::project::projected;
 use super::*;
-use crate::cpu::{Memory, Team};
+use crate::cpu::Memory;
 use crate::mesh::Mesh;
 use crate::method::pbd::Set;
 use crate::method::schedule::{Input, Stages};
 use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
+use crate::team::Team;
 use crate::tile::blocks::slot;
 use crate::tile::codes::{decode_rigidity, encode_rigidity};
-use crate::tile::coverage::Coverage;
 use crate::tile::pose::Pose;
 
 const FULL: Iteration = Iteration {
@@ -34,8 +34,7 @@ fn with_sheet(
     let mesh: Mesh = sheet(1, |u, v| [u, v, 0.0]);
     let maps = maps(16, TileSettings::default(), rigidity);
     let tile = &mesh.tiles[0];
-    let coverage = Coverage::new(tile, 16, 16, maps.settings.overlap);
-    let grid = Arc::new(Grid::new(&mesh, tile, &maps, &coverage));
+    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
     let positions = posed(1, pose);
     let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
     let input = Input {

@@ -2,16 +2,16 @@
 //! at most half of that in v where they do.
 
 use super::*;
-use crate::cpu::{Team, invert as twin};
+use crate::cpu::invert as twin;
 use crate::gpu::bands;
 use crate::gpu::constants::band_blocks;
 use crate::gpu::context::{Options, tests::gpu};
 use crate::gpu::results::{RESULT_BLOCK, ResultBuffers};
-use crate::image::Map;
+use crate::map::Map;
 use crate::mesh::{Mesh, MeshSource, UvSource};
 use crate::settings::TileSettings;
+use crate::team::Team;
 use crate::tile::blocks::{NODES, Plane, SIDE, node_at};
-use crate::tile::coverage::Coverage;
 use crate::tile::{Grid, Rigidity, TileMaps};
 use crate::view::Strided;
 
@@ -30,13 +30,11 @@ fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
     });
     let mesh = mesh.unwrap();
     let maps = TileMaps {
-        rigidity: Rigidity::Map(Map { width: 1, height: 1, values: vec![1.0] }),
+        rigidity: Rigidity::Map(Map::from_values(1, 1, &[1.0])),
         settings: TileSettings { grid: cells.map(Some), ..TileSettings::default() },
         ..TileMaps::default()
     };
-    let [nx, ny] = maps.grid_size();
-    let coverage = Coverage::new(&mesh.tiles[0], nx, ny, maps.settings.overlap);
-    Arc::new(Grid::new(&mesh, &mesh.tiles[0], &maps, &coverage))
+    Arc::new(Grid::new(&mesh, &mesh.tiles[0], &maps))
 }
 
 /// Displacements of movable nodes from a function of the node.

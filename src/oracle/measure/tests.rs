@@ -1,7 +1,8 @@
 use super::*;
 use crate::oracle::reference::tests::{discs, maps, posed, sheet};
 use crate::settings::TileSettings;
-use crate::tile::{TileMaps, node_maps};
+use crate::tile::TileMaps;
+use crate::tile::coverage::node_maps;
 
 fn flat(u: f64, v: f64) -> [f64; 3] {
     [u, v, 0.0]
@@ -14,7 +15,7 @@ fn a_stretched_sheet_has_the_strain_it_was_given() {
     let pose = posed(8, |u, v| [1.5 * u, v, 0.0]);
     let maps = maps(64, TileSettings::default(), |_, _| 1.0);
     let coverage = cover(&mesh, &maps);
-    let nodes = node_maps(&mesh, &mesh.tiles[0], &maps, &coverage);
+    let nodes = node_maps(&mesh.tiles[0], &maps, [64, 64]);
     let report = measure(&mesh, 0, &coverage, &nodes, &pose, &|_, _| [0.0; 2]);
     let diagonal = (3.25f64 / 2.0).sqrt() - 1.0;
     // 63 x 63 nodes move: 64 x 63 edges along an axis, 64 x 64 cells with two diagonals, but for four corners' one.
@@ -34,7 +35,7 @@ fn a_warp_that_undoes_the_stretch_is_help_and_its_reverse_is_harm() {
     let mesh = sheet(1, flat);
     let maps = maps(64, TileSettings::default(), |u, _| f64::from(u8::from((0.25..0.75).contains(&u))));
     let coverage = cover(&mesh, &maps);
-    let nodes = node_maps(&mesh, &mesh.tiles[0], &maps, &coverage);
+    let nodes = node_maps(&mesh.tiles[0], &maps, [64, 64]);
     // The whole sheet twice as long; features shrink to half their UV length about the middle.
     let pose = posed(1, |u, v| [2.0 * u, v, 0.0]);
     let shrink = |i: usize, _: usize| [-0.5 * (i as f32 - 32.0), 0.0];

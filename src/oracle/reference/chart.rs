@@ -9,8 +9,8 @@ use crate::mesh::NONE;
 use crate::oracle::exact::{Locator, Surface};
 use crate::settings::TileSettings;
 use crate::tile::EDGES;
+use crate::tile::coverage::NodeMaps;
 use crate::tile::density::density;
-use crate::tile::pyramid::NodeMaps;
 
 /// Number of dimensions in which chords are measured. Between rest and the pose the surface is (sqrt(1 - t) f_rest,
 /// sqrt(t) f_pose) in six dimensions: its metric is (1 - t) G_rest + t G_pose, which neither collapses half-way through

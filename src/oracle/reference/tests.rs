@@ -1,5 +1,5 @@
 use super::*;
-use crate::image::Map;
+use crate::map::Map;
 use crate::mesh::{MeshSource, UvSource};
 use crate::settings::TileSettings;
 use crate::tile::Rigidity;
@@ -60,8 +60,8 @@ pub(crate) fn posed(n: u32, pose: impl Fn(f64, f64) -> [f64; 3]) -> Vec<[f64; 3]
 /// A square rigidity map.
 pub(crate) fn maps(size: usize, settings: TileSettings, rigidity: impl Fn(f64, f64) -> f64) -> TileMaps {
     let at = |k: usize| (k as f64 + 0.5) / size as f64;
-    let values = (0..size * size).map(|k| rigidity(at(k % size), at(k / size)) as f32).collect();
-    TileMaps { rigidity: Rigidity::Map(Map { width: size, height: size, values }), mask: None, settings }
+    let values: Vec<f32> = (0..size * size).map(|k| rigidity(at(k % size), at(k / size)) as f32).collect();
+    TileMaps { rigidity: Rigidity::Map(Map::from_values(size, size, &values)), mask: None, settings }
 }
 
 /// Scales: discs in a square pattern.
@@ -240,8 +240,7 @@ fn strips_meet_their_closed_form() {
             ..maps(n, settings, soft)
         };
         let mut problem = Problem::new(&mesh, 0, &maps, &pose).unwrap();
-        let coverage = Coverage::new(&mesh.tiles[0], n, 64, maps.settings.overlap);
-        let nodes = node_maps(&mesh, &mesh.tiles[0], &maps, &coverage);
+        let nodes = node_maps(&mesh.tiles[0], &maps, [n, 64]);
         let rigidity = |i: usize| f64::from(nodes.rigidity[32 * (n + 1) + i]);
         let minimum = problem.minimise(None, &Options::default());
         // Edges of the 63 rows that move; what the vertical and diagonal edges add is far below.

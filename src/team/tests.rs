@@ -24,6 +24,19 @@ fn every_item_runs_once() {
 }
 
 #[test]
+fn results_are_in_the_order_of_the_items() {
+    for threads in [1, 3] {
+        Team::with(threads, |team| {
+            let squares = team.map(1000, |k| k * k);
+            assert!(squares.iter().enumerate().all(|(k, &square)| square == k * k));
+            let mut texts = vec![String::new(); 300];
+            team.fill(&mut texts, |k, text| *text = k.to_string());
+            assert!(texts.iter().enumerate().all(|(k, text)| *text == k.to_string()));
+        });
+    }
+}
+
+#[test]
 fn helpers_that_slept_are_woken() {
     Team::with(2, |team| {
         for _ in 0..3 {

@@ -106,6 +106,27 @@ impl Team {
         self.run_dyn(&caller, count, &f);
     }
 
+    /// Returns f(0) to f(count - 1), each computed on any of the threads.
+    pub fn map<T: Send>(&self, count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
+        let mut results: Vec<Option<T>> = Vec::with_capacity(count);
+        results.resize_with(count, || None);
+        self.fill(&mut results, |k, result| *result = Some(f(k)));
+        // Every item ran, or `fill` did not return.
+        results.into_iter().flatten().collect()
+    }
+
+    /// Calls `f(k, element k)` for all elements, each on any of the threads.
+    pub fn fill<T: Send>(&self, elements: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
+        let count = elements.len();
+        let first = Elements(elements.as_mut_ptr());
+        self.run(count, |k| {
+            let first = &first;
+            // SAFETY: `run` calls each item once, so that no two references to an element are alive, and returns
+            // before the borrow of `elements` ends.
+            f(k, unsafe { &mut *first.0.add(k) });
+        });
+    }
+
     fn run_dyn<'a>(&self, caller: &Worker, count: usize, f: &'a (dyn Fn(&Worker, usize) + Sync + 'a)) {
         // SAFETY: only the lifetime changes. The protocol returns or unwinds only after all helpers that may call the
         // function have left the job, and hands the job to none afterwards; `tests/loom` checks that.
@@ -123,6 +144,12 @@ impl Team {
         (&raw const *self).cast()
     }
 }
+
+/// The first of the elements of `Team::fill`.
+struct Elements<T>(*mut T);
+
+// SAFETY: the threads get exclusive references to different elements.
+unsafe impl<T: Send> Sync for Elements<T> {}
 
 /// Memory that a job's items reuse: a piece for each of a team's threads, made on its first use. What an item finds in
 /// it is what the previous item on that thread left, which depends on the timing: an item must overwrite what it reads.

@@ -1,0 +1,62 @@
+//! The table, JSON and plot of all cases.
+
+use std::path::Path;
+
+use plotters::prelude::*;
+use serde_json::Value;
+
+use super::case::Outcome;
+
+// Okabe and Ito's colours, which are distinct for every kind of colour vision.
+const COLOURS: [RGBColor; 4] =
+    [RGBColor(0, 114, 178), RGBColor(230, 159, 0), RGBColor(0, 158, 115), RGBColor(213, 94, 0)];
+const PANEL: (u32, u32) = (380, 330);
+const TITLES: [&str; 3] = ["Seconds", "Peak of memory, MiB", "Memory held, MiB"];
+
+/// Writes `out` with the endings md, json and svg.
+pub fn write(outcomes: &[Outcome], out: &Path) -> Result<(), String> {
+    let rows: Vec<String> = outcomes.iter().map(Outcome::row).collect();
+    let table = format!("{}\n{}\n", Outcome::HEAD, rows.join("\n"));
+    std::fs::write(out.with_extension("md"), table).map_err(|e| e.to_string())?;
+    let json = Value::from(outcomes.iter().map(Outcome::to_json).collect::<Vec<_>>());
+    std::fs::write(out.with_extension("json"), format!("{json:#}\n")).map_err(|e| e.to_string())?;
+    draw(outcomes, &out.with_extension("svg")).map_err(|e| e.to_string())
+}
+
+/// Costs over the grid's size, a line per share.
+fn draw(outcomes: &[Outcome], path: &Path) -> Result<(), Box<dyn std::error::Error>> {
+    let size = (3 * PANEL.0, PANEL.1);
+    let area = SVGBackend::new(path, size).into_drawing_area();
+    area.fill(&WHITE)?;
+    let mut shares: Vec<f64> = outcomes.iter().map(Outcome::share).collect();
+    shares.sort_by(f64::total_cmp);
+    shares.dedup();
+    let grids = || outcomes.iter().map(|outcome| outcome.grid() as f64);
+    let (first, last) = (grids().fold(f64::INFINITY, f64::min), grids().fold(1.0, f64::max));
+    for (k, panel) in area.split_evenly((1, 3)).iter().enumerate() {
+        let costs = || outcomes.iter().map(|outcome| outcome.costs()[k].max(1e-3));
+        let (low, high) = (costs().fold(f64::INFINITY, f64::min), costs().fold(1e-3, f64::max));
+        let mut chart = ChartBuilder::on(panel)
+            .caption(TITLES[k], ("sans-serif", 16))
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(52)
+            .build_cartesian_2d((0.9 * first..1.1 * last).log_scale(), (0.7 * low..1.4 * high).log_scale())?;
+        chart.configure_mesh().x_desc("cells on a side").light_line_style(TRANSPARENT).draw()?;
+        for (share, colour) in shares.iter().zip(COLOURS.iter().cycle()) {
+            let of_share = outcomes.iter().filter(|outcome| outcome.share() == *share);
+            let points: Vec<(f64, f64)> =
+                of_share.map(|outcome| (outcome.grid() as f64, outcome.costs()[k].max(1e-3))).collect();
+            chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, colour.filled())))?;
+            chart
+                .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
+                .label(format!("{:.0} % active", 100.0 * share))
+                .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 16, y)], colour.stroke_width(2)));
+        }
+        if k == 0 {
+            chart.configure_series_labels().position(SeriesLabelPosition::UpperLeft).draw()?;
+        }
+    }
+    area.present()?;
+    Ok(())
+}

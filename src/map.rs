@@ -1,0 +1,296 @@
+//! A host's rigidity map or mask as an asset holds it: in the number format that it came in, and only where a tile's
+//! charts are.
+
+use half::f16;
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::image::PixelFormat;
+use crate::mesh::NONE;
+
+/// Texels on a side of a page.
+pub(crate) const PAGE: usize = 64;
+
+/// A rectangle of texels: from `first` to before `end`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TexelRect {
+    pub first: [usize; 2],
+    pub end: [usize; 2],
+}
+
+/// A copied map, with values from 0 to 1 and rows from v = 0 upward. Pages that no chart comes near to are not held;
+/// their texels are 0.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Map {
+    pub width: usize,
+    pub height: usize,
+    format: PixelFormat,
+    /// Per page, row by row, its place in `texels`, in pages; `NONE` if it is not held.
+    places: Vec<u32>,
+    /// The pages that are held, each `PAGE` x `PAGE` texels.
+    texels: Vec<u8>,
+}
+
+impl Map {
+    /// A map without texels. `wanted(rect)` tells whether the page with these texels is to be held.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, naming `name`.
+    pub fn new(
+        name: &str,
+        [width, height]: [usize; 2],
+        format: PixelFormat,
+        wanted: impl Fn(&TexelRect) -> bool,
+    ) -> Result<Map> {
+        let no_memory = |_| Error::new(ErrorKind::OutOfMemory, format!("{name}: no memory for a copy"));
+        let [columns, rows] = [width.div_ceil(PAGE), height.div_ceil(PAGE)];
+        let mut map = Map { width, height, format, places: Vec::new(), texels: Vec::new() };
+        map.places.try_reserve_exact(columns * rows).map_err(no_memory)?;
+        let mut count = 0;
+        for page in 0..columns * rows {
+            let is_wanted = wanted(&map.rect(page));
+            map.places.push(if is_wanted { count } else { NONE });
+            count += u32::from(is_wanted);
+        }
+        let bytes = count as usize * map.page_bytes();
+        map.texels.try_reserve_exact(bytes).map_err(no_memory)?;
+        map.texels.resize(bytes, 0);
+        Ok(map)
+    }
+
+    /// A map of f32 values, held whole.
+    #[cfg(test)]
+    pub fn from_values(width: usize, height: usize, values: &[f32]) -> Map {
+        let mut map = Map::new("map", [width, height], PixelFormat::F32, |_| true).unwrap();
+        for (n, value) in values.iter().enumerate() {
+            map.put(n % width, n / width, &value.to_ne_bytes());
+        }
+        map
+    }
+
+    /// The texels of the pages that are held, page by page.
+    pub fn held(&self) -> impl Iterator<Item = TexelRect> {
+        (0..self.places.len()).filter(|&page| self.places[page] != NONE).map(|page| self.rect(page))
+    }
+
+    /// Texels along u and v, and their format.
+    pub fn shape(&self) -> ([usize; 2], PixelFormat) {
+        ([self.width, self.height], self.format)
+    }
+
+    /// Sets a texel of a page that is held, from its bytes in the map's format; nothing elsewhere.
+    pub fn put(&mut self, x: usize, y: usize, bytes: &[u8]) {
+        if let Some(at) = self.offset(x, y) {
+            let size = self.format.size();
+            self.texels[at..at + size].copy_from_slice(&bytes[..size]);
+        }
+    }
+
+    /// A texel's value, 0..1.
+    pub fn value(&self, x: usize, y: usize) -> f32 {
+        self.offset(x, y).map_or(0.0, |at| decode(self.format, &self.texels[at..]).clamp(0.0, 1.0))
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        self.texels.len() as u64 + self.places.len() as u64 * 4
+    }
+
+    fn page_bytes(&self) -> usize {
+        PAGE * PAGE * self.format.size()
+    }
+
+    fn rect(&self, page: usize) -> TexelRect {
+        let columns = self.width.div_ceil(PAGE);
+        let first = [page % columns * PAGE, page / columns * PAGE];
+        TexelRect { first, end: [(first[0] + PAGE).min(self.width), (first[1] + PAGE).min(self.height)] }
+    }
+
+    /// Where a texel's bytes begin, if its page is held.
+    fn offset(&self, x: usize, y: usize) -> Option<usize> {
+        let place = self.places[y / PAGE * self.width.div_ceil(PAGE) + x / PAGE];
+        let texel = (y % PAGE * PAGE + x % PAGE) * self.format.size();
+        (place != NONE).then(|| place as usize * self.page_bytes() + texel)
+    }
+}
+
+/// The value of a channel.
+pub(crate) fn decode(format: PixelFormat, b: &[u8]) -> f32 {
+    match format {
+        PixelFormat::U8 => f32::from(b[0]) / 255.0,
+        PixelFormat::U16 => f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0,
+        PixelFormat::F16 => f16::from_ne_bytes([b[0], b[1]]).to_f32(),
+        PixelFormat::F32 => f32::from_ne_bytes([b[0], b[1], b[2], b[3]]),
+    }
+}
+
+/// A map's values at some nodes of a grid: first[0]..first[0] + count[0] along u, and the same along v.
+///
+/// # Returns
+/// The mean over a box of one cell around each node where the map is finer than the grid, bilinear interpolation between
+/// texel centres where it is coarser (method §1); row by row.
+pub(crate) fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<f32> {
+    let taps = |axis: usize, texels: usize| -> Vec<Taps> {
+        (first[axis]..first[axis] + count[axis]).map(|node| Taps::new(texels, cells[axis], node)).collect()
+    };
+    let (columns, rows) = (taps(0, map.width), taps(1, map.height));
+    let (Some(west), Some(east)) = (columns.first(), columns.last()) else { return Vec::new() };
+    let texels = west.first..east.first + east.weights.len() as i64;
+    let mut out = Vec::with_capacity(count[0] * count[1]);
+    // Per row of nodes: sums over v first, then over u.
+    let mut line = vec![0.0f32; (texels.end - texels.start) as usize];
+    for row in &rows {
+        line.fill(0.0);
+        for (y, weight) in row.each() {
+            for (sum, x) in line.iter_mut().zip(texels.clone()) {
+                *sum += weight * map.value(clamp(x, map.width), clamp(y, map.height));
+            }
+        }
+        for column in &columns {
+            let value: f32 =
+                column.each().map(|(x, weight)| weight * line[(x - texels.start) as usize]).sum();
+            out.push(value.clamp(0.0, 1.0));
+        }
+    }
+    out
+}
+
+/// Per node, row by row, true if the mask has no texel under 0.5 within half a cell. A line one texel wide that must not
+/// move is thus a barrier, however coarse the grid.
+pub(crate) fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<bool> {
+    let spans = |axis: usize, texels: usize| -> Vec<std::ops::Range<usize>> {
+        (first[axis]..first[axis] + count[axis]).map(|node| span(texels, cells[axis], node)).collect()
+    };
+    let (columns, rows) = (spans(0, mask.width), spans(1, mask.height));
+    let (Some(west), Some(east)) = (columns.first(), columns.last()) else { return Vec::new() };
+    let texels = west.start..east.end;
+    let mut out = Vec::with_capacity(count[0] * count[1]);
+    let mut line = vec![true; texels.len()];
+    for row in &rows {
+        line.fill(true);
+        for y in row.clone() {
+            for (free, x) in line.iter_mut().zip(texels.clone()) {
+                *free &= mask.value(x, y) >= 0.5;
+            }
+        }
+        out.extend(columns.iter().map(|column| {
+            line[column.start - texels.start..column.end - texels.start].iter().all(|&free| free)
+        }));
+    }
+    out
+}
+
+/// The texels along one axis that a node's value is the mean of, with weights that sum to 1. Texels beyond the map stand
+/// for its outermost ones.
+struct Taps {
+    first: i64,
+    weights: Vec<f32>,
+}
+
+impl Taps {
+    fn new(texels: usize, cells: usize, node: usize) -> Taps {
+        let per_cell = texels as f64 / cells as f64;
+        let half = 0.5 * per_cell.max(1.0);
+        let centre = node as f64 * per_cell;
+        // A box one texel wide, sampled between texel centres, is the bilinear filter.
+        let (low, high) = (centre - half, centre + half);
+        let first = low.floor() as i64;
+        let last = high.ceil() as i64;
+        let weight = |texel: i64| {
+            ((high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low)) as f32
+        };
+        Taps { first, weights: (first..last).map(weight).collect() }
+    }
+
+    /// (texel, weight) of the texels that count.
+    fn each(&self) -> impl Iterator<Item = (i64, f32)> {
+        (self.first..).zip(self.weights.iter().copied()).filter(|&(_, weight)| weight > 0.0)
+    }
+}
+
+fn clamp(texel: i64, texels: usize) -> usize {
+    texel.clamp(0, texels as i64 - 1) as usize
+}
+
+/// The texels along one axis that come within half a cell of a node.
+fn span(texels: usize, cells: usize, node: usize) -> std::ops::Range<usize> {
+    let per_cell = texels as f64 / cells as f64;
+    let centre = node as f64 * per_cell;
+    let first = (centre - 0.5 * per_cell).floor().max(0.0) as usize;
+    let last = (centre + 0.5 * per_cell).ceil() as usize;
+    first.min(texels - 1)..last.clamp(1, texels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(width: usize, height: usize, f: impl Fn(usize, usize) -> f32) -> Map {
+        let values: Vec<f32> = (0..width * height).map(|i| f(i % width, i / width)).collect();
+        Map::from_values(width, height, &values)
+    }
+
+    #[test]
+    fn nodes_of_a_constant_map_are_that_constant() {
+        for (w, h) in [(1, 1), (3, 7), (16, 16), (100, 33), (64, 129)] {
+            let nodes = at_nodes(&map(w, h, |_, _| 0.75), [32, 16], [0, 0], [33, 17]);
+            assert_eq!(nodes.len(), 33 * 17);
+            assert!(nodes.iter().all(|v| (v - 0.75).abs() < 1e-6));
+        }
+    }
+
+    #[test]
+    fn nodes_of_a_ramp_lie_on_the_ramp() {
+        // A linear map keeps its values under both filters, away from the clamped edge.
+        for w in [8, 16, 64, 200] {
+            let ramp = map(w, 4, |x, _| (x as f32 + 0.5) / w as f32);
+            let nodes = at_nodes(&ramp, [16, 16], [0, 0], [17, 17]);
+            for (i, node) in nodes.iter().enumerate().take(15).skip(2) {
+                assert!((node - i as f32 / 16.0).abs() < 1e-6, "{w}: {node} at {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_of_the_nodes_has_the_values_of_the_whole() {
+        let rough = map(150, 90, |x, y| (x * 37 + y * 101) as f32 % 17.0 / 16.0);
+        for cells in [[16, 32], [160, 96], [320, 80]] {
+            let all = at_nodes(&rough, cells, [0, 0], cells.map(|n| n + 1));
+            let free = free_nodes(&rough, cells, [0, 0], cells.map(|n| n + 1));
+            let (first, count) = ([5, 7], [cells[0] - 5, 9]);
+            let part = at_nodes(&rough, cells, first, count);
+            let free_part = free_nodes(&rough, cells, first, count);
+            for n in 0..part.len() {
+                let whole = (first[1] + n / count[0]) * (cells[0] + 1) + first[0] + n % count[0];
+                assert_eq!(part[n].to_bits(), all[whole].to_bits(), "{cells:?} {n}");
+                assert_eq!(free_part[n], free[whole]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_of_one_texel_is_a_barrier_on_any_grid() {
+        let mask = map(128, 128, |x, _| f32::from(x != 70));
+        for n in [16, 32, 128, 256] {
+            let free = free_nodes(&mask, [n, n], [0, 0], [n + 1, n + 1]);
+            let row = &free[..n + 1];
+            assert!(row.iter().any(|f| !f), "{n}");
+            assert!(row.iter().filter(|f| !**f).count() <= 3, "{n}");
+        }
+    }
+
+    #[test]
+    fn pages_that_nobody_wants_are_not_held() {
+        let whole = Map::new("map", [200, 100], PixelFormat::U8, |_| true).unwrap();
+        assert_eq!(whole.held().count(), 8);
+        let wanted = |rect: &TexelRect| rect.first == [64, 0];
+        let mut map = Map::new("map", [200, 100], PixelFormat::U8, wanted).unwrap();
+        for (x, y) in [(64, 0), (127, 63), (128, 0), (10, 99)] {
+            map.put(x, y, &[255]);
+        }
+        assert_eq!(
+            [map.value(64, 0), map.value(127, 63), map.value(128, 0), map.value(10, 99)],
+            [1., 1., 0., 0.]
+        );
+        assert!(map.bytes() < whole.bytes() / 6);
+    }
+}
