@@ -127,6 +127,53 @@ impl Asset {
         Team::with(device.threads(), |team| state.estimate(team, device, &self.mesh, tile))
     }
 
+    /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another machine.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if `tile` is out of range; `OutOfMemory`.
+    pub fn save_tile(&mut self, tile: usize) -> Result<Vec<u8>> {
+        let mut bytes = vec![0; self.saved_tile_size(tile)?];
+        self.save_tile_to(tile, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Bytes that [`Asset::save_tile_to`] writes. Prepares the tile if need be.
+    ///
+    /// # Errors
+    /// Those of [`Asset::save_tile`].
+    pub fn saved_tile_size(&mut self, tile: usize) -> Result<usize> {
+        self.check_tile(tile)?;
+        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
+        Team::with(device.threads(), |team| state.saved_size(team, device, mesh, tile))
+    }
+
+    /// Writes a tile as [`Asset::save_tile`] returns it, to the first bytes of `out`; returns how many.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if `out` is too small; those of [`Asset::save_tile`].
+    pub fn save_tile_to(&mut self, tile: usize, out: &mut [u8]) -> Result<usize> {
+        let size = self.saved_tile_size(tile)?;
+        let given = out.len();
+        let out = out
+            .get_mut(..size)
+            .ok_or_else(|| Error::argument(format!("data: {given} bytes given, {size} needed")))?;
+        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
+        Team::with(device.threads(), |team| state.save(team, device, mesh, tile, out))?;
+        Ok(size)
+    }
+
+    /// Takes a tile that was prepared elsewhere, so that it need not be prepared here. Its maps and settings have to be set
+    /// as they were when it was saved: the bytes hold what follows from them, not the maps themselves.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for bytes that are damaged, of another version, or saved with another mesh, map or setting;
+    /// `OutOfMemory`. The tile is then as before.
+    pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
+        self.check_tile(tile)?;
+        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
+        Team::with(device.threads(), |team| state.load(team, device, mesh, tile, data))
+    }
+
     /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` takes it away (the tile is then the identity).
     ///
     /// # Errors

@@ -2,6 +2,7 @@
 //! charts are.
 
 use half::f16;
+use xxhash_rust::xxh3::Xxh3;
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::PixelFormat;
@@ -88,6 +89,16 @@ impl Map {
     /// A texel's value, 0..1.
     pub fn value(&self, x: usize, y: usize) -> f32 {
         self.offset(x, y).map_or(0.0, |at| decode(self.format, &self.texels[at..]).clamp(0.0, 1.0))
+    }
+
+    /// Adds the map to a hash: its shape and its texels.
+    pub fn hash(&self, hash: &mut Xxh3) {
+        let format = self.format.size() as u64 + 8 * u64::from(self.format == PixelFormat::F16);
+        for number in [self.width as u64, self.height as u64, format] {
+            hash.update(&number.to_le_bytes());
+        }
+        self.places.iter().for_each(|place| hash.update(&place.to_le_bytes()));
+        hash.update(&self.texels);
     }
 
     /// Bytes held.

@@ -8,6 +8,7 @@ mod rigidity;
 pub(crate) mod survey;
 pub(crate) mod build;
 pub(crate) mod repaint;
+pub(crate) mod saved;
 mod node_set;
 pub(crate) mod blocks;
 pub(crate) mod codes;

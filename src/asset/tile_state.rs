@@ -15,6 +15,7 @@ use crate::team::Team;
 use crate::tile::blocks::{NODES, SIDE};
 use crate::tile::pose::Pose;
 use crate::tile::repaint::repaint;
+use crate::tile::saved;
 use crate::tile::survey::Survey;
 use crate::tile::{Grid, Rigidity, TileMaps, build};
 use crate::view::Strided;
@@ -383,6 +384,47 @@ impl TileState {
             self.solver_bytes = bytes;
         }
         Ok(())
+    }
+
+    /// Bytes of the prepared tile as `save` writes it; prepares it if need be.
+    pub fn saved_size(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<usize> {
+        self.grid(team, device, mesh, tile).map(|grid| saved::size(&grid))
+    }
+
+    /// Writes the prepared tile to as many bytes as `saved_size` tells.
+    pub fn save(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        out: &mut [u8],
+    ) -> Result<()> {
+        let grid = self.grid(team, device, mesh, tile)?;
+        saved::save(&grid, saved::key(mesh, &mesh.tiles[tile], &self.maps), out);
+        Ok(())
+    }
+
+    /// Takes a prepared tile that was saved with the same mesh, maps and settings.
+    pub fn load(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        data: &[u8],
+    ) -> Result<()> {
+        let source = &mesh.tiles[tile];
+        let key = saved::key(mesh, source, &self.maps);
+        let grid = saved::load(team, data, key, mesh, source, |bytes| self.book(device, bytes, source.udim));
+        if let Ok(grid) = grid {
+            self.forget(device);
+            self.grid = Some(Arc::new(grid));
+            return self.book(device, 0, source.udim);
+        }
+        // What was booked for it goes back: less than before always fits.
+        let _ = self.book(device, 0, source.udim);
+        grid.map(drop)
     }
 
     /// What preparing and solving the tile would take, from a survey alone.

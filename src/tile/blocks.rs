@@ -65,7 +65,8 @@ pub struct Part {
 }
 
 impl Part {
-    fn key(&self) -> (u32, u32, u32) {
+    /// What parts are sorted by.
+    pub fn key(&self) -> (u32, u32, u32) {
         (self.chart, self.y, self.x)
     }
 }

@@ -20,7 +20,7 @@ use crate::team::Team;
 pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: &TileMaps, survey: Survey) -> Grid {
     let tile = survey.coverer.tile;
     let charts = tile.charts.len();
-    let mut levels = levels(&survey, charts);
+    let mut levels = levels_of(&survey.levels, charts);
     let rigidity = NodeRigidity { maps, coverer: &survey.coverer, triangles: &survey.triangles };
     set_rigidity(team, &rigidity, &survey, &mut levels);
     if maps.settings.orientation_density > 0.0 {
@@ -61,7 +61,7 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: &TileMaps, survey: Survey) ->
 /// A surveyed tile's grid with its blocks and nothing in them: it has the sizes of the whole grid, all but those of what
 /// lies under the nodes of level 1.
 pub(crate) fn skeleton(survey: Survey) -> Grid {
-    let levels = levels(&survey, survey.coverer.tile.charts.len());
+    let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
     let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
     let (overlap, frozen) = (survey.overlap(), survey.frozen());
     let Survey { coverer, triangles, movable, levels: survey, parts, rigid, .. } = survey;
@@ -82,9 +82,9 @@ pub(crate) fn skeleton(survey: Survey) -> Grid {
 }
 
 /// The levels of a grid with their blocks and mobility; the rest of them is empty.
-fn levels(survey: &Survey, charts: usize) -> Vec<Level> {
-    let mut levels: Vec<Level> = Vec::with_capacity(survey.levels.len());
-    for SurveyLevel { size, blocks, movable } in &survey.levels {
+pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
+    let mut levels: Vec<Level> = Vec::with_capacity(survey.len());
+    for SurveyLevel { size, blocks, movable } in survey {
         let mut children = vec![[NONE; 4]; blocks.list.len()];
         if let Some(finer) = levels.last_mut() {
             let mut parents = vec![NONE; finer.blocks.list.len()];

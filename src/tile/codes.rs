@@ -63,7 +63,6 @@ impl Lengths {
     }
 
     /// The length of a code.
-    #[cfg(any(test, feature = "gpu"))]
     pub fn length(self, code: u16) -> f32 {
         match code {
             0 => 0.0,

@@ -40,6 +40,16 @@ impl Gather {
         (gather, coverage)
     }
 
+    /// Of the arrays that `parts` returns.
+    pub(super) fn from_parts(starts: Vec<u32>, entries: Vec<(u32, f32)>) -> Gather {
+        Gather { starts, entries }
+    }
+
+    /// Per block and slot, the index of its first entry, one more at the end; and the entries.
+    pub(super) fn parts(&self) -> (&[u32], &[(u32, f32)]) {
+        (&self.starts, &self.entries)
+    }
+
     /// Without entries, for some blocks.
     pub(super) fn empty(blocks: usize) -> Gather {
         Gather { starts: vec![0; blocks * NODES + 1], entries: Vec::new() }

@@ -87,9 +87,7 @@ impl<'a> Survey<'a> {
 
     /// About as many bytes as the grid will have.
     pub fn grid_bytes(&self) -> u64 {
-        let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * super::block_bytes(k);
-        let levels: usize = self.levels.iter().enumerate().map(per_level).sum();
-        (levels + self.triangles.len() * super::TRIANGLE_BYTES) as u64
+        survey_bytes(&self.levels, self.triangles.len())
     }
 
     /// Bytes of the survey itself that the grid does not keep.
@@ -106,6 +104,13 @@ impl<'a> Survey<'a> {
     pub fn frozen(&self) -> f32 {
         self.counts.frozen as f32 / self.counts.rigid.max(1) as f32
     }
+}
+
+/// About as many bytes as a grid with these levels will have.
+pub(super) fn survey_bytes(levels: &[SurveyLevel], triangles: usize) -> u64 {
+    let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * super::block_bytes(k);
+    let levels: usize = levels.iter().enumerate().map(per_level).sum();
+    (levels + triangles * super::TRIANGLE_BYTES) as u64
 }
 
 /// The movable nodes of each chart; 0 where no part is rigid.
@@ -125,7 +130,7 @@ pub(super) fn movable_of_charts(charts: usize, parts: &[Part], rigid: &[bool]) -
 /// The blocks of all levels. A coarse node may move only if all of the 3x3 finer nodes around it may (the paper's eq. 8),
 /// so that bilinear prolongation never moves a fixed node, nor one of another chart. An odd last column or row of cells
 /// is dropped; the nodes at its inner side are fixed by the same rule.
-fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Part]) -> Vec<SurveyLevel> {
+pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Part]) -> Vec<SurveyLevel> {
     let parts: Vec<Part> = parts.iter().filter(|part| movable[part.chart as usize] > 0).copied().collect();
     let charts = movable.len();
     let (blocks, sets) = Blocks::new(team, charts, &parts);
