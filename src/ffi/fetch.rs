@@ -19,7 +19,9 @@ pub const VRTM_FETCH_REDIRECTION: vrtm_fetch_kind = 0;
 pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
 /// The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
 /// absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
-/// size plus one in both directions the texels are the grid's nodes, any other size interpolates. Take f32.
+/// size plus one in both directions the texels are the grid's nodes. Between the nodes the warp is affine on two
+/// triangles per cell, split by the diagonal from the cell's corner of least u and v to that of greatest: all outputs of
+/// a result agree on that, so that at any size the warp of a redirected UV is that UV. Take f32.
 pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
 
 /// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
