@@ -780,8 +780,9 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
 
 // Solves every tile for a pose and writes `count` outputs, in one call: what a host's compute() needs for a frame. As
 // vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are checked before
-// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. The images must not
-// overlap in memory, neither each other nor the positions.
+// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No two images may
+// write the same byte, but they may lie between each other's texels, as two pairs of channels of one image do. None may
+// overlap the memory that the positions span.
 //
 // Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile of another asset and
 // for images that overlap. On an error no image is written, unless a GPU fails while the images are written.

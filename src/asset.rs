@@ -76,6 +76,11 @@ impl Asset {
                 device.log(LogLevel::Warning, &format!("mesh: {count} {what}"));
             }
         }
+        if mesh.rest.iter().all(|point| *point == mesh.rest[0]) {
+            let message =
+                "mesh: all rest positions are one point, so that no chart has an extent and none will move";
+            device.log(LogLevel::Warning, message);
+        }
         let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
         Ok(Asset { device: device.clone(), mesh, tiles, outputs: Outputs::default(), solved_ms: None })
     }
