@@ -78,7 +78,11 @@
  * is using the asset, and so does one that reads (reports, corner UVs, settings, find_tile) while such a call runs.
  * A solve uses threads of its own, which end before it returns. No lock is held while the host's log function runs.
  *
- * Process. Nothing is printed. The library may be unloaded when no call is running, and loaded again.
+ * Stack. On the CPU a thread with a stack of 48 KiB may call any function. A GPU's driver sets no bound that is known:
+ * call on threads with the system's usual stack there, megabytes.
+ *
+ * Process. Nothing is printed. The library may be unloaded when no call is running, and loaded again. Nothing of it
+ * stays in memory then, unless a thread that lives on has looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too).
  */
 
 #ifndef VRTM_H

@@ -37,7 +37,7 @@ use crate::method::schedule::{ChartResult, Input};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
 use crate::tile::pose::Pose;
-use crate::tile::window::WINDOW_NODES;
+use crate::tile::window::{WINDOW_NODES, Window};
 use correct::Pairs;
 pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};
@@ -88,6 +88,7 @@ pub(crate) struct Run<'a> {
     node_updates: AtomicU64,
     patches: PerThread<'a, Patch>,
     pairs: PerThread<'a, Pairs>,
+    slopes: PerThread<'a, [Window; 6]>,
 }
 
 impl<'a> Run<'a> {
@@ -133,6 +134,7 @@ impl<'a> Run<'a> {
             node_updates: AtomicU64::new(0),
             patches: PerThread::new(team, Patch::zeroed),
             pairs: PerThread::new(team, || Box::new([[0.0; WINDOW_NODES]; 16])),
+            slopes: PerThread::new(team, || Box::new([[0.0; WINDOW_NODES]; 6])),
         }
     }
 
