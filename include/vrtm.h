@@ -748,8 +748,12 @@ typedef struct vrtm_solve_options {
     // original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a
     // quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
     float tolerance;
-    // Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
-    // depends on the speed of the machine.
+    // The milliseconds that the call may take, its fetches, measuring and what follows a change of maps or settings
+    // left out; 0 = no limit. The result is that of the best level of the grid that there is time for, brought up to
+    // the finest one and certified: never worse than the identity, and the identity itself if there is no time for any
+    // (the report is then `truncated`, with energies of 0). What work takes is predicted from the last solves: the call
+    // returns within 1.2 times the budget and 5 ms, unless the machine is suddenly busier than before. On a GPU that
+    // holds as far as the driver's own delays allow. With a limit the result depends on the speed of the machine.
     float time_budget_ms;
     // 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
     uint32_t measure;
@@ -828,7 +832,8 @@ typedef struct vrtm_tile_report_data {
     uint32_t grid_width;
     // Cells of the grid in v.
     uint32_t grid_height;
-    // Energy of the identity, summed over the charts that were solved or reused.
+    // Energy of the identity, summed over the charts that were solved or reused; 0, as that of the result, where a time
+    // budget left no time to compute it.
     double energy_before;
     // Energy of the result.
     double energy;

@@ -211,18 +211,27 @@ impl Asset {
         options: &SolveOptions,
         fetches: &mut [Fetch],
     ) -> Result<()> {
+        let start = Instant::now();
         self.check_vertices("positions", &positions, 3)?;
         options.check()?;
         for fetch in fetches.iter() {
             self.check_tile(fetch.tile)?;
         }
-        let start = Instant::now();
         let plan = Plan::new(options);
         Team::with(self.device.threads(), |team| {
             let (device, mesh) = (&self.device, &self.mesh);
-            let call = SolveCall { team, device, mesh, positions, plan: &plan, start };
             let mut results = Vec::with_capacity(self.tiles.len());
+            // What is left of a time budget is divided among the tiles that are left.
+            let mut nodes: u64 = self.tiles.iter().map(TileState::movable_nodes).sum();
             for (tile, state) in self.tiles.iter_mut().enumerate() {
+                let own = state.movable_nodes();
+                let budget = options.time_budget.map(|budget| {
+                    let spent = start.elapsed();
+                    let part = if own < nodes { own as f64 / nodes as f64 } else { 1.0 };
+                    spent.saturating_add(budget.saturating_sub(spent).mul_f64(part))
+                });
+                nodes -= own;
+                let call = SolveCall { team, device, mesh, positions, plan: &plan, start, budget };
                 results.push(state.solve(&call, tile)?);
             }
             for (state, result) in self.tiles.iter_mut().zip(results) {

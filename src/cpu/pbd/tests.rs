@@ -9,6 +9,7 @@ use crate::method::pbd::Set;
 use crate::method::schedule::{Input, Stages};
 use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
+use crate::tile::blocks::NODES;
 use crate::tile::blocks::slot;
 use crate::tile::codes::{decode_rigidity, encode_rigidity};
 use crate::tile::coverage::Coverage;
