@@ -78,7 +78,11 @@
  * is using the asset, and so does one that reads (reports, corner UVs, settings, find_tile) while such a call runs.
  * A solve uses threads of its own, which end before it returns. No lock is held while the host's log function runs.
  *
- * Process. Nothing is printed. The library may be unloaded when no call is running, and loaded again.
+ * Stack. On the CPU a thread with a stack of 48 KiB may call any function. A GPU's driver sets no bound that is known:
+ * call on threads with the system's usual stack there, megabytes.
+ *
+ * Process. Nothing is printed. The library may be unloaded when no call is running, and loaded again. Nothing of it
+ * stays in memory then, unless a thread that lives on has looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too).
  */
 
 #ifndef VRTM_H
@@ -650,7 +654,9 @@ typedef int32_t vrtm_fetch_kind;
 
 // The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
 // absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
-// size plus one in both directions the texels are the grid's nodes, any other size interpolates. Take f32.
+// size plus one in both directions the texels are the grid's nodes. Between the nodes the warp is affine on two
+// triangles per cell, split by the diagonal from the cell's corner of least u and v to that of greatest: all outputs of
+// a result agree on that, so that at any size the warp of a redirected UV is that UV. Take f32.
 #define VRTM_FETCH_WARP 2
 
 // One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
@@ -742,8 +748,12 @@ typedef struct vrtm_solve_options {
     // original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a
     // quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
     float tolerance;
-    // Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
-    // depends on the speed of the machine.
+    // The milliseconds that the call may take, its fetches, measuring and what follows a change of maps or settings
+    // left out; 0 = no limit. The result is that of the best level of the grid that there is time for, brought up to
+    // the finest one and certified: never worse than the identity, and the identity itself if there is no time for any
+    // (the report is then `truncated`, with energies of 0). What work takes is predicted from the last solves: the call
+    // returns within 1.2 times the budget and 5 ms, unless the machine is suddenly busier than before. On a GPU that
+    // holds as far as the driver's own delays allow. With a limit the result depends on the speed of the machine.
     float time_budget_ms;
     // 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
     uint32_t measure;
@@ -778,8 +788,9 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
 
 // Solves every tile for a pose and writes `count` outputs, in one call: what a host's compute() needs for a frame. As
 // vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are checked before
-// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. The images must not
-// overlap in memory, neither each other nor the positions.
+// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No two images may
+// write the same byte, but they may lie between each other's texels, as two pairs of channels of one image do. None may
+// overlap the memory that the positions span.
 //
 // Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile of another asset and
 // for images that overlap. On an error no image is written, unless a GPU fails while the images are written.
@@ -821,7 +832,8 @@ typedef struct vrtm_tile_report_data {
     uint32_t grid_width;
     // Cells of the grid in v.
     uint32_t grid_height;
-    // Energy of the identity, summed over the charts that were solved or reused.
+    // Energy of the identity, summed over the charts that were solved or reused; 0, as that of the result, where a time
+    // budget left no time to compute it.
     double energy_before;
     // Energy of the result.
     double energy;

@@ -78,6 +78,11 @@ impl Asset {
                 device.log(LogLevel::Warning, &format!("mesh: {count} {what}"));
             }
         }
+        if mesh.rest.iter().all(|point| *point == mesh.rest[0]) {
+            let message =
+                "mesh: all rest positions are one point, so that no chart has an extent and none will move";
+            device.log(LogLevel::Warning, message);
+        }
         let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
         Ok(Asset { device: device.clone(), mesh, tiles, outputs: Outputs::default(), solved_ms: None })
     }
@@ -296,18 +301,27 @@ impl Asset {
         options: &SolveOptions,
         fetches: &mut [Fetch],
     ) -> Result<()> {
+        let start = Instant::now();
         self.check_vertices("positions", &positions, 3)?;
         options.check()?;
         for fetch in fetches.iter() {
             self.check_tile(fetch.tile)?;
         }
-        let start = Instant::now();
         let plan = Plan::new(options);
         Team::with(self.device.threads(), |team| {
             let (device, mesh) = (&self.device, &self.mesh);
-            let call = SolveCall { team, device, mesh, positions, plan: &plan, start };
             let mut results = Vec::with_capacity(self.tiles.len());
+            // What is left of a time budget is divided among the tiles that are left.
+            let mut nodes: u64 = self.tiles.iter().map(TileState::movable_nodes).sum();
             for (tile, state) in self.tiles.iter_mut().enumerate() {
+                let own = state.movable_nodes();
+                let budget = options.time_budget.map(|budget| {
+                    let spent = start.elapsed();
+                    let part = if own < nodes { own as f64 / nodes as f64 } else { 1.0 };
+                    spent.saturating_add(budget.saturating_sub(spent).mul_f64(part))
+                });
+                nodes -= own;
+                let call = SolveCall { team, device, mesh, positions, plan: &plan, start, budget };
                 results.push(state.solve(&call, tile)?);
             }
             for (state, result) in self.tiles.iter_mut().zip(results) {

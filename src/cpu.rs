@@ -30,6 +30,7 @@ mod lanes;
 mod prefetch;
 
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Input};
@@ -37,7 +38,8 @@ use crate::team::{PerThread, Team, Worker};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
 use crate::tile::pose::Pose;
-use crate::tile::window::WINDOW_NODES;
+use crate::tile::window::{WINDOW_NODES, Window};
+pub(crate) use allocate::zeroed;
 use correct::Pairs;
 pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};
@@ -75,21 +77,31 @@ pub(crate) struct Run<'a> {
     work: Vec<Work>,
     /// The charts to solve.
     charts: &'a [bool],
-    /// Displacements of the previous result; certification overwrites them with this solve's result.
+    /// 0 where charts are solved; certification writes this solve's result there. Corrections of the finest level keep
+    /// their step in it.
     result: &'a mut [[Plane; 2]],
-    /// The same, if the solve is pulled towards them; else nothing. They stay as they are.
+    /// Whether they did.
+    result_is_used: bool,
+    /// Displacements of the previous result, if the solve starts from them or is pulled towards them; else nothing.
     anchor: &'a [[Plane; 2]],
     /// Per chart; default values for charts that are not solved.
     pub results: Vec<ChartResult>,
     /// Per chart, the energy of the finest level's present state, if a correction was the last to change it.
     known_energies: Vec<Option<f64>>,
     node_updates: AtomicU64,
+    /// When a correction is to end early, if there is a time budget, and whether the last one did.
+    stop: Option<Instant>,
+    stopped: bool,
+    /// When the last correction began.
+    began: Instant,
     patches: PerThread<'a, Patch>,
     pairs: PerThread<'a, Pairs>,
+    slopes: PerThread<'a, [Window; 6]>,
 }
 
 impl<'a> Run<'a> {
-    /// `result` holds the previous result, or the identity; so does `anchor` if the input's pull is not 0.
+    /// `result` holds 0 where charts are solved. `anchor` is the previous result, if the solve starts from it or the
+    /// input's pull is not 0.
     pub fn new(
         team: &'a Team,
         input: &Input<'a>,
@@ -125,12 +137,17 @@ impl<'a> Run<'a> {
             work,
             charts,
             result,
+            result_is_used: false,
             anchor,
             results: vec![ChartResult::default(); charts.len()],
             known_energies: vec![None; charts.len()],
             node_updates: AtomicU64::new(0),
+            stop: None,
+            stopped: false,
+            began: Instant::now(),
             patches: PerThread::new(team, Patch::zeroed),
             pairs: PerThread::new(team, || Box::new([[0.0; WINDOW_NODES]; 16])),
+            slopes: PerThread::new(team, || Box::new([[0.0; WINDOW_NODES]; 6])),
         }
     }
 

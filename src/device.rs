@@ -1,12 +1,13 @@
 //! A device: which backend, how many threads, how much memory, where the log goes.
 
 use std::num::NonZeroU32;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Survey, interfaces};
 use crate::gpu::context::{self, Context};
+use crate::method::budget::Costs;
 use crate::method::point::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{Backend, DeviceSettings, LogLevel};
@@ -24,6 +25,8 @@ struct Inner {
     threads: u32,
     reason: String,
     bytes_held: AtomicU64,
+    /// What solves of the device's tiles took, for time budgets.
+    costs: Mutex<Costs>,
     gpu: Option<Arc<Context>>,
 }
 
@@ -137,8 +140,8 @@ impl Device {
             return Err(Error::new(ErrorKind::Unsupported, why));
         }
         let gpu = gpu.map(Arc::new);
-        let device =
-            Device(Arc::new(Inner { settings, threads, reason, bytes_held: AtomicU64::new(0), gpu }));
+        let (bytes_held, costs) = (AtomicU64::new(0), Mutex::new(Costs::default()));
+        let device = Device(Arc::new(Inner { settings, threads, reason, bytes_held, costs, gpu }));
         let info = device.info();
         device.log(LogLevel::Info, &format!("device: {}, {threads} threads; {}", info.name, info.reason));
         Ok(device)
@@ -189,6 +192,11 @@ impl Device {
 
     pub(crate) fn threads(&self) -> usize {
         self.0.threads as usize
+    }
+
+    /// The time that work takes, as measured by the last solves.
+    pub(crate) fn costs(&self) -> MutexGuard<'_, Costs> {
+        self.0.costs.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(crate) fn log(&self, level: LogLevel, message: &str) {

@@ -1,5 +1,7 @@
 //! Views of a host's images: maps on the way in, redirection and warp on the way out.
 
+use std::marker::PhantomData;
+
 use crate::error::{Error, ErrorKind, Result};
 use crate::map::{Map, TexelRect, decode};
 
@@ -69,34 +71,54 @@ impl ImageLayout {
     /// # Errors
     /// `InvalidArgument` naming `name` for a zero size or a stride smaller than what it spans.
     pub(crate) fn resolve(&self, name: &str, channels: usize) -> Result<TexelLayout> {
+        self.resolve_within(name, channels, isize::MAX as usize)
+    }
+
+    /// The same for an image that must not span more than `most` bytes: its address leaves no more. What is to blame is
+    /// named: a stride, if the image would fit without it.
+    pub(crate) fn resolve_within(&self, name: &str, channels: usize, most: usize) -> Result<TexelLayout> {
         let &ImageLayout { width, height, format, origin, .. } = self;
         if width == 0 || height == 0 {
             return Err(Error::argument(format!("{name}: the size is {width}x{height}, a side is zero")));
         }
+        let most = most.min(isize::MAX as usize);
         let texel = format.size() * channels;
+        // `last` steps of `stride` bytes, then `size` bytes.
+        let span = |last: u32, stride: usize, size: usize| {
+            let bytes = (last as usize).checked_mul(stride).and_then(|n| n.checked_add(size));
+            bytes.filter(|&n| n <= most)
+        };
+        let packed = span(width - 1, texel, texel).and_then(|row| span(height - 1, row, row));
+        if packed.is_none() {
+            return Err(Error::argument(format!("{name}: {width}x{height} texels are too large")));
+        }
         let pixel_stride = self.pixel_stride.unwrap_or(texel);
         if pixel_stride < texel {
             return Err(Error::argument(format!(
                 "{name}: pixel_stride is {pixel_stride} bytes, smaller than a texel ({texel} bytes)"
             )));
         }
-        let too_large = || Error::argument(format!("{name}: {width}x{height} texels are too large"));
-        let row = (width as usize - 1)
-            .checked_mul(pixel_stride)
-            .and_then(|n| n.checked_add(texel))
-            .ok_or_else(too_large)?;
-        let packed = || pixel_stride.checked_mul(width as usize).ok_or_else(too_large);
-        let row_stride = self.row_stride.map_or_else(packed, Ok)?;
+        let too_far = |stride: &str, bytes: usize, count: u32, what: &str| {
+            Error::argument(format!(
+                "{name}: {stride} is {bytes} bytes: {count} {what} that far apart exceed the address space"
+            ))
+        };
+        let wide = || too_far("pixel_stride", pixel_stride, width, "texels");
+        let row = span(width - 1, pixel_stride, texel).ok_or_else(wide)?;
+        // Bytes behind the last texel of a row of its own need not be there.
+        let row_stride = self.row_stride.map_or_else(
+            || if height == 1 { Ok(row) } else { pixel_stride.checked_mul(width as usize).ok_or_else(wide) },
+            Ok,
+        )?;
         if row_stride < row {
             return Err(Error::argument(format!(
                 "{name}: row_stride is {row_stride} bytes, smaller than a row ({row} bytes)"
             )));
         }
-        let bytes = (height as usize - 1)
-            .checked_mul(row_stride)
-            .and_then(|n| n.checked_add(row))
-            .filter(|&n| n <= isize::MAX as usize)
-            .ok_or_else(too_large)?;
+        let bytes = span(height - 1, row_stride, row).ok_or_else(|| match self.row_stride {
+            Some(stride) => too_far("row_stride", stride, height, "rows"),
+            None => wide(),
+        })?;
         Ok(TexelLayout { width, height, format, pixel_stride, row_stride, origin, bytes })
     }
 }
@@ -107,8 +129,8 @@ pub(crate) struct TexelLayout {
     pub width: u32,
     pub height: u32,
     pub format: PixelFormat,
-    pixel_stride: usize,
-    row_stride: usize,
+    pub pixel_stride: usize,
+    pub row_stride: usize,
     origin: Origin,
     /// Bytes that the image spans.
     pub bytes: usize,
@@ -214,9 +236,16 @@ impl<'a> ImageView<'a> {
 /// A host's two-channel image to be written: redirection or warp.
 #[derive(Debug)]
 pub struct ImageViewMut<'a> {
-    bytes: &'a mut [u8],
+    /// No slice: the bytes that strides skip may be another image's, which is written through a view of its own.
+    data: *mut u8,
     pub(crate) layout: TexelLayout,
+    lifetime: PhantomData<&'a mut [u8]>,
 }
+
+// SAFETY: as `&mut [u8]`, for which it stands.
+unsafe impl Send for ImageViewMut<'_> {}
+// SAFETY: as above.
+unsafe impl Sync for ImageViewMut<'_> {}
 
 impl<'a> ImageViewMut<'a> {
     /// A view of `bytes` with two channels (u, v) per texel, f16 or f32; other bytes of a stride are left alone.
@@ -224,22 +253,40 @@ impl<'a> ImageViewMut<'a> {
     /// # Errors
     /// `InvalidArgument` for a zero size, a short stride or too few bytes; `Unsupported` for integer formats.
     pub fn new(name: &str, bytes: &'a mut [u8], layout: ImageLayout) -> Result<ImageViewMut<'a>> {
+        // SAFETY: the bytes are borrowed for as long as the view lives, and their number is checked here.
+        let view = unsafe { ImageViewMut::from_raw(name, bytes.as_mut_ptr(), layout) }?;
+        if bytes.len() < view.layout.bytes {
+            let (given, needed) = (bytes.len(), view.layout.bytes);
+            return Err(Error::argument(format!("{name}: {given} bytes given, {needed} needed")));
+        }
+        Ok(view)
+    }
+
+    /// A view of the image whose first row begins at `data`.
+    ///
+    /// # Errors
+    /// Those of [`ImageViewMut::new`], but for too few bytes.
+    ///
+    /// # Safety
+    /// While the view is in use, the texels are memory that nothing but this view touches; the bytes between them may be
+    /// anyone's.
+    pub(crate) unsafe fn from_raw(
+        name: &str,
+        data: *mut u8,
+        layout: ImageLayout,
+    ) -> Result<ImageViewMut<'a>> {
         if !matches!(layout.format, PixelFormat::F16 | PixelFormat::F32) {
             return Err(Error::new(
                 ErrorKind::Unsupported,
                 format!("{name}: format must be f16 or f32 for an output"),
             ));
         }
-        let layout = layout.resolve(name, 2)?;
-        if bytes.len() < layout.bytes {
-            let (given, needed) = (bytes.len(), layout.bytes);
-            return Err(Error::argument(format!("{name}: {given} bytes given, {needed} needed")));
-        }
-        Ok(ImageViewMut { bytes, layout })
+        let layout = layout.resolve_within(name, 2, usize::MAX - data.addr())?;
+        Ok(ImageViewMut { data, layout, lifetime: PhantomData })
     }
 
     pub(crate) fn as_mut_ptr(&mut self) -> *mut u8 {
-        self.bytes.as_mut_ptr()
+        self.data
     }
 }
 
@@ -255,6 +302,20 @@ mod tests {
         let short = ImageLayout { row_stride: Some(15), ..packed };
         let message = ImageView::new("map", &bytes, short).unwrap_err().message;
         assert!(message.contains("map: row_stride"), "{message}");
+        let message = |layout| ImageView::new("map", &bytes, layout).unwrap_err().message;
+        // What is beyond memory because of a stride is the stride's fault, not the size's.
+        let far = ImageLayout { row_stride: Some(usize::MAX / 2), ..packed };
+        assert!(
+            message(far).starts_with("map: row_stride is 9223372036854775807 bytes: 4 rows"),
+            "{}",
+            message(far)
+        );
+        for row_stride in [None, Some(usize::MAX)] {
+            let far = ImageLayout { pixel_stride: Some(usize::MAX / 2), row_stride, ..packed };
+            assert!(message(far).starts_with("map: pixel_stride is "), "{}", message(far));
+        }
+        let large = ImageLayout::packed(u32::MAX, u32::MAX, PixelFormat::F32);
+        assert_eq!(message(large), "map: 4294967295x4294967295 texels are too large");
         let empty = ImageLayout { width: 0, ..packed };
         assert!(ImageView::new("map", &bytes, empty).unwrap_err().message.contains("zero"));
         assert!(ImageView::new("map", &bytes[..63], packed).is_err());

@@ -4,6 +4,8 @@
 pub(crate) mod constants;
 pub(crate) mod law;
 pub(crate) mod schedule;
+mod stages;
 pub(crate) mod acceptance;
+pub(crate) mod budget;
 pub(crate) mod pbd;
 pub(crate) mod point;

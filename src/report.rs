@@ -164,7 +164,8 @@ pub struct TileReport {
     pub udim: u32,
     /// Cells of the grid in u and v.
     pub grid: [u32; 2],
-    /// Energy of the identity, summed over the charts that were solved or reused.
+    /// Energy of the identity, summed over the charts that were solved or reused; 0, as that of the result, where a time
+    /// budget left no time to compute it.
     pub energy_before: f64,
     /// Energy of the result.
     pub energy: f64,

@@ -10,6 +10,7 @@ use protocol::Protocol;
 mod protocol;
 #[cfg(test)]
 mod tests;
+mod threads;
 
 /// What `protocol` is made of. `tests/loom` gives it loom's.
 mod sync {
@@ -60,26 +61,15 @@ impl Team {
         if team.threads == 1 {
             return f(&team);
         }
-        std::thread::scope(|scope| {
-            // A helper that cannot be started is no error: the others do its work.
-            let helpers: Vec<_> = (1..team.threads)
-                .filter_map(|number| {
-                    let (protocol, address) = (&team.protocol, team.address() as usize);
-                    let help = move || {
-                        let worker = Worker { number, team: address as *const () };
-                        // SAFETY: called within a job that this helper has joined; `run_dyn` keeps its function alive.
-                        protocol.help(|job, k| unsafe { (*job.0)(&worker, k) });
-                    };
-                    std::thread::Builder::new().spawn_scoped(scope, help).ok()
-                })
-                .collect();
+        let (protocol, address) = (&team.protocol, team.address() as usize);
+        let help = |number| {
+            let worker = Worker { number, team: address as *const () };
+            // SAFETY: called within a job that this helper has joined; `run_dyn` keeps its function alive.
+            protocol.help(|job, k| unsafe { (*job.0)(&worker, k) });
+        };
+        threads::with(1..team.threads, help, || {
             let result = catch_unwind(AssertUnwindSafe(|| f(&team)));
             team.protocol.quit();
-            // A scope waits for what its threads run, not for their ends, which are this library's code as well: a
-            // host may unload it right after the call.
-            for helper in helpers {
-                let _ = helper.join();
-            }
             result.unwrap_or_else(|panic| resume_unwind(panic))
         })
     }

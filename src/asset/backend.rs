@@ -1,17 +1,18 @@
 //! The one place that knows which backend solves a tile: its memory, a run, and where the result was left.
 
+use std::cell::RefCell;
 use std::sync::Arc;
-use std::time::Instant;
 
 use crate::device::Device;
 use crate::error::Result;
 use crate::mesh::TileMesh;
+use crate::method::budget::Clock;
 use crate::method::schedule::{self, ChartResult, Input, Plan, Stages, Summary};
 use crate::report::GpuWork;
 use crate::settings::Solver;
 use crate::team::Team;
 use crate::tile::Grid;
-use crate::tile::blocks::{NODES, Plane};
+use crate::tile::blocks::Plane;
 use crate::{cpu, gpu};
 
 #[cfg(feature = "gpu")]
@@ -76,8 +77,8 @@ pub(super) struct Job<'a> {
     pub input: Input<'a>,
     pub grid: &'a Arc<Grid>,
     pub plan: &'a Plan,
-    /// When the call began: the time budget counts from then.
-    pub called: Instant,
+    /// The time that there is.
+    pub clock: RefCell<Clock>,
     /// The tile's last result on the same grid.
     pub last: Option<&'a Warp>,
     /// Charts that are not solved keep their last result if they are in here, and become the identity if not.
@@ -102,24 +103,29 @@ impl Job<'_> {
         self.input.charts.contains(&true)
     }
 
-    /// The last result in host memory, if the solve is pulled towards it; else nothing.
+    /// The last result in host memory, if the solve starts from it or is pulled towards it; else nothing.
     pub fn anchor(&self) -> Result<&[[Plane; 2]]> {
-        self.last.filter(|_| self.input.pull > 0.0).map_or(Ok(&[]), Warp::host)
+        self.last.filter(|_| self.plan.warm).map_or(Ok(&[]), Warp::host)
     }
 
     /// Runs the schedule, if a chart has to be solved.
     pub fn run_schedule(&self, stages: &mut impl Stages) -> Summary {
         let warm = self.plan.warm && self.last.is_some();
-        if self.solves() { schedule::run(stages, self.plan, warm, self.called) } else { Summary::default() }
+        let clock = &mut self.clock.borrow_mut();
+        if self.solves() { schedule::run(stages, self.plan, warm, clock) } else { Summary::default() }
     }
 
-    /// The last result of the charts that keep it, the identity elsewhere, in host memory.
+    /// The last result of the charts that keep it and are not solved, the identity elsewhere, in host memory. The
+    /// identity's pages are taken when they are written.
     pub fn initial_displacements(&self) -> Result<Vec<[Plane; 2]>> {
         let blocks = &self.grid.levels[0].blocks;
-        let Some(last) = self.last else { return Ok(vec![[[0.0; NODES]; 2]; blocks.list.len()]) };
-        let mut u = last.host()?.to_vec();
-        for (range, _) in blocks.of_chart.iter().zip(self.keep).filter(|(_, keep)| !**keep) {
-            u[range.clone()].fill([[0.0; NODES]; 2]);
+        let mut u = cpu::zeroed(blocks.list.len());
+        let stays = |c: usize| self.keep[c] && !self.input.charts[c];
+        if let Some(last) = self.last.filter(|_| (0..self.keep.len()).any(stays)) {
+            let last = last.host()?;
+            for (_, range) in blocks.of_chart.iter().enumerate().filter(|(c, _)| stays(*c)) {
+                u[range.clone()].copy_from_slice(&last[range.clone()]);
+            }
         }
         Ok(u)
     }

@@ -23,8 +23,9 @@ pub enum FetchKind {
     Redirection,
     /// The same less the texel centre itself, in UV.
     RedirectionDelta,
-    /// The warp itself at the nodes, absolute within the tile; (nx+1) x (ny+1) texels give the nodes exactly, any
-    /// other size its bilinear interpolation from corner to corner.
+    /// The warp itself, absolute within the tile, from border to border: (nx+1) x (ny+1) texels give the nodes exactly.
+    /// At any other size each cell is two triangles, split by its diagonal from (0,0) to (1,1), and the warp is affine on
+    /// each: what the redirection inverts.
     Warp,
 }
 
@@ -90,10 +91,12 @@ pub(super) fn write(
                         (cell as usize, at - cell)
                     });
                     let u = |di: usize, dj: usize, k: usize| f64::from(nodes[(j + dj) * width + i + di][k]);
+                    // Along the longer of s and t to the triangle's third corner, then to the far one (method §9).
+                    let (third, first, second) = if s >= t { ([1, 0], s, t) } else { ([0, 1], t, s) };
                     let uv = [(i, s, 0), (j, t, 1)].map(|(cell, along, k)| {
-                        let low = u(0, 0, k) + s * (u(1, 0, k) - u(0, 0, k));
-                        let high = u(0, 1, k) + s * (u(1, 1, k) - u(0, 1, k));
-                        (cell as f64 + along + low + t * (high - low)) / cells[k]
+                        let (near, far, third) = (u(0, 0, k), u(1, 1, k), u(third[0], third[1], k));
+                        let moved = near + first * (third - near) + second * (far - third);
+                        (cell as f64 + along + moved) / cells[k]
                     });
                     canvas.put(x, y, uv);
                 }

@@ -1,9 +1,8 @@
 //! Both backends on an asset's tile, side by side or one after the other: for tests and support.
 
-use std::time::Instant;
-
 use super::Asset;
 use crate::error::{Error, ErrorKind, Result};
+use crate::method::budget::Clock;
 use crate::method::schedule::{self, Input, Plan};
 use crate::oracle::parity::StageDifference;
 use crate::oracle::parity::pair::Pair;
@@ -56,7 +55,7 @@ impl Asset {
             context.contain(|| {
                 let gpu = gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()])?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
-                schedule::run(&mut pair, &plan, false, Instant::now());
+                schedule::run(&mut pair, &plan, false, &mut Clock::unlimited());
                 pair.finish()
             })?
         })

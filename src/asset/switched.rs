@@ -129,6 +129,22 @@ impl Stages for Switched<'_> {
         self.at(Point::Certify).certify(allow_folds);
     }
 
+    fn is_done_on_return(&self) -> bool {
+        false
+    }
+
+    fn blocks(&self, level: usize) -> usize {
+        self.cpu.blocks(level)
+    }
+
+    fn triangle_count(&self) -> usize {
+        self.cpu.triangle_count()
+    }
+
+    fn give_up(&mut self) {
+        self.at(Point::Certify).give_up();
+    }
+
     fn wait(&mut self) {
         let on: &mut dyn Stages = if self.on_gpu { &mut self.gpu } else { &mut self.cpu };
         on.wait();

@@ -1,13 +1,14 @@
 //! One tile of an asset: its maps, its grid (built when needed), its solver's memory, and its last good result.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::ImageView;
 use crate::map::{Map, TexelRect};
 use crate::mesh::{Mesh, TileMesh};
+use crate::method::budget::{Clock, History};
 use crate::method::schedule::{ChartResult, Input, Plan, Summary};
 use crate::report::{GpuWork, TileEstimate, TileInfo, TileReport};
 use crate::settings::{LogLevel, Solver, TileSettings};
@@ -32,6 +33,8 @@ pub(super) struct SolveCall<'a> {
     pub plan: &'a Plan,
     /// When it began.
     pub start: Instant,
+    /// The time that the tile may take, from then on.
+    pub budget: Option<Duration>,
 }
 
 /// One tile of an asset.
@@ -40,8 +43,9 @@ pub(super) struct TileState {
     pub maps: TileMaps,
     grid: Option<Arc<Grid>>,
     solver: Option<TileSolver>,
-    /// Bytes of the solver's memory.
+    /// Bytes of the solver's memory, and what it was used for.
     solver_bytes: u64,
+    history: History,
     pub solved: Option<Solved>,
     /// The memory that the device has on its account for this tile.
     booked: u64,
@@ -199,6 +203,11 @@ impl TileState {
         Ok(Solved { grid, warp, inputs, results, overlap, report, work })
     }
 
+    /// Nodes that a solve may have to move, by the present grid; 0 without one.
+    pub fn movable_nodes(&self) -> u64 {
+        self.grid.as_ref().map_or(0, |grid| grid.movable.iter().sum())
+    }
+
     /// The last result, if it was solved on a grid with the same blocks.
     fn last(&self, grid: &Arc<Grid>) -> Option<&Solved> {
         self.solved.as_ref().filter(|solved| solved.grid.has_blocks_of(grid))
@@ -286,9 +295,14 @@ impl TileState {
         let continuation = call.plan.continuation;
         let pull = if last.is_some() { call.plan.temporal_weight } else { 0.0 };
         let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation, pull };
-        let (team, plan, called) = (call.team, call.plan, call.start);
-        let job = Job { team, input, grid, plan, called, last, keep: &keep };
+        let (team, plan) = (call.team, call.plan);
+        let history = std::mem::take(&mut self.history);
+        let clock = Clock::new(call.start, call.budget, *call.device.costs(), history).into();
+        let job = Job { team, input, grid, plan, clock, last, keep: &keep };
         let solution = solver.run(&job);
+        let Clock { costs, history, .. } = job.clock.into_inner();
+        self.history = history;
+        *call.device.costs() = costs;
         match solution {
             Ok(_) => self.solver = Some(solver),
             Err(error) => {
@@ -351,6 +365,7 @@ impl TileState {
     fn give_up(&mut self, device: &Device, tile: &TileMesh, error: Error) -> Error {
         self.solver = None;
         self.solver_bytes = 0;
+        self.history = History::default();
         if let Some(gpu) = device.gpu() {
             gpu.reclaim();
         }
@@ -362,6 +377,7 @@ impl TileState {
     /// Drops the solver.
     fn forget(&mut self, device: &Device) {
         self.solver_bytes = 0;
+        self.history = History::default();
         if self.solver.take().is_some()
             && let Some(gpu) = device.gpu()
         {

@@ -45,8 +45,22 @@ impl Run<'_> {
                     ..*result
                 };
             }
-            for b in self.grid.levels[0].blocks.of_chart[c].clone() {
-                self.result[b] = if better { self.memory.levels[0].u[b] } else { [[0.0; NODES]; 2] };
+            let blocks = self.grid.levels[0].blocks.of_chart[c].clone();
+            let u = &self.memory.levels[0].u[blocks.clone()];
+            let result = SharedSlice::new(&mut self.result[blocks]);
+            self.team.run(u.len(), |k| {
+                // SAFETY: each item has its own block.
+                unsafe { *result.get_mut(k) = if better { u[k] } else { [[0.0; NODES]; 2] } };
+            });
+        }
+    }
+
+    /// Makes the identity the result of all charts that are solved, without a look at the nodes.
+    pub(super) fn fall_back_everywhere(&mut self) {
+        for c in (0..self.charts.len()).filter(|&c| self.charts[c]) {
+            self.results[c] = ChartResult { min_jacobian: 1.0, fallback: true, ..ChartResult::default() };
+            if self.result_is_used {
+                self.result[self.grid.levels[0].blocks.of_chart[c].clone()].fill([[0.0; NODES]; 2]);
             }
         }
     }

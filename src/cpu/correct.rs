@@ -15,6 +15,8 @@ mod tests;
 mod transfer;
 mod workspace;
 
+use std::time::Instant;
+
 use crate::method::acceptance::{Correction, Gain};
 use crate::method::law::TRIAL_FRACTIONS;
 use crate::tile::blocks::{NODES, Plane};
@@ -30,13 +32,22 @@ use rows::Rows;
 pub(super) use workspace::Workspace;
 use workspace::{SolvingLevel, Stepping};
 
+/// How much longer than what is done of a correction the rest of it takes, up to its first trial: measured on level 0.
+const AFTER_ASSEMBLY: f64 = 1.8;
+const AFTER_SYSTEMS: f64 = 1.2;
+const AFTER_SOLUTION: f64 = 0.35;
+/// The same for a further trial.
+const AFTER_TRIAL: f64 = 0.25;
+
 impl Run<'_> {
     /// Corrects the state of `level`, and stores the step fractions of its next correction.
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
+        self.began = Instant::now();
         let mut workspace = std::mem::take(&mut self.memory.workspace);
         // The last result is not needed any more, since a warm start has read it. Its memory holds the step until
         // certification writes the new result.
         let result = std::mem::take(&mut self.result);
+        self.result_is_used |= level == 0;
         let mut fraction = std::mem::take(&mut workspace.next_fraction);
         if correction.first {
             fraction.fill(1.0);
@@ -49,18 +60,50 @@ impl Run<'_> {
         let mut assembling = workspace.assembling(level, result);
         let (rows, residual) = assembling.system();
         let before = self.with_surface(level, assemble::Assemble { rows, residual, level });
-        let mut buffers = std::mem::take(&mut self.memory.levels);
-        let mut solving = assembling.solving(&mut buffers[level..]);
-        self.complete_systems(level, &mut solving.levels, correction.first);
-        let predicted = self.conjugate_gradients(level, &mut solving);
-        let mut limiting = solving.limiting();
-        self.memory.levels = buffers;
-        step_limit::limit(self, level, &mut limiting);
-        self.try_fractions(level, limiting.stepping(), correction, &before, &predicted, &mut fraction);
+        if !self.stops_now(level, &before, AFTER_ASSEMBLY) {
+            let mut buffers = std::mem::take(&mut self.memory.levels);
+            let mut solving = assembling.solving(&mut buffers[level..]);
+            self.complete_systems(level, &mut solving.levels, correction.first);
+            let solve = !self.stops_now(level, &before, AFTER_SYSTEMS);
+            let predicted = if solve { self.conjugate_gradients(level, &mut solving) } else { Vec::new() };
+            let mut limiting = solving.limiting();
+            self.memory.levels = buffers;
+            if solve && !self.stops_now(level, &before, AFTER_SOLUTION) {
+                step_limit::limit(self, level, &mut limiting);
+                self.try_fractions(
+                    level,
+                    limiting.stepping(),
+                    correction,
+                    &before,
+                    &predicted,
+                    &mut fraction,
+                );
+            }
+        }
         workspace.next_fraction = fraction;
         self.result = result;
         self.memory.workspace = workspace;
         self.work = all_work;
+    }
+
+    /// Whether there is no time for the rest, so that the correction ends here: it takes `rest` times as long as what is
+    /// done. The displacements are still those before it, and so is the energy, but the memory of the samples may hold
+    /// other quantities.
+    fn stops_now(&mut self, level: usize, before: &[f64], rest: f64) -> bool {
+        // With a pull, certification needs the samples of level 0.
+        if level == 0 && self.weights[0].pull > 0.0 {
+            return false;
+        }
+        let Some(stop) = self.stop else { return false };
+        self.stopped |= Instant::now() + self.began.elapsed().mul_f64(rest) > stop;
+        if self.stopped && level == 0 {
+            let list = &self.grid.levels[level].blocks.list;
+            for &b in &self.work[level].active {
+                let c = list[b as usize].chart as usize;
+                self.known_energies[c] = Some(before[c]);
+            }
+        }
+        self.stopped
     }
 
     /// Completes the matrix of `level`, and forms those of all coarser levels from it if this is the level's first
@@ -100,6 +143,16 @@ impl Run<'_> {
             self.work[level].retain(|b| open[list[b as usize].chart as usize]);
             let blocks = self.work[level].active.clone();
             if blocks.is_empty() {
+                break;
+            }
+            if trial > 0 && self.stops_now(level, before, AFTER_TRIAL) {
+                // What has not been accepted is taken back.
+                let u = SharedSlice::new(&mut self.memory.levels[level].u);
+                self.team.run(blocks.len(), |k| {
+                    let b = blocks[k] as usize;
+                    // SAFETY: each item has its own block.
+                    unsafe { *u.get_mut(b) = *displacement.get(b) };
+                });
                 break;
             }
             self.move_and_resample(level, &blocks, Start::Present, |b, u| {

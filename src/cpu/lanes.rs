@@ -137,18 +137,22 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
         fn avx512<K: Vectorised>(kernel: K) -> K::Output {
             kernel.run::<f32x8<Avx2>>()
         }
+        // A function of its own, or its variables would take up stack under each of the others.
+        #[inline(never)]
+        fn baseline<K: Vectorised>(kernel: K) -> K::Output {
+            kernel.run::<f32x8<Baseline>>()
+        }
         match level() {
             // SAFETY: the processor has it.
-            Level::Avx512 => return unsafe { avx512(kernel) },
-            Level::Avx2 => {
-                return vector::token::<Avx2>().vectorize(
-                    #[inline(always)]
-                    || kernel.run::<f32x8<Avx2>>(),
-                );
-            }
-            Level::Baseline => {}
+            Level::Avx512 => unsafe { avx512(kernel) },
+            Level::Avx2 => vector::token::<Avx2>().vectorize(
+                #[inline(always)]
+                || kernel.run::<f32x8<Avx2>>(),
+            ),
+            Level::Baseline => baseline(kernel),
         }
     }
+    #[cfg(not(target_arch = "x86_64"))]
     kernel.run::<f32x8<Baseline>>()
 }
 

@@ -2,10 +2,9 @@
 
 use std::sync::{Arc, Weak};
 
-use crate::mesh::NONE;
 use crate::settings::Solver;
 use crate::tile::Grid;
-use crate::tile::blocks::{NODES, Plane};
+use crate::tile::blocks::Plane;
 
 use super::allocate::{Allocate, Count, Heap};
 use super::correct::Workspace;
@@ -21,7 +20,7 @@ pub(super) struct Buffers {
     pub u: Vec<[Plane; 2]>,
     /// Position f(W(p)) on the finest level, metric at W(p) on coarser ones.
     pub value: Vec<[Plane; 3]>,
-    /// The triangle under W(p); finest level only.
+    /// The triangle under W(p); finest level only. A solve writes it before it reads it.
     pub triangle: Vec<Plane<u32>>,
     /// Pose metrics at the nodes; coarser levels only.
     pub metric: Vec<[Plane; 3]>,
@@ -31,9 +30,9 @@ impl Buffers {
     /// Allocates the state of `blocks` blocks, without pose metrics.
     pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
         Buffers {
-            u: allocator.array([[0.0; NODES]; 2], blocks),
-            value: allocator.array([[0.0; NODES]; 3], blocks),
-            triangle: allocator.array([NONE; NODES], if finest { blocks } else { 0 }),
+            u: allocator.zeros(blocks),
+            value: allocator.zeros(blocks),
+            triangle: allocator.zeros(if finest { blocks } else { 0 }),
             metric: Vec::new(),
         }
     }
@@ -84,7 +83,7 @@ impl Memory {
         let mut levels = Vec::with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
-            let metric = allocator.array([[0.0; NODES]; 3], if k > 0 { blocks } else { 0 });
+            let metric = allocator.zeros(if k > 0 { blocks } else { 0 });
             levels.push(Buffers { metric, ..Buffers::new(allocator, blocks, k == 0) });
         }
         let (workspace, pbd) = match solver {
@@ -93,8 +92,8 @@ impl Memory {
                 (Workspace::without_corrections(allocator, grid), PbdBuffers::new(allocator, grid))
             }
         };
-        let triangles = allocator.array(TriangleRecord::default(), grid.triangles.len());
-        let metrics = allocator.array([0.0; 3], grid.triangles.len());
+        let triangles = allocator.zeros(grid.triangles.len());
+        let metrics = allocator.zeros(grid.triangles.len());
         Memory { blocks: Weak::new(), solver, levels, workspace, pbd, triangles, metrics }
     }
 

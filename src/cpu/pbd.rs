@@ -11,7 +11,7 @@ use std::sync::atomic::Ordering;
 
 use crate::method::pbd::{Iteration, SETS};
 use crate::tile::Grid;
-use crate::tile::blocks::{NODES, Plane};
+use crate::tile::blocks::Plane;
 
 use super::allocate::Allocate;
 use super::memory::Buffers;
@@ -38,7 +38,7 @@ impl PbdBuffers {
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
             let next = Buffers::new(allocator, blocks, k == 0);
-            all.push(PbdBuffers { next, previous: allocator.array([[0.0; NODES]; 2], blocks) });
+            all.push(PbdBuffers { next, previous: allocator.zeros(blocks) });
         }
         all
     }

@@ -33,7 +33,7 @@ impl Run<'_> {
     pub(super) fn start_from_previous(&mut self) {
         self.start_from_identity(0);
         for &b in &self.work[0].active {
-            self.memory.levels[0].u[b as usize] = self.result[b as usize];
+            self.memory.levels[0].u[b as usize] = self.anchor[b as usize];
         }
         let active = std::mem::take(&mut self.work[0].active);
         self.resample(0, &active, Start::Nearest);
@@ -46,8 +46,22 @@ impl Run<'_> {
             // This also computes the energy of the identity.
             self.start_from_identity(level);
         } else {
-            self.reset_inactive_blocks(level);
+            let inactive = self.zero_inactive_blocks(level);
+            self.resample(level, &inactive, Start::Identity);
         }
+        self.interpolate_active_blocks(level);
+        let active = std::mem::take(&mut self.work[level].active);
+        self.resample(level, &active, Start::Nearest);
+        self.work[level].active = active;
+    }
+
+    /// The displacements alone, for a level whose samples nobody asks for.
+    pub(super) fn interpolate_level(&mut self, level: usize) {
+        self.zero_inactive_blocks(level);
+        self.interpolate_active_blocks(level);
+    }
+
+    fn interpolate_active_blocks(&mut self, level: usize) {
         let (finer, coarser) = self.memory.levels.split_at_mut(level + 1);
         let coarse = &coarser[0].u;
         let u = SharedSlice::new(&mut finer[level].u);
@@ -59,20 +73,18 @@ impl Run<'_> {
             let out = unsafe { u.get_mut(b) };
             interpolate_block(fine_level, coarse_level, |b, c| &coarse[b][c], b, out);
         });
-        let active = std::mem::take(&mut self.work[level].active);
-        self.resample(level, &active, Start::Nearest);
-        self.work[level].active = active;
     }
 
-    /// Sets the stored blocks of a level that are not active to the identity: no stage visits them.
-    fn reset_inactive_blocks(&mut self, level: usize) {
+    /// Sets the displacements of a level's stored blocks that are not active to 0, since no stage visits them, and returns
+    /// these blocks.
+    fn zero_inactive_blocks(&mut self, level: usize) -> Vec<u32> {
         let list = &self.grid.levels[level].blocks.list;
         let inactive: Vec<u32> =
             self.work[level].stored.iter().copied().filter(|&b| !list[b as usize].active).collect();
         for &b in &inactive {
             self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
         }
-        self.resample(level, &inactive, Start::Identity);
+        inactive
     }
 
     /// Stores the energy of the identity, which has to be the present state of the finest level.

@@ -6,7 +6,7 @@ use crate::mesh::NONE;
 use crate::method::law::TANGENT_WEIGHT;
 use crate::tile::Level;
 use crate::tile::blocks::{SIDE, slot};
-use crate::tile::window::{WINDOW_NODES, Window, place};
+use crate::tile::window::{Window, place};
 
 use super::lanes::{LANES, Lanes, Mask, each};
 use super::patch::{NodeState, Patch, State};
@@ -40,8 +40,8 @@ impl Patch {
         from_ends::<V, S>(&p.samples.tangents, p.samples.triangle, &ends)
     }
 
-    /// The slopes at all movable nodes of the window: those of the halo, too, because the far end of an edge moves with
-    /// its own slope. 0 at fixed nodes.
+    /// Sets `slopes` to those at all movable nodes of the window: those of the halo, too, because the far end of an edge
+    /// moves with its own slope. 0 at fixed nodes.
     ///
     /// # Safety
     /// Nothing writes the state meanwhile.
@@ -51,8 +51,9 @@ impl Patch {
         level: &Level,
         state: State,
         surface: S,
-    ) -> [Window; 6] {
-        let mut slopes: [Window; 6] = [[0.0; WINDOW_NODES]; 6];
+        slopes: &mut [Window; 6],
+    ) {
+        slopes.as_flattened_mut().fill(0.0);
         for row in Row::all() {
             let movable = self.movable_lanes::<V>(row);
             if movable.any() {
@@ -73,7 +74,7 @@ impl Patch {
                 }
                 if count == LANES {
                     // SAFETY: the caller's promise.
-                    unsafe { self.halo_slopes::<V, S>(level, state, surface, &places, &mut slopes) };
+                    unsafe { self.halo_slopes::<V, S>(level, state, surface, &places, slopes) };
                     count = 0;
                 }
             }
@@ -82,9 +83,8 @@ impl Patch {
             let first = places[0];
             places[count..].fill(first);
             // SAFETY: the caller's promise.
-            unsafe { self.halo_slopes::<V, S>(level, state, surface, &places, &mut slopes) };
+            unsafe { self.halo_slopes::<V, S>(level, state, surface, &places, slopes) };
         }
-        slopes
     }
 
     /// Sets the slopes at eight nodes of the halo, given by their places in the window.

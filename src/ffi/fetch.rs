@@ -19,7 +19,9 @@ pub const VRTM_FETCH_REDIRECTION: vrtm_fetch_kind = 0;
 pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
 /// The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
 /// absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
-/// size plus one in both directions the texels are the grid's nodes, any other size interpolates. Take f32.
+/// size plus one in both directions the texels are the grid's nodes. Between the nodes the warp is affine on two
+/// triangles per cell, split by the diagonal from the cell's corner of least u and v to that of greatest: all outputs of
+/// a result agree on that, so that at any size the warp of a redirected UV is that UV. Take f32.
 pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
 
 /// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
@@ -54,7 +56,8 @@ fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind> {
 /// A checked fetch: the image's name for messages, the tile's index, what, and where to.
 pub(super) type Wanted = (String, usize, FetchKind, Target);
 
-/// Reads a host's array of fetches for `asset`, and checks that no two outputs share a byte, nor any with `input`.
+/// Reads a host's array of fetches for `asset`, and checks that no two outputs share a byte that is
+/// written, nor any a byte with `input`.
 pub(super) unsafe fn targets(
     asset: vrtm_asset,
     fetches: *const vrtm_fetch,
@@ -94,16 +97,24 @@ pub(super) unsafe fn targets(
     Ok(all)
 }
 
-/// Two mutable views of the same bytes would be undefined behaviour: they are an error instead.
+/// Two views that write the same bytes would be undefined behaviour: they are an error instead. Images may lie between
+/// each other's texels, as two pairs of channels of one image do. The positions are read as a slice of all bytes that
+/// they span, in which nothing may be written.
 fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
-    let mut spans: Vec<_> = all.iter().map(|(name, _, _, target)| (target.span(), name.as_str())).collect();
-    spans.push((input, "positions"));
-    spans.sort_by_key(|(span, _)| span.start);
-    for pair in spans.windows(2) {
-        if let [(first, a), (second, b)] = pair
-            && second.start < first.end
+    let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
+    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collect();
+    sorted.sort_by_key(|(target, _)| target.span().start);
+    for (k, (target, name)) in sorted.iter().enumerate() {
+        let span = target.span();
+        if span.start < input.end && input.start < span.end {
+            return overlap(name, "positions");
+        }
+        for (other, other_name) in
+            sorted[k + 1..].iter().take_while(|(other, _)| other.span().start < span.end)
         {
-            return Err(Failure::argument(format!("{a} and {b} overlap in memory")));
+            if target.written().meet(&other.written()) {
+                return overlap(name, other_name);
+            }
         }
     }
     Ok(())

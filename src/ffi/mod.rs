@@ -19,5 +19,6 @@ pub mod handle;
 pub mod report;
 pub mod solve;
 pub mod status;
+mod strips;
 pub mod tile;
 pub mod types;

@@ -41,7 +41,8 @@ pub struct vrtm_tile_report_data {
     pub grid_width: u32,
     /// Cells of the grid in v.
     pub grid_height: u32,
-    /// Energy of the identity, summed over the charts that were solved or reused.
+    /// Energy of the identity, summed over the charts that were solved or reused; 0, as that of the result, where a time
+    /// budget left no time to compute it.
     pub energy_before: f64,
     /// Energy of the result.
     pub energy: f64,

@@ -65,8 +65,12 @@ pub struct vrtm_solve_options {
     /// original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a
     /// quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
     pub tolerance: f32,
-    /// Stop after about this many milliseconds and keep the best state so far; 0 = no limit. With a limit the result
-    /// depends on the speed of the machine.
+    /// The milliseconds that the call may take, its fetches, measuring and what follows a change of maps or settings
+    /// left out; 0 = no limit. The result is that of the best level of the grid that there is time for, brought up to
+    /// the finest one and certified: never worse than the identity, and the identity itself if there is no time for any
+    /// (the report is then `truncated`, with energies of 0). What work takes is predicted from the last solves: the call
+    /// returns within 1.2 times the budget and 5 ms, unless the machine is suddenly busier than before. On a GPU that
+    /// holds as far as the driver's own delays allow. With a limit the result depends on the speed of the machine.
     pub time_budget_ms: f32,
     /// 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
     pub measure: u32,
@@ -174,8 +178,9 @@ pub unsafe extern "C" fn vrtm_asset_solve(
 
 /// Solves every tile for a pose and writes `count` outputs, in one call: what a host's compute() needs for a frame. As
 /// vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are checked before
-/// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. The images must not
-/// overlap in memory, neither each other nor the positions.
+/// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No two images may
+/// write the same byte, but they may lie between each other's texels, as two pairs of channels of one image do. None may
+/// overlap the memory that the positions span.
 ///
 /// Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile of another asset and
 /// for images that overlap. On an error no image is written, unless a GPU fails while the images are written.

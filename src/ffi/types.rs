@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
-use crate::image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
+use super::strips::Strips;
+use crate::image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat, TexelLayout};
 use crate::view::{Scalar, Strided};
 
 /// The number format of an array's components.
@@ -172,10 +173,19 @@ pub(super) unsafe fn strided_and_span<'a>(
             "{name}.stride is {stride} bytes, smaller than an element ({element} bytes)"
         )));
     }
-    let bytes =
-        (array.count - 1).checked_mul(stride).and_then(|n| n.checked_add(element)).ok_or_else(|| {
-            Failure::argument(format!("{name}.count: {} elements exceed the address space", array.count))
-        })?;
+    let most = (usize::MAX - array.data.addr()).min(isize::MAX as usize);
+    let span = |stride: usize| {
+        let bytes = (array.count - 1).checked_mul(stride).and_then(|n| n.checked_add(element));
+        bytes.filter(|&n| n <= most)
+    };
+    // The stride is to blame if as many elements would fit without it.
+    let bytes = span(stride).ok_or_else(|| {
+        let (count, far) = (array.count, "exceed the address space");
+        Failure::argument(match span(element) {
+            Some(_) => format!("{name}.stride is {stride} bytes: {count} elements that far apart {far}"),
+            None => format!("{name}.count: {count} elements {far}"),
+        })
+    })?;
     // SAFETY: the host vouches for `count` elements.
     let bytes = unsafe { desc::slice(array.data.cast::<u8>(), bytes, name) }?;
     let start = bytes.as_ptr().addr();
@@ -224,17 +234,17 @@ pub(super) unsafe fn image_or_none<'a>(
     }
     let size = [image.width, image.height];
     let layout = layout(image.format, size, [image.pixel_stride, image.row_stride], image.origin, name)?;
-    let bytes = layout.resolve(name, 1)?.bytes;
+    let bytes = layout.resolve_within(name, 1, usize::MAX - image.data.addr())?.bytes;
     // SAFETY: the host vouches for the memory that the layout spans.
     let bytes = unsafe { desc::slice(image.data.cast::<u8>(), bytes, name) }?;
     Ok(Some(ImageView::new(name, bytes, layout)?))
 }
 
-/// An output image that was checked, but is no reference yet: several may be alive at once.
+/// An output image that was checked, but is no view yet: several may be alive at once.
 pub(super) struct Target {
     data: *mut u8,
-    bytes: usize,
     layout: ImageLayout,
+    texels: TexelLayout,
 }
 
 impl Target {
@@ -251,23 +261,29 @@ impl Target {
         if !matches!(layout.format, PixelFormat::F32 | PixelFormat::F16) {
             return Err(Failure::unsupported(format!("{name}.format must be f32 or f16 for an output")));
         }
-        let bytes = layout.resolve(name, 2)?.bytes;
         let data = image.data.cast::<u8>();
-        if data.addr().checked_add(bytes).is_none() {
-            return Err(Failure::argument(format!("{name}: {bytes} bytes exceed the address space")));
-        }
-        Ok(Target { data, bytes, layout })
+        let texels = layout.resolve_within(name, 2, usize::MAX - data.addr())?;
+        Ok(Target { data, layout, texels })
     }
 
     /// Addresses from the first byte to the one after the last.
     pub fn span(&self) -> Range<usize> {
-        self.data.addr()..self.data.addr() + self.bytes
+        self.data.addr()..self.data.addr() + self.texels.bytes
     }
 
-    /// The image to write to. No other view of the same memory may be alive.
+    /// The bytes that are written.
+    pub fn written(&self) -> Strips {
+        let TexelLayout { width, height, pixel_stride, row_stride, .. } = self.texels;
+        Strips {
+            start: self.data.addr(),
+            size: self.texels.format.size() * 2,
+            steps: [(width as usize, pixel_stride), (height as usize, row_stride)],
+        }
+    }
+
+    /// The image to write to. Nothing else may touch its texels while it is in use.
     pub unsafe fn view<'a>(&self, name: &str) -> Outcome<ImageViewMut<'a>> {
         // SAFETY: the host vouches for the memory that the layout spans.
-        let bytes = unsafe { desc::slice_mut(self.data, self.bytes, name) }?;
-        Ok(ImageViewMut::new(name, bytes, self.layout)?)
+        Ok(unsafe { ImageViewMut::from_raw(name, self.data, self.layout) }?)
     }
 }

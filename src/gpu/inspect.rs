@@ -1,7 +1,6 @@
 //! Reading and setting a run's state from outside, for the comparison with the other backend and for switching to it.
 //! Every call submits the commands recorded so far; calls that read wait for them.
 
-#[cfg(feature = "oracle")]
 use super::layout::{
     Chart, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SELECT_ALL, STATE_PLANES, Triangle, VECTOR_PLANES,
 };

@@ -143,6 +143,23 @@ impl Stages for Run<'_> {
         self.exchange(0, BandBuffer::Result);
     }
 
+    fn is_done_on_return(&self) -> bool {
+        false
+    }
+
+    fn blocks(&self, level: usize) -> usize {
+        self.memory.lists[level].iter().map(|lists| lists.active.count as usize).sum()
+    }
+
+    fn triangle_count(&self) -> usize {
+        self.grid.triangles.len()
+    }
+
+    /// Until certification, the result is the identity where charts are solved.
+    fn give_up(&mut self) {
+        self.gave_up = true;
+    }
+
     fn wait(&mut self) {
         self.recorder.flush();
         if let Err(error) = self.context.wait() {

@@ -17,7 +17,6 @@
 //!
 //! What the paper leaves open, what was chosen, and the figures that chose it, stand in method §10.
 
-use super::schedule::{Stages, Summary};
 use crate::settings::PbdValues;
 use crate::tile::EDGES;
 
@@ -74,39 +73,18 @@ impl Set {
     }
 }
 
-/// Does a level's iterations. `late` returns whether the time budget is exceeded.
-pub(crate) fn level<S: Stages>(
-    stages: &mut S,
-    settings: &PbdValues,
-    level: usize,
-    coarsest: usize,
-    late: impl Fn(&mut S) -> bool,
-    summary: &mut Summary,
-) {
-    if level < coarsest {
-        stages.regularise(level, settings.smoothing);
-    }
-    if summary.truncated {
-        return;
-    }
-    let correction = (0..level).fold(1.0, |factor, _| factor * settings.coarse_correction);
-    for n in 1..=settings.iterations {
-        // The last iteration does not predict, so it has to be known before it that it is the last.
-        summary.truncated = late(stages);
-        let last = n == settings.iterations || summary.truncated;
-        let iteration = Iteration {
-            first: n == 1,
-            regularise: last || n % PROJECTIONS == 0,
+impl PbdValues {
+    /// The `n`-th iteration on a level, counted from 0. `stop` makes it the last one.
+    pub(crate) fn iteration(&self, level: usize, n: u32, stop: bool) -> Iteration {
+        let last = n + 1 == self.iterations || stop;
+        Iteration {
+            first: n == 0,
+            regularise: last || (n + 1).is_multiple_of(PROJECTIONS),
             last,
-            momentum: 1.0 - settings.damping,
-            orientation: settings.orientation_preservation,
-            smoothing: settings.smoothing,
-            correction,
-        };
-        stages.iterate(level, &iteration);
-        summary.sweeps += 1;
-        if summary.truncated {
-            return;
+            momentum: 1.0 - self.damping,
+            orientation: self.orientation_preservation,
+            smoothing: self.smoothing,
+            correction: (0..level).fold(1.0, |factor, _| factor * self.coarse_correction),
         }
     }
 }

@@ -5,8 +5,9 @@
 use std::time::{Duration, Instant};
 
 use super::acceptance::Correction;
+use super::budget::{Clock, Work};
 use super::law::SWEEPS_PER_PASS;
-use super::pbd;
+pub(crate) use super::stages::Stages;
 use crate::mesh::TileMesh;
 use crate::report::StageTimes;
 use crate::settings::{PbdValues, Quality, SolveOptions, Solver, TileSettings};
@@ -44,37 +45,6 @@ pub(crate) struct ChartResult {
     pub max_displacement: f32,
     /// True if the identity took the place of the solver's warp (method §8).
     pub fallback: bool,
-}
-
-/// The stages of a backend, for the charts of one tile that are to be solved. No stage returns anything on which the
-/// schedule would have to decide: a GPU runs all of it without a readback.
-pub(crate) trait Stages {
-    /// Levels of the grid; 0 is the finest.
-    fn levels(&self) -> usize;
-    /// Computes the pose's triangles and their metrics.
-    fn surface(&mut self);
-    /// Computes the pose's metrics on all coarser levels.
-    fn pyramid(&mut self);
-    /// Sets a level to the identity.
-    fn identity(&mut self, level: usize);
-    /// Sets level 0 to the previous result.
-    fn previous(&mut self);
-    /// Interpolates the displacements of a level from the next coarser one (method §3).
-    fn prolong(&mut self, level: usize);
-    /// Relaxes a level node by node (method §6).
-    fn relax(&mut self, level: usize, sweeps: u32);
-    /// Does one Gauss-Newton step for all nodes of a level, relaxes, and accepts or refuses chart by chart (method §7).
-    fn correct(&mut self, level: usize, correction: &Correction);
-    /// Does one iteration of the paper's solver on a level (method §10).
-    fn iterate(&mut self, level: usize, iteration: &pbd::Iteration);
-    /// Smooths a level's displacements after interpolation, as the paper does.
-    fn regularise(&mut self, level: usize, smoothing: f32);
-    /// Computes energies and corner Jacobians, and applies the fallback (method §8): a chart that is folded, or whose
-    /// energy is not finite or above that of the identity, becomes the identity; with `allow_folds`, only one whose
-    /// energy is not finite.
-    fn certify(&mut self, allow_folds: bool);
-    /// Waits until all stages called so far are done. Called before the clock is read, if there is a time budget.
-    fn wait(&mut self) {}
 }
 
 /// The work of a solve, from its options (method §5).
@@ -144,72 +114,277 @@ pub(crate) struct Summary {
     pub truncated: bool,
 }
 
-/// Runs the schedule. The plan's budget counts from `start`.
-pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, start: Instant) -> Summary {
-    let mut summary = Summary::default();
-    let mut times = StageTimes::default();
-    timed(&mut times.surface, || stages.surface());
-    timed(&mut times.pyramid, || stages.pyramid());
+/// Runs the schedule.
+pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, clock: &mut Clock) -> Summary {
     let coarsest = if warm { 0 } else { stages.levels() - 1 };
+    let mut run =
+        Schedule { stages, plan, clock, coarsest, summary: Summary::default(), state_is_corrected: false };
+    let least = run.least(warm);
+    if !run.clock.fits(least) {
+        run.clock.doubt(least);
+        return run.give_up();
+    }
+    run.stage(Work::Surface, 0, |times| &mut times.surface, |stages| stages.surface());
+    run.stage(Work::Pyramid, 0, |times| &mut times.pyramid, |stages| stages.pyramid());
+    let mut reached = coarsest;
     for level in (0..=coarsest).rev() {
-        timed(&mut times.prolong, || {
-            if level < coarsest {
-                stages.prolong(level);
-            } else if warm {
-                stages.previous();
-            } else {
-                stages.identity(level);
-            }
-        });
-        match &plan.pbd {
-            None => {
-                if warm && !is_late(stages, plan, start) {
-                    // On no level has the last frame's result been relaxed for this pose.
-                    summary.sweeps += plan.sweeps[0];
-                    timed(&mut times.relax, || stages.relax(level, plan.sweeps[0]));
+        if level < coarsest && !run.has_time_for(level) {
+            run.summary.truncated = true;
+            break;
+        }
+        if level == 0 && run.clock.is_over(run.start(0) + run.certificate()) {
+            return run.give_up();
+        }
+        run.enter(level, warm);
+        run.work(level, warm);
+        reached = level;
+        if run.summary.truncated {
+            break;
+        }
+    }
+    if reached > 0 {
+        run.bring_up(reached);
+        if run.clock.is_over(run.start(0) + run.certificate()) {
+            return run.give_up();
+        }
+        run.enter(0, false);
+    }
+    if run.clock.is_over(run.certificate()) {
+        return run.give_up();
+    }
+    let work = if run.state_is_corrected { Work::CertifyKnown } else { Work::Certify };
+    let allow_folds = plan.pbd.is_some();
+    run.stage(work, 0, |times| &mut times.certify, |stages| stages.certify(allow_folds));
+    run.summary
+}
+
+/// A schedule that is being run.
+struct Schedule<'a, S> {
+    stages: &'a mut S,
+    plan: &'a Plan,
+    clock: &'a mut Clock,
+    coarsest: usize,
+    summary: Summary,
+    /// Whether a correction was the last to change level 0, so that its energy is known.
+    state_is_corrected: bool,
+}
+
+impl<S: Stages> Schedule<'_, S> {
+    /// Runs a stage, and adds the milliseconds that it takes to one of the times.
+    fn stage(
+        &mut self,
+        work: Work,
+        level: usize,
+        time: impl FnOnce(&mut StageTimes) -> &mut f32,
+        stage: impl FnOnce(&mut S),
+    ) {
+        let blocks = self.blocks(work, level);
+        let start = Instant::now();
+        stage(self.stages);
+        if self.clock.is_limited() {
+            self.stages.wait();
+        }
+        let seconds = start.elapsed().as_secs_f64();
+        *time(&mut self.summary.times) += seconds as f32 * 1000.0;
+        // Without a budget, a GPU has only been told what to do by now. A stage that was stopped tells nothing.
+        let tells = self.clock.is_limited() || self.stages.is_done_on_return();
+        if tells && !self.stages.was_stopped() {
+            self.clock.learn(work, level, blocks, seconds);
+        }
+        self.state_is_corrected = level == 0 && matches!(work, Work::FinestFirst | Work::FinestFurther);
+    }
+
+    /// What the time of a kind of work on a level is proportional to.
+    fn blocks(&self, work: Work, level: usize) -> f64 {
+        let count = match work {
+            Work::Surface => self.stages.triangle_count().div_ceil(256),
+            // Each level has a quarter of the blocks of the next finer one.
+            Work::Pyramid => self.stages.blocks(1.min(self.stages.levels() - 1)),
+            Work::FinestFurther => self.stages.open_blocks(level),
+            _ => self.stages.blocks(level),
+        };
+        let sweeps = self.plan.sweeps[usize::from(level > 0)];
+        count as f64 * if matches!(work, Work::Relax | Work::FinestRelax) { f64::from(sweeps) } else { 1.0 }
+    }
+
+    fn seconds(&self, work: Work, level: usize) -> f64 {
+        self.clock.predict(work, level, self.blocks(work, level))
+    }
+
+    /// The kind of work that `n` steps on a level are followed by.
+    fn step(&self, level: usize, n: u32) -> Work {
+        let finest = level == 0;
+        match (self.plan.pbd.is_some(), self.plan.corrections[usize::from(!finest)]) {
+            (true, _) if finest => Work::FinestIterate,
+            (true, _) => Work::Iterate,
+            (false, 0) if finest => Work::FinestRelax,
+            (false, 0) => Work::Relax,
+            (false, _) if finest && n == 0 => Work::FinestFirst,
+            (false, _) if finest => Work::FinestFurther,
+            (false, _) => Work::Correct,
+        }
+    }
+
+    /// Seconds for the start of a level.
+    fn start(&self, level: usize) -> f64 {
+        self.seconds(if level == 0 { Work::FinestStart } else { Work::Prolong }, level)
+    }
+
+    /// Seconds for certifying level 0 as it is.
+    fn certificate(&self) -> f64 {
+        self.seconds(if self.state_is_corrected { Work::CertifyKnown } else { Work::Certify }, 0)
+    }
+
+    /// Seconds for making a result of a level as it is.
+    fn finish(&self, level: usize) -> f64 {
+        if level == 0 {
+            return self.certificate();
+        }
+        let skips: f64 = (1..level).map(|level| self.seconds(Work::Skip, level)).sum();
+        skips + self.start(0) + self.seconds(Work::Certify, 0)
+    }
+
+    /// Seconds for a result of the coarsest level.
+    fn least(&self, warm: bool) -> f64 {
+        let way = self.seconds(Work::Surface, 0) + self.seconds(Work::Pyramid, 0) + self.start(self.coarsest);
+        // The state that a warm solve starts from is a result already.
+        let step = if warm { 0.0 } else { self.seconds(self.step(self.coarsest, 0), self.coarsest) };
+        way + step + self.finish(self.coarsest)
+    }
+
+    /// Whether there is time for a level's start, one step, and making a result of it.
+    fn has_time_for(&self, level: usize) -> bool {
+        // The finest level's start belongs to making a result, which has its time.
+        if level == 0 {
+            return true;
+        }
+        self.clock.fits(self.start(level) + self.seconds(self.step(level, 0), level) + self.finish(level))
+    }
+
+    /// Sets the state that a level starts from.
+    fn enter(&mut self, level: usize, warm: bool) {
+        let work = if level == 0 { Work::FinestStart } else { Work::Prolong };
+        let coarsest = self.coarsest;
+        self.stage(
+            work,
+            level,
+            |times| &mut times.prolong,
+            |stages| {
+                if level < coarsest {
+                    stages.prolong(level);
+                } else if warm {
+                    stages.previous();
+                } else {
+                    stages.identity(level);
                 }
-                correct_level(stages, plan, level, start, &mut summary, &mut times);
+            },
+        );
+    }
+
+    /// Brings the displacements of a level up to level 1.
+    fn bring_up(&mut self, from: usize) {
+        for level in (1..from).rev() {
+            self.stage(Work::Skip, level, |times| &mut times.prolong, |stages| stages.skip(level));
+        }
+    }
+
+    /// The result is the identity, for want of time.
+    fn give_up(mut self) -> Summary {
+        self.stages.give_up();
+        self.summary.truncated = true;
+        self.summary
+    }
+
+    /// Does a level's steps.
+    fn work(&mut self, level: usize, warm: bool) {
+        match self.plan.pbd {
+            None => {
+                if warm && self.allows(level, Work::FinestRelax) {
+                    // On no level has the last frame's result been relaxed for this pose.
+                    self.relax(level);
+                }
+                self.correct(level);
             }
-            Some(settings) => {
-                let late = |stages: &mut _| is_late(stages, plan, start);
-                timed(&mut times.pbd, || {
-                    pbd::level(stages, settings, level, coarsest, late, &mut summary);
-                });
+            Some(settings) => self.iterate(&settings, level),
+        }
+    }
+
+    /// Whether there is time for some work on a level's state and for making a result of it.
+    fn allows(&self, level: usize, work: Work) -> bool {
+        // After a correction, level 0 has a known energy.
+        let known = level == 0 && matches!(work, Work::FinestFirst | Work::FinestFurther);
+        let finish = if known { self.seconds(Work::CertifyKnown, 0) } else { self.finish(level) };
+        self.clock.fits(self.seconds(work, level) + finish)
+    }
+
+    /// Does the iterations of the paper's solver on a level (method §10).
+    fn iterate(&mut self, settings: &PbdValues, level: usize) {
+        if level < self.coarsest {
+            let start = Instant::now();
+            self.stages.regularise(level, settings.smoothing);
+            self.summary.times.pbd += start.elapsed().as_secs_f32() * 1000.0;
+        }
+        let work = self.step(level, 0);
+        if !self.allows(level, work) {
+            self.summary.truncated = true;
+            return;
+        }
+        for n in 0..settings.iterations {
+            // The last iteration does not predict, so it has to be known before it that it is the last.
+            let two = 2.0 * self.seconds(work, level) + self.finish(level);
+            self.summary.truncated = n + 1 < settings.iterations && !self.clock.fits(two);
+            let iteration = settings.iteration(level, n, self.summary.truncated);
+            self.summary.sweeps += 1;
+            self.stage(work, level, |times| &mut times.pbd, |stages| stages.iterate(level, &iteration));
+            if self.summary.truncated {
+                return;
             }
         }
     }
-    timed(&mut times.certify, || stages.certify(plan.pbd.is_some()));
-    summary.times = times;
-    summary
-}
 
-/// Does the corrections of a level, each with its sweeps; or sweeps alone. No sweeps come before the first correction:
-/// a prolonged state is as good a start as a relaxed one (the gaps of scenes with room are the same or smaller
-/// without).
-fn correct_level(
-    stages: &mut impl Stages,
-    plan: &Plan,
-    level: usize,
-    start: Instant,
-    summary: &mut Summary,
-    times: &mut StageTimes,
-) {
-    let coarser = usize::from(level > 0);
-    let (corrections, sweeps) = (plan.corrections[coarser], plan.sweeps[coarser]);
-    for step in 0..corrections.max(1) {
-        // Past the budget only prolongation and certification are left: the present state becomes the result.
-        if is_late(stages, plan, start) {
-            summary.truncated = true;
-            break;
-        }
-        summary.sweeps += sweeps;
-        if corrections == 0 {
-            timed(&mut times.relax, || stages.relax(level, sweeps));
-        } else {
-            let Plan { tolerance, trusts_model, .. } = *plan;
-            let correction = Correction { first: step == 0, sweeps, tolerance, trusts_model };
-            timed(&mut times.correct, || stages.correct(level, &correction));
-            summary.corrections += 1;
+    fn relax(&mut self, level: usize) {
+        let sweeps = self.plan.sweeps[usize::from(level > 0)];
+        self.summary.sweeps += sweeps;
+        let work = if level == 0 { Work::FinestRelax } else { Work::Relax };
+        self.stage(work, level, |times| &mut times.relax, |stages| stages.relax(level, sweeps));
+    }
+
+    /// Does the corrections of a level, each with its sweeps; or sweeps alone. No sweeps come before the first
+    /// correction: a prolonged state is as good a start as a relaxed one (the gaps of scenes with room are the same or
+    /// smaller without).
+    fn correct(&mut self, level: usize) {
+        let coarser = usize::from(level > 0);
+        let (corrections, sweeps) = (self.plan.corrections[coarser], self.plan.sweeps[coarser]);
+        for n in 0..corrections.max(1) {
+            let work = self.step(level, n);
+            // Without time for more, the present state becomes the result.
+            if !self.allows(level, work) {
+                self.summary.truncated = true;
+                break;
+            }
+            if corrections == 0 {
+                self.relax(level);
+                continue;
+            }
+            let Plan { tolerance, trusts_model, .. } = *self.plan;
+            let correction = Correction { first: n == 0, sweeps, tolerance, trusts_model };
+            let finish = if level == 0 { self.seconds(Work::CertifyKnown, 0) } else { self.finish(level) };
+            let stop = self.clock.stop_before(finish);
+            self.stage(
+                work,
+                level,
+                |times| &mut times.correct,
+                |stages| {
+                    stages.stop_at(stop);
+                    stages.correct(level, &correction);
+                },
+            );
+            if self.stages.was_stopped() {
+                self.summary.truncated = true;
+                break;
+            }
+            self.summary.sweeps += sweeps;
+            self.summary.corrections += 1;
         }
     }
 }
@@ -217,19 +392,4 @@ fn correct_level(
 /// The number of sweeps of each pass over a level.
 pub(crate) fn passes(sweeps: u32) -> impl Iterator<Item = u32> {
     (0..sweeps).step_by(SWEEPS_PER_PASS as usize).map(move |done| (sweeps - done).min(SWEEPS_PER_PASS))
-}
-
-/// True past the time budget.
-fn is_late(stages: &mut impl Stages, plan: &Plan, start: Instant) -> bool {
-    plan.budget.is_some_and(|budget| {
-        stages.wait();
-        start.elapsed() > budget
-    })
-}
-
-/// Adds the milliseconds that `f` takes.
-fn timed(sum: &mut f32, f: impl FnOnce()) {
-    let start = Instant::now();
-    f();
-    *sum += start.elapsed().as_secs_f32() * 1000.0;
 }

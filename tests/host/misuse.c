@@ -207,7 +207,9 @@ static void maps(void)
     WITH(vrtm_pixel_format, image.format, -1, bad_map("pixel format -1", &image, "rigidity.format is -1"));
     WITH(vrtm_origin, image.origin, 2, bad_map("origin 2", &image, "rigidity.origin is 2"));
     WITH(size_t, image.row_stride, MAP - 1, bad_map("a short row stride", &image, "rigidity: row_stride"));
-    WITH(size_t, image.row_stride, SIZE_MAX, bad_map("a row stride beyond memory", &image, "rigidity"));
+    WITH(size_t, image.row_stride, SIZE_MAX, bad_map("a row stride beyond memory", &image, "rigidity: row_stride is 1"));
+    WITH(size_t, image.pixel_stride, SIZE_MAX / 2,
+         bad_map("a pixel stride beyond memory", &image, "rigidity: pixel_stride is 92"));
     WITH(uint32_t, image.reserved, 1, bad_map("reserved", &image, "rigidity.reserved"));
     static float values[4][4];
     values[2][1] = NAN;
@@ -301,6 +303,10 @@ static void solves_and_fetches(void)
          fails("a vertex too few", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions"));
     WITH(size_t, positions.stride, 8,
          fails("a short stride", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.stride is 8"));
+    WITH(size_t, positions.stride, SIZE_MAX / 2,
+         fails("a stride beyond memory", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.stride is 92"));
+    WITH(size_t, positions.count, SIZE_MAX / 16,
+         fails("a count beyond memory", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions.count: "));
     WITH(double, pose[42][1], NAN,
          fails("a NaN position", vrtm_asset_solve(asset, &positions, NULL), BAD, "positions[42]"));
     WITH(double, pose[43][0], -INFINITY,
@@ -335,6 +341,10 @@ static void solves_and_fetches(void)
     WITH(uint32_t, image.width, 0, bad_fetch("no width", redirection, &image, BAD, "image"));
     WITH(size_t, image.pixel_stride, 7, bad_fetch("a short pixel stride", redirection, &image, BAD, "pixel_stride"));
     WITH(size_t, image.row_stride, 8, bad_fetch("a short row stride", redirection, &image, BAD, "row_stride"));
+    WITH(size_t, image.pixel_stride, SIZE_MAX / 2,
+         bad_fetch("a pixel stride beyond memory", redirection, &image, BAD, "image: pixel_stride is 92"));
+    WITH(size_t, image.row_stride, SIZE_MAX,
+         bad_fetch("a row stride beyond memory", redirection, &image, BAD, "image: row_stride is 1"));
     WITH(vrtm_pixel_format, image.format, VRTM_PIXEL_U8,
          bad_fetch("an 8-bit output", redirection, &image, VRTM_ERROR_UNSUPPORTED, "image.format"));
     WITH(vrtm_pixel_format, image.format, 8,

@@ -187,6 +187,32 @@ int main(void)
     succeeds("redirect", vrtm_asset_redirect(asset, &positions, NULL, fetches, 2));
     check_that(memcmp(map, again, sizeof map) == 0, "redirect gives the same bits", "");
 
+    /* Two outputs as the four channels of one image: they lie between each other's texels, and share no byte. */
+    memset(wide, 0xAB, sizeof wide);
+    second = first;
+    first.data = wide;
+    second.data = &wide[0][8];
+    first.pixel_stride = second.pixel_stride = 16;
+    first.row_stride = second.row_stride = sizeof wide[0];
+    succeeds("two outputs in one image", vrtm_asset_redirect(asset, &positions, NULL, fetches, 2));
+    same = kept = 1;
+    for (int y = 0; y < MAP; ++y) {
+        for (int x = 0; x < MAP; ++x) {
+            float texel[4];
+            memcpy(texel, &wide[y][16 * x], sizeof texel);
+            same &= memcmp(texel, map + 2 * (MAP * y + x), 8) == 0;
+            kept &= texel[2] >= 0 && texel[2] <= 1 && texel[3] >= 0 && texel[3] <= 1;
+        }
+        kept &= wide[y][16 * MAP] == 0xAB && wide[y][16 * MAP + 7] == 0xAB;
+    }
+    check_that(same && kept, "each has its channels", "");
+    second.data = &wide[0][7];
+    fails("channels that overlap", vrtm_asset_redirect(asset, &positions, NULL, fetches, 2),
+          VRTM_ERROR_INVALID_ARGUMENT, "overlap in memory");
+    first = vrtm_image_out_init();
+    first.data = again;
+    first.width = first.height = MAP;
+
     sheet_pose(&s, 0, pose);
     succeeds("redirect at rest", vrtm_asset_redirect(asset, &positions, NULL, fetches, 1));
     snprintf(text, sizeof text, "%g texels", distance_from_identity(again, MAP, 0));

@@ -1,6 +1,8 @@
 //! A pose that is rest, or rest moved rigidly, gives the identity.
 
-use vrtm::{Asset, Device, DeviceSettings, SolveOptions, Strided};
+use std::sync::{Arc, Mutex};
+
+use vrtm::{Asset, Device, DeviceSettings, LogLevel, SolveOptions, Strided};
 
 use crate::common::{self, Model, Warp, bits, doubles};
 
@@ -107,4 +109,29 @@ fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
             assert!((a.energy - b.energy).abs() <= slack, "{}: {} {}", model.name, a.energy, b.energy);
         }
     }
+}
+
+#[test]
+fn a_rest_mesh_of_one_point_is_the_identity_and_is_warned_of() {
+    let warnings = Arc::new(Mutex::new(Vec::new()));
+    let kept = warnings.clone();
+    let log = move |level, message: &str| {
+        if level == LogLevel::Warning {
+            kept.lock().unwrap().push(message.to_owned());
+        }
+    };
+    let device =
+        Device::new(&DeviceSettings { log: Some(Arc::new(log)), ..DeviceSettings::default() }).unwrap();
+    let model = Model::from(common::scenes::mug_to_jug());
+    model.bare_on(&device, model.frame(1));
+    assert_eq!(*warnings.lock().unwrap(), Vec::<String>::new());
+    let point = vec![[1.5f32, -2.0, 3.0]; model.rest.len()];
+    let mut asset = model.bare_on(&device, Strided::from_f32x3(&point));
+    let said = warnings.lock().unwrap().clone();
+    assert_eq!(said.len(), 1, "{said:?}");
+    assert!(said[0].starts_with("mesh: all rest positions are one point"), "{said:?}");
+    asset.set_vertex_rigidity(Some(Strided::from_f32(&vec![1.0; model.rest.len()]))).unwrap();
+    common::set_grid(&mut asset, 64);
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    assert!(bits(&asset).iter().all(|u| *u == [0; 2]));
 }

@@ -1,6 +1,8 @@
 //! All outputs of a result agree: formats, row orders, strides, corner UVs, and one call or two.
 
-use vrtm::{Asset, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions};
+use vrtm::{
+    Asset, DeviceSettings, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions,
+};
 
 use crate::common::{self, Model, Warp, fetch, floats};
 
@@ -176,5 +178,53 @@ fn corner_uvs_are_the_inverse_of_the_warp() {
         }
         println!("{}: {moved} corners moved, {worst:.1e} cells off", model.name);
         assert!(moved > 0, "{}", model.name);
+    }
+}
+
+/// One interpolation everywhere: a warp of any size is that of the triangles that redirection and corner UVs invert.
+#[test]
+fn a_warp_of_any_size_lies_on_the_triangles_that_the_redirection_inverts() {
+    let model = Model::from(common::scenes::analytic::squash(0.4));
+    for device in [Some(common::cpu(0)), common::gpu(&DeviceSettings::default())].into_iter().flatten() {
+        let mut asset = model.asset_on(&device, 128);
+        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        let warp = Warp::of(&asset, 0);
+        let n = warp.nx as f64;
+        let (mut moved, mut unlike_bilinear) = (0, 0.0f64);
+        for size in [[257, 257], [385, 200], [97, 513], [64, 1]] {
+            let texels = fetch(&mut asset, 0, FetchKind::Warp, size);
+            for (k, texel) in texels.iter().enumerate() {
+                let at = [k as u32 % size[0], k as u32 / size[0]];
+                let p = [0, 1].map(|c| f64::from(at[c]) * n / f64::from(size[c] - 1).max(1.0));
+                let expected = warp.at(p);
+                for c in 0..2 {
+                    // The f64 value rounded to f32 once.
+                    let off = f64::from(texel[c]) * n - expected[c];
+                    assert!(off.abs() < 1e-7 * n, "{size:?}: texel {at:?} is {off:.1e} cells off");
+                }
+                moved += usize::from(expected != p);
+                // The other diagonal is as far from the bilinear middle as this one, on the other side.
+                if p.iter().all(|x| x.fract() == 0.5) {
+                    let [i, j] = p.map(|x| x as usize);
+                    let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| warp.node(i + x, j + y));
+                    for c in 0..2 {
+                        let middle = corners.iter().map(|corner| corner[c]).sum::<f64>() / 4.0;
+                        unlike_bilinear = unlike_bilinear.max((middle - expected[c]).abs());
+                    }
+                }
+            }
+        }
+        assert!(moved > 1000 && unlike_bilinear > 0.05, "{moved} moved, {unlike_bilinear} cells");
+        // W of the redirection is the texel centre, at a size that has nothing to do with the grid.
+        let (width, height) = (301u32, 190u32);
+        for (k, uv) in fetch(&mut asset, 0, FetchKind::Redirection, [width, height]).iter().enumerate() {
+            let centre = [(k as u32 % width, width), (k as u32 / width, height)]
+                .map(|(x, size)| (f64::from(x) + 0.5) / f64::from(size));
+            let back = warp.at([0, 1].map(|c| f64::from(uv[c]) * n));
+            for (c, size) in [width, height].into_iter().enumerate() {
+                let off = (back[c] / n - centre[c]) * f64::from(size);
+                assert!(off.abs() < 1e-3, "texel {k} comes back {off:.1e} texels off");
+            }
+        }
     }
 }

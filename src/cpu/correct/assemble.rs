@@ -34,24 +34,19 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         let right_hand_sides = SharedSlice::new(self.residual);
         run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;
+            // SAFETY: each item has its own rows.
+            let out = unsafe {
+                Out {
+                    sums: row_sums.get_mut(b),
+                    words: words.get_mut(b),
+                    right_hand_side: right_hand_sides.get_mut(b),
+                }
+            };
+            let weights = &run.weights[self.level];
             let sum = run.patches.with(worker, |patch| {
-                // SAFETY: each item has its own rows.
-                let out = unsafe {
-                    Out {
-                        sums: row_sums.get_mut(b),
-                        words: words.get_mut(b),
-                        right_hand_side: right_hand_sides.get_mut(b),
-                    }
-                };
-                dispatch(AssembleBlock {
-                    patch,
-                    level,
-                    state,
-                    surface,
-                    weights: &run.weights[self.level],
-                    anchor: run.anchor,
-                    b,
-                    out,
+                run.slopes.with(worker, |slopes| {
+                    let anchor = run.anchor;
+                    dispatch(AssembleBlock { patch, slopes, level, state, surface, weights, anchor, b, out })
                 })
             });
             // SAFETY: each item has its own sum.
@@ -65,6 +60,8 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
 /// meanwhile.
 struct AssembleBlock<'a, S> {
     patch: &'a mut Patch,
+    /// Scratch memory: too large for the stack of a host's thread.
+    slopes: &'a mut [Window; 6],
     level: &'a Level,
     state: State,
     surface: S,
@@ -87,7 +84,7 @@ impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let AssembleBlock { patch, level, state, surface, weights, anchor, b, mut out } = self;
+        let AssembleBlock { patch, slopes, level, state, surface, weights, anchor, b, mut out } = self;
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
         if S::CHORDS {
@@ -97,10 +94,10 @@ impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
             patch.load_anchor(level, anchor, b);
         }
         // SAFETY: nothing writes the state.
-        let slopes = unsafe { patch.window_slopes::<V, S>(level, state, surface) };
+        unsafe { patch.window_slopes::<V, S>(level, state, surface, slopes) };
         let mut total = Total::new();
         for row in Row::all() {
-            block_row::<V, S>(patch, weights, &slopes, row, &mut out, &mut total);
+            block_row::<V, S>(patch, weights, slopes, row, &mut out, &mut total);
         }
         total.energy()
     }

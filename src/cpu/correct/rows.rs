@@ -39,9 +39,9 @@ pub struct Rows {
 impl Rows {
     pub fn new(allocator: &mut impl Allocate, blocks: usize) -> Rows {
         Rows {
-            diagonal: allocator.array([[0.0; NODES]; 3], blocks),
-            words: allocator.array([[[0; NODES]; 2]; 4], blocks),
-            halo: allocator.array([[0; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2], blocks),
+            diagonal: allocator.zeros(blocks),
+            words: allocator.zeros(blocks),
+            halo: allocator.zeros(blocks),
         }
     }
 

@@ -11,7 +11,7 @@
 //! ```
 
 use crate::tile::Grid;
-use crate::tile::blocks::{NODES, Plane};
+use crate::tile::blocks::Plane;
 
 use super::super::allocate::Allocate;
 use super::super::memory::Buffers;
@@ -45,14 +45,14 @@ impl Workspace {
             let blocks = level.blocks.list.len();
             levels.push(LevelMemory {
                 rows: Rows::new(allocator, blocks),
-                planes_a: allocator.array([[0.0; NODES]; 2], blocks),
-                planes_b: allocator.array([[0.0; NODES]; 2], blocks),
+                planes_a: allocator.zeros(blocks),
+                planes_b: allocator.zeros(blocks),
             });
         }
         let largest = grid.levels[1..].iter().map(|level| level.blocks.list.len()).max();
         Workspace {
             levels,
-            coarse_step: allocator.array([[0.0; NODES]; 2], largest.unwrap_or(0)),
+            coarse_step: allocator.zeros(largest.unwrap_or(0)),
             next_fraction: allocator.array(1.0, grid.movable.len()),
         }
     }

@@ -10,6 +10,7 @@ use crate::method::schedule::{Input, Stages};
 use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
 use crate::team::Team;
+use crate::tile::blocks::NODES;
 use crate::tile::blocks::slot;
 use crate::tile::codes::{decode_rigidity, encode_rigidity};
 use crate::tile::pose::Pose;

@@ -359,4 +359,17 @@ impl Stages for Pair<'_> {
         self.cpu.certify(allow_folds);
         self.gpu.certify(allow_folds);
     }
+
+    fn blocks(&self, level: usize) -> usize {
+        self.cpu.blocks(level)
+    }
+
+    fn triangle_count(&self) -> usize {
+        self.cpu.triangle_count()
+    }
+
+    fn give_up(&mut self) {
+        self.cpu.give_up();
+        self.gpu.give_up();
+    }
 }

@@ -1,0 +1,141 @@
+//! What a time budget costs and gives: the time that a solve takes, and the part of the full solve's gain in energy that
+//! it has by then. First of a tile whose memory has never been used, then of one that has been solved before.
+//!
+//!     cargo bench --bench budget
+//!     cargo bench --bench budget -- --grids 512 --scenes squash
+
+#![allow(missing_docs)]
+
+#[path = "../../tests/common/mod.rs"]
+mod common;
+
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use common::{Model, scenes};
+use vrtm::{Asset, Backend, Device, DeviceSettings, SolveOptions};
+
+/// Measures solves with a time budget.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// Built-in scenes.
+    #[arg(long, value_delimiter = ',', default_values = ["mug_to_jug", "squash"])]
+    scenes: Vec<String>,
+    /// Cells on a side of the grids.
+    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048])]
+    grids: Vec<u32>,
+    /// Budgets in milliseconds.
+    #[arg(long, value_delimiter = ',', default_values_t = [5.0, 10.0, 20.0, 50.0, 100.0, 300.0, 1000.0])]
+    budgets: Vec<f64>,
+    /// Solves per budget; the median is told, and the longest.
+    #[arg(long, default_value_t = 5)]
+    repeats: usize,
+    /// cpu or gpu.
+    #[arg(long, default_value = "cpu")]
+    backend: String,
+    /// Leave out the solves of fresh tiles, for which grids are built again and again.
+    #[arg(long)]
+    no_first: bool,
+    /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
+    #[arg(long, hide = true)]
+    bench: bool,
+    /// Measure without `cargo bench`.
+    #[arg(long, hide = true)]
+    full: bool,
+}
+
+fn main() {
+    let mut args = Args::parse();
+    if !args.bench && !args.full {
+        (args.grids, args.repeats, args.budgets) = (vec![128], 1, vec![1.0, 1000.0]);
+    }
+    let backend = if args.backend == "gpu" { Backend::Gpu } else { Backend::Cpu };
+    let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() }).expect("a device");
+    println!(
+        "Milliseconds: median and longest of {} solves. Gain: of the full solve's, in per cent.",
+        args.repeats
+    );
+    println!("| scene | grid | budget | first | gain | median | longest | gain | over the bound |");
+    println!("|---|---|---|---|---|---|---|---|---|");
+    for name in &args.scenes {
+        let scene = scenes::by_name(name).expect("the name of a built-in scene");
+        let model = Model::from(scene);
+        for &grid in &args.grids {
+            measure(&args, &device, &model, grid);
+        }
+    }
+}
+
+/// An asset whose grids are built.
+fn prepared(model: &Model, device: &Device, grid: u32) -> Asset {
+    let mut asset = model.asset_on(device, grid);
+    for tile in 0..asset.tile_count() {
+        asset.tile_info(tile).expect("a tile");
+    }
+    asset
+}
+
+/// Milliseconds of a solve, and the part of the energy that is gone.
+fn solve(asset: &mut Asset, model: &Model, frame: usize, budget: Option<f64>) -> (f64, f64) {
+    let time_budget = budget.map(|ms| Duration::from_secs_f64(ms / 1000.0));
+    let options = SolveOptions { time_budget, ..SolveOptions::default() };
+    let start = Instant::now();
+    asset.solve(model.frame(frame), &options).expect("a solve");
+    let ms = start.elapsed().as_secs_f64() * 1000.0;
+    let (mut before, mut after) = (0.0, 0.0);
+    for tile in 0..asset.tile_count() {
+        let report = asset.tile_report(tile).expect("a report");
+        before += report.energy_before;
+        after += report.energy;
+    }
+    // A tile that keeps the identity for want of time has no energies.
+    (ms, if before > 0.0 { 1.0 - after / before } else { 0.0 })
+}
+
+fn measure(args: &Args, device: &Device, model: &Model, grid: u32) {
+    let frame = model.frames.len().min(5);
+    let name = &model.name;
+    let mut asset = prepared(model, device, grid);
+    let (first, full) = solve(&mut asset, model, frame, None);
+    let other = if frame > 1 { frame - 1 } else { frame };
+    // Settings that change back and forth make the tile forget its inputs but keep its memory.
+    let mut full_ms: Vec<f64> = Vec::new();
+    for _ in 0..args.repeats {
+        forget(&mut asset, model, other);
+        full_ms.push(solve(&mut asset, model, frame, None).0);
+    }
+    full_ms.sort_by(f64::total_cmp);
+    let (median, longest) = (full_ms[full_ms.len() / 2], full_ms[full_ms.len() - 1]);
+    println!("| {name} | {grid} | none | {first:.1} | 100 | {median:.1} | {longest:.1} | 100 | |");
+    for &budget in &args.budgets {
+        let fresh = (!args.no_first).then(|| {
+            let mut asset = prepared(model, device, grid);
+            solve(&mut asset, model, frame, Some(budget))
+        });
+        let mut runs = Vec::new();
+        for _ in 0..args.repeats {
+            forget(&mut asset, model, other);
+            runs.push(solve(&mut asset, model, frame, Some(budget)));
+        }
+        runs.sort_by(|a, b| f64::total_cmp(&a.0, &b.0));
+        let (median, longest) = (runs[runs.len() / 2].0, runs[runs.len() - 1].0);
+        let gain = 100.0 * runs.iter().map(|run| run.1).sum::<f64>() / runs.len() as f64 / full;
+        let bound = budget * 1.2 + 5.0;
+        let over = runs.iter().filter(|run| run.0 > bound).count();
+        let (first, first_gain) = fresh.map_or((f64::NAN, f64::NAN), |(ms, part)| (ms, 100.0 * part / full));
+        let over_first = if first > bound { ", first" } else { "" };
+        println!(
+            "| {name} | {grid} | {budget} | {first:.1} | {first_gain:.1} | {median:.1} | {longest:.1} | {gain:.1} | \
+             {over} of {}{over_first} |",
+            runs.len()
+        );
+    }
+}
+
+/// Makes the next solve compute everything anew: a warm result is never kept.
+fn forget(asset: &mut Asset, model: &Model, frame: usize) {
+    let options =
+        SolveOptions { warm: true, time_budget: Some(Duration::from_nanos(1)), ..SolveOptions::default() };
+    asset.solve(model.frame(frame), &options).expect("a solve");
+}

@@ -1,0 +1,119 @@
+//! Which bytes of memory an image's texels are, and whether two images share one.
+
+use std::ops::Range;
+
+/// Pieces of memory of one size, in rows: texels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Strips {
+    /// Address of the first piece.
+    pub start: usize,
+    /// Bytes of a piece.
+    pub size: usize,
+    /// Number of pieces in a row and bytes from one to the next; the same for rows. Neither pieces nor rows overlap.
+    pub steps: [(usize, usize); 2],
+}
+
+impl Strips {
+    /// Whether a byte belongs to both. Rows of pieces in between one another, as two parts of one image are, share none.
+    /// The time is that of a look at each row if the pieces of both are equally far apart, else at each piece.
+    pub fn meet(&self, other: &Strips) -> bool {
+        let (mut own, mut others) = (0, 0);
+        while own < self.steps[1].0 && others < other.steps[1].0 {
+            let (a, b) = (self.row(own), other.row(others));
+            if a.start < b.end && b.start < a.end && self.rows_meet(a.start, other, b.start) {
+                return true;
+            }
+            // The row that ends first meets no further one.
+            if a.end <= b.end { own += 1 } else { others += 1 }
+        }
+        false
+    }
+
+    /// Addresses of a row.
+    fn row(&self, row: usize) -> Range<usize> {
+        let [(count, step), (_, row_step)] = self.steps;
+        let start = self.start + row * row_step;
+        start..start + (count - 1) * step + self.size
+    }
+
+    /// Whether the row that begins at `a` shares a byte with that of `other` that begins at `b`.
+    fn rows_meet(&self, a: usize, other: &Strips, b: usize) -> bool {
+        let ([(count, step), _], [(other_count, other_step), _]) = (self.steps, other.steps);
+        if b < a {
+            return other.rows_meet(b, self, a);
+        }
+        // The first pieces of this row that could reach the other row's beginning.
+        let mut own = ((b - a) / step).min(count - 1);
+        if step == other_step {
+            // All further pieces lie to one another as these.
+            let near = |k: usize| k < count && a + k * step < b + other.size && b < a + k * step + self.size;
+            return near(own) || near(own + 1);
+        }
+        let mut others = 0;
+        while own < count && others < other_count {
+            let (p, q) = (a + own * step, b + others * other_step);
+            if p < q + other.size && q < p + self.size {
+                return true;
+            }
+            if p + self.size <= q + other.size { own += 1 } else { others += 1 }
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The same, byte by byte.
+    fn plainly(a: &Strips, b: &Strips) -> bool {
+        let bytes = |s: &Strips| {
+            let [(count, step), (rows, row_step)] = s.steps;
+            let mut bytes = std::collections::BTreeSet::new();
+            for row in 0..rows {
+                for k in 0..count {
+                    let first = s.start + row * row_step + k * step;
+                    bytes.extend(first..first + s.size);
+                }
+            }
+            bytes
+        };
+        !bytes(a).is_disjoint(&bytes(b))
+    }
+
+    #[test]
+    fn two_parts_of_one_image_do_not_meet() {
+        let part = |start, size| Strips { start, size, steps: [(1024, 16), (512, 16 * 1024)] };
+        assert!(!part(4096, 8).meet(&part(4104, 8)));
+        assert!(!part(4104, 8).meet(&part(4096, 8)));
+        assert!(part(4096, 8).meet(&part(4103, 8)));
+        assert!(part(4104, 8).meet(&part(4111, 8)) && !part(4104, 8).meet(&part(4112, 8)));
+        // The next free place behind the whole image, and its last texel.
+        let end = 4096 + 512 * 16 * 1024;
+        assert!(!part(4096, 8).meet(&part(end, 8)) && part(4096, 8).meet(&part(end - 16, 8)));
+    }
+
+    #[test]
+    fn layouts_meet_where_they_share_a_byte() {
+        let mut seed = 1u64;
+        let mut random = |below: u64| {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            ((seed >> 33) % below) as usize
+        };
+        let mut met = 0;
+        for _ in 0..20_000 {
+            let common = 4 + random(9);
+            let [a, b] = [0, 1].map(|_| {
+                let size = [1, 2, 4, 8][random(4)];
+                let step = if random(2) == 0 { common.max(size) } else { size + random(9) };
+                let count = 1 + random(6);
+                let row = (count - 1) * step + size;
+                let row_step = row + random(30);
+                Strips { start: 100 + random(60), size, steps: [(count, step), (1 + random(4), row_step)] }
+            });
+            assert_eq!(a.meet(&b), plainly(&a, &b), "{a:?} {b:?}");
+            met += usize::from(a.meet(&b));
+        }
+        assert!((2000..18_000).contains(&met), "{met}");
+    }
+}

@@ -1,0 +1,97 @@
+//! Starts a team's helpers, and waits for their ends: a host may unload the library right after the call. A helper that
+//! cannot be started is no error: the others do its work.
+
+use std::ops::Range;
+
+/// Runs `help(number)` on a thread for each of the numbers, and `body` on this one. `body` must make the helpers return;
+/// it does not unwind.
+#[cfg(unix)]
+pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
+    posix::with(numbers, help, body)
+}
+
+/// The same through std, whose threads leave records behind on the thread that starts them. Elsewhere they do no harm.
+#[cfg(not(unix))]
+pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
+    std::thread::scope(|scope| {
+        let help = &help;
+        let start = |n| std::thread::Builder::new().spawn_scoped(scope, move || help(n)).ok();
+        let helpers: Vec<_> = numbers.filter_map(start).collect();
+        let result = body();
+        // A scope waits for what its threads run, not for their ends, which are this library's code as well.
+        for helper in helpers {
+            let _ = helper.join();
+        }
+        result
+    })
+}
+
+/// POSIX threads without std: what std keeps of a thread that starts others is freed by a destructor at that thread's
+/// end, and until then the system keeps the library in memory, even after a host has closed it.
+#[cfg(unix)]
+mod posix {
+    use std::ffi::c_void;
+    use std::mem::MaybeUninit;
+    use std::ops::Range;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::ptr;
+
+    /// As much as std gives a thread.
+    const STACK: usize = 2 << 20;
+
+    /// What a helper runs.
+    struct Start<'a> {
+        help: &'a (dyn Fn(usize) + Sync),
+        number: usize,
+    }
+
+    extern "C" fn run(start: *mut c_void) -> *mut c_void {
+        // SAFETY: `with` keeps it until this thread has ended.
+        let start = unsafe { &*start.cast::<Start>() };
+        // Panics of items are caught before, and handed to the caller.
+        let _ = catch_unwind(AssertUnwindSafe(|| (start.help)(start.number)));
+        ptr::null_mut()
+    }
+
+    /// Joins the threads, even if `with` unwinds.
+    struct Helpers(Vec<libc::pthread_t>);
+
+    impl Drop for Helpers {
+        fn drop(&mut self) {
+            for &thread in &self.0 {
+                // SAFETY: started below and joined once.
+                unsafe { libc::pthread_join(thread, ptr::null_mut()) };
+            }
+        }
+    }
+
+    pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
+        let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collect();
+        let mut helpers = Helpers(Vec::with_capacity(starts.len()));
+        for start in &starts {
+            helpers.0.extend(spawn(start));
+        }
+        let result = body();
+        drop(helpers);
+        result
+    }
+
+    /// Starts a thread; none if the system has none left. `start` must live until it is joined.
+    fn spawn(start: &Start) -> Option<libc::pthread_t> {
+        let mut attributes = MaybeUninit::uninit();
+        let mut thread = MaybeUninit::uninit();
+        // SAFETY: the attributes are initialised before and destroyed after their use; the thread is there if the call
+        // gives 0.
+        unsafe {
+            if libc::pthread_attr_init(attributes.as_mut_ptr()) != 0 {
+                return None;
+            }
+            // If the system wants another size, its own is good as well.
+            let _ = libc::pthread_attr_setstacksize(attributes.as_mut_ptr(), STACK);
+            let argument = ptr::from_ref(start).cast_mut().cast();
+            let status = libc::pthread_create(thread.as_mut_ptr(), attributes.as_ptr(), run, argument);
+            libc::pthread_attr_destroy(attributes.as_mut_ptr());
+            (status == 0).then(|| thread.assume_init())
+        }
+    }
+}
