@@ -17,6 +17,7 @@ mod tile_state;
 
 use std::time::Instant;
 
+use crate::cpu::invert::Part;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{ImageView, ImageViewMut};
@@ -288,7 +289,27 @@ impl Asset {
     /// `NotSolved` before the first solve; on a GPU, `OutOfMemory` and `DeviceLost`. Nothing is written then.
     pub fn fetch(&mut self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
         self.check_tile(tile)?;
-        Team::with(self.device.threads(), |team| self.fetch_with(team, tile, kind, image))
+        let part = image.whole();
+        Team::with(self.device.threads(), |team| self.fetch_with(team, tile, kind, &part, image))
+    }
+
+    /// Writes a part of one output of the last solve: of an image of `size` texels, those from the column and row `first`
+    /// that `image` has room for. Rows are counted in the image's own order. Large outputs can thus be fetched band by
+    /// band; the parts are those of the whole image, bit by bit on the CPU.
+    ///
+    /// # Errors
+    /// Those of [`Asset::fetch`]; `InvalidArgument` if the part is not inside of the whole.
+    pub fn fetch_part(
+        &mut self,
+        tile: usize,
+        kind: FetchKind,
+        image: &mut ImageViewMut,
+        size: [u32; 2],
+        first: [u32; 2],
+    ) -> Result<()> {
+        self.check_tile(tile)?;
+        let part = image.part("image", size, first)?;
+        Team::with(self.device.threads(), |team| self.fetch_with(team, tile, kind, &part, image))
     }
 
     /// Solves and fetches in one call: all arguments are checked before anything is written.
@@ -332,7 +353,8 @@ impl Asset {
                 self.measure(positions)?;
             }
             for fetch in fetches {
-                self.fetch_with(team, fetch.tile, fetch.kind, &mut fetch.image)?;
+                let part = fetch.image.whole();
+                self.fetch_with(team, fetch.tile, fetch.kind, &part, &mut fetch.image)?;
             }
             Ok(())
         })
@@ -343,11 +365,12 @@ impl Asset {
         team: &Team,
         tile: usize,
         kind: FetchKind,
+        part: &Part,
         image: &mut ImageViewMut,
     ) -> Result<()> {
         let solved = self.tiles[tile].solved.as_mut().ok_or_else(not_solved)?;
         let start = Instant::now();
-        fetch::write(&self.device, team, solved, &mut self.outputs, kind, image)?;
+        fetch::write(&self.device, team, solved, &mut self.outputs, kind, part, image)?;
         solved.report.times.invert = start.elapsed().as_secs_f32() * 1000.0;
         Ok(())
     }

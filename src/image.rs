@@ -2,6 +2,7 @@
 
 use std::marker::PhantomData;
 
+use crate::cpu::invert::Part;
 use crate::error::{Error, ErrorKind, Result};
 use crate::map::{Map, TexelRect, decode};
 
@@ -283,6 +284,30 @@ impl<'a> ImageViewMut<'a> {
         }
         let layout = layout.resolve_within(name, 2, usize::MAX - data.addr())?;
         Ok(ImageViewMut { data, layout, lifetime: PhantomData })
+    }
+
+    /// The image as the whole of a tile.
+    pub(crate) fn whole(&self) -> Part {
+        let size = [self.layout.width as usize, self.layout.height as usize];
+        Part { size, first: [0, 0], end: size }
+    }
+
+    /// The image as the part of a larger one of `size` texels that begins at the column and row `first`.
+    pub(crate) fn part(&self, name: &str, size: [u32; 2], first: [u32; 2]) -> Result<Part> {
+        let own = self.whole().size;
+        let [size, first] = [size, first].map(|pair| pair.map(|x| x as usize));
+        if (0..2).any(|axis| first[axis] + own[axis] > size[axis]) {
+            return Err(Error::argument(format!(
+                "{name}: its {}x{} texels at ({}, {}) are not inside of {}x{}",
+                own[0], own[1], first[0], first[1], size[0], size[1]
+            )));
+        }
+        let row = match self.layout.origin {
+            Origin::Bottom => first[1],
+            Origin::Top => size[1] - first[1] - own[1],
+        };
+        let first = [first[0], row];
+        Ok(Part { size, first, end: [0, 1].map(|axis| first[axis] + own[axis]) })
     }
 
     pub(crate) fn as_mut_ptr(&mut self) -> *mut u8 {

@@ -4,13 +4,14 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use half::f16;
 
-use crate::cpu::invert;
+use crate::cpu::invert::{self, Part};
 use crate::device::Device;
 use crate::error::Result;
 use crate::image::{ImageViewMut, PixelFormat, TexelLayout};
 use crate::mesh::{Mesh, NONE};
 use crate::team::Team;
-use crate::tile::blocks::{SIDE, slot};
+use crate::tile::Level;
+use crate::tile::blocks::{Plane, SIDE, slot};
 
 use super::output::Outputs;
 use super::solved::Solved;
@@ -59,72 +60,102 @@ impl Canvas {
     }
 }
 
-/// Writes `kind` of a result.
+/// Writes `kind` of a result: a part of an image of the tile, as large as `image`.
 pub(super) fn write(
     device: &Device,
     team: &Team,
     solved: &Solved,
     outputs: &mut Outputs,
     kind: FetchKind,
+    part: &Part,
     image: &mut ImageViewMut,
 ) -> Result<()> {
-    let size = [image.layout.width as usize, image.layout.height as usize];
     let canvas = Canvas::new(image);
-    let level = &solved.grid.levels[0];
-    let cells = [level.nx as f64, level.ny as f64];
     match kind {
         FetchKind::Redirection => {
-            outputs.invert(device, team, solved, size, |x, y, uv, _| canvas.put(x, y, uv))?;
+            outputs.invert(device, team, solved, part, |x, y, uv, _| canvas.put(x, y, uv))?;
         }
         FetchKind::RedirectionDelta => {
-            outputs.invert(device, team, solved, size, |x, y, _, delta| canvas.put(x, y, delta))?;
+            outputs.invert(device, team, solved, part, |x, y, _, delta| canvas.put(x, y, delta))?;
         }
-        FetchKind::Warp => {
-            let nodes = dense(solved)?;
-            let width = level.nx + 1;
-            team.run(size[1], |y| {
-                for x in 0..size[0] {
-                    let [(i, s), (j, t)] = [(x, 0), (y, 1)].map(|(k, axis)| {
-                        let last = (size[axis] - 1).max(1) as f64;
-                        let at = k as f64 * cells[axis] / last;
-                        let cell = at.floor().min(cells[axis] - 1.0);
-                        (cell as usize, at - cell)
-                    });
-                    let u = |di: usize, dj: usize, k: usize| f64::from(nodes[(j + dj) * width + i + di][k]);
-                    // Along the longer of s and t to the triangle's third corner, then to the far one (method §9).
-                    let (third, first, second) = if s >= t { ([1, 0], s, t) } else { ([0, 1], t, s) };
-                    let uv = [(i, s, 0), (j, t, 1)].map(|(cell, along, k)| {
-                        let (near, far, third) = (u(0, 0, k), u(1, 1, k), u(third[0], third[1], k));
-                        let moved = near + first * (third - near) + second * (far - third);
-                        (cell as f64 + along + moved) / cells[k]
-                    });
-                    canvas.put(x, y, uv);
-                }
-            });
-        }
+        FetchKind::Warp => write_warp(team, solved, part, &canvas)?,
     }
     Ok(())
 }
 
-/// Displacements of all nodes of the tile, row by row from v = 0.
-pub(super) fn dense(solved: &Solved) -> Result<Vec<[f32; 2]>> {
-    let u = solved.warp.host()?;
+fn write_warp(team: &Team, solved: &Solved, part: &Part, canvas: &Canvas) -> Result<()> {
     let level = &solved.grid.levels[0];
-    let width = level.nx + 1;
-    let mut nodes = vec![[0.0f32; 2]; width * (level.ny + 1)];
-    for (b, block) in level.blocks.list.iter().enumerate().filter(|(_, block)| block.active) {
-        for j in 0..SIDE {
-            for i in 0..SIDE {
-                let (x, y) = (block.x as usize * SIDE + i, block.y as usize * SIDE + j);
-                let s = slot(i, j);
+    let cells = [level.nx, level.ny].map(|n| n as f64);
+    let nodes = NodeRows::new(solved)?;
+    let [width, height] = part.extent();
+    // The cell of a texel along an axis, and its place in it.
+    let place = |x: usize, axis: usize| {
+        let last = (part.size[axis] - 1).max(1) as f64;
+        let at = (part.first[axis] + x) as f64 * cells[axis] / last;
+        let cell = at.floor().min(cells[axis] - 1.0);
+        (cell as usize, at - cell)
+    };
+    team.run(height, |y| {
+        let (j, t) = place(y, 1);
+        let rows = [nodes.row(j), nodes.row(j + 1)];
+        for x in 0..width {
+            let (i, s) = place(x, 0);
+            let u = |di: usize, dj: usize, k: usize| f64::from(rows[dj][i + di][k]);
+            // Along the longer of s and t to the triangle's third corner, then to the far one (method §9).
+            let (third, first, second) = if s >= t { ([1, 0], s, t) } else { ([0, 1], t, s) };
+            let uv = [(i, s, 0), (j, t, 1)].map(|(cell, along, k)| {
+                let (near, far, third) = (u(0, 0, k), u(1, 1, k), u(third[0], third[1], k));
+                let moved = near + first * (third - near) + second * (far - third);
+                (cell as f64 + along + moved) / cells[k]
+            });
+            canvas.put(x, y, uv);
+        }
+    });
+    Ok(())
+}
+
+/// The displacements of a result's nodes, row by row.
+struct NodeRows<'a> {
+    level: &'a Level,
+    u: &'a [[Plane; 2]],
+    /// The active blocks, sorted by their rows.
+    blocks: Vec<u32>,
+}
+
+impl<'a> NodeRows<'a> {
+    fn new(solved: &'a Solved) -> Result<NodeRows<'a>> {
+        let level = &solved.grid.levels[0];
+        let list = &level.blocks.list;
+        let mut blocks: Vec<u32> = (0..list.len() as u32).filter(|&b| list[b as usize].active).collect();
+        blocks.sort_by_key(|&b| list[b as usize].y);
+        Ok(NodeRows { level, u: solved.warp.host()?, blocks })
+    }
+
+    /// Row j, from u = 0.
+    fn row(&self, j: usize) -> Vec<[f32; 2]> {
+        let mut row = vec![[0.0; 2]; self.level.nx + 1];
+        let list = &self.level.blocks.list;
+        let y = (j / SIDE) as u32;
+        let first = self.blocks.partition_point(|&b| list[b as usize].y < y);
+        for &b in self.blocks[first..].iter().take_while(|&&b| list[b as usize].y == y) {
+            let b = b as usize;
+            let x = list[b].x as usize * SIDE;
+            for i in 0..SIDE.min(self.level.nx + 1 - x) {
+                let s = slot(i, j % SIDE);
                 // Where charts share a block, each has its own movable nodes.
-                if level.movable[b][s] != 0 && x <= level.nx && y <= level.ny {
-                    nodes[y * width + x] = [u[b][0][s], u[b][1][s]];
+                if self.level.movable[b][s] != 0 {
+                    row[x + i] = [self.u[b][0][s], self.u[b][1][s]];
                 }
             }
         }
+        row
     }
-    Ok(nodes)
+}
+
+/// Displacements of all nodes of the tile, row by row from v = 0.
+pub(super) fn dense(solved: &Solved) -> Result<Vec<[f32; 2]>> {
+    let rows = NodeRows::new(solved)?;
+    Ok((0..=rows.level.ny).flat_map(|j| rows.row(j)).collect())
 }
 
 /// Redirected UVs of all face corners.

@@ -1,6 +1,6 @@
 //! W⁻¹ of a tile's result at texel centres, on the backend that has the result.
 
-use crate::cpu::invert;
+use crate::cpu::invert::{self, Part};
 use crate::device::Device;
 use crate::error::Result;
 use crate::gpu::{self, Displacements};
@@ -22,25 +22,27 @@ pub(super) struct Outputs {
 const KEPT: u64 = 1 << 28;
 
 impl Outputs {
-    /// Calls `put(x, y, uv, delta)` for all texels of a width by height image, rows from v = 0 upward: W⁻¹ at the texel
-    /// centre, and the same less the centre. A texel may come twice, its last call counts; never on two threads at
+    /// Calls `put(x, y, uv, delta)` for all texels of a part of an image, with their places in the part, rows from v = 0
+    /// upward: W⁻¹ at the texel centre, and the same less the centre. A texel may come twice, its last call counts; never on two threads at
     /// once.
     pub fn invert(
         &mut self,
         device: &Device,
         team: &Team,
         solved: &Solved,
-        size: [usize; 2],
+        part: &Part,
         put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
     ) -> Result<()> {
         let level = &solved.grid.levels[0];
         let cells = [level.nx as f64, level.ny as f64];
+        let (size, first, extent) = (part.size, part.first, part.extent());
         let centres = [0, 1].map(|axis| {
             let of = |x: usize| (x as f64 + 0.5) / size[axis] as f64;
-            (0..size[axis]).map(of).collect::<Vec<f64>>()
+            (first[axis]..part.end[axis]).map(of).collect::<Vec<f64>>()
         });
         let centre = |x: usize, y: usize| [centres[0][x], centres[1][y]];
         if let Warp::Gpu(u) = &*solved.warp
+            && extent == size
             && gpu::Output::suits(&u.context, size)
         {
             return self.on_gpu(device, u, size, |first, texels| {
@@ -55,9 +57,11 @@ impl Outputs {
             });
         }
         let u = solved.warp.host()?;
-        team.run(size[1], |y| (0..size[0]).for_each(|x| put(x, y, centre(x, y), [0.0; 2])));
+        team.run(extent[1], |y| (0..extent[0]).for_each(|x| put(x, y, centre(x, y), [0.0; 2])));
+        let reach = solved.report.max_displacement;
         let invert = |team: &Team| {
-            invert::texels(team, &solved.grid, u, size, |x, y, p| {
+            invert::texels(team, &solved.grid, u, part, reach, |x, y, p| {
+                let (x, y) = (x - first[0], y - first[1]);
                 let (uv, at) = ([0, 1].map(|k| p[k] / cells[k]), centre(x, y));
                 put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
             });

@@ -13,25 +13,49 @@ use crate::tile::{Grid, Level};
 
 use crate::team::Team;
 
-/// Calls `put(x, y, p)` for each texel of an image of `size` (width, height) whose centre lies in a moved cell. Rows
-/// are counted from v = 0 upwards; p is W⁻¹ at the centre, in cells. The other texels have the identity. No texel is
-/// visited twice if the warp is free of folds.
+/// A part of an image of the whole tile: the texels from `first` to before `end`, rows counted from v = 0 upwards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Part {
+    /// The image's width and height.
+    pub size: [usize; 2],
+    pub first: [usize; 2],
+    pub end: [usize; 2],
+}
+
+impl Part {
+    /// Width and height of the part.
+    pub fn extent(&self) -> [usize; 2] {
+        [0, 1].map(|axis| self.end[axis] - self.first[axis])
+    }
+}
+
+/// Calls `put(x, y, p)` for each texel of a part of an image whose centre lies in a moved cell, with its place in the whole
+/// image; p is W⁻¹ at the centre, in cells. The other texels have the identity. No texel is visited twice if the warp is
+/// free of folds. `reach` is at least the largest component of a displacement.
 pub(crate) fn texels(
     team: &Team,
     grid: &Grid,
     u: &[[Plane; 2]],
-    size: [usize; 2],
+    part: &Part,
+    reach: f32,
     put: impl Fn(usize, usize, [f64; 2]) + Sync,
 ) {
+    let size = part.size;
     let level = &grid.levels[0];
     let scale = DVec2::new(size[0] as f64 / level.nx as f64, size[1] as f64 / level.ny as f64);
     team.run(level.blocks.list.len(), |b| {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        if !load(level, u, b, &mut windows) {
-            return;
-        }
         let block = &level.blocks.list[b];
         let (x, y) = (block.x as usize * SIDE, block.y as usize * SIDE);
+        // A block whose cells all stay beside the part.
+        let misses = |axis: usize, at: usize| {
+            let reach = f64::from(reach) + 1.0;
+            let (low, high) = (at as f64 - reach, (at + SIDE) as f64 + reach);
+            high * scale[axis] < part.first[axis] as f64 || low * scale[axis] > part.end[axis] as f64 + 1.0
+        };
+        if misses(0, x) || misses(1, y) || !load(level, u, b, &mut windows) {
+            return;
+        }
         for j in 0..SIDE {
             for i in 0..SIDE {
                 let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(di, dj)| {
@@ -46,7 +70,7 @@ pub(crate) fn texels(
                     let rest = [a, b, c].map(|k| corners[k].0);
                     // All cells at this node compute the same texel coordinates.
                     let warped = [a, b, c].map(|k| (corners[k].0 + corners[k].1) * scale - 0.5);
-                    triangle(rest, warped, size, &put);
+                    triangle(rest, warped, part, &put);
                 }
             }
         }
@@ -64,7 +88,7 @@ fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) ->
 /// Calls `put` for the texels whose centre lies in a warped triangle, given its corners at rest in cells and warped in
 /// texels. A triangle without area, which only the paper's solver makes, covers no texel; the coordinates in one with
 /// next to none are rounded, and kept within the triangle.
-fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], size: [usize; 2], put: &impl Fn(usize, usize, [f64; 2])) {
+fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], part: &Part, put: &impl Fn(usize, usize, [f64; 2])) {
     let [a, b, c] = warped;
     let (e1, e2) = (b - a, c - a);
     let area = e1.perp_dot(e2);
@@ -72,7 +96,7 @@ fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], size: [usize; 2], put: &impl F
         return;
     }
     let inverse = 1.0 / area;
-    Fill::new(warped).visit(size[0], size[1], |x, y, inside| {
+    Fill::new(warped).visit_in(part.first, part.end, |x, y, inside| {
         if !inside {
             return;
         }
@@ -170,7 +194,8 @@ mod tests {
     fn covered(warped: [[f64; 2]; 3]) -> Vec<[f64; 2]> {
         let rest = [[3.0, 5.0], [4.0, 5.0], [4.0, 6.0]].map(DVec2::from);
         let found = RefCell::new(Vec::new());
-        triangle(rest, warped.map(DVec2::from), [8, 8], &|_, _, p| found.borrow_mut().push(p));
+        let part = Part { size: [8, 8], first: [0, 0], end: [8, 8] };
+        triangle(rest, warped.map(DVec2::from), &part, &|_, _, p| found.borrow_mut().push(p));
         found.into_inner()
     }
 

@@ -19,13 +19,8 @@ impl Fill {
         Fill { corners, sign: if doubled_area(corners) < 0.0 { -1.0 } else { 1.0 } }
     }
 
-    /// Calls `f(i, j, true)` for the points of 0..width x 0..height that are inside by this rule, and `f(i, j, false)`
-    /// for the other points of the closed triangle.
-    pub fn visit(&self, width: usize, height: usize, f: impl FnMut(usize, usize, bool)) {
-        self.visit_in([0, 0], [width, height], f);
-    }
-
-    /// The same for the points of first[0]..end[0] x first[1]..end[1].
+    /// Calls `f(i, j, true)` for the points of first[0]..end[0] x first[1]..end[1] that are inside by this rule, and
+    /// `f(i, j, false)` for the other points of the closed triangle.
     pub fn visit_in(&self, first: [usize; 2], end: [usize; 2], mut f: impl FnMut(usize, usize, bool)) {
         let [first, end] = [first, end].map(|corner| corner.map(|x| x as f64));
         let ys = self.corners.map(|c| c.y);
