@@ -141,6 +141,11 @@ public:
     }
 
     void set_rigidity(const vrtm_image *rigidity) const { check(vrtm_tile_set_rigidity(handle_, rigidity)); }
+    void update_rigidity(const vrtm_image &rigidity, std::uint32_t x, std::uint32_t y, std::uint32_t width,
+                         std::uint32_t height) const
+    {
+        check(vrtm_tile_update_rigidity(handle_, &rigidity, x, y, width, height));
+    }
     void set_mask(const vrtm_image *mask) const { check(vrtm_tile_set_mask(handle_, mask)); }
     void set_settings(const vrtm_tile_settings &settings) const
     {
@@ -157,6 +162,34 @@ public:
     void fetch(vrtm_fetch_kind kind, const vrtm_image_out &image) const
     {
         check(vrtm_tile_fetch(handle_, kind, &image));
+    }
+
+    void fetch_part(vrtm_fetch_kind kind, const vrtm_image_out &image, std::uint32_t x, std::uint32_t y,
+                    std::uint32_t width, std::uint32_t height) const
+    {
+        check(vrtm_tile_fetch_part(handle_, kind, &image, x, y, width, height));
+    }
+
+    vrtm_tile_needs estimate() const
+    {
+        vrtm_tile_needs needs = vrtm_tile_needs_init();
+        check(vrtm_tile_estimate(handle_, &needs));
+        return needs;
+    }
+
+    /// The prepared tile, for load().
+    std::vector<unsigned char> save() const
+    {
+        std::size_t size = 0;
+        check(vrtm_tile_save(handle_, nullptr, 0, &size));
+        std::vector<unsigned char> data(size);
+        check(vrtm_tile_save(handle_, data.data(), data.size(), &size));
+        return data;
+    }
+
+    void load(const std::vector<unsigned char> &data) const
+    {
+        check(vrtm_tile_load(handle_, data.data(), data.size()));
     }
 
     vrtm_tile_report_data report() const

@@ -142,6 +142,32 @@ pub unsafe extern "C" fn vrtm_tile_fetch(
     })
 }
 
+/// Writes a part of one output of the last solve, for images that are too large to be held at once: of an image of
+/// `width` x `height` texels, those from the column `x` and the row `y` that `image` has room for. Rows are counted in
+/// the order of image->origin. On the CPU the parts are, bit by bit, those of the whole image.
+///
+/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside of the whole.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_fetch_part(
+    tile: vrtm_tile,
+    kind: vrtm_fetch_kind,
+    image: *const vrtm_image_out,
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+) -> vrtm_status {
+    guard("vrtm_tile_fetch_part", || {
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let kind = fetch_kind(kind, "kind")?;
+        // SAFETY: the host's pointer, valid during the call.
+        let target = unsafe { Target::read(image, "image") }?;
+        // SAFETY: the host vouches for the memory, and this is the only view of it.
+        let mut view = unsafe { target.view("image") }?;
+        asset.write(|asset| Ok(asset.fetch_part(tile, kind, &mut view, [width, height], [x, y])?))
+    })
+}
+
 /// Writes the redirected UV of every face corner of the mesh: `count` pairs (u, v), in corner order, with the tile's
 /// offset added as in the mesh's own UVs. For hosts that set UVs instead of reading a map. `count` is the number of
 /// corners, vrtm_asset_data.corners; `uvs` has room for 2 * count floats.

@@ -29,6 +29,11 @@ pub struct vrtm_tile_data {
     pub grid_height: u32,
     /// Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
     pub overlap: f32,
+    /// Fraction (0..1) of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least
+    /// 0.5, those that a border, an overlap or the mask fixes. Near 1, a map can have no effect.
+    pub frozen: f32,
+    /// Zero.
+    pub reserved: u32,
 }
 
 /// Who owns texels that faces of different charts, or two layers of one chart, share.
@@ -75,7 +80,7 @@ pub struct vrtm_tile_settings {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_tile_data {
-    const FIRST: usize = size_of::<vrtm_tile_data>();
+    const FIRST: usize = offset_of!(vrtm_tile_data, frozen);
     const NAME: &'static str = "vrtm_tile_data";
 }
 
@@ -151,6 +156,8 @@ pub unsafe extern "C" fn vrtm_tile_info(tile: vrtm_tile, info: *mut vrtm_tile_da
             grid_width: info.grid[0],
             grid_height: info.grid[1],
             overlap: info.overlap,
+            frozen: info.frozen,
+            reserved: 0,
         });
         Ok(())
     })
@@ -169,6 +176,32 @@ pub unsafe extern "C" fn vrtm_tile_set_rigidity(tile: vrtm_tile, rigidity: *cons
         // SAFETY: the host's pointer, valid during the call.
         let image = unsafe { image_or_none(rigidity, "rigidity") }?;
         asset.write(|asset| Ok(asset.set_rigidity(tile, image)?))
+    })
+}
+
+/// Takes a part of a tile's rigidity map anew, after a stroke of a brush for instance: `width` x `height` texels from
+/// the column `x` and the row `y`, as they lie in memory. `rigidity` describes the whole map, with the size and the
+/// format of the one that was set; its other texels are not read. A small part takes a small fraction of the time that
+/// setting the map takes, unless a chart gets its first rigidity or loses its last, or orientation_density is in use:
+/// then the tile is prepared anew.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if there is no map of this size and format, if the
+/// part is empty or not inside of it, and as vrtm_tile_set_rigidity; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_update_rigidity(
+    tile: vrtm_tile,
+    rigidity: *const vrtm_image,
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+) -> vrtm_status {
+    guard("vrtm_tile_update_rigidity", || {
+        let (asset, tile) = handle::tile("tile", tile)?;
+        // SAFETY: the host's pointer, valid during the call.
+        let image = unsafe { image_or_none(rigidity, "rigidity") }?
+            .ok_or_else(|| Failure::argument("rigidity is null"))?;
+        asset.write(|asset| Ok(asset.update_rigidity(tile, image, [x, y], [width, height])?))
     })
 }
 

@@ -225,7 +225,8 @@ fn compare(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], size: [us
     let mut expected = vec![[0.0f64; 2]; size[0] * size[1]];
     let texels = std::sync::Mutex::new(&mut expected);
     Team::with(1, |team| {
-        twin::texels(team, grid, u, size, |x, y, p| {
+        let part = twin::Part { size, first: [0, 0], end: size };
+        twin::texels(team, grid, u, &part, 1e4, |x, y, p| {
             let centre = [x, y].map(|k| k as f64 + 0.5);
             texels.lock().unwrap()[y * size[0] + x] = [0, 1].map(|k| p[k] - centre[k] / scale[k]);
         });

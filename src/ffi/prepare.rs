@@ -1,0 +1,113 @@
+//! What preparing a tile takes, and prepared tiles as bytes.
+
+use std::ffi::c_void;
+
+use super::desc::{self, Out, Sized32};
+use super::guard::guard;
+use super::handle::{self, vrtm_tile};
+use super::status::{Failure, vrtm_status};
+
+/// What a tile takes, before any of it is taken. Start from vrtm_tile_needs_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_tile_needs {
+    /// sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Nodes of the grid that may move: time and memory follow their number.
+    pub movable_nodes: u64,
+    /// Bytes held once the tile is prepared: maps and grid.
+    pub prepared_bytes: u64,
+    /// Bytes at the peak of preparing it.
+    pub preparing_bytes: u64,
+    /// Bytes at the peak of a solve with VRTM_SOLVER_DESCENT. With a GPU this counts its memory and the host's.
+    pub solving_bytes: u64,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers.
+unsafe impl Sized32 for vrtm_tile_needs {
+    const FIRST: usize = size_of::<vrtm_tile_needs>();
+    const NAME: &'static str = "vrtm_tile_needs";
+}
+
+/// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. This
+/// takes a small part of the time and memory of preparing the tile, and keeps nothing. A device's memory_budget is
+/// checked in the same way before a tile is prepared.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
+/// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_estimate(tile: vrtm_tile, needs: *mut vrtm_tile_needs) -> vrtm_status {
+    guard("vrtm_tile_estimate", || {
+        let out = Out::new(needs, "needs")?;
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let estimate = asset.read(|asset| Ok(asset.tile_estimate(tile)?))?;
+        out.write(vrtm_tile_needs {
+            struct_size: 0,
+            reserved: 0,
+            movable_nodes: estimate.movable_nodes,
+            prepared_bytes: estimate.prepared_bytes,
+            preparing_bytes: estimate.preparing_bytes,
+            solving_bytes: estimate.solving_bytes,
+        });
+        Ok(())
+    })
+}
+
+/// Writes a prepared tile to the host's memory, for vrtm_tile_load on another machine or in a later session. Prepares the
+/// tile if need be. `size` gets the number of bytes that it takes: call once with `data` null and `capacity` 0 to learn
+/// it, then with as much memory. The bytes hold what follows from mesh, maps and settings, not these themselves.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `size` is null, or if `data` is neither null nor
+/// large enough; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_save(
+    tile: vrtm_tile,
+    data: *mut c_void,
+    capacity: usize,
+    size: *mut usize,
+) -> vrtm_status {
+    guard("vrtm_tile_save", || {
+        if size.is_null() {
+            return Err(Failure::argument("size is null"));
+        }
+        if !size.is_aligned() {
+            return Err(Failure::argument("size is not aligned"));
+        }
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let needed = asset.write(|asset| Ok(asset.saved_tile_size(tile)?))?;
+        if !data.is_null() {
+            if capacity < needed {
+                let message = format!("capacity is {capacity} bytes, {needed} are needed");
+                return Err(Failure::argument(message));
+            }
+            // SAFETY: the host vouches for `capacity` bytes during the call.
+            let out = unsafe { desc::slice_mut(data.cast::<u8>(), needed, "data") }?;
+            asset.write(|asset| Ok(asset.save_tile_to(tile, out)?))?;
+        }
+        // SAFETY: the host's pointer, not null and aligned.
+        unsafe { size.write(needed) };
+        Ok(())
+    })
+}
+
+/// Takes a tile that was prepared elsewhere, so that it need not be prepared here. Mesh, maps and settings have to be
+/// those that it was saved with; they are compared, and set before this call. `size` is the number of bytes. They may
+/// come from anywhere: what is not a saved tile, or was changed, is refused.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged or of another
+/// version of the format, or that were saved with another mesh, map or setting; VRTM_ERROR_BUSY;
+/// VRTM_ERROR_OUT_OF_MEMORY. On any error the tile is as before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_load(tile: vrtm_tile, data: *const c_void, size: usize) -> vrtm_status {
+    guard("vrtm_tile_load", || {
+        let (asset, tile) = handle::tile("tile", tile)?;
+        if data.is_null() {
+            return Err(Failure::argument("data is null"));
+        }
+        // SAFETY: the host vouches for `size` bytes during the call.
+        let data = unsafe { desc::slice(data.cast::<u8>(), size, "data") }?;
+        asset.write(|asset| Ok(asset.load_tile(tile, data)?))
+    })
+}
