@@ -2,6 +2,7 @@
 
 mod backend;
 mod fetch;
+mod log;
 mod measure;
 #[cfg(feature = "oracle")]
 mod oracle;
@@ -14,6 +15,7 @@ mod on_gpu;
 mod switched;
 mod solved;
 mod tile_state;
+mod torn;
 
 use std::time::Instant;
 
@@ -24,7 +26,7 @@ use crate::image::{ImageView, ImageViewMut};
 use crate::mesh::{Mesh, MeshSource};
 use crate::method::schedule::Plan;
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileInfo, TileReport};
-use crate::settings::{LogLevel, SolveOptions, TileSettings};
+use crate::settings::{SolveOptions, TileSettings};
 use crate::tile::Rigidity;
 use crate::view::Strided;
 pub use fetch::FetchKind;
@@ -62,20 +64,11 @@ impl Asset {
     ///
     /// # Errors
     /// `InvalidArgument` naming the array and the index: an index out of range, a value that is not finite, counts
-    /// that do not add up, an empty mesh.
+    /// that do not add up, a face with UVs at some corners only, an empty mesh.
     pub fn new(device: &Device, source: &MeshSource) -> Result<Asset> {
         device.alive()?;
         let mesh = Mesh::new(source)?;
-        let AssetInfo { clipped_faces, faces_outside, degenerate_triangles, .. } = mesh.info;
-        for (count, what) in [
-            (clipped_faces, "faces reach out of their tile and are clipped to it"),
-            (faces_outside, "faces lie in no UDIM tile and are left out"),
-            (degenerate_triangles, "triangles without UV area are left out"),
-        ] {
-            if count > 0 {
-                device.log(LogLevel::Warning, &format!("mesh: {count} {what}"));
-            }
-        }
+        log::describe(device, &mesh);
         let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
         Ok(Asset { device: device.clone(), mesh, tiles, outputs: Outputs::default(), solved_ms: None })
     }
@@ -92,16 +85,23 @@ impl Asset {
         self.mesh.info
     }
 
-    /// Number of tiles; tiles are indexed from 0 in the order of their UDIM numbers.
+    /// Number of tiles; tiles are indexed from 0, first those of UV set 0 in the order of their UDIM numbers, then those
+    /// of set 1, and so on.
     #[must_use]
     pub fn tile_count(&self) -> usize {
         self.tiles.len()
     }
 
-    /// Index of the tile with this UDIM number.
+    /// Index of the tile with this UDIM number, of UV set 0.
     #[must_use]
     pub fn find_tile(&self, udim: u32) -> Option<usize> {
-        self.mesh.tiles.iter().position(|tile| tile.udim == udim)
+        self.find_tile_of_set(0, udim)
+    }
+
+    /// Index of the tile with this UDIM number, of a UV set.
+    #[must_use]
+    pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
+        self.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
     }
 
     /// The facts of a tile that need no solve. Builds its grid if a map or setting changed.
@@ -248,20 +248,33 @@ impl Asset {
         Ok(())
     }
 
-    /// Redirected UV of every face corner of the mesh, in corner order, with the tile's offset added.
+    /// Redirected UV of every face corner of the mesh in UV set 0, in corner order, with the tile's offset added; 0, 0
+    /// at corners of faces without UVs.
     ///
     /// # Errors
     /// `NotSolved`; `InvalidArgument` unless there is one element per corner.
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
-        if out.len() != self.mesh.corners.len() {
+        self.corner_uvs_of_set(0, out)
+    }
+
+    /// The same of another UV set.
+    ///
+    /// # Errors
+    /// Those of [`Asset::corner_uvs`]; `InvalidArgument` if there is no such set.
+    pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
+        let corners = self.mesh.corners.get(uv_set as usize).ok_or_else(|| {
+            let sets = self.mesh.corners.len();
+            Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}"))
+        })?;
+        if out.len() != corners.len() {
             return Err(Error::argument(format!(
                 "uvs: {} elements, but the mesh has {} corners",
                 out.len(),
-                self.mesh.corners.len()
+                corners.len()
             )));
         }
         let tiles = self.solved()?;
-        Team::with(self.device.threads(), |team| fetch::corner_uvs(team, &self.mesh, &tiles, out))
+        Team::with(self.device.threads(), |team| fetch::corner_uvs(team, corners, &tiles, out))
     }
 
     /// A tile's last solve.

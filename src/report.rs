@@ -42,6 +42,8 @@ pub struct AssetInfo {
     pub faces: u64,
     /// Face corners as given: the length of a corner UV array.
     pub corners: u64,
+    /// UV sets. All that follows is counted over all of them.
+    pub uv_sets: u32,
     /// Triangles kept, over all tiles.
     pub triangles: u64,
     /// Tiles with at least one triangle.
@@ -54,6 +56,19 @@ pub struct AssetInfo {
     pub clipped_faces: u64,
     /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
     pub faces_outside: u64,
+    /// Faces without texture: without UVs, or not among the faces that were chosen.
+    pub faces_untextured: u64,
+    /// Faces with fewer than three corners.
+    pub faces_skipped: u64,
+    /// Sides of triangles at which a chart ends.
+    pub border_edges: u64,
+    /// Edges inside charts whose two sides have different vertices, welded by position.
+    pub welded_edges: u64,
+    /// Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
+    /// there, and with [`crate::WeldBy::Position`] they would not. Always 0 with it.
+    pub edges_apart: u64,
+    /// Seams that are no edge of a face, and do nothing.
+    pub seams_unused: u64,
 }
 
 /// Facts of a tile that need no solve.
@@ -72,6 +87,14 @@ pub struct TileInfo {
     pub movable_nodes: u64,
     /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
+    /// The UV set that it belongs to.
+    pub uv_set: u32,
+    /// Sides of triangles at which a chart ends.
+    pub border_edges: u64,
+    /// Edges inside charts whose two sides have different vertices, welded by position.
+    pub welded_edges: u64,
+    /// Edges whose two sides lie together and are not connected: see [`AssetInfo::edges_apart`].
+    pub edges_apart: u64,
 }
 
 /// Milliseconds per stage of one solve. On a GPU those of surface to certify are measured there, and 0 where it has no
@@ -188,6 +211,8 @@ pub struct TileReport {
     pub bytes: u64,
     /// True if the time budget ended the solve early.
     pub truncated: bool,
+    /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
+    pub welds_torn: u32,
     /// Milliseconds per stage.
     pub times: StageTimes,
     /// Present if the solve was asked to measure.

@@ -1,15 +1,18 @@
 //! Both backends on an asset's tile, side by side or one after the other: for tests and support.
 
+use std::sync::Arc;
 use std::time::Instant;
 
-use super::Asset;
+use super::{Asset, torn};
 use crate::cpu::Team;
 use crate::error::{Error, ErrorKind, Result};
 use crate::method::schedule::{self, Input, Plan};
 use crate::oracle::parity::StageDifference;
 use crate::oracle::parity::pair::Pair;
 use crate::settings::SolveOptions;
+use crate::tile::Grid;
 use crate::tile::blocks::NODES;
+use crate::tile::coverage::Coverage;
 use crate::tile::pose::Pose;
 use crate::view::Strided;
 use crate::{cpu, gpu};
@@ -31,11 +34,14 @@ impl Asset {
         self.check_tile(tile)?;
         self.check_vertices("positions", &positions, 3)?;
         options.check()?;
-        let grid = self.tiles[tile].grid(&self.device, &self.mesh, tile)?;
         let Some(context) = self.device.gpu() else {
             return Err(Error::new(ErrorKind::Unsupported, "the asset is not on a GPU"));
         };
-        let mesh = &self.mesh.tiles[tile];
+        let mesh = &*torn::in_pose(&self.mesh, tile, &positions);
+        let maps = &self.tiles[tile].maps;
+        let [nx, ny] = maps.grid_size();
+        let coverage = Coverage::new(mesh, nx, ny, maps.settings.overlap);
+        let grid = Arc::new(Grid::new(&self.mesh, mesh, maps, &coverage));
         let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
         let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collect();
         if !charts.contains(&true) {

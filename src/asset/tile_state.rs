@@ -19,6 +19,7 @@ use crate::view::Strided;
 
 use super::backend::{Job, TileSolution, TileSolver, Warp};
 use super::solved::{ChartInput, Solved};
+use super::torn::{self, Torn};
 
 /// A call that solves all tiles of an asset.
 pub(super) struct SolveCall<'a> {
@@ -37,6 +38,10 @@ pub(super) struct TileState {
     pub maps: TileMaps,
     coverage: Option<Coverage>,
     grid: Option<Arc<Grid>>,
+    /// The tile as the last pose that tore it left it.
+    torn: Option<Torn>,
+    /// The welds that the last pose tore.
+    torn_now: Vec<u32>,
     solver: Option<TileSolver>,
     /// Bytes of the solver's memory.
     solver_bytes: u64,
@@ -63,6 +68,7 @@ impl TileState {
             resized || dense(&before) != dense(&self.maps) || smoothness(&before) != smoothness(&self.maps);
         if resized || before.rigidity != self.maps.rigidity || before.mask != self.maps.mask {
             self.grid = None;
+            self.torn.iter_mut().for_each(Torn::forget_grid);
         } else if before.settings != self.maps.settings
             && let Some(solved) = &mut self.solved
         {
@@ -100,6 +106,38 @@ impl TileState {
         Ok(grid)
     }
 
+    /// The tile as it hangs together in a pose, and its grid, built if need be.
+    fn surface(&mut self, call: &SolveCall, tile: usize) -> Result<(Arc<TileMesh>, Arc<Grid>)> {
+        let whole = &call.mesh.tiles[tile];
+        let torn = torn::welds(call.mesh, whole, &call.positions);
+        if torn != self.torn_now {
+            let (count, of) = (torn.len(), whole.welds.len());
+            let message = format!("tile {}: the pose tears {count} of {of} welded edges", whole.udim);
+            let level = if count > 0 { LogLevel::Warning } else { LogLevel::Info };
+            call.device.log(level, &message);
+        }
+        self.torn_now = torn;
+        if self.torn_now.is_empty() {
+            return Ok((whole.clone(), self.grid(call.device, call.mesh, tile)?));
+        }
+        let start = Instant::now();
+        let kept = self.torn.take().filter(|kept| kept.is(&self.torn_now));
+        let mut torn = kept.unwrap_or_else(|| Torn::new(whole, &self.torn_now));
+        let (grid, built) = torn.grid(call.mesh, &self.maps);
+        let source = torn.mesh.clone();
+        self.torn = Some(torn);
+        if built {
+            self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
+            self.forget(call.device);
+            let result = Solved::bytes_for(&grid);
+            if let Err(error) = self.book(call.device, result, source.udim) {
+                self.torn = None;
+                return Err(error);
+            }
+        }
+        Ok((source, grid))
+    }
+
     /// Puts the memory that is held, and `more` that is about to be allocated, on the device's account.
     fn book(&mut self, device: &Device, more: u64, udim: u32) -> Result<()> {
         let held = self.held() + more;
@@ -118,23 +156,25 @@ impl TileState {
         };
         let coverage = self.coverage.as_ref().map_or(0, |c| c.triangle.len() as u64 * 5);
         let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
-        rigidity + self.maps.mask.as_ref().map_or(0, map) + coverage + grid + self.solver_bytes
+        let torn = self.torn.as_ref().map_or(0, Torn::bytes);
+        rigidity + self.maps.mask.as_ref().map_or(0, map) + coverage + grid + torn + self.solver_bytes
     }
 
     /// Solves the tile for a pose. Nothing of `solved` changes: the caller puts the result there when all tiles have
     /// theirs.
     pub fn solve(&mut self, call: &SolveCall, tile: usize) -> Result<Solved> {
         let start = Instant::now();
-        let grid = self.grid(call.device, call.mesh, tile)?;
-        let source = &call.mesh.tiles[tile];
+        let (mesh, grid) = self.surface(call, tile)?;
+        let source = &*mesh;
         let pose = Pose::new(source, |v| call.positions.get3(v as usize), Some(&grid.rest));
         let tasks = self.tasks(&grid, source, &pose, call.plan);
         let WarpResult { warp, results, mut report, work } = self.warp(call, &grid, source, &pose, &tasks)?;
         self.fill_report(&mut report, &grid, source, &tasks, &results);
         let inputs = self.inputs(&grid, pose, &tasks, call.plan, report.truncated);
+        report.welds_torn = self.torn_now.len() as u32;
         report.times.total = start.elapsed().as_secs_f32() * 1000.0;
         let overlap = self.maps.settings.overlap;
-        Ok(Solved { grid, warp, inputs, results, overlap, report, work })
+        Ok(Solved { mesh, grid, warp, inputs, results, overlap, report, work })
     }
 
     /// The last result, if it was solved on this grid.
@@ -335,12 +375,17 @@ impl TileState {
             grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
             movable_nodes: grid.movable.iter().sum(),
             overlap: grid.overlap,
+            uv_set: source.uv_set,
+            border_edges: source.border_edges(),
+            welded_edges: source.welds.len() as u64,
+            edges_apart: source.edges_apart,
         })
     }
 
     /// Takes the memory off the device's budget.
     pub fn release(&mut self, device: &Device) {
         self.solved = None;
+        self.torn = None;
         self.forget(device);
         let _ = device.rebook(self.booked, 0, "");
         self.booked = 0;
