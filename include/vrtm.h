@@ -545,7 +545,8 @@ typedef struct vrtm_asset_data {
     // Edges inside charts whose two sides have different vertices: welded by position.
     uint64_t welded_edges;
     // Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
-    // there. Cuts, or a mesh that wants VRTM_WELD_POSITION; always 0 with it.
+    // there. They are cuts; or the mesh wants VRTM_WELD_POSITION; or the noise of its UVs is large against its
+    // triangles.
     uint64_t edges_apart;
     // Seams that are no edge of a face.
     uint64_t seams_unused;

@@ -65,7 +65,8 @@ pub struct AssetInfo {
     /// Edges inside charts whose two sides have different vertices, welded by position.
     pub welded_edges: u64,
     /// Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
-    /// there, and with [`crate::WeldBy::Position`] they would not. Always 0 with it.
+    /// there. They are cuts; or the mesh wants [`crate::WeldBy::Position`]; or the noise of its UVs is large against
+    /// its triangles.
     pub edges_apart: u64,
     /// Seams that are no edge of a face, and do nothing.
     pub seams_unused: u64,

@@ -203,6 +203,10 @@ fn a_torn_weld_is_the_cut_mesh_in_that_pose_alone() {
         assert_eq!(cut.tile_report(0).unwrap().welds_torn, 0);
         assert!(bits(&cut) == bits(&torn), "a torn weld is not a seam");
         assert!(corners(&cut) == corners(&torn));
+        // Poses that tear nothing build nothing anew, whatever was torn before.
+        torn.solve(Strided::from_f32x3(&closed), &options(Quality::Normal)).unwrap();
+        assert_eq!(torn.tile_report(0).unwrap().times.maps, 0.0);
+        assert!(bits(&whole) == bits(&torn));
         // And the first pose again, after the others: the result is the pose's alone.
         torn.solve(model.frame(1), &options(Quality::Normal)).unwrap();
         assert!(bits(&by_index) == bits(&torn), "the result depends on earlier frames");
@@ -289,6 +293,9 @@ fn half_floats_of_one_uv_are_one_up_to_a_step() {
     // What the host says goes.
     let weld = Weld { uv_tolerance: Some(1e-3), ..Weld::default() };
     assert_eq!(Model { weld, ..with_uvs(&model, more) }.asset_on(&device, 64).info().charts, 1);
+    // Triangles of a step's size cannot be welded by a step without turning over; it does not go by without a word.
+    let info = with_uvs(&sheet(700), rounded).asset_on(&device, 64).info();
+    assert!(info.charts > 1 && info.edges_apart > 1000, "{info:?}");
 }
 
 /// A strip of n by 2 quads whose UV edges are much shorter than the tolerance of UVs.
@@ -352,6 +359,29 @@ fn a_million_vertices_at_one_place_take_no_longer_than_elsewhere() {
     let asset = model.asset_on(&cpu(0), 64);
     println!("{:?}: {} charts", start.elapsed(), asset.info().charts);
     assert!(start.elapsed().as_secs() < 20);
+}
+
+#[test]
+fn the_two_sides_of_a_sheet_are_two_charts() {
+    let mut model = sheet(8);
+    let n = model.rest.len() as u32;
+    let corners = model.indices.len();
+    for k in 0..corners {
+        // The back's faces run the other way round.
+        let v = model.indices[k / 4 * 4 + 3 - k % 4];
+        model.indices.push(v + n);
+        model.uv_indices.push(v);
+    }
+    model.rest.extend_from_within(..);
+    model.frames[0].extend_from_within(..);
+    model.face_counts.extend_from_within(..);
+    for weld in [WeldBy::Index, WeldBy::Position] {
+        let info = Model { weld: by(weld), ..model.clone() }.asset_on(&cpu(0), 64).info();
+        // Position takes nothing away from what the vertices connect; the rims, of which there are two at each edge on
+        // the same side of it, stay borders.
+        assert_eq!((info.charts, info.border_edges, info.welded_edges), (2, 64, 0), "{weld:?}");
+        assert_eq!(info.edges_apart, 0);
+    }
 }
 
 #[test]

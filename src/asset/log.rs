@@ -27,8 +27,8 @@ pub(super) fn describe(device: &Device, mesh: &Mesh) {
         );
         device.log(LogLevel::Info, &message);
     }
-    let apart = "edges have two sides that lie together, in space and in UV, and are not connected: charts end there; if \
-                 they are no cuts, weld by position";
+    let apart = "edges have two sides that lie together, in space and in UV, and are not connected, so that charts end \
+                 there: if they are no cuts, weld by position, or give UVs with less noise";
     for (count, what) in [
         (info.clipped_faces, "faces reach out of their tile and are clipped to it"),
         (info.faces_outside, "faces lie in no UDIM tile and are left out"),

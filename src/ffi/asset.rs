@@ -45,7 +45,8 @@ pub struct vrtm_asset_data {
     /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
     /// Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
-    /// there. Cuts, or a mesh that wants VRTM_WELD_POSITION; always 0 with it.
+    /// there. They are cuts; or the mesh wants VRTM_WELD_POSITION; or the noise of its UVs is large against its
+    /// triangles.
     pub edges_apart: u64,
     /// Seams that are no edge of a face.
     pub seams_unused: u64,

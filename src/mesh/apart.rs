@@ -1,4 +1,5 @@
-//! What lies together and yet is not connected: the edges that a mesh out of a game wants welded by position.
+//! What lies together and yet is not connected: cuts; the edges that a mesh out of a game wants welded by position; and
+//! those whose UVs have more noise than their triangles can bear.
 
 use super::charts::{self, Seams, is_seam};
 use super::weld::Corners;
@@ -21,10 +22,11 @@ pub(super) fn edges_apart(
         let triangle = &raw[t as usize];
         let ends = [1, 2].map(|d| (k as usize + d) % 3);
         if !is_seam(seams, ends.map(|c| triangle.vertices[c])) {
-            for c in ends {
-                numbers[t as usize][c] = corners.number(triangle.vertices[c], triangle.uv[c]).0;
+            let of_ends = ends.map(|c| corners.number(triangle.vertices[c], triangle.uv[c]).0);
+            if of_ends[0] != of_ends[1] {
+                (0..2).for_each(|end| numbers[t as usize][ends[end]] = of_ends[end]);
+                sides.push((t, k));
             }
-            sides.push((t, k));
         }
     }
     charts::pairs(raw, &numbers, sides.into_iter()).len() as u64

@@ -64,16 +64,16 @@ impl<'a> Welding<'a> {
         for corner in &mut set.corners {
             corner.tile = numbered.binary_search(&corner.tile).map_or(NONE, |k| (first + k) as u32);
         }
-        if self.weld.by != WeldBy::Position {
-            self.count_apart(set, seams, &mut tiles[first..]);
-        }
+        self.count_apart(set, seams, &mut tiles[first..]);
     }
 
-    /// Counts what would be welded by position.
+    /// Counts the edges that lie together and are not connected, as if all were welded by position.
     fn count_apart(&self, set: &UvSet, seams: &Seams, tiles: &mut [TileMesh]) {
         let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
-        let reach = reaches(set.tiles.values().flatten(), self.rest.len(), tolerance);
-        let place = places(self.rest, &self.shortest, self.tolerance);
+        // Nothing is moved here: small triangles need no care.
+        let reach = vec![tolerance; self.rest.len()];
+        let found = self.place.is_empty().then(|| places(self.rest, &self.shortest, self.tolerance));
+        let place = found.as_ref().unwrap_or(&self.place);
         let place = |v: u32| place[v as usize];
         for (tile, raw) in tiles.iter_mut().zip(set.tiles.values()) {
             tile.edges_apart = edges_apart(tile, raw, seams, &place, &reach, tolerance);

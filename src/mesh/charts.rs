@@ -133,30 +133,44 @@ type Side = (u32, u8);
 
 /// The pairs of sides that are one edge, with nothing else at it and with their triangles on both sides of it. `numbers`
 /// has the numbers of each triangle's UV corners.
+///
+/// Where welding by position brings more than two together, as the front and the back of a sheet, two with the same
+/// vertices belong together first: a weld must not part what the vertices connect.
 pub(super) fn pairs(
     raw: &[RawTriangle],
     numbers: &[[u32; 3]],
     sides: impl Iterator<Item = Side>,
 ) -> Vec<[Side; 2]> {
-    // (edge as a sorted pair of UV corners, triangle, its corner opposite to the edge), sorted, so that the triangles
-    // at an edge are adjacent.
+    // (edge as a sorted pair of UV corners, its vertices, triangle, its corner opposite to the edge), sorted, so that the
+    // triangles at an edge are adjacent, and there those with the same vertices.
     let with_ends = |(t, k): Side| {
-        let [a, b] = ends(numbers, t, k).map(|c| numbers[t as usize][c]);
-        (a, b, t, k)
+        let ends = ends(numbers, t, k);
+        let edge = ends.map(|c| numbers[t as usize][c]);
+        (edge, ends.map(|c| raw[t as usize].vertices[c]), t, k)
     };
-    let mut edges: Vec<(u32, u32, u32, u8)> = sides.map(with_ends).collect();
+    let mut edges: Vec<([u32; 2], [u32; 2], u32, u8)> = sides.map(with_ends).collect();
     edges.sort_unstable();
     let lies = |t: u32, k: u8| {
         let [a, b] = ends(numbers, t, k);
         doubled_area([a, b, k as usize].map(|c| raw[t as usize].uv[c])).signum()
     };
-    edges
-        .chunk_by(|x, y| (x.0, x.1) == (y.0, y.1))
-        .filter_map(|at_edge| match *at_edge {
-            [(_, _, t, k), (_, _, s, j)] if lies(t, k) * lies(s, j) < 0.0 => Some([(t, k), (s, j)]),
-            _ => None,
-        })
-        .collect()
+    let mut found = Vec::new();
+    let mut left = Vec::new();
+    for at_edge in edges.chunk_by(|x, y| x.0 == y.0) {
+        left.clear();
+        for same in at_edge.chunk_by(|x, y| x.1 == y.1) {
+            match *same {
+                [(_, _, t, k), (_, _, s, j)] if lies(t, k) * lies(s, j) < 0.0 => found.push([(t, k), (s, j)]),
+                _ => left.extend(same.iter().map(|&(_, _, t, k)| (t, k))),
+            }
+        }
+        if let [(t, k), (s, j)] = left[..]
+            && lies(t, k) * lies(s, j) < 0.0
+        {
+            found.push([(t, k), (s, j)]);
+        }
+    }
+    found
 }
 
 /// The corners of a triangle at the edge opposite to its corner `k`, from the lower to the higher UV corner.

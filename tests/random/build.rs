@@ -250,7 +250,11 @@ impl Recipe {
     pub fn asset(&self, model: &Model, device: &Device) -> vrtm::Result<Asset> {
         let indices: Vec<u32> = model.faces.iter().flatten().copied().collect();
         let counts: Vec<u32> = model.faces.iter().map(|face| face.len() as u32).collect();
-        let [u, v] = [0, 1].map(|c| indices.iter().map(|&k| model.uvs[k as usize][c]).collect::<Vec<f32>>());
+        let [u, v] = [0, 1].map(|axis| {
+            let noise = |c: usize| self.joints.noise * (random(self.joints.seed, c as u32 * 2 + axis) - 0.5);
+            let corner = |(c, &k): (usize, &u32)| model.uvs[k as usize][axis as usize] + noise(c);
+            indices.iter().enumerate().map(corner).collect::<Vec<f32>>()
+        });
         let textured = |f: usize| std::iter::repeat_n(model.textured[f], model.faces[f].len());
         let uv_indices: Vec<u32> = (0..model.faces.len())
             .flat_map(textured)

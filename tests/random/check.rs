@@ -91,7 +91,7 @@ fn run(recipe: &Recipe, model: &Model, asset: &mut Asset, seen: &mut Seen) -> Ve
         let mut corners = vec![[f32::NAN; 2]; asset.info().corners as usize];
         asset.corner_uvs(&mut corners).unwrap();
         assert!(corners.iter().flatten().all(|x| x.is_finite()), "a corner's UV is not finite");
-        corner_uvs(model, asset, &corners);
+        corner_uvs(recipe, model, asset, &corners);
         bits.extend(corners.iter().flatten().map(|x| x.to_bits()));
         bits.extend(displacements(asset));
     }
@@ -157,7 +157,7 @@ fn held(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], udim: u32, n: [usize;
         .map(|k| !free(k % width, k / width) || masked.as_ref().is_some_and(|masked| masked[k]))
         .collect();
     let uv = |v: u32| model.uvs[v as usize].map(f64::from);
-    let solid = |face: &[u32]| is_solid(&face.iter().map(|&v| uv(v)).collect::<Vec<_>>());
+    let solid = |face: &[u32]| is_solid(recipe, &face.iter().map(|&v| uv(v)).collect::<Vec<_>>());
     // Shared texels that belong to one chart are not held by the borders of others.
     if recipe.settings.overlap == Overlap::Fixed {
         for (f, edge) in borders(recipe, model, pose, solid) {
@@ -240,7 +240,7 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
 }
 
 /// Checks that W maps each corner's new UV back to the original one.
-fn corner_uvs(model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
+fn corner_uvs(recipe: &Recipe, model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
     let mut redirected = redirected.iter();
     for (face, textured) in model.faces.iter().zip(&model.textured) {
         let given: Vec<[f64; 2]> = face.iter().map(|&k| model.uvs[k as usize].map(f64::from)).collect();
@@ -248,7 +248,7 @@ fn corner_uvs(model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
         let origin = origin_of(&given);
         let tile = 1001.0 + origin[0] + 10.0 * origin[1];
         // Corners of triangles without area belong to no chart and stay as they are.
-        let solid = *textured && is_solid(&given);
+        let solid = *textured && is_solid(recipe, &given);
         let Some(tile) = asset.find_tile(tile as u32).filter(|_| solid) else { continue };
         let warp = Warp::of(asset, tile);
         let cells = [warp.nx as f64, warp.ny as f64];
@@ -270,18 +270,22 @@ fn origin_of(uvs: &[[f64; 2]]) -> [f64; 2] {
 
 /// False for a face that the library may have dropped a part of. A polygon may be cut into triangles of any three corners
 /// that follow one another, or into a fan.
-fn is_solid(p: &[[f64; 2]]) -> bool {
+fn is_solid(recipe: &Recipe, p: &[[f64; 2]]) -> bool {
     let n = p.len();
+    // Noise in UVs may turn a thin triangle over.
+    let least = 10.0 * f64::from(recipe.joints.noise);
+    let is_thin = |p: [[f64; 2]; 3]| is_thin(p, least);
     let ear = |k: usize| [p[k], p[(k + 1) % n], p[(k + 2) % n]];
     let fan = |k: usize| [p[0], p[k], p[k + 1]];
     (0..n).map(ear).chain((1..n - 1).map(fan)).all(|corners| !is_thin(corners))
 }
 
-fn is_thin(p: [[f64; 2]; 3]) -> bool {
+fn is_thin(p: [[f64; 2]; 3], least: f64) -> bool {
     let d = |a: usize, b: usize| [p[b][0] - p[a][0], p[b][1] - p[a][1]];
     let (a, b, c) = (d(0, 1), d(0, 2), d(1, 2));
     let longest = [a, b, c].iter().map(|e| e[0] * e[0] + e[1] * e[1]).fold(0.0, f64::max);
-    (a[0] * b[1] - a[1] * b[0]).abs() <= 1e-6 * longest
+    let area = (a[0] * b[1] - a[1] * b[0]).abs();
+    area <= 1e-6 * longest || area <= least * longest.sqrt()
 }
 
 /// Checks that a refused call names its argument and changes nothing.

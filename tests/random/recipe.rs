@@ -60,7 +60,7 @@ pub struct Joints {
     /// Chance of a face to be one of those that have copies of their vertices, at the same places: the edges between
     /// them and the others are cuts.
     pub cut: f32,
-    /// Noise of the copies' UVs.
+    /// Noise of the copies' UVs, and of those of all corners if each has one of its own.
     pub noise: f32,
     pub weld: WeldBy,
     /// Every n-th edge of a face is a seam; 0 = none.
