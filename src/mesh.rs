@@ -4,6 +4,7 @@ mod apart;
 mod build;
 mod charts;
 mod check;
+mod hash;
 mod read;
 mod source;
 pub(crate) mod triangle;

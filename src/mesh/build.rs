@@ -41,7 +41,7 @@ impl<'a> Welding<'a> {
         let rounding = if source.weld.of_positions() > 0.0 { source.positions.epsilon() } else { 0.0 };
         let tolerance = source.weld.of_positions() * extent + rounding * largest;
         let by_position = source.weld.by == WeldBy::Position;
-        let place = if by_position { places(rest, &shortest, tolerance) } else { Vec::new() };
+        let place = if by_position { places(rest, &shortest, tolerance, |_| true) } else { Vec::new() };
         Welding { weld: source.weld, rest, tolerance, shortest, place }
     }
 
@@ -72,7 +72,16 @@ impl<'a> Welding<'a> {
         let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
         // Nothing is moved here: small triangles need no care.
         let reach = vec![tolerance; self.rest.len()];
-        let found = self.place.is_empty().then(|| places(self.rest, &self.shortest, self.tolerance));
+        let found = self.place.is_empty().then(|| {
+            let mut at_border = vec![false; self.rest.len()];
+            for (tile, raw) in tiles.iter().zip(set.tiles.values()) {
+                for (t, k) in tile.borders() {
+                    let ends = [1, 2].map(|d| raw[t as usize].vertices[(k as usize + d) % 3]);
+                    ends.into_iter().for_each(|v| at_border[v as usize] = true);
+                }
+            }
+            places(self.rest, &self.shortest, self.tolerance, |v| at_border[v])
+        });
         let place = found.as_ref().unwrap_or(&self.place);
         let place = |v: u32| place[v as usize];
         for (tile, raw) in tiles.iter_mut().zip(set.tiles.values()) {

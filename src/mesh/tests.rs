@@ -244,7 +244,7 @@ fn a_weld_takes_tolerances_that_make_sense() {
 fn a_vertex_is_at_the_place_of_the_first_one_within_reach() {
     let place = |x: &[f64], shortest: f64| {
         let rest: Vec<[f64; 3]> = x.iter().map(|&x| [x, 0.0, -0.0]).collect();
-        weld::places(&rest, &vec![shortest; x.len()], 1.0)
+        weld::places(&rest, &vec![shortest; x.len()], 1.0, |_| true)
     };
     assert_eq!(place(&[0.0, 0.9, 1.8, 2.7, 0.0, -0.9], 100.0), [0, 0, 2, 2, 0, 0]);
     // A quarter of the shortest edge, and nothing where edges are shorter than half of the tolerance.

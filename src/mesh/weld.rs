@@ -2,23 +2,30 @@
 //! UVs are one. Both take the first that came as the one that others join, so that the result does not depend on the
 //! order of a hash table, and nothing is joined over a chain of neighbours to something far away.
 
-use std::collections::HashMap;
+use std::hash::Hash;
 
 use glam::DVec2;
 
-use super::RawTriangle;
+use super::hash::Table;
 use super::triangle::doubled_area;
+use super::{NONE, RawTriangle};
 
 /// As many are looked at in a cell of the hash. Where vertices or UVs of one place differ at all, they are few; a host
 /// must not be able to make this take the square of their number.
 const LOOKED_AT: usize = 16;
 
-/// The vertices that lie at one place: per vertex, the first one there.
+/// The vertices that lie at one place: per vertex, the first one there; of those that are `wanted`, the others for
+/// themselves.
 ///
 /// `tolerance` is a length. A vertex has at most a quarter of its shortest edge (`shortest`), so that the ends of an edge
 /// stay apart. Vertices with edges shorter than half of the tolerance are welded to equal ones only: there may be any
 /// number of them within the tolerance.
-pub(super) fn places(rest: &[[f64; 3]], shortest: &[f64], tolerance: f64) -> Vec<u32> {
+pub(super) fn places(
+    rest: &[[f64; 3]],
+    shortest: &[f64],
+    tolerance: f64,
+    wanted: impl Fn(usize) -> bool,
+) -> Vec<u32> {
     let mut low = [f64::INFINITY; 3];
     rest.iter().for_each(|p| low = [0, 1, 2].map(|c| low[c].min(p[c])));
     let reach = |v: usize| {
@@ -26,10 +33,14 @@ pub(super) fn places(rest: &[[f64; 3]], shortest: &[f64], tolerance: f64) -> Vec
     };
     // + 0.0 makes -0.0 and 0.0 the same.
     let bits = |p: [f64; 3]| p.map(|x| (x + 0.0).to_bits());
-    let mut exact: HashMap<[u64; 3], u32> = HashMap::new();
-    let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+    let mut exact: Table<[u64; 3], u32> = Table::default();
+    let mut cells = Cells::default();
     let mut place = Vec::with_capacity(rest.len());
     for (v, &p) in rest.iter().enumerate() {
+        if !wanted(v) {
+            place.push(v as u32);
+            continue;
+        }
         if let Some(&first) = exact.get(&bits(p)) {
             place.push(first);
             continue;
@@ -42,7 +53,7 @@ pub(super) fn places(rest: &[[f64; 3]], shortest: &[f64], tolerance: f64) -> Vec
             for x in span(0) {
                 for y in span(1) {
                     for z in span(2) {
-                        for &w in cells.get(&[x, y, z]).into_iter().flatten() {
+                        for w in cells.at([x, y, z]) {
                             let d = distance(p, rest[w as usize]);
                             if d <= reach(v).min(reach(w as usize)) && d < nearest {
                                 (nearest, found) = (d, w);
@@ -52,16 +63,41 @@ pub(super) fn places(rest: &[[f64; 3]], shortest: &[f64], tolerance: f64) -> Vec
                 }
             }
             if found == v as u32 {
-                let here = cells.entry([0, 1, 2].map(|c| cell(c, 0.0))).or_default();
-                if here.len() < LOOKED_AT {
-                    here.push(found);
-                }
+                cells.add([0, 1, 2].map(|c| cell(c, 0.0)), found);
             }
         }
         exact.insert(bits(p), found);
         place.push(found);
     }
     place
+}
+
+/// Items by the cells that they lie in.
+struct Cells<K> {
+    /// The last item of each cell, as its index in `items`.
+    last: Table<K, u32>,
+    /// Each item, and the index of the one before it in its cell, or `NONE`.
+    items: Vec<(u32, u32)>,
+}
+
+impl<K> Default for Cells<K> {
+    fn default() -> Self {
+        Cells { last: Table::default(), items: Vec::new() }
+    }
+}
+
+impl<K: Eq + Hash> Cells<K> {
+    fn add(&mut self, cell: K, item: u32) {
+        let before = self.last.insert(cell, self.items.len() as u32);
+        self.items.push((item, before.unwrap_or(NONE)));
+    }
+
+    /// The last items of a cell.
+    fn at(&self, cell: K) -> impl Iterator<Item = u32> + '_ {
+        let item = |k: u32| self.items.get(k as usize).copied();
+        let first = self.last.get(&cell).and_then(|&k| item(k));
+        std::iter::successors(first, move |&(_, before)| item(before)).map(|(item, _)| item).take(LOOKED_AT)
+    }
 }
 
 fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
@@ -95,8 +131,8 @@ pub(super) struct Corners<'a> {
     place: &'a dyn Fn(u32) -> u32,
     reach: &'a [f64],
     tolerance: f64,
-    exact: HashMap<(u32, [u64; 2]), u32>,
-    cells: HashMap<(u32, [i64; 2]), Vec<u32>>,
+    exact: Table<(u32, [u64; 2]), u32>,
+    cells: Cells<(u32, [i64; 2])>,
     /// Of each UV corner: its UV, and how far that reaches.
     firsts: Vec<(DVec2, f64)>,
 }
@@ -104,7 +140,7 @@ pub(super) struct Corners<'a> {
 impl<'a> Corners<'a> {
     /// `place` takes a vertex to its place; `reach` is that of `reaches` for `tolerance`.
     pub fn new(place: &'a dyn Fn(u32) -> u32, reach: &'a [f64], tolerance: f64) -> Corners<'a> {
-        let (exact, cells, firsts) = (HashMap::new(), HashMap::new(), Vec::new());
+        let (exact, cells, firsts) = (Table::default(), Cells::default(), Vec::new());
         Corners { place, reach, tolerance, exact, cells, firsts }
     }
 
@@ -131,7 +167,7 @@ impl<'a> Corners<'a> {
             let cell = |c: usize, d: f64| ((uv[c] + d) / (2.0 * self.tolerance)).floor() as i64;
             for x in cell(0, -reach)..=cell(0, reach) {
                 for y in cell(1, -reach)..=cell(1, reach) {
-                    for &id in self.cells.get(&(place, [x, y])).into_iter().flatten() {
+                    for id in self.cells.at((place, [x, y])) {
                         let (first, of_first) = self.firsts[id as usize];
                         let d = (first - uv).abs().max_element();
                         if d <= reach.min(of_first) && d < nearest {
@@ -141,10 +177,7 @@ impl<'a> Corners<'a> {
                 }
             }
             if found == new {
-                let here = self.cells.entry((place, [0, 1].map(|c| cell(c, 0.0)))).or_default();
-                if here.len() < LOOKED_AT {
-                    here.push(new);
-                }
+                self.cells.add((place, [0, 1].map(|c| cell(c, 0.0))), new);
             }
         }
         if found == new {
