@@ -138,6 +138,8 @@ impl<'a> Bake<'a> {
                 face_counts: Some(&mesh.face_counts),
                 indices: &mesh.indices,
                 uvs: UvSource { u: uvs, v: None, indices: Some(&mesh.uv_indices) },
+                weld: args.weld.into(),
+                ..MeshSource::default()
             },
         )
         .map_err(mesh_failure)?;

@@ -419,7 +419,36 @@ VRTM_API
 vrtm_status vrtm_adapter_info(uint32_t index,
                               vrtm_adapter_data *info);
 
-/* ---- Asset ---- */
+/* ---- Mesh ---- */
+
+// By what two corners of different faces are recognised as one, so that charts go on over the edges between them.
+typedef int32_t vrtm_weld;
+
+// The same vertex, and UVs within the tolerance; the default. The host's vertices say what hangs together: what is cut
+// in the modelling program is cut here, lips that are closed at rest included, and no pose changes that.
+#define VRTM_WELD_INDEX 0
+
+// Also different vertices whose rest positions lie within the tolerance: for meshes out of games, where vertices are
+// doubled along hard edges and seams. Where a pose pulls such vertices apart (by ten times the tolerance), charts end
+// in this pose, the result is that of the mesh cut there, and the log warns.
+#define VRTM_WELD_POSITION 1
+
+// The same vertex, and exactly the same UV.
+#define VRTM_WELD_OFF 2
+
+// A further UV set of a mesh. Zero it before use. A plain value that never grows.
+typedef struct vrtm_uv_set {
+    // UVs as pairs (2 components). Give these, or both `u` and `v`.
+    const vrtm_array *uvs;
+    // u of each UV (1 component), where u and v are arrays of their own.
+    const vrtm_array *u;
+    // v of each UV (1 component), as many as `u`.
+    const vrtm_array *v;
+    // UV of each corner, as in vrtm_mesh_desc; null = one UV per corner, in the order of the corners.
+    const uint32_t *uv_indices;
+    // The length of `uv_indices`: the mesh's `index_count`. Ignored when that is null.
+    size_t uv_index_count;
+} vrtm_uv_set;
 
 // A mesh at rest. Start from vrtm_mesh_desc_init(). All arrays are copied before the call returns.
 //
@@ -433,7 +462,8 @@ typedef struct vrtm_mesh_desc {
     uint32_t reserved;
     // Rest positions, 3 components, any unit of length. Required.
     const vrtm_array *positions;
-    // Corners of each face, each at least 3; null = all faces are triangles.
+    // Corners of each face; null = all faces are triangles, unless `face_offsets` is given. Faces with fewer than 3
+    // corners (points, lines) are skipped and counted; their corners keep their places in the order.
     const uint32_t *face_counts;
     // Number of faces: the length of `face_counts`. Ignored when that is null.
     size_t face_count;
@@ -447,11 +477,43 @@ typedef struct vrtm_mesh_desc {
     const vrtm_array *u;
     // v of each UV (1 component), as many as `u`.
     const vrtm_array *v;
-    // UV of each corner; null = one UV per corner, in the order of the corners.
+    // UV of each corner; null = one UV per corner, in the order of the corners. A face all of whose corners have
+    // UINT32_MAX has no texture: it belongs to no tile, and its corners keep their places in the order.
     const uint32_t *uv_indices;
     // The length of `uv_indices`: `index_count`. Ignored when that is null.
     size_t uv_index_count;
+    // In place of `face_counts`: the first corner of each face, and at the end `index_count`. Null = absent.
+    const uint32_t *face_offsets;
+    // The length of `face_offsets`: the number of faces plus 1. Ignored when that is null.
+    size_t face_offset_count;
+    // Further UV sets, from set 1 on; the UVs above are set 0. Null = none. Each set has tiles of its own.
+    const vrtm_uv_set *uv_sets;
+    // The length of `uv_sets`. Ignored when that is null.
+    size_t uv_set_count;
+    // Edges at which charts end in all UV sets: 2 vertices each. Null = none. A pair that is no edge of a face does
+    // nothing, is counted, and the log warns.
+    const uint32_t *seams;
+    // The number of these edges: half the length of `seams`. Ignored when that is null.
+    size_t seam_count;
+    // The faces that carry the texture, each less than the number of faces, in any order; null = all. The others
+    // are as if they had no UVs.
+    const uint32_t *textured_faces;
+    // The length of `textured_faces`. Ignored when that is null.
+    size_t textured_face_count;
+    // One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
+    vrtm_weld weld;
+    // Largest distance of vertices that VRTM_WELD_POSITION welds, as a fraction (0..1) of the longest side of the
+    // bounding box at rest; 0 = 1e-5. To it comes the rounding of the largest coordinate. A vertex has at most a
+    // quarter of its shortest edge.
+    float weld_position_tolerance;
+    // Largest difference of welded UVs, in u and in v, 0..1; 0 = 1/2048, half a texel of a map of 1024. Corners of
+    // small triangles have less: a quarter of the least height in UV of the triangles at the vertex.
+    float weld_uv_tolerance;
+    // Zero.
+    uint32_t weld_reserved;
 } vrtm_mesh_desc;
+
+/* ---- Asset ---- */
 
 // Description of a mesh. Start from vrtm_asset_data_init().
 typedef struct vrtm_asset_data {
@@ -477,13 +539,30 @@ typedef struct vrtm_asset_data {
     uint32_t charts;
     // Zero.
     uint32_t reserved;
+    // Faces without texture: without UVs, or not among the textured faces. This and the counts of UVs above are over
+    // all UV sets.
+    uint64_t faces_untextured;
+    // Faces skipped because they have fewer than 3 corners.
+    uint64_t faces_skipped;
+    // Sides of triangles at which a chart ends.
+    uint64_t border_edges;
+    // Edges inside charts whose two sides have different vertices: welded by position.
+    uint64_t welded_edges;
+    // Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
+    // there. They are cuts; or the mesh wants VRTM_WELD_POSITION; or the noise of its UVs is large against its
+    // triangles.
+    uint64_t edges_apart;
+    // Seams that are no edge of a face.
+    uint64_t seams_unused;
+    // UV sets, 1 or more.
+    uint32_t uv_sets;
 } vrtm_asset_data;
 
 // Makes an asset from a mesh. `*asset` is the caller's to destroy; it may outlive `device`.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the array and the index, for null, an
-// index out of range, a value that is not finite, counts that do not add up or an empty mesh;
-// VRTM_ERROR_OUT_OF_MEMORY.
+// index out of range, a value that is not finite, counts that do not add up, a face with UVs at some corners only, a
+// setting out of range or an empty mesh; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_asset_create(vrtm_device device,
                               const vrtm_mesh_desc *desc,
@@ -508,7 +587,8 @@ vrtm_status vrtm_asset_destroy(vrtm_asset asset);
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 VRTM_API vrtm_status vrtm_asset_tile_count(vrtm_asset asset, uint32_t *count);
 
-// The tile at `index`, 0 <= index < vrtm_asset_tile_count, in the order of the UDIM numbers. Never busy.
+// The tile at `index`, 0 <= index < vrtm_asset_tile_count, first those of UV set 0 in the order
+// of their UDIM numbers, then those of set 1, and so on. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an index out of range or if `tile` is null.
 VRTM_API
@@ -516,7 +596,7 @@ vrtm_status vrtm_asset_tile(vrtm_asset asset,
                             uint32_t index,
                             vrtm_tile *tile);
 
-// The tile with a UDIM number (1001 + U + 10 V).
+// The tile with a UDIM number (1001 + U + 10 V), of UV set 0.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
 // null; VRTM_ERROR_BUSY.
@@ -524,6 +604,15 @@ VRTM_API
 vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
                                  uint32_t udim,
                                  vrtm_tile *tile);
+
+// The tile with a UDIM number, of a UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+//
+// Errors: those of vrtm_asset_find_tile.
+VRTM_API
+vrtm_status vrtm_asset_find_tile_of_set(vrtm_asset asset,
+                                        uint32_t uv_set,
+                                        uint32_t udim,
+                                        vrtm_tile *tile);
 
 /* ---- Tile ---- */
 
@@ -548,6 +637,17 @@ typedef struct vrtm_tile_data {
     uint32_t grid_height;
     // Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
     float overlap;
+    // Sides of triangles at which a chart ends.
+    uint64_t border_edges;
+    // Edges inside charts whose two sides have different vertices: welded by position.
+    uint64_t welded_edges;
+    // Edges whose two sides lie together and are not connected: see vrtm_asset_data.
+    uint64_t edges_apart;
+    // The UV set that it belongs to.
+    uint32_t uv_set;
+    // Fraction (0..1) of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least
+    // 0.5, those that a border, an overlap or the mask fixes. Near 1, a map can have no effect.
+    float frozen;
 } vrtm_tile_data;
 
 // Who owns texels that faces of different charts, or two layers of one chart, share.
@@ -607,6 +707,22 @@ vrtm_status vrtm_tile_info(vrtm_tile tile,
 VRTM_API
 vrtm_status vrtm_tile_set_rigidity(vrtm_tile tile,
                                    const vrtm_image *rigidity);
+
+// Takes a part of a tile's rigidity map anew, after a stroke of a brush for instance: `width` x `height` texels from
+// the column `x` and the row `y`, as they lie in memory. `rigidity` describes the whole map, with the size and the
+// format of the one that was set; its other texels are not read. A small part takes a small fraction of the time that
+// setting the map takes, unless a chart gets its first rigidity or loses its last, or orientation_density is in use:
+// then the tile is prepared anew.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if there is no map of this size and format, if the
+// part is empty or not inside of it, and as vrtm_tile_set_rigidity; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+VRTM_API
+vrtm_status vrtm_tile_update_rigidity(vrtm_tile tile,
+                                      const vrtm_image *rigidity,
+                                      uint32_t x,
+                                      uint32_t y,
+                                      uint32_t width,
+                                      uint32_t height);
 
 // Sets a tile's warp mask: what lies under a texel of less than 0.5 does not move. Null: all may move, the default.
 // Otherwise as vrtm_tile_set_rigidity.
@@ -681,9 +797,24 @@ vrtm_status vrtm_tile_fetch(vrtm_tile tile,
                             vrtm_fetch_kind kind,
                             const vrtm_image_out *image);
 
-// Writes the redirected UV of every face corner of the mesh: `count` pairs (u, v), in corner order, with the tile's
-// offset added as in the mesh's own UVs. For hosts that set UVs instead of reading a map. `count` is the number of
-// corners, vrtm_asset_data.corners; `uvs` has room for 2 * count floats.
+// Writes a part of one output of the last solve, for images that are too large to be held at once: of an image of
+// `width` x `height` texels, those from the column `x` and the row `y` that `image` has room for. Rows are counted in
+// the order of image->origin. On the CPU the parts are, bit by bit, those of the whole image.
+//
+// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside of the whole.
+VRTM_API
+vrtm_status vrtm_tile_fetch_part(vrtm_tile tile,
+                                 vrtm_fetch_kind kind,
+                                 const vrtm_image_out *image,
+                                 uint32_t x,
+                                 uint32_t y,
+                                 uint32_t width,
+                                 uint32_t height);
+
+// Writes the redirected UV of every face corner of the mesh in UV set 0: `count` pairs (u, v), in corner order, with
+// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. For hosts that set UVs
+// instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
+// floats.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 // `uvs` is null or `count` is not the number of corners; VRTM_ERROR_BUSY. On any error nothing is written.
@@ -691,6 +822,15 @@ VRTM_API
 vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
                                         float *uvs,
                                         size_t count);
+
+// The same of a UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+//
+// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT if there is no such set.
+VRTM_API
+vrtm_status vrtm_asset_fetch_corner_uvs_of_set(vrtm_asset asset,
+                                               uint32_t uv_set,
+                                               float *uvs,
+                                               size_t count);
 
 /* ---- Solve ---- */
 
@@ -909,6 +1049,8 @@ typedef struct vrtm_tile_report_data {
     float ms_pbd;
     // Zero.
     uint32_t reserved;
+    // Edges welded by position whose sides the pose pulls apart: charts end there in this result.
+    uint32_t welds_torn;
 } vrtm_tile_report_data;
 
 // An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -975,6 +1117,7 @@ VRTM_DEFINE_INIT_(vrtm_image_out)
 VRTM_DEFINE_INIT_(vrtm_mesh_desc)
 VRTM_DEFINE_INIT_(vrtm_asset_data)
 VRTM_DEFINE_INIT_(vrtm_tile_data)
+VRTM_DEFINE_INIT_(vrtm_tile_needs)
 VRTM_DEFINE_INIT_(vrtm_tile_settings)
 VRTM_DEFINE_INIT_(vrtm_fetch)
 VRTM_DEFINE_INIT_(vrtm_solve_options)

@@ -229,7 +229,7 @@ public:
         return data;
     }
 
-    /// All tiles, in the order of their UDIM numbers.
+    /// All tiles: those of UV set 0 in the order of their UDIM numbers, then those of set 1, and so on.
     std::vector<Tile> tiles() const
     {
         std::uint32_t count = 0;
@@ -243,10 +243,10 @@ public:
         return tiles;
     }
 
-    Tile find_tile(std::uint32_t udim) const
+    Tile find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const
     {
         vrtm_tile tile{};
-        check(vrtm_asset_find_tile(handle_, udim, &tile));
+        check(vrtm_asset_find_tile_of_set(handle_, uv_set, udim, &tile));
         return Tile(tile);
     }
 
@@ -264,11 +264,11 @@ public:
     }
 
     /// One pair (u, v) per face corner.
-    std::vector<float> corner_uvs() const
+    std::vector<float> corner_uvs(std::uint32_t uv_set = 0) const
     {
         const auto corners = static_cast<std::size_t>(info().corners);
         std::vector<float> uvs(2 * corners);
-        check(vrtm_asset_fetch_corner_uvs(handle_, uvs.data(), corners));
+        check(vrtm_asset_fetch_corner_uvs_of_set(handle_, uv_set, uvs.data(), corners));
         return uvs;
     }
 

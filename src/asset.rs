@@ -2,33 +2,34 @@
 
 mod backend;
 mod fetch;
+mod log;
 mod measure;
 #[cfg(feature = "oracle")]
 mod oracle;
 mod output;
 #[cfg(all(feature = "oracle", feature = "gpu"))]
 mod parity;
+mod prepare;
+mod tiles;
 #[cfg(feature = "gpu")]
 mod on_gpu;
 #[cfg(feature = "gpu")]
 mod switched;
 mod solved;
 mod tile_state;
+mod torn;
 
 use std::time::Instant;
 
 use crate::cpu::invert::Part;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::{ImageView, ImageViewMut};
-use crate::map::{Map, PAGE};
+use crate::image::ImageViewMut;
 use crate::mesh::{Mesh, MeshSource};
 use crate::method::schedule::Plan;
-use crate::report::{AssetInfo, AssetReport, GpuWork, TileEstimate, TileInfo, TileReport};
-use crate::settings::{LogLevel, SolveOptions, TileSettings};
+use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
+use crate::settings::SolveOptions;
 use crate::team::Team;
-use crate::tile::Rigidity;
-use crate::tile::squares::pages_near;
 use crate::view::Strided;
 pub use fetch::FetchKind;
 #[cfg(feature = "oracle")]
@@ -65,25 +66,11 @@ impl Asset {
     ///
     /// # Errors
     /// `InvalidArgument` naming the array and the index: an index out of range, a value that is not finite, counts
-    /// that do not add up, an empty mesh.
+    /// that do not add up, a face with UVs at some corners only, an empty mesh.
     pub fn new(device: &Device, source: &MeshSource) -> Result<Asset> {
         device.alive()?;
         let mesh = Mesh::new(source)?;
-        let AssetInfo { clipped_faces, faces_outside, degenerate_triangles, .. } = mesh.info;
-        for (count, what) in [
-            (clipped_faces, "faces reach out of their tile and are clipped to it"),
-            (faces_outside, "faces lie in no UDIM tile and are left out"),
-            (degenerate_triangles, "triangles without UV area are left out"),
-        ] {
-            if count > 0 {
-                device.log(LogLevel::Warning, &format!("mesh: {count} {what}"));
-            }
-        }
-        if mesh.rest.iter().all(|point| *point == mesh.rest[0]) {
-            let message =
-                "mesh: all rest positions are one point, so that no chart has an extent and none will move";
-            device.log(LogLevel::Warning, message);
-        }
+        log::describe(device, &mesh);
         let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
         Ok(Asset { device: device.clone(), mesh, tiles, outputs: Outputs::default(), solved_ms: None })
     }
@@ -100,178 +87,23 @@ impl Asset {
         self.mesh.info
     }
 
-    /// Number of tiles; tiles are indexed from 0 in the order of their UDIM numbers.
+    /// Number of tiles; tiles are indexed from 0, first those of UV set 0 in the order of their UDIM numbers, then those
+    /// of set 1, and so on.
     #[must_use]
     pub fn tile_count(&self) -> usize {
         self.tiles.len()
     }
 
-    /// Index of the tile with this UDIM number.
+    /// Index of the tile with this UDIM number, of UV set 0.
     #[must_use]
     pub fn find_tile(&self, udim: u32) -> Option<usize> {
-        self.mesh.tiles.iter().position(|tile| tile.udim == udim)
+        self.find_tile_of_set(0, udim)
     }
 
-    /// The facts of a tile that need no solve. Builds its grid if a map or setting changed.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if `tile` is out of range; so for every function that takes a tile.
-    pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
-        self.check_tile(tile)?;
-        let state = &mut self.tiles[tile];
-        Team::with(self.device.threads(), |team| state.info(team, &self.device, &self.mesh, tile))
-    }
-
-    /// What preparing and solving a tile would take with its present maps and settings. It finds the nodes that may move,
-    /// which takes a small part of the time and memory of preparing the tile, and keeps nothing.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if `tile` is out of range.
-    pub fn tile_estimate(&self, tile: usize) -> Result<TileEstimate> {
-        self.check_tile(tile)?;
-        let (state, device) = (&self.tiles[tile], &self.device);
-        Team::with(device.threads(), |team| state.estimate(team, device, &self.mesh, tile))
-    }
-
-    /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another machine.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if `tile` is out of range; `OutOfMemory`.
-    pub fn save_tile(&mut self, tile: usize) -> Result<Vec<u8>> {
-        let mut bytes = vec![0; self.saved_tile_size(tile)?];
-        self.save_tile_to(tile, &mut bytes)?;
-        Ok(bytes)
-    }
-
-    /// Bytes that [`Asset::save_tile_to`] writes. Prepares the tile if need be.
-    ///
-    /// # Errors
-    /// Those of [`Asset::save_tile`].
-    pub fn saved_tile_size(&mut self, tile: usize) -> Result<usize> {
-        self.check_tile(tile)?;
-        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        Team::with(device.threads(), |team| state.saved_size(team, device, mesh, tile))
-    }
-
-    /// Writes a tile as [`Asset::save_tile`] returns it, to the first bytes of `out`; returns how many.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if `out` is too small; those of [`Asset::save_tile`].
-    pub fn save_tile_to(&mut self, tile: usize, out: &mut [u8]) -> Result<usize> {
-        let size = self.saved_tile_size(tile)?;
-        let given = out.len();
-        let out = out
-            .get_mut(..size)
-            .ok_or_else(|| Error::argument(format!("data: {given} bytes given, {size} needed")))?;
-        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        Team::with(device.threads(), |team| state.save(team, device, mesh, tile, out))?;
-        Ok(size)
-    }
-
-    /// Takes a tile that was prepared elsewhere, so that it need not be prepared here. Its maps and settings have to be set
-    /// as they were when it was saved: the bytes hold what follows from them, not the maps themselves.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for bytes that are damaged, of another version, or saved with another mesh, map or setting;
-    /// `OutOfMemory`. The tile is then as before.
-    pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
-        self.check_tile(tile)?;
-        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        Team::with(device.threads(), |team| state.load(team, device, mesh, tile, data))
-    }
-
-    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` takes it away (the tile is then the identity).
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a value that is not finite.
-    pub fn set_rigidity(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        self.check_tile(tile)?;
-        let rigidity = match image {
-            Some(image) => Rigidity::Map(self.map_of("rigidity", tile, image)?),
-            None => Rigidity::None,
-        };
-        self.tiles[tile].set_rigidity(rigidity);
-        Ok(())
-    }
-
-    /// Sets a tile's warp mask: texels under 0.5 do not move; `None` = all may.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a value that is not finite.
-    pub fn set_mask(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        self.check_tile(tile)?;
-        let mask = image.map(|image| self.map_of("mask", tile, image)).transpose()?;
-        self.tiles[tile].set_mask(mask);
-        Ok(())
-    }
-
-    /// Takes a part of a tile's rigidity map anew: that of `size` texels from the column and row `first`, as they lie in
-    /// memory. The image has the size and the format of the one that was set; its other texels are not read. A small part
-    /// takes far less time than setting the map does.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if no map of this size and format was set, if the part is empty or not inside of it, or for a
-    /// value that is not finite.
-    pub fn update_rigidity(
-        &mut self,
-        tile: usize,
-        image: ImageView,
-        first: [u32; 2],
-        size: [u32; 2],
-    ) -> Result<()> {
-        self.check_tile(tile)?;
-        let texels = image.rect("rigidity", first, size)?;
-        let (state, mesh) = (&mut self.tiles[tile], &self.mesh.tiles[tile]);
-        let device = &self.device;
-        Team::with(device.threads(), |team| state.update_rigidity(team, device, mesh, &image, texels))
-    }
-
-    /// Copies an image where the charts of a tile are.
-    fn map_of(&self, name: &str, tile: usize, image: ImageView) -> Result<Map> {
-        let (size, _) = image.shape();
-        let near = pages_near(&self.mesh.tiles[tile], size);
-        let columns = size[0].div_ceil(PAGE);
-        image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE])
-    }
-
-    /// Sets the rigidity of all tiles from one value per vertex (linear over each triangle); `None` takes it away.
-    ///
-    /// # Errors
-    /// `InvalidArgument` for a wrong count or a value that is not finite.
-    pub fn set_vertex_rigidity(&mut self, values: Option<Strided>) -> Result<()> {
-        let rigidity = match values {
-            Some(values) => {
-                self.check_vertices("rigidity", &values, 1)?;
-                Rigidity::Vertices(
-                    (0..values.len()).map(|v| (values.get(v, 0) as f32).clamp(0.0, 1.0)).collect(),
-                )
-            }
-            None => Rigidity::None,
-        };
-        for tile in &mut self.tiles {
-            tile.set_rigidity(rigidity.clone());
-        }
-        Ok(())
-    }
-
-    /// Sets a tile's settings.
-    ///
-    /// # Errors
-    /// `InvalidArgument` naming the field.
-    pub fn set_settings(&mut self, tile: usize, settings: &TileSettings) -> Result<()> {
-        self.check_tile(tile)?;
-        settings.check()?;
-        self.tiles[tile].set_settings(settings);
-        Ok(())
-    }
-
-    /// A tile's settings.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if `tile` is out of range.
-    pub fn settings(&self, tile: usize) -> Result<TileSettings> {
-        self.check_tile(tile)?;
-        Ok(self.tiles[tile].maps.settings)
+    /// Index of the tile with this UDIM number, of a UV set.
+    #[must_use]
+    pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
+        self.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
     }
 
     /// Solves every tile for a pose.
@@ -375,20 +207,33 @@ impl Asset {
         Ok(())
     }
 
-    /// Redirected UV of every face corner of the mesh, in corner order, with the tile's offset added.
+    /// Redirected UV of every face corner of the mesh in UV set 0, in corner order, with the tile's offset added; 0, 0
+    /// at corners of faces without UVs.
     ///
     /// # Errors
     /// `NotSolved`; `InvalidArgument` unless there is one element per corner.
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
-        if out.len() != self.mesh.corners.len() {
+        self.corner_uvs_of_set(0, out)
+    }
+
+    /// The same of another UV set.
+    ///
+    /// # Errors
+    /// Those of [`Asset::corner_uvs`]; `InvalidArgument` if there is no such set.
+    pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
+        let corners = self.mesh.corners.get(uv_set as usize).ok_or_else(|| {
+            let sets = self.mesh.corners.len();
+            Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}"))
+        })?;
+        if out.len() != corners.len() {
             return Err(Error::argument(format!(
                 "uvs: {} elements, but the mesh has {} corners",
                 out.len(),
-                self.mesh.corners.len()
+                corners.len()
             )));
         }
         let tiles = self.solved()?;
-        Team::with(self.device.threads(), |team| fetch::corner_uvs(team, &self.mesh, &tiles, out))
+        Team::with(self.device.threads(), |team| fetch::corner_uvs(team, corners, &tiles, out))
     }
 
     /// A tile's last solve.

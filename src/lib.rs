@@ -29,6 +29,7 @@
 //!     face_counts: Some(&[4, 4]),
 //!     indices: &corners,
 //!     uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+//!     ..MeshSource::default()
 //! })?;
 //! let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
 //! let painted: Vec<u8> =
@@ -85,7 +86,7 @@ pub use asset::{Asset, Fetch, FetchKind};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
-pub use mesh::{MeshSource, UvSource};
+pub use mesh::{MeshSource, UvSource, Weld, WeldBy};
 #[cfg(all(feature = "oracle", feature = "gpu"))]
 pub use oracle::parity::StageDifference;
 pub use report::{

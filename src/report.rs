@@ -42,6 +42,8 @@ pub struct AssetInfo {
     pub faces: u64,
     /// Face corners as given: the length of a corner UV array.
     pub corners: u64,
+    /// UV sets. All that follows is counted over all of them.
+    pub uv_sets: u32,
     /// Triangles kept, over all tiles.
     pub triangles: u64,
     /// Tiles with at least one triangle.
@@ -54,6 +56,20 @@ pub struct AssetInfo {
     pub clipped_faces: u64,
     /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
     pub faces_outside: u64,
+    /// Faces without texture: without UVs, or not among the faces that were chosen.
+    pub faces_untextured: u64,
+    /// Faces with fewer than three corners.
+    pub faces_skipped: u64,
+    /// Sides of triangles at which a chart ends.
+    pub border_edges: u64,
+    /// Edges inside charts whose two sides have different vertices, welded by position.
+    pub welded_edges: u64,
+    /// Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
+    /// there. They are cuts; or the mesh wants [`crate::WeldBy::Position`]; or the noise of its UVs is large against
+    /// its triangles.
+    pub edges_apart: u64,
+    /// Seams that are no edge of a face, and do nothing.
+    pub seams_unused: u64,
 }
 
 /// Facts of a tile that need no solve.
@@ -72,6 +88,14 @@ pub struct TileInfo {
     pub movable_nodes: u64,
     /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
+    /// The UV set that it belongs to.
+    pub uv_set: u32,
+    /// Sides of triangles at which a chart ends.
+    pub border_edges: u64,
+    /// Edges inside charts whose two sides have different vertices, welded by position.
+    pub welded_edges: u64,
+    /// Edges whose two sides lie together and are not connected: see [`AssetInfo::edges_apart`].
+    pub edges_apart: u64,
     /// Fraction of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least 0.5, those
     /// that are fixed by a border, an overlap or the mask.
     pub frozen: f32,
@@ -206,6 +230,8 @@ pub struct TileReport {
     pub bytes: u64,
     /// True if the time budget ended the solve early.
     pub truncated: bool,
+    /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
+    pub welds_torn: u32,
     /// Milliseconds per stage.
     pub times: StageTimes,
     /// Present if the solve was asked to measure.

@@ -33,6 +33,13 @@ pub struct Strided<'a> {
     stride: usize,
 }
 
+impl Default for Strided<'_> {
+    /// No elements.
+    fn default() -> Self {
+        Strided { bytes: &[], scalar: Scalar::F32, components: 0, count: 0, stride: 0 }
+    }
+}
+
 impl<'a> Strided<'a> {
     /// A view of raw bytes. `name` is the argument's name in error messages. `stride` 0 means tightly packed.
     ///
@@ -115,6 +122,14 @@ impl<'a> Strided<'a> {
     #[must_use]
     pub fn components(&self) -> usize {
         self.components
+    }
+
+    /// The relative step of its numbers.
+    pub(crate) fn epsilon(&self) -> f64 {
+        match self.scalar {
+            Scalar::F32 => f32::EPSILON.into(),
+            Scalar::F64 => f64::EPSILON,
+        }
     }
 
     /// Component `c` of element `i`, as f64 (exact for f32).

@@ -106,6 +106,7 @@ fn sheet(cuts: &[Cut], shift: f64) -> Model {
         uv_indices: uv_faces.into_flattened().into_iter().map(|v| v as u32).collect(),
         frames: vec![pose],
         maps: vec![Maps { udim: 1001, width: GRID as u32, height: GRID as u32, rigidity, mask: None }],
+        ..Model::default()
     }
 }
 

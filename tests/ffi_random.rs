@@ -9,7 +9,7 @@ use std::ptr;
 mod gpu;
 
 use vrtm::ffi::{
-    asset::*, device::*, fetch::*, handle::*, report::*, solve::*, status::*, tile::*, types::*,
+    asset::*, device::*, fetch::*, handle::*, mesh::*, report::*, solve::*, status::*, tile::*, types::*,
 };
 
 /// A random number generator with the same numbers on every platform (Steele, Lea and Flood's SplitMix64).
@@ -212,6 +212,24 @@ impl Host {
         mesh.v = self.odd(ptr::null(), &[&raw const uvs]);
         mesh.uv_indices = self.odd(self.indices.as_ptr(), &[ptr::null()]);
         mesh.uv_index_count = self.odd(CORNERS, &[0, 5]);
+        let set = vrtm_uv_set {
+            uvs: self.odd(&raw const uvs, &[ptr::null()]),
+            u: ptr::null(),
+            v: ptr::null(),
+            uv_indices: self.odd(self.indices.as_ptr(), &[ptr::null()]),
+            uv_index_count: self.odd(CORNERS, &[0, 5]),
+        };
+        mesh.uv_sets = self.odd(ptr::null(), &[&raw const set]);
+        mesh.uv_set_count = 1;
+        mesh.face_offsets = self.odd(ptr::null(), &[self.indices.as_ptr()]);
+        mesh.face_offset_count = self.odd(5, &[0, 1]);
+        mesh.seams = self.odd(ptr::null(), &[self.indices.as_ptr()]);
+        mesh.seam_count = self.odd(7, &[0, CORNERS / 2]);
+        mesh.textured_faces = self.odd(ptr::null(), &[self.indices.as_ptr()]);
+        mesh.textured_face_count = self.odd(3, &[0, CORNERS]);
+        mesh.weld = self.odd(VRTM_WELD_INDEX, &[VRTM_WELD_POSITION, VRTM_WELD_OFF, -1, 3]);
+        mesh.weld_uv_tolerance = self.odd(0.0, &[-1.0, f32::NAN, 1e-30, 1.0]);
+        mesh.weld_position_tolerance = self.odd(0.0, &[-1.0, f32::INFINITY, 1e-30, 1.0]);
         let device = self.device();
         let mut asset = vrtm_asset { id: 77 };
         // SAFETY: all pointers are null or point to valid memory of at least the claimed size.

@@ -96,9 +96,9 @@ impl Case {
             device,
             &MeshSource {
                 positions: Strided::from_f64x3(&self.rest),
-                face_counts: None,
                 indices: &self.triangles,
                 uvs: UvSource { u: Strided::from_f32x2(&self.uvs), v: None, indices: Some(&self.triangles) },
+                ..MeshSource::default()
             },
         )?;
         for tile in 0..asset.tile_count() {

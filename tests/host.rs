@@ -88,6 +88,11 @@ fn misuse() {
 }
 
 #[test]
+fn mesh() {
+    run_host("mesh.c", 50);
+}
+
+#[test]
 fn float_mode() {
     run_host("float_mode.c", 30);
 }

@@ -78,6 +78,7 @@ fn bare(device: &Device, share: f64) -> Asset {
         face_counts: Some(&vec![4; indices.len() / 4]),
         indices: &indices,
         uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) },
+        ..MeshSource::default()
     };
     Asset::new(device, &source).unwrap()
 }

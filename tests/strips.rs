@@ -50,7 +50,7 @@ fn strip(n: u32) -> Model {
         uv_indices: indices.clone(),
         indices,
         frames: vec![nodes().map(|[u, v]| place(g(f64::from(u)), v)).collect()],
-        maps: Vec::new(),
+        ..Model::default()
     }
 }
 

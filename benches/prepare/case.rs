@@ -52,6 +52,7 @@ impl Case {
             face_counts: Some(&vec![4; indices.len() / 4]),
             indices: &indices,
             uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) },
+            ..MeshSource::default()
         };
         let before = memory::resident();
         let mut asset = Asset::new(&device, &source).map_err(|e| e.to_string())?;

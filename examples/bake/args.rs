@@ -62,6 +62,11 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub iterations: Option<u32>,
 
+    /// By what faces hang together: the vertices' indices; also their positions, for meshes out of games, whose vertices
+    /// are doubled along hard edges; off: only where UVs are exactly equal, too
+    #[arg(long, value_enum, default_value = "index")]
+    pub weld: Weld,
+
     /// Start each frame from the one that was baked before it, not from the original UVs
     #[arg(long)]
     pub warm: bool,
@@ -105,6 +110,13 @@ pub enum Solver {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Weld {
+    Index,
+    Position,
+    Off,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Device {
     Auto,
     Cpu,
@@ -133,6 +145,17 @@ impl From<Solver> for vrtm::Solver {
             Solver::Descent => vrtm::Solver::Descent,
             Solver::Pbd => vrtm::Solver::Pbd,
         }
+    }
+}
+
+impl From<Weld> for vrtm::Weld {
+    fn from(weld: Weld) -> Self {
+        let by = match weld {
+            Weld::Index => vrtm::WeldBy::Index,
+            Weld::Position => vrtm::WeldBy::Position,
+            Weld::Off => vrtm::WeldBy::Off,
+        };
+        vrtm::Weld { by, ..vrtm::Weld::default() }
     }
 }
 

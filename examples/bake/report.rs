@@ -20,6 +20,7 @@ pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInf
             "warm": args.warm,
             "temporal_weight": args.temporal_weight,
             "size": args.size,
+            "weld": format!("{:?}", args.weld).to_lowercase(),
         },
         "device": {
             "backend": format!("{:?}", device.backend).to_lowercase(),
@@ -38,6 +39,11 @@ pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInf
             "degenerate_triangles": info.degenerate_triangles,
             "clipped_faces": info.clipped_faces,
             "faces_outside": info.faces_outside,
+            "faces_untextured": info.faces_untextured,
+            "faces_skipped": info.faces_skipped,
+            "border_edges": info.border_edges,
+            "welded_edges": info.welded_edges,
+            "edges_apart": info.edges_apart,
         },
     })
 }
@@ -58,6 +64,9 @@ pub fn tile(
         "grid": info.grid,
         "movable_nodes": info.movable_nodes,
         "overlap": info.overlap,
+        "border_edges": info.border_edges,
+        "welded_edges": info.welded_edges,
+        "edges_apart": info.edges_apart,
         "settings": {
             "smoothness": settings.smoothness,
             "smoothness_floor": settings.smoothness_floor,
@@ -106,6 +115,7 @@ fn solve(r: &TileReport) -> Value {
         "charts_reused": r.charts_reused,
         "charts_identity": r.charts_identity,
         "charts_fallback": r.charts_fallback,
+        "welds_torn": r.welds_torn,
         "blocks_active": r.blocks_active,
         "blocks": r.blocks,
         "nodes_active": r.nodes_active,

@@ -8,7 +8,7 @@ use crate::cpu::invert::{self, Part};
 use crate::device::Device;
 use crate::error::Result;
 use crate::image::{ImageViewMut, PixelFormat, TexelLayout};
-use crate::mesh::{Mesh, NONE};
+use crate::mesh::{Corner, NONE};
 use crate::team::Team;
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE, slot};
@@ -158,25 +158,29 @@ pub(super) fn dense(solved: &Solved) -> Result<Vec<[f32; 2]>> {
     Ok((0..=rows.level.ny).flat_map(|j| rows.row(j)).collect())
 }
 
-/// Redirected UVs of all face corners.
-pub(super) fn corner_uvs(team: &Team, mesh: &Mesh, tiles: &[&Solved], out: &mut [[f32; 2]]) -> Result<()> {
+/// Redirected UVs of all face corners of a UV set.
+pub(super) fn corner_uvs(
+    team: &Team,
+    corners: &[Corner],
+    tiles: &[&Solved],
+    out: &mut [[f32; 2]],
+) -> Result<()> {
     let warps: Vec<_> = tiles.iter().map(|solved| solved.warp.host()).collect::<Result<_>>()?;
     const CHUNK: usize = 64;
     let canvas = AtomicPtr::new(out.as_mut_ptr());
-    let count = out.len().min(mesh.corners.len());
+    let count = out.len().min(corners.len());
     team.run(count.div_ceil(CHUNK), |k| {
-        for (c, corner) in mesh.corners.iter().enumerate().take(((k + 1) * CHUNK).min(count)).skip(k * CHUNK)
-        {
+        for (c, corner) in corners.iter().enumerate().take(((k + 1) * CHUNK).min(count)).skip(k * CHUNK) {
             let mut uv = corner.uv;
-            if corner.tile != NONE && corner.chart != NONE {
+            if corner.tile != NONE && corner.triangle != NONE {
                 let (solved, u) = (tiles[corner.tile as usize], warps[corner.tile as usize]);
                 let level = &solved.grid.levels[0];
-                let tile = mesh.tiles[corner.tile as usize].udim - 1001;
+                let tile = solved.mesh.udim - 1001;
                 let origin = [f64::from(tile % 10), f64::from(tile / 10)];
                 let cells = [level.nx as f64, level.ny as f64];
                 let c = [0, 1].map(|k| (f64::from(corner.uv[k]) - origin[k]) * cells[k]);
                 let moved = solved
-                    .candidates(corner.chart)
+                    .candidates(solved.mesh.chart_of[corner.triangle as usize])
                     .find_map(|chart| invert::point(level, u, chart, c, solved.reach(chart)));
                 if let Some(p) = moved {
                     uv = [0, 1].map(|k| (p[k] / cells[k] + origin[k]) as f32);

@@ -10,15 +10,15 @@ impl Asset {
     /// Fills the strain of every tile's report.
     pub(super) fn measure(&mut self, positions: Strided) -> Result<()> {
         let pose = gather(positions);
-        for (tile, state) in self.tiles.iter_mut().enumerate() {
+        for state in &mut self.tiles {
             let Some(solved) = &mut state.solved else { continue };
-            let mesh = &self.mesh.tiles[tile];
+            let mesh = &*solved.mesh;
             let level = &solved.grid.levels[0];
             let coverage = Coverage::new(mesh, level.nx, level.ny, state.maps.settings.overlap);
             let maps = node_maps(mesh, &state.maps, [level.nx, level.ny]);
             let nodes = fetch::dense(solved)?;
             let width = level.nx + 1;
-            let strain = measure(&self.mesh, tile, &coverage, &maps, &pose, &|i, j| nodes[j * width + i]);
+            let strain = measure(&self.mesh, mesh, &coverage, &maps, &pose, &|i, j| nodes[j * width + i]);
             solved.report.strain = Some(strain);
         }
         Ok(())

@@ -1,8 +1,11 @@
 //! Results read and judged from outside of the solver, for tests and benches (cargo feature `oracle`).
 
+use std::sync::Arc;
+
 use super::measure::gather;
-use super::{Asset, fetch, not_solved};
+use super::{Asset, fetch, not_solved, torn};
 use crate::error::Result;
+use crate::mesh::TileMesh;
 use crate::oracle::reference::{Minimum, Options, Problem};
 use crate::view::Strided;
 
@@ -36,7 +39,8 @@ impl Asset {
     pub fn reference_energy(&self, tile: usize, positions: Strided, u: &[[f64; 2]]) -> Result<f64> {
         self.check_tile(tile)?;
         let pose = gather(positions);
-        Ok(Problem::new(&self.mesh, tile, &self.tiles[tile].maps, &pose)?.energy(u))
+        let torn = self.in_pose(tile, &positions)?;
+        Ok(Problem::new(&self.mesh, &torn, &self.tiles[tile].maps, &pose)?.energy(u))
     }
 
     /// The reference's minimum for a pose, descending from `start` (and, if `thorough`, from the identity too).
@@ -52,10 +56,16 @@ impl Asset {
     ) -> Result<ReferenceMinimum> {
         self.check_tile(tile)?;
         let pose = gather(positions);
-        let mut problem = Problem::new(&self.mesh, tile, &self.tiles[tile].maps, &pose)?;
+        let torn = self.in_pose(tile, &positions)?;
+        let mut problem = Problem::new(&self.mesh, &torn, &self.tiles[tile].maps, &pose)?;
         let minimum = problem.minimise(start, &Options { thorough, ..Options::default() });
         let min_jacobian = problem.min_jacobian(&minimum.u);
         let Minimum { u, energy, converged, .. } = minimum;
         Ok(ReferenceMinimum { u, energy, min_jacobian, converged })
+    }
+    /// The tile as it hangs together in a pose.
+    fn in_pose(&self, tile: usize, positions: &Strided) -> Result<Arc<TileMesh>> {
+        self.check_vertices("positions", positions, 3)?;
+        Ok(torn::in_pose(&self.mesh, tile, positions))
     }
 }

@@ -145,6 +145,7 @@ mod tests {
             face_counts: Some(&[4; 4]),
             indices: &corners,
             uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+            ..MeshSource::default()
         };
         let mut asset = Asset::new(&device, &source).unwrap();
         let spots: Vec<u8> =

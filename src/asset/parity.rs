@@ -1,6 +1,8 @@
 //! Both backends on an asset's tile, side by side or one after the other: for tests and support.
 
-use super::Asset;
+use std::sync::Arc;
+
+use super::{Asset, torn};
 use crate::error::{Error, ErrorKind, Result};
 use crate::method::budget::Clock;
 use crate::method::schedule::{self, Input, Plan};
@@ -9,7 +11,9 @@ use crate::oracle::parity::pair::Pair;
 use crate::settings::SolveOptions;
 use crate::team::Team;
 use crate::tile::blocks::NODES;
+use crate::tile::build;
 use crate::tile::pose::Pose;
+use crate::tile::survey::Survey;
 use crate::view::Strided;
 use crate::{cpu, gpu};
 
@@ -30,13 +34,14 @@ impl Asset {
         self.check_tile(tile)?;
         self.check_vertices("positions", &positions, 3)?;
         options.check()?;
-        let state = &mut self.tiles[tile];
-        let grid =
-            Team::with(self.device.threads(), |team| state.grid(team, &self.device, &self.mesh, tile))?;
         let Some(context) = self.device.gpu() else {
             return Err(Error::new(ErrorKind::Unsupported, "the asset is not on a GPU"));
         };
-        let mesh = &self.mesh.tiles[tile];
+        let mesh = &*torn::in_pose(&self.mesh, tile, &positions);
+        let maps = &self.tiles[tile].maps;
+        let grid = Team::with(self.device.threads(), |team| {
+            Arc::new(build::grid(team, &self.mesh, maps, Survey::new(team, mesh, maps, maps.grid_size())))
+        });
         let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
         let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collect();
         if !charts.contains(&true) {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Plan};
 use crate::report::{GpuWork, TileReport};
 use crate::settings::Overlap;
@@ -14,6 +15,8 @@ use super::backend::Warp;
 /// A tile's last good solve.
 #[derive(Debug)]
 pub(super) struct Solved {
+    /// The tile as it hung together in the pose.
+    pub mesh: Arc<TileMesh>,
     /// The grid it was solved on, which may be older than the maps.
     pub grid: Arc<Grid>,
     pub warp: Arc<Warp>,

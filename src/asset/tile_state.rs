@@ -5,24 +5,21 @@ use std::time::{Duration, Instant};
 
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::ImageView;
-use crate::map::{Map, TexelRect};
+use crate::map::Map;
 use crate::mesh::{Mesh, TileMesh};
 use crate::method::budget::{Clock, History};
 use crate::method::schedule::{ChartResult, Input, Plan, Summary};
-use crate::report::{GpuWork, TileEstimate, TileInfo, TileReport};
-use crate::settings::{LogLevel, Solver, TileSettings};
+use crate::report::{GpuWork, TileReport};
+use crate::settings::Solver;
 use crate::team::Team;
 use crate::tile::blocks::{NODES, SIDE};
 use crate::tile::pose::Pose;
-use crate::tile::repaint::repaint;
-use crate::tile::saved;
-use crate::tile::survey::Survey;
-use crate::tile::{Grid, Rigidity, TileMaps, build};
+use crate::tile::{Grid, Rigidity, TileMaps};
 use crate::view::Strided;
 
 use super::backend::{Job, TileSolution, TileSolver, Warp};
 use super::solved::{ChartInput, Solved};
+use super::torn::Torn;
 
 /// A call that solves all tiles of an asset.
 pub(super) struct SolveCall<'a> {
@@ -41,7 +38,11 @@ pub(super) struct SolveCall<'a> {
 #[derive(Debug, Default)]
 pub(super) struct TileState {
     pub maps: TileMaps,
-    grid: Option<Arc<Grid>>,
+    pub(super) grid: Option<Arc<Grid>>,
+    /// The tile as the last pose that tore it left it.
+    pub(super) torn: Option<Torn>,
+    /// The welds that the last pose tore.
+    pub(super) torn_now: Vec<u32>,
     solver: Option<TileSolver>,
     /// Bytes of the solver's memory, and what it was used for.
     solver_bytes: u64,
@@ -50,121 +51,12 @@ pub(super) struct TileState {
     /// The memory that the device has on its account for this tile.
     booked: u64,
     /// Milliseconds of the last grid build, until reported.
-    build_ms: f32,
+    pub(super) build_ms: f32,
 }
 
 impl TileState {
-    /// Takes a new rigidity. The grid is rebuilt at the next solve if it differs.
-    pub fn set_rigidity(&mut self, rigidity: Rigidity) {
-        if self.maps.rigidity != rigidity {
-            self.maps.rigidity = rigidity;
-            self.grid = None;
-        }
-    }
-
-    /// Takes some texels of the rigidity map anew, from an image of the same shape. Of the grid only what follows from them
-    /// is computed, if nodes neither start nor stop to move.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if there is no map of this shape, or a value is not finite.
-    pub fn update_rigidity(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        tile: &TileMesh,
-        image: &ImageView,
-        texels: TexelRect,
-    ) -> Result<()> {
-        let Rigidity::Map(map) = &mut self.maps.rigidity else {
-            return Err(Error::argument("rigidity: the tile has no map, a part of which could change"));
-        };
-        let (size, format) = image.shape();
-        if (size, format) != map.shape() {
-            let ([width, height], _) = map.shape();
-            let message = format!(
-                "rigidity: the map that was set has {width}x{height} texels of another format or size"
-            );
-            return Err(Error::argument(message));
-        }
-        image.check_finite("rigidity", texels)?;
-        image.copy_to(map, texels);
-        let Some(grid) = self.grid.take() else { return Ok(()) };
-        let start = Instant::now();
-        let Rigidity::Map(map) = &self.maps.rigidity else { return Ok(()) };
-        if let Some(repainted) = repaint(team, &grid, tile, &self.maps, map, &texels) {
-            if let Some(solved) = &mut self.solved {
-                let inputs = solved.inputs.iter_mut().zip(&repainted.charts);
-                inputs.filter(|(_, changed)| **changed).for_each(|(input, _)| *input = None);
-            }
-            self.grid = Some(Arc::new(repainted.grid));
-            if device.gpu().is_some() {
-                // A GPU's memory holds the rigidity of the grid that it was made for.
-                self.forget(device);
-            }
-        }
-        self.build_ms += start.elapsed().as_secs_f32() * 1000.0;
-        Ok(())
-    }
-
-    /// Takes a new mask. The grid is rebuilt at the next solve if it differs.
-    pub fn set_mask(&mut self, mask: Option<Map>) {
-        if self.maps.mask != mask {
-            self.maps.mask = mask;
-            self.grid = None;
-        }
-    }
-
-    /// Takes new settings. The grid is rebuilt at the next solve if it depends on what changed.
-    pub fn set_settings(&mut self, settings: &TileSettings) {
-        let of_grid = |maps: &TileMaps| {
-            let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, .. } =
-                maps.settings;
-            (maps.grid_size(), overlap, smoothness, smoothness_floor, orientation_density > 0.0)
-        };
-        let grid_before = of_grid(&self.maps);
-        let before = std::mem::replace(&mut self.maps.settings, *settings);
-        if of_grid(&self.maps) != grid_before {
-            self.grid = None;
-        } else if before != *settings
-            && let Some(solved) = &mut self.solved
-        {
-            // Same grid, other weights: nothing can be reused.
-            solved.inputs.fill(None);
-        }
-    }
-
-    /// The tile's grid, built if need be.
-    pub fn grid(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<Arc<Grid>> {
-        if let Some(grid) = &self.grid {
-            return Ok(grid.clone());
-        }
-        let start = Instant::now();
-        let source = &mesh.tiles[tile];
-        // The old grid's memory is of no more use.
-        self.forget(device);
-        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
-        self.book(device, survey.grid_bytes(), source.udim)?;
-        if survey.counts.rigid > 0 && survey.movable.iter().all(|&count| count == 0) {
-            let message = format!("tile {}: it has rigid texels, but nothing that may move", source.udim);
-            device.log(LogLevel::Warning, &message);
-        }
-        let grid = Arc::new(build::grid(team, mesh, &self.maps, survey));
-        if grid.overlap > 0.0 {
-            let percent = 100.0 * grid.overlap;
-            device
-                .log(LogLevel::Warning, &format!("tile {}: {percent:.2} % of it is overlapped", source.udim));
-        }
-        self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
-        self.grid = Some(grid.clone());
-        if let Err(error) = self.book(device, 0, source.udim) {
-            self.grid = None;
-            return Err(error);
-        }
-        Ok(grid)
-    }
-
     /// Puts the memory that is held, and `more` that is about to be allocated, on the device's account.
-    fn book(&mut self, device: &Device, more: u64, udim: u32) -> Result<()> {
+    pub(super) fn book(&mut self, device: &Device, more: u64, udim: u32) -> Result<()> {
         let held = self.held() + more;
         device.rebook(self.booked, held, &format!("tile {udim}"))?;
         self.booked = held;
@@ -172,13 +64,14 @@ impl TileState {
     }
 
     /// Bytes of maps, grid, solver and result.
-    fn held(&self) -> u64 {
+    pub(super) fn held(&self) -> u64 {
         let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
-        self.map_bytes() + grid + self.solver_bytes
+        let torn = self.torn.as_ref().map_or(0, Torn::bytes);
+        self.map_bytes() + grid + torn + self.solver_bytes
     }
 
     /// Bytes of the maps.
-    fn map_bytes(&self) -> u64 {
+    pub(super) fn map_bytes(&self) -> u64 {
         let rigidity = match &self.maps.rigidity {
             Rigidity::None => 0,
             Rigidity::Map(map) => map.bytes(),
@@ -191,16 +84,17 @@ impl TileState {
     /// theirs.
     pub fn solve(&mut self, call: &SolveCall, tile: usize) -> Result<Solved> {
         let start = Instant::now();
-        let grid = self.grid(call.team, call.device, call.mesh, tile)?;
-        let source = &call.mesh.tiles[tile];
+        let (mesh, grid) = self.surface(call, tile)?;
+        let source = &*mesh;
         let pose = Pose::new(source, |v| call.positions.get3(v as usize), Some(&grid.rest));
         let tasks = self.tasks(&grid, source, &pose, call.plan);
         let WarpResult { warp, results, mut report, work } = self.warp(call, &grid, source, &pose, &tasks)?;
         self.fill_report(&mut report, &grid, source, &tasks, &results);
         let inputs = self.inputs(&grid, pose, &tasks, call.plan, report.truncated);
+        report.welds_torn = self.torn_now.len() as u32;
         report.times.total = start.elapsed().as_secs_f32() * 1000.0;
         let overlap = self.maps.settings.overlap;
-        Ok(Solved { grid, warp, inputs, results, overlap, report, work })
+        Ok(Solved { mesh, grid, warp, inputs, results, overlap, report, work })
     }
 
     /// Nodes that a solve may have to move, by the present grid; 0 without one.
@@ -375,7 +269,7 @@ impl TileState {
     }
 
     /// Drops the solver.
-    fn forget(&mut self, device: &Device) {
+    pub(super) fn forget(&mut self, device: &Device) {
         self.solver_bytes = 0;
         self.history = History::default();
         if self.solver.take().is_some()
@@ -402,84 +296,10 @@ impl TileState {
         Ok(())
     }
 
-    /// Bytes of the prepared tile as `save` writes it; prepares it if need be.
-    pub fn saved_size(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<usize> {
-        self.grid(team, device, mesh, tile).map(|grid| saved::size(&grid))
-    }
-
-    /// Writes the prepared tile to as many bytes as `saved_size` tells.
-    pub fn save(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        out: &mut [u8],
-    ) -> Result<()> {
-        let grid = self.grid(team, device, mesh, tile)?;
-        saved::save(&grid, saved::key(mesh, &mesh.tiles[tile], &self.maps), out);
-        Ok(())
-    }
-
-    /// Takes a prepared tile that was saved with the same mesh, maps and settings.
-    pub fn load(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        data: &[u8],
-    ) -> Result<()> {
-        let source = &mesh.tiles[tile];
-        let key = saved::key(mesh, source, &self.maps);
-        let grid = saved::load(team, data, key, mesh, source, |bytes| self.book(device, bytes, source.udim));
-        if let Ok(grid) = grid {
-            self.forget(device);
-            self.grid = Some(Arc::new(grid));
-            return self.book(device, 0, source.udim);
-        }
-        // What was booked for it goes back: less than before always fits.
-        let _ = self.book(device, 0, source.udim);
-        grid.map(drop)
-    }
-
-    /// What preparing and solving the tile would take, from a survey alone.
-    pub fn estimate(&self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileEstimate> {
-        let source = &mesh.tiles[tile];
-        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
-        let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());
-        let grid = build::skeleton(survey);
-        let result = Solved::bytes_for(&grid);
-        let solver = TileSolver::bytes_for(device, &grid, source, Solver::Descent)?;
-        let prepared = self.map_bytes() + grid_bytes;
-        Ok(TileEstimate {
-            movable_nodes: grid.movable.iter().sum(),
-            prepared_bytes: prepared,
-            // Of level 1: metrics and lengths of edges, which are gone when the grid is there.
-            preparing_bytes: prepared + parts + grid_bytes / 5,
-            // The last result stays until the next one is there.
-            solving_bytes: prepared + solver + 2 * result,
-        })
-    }
-
-    /// The facts of the tile that need no solve.
-    pub fn info(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileInfo> {
-        let grid = self.grid(team, device, mesh, tile)?;
-        let source = &mesh.tiles[tile];
-        Ok(TileInfo {
-            udim: source.udim,
-            charts: source.charts.len() as u32,
-            triangles: source.triangles.len() as u64,
-            grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
-            movable_nodes: grid.movable.iter().sum(),
-            overlap: grid.overlap,
-            frozen: grid.frozen,
-        })
-    }
-
     /// Takes the memory off the device's budget.
     pub fn release(&mut self, device: &Device) {
         self.solved = None;
+        self.torn = None;
         self.forget(device);
         let _ = device.rebook(self.booked, 0, "");
         self.booked = 0;

@@ -92,6 +92,7 @@ pub(crate) fn asset(device: &Device) -> Result<Asset> {
             face_counts: Some(&[4, 4]),
             indices: &corners,
             uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+            ..MeshSource::default()
         },
     )?;
     asset.set_rigidity(0, Some(painted(&[0, 255, 255, 0])))?;

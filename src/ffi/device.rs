@@ -322,7 +322,7 @@ mod tests {
             let mut uvs: vrtm_array = positions;
             uvs.count = 3;
             let indices = [0u32, 1, 2];
-            let mut mesh: super::super::asset::vrtm_mesh_desc = sized();
+            let mut mesh: super::super::mesh::vrtm_mesh_desc = sized();
             (mesh.positions, mesh.uvs) = (&positions, &uvs);
             (mesh.indices, mesh.index_count) = (indices.as_ptr(), 3);
             let mut other = vrtm_asset { id: 77 };

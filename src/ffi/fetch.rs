@@ -168,9 +168,10 @@ pub unsafe extern "C" fn vrtm_tile_fetch_part(
     })
 }
 
-/// Writes the redirected UV of every face corner of the mesh: `count` pairs (u, v), in corner order, with the tile's
-/// offset added as in the mesh's own UVs. For hosts that set UVs instead of reading a map. `count` is the number of
-/// corners, vrtm_asset_data.corners; `uvs` has room for 2 * count floats.
+/// Writes the redirected UV of every face corner of the mesh in UV set 0: `count` pairs (u, v), in corner order, with
+/// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. For hosts that set UVs
+/// instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
+/// floats.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 /// `uvs` is null or `count` is not the number of corners; VRTM_ERROR_BUSY. On any error nothing is written.
@@ -180,14 +181,31 @@ pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
     uvs: *mut f32,
     count: usize,
 ) -> vrtm_status {
-    guard("vrtm_asset_fetch_corner_uvs", || {
-        let asset = handle::asset(asset)?;
-        let corners = asset.info.corners;
-        if count as u64 != corners {
-            return Err(Failure::argument(format!("count is {count}, but the mesh has {corners} corners")));
-        }
-        // SAFETY: the host vouches for `count` pairs during the call.
-        let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
-        asset.read(|asset| Ok(asset.corner_uvs(out)?))
-    })
+    // SAFETY: passed on.
+    guard("vrtm_asset_fetch_corner_uvs", || unsafe { corner_uvs(asset, 0, uvs, count) })
+}
+
+/// The same of a UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+///
+/// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT if there is no such set.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs_of_set(
+    asset: vrtm_asset,
+    uv_set: u32,
+    uvs: *mut f32,
+    count: usize,
+) -> vrtm_status {
+    // SAFETY: passed on.
+    guard("vrtm_asset_fetch_corner_uvs_of_set", || unsafe { corner_uvs(asset, uv_set, uvs, count) })
+}
+
+unsafe fn corner_uvs(asset: vrtm_asset, uv_set: u32, uvs: *mut f32, count: usize) -> Outcome<()> {
+    let asset = handle::asset(asset)?;
+    let corners = asset.info.corners;
+    if count as u64 != corners {
+        return Err(Failure::argument(format!("count is {count}, but the mesh has {corners} corners")));
+    }
+    // SAFETY: the host vouches for `count` pairs during the call.
+    let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
+    asset.read(|asset| Ok(asset.corner_uvs_of_set(uv_set, out)?))
 }

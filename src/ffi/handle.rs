@@ -275,9 +275,9 @@ mod tests {
         let uvs = Strided::new("uvs", uvs.as_flattened(), Scalar::F32, 2, 3, 0).unwrap();
         let mesh = MeshSource {
             positions: Strided::from_f32x3(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
-            face_counts: None,
             indices: &[0, 1, 2],
             uvs: UvSource { u: uvs, v: None, indices: None },
+            ..MeshSource::default()
         };
         SharedAsset::new(Asset::new(&device, &mesh).unwrap())
     }

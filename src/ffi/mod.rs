@@ -16,6 +16,7 @@ pub mod fetch;
 mod float_mode;
 mod guard;
 pub mod handle;
+pub mod mesh;
 pub mod prepare;
 pub mod report;
 pub mod solve;

@@ -118,6 +118,8 @@ pub struct vrtm_tile_report_data {
     pub ms_pbd: f32,
     /// Zero.
     pub reserved: u32,
+    /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
+    pub welds_torn: u32,
 }
 
 /// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -231,6 +233,7 @@ pub unsafe extern "C" fn vrtm_tile_report(
             help: strain.help,
             ms_pbd: r.times.pbd,
             reserved: 0,
+            welds_torn: r.welds_torn,
         });
         Ok(())
     })

@@ -29,11 +29,17 @@ pub struct vrtm_tile_data {
     pub grid_height: u32,
     /// Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
     pub overlap: f32,
+    /// Sides of triangles at which a chart ends.
+    pub border_edges: u64,
+    /// Edges inside charts whose two sides have different vertices: welded by position.
+    pub welded_edges: u64,
+    /// Edges whose two sides lie together and are not connected: see vrtm_asset_data.
+    pub edges_apart: u64,
+    /// The UV set that it belongs to.
+    pub uv_set: u32,
     /// Fraction (0..1) of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least
     /// 0.5, those that a border, an overlap or the mask fixes. Near 1, a map can have no effect.
     pub frozen: f32,
-    /// Zero.
-    pub reserved: u32,
 }
 
 /// Who owns texels that faces of different charts, or two layers of one chart, share.
@@ -80,7 +86,7 @@ pub struct vrtm_tile_settings {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_tile_data {
-    const FIRST: usize = offset_of!(vrtm_tile_data, frozen);
+    const FIRST: usize = offset_of!(vrtm_tile_data, border_edges);
     const NAME: &'static str = "vrtm_tile_data";
 }
 
@@ -156,8 +162,11 @@ pub unsafe extern "C" fn vrtm_tile_info(tile: vrtm_tile, info: *mut vrtm_tile_da
             grid_width: info.grid[0],
             grid_height: info.grid[1],
             overlap: info.overlap,
+            border_edges: info.border_edges,
+            welded_edges: info.welded_edges,
+            edges_apart: info.edges_apart,
+            uv_set: info.uv_set,
             frozen: info.frozen,
-            reserved: 0,
         });
         Ok(())
     })

@@ -72,7 +72,7 @@ pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> 
 pub fn triangles(grid: &Grid) -> Vec<Triangle> {
     grid.triangles
         .iter()
-        .zip(&grid.chart_of)
+        .zip(grid.chart_of.iter())
         .map(|(t, &chart)| {
             let [[a, b], [c, d]] = t.barycentric;
             Triangle {
@@ -96,7 +96,7 @@ pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
     }
     tile.triangles
         .iter()
-        .zip(&grid.chart_of)
+        .zip(grid.chart_of.iter())
         .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
         .collect()
 }

@@ -1,83 +1,183 @@
 //! The charts of a tile (method §1), from its triangles: which of them are neighbours in the UV plane, and the
 //! connected components of this relation.
 
-use super::triangle::doubled_area;
-use super::{Chart, NONE, RawTriangle, TileMesh, Triangle};
+use std::collections::HashSet;
 
-/// Builds a tile from its triangles, which it sorts by chart. Also returns the chart of each triangle, in the order of
-/// `raw`.
+use glam::DVec2;
+
+use super::triangle::doubled_area;
+use super::{Chart, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
+
+/// Edges at which the host wants charts to end, as sorted pairs of vertices.
+pub(super) type Seams = HashSet<[u32; 2]>;
+
+/// The charts of a tile's triangles, which it sorts by chart.
 ///
-/// Two triangles are neighbours if they, and no third one, share a UV edge and lie on opposite sides of it: where a
-/// mirrored half is folded onto the other one, or where three triangles meet, there is a border.
-pub(super) fn build(udim: u32, raw: &[RawTriangle]) -> (TileMesh, Vec<u32>) {
-    let neighbours = neighbours(raw);
-    let chart_of = components(&neighbours);
-    let chart_count = chart_of.iter().max().map_or(0, |&c| c + 1) as usize;
-    // A stable sort keeps the order of faces inside a chart.
-    let mut order: Vec<u32> = (0..raw.len() as u32).collect();
+/// Two triangles are neighbours if they, and no third one, share a UV edge and lie on opposite sides of it, and it is no
+/// seam: where a mirrored half is folded onto the other one, or where three triangles meet, there is a border.
+/// `numbers` has the numbers of each triangle's UV corners.
+pub(super) fn build(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) -> TileMesh {
+    let (neighbours, welds) = neighbours(raw, numbers, seams);
+    let tile = assemble(&neighbours, |t| (raw[t].vertices, raw[t].uv));
+    TileMesh { welds, ..tile }
+}
+
+impl TileMesh {
+    /// The borders: the sides of triangles without a neighbour. Triangles have their numbers in `chart_of`, in their
+    /// order there.
+    pub fn borders(&self) -> impl Iterator<Item = (u32, u8)> {
+        let new_index = inverse(&order(&self.chart_of));
+        (0..self.chart_of.len() as u32).flat_map(move |t| {
+            let neighbours = self.triangles[new_index[t as usize] as usize].neighbours;
+            (0..3).filter(move |&k| neighbours[k as usize] == NONE).map(move |k| (t, k))
+        })
+    }
+
+    /// The same tile with charts that end at these of its `welds`, too. Triangles keep their numbers in `chart_of`.
+    pub fn cut(&self, torn: &[u32]) -> TileMesh {
+        let order = order(&self.chart_of);
+        let mut neighbours = vec![[NONE; 3]; order.len()];
+        for (triangle, &t) in self.triangles.iter().zip(&order) {
+            neighbours[t as usize] =
+                triangle.neighbours.map(|n| if n == NONE { NONE } else { order[n as usize] });
+        }
+        for &weld in torn {
+            for (t, k) in self.welds[weld as usize].sides {
+                neighbours[t as usize][k as usize] = NONE;
+            }
+        }
+        let new_index = inverse(&order);
+        let tile = assemble(&neighbours, |t| {
+            let triangle = &self.triangles[new_index[t] as usize];
+            let vertices = &self.charts[self.chart_of[t] as usize].vertices;
+            (triangle.local.map(|v| vertices[v as usize]), triangle.uv)
+        });
+        TileMesh { udim: self.udim, uv_set: self.uv_set, ..tile }
+    }
+}
+
+/// Triangles in the order of their charts. A stable sort keeps the order of faces inside a chart.
+fn order(chart_of: &[u32]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..chart_of.len() as u32).collect();
     order.sort_by_key(|&t| chart_of[t as usize]);
-    let mut new_index = vec![NONE; raw.len()];
+    order
+}
+
+fn inverse(order: &[u32]) -> Vec<u32> {
+    let mut new_index = vec![NONE; order.len()];
     for (new, &old) in order.iter().enumerate() {
         new_index[old as usize] = new as u32;
     }
-    let mut charts = Vec::with_capacity(chart_count);
-    let mut triangles = Vec::with_capacity(raw.len());
+    new_index
+}
+
+/// Sorts triangles by chart. `source` gives a triangle's vertices and UVs.
+fn assemble(neighbours: &[[u32; 3]], source: impl Fn(usize) -> ([u32; 3], [DVec2; 3])) -> TileMesh {
+    let chart_of = components(neighbours);
+    let chart_count = chart_of.iter().max().map_or(0, |&c| c + 1);
+    let order = order(&chart_of);
+    let new_index = inverse(&order);
+    let mut charts = Vec::with_capacity(chart_count as usize);
+    let mut triangles = Vec::with_capacity(order.len());
     let mut remaining = &order[..];
-    for chart in 0..chart_count as u32 {
+    for chart in 0..chart_count {
         let count = remaining.partition_point(|&t| chart_of[t as usize] == chart);
         let (members, others) = remaining.split_at(count);
         remaining = others;
-        let mut vertices: Vec<u32> = members.iter().flat_map(|&t| raw[t as usize].vertices).collect();
+        let mut vertices: Vec<u32> = members.iter().flat_map(|&t| source(t as usize).0).collect();
         vertices.sort_unstable();
         vertices.dedup();
         let start = triangles.len();
         for &t in members {
-            let source = &raw[t as usize];
+            let (of_triangle, uv) = source(t as usize);
             triangles.push(Triangle {
-                local: source.vertices.map(|v| vertices.partition_point(|&w| w < v) as u32),
-                uv: source.uv,
+                local: of_triangle.map(|v| vertices.partition_point(|&w| w < v) as u32),
+                uv,
                 neighbours: neighbours[t as usize]
                     .map(|n| if n == NONE { NONE } else { new_index[n as usize] }),
             });
         }
         charts.push(Chart { triangles: start..triangles.len(), vertices });
     }
-    (TileMesh { udim, triangles, charts }, chart_of)
+    TileMesh { triangles, charts, chart_of, ..TileMesh::default() }
 }
 
-/// Per triangle, its neighbour across the edge opposite to each corner.
-fn neighbours(raw: &[RawTriangle]) -> Vec<[u32; 3]> {
-    // (edge as a sorted pair of UV corners, triangle, its corner opposite to the edge), sorted, so that the triangles
-    // at an edge are adjacent.
-    let mut edges: Vec<(u32, u32, u32, u8)> = Vec::with_capacity(raw.len() * 3);
-    for (t, triangle) in raw.iter().enumerate() {
-        for k in 0..3 {
-            let (a, b) = (triangle.welded[(k + 1) % 3], triangle.welded[(k + 2) % 3]);
-            edges.push((a.min(b), a.max(b), t as u32, k as u8));
-        }
-    }
-    edges.sort_unstable();
+/// Per triangle, its neighbour across the edge opposite to each corner; and the edges whose sides have different
+/// vertices.
+fn neighbours(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) -> (Vec<[u32; 3]>, Vec<WeldedEdge>) {
     let mut neighbours = vec![[NONE; 3]; raw.len()];
-    for at_edge in edges.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
-        if let [(_, _, t, k), (_, _, s, j)] = *at_edge
-            && side(&raw[t as usize], k) * side(&raw[s as usize], j) < 0.0
-        {
-            neighbours[t as usize][k as usize] = s;
-            neighbours[s as usize][j as usize] = t;
+    let mut welds = Vec::new();
+    let sides = (0..raw.len() as u32).flat_map(|t| (0..3).map(move |k| (t, k)));
+    for [(t, k), (s, j)] in pairs(raw, numbers, sides) {
+        let [here, there] =
+            [(t, k), (s, j)].map(|(t, k)| ends(numbers, t, k).map(|c| raw[t as usize].vertices[c]));
+        if is_seam(seams, here) || is_seam(seams, there) {
+            continue;
+        }
+        neighbours[t as usize][k as usize] = s;
+        neighbours[s as usize][j as usize] = t;
+        if here != there {
+            let ends = [0, 1].map(|end| [here[end], there[end]]);
+            welds.push(WeldedEdge { sides: [(t, k), (s, j)], ends });
         }
     }
-    neighbours
+    (neighbours, welds)
 }
 
-/// The side, 1 or -1, on which a triangle's corner `k` lies of the opposite edge, taken from its lower to its higher UV
-/// corner.
-fn side(triangle: &RawTriangle, k: u8) -> f64 {
-    let k = k as usize;
-    let (mut a, mut b) = ((k + 1) % 3, (k + 2) % 3);
-    if triangle.welded[a] > triangle.welded[b] {
-        (a, b) = (b, a);
+pub(super) fn is_seam(seams: &Seams, [a, b]: [u32; 2]) -> bool {
+    !seams.is_empty() && seams.contains(&[a.min(b), a.max(b)])
+}
+
+/// A side of a triangle: the triangle, and the corner opposite to the side.
+type Side = (u32, u8);
+
+/// The pairs of sides that are one edge, with nothing else at it and with their triangles on both sides of it. `numbers`
+/// has the numbers of each triangle's UV corners.
+///
+/// Where welding by position brings more than two together, as the front and the back of a sheet, two with the same
+/// vertices belong together first: a weld must not part what the vertices connect.
+pub(super) fn pairs(
+    raw: &[RawTriangle],
+    numbers: &[[u32; 3]],
+    sides: impl Iterator<Item = Side>,
+) -> Vec<[Side; 2]> {
+    // (edge as a sorted pair of UV corners, its vertices, triangle, its corner opposite to the edge), sorted, so that the
+    // triangles at an edge are adjacent, and there those with the same vertices.
+    let with_ends = |(t, k): Side| {
+        let ends = ends(numbers, t, k);
+        let edge = ends.map(|c| numbers[t as usize][c]);
+        (edge, ends.map(|c| raw[t as usize].vertices[c]), t, k)
+    };
+    let mut edges: Vec<([u32; 2], [u32; 2], u32, u8)> = sides.map(with_ends).collect();
+    edges.sort_unstable();
+    let lies = |t: u32, k: u8| {
+        let [a, b] = ends(numbers, t, k);
+        doubled_area([a, b, k as usize].map(|c| raw[t as usize].uv[c])).signum()
+    };
+    let mut found = Vec::new();
+    let mut left = Vec::new();
+    for at_edge in edges.chunk_by(|x, y| x.0 == y.0) {
+        left.clear();
+        for same in at_edge.chunk_by(|x, y| x.1 == y.1) {
+            match *same {
+                [(_, _, t, k), (_, _, s, j)] if lies(t, k) * lies(s, j) < 0.0 => found.push([(t, k), (s, j)]),
+                _ => left.extend(same.iter().map(|&(_, _, t, k)| (t, k))),
+            }
+        }
+        if let [(t, k), (s, j)] = left[..]
+            && lies(t, k) * lies(s, j) < 0.0
+        {
+            found.push([(t, k), (s, j)]);
+        }
     }
-    doubled_area([a, b, k].map(|i| triangle.uv[i])).signum()
+    found
+}
+
+/// The corners of a triangle at the edge opposite to its corner `k`, from the lower to the higher UV corner.
+fn ends(numbers: &[[u32; 3]], t: u32, k: u8) -> [usize; 2] {
+    let [a, b] = [1, 2].map(|d| (k as usize + d) % 3);
+    let of = &numbers[t as usize];
+    if of[a] > of[b] { [b, a] } else { [a, b] }
 }
 
 /// Per triangle, the number of its connected component. Components are numbered in the order of their first triangles.

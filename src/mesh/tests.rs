@@ -1,4 +1,5 @@
 use super::*;
+use crate::view::Strided;
 
 /// A row of `n` unit quads of UV size `size`, beginning at `origin`.
 fn strip(n: u32, origin: [f32; 2], size: f32) -> (Vec<[f32; 3]>, Vec<u32>, Vec<f32>) {
@@ -23,7 +24,7 @@ fn pairs(uvs: &[f32]) -> Strided<'_> {
 fn build(positions: &[[f32; 3]], counts: Option<&[u32]>, indices: &[u32], uvs: &[f32]) -> Result<Mesh> {
     let uvs = UvSource { u: pairs(uvs), v: None, indices: Some(indices) };
     let positions = Strided::from_f32x3(positions);
-    Mesh::new(&MeshSource { positions, face_counts: counts, indices, uvs })
+    Mesh::new(&MeshSource { positions, face_counts: counts, indices, uvs, ..MeshSource::default() })
 }
 
 #[test]
@@ -53,7 +54,7 @@ fn a_half_folded_onto_the_other_is_a_chart_of_its_own() {
 }
 
 #[test]
-fn vertices_split_along_a_hard_edge_do_not_cut_a_chart() {
+fn vertices_split_along_a_hard_edge_cut_a_chart_unless_welded_by_position() {
     let positions = [
         [0.0f32, 0.0, 0.0],
         [1.0, 0.0, 0.0],
@@ -63,8 +64,19 @@ fn vertices_split_along_a_hard_edge_do_not_cut_a_chart() {
         [0.0, 1.0, 0.0],
     ];
     let uvs = [0.1, 0.1, 0.9, 0.1, 0.9, 0.9, 0.1, 0.1, 0.9, 0.9, 0.1, 0.9];
-    let mesh = build(&positions, None, &[0, 1, 2, 3, 4, 5], &uvs).unwrap();
-    assert_eq!(mesh.info.charts, 1);
+    let corners = [0, 1, 2, 3, 4, 5];
+    let mesh = build(&positions, None, &corners, &uvs).unwrap();
+    assert_eq!((mesh.info.charts, mesh.info.edges_apart, mesh.info.border_edges), (2, 1, 6));
+    let mesh = Mesh::new(&MeshSource {
+        positions: Strided::from_f32x3(&positions),
+        indices: &corners,
+        uvs: UvSource { u: pairs(&uvs), v: None, indices: Some(&corners) },
+        weld: Weld { by: WeldBy::Position, ..Weld::default() },
+        ..MeshSource::default()
+    })
+    .unwrap();
+    assert_eq!((mesh.info.charts, mesh.info.edges_apart, mesh.info.border_edges), (1, 0, 4));
+    assert_eq!(mesh.info.welded_edges, 1);
 }
 
 #[test]
@@ -74,8 +86,8 @@ fn faces_go_to_the_tile_of_their_centroid() {
     // The first face's centroid is at u = 0.975, the second one's at 1.125.
     assert_eq!(mesh.tiles.iter().map(|t| t.udim).collect::<Vec<_>>(), [1011, 1012]);
     assert_eq!(mesh.info.clipped_faces, 1);
-    assert_eq!(mesh.corners[0].tile, 0);
-    assert_eq!(mesh.corners[4].tile, 1);
+    assert_eq!(mesh.corners[0][0].tile, 0);
+    assert_eq!(mesh.corners[0][4].tile, 1);
     let (positions, indices, uvs) = strip(1, [-0.9, 0.2], 0.15);
     let mesh = build(&positions, Some(&[4]), &indices, &uvs).unwrap();
     assert_eq!((mesh.info.faces_outside, mesh.info.tiles), (1, 0));
@@ -106,7 +118,7 @@ fn bad_arrays_are_named_with_the_index() {
     let (mut positions, mut indices, uvs) = strip(2, [0.1, 0.1], 0.1);
     let message = |r: Result<Mesh>| r.unwrap_err().message;
     assert!(message(build(&positions, Some(&[4, 3]), &indices, &uvs)).starts_with("face_counts"));
-    assert!(message(build(&positions, Some(&[4, 2, 2]), &indices, &uvs)).starts_with("face_counts[1]"));
+    assert_eq!(build(&positions, Some(&[4, 2, 2]), &indices, &uvs).unwrap().info.faces_skipped, 2);
     assert!(message(build(&positions, None, &indices, &uvs)).starts_with("indices: 8"));
     indices[5] = 6;
     let out_of_range = message(build(&positions, Some(&[4, 4]), &indices, &uvs));
@@ -116,4 +128,128 @@ fn bad_arrays_are_named_with_the_index() {
     let nan = message(build(&positions, Some(&[4, 4]), &indices, &uvs));
     assert!(nan.starts_with("positions[3]: component 1"), "{nan}");
     assert!(build(&[], None, &[], &[]).is_err());
+}
+
+/// A strip with further inputs.
+fn with(n: u32, change: impl FnOnce(&mut MeshSource)) -> Result<Mesh> {
+    let (positions, indices, uvs) = strip(n, [0.1, 0.1], 0.8 / n as f32);
+    let counts = vec![4; n as usize];
+    let mut source = MeshSource {
+        positions: Strided::from_f32x3(&positions),
+        face_counts: Some(&counts),
+        indices: &indices,
+        uvs: UvSource { u: pairs(&uvs), v: None, indices: Some(&indices) },
+        ..MeshSource::default()
+    };
+    change(&mut source);
+    Mesh::new(&source)
+}
+
+#[test]
+fn charts_end_at_seams() {
+    // The edge between the first two quads; twice, once in the other direction. The last one is a diagonal.
+    let mesh = with(4, |source| source.seams = &[[2, 3], [3, 2], [0, 3]]).unwrap();
+    assert_eq!((mesh.info.charts, mesh.info.seams_unused, mesh.info.border_edges), (2, 1, 12));
+    assert_eq!(mesh.tiles[0].charts[0].triangles, 0..2);
+    let message = |seams: &'static [[u32; 2]]| with(4, |s| s.seams = seams).unwrap_err().message;
+    assert!(message(&[[0, 1], [3, 10]]).starts_with("seams[1]: vertex 10"));
+    assert!(message(&[[3, 3]]).starts_with("seams[0]: both"));
+}
+
+#[test]
+fn offsets_are_counts() {
+    let mesh = with(3, |s| (s.face_counts, s.face_offsets) = (None, Some(&[0, 4, 8, 12][..]))).unwrap();
+    assert_eq!((mesh.info.faces, mesh.info.triangles), (3, 6));
+    let message = |offsets: &'static [u32]| {
+        with(3, |s| (s.face_counts, s.face_offsets) = (None, Some(offsets))).unwrap_err().message
+    };
+    assert!(message(&[]).starts_with("face_offsets[0]"));
+    assert!(message(&[1, 4, 8, 12]).starts_with("face_offsets[0]"));
+    assert!(message(&[0, 8, 4, 12]).starts_with("face_offsets[2]: 4 after 8"));
+    assert!(message(&[0, 4, 8]).starts_with("face_offsets[2]: the last one is 8"));
+    let both = with(3, |s| s.face_offsets = Some(&[0, 4, 8, 12])).unwrap_err().message;
+    assert!(both.starts_with("face_offsets: face_counts"));
+}
+
+#[test]
+fn faces_without_texture_and_short_ones_keep_their_corners() {
+    const NO: u32 = u32::MAX;
+    // Quads 0 and 2 have UVs; a line and a point stand between them.
+    let indices = [0, 1, 4, 3, 0, 1, 4, 1, 2, 5, 4, 0, 1, 4, 3];
+    let positions: Vec<[f32; 3]> = (0..6).map(|k| [(k % 3) as f32, (k / 3) as f32, 0.0]).collect();
+    let uvs = [0.1, 0.1, 0.5, 0.1, 0.9, 0.1, 0.1, 0.9, 0.5, 0.9, 0.9, 0.9];
+    let build = |uv_indices: &[u32], textured_faces: Option<&[u32]>| {
+        Mesh::new(&MeshSource {
+            positions: Strided::from_f32x3(&positions),
+            face_counts: Some(&[4, 2, 1, 4, 0, 4]),
+            indices: &indices,
+            uvs: UvSource { u: pairs(&uvs), v: None, indices: Some(uv_indices) },
+            textured_faces,
+            ..MeshSource::default()
+        })
+    };
+    let mut without = indices;
+    without[7..11].fill(NO);
+    for (uv_indices, textured) in [(without, None), (indices, Some(&[5, 0, 5][..]))] {
+        let info = build(&uv_indices, textured).unwrap().info;
+        assert_eq!((info.faces, info.faces_skipped, info.faces_untextured), (6, 3, 1));
+        assert_eq!((info.corners, info.triangles), (15, 4));
+    }
+    let mesh = build(&without, None).unwrap();
+    let with_triangle = |c: &&Corner| c.tile == 0 && c.triangle != NONE;
+    assert_eq!(mesh.corners[0].iter().filter(with_triangle).count(), 8);
+    assert_eq!((mesh.corners[0][8].tile, mesh.corners[0][8].uv), (NONE, [0.0; 2]));
+    // Some corners of a face only; a face that is not chosen is no exception.
+    without[9] = 2;
+    let partly = build(&without, Some(&[0])).unwrap_err().message;
+    assert!(partly.starts_with("uvs.indices[7]: no UV"), "{partly}");
+    let far = build(&indices, Some(&[0, 6])).unwrap_err().message;
+    assert!(far.starts_with("textured_faces[1]: face 6"), "{far}");
+}
+
+#[test]
+fn uv_sets_have_tiles_of_their_own_one_set_after_the_other() {
+    let (_, indices, uvs) = strip(3, [1.1, 0.1], 0.2);
+    let per_corner: Vec<f32> = indices.iter().flat_map(|&k| [uvs[2 * k as usize] - 1.0, 2.5]).collect();
+    let second = UvSource { u: pairs(&uvs), v: None, indices: Some(&indices) };
+    let flat = UvSource { u: pairs(&per_corner), v: None, indices: None };
+    let (positions, _, first) = strip(3, [0.1, 0.1], 0.2);
+    let mesh = Mesh::new(&MeshSource {
+        positions: Strided::from_f32x3(&positions),
+        face_counts: Some(&[4; 3]),
+        indices: &indices,
+        uvs: UvSource { u: pairs(&first), v: None, indices: Some(&indices) },
+        uv_sets: &[second, flat, second],
+        ..MeshSource::default()
+    });
+    let mesh = mesh.unwrap();
+    let tiles: Vec<_> = mesh.tiles.iter().map(|t| (t.uv_set, t.udim, t.charts.len())).collect();
+    assert_eq!(tiles, [(0, 1001, 1), (1, 1002, 1), (3, 1002, 1)]);
+    assert_eq!((mesh.info.uv_sets, mesh.info.degenerate_triangles, mesh.info.charts), (4, 6, 3));
+    assert_eq!(mesh.corners.iter().map(|c| c[0].tile).collect::<Vec<_>>(), [0, 1, NONE, 2]);
+}
+
+#[test]
+fn a_weld_takes_tolerances_that_make_sense() {
+    let message = |weld: Weld| with(1, |s| s.weld = weld).unwrap_err().message;
+    let uv = |x: f64| Weld { uv_tolerance: Some(x), ..Weld::default() };
+    assert_eq!(message(uv(-1.0)), "weld.uv_tolerance: -1 is not in 0..=1");
+    assert_eq!(message(uv(f64::NAN)), "weld.uv_tolerance: NaN is not in 0..=1");
+    let position = Weld { position_tolerance: Some(2.0), ..Weld::default() };
+    assert_eq!(message(position), "weld.position_tolerance: 2 is not in 0..=1");
+    assert!(with(1, |s| s.weld = uv(0.0)).is_ok());
+}
+
+#[test]
+fn a_vertex_is_at_the_place_of_the_first_one_within_reach() {
+    let place = |x: &[f64], shortest: f64| {
+        let rest: Vec<[f64; 3]> = x.iter().map(|&x| [x, 0.0, -0.0]).collect();
+        weld::places(&rest, &vec![shortest; x.len()], 1.0, |_| true)
+    };
+    assert_eq!(place(&[0.0, 0.9, 1.8, 2.7, 0.0, -0.9], 100.0), [0, 0, 2, 2, 0, 0]);
+    // A quarter of the shortest edge, and nothing where edges are shorter than half of the tolerance.
+    assert_eq!(place(&[0.0, 0.4, 0.6], 2.0), [0, 0, 2]);
+    assert_eq!(place(&[0.0, 0.1, 0.0, -0.0], 0.4), [0, 1, 0, 0]);
+    // Coordinates and cells at the limits of numbers.
+    assert_eq!(place(&[1e300, -1e300, 1e300], f64::INFINITY), [0, 1, 0]);
 }

@@ -7,7 +7,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::mesh::{Mesh, NONE};
+use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::oracle::exact::{Locator, Surface};
 use crate::report::{Strain, StrainReport};
 use crate::tile::EDGES;
@@ -31,13 +31,12 @@ const LARGEST: f64 = 1e12;
 /// chart then covers both.
 pub(crate) fn measure(
     mesh: &Mesh,
-    tile_index: usize,
+    tile: &TileMesh,
     coverage: &Coverage,
     maps: &NodeMaps,
     pose: &[[f64; 3]],
     u: &dyn Fn(usize, usize) -> [f32; 2],
 ) -> StrainReport {
-    let tile = &mesh.tiles[tile_index];
     let (nx, ny) = (coverage.nx, coverage.ny);
     let width = nx + 1;
     let locator = Locator::new(tile, nx, ny, coverage.triangle.clone());

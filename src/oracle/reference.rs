@@ -76,17 +76,13 @@ pub(crate) struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     /// # Errors
-    /// `InvalidArgument` if there is no such tile, or unless `pose` has one finite position per vertex.
+    /// `InvalidArgument` unless `pose` has one finite position per vertex.
     pub fn new(
         mesh: &'a Mesh,
-        tile_index: usize,
+        tile: &'a TileMesh,
         maps: &TileMaps,
         pose: &'a [[f64; 3]],
     ) -> Result<Problem<'a>> {
-        let count = mesh.tiles.len();
-        let tile = mesh.tiles.get(tile_index).ok_or_else(|| {
-            Error::argument(format!("tile: {tile_index} is out of range, there are {count}"))
-        })?;
         if pose.len() != mesh.rest.len() {
             let message = format!("pose: {} positions, but the mesh has {}", pose.len(), mesh.rest.len());
             return Err(Error::argument(message));

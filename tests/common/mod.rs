@@ -17,7 +17,7 @@ use std::panic::resume_unwind;
 
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MeshSource,
-    Origin, PixelFormat, Quality, SolveOptions, Strided, TileSettings, UvSource,
+    Origin, PixelFormat, Quality, SolveOptions, Strided, TileSettings, UvSource, Weld, WeldBy,
 };
 
 pub use files::{assets, obj, save};
@@ -36,6 +36,8 @@ pub struct Model {
     pub uv_indices: Vec<u32>,
     pub frames: Vec<Vec<[f32; 3]>>,
     pub maps: Vec<Maps>,
+    pub seams: Vec<[u32; 2]>,
+    pub weld: Weld,
 }
 
 /// The maps of one tile: 8 bits, first row at v = 1.
@@ -59,7 +61,8 @@ impl From<Scene> for Model {
             mask: t.mask,
         });
         let maps = maps.collect();
-        Model { name: name.into(), rest, face_counts, indices, uvs, uv_indices, frames: poses, maps }
+        let name = name.into();
+        Model { name, rest, face_counts, indices, uvs, uv_indices, frames: poses, maps, ..Model::default() }
     }
 }
 
@@ -96,8 +99,15 @@ impl Model {
             v: Some(Strided::from_f32(&v)),
             indices: Some(&self.uv_indices),
         };
-        let source =
-            MeshSource { positions: rest, face_counts: Some(&self.face_counts), indices: &self.indices, uvs };
+        let source = MeshSource {
+            positions: rest,
+            face_counts: Some(&self.face_counts),
+            indices: &self.indices,
+            uvs,
+            seams: &self.seams,
+            weld: self.weld,
+            ..MeshSource::default()
+        };
         Asset::new(device, &source).unwrap()
     }
 

@@ -121,9 +121,55 @@ static void meshes(void)
     WITH(numbers, d.mesh.indices, (numbers)((const char *)s.indices + 1),
          bad_mesh("indices off their alignment", "desc.indices is not aligned"));
     WITH(uint32_t, s.indices[9], VERTICES, bad_mesh("a vertex out of range", "desc.indices[9]"));
-    WITH(uint32_t, s.counts[3], 2, bad_mesh("a face of two corners", "desc.face_counts[3]"));
+    WITH(uint32_t, s.counts[3], 2, bad_mesh("a corner too many for the faces", "desc.face_counts"));
     WITH(uint32_t, s.counts[3], 5, bad_mesh("counts that do not add up", "desc.face_counts"));
     WITH(size_t, d.mesh.face_count, FACES - 1, bad_mesh("a face too few", "desc.face_counts"));
+    {
+        uint32_t offsets[FACES + 1], pair[2] = {0, VERTICES}, none[CORNERS], faces[2] = {0, FACES};
+        vrtm_uv_set set;
+        for (int k = 0; k <= FACES; ++k) {
+            offsets[k] = (uint32_t)(4 * k);
+        }
+        d.mesh.face_offset_count = FACES + 1;
+        WITH(numbers, d.mesh.face_offsets, offsets, bad_mesh("counts and offsets", "desc.face_offsets: face_counts"));
+        d.mesh.face_counts = NULL;
+        d.mesh.face_offsets = offsets;
+        WITH(uint32_t, offsets[0], 1, bad_mesh("offsets from 1", "desc.face_offsets[0]"));
+        WITH(uint32_t, offsets[7], 3, bad_mesh("offsets that fall", "desc.face_offsets[7]"));
+        WITH(size_t, d.mesh.face_offset_count, FACES, bad_mesh("an offset too few", "desc.face_offsets[143]"));
+        d.mesh.face_counts = s.counts;
+        d.mesh.face_offsets = NULL;
+
+        d.mesh.seam_count = 1;
+        WITH(numbers, d.mesh.seams, pair, bad_mesh("a seam of no vertex", "desc.seams[0]: vertex 169"));
+        pair[1] = 0;
+        WITH(numbers, d.mesh.seams, pair, bad_mesh("a seam of one vertex", "desc.seams[0]: both"));
+        d.mesh.textured_face_count = 2;
+        WITH(numbers, d.mesh.textured_faces, faces, bad_mesh("a face out of range", "desc.textured_faces[1]: face 144"));
+
+        memcpy(none, s.indices, sizeof none);
+        none[17] = UINT32_MAX;
+        WITH(numbers, d.mesh.uv_indices, none, bad_mesh("a corner without a UV", "desc.uv_indices[17]"));
+        memset(&set, 0, sizeof set);
+        d.mesh.uv_sets = &set;
+        d.mesh.uv_set_count = 1;
+        bad_mesh("a uv set without uvs", "desc.uv_sets[0].uvs is null");
+        set.uvs = &d.uvs;
+        bad_mesh("a uv set without indices", "desc.uv_sets[0].uvs");
+        set.uv_indices = s.indices;
+        set.uv_index_count = 3;
+        bad_mesh("a uv set with few indices", "desc.uv_sets[0].uv_indices: 3");
+        set.uv_indices = none;
+        set.uv_index_count = CORNERS;
+        bad_mesh("a uv set's corner without a UV", "desc.uv_sets[0].uv_indices[17]");
+        d.mesh.uv_sets = NULL;
+
+        WITH(vrtm_weld, d.mesh.weld, 3, bad_mesh("weld 3", "desc.weld is 3"));
+        WITH(float, d.mesh.weld_uv_tolerance, -1, bad_mesh("a negative tolerance", "desc.weld_uv_tolerance: -1"));
+        WITH(float, d.mesh.weld_uv_tolerance, 1.5f, bad_mesh("a large tolerance", "desc.weld_uv_tolerance: 1.5"));
+        WITH(float, d.mesh.weld_position_tolerance, NAN, bad_mesh("a NaN", "desc.weld_position_tolerance: NaN"));
+        WITH(uint32_t, d.mesh.weld_reserved, 1, bad_mesh("reserved, at the end", "desc.weld_reserved is 1"));
+    }
     WITH(array, d.mesh.uvs, NULL, bad_mesh("no uvs", "desc.uvs is null"));
     WITH(array, d.mesh.u, &d.uvs, bad_mesh("uvs twice", "desc.uvs is given"));
     WITH(float, s.uvs[7][1], NAN, bad_mesh("a NaN uv", "desc.uvs[7]"));
@@ -170,6 +216,7 @@ static void handles(void)
     fails("tile 1 of one", vrtm_asset_tile(asset, 1, &other), BAD, "index is 1");
     fails("tile UINT32_MAX", vrtm_asset_tile(asset, UINT32_MAX, &other), BAD, "index");
     fails("tile 1002", vrtm_asset_find_tile(asset, 1002, &other), BAD, "udim");
+    fails("uv set 1", vrtm_asset_find_tile_of_set(asset, 1, 1001, &other), BAD, "uv_set is 1");
     fails("a count of asset zero", vrtm_asset_tile_count((vrtm_asset){0}, &count), GONE, "asset");
     check_that(other.id == 77 && count == 77 && info.faces == 0, "nothing was written", "");
 

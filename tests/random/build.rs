@@ -1,17 +1,31 @@
 //! Builds the arrays, maps and poses of a recipe.
 
+use std::collections::HashMap;
+
 use vrtm::{
     Asset, Device, ImageLayout, ImageView, MeshSource, Origin, PixelFormat, SolveOptions, Strided, UvSource,
+    Weld,
 };
 
-use super::recipe::{Layer, Move, Paint, Piece, Recipe, Rigidity, Shape};
+use super::recipe::{Joints, Layer, Move, Paint, Piece, Recipe, Rigidity, Shape};
 
 /// The data that a host would hand over.
+#[derive(Default)]
 pub struct Model {
     pub rest: Vec<[f64; 3]>,
     pub uvs: Vec<[f32; 2]>,
     pub faces: Vec<Vec<u32>>,
     pub poses: Vec<Vec<[f64; 3]>>,
+    /// Of each vertex, the one that it is a copy of, or itself.
+    pub original: Vec<u32>,
+    pub seams: Vec<[u32; 2]>,
+    /// Per face, whether it has a texture.
+    pub textured: Vec<bool>,
+}
+
+/// The edges of a face.
+pub fn edges(face: &[u32]) -> impl Iterator<Item = [u32; 2]> {
+    (0..face.len()).map(|k| [face[k], face[(k + 1) % face.len()]])
 }
 
 /// A number between 0 and 1 for each seed and index (an integer hash of 32 bits after Wellons).
@@ -104,6 +118,32 @@ impl Piece {
     }
 }
 
+impl Joints {
+    fn apply(&self, model: &mut Model) {
+        model.original = (0..model.rest.len() as u32).collect();
+        let mut copies = HashMap::new();
+        for (f, face) in model.faces.iter_mut().enumerate() {
+            if self.cut > 0.0 && random(self.seed, f as u32) < self.cut {
+                for v in face {
+                    *v = *copies.entry(*v).or_insert_with(|| {
+                        let copy = model.rest.len() as u32;
+                        let noise = |c: u32| self.noise * (random(self.seed, copy * 2 + c) - 0.5);
+                        let [x, y] = model.uvs[*v as usize];
+                        model.rest.push(model.rest[*v as usize]);
+                        model.uvs.push([x + noise(0), y + noise(1)]);
+                        model.original.push(*v);
+                        copy
+                    });
+                }
+            }
+        }
+        let every = |n: u32, k: usize| n > 0 && (k as u32 + self.seed).is_multiple_of(n);
+        let all: Vec<[u32; 2]> = model.faces.iter().flat_map(|face| edges(face)).collect();
+        model.seams = (0..all.len()).filter(|&k| every(self.seams, k)).map(|k| all[k]).collect();
+        model.textured = (0..model.faces.len()).map(|f| !every(self.bare, f)).collect();
+    }
+}
+
 impl Move {
     fn apply(&self, points: &mut [[f64; 3]]) {
         let last = points.len() - 1;
@@ -178,10 +218,11 @@ impl Layer {
 
 impl Recipe {
     pub fn model(&self) -> Model {
-        let mut model = Model { rest: vec![], uvs: vec![], faces: vec![], poses: vec![] };
+        let mut model = Model::default();
         for (number, piece) in self.pieces.iter().enumerate() {
             piece.add_to(&mut model, number, self.polygons);
         }
+        self.joints.apply(&mut model);
         for frame in &self.frames {
             let mut pose = model.rest.clone();
             frame.iter().for_each(|step| step.apply(&mut pose));
@@ -209,15 +250,45 @@ impl Recipe {
     pub fn asset(&self, model: &Model, device: &Device) -> vrtm::Result<Asset> {
         let indices: Vec<u32> = model.faces.iter().flatten().copied().collect();
         let counts: Vec<u32> = model.faces.iter().map(|face| face.len() as u32).collect();
-        let [u, v] = [0, 1].map(|c| indices.iter().map(|&k| model.uvs[k as usize][c]).collect::<Vec<f32>>());
+        let [u, v] = [0, 1].map(|axis| {
+            let noise = |c: usize| self.joints.noise * (random(self.joints.seed, c as u32 * 2 + axis) - 0.5);
+            let corner = |(c, &k): (usize, &u32)| model.uvs[k as usize][axis as usize] + noise(c);
+            indices.iter().enumerate().map(corner).collect::<Vec<f32>>()
+        });
+        let textured = |f: usize| std::iter::repeat_n(model.textured[f], model.faces[f].len());
+        let uv_indices: Vec<u32> = (0..model.faces.len())
+            .flat_map(textured)
+            .zip(&indices)
+            .map(|(textured, &k)| if textured { k } else { u32::MAX })
+            .collect();
+        // Faces without texture are told by their UV indices if there are any, otherwise by a list of the others.
         let uvs = if self.split_uvs {
             UvSource { u: Strided::from_f32(&u), v: Some(Strided::from_f32(&v)), indices: None }
         } else {
-            UvSource { u: Strided::from_f32x2(&model.uvs), v: None, indices: Some(&indices) }
+            UvSource { u: Strided::from_f32x2(&model.uvs), v: None, indices: Some(&uv_indices) }
         };
-        let face_counts = self.polygons.then_some(counts.as_slice());
+        let chosen: Vec<u32> = (0..).zip(&model.textured).filter(|(_, t)| **t).map(|(f, _)| f).collect();
+        let offsets: Vec<u32> = std::iter::once(0)
+            .chain(counts.iter().scan(0, |end, n| {
+                *end += n;
+                Some(*end)
+            }))
+            .collect();
         let mut asset = self.with_positions(&model.rest, |positions| {
-            Asset::new(device, &MeshSource { positions, face_counts, indices: &indices, uvs })
+            Asset::new(
+                device,
+                &MeshSource {
+                    positions,
+                    face_counts: (self.polygons && !self.joints.offsets).then_some(counts.as_slice()),
+                    face_offsets: (self.polygons && self.joints.offsets).then_some(offsets.as_slice()),
+                    indices: &indices,
+                    uvs,
+                    textured_faces: self.split_uvs.then_some(chosen.as_slice()),
+                    seams: &model.seams,
+                    weld: Weld { by: self.joints.weld, ..Weld::default() },
+                    ..MeshSource::default()
+                },
+            )
         })?;
         for tile in 0..asset.tile_count() {
             if let Rigidity::Map(layer) = &self.rigidity {

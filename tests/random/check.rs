@@ -6,6 +6,7 @@ use vrtm::{
     Origin, Overlap, PixelFormat, SolveOptions, TileSettings,
 };
 
+use super::borders::{borders, hold};
 use super::build::Model;
 use super::recipe::{Layer, Recipe, Refusal, Then};
 use super::warp::Warp;
@@ -84,20 +85,20 @@ fn run(recipe: &Recipe, model: &Model, asset: &mut Asset, seen: &mut Seen) -> Ve
     for pose in &model.poses {
         recipe.solve(asset, pose).unwrap();
         for tile in 0..asset.tile_count() {
-            warp(recipe, model, asset, tile, seen);
+            warp(recipe, model, pose, asset, tile, seen);
             bits.extend(redirection(recipe, asset, tile));
         }
         let mut corners = vec![[f32::NAN; 2]; asset.info().corners as usize];
         asset.corner_uvs(&mut corners).unwrap();
         assert!(corners.iter().flatten().all(|x| x.is_finite()), "a corner's UV is not finite");
-        corner_uvs(model, asset, &corners);
+        corner_uvs(recipe, model, asset, &corners);
         bits.extend(corners.iter().flatten().map(|x| x.to_bits()));
         bits.extend(displacements(asset));
     }
     bits
 }
 
-fn warp(recipe: &Recipe, model: &Model, asset: &Asset, tile: usize, seen: &mut Seen) {
+fn warp(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], asset: &Asset, tile: usize, seen: &mut Seen) {
     let report = asset.tile_report(tile).unwrap();
     let warp = Warp::of(asset, tile);
     assert!(warp.u.iter().flatten().all(|x| x.is_finite()), "a displacement is not finite");
@@ -123,17 +124,17 @@ fn warp(recipe: &Recipe, model: &Model, asset: &Asset, tile: usize, seen: &mut S
     seen.moved |= warp.longest() > 0.01;
     seen.crushed |= min_jacobian < 0.1;
     seen.fell_back |= report.charts_fallback > 0;
-    let held = held(recipe, model, report.udim, [warp.nx, warp.ny]);
+    let held = held(recipe, model, pose, report.udim, [warp.nx, warp.ny]);
     let moved = held.iter().zip(&warp.u).position(|(held, u)| *held && *u != [0.0; 2]);
     assert_eq!(moved, None, "this node may not move");
 }
 
-/// The nodes that must be fixed: masked, or not wholly surrounded by faces. (The library may fix more.)
-fn held(recipe: &Recipe, model: &Model, udim: u32, n: [usize; 2]) -> Vec<bool> {
+/// The nodes that must be fixed: masked, not wholly surrounded by faces, or at a border. (The library may fix more.)
+fn held(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], udim: u32, n: [usize; 2]) -> Vec<bool> {
     let width = n[0] + 1;
     let origin = [(udim - 1001) % 10, (udim - 1001) / 10].map(f64::from);
     let mut covered = vec![false; width * (n[1] + 1)];
-    for face in &model.faces {
+    for (face, _) in model.faces.iter().zip(&model.textured).filter(|(_, textured)| **textured) {
         let uvs: Vec<[f64; 2]> = face.iter().map(|&k| model.uvs[k as usize].map(f64::from)).collect();
         if origin_of(&uvs) != origin {
             continue;
@@ -152,9 +153,21 @@ fn held(recipe: &Recipe, model: &Model, udim: u32, n: [usize; 2]) -> Vec<bool> {
         let inside = (1..n[0]).contains(&i) && (1..n[1]).contains(&j);
         inside && (0..9).all(|k| covered[(j + k / 3 - 1) * width + i + k % 3 - 1])
     };
-    (0..covered.len())
+    let mut held: Vec<bool> = (0..covered.len())
         .map(|k| !free(k % width, k / width) || masked.as_ref().is_some_and(|masked| masked[k]))
-        .collect()
+        .collect();
+    let uv = |v: u32| model.uvs[v as usize].map(f64::from);
+    let solid = |face: &[u32]| is_solid(recipe, &face.iter().map(|&v| uv(v)).collect::<Vec<_>>());
+    // Shared texels that belong to one chart are not held by the borders of others.
+    if recipe.settings.overlap == Overlap::Fixed {
+        for (f, edge) in borders(recipe, model, pose, solid) {
+            let of_face: Vec<[f64; 2]> = model.faces[f].iter().map(|&v| uv(v)).collect();
+            if origin_of(&of_face) == origin {
+                hold(edge.map(|v| [0, 1].map(|c| (uv(v)[c] - origin[c]) * n[c] as f64)), n, &mut held);
+            }
+        }
+    }
+    held
 }
 
 /// Marks the nodes inside a triangle.
@@ -227,19 +240,15 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
 }
 
 /// Checks that W maps each corner's new UV back to the original one.
-fn corner_uvs(model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
+fn corner_uvs(recipe: &Recipe, model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
     let mut redirected = redirected.iter();
-    for face in &model.faces {
+    for (face, textured) in model.faces.iter().zip(&model.textured) {
         let given: Vec<[f64; 2]> = face.iter().map(|&k| model.uvs[k as usize].map(f64::from)).collect();
         let new: Vec<[f64; 2]> = redirected.by_ref().take(face.len()).map(|uv| uv.map(f64::from)).collect();
         let origin = origin_of(&given);
         let tile = 1001.0 + origin[0] + 10.0 * origin[1];
-        // Corners of triangles without area belong to no chart and stay as they are. A polygon may be cut into triangles
-        // of any three corners that follow one another, or into a fan.
-        let n = face.len();
-        let ear = |k: usize| [given[k], given[(k + 1) % n], given[(k + 2) % n]];
-        let fan = |k: usize| [given[0], given[k], given[k + 1]];
-        let solid = (0..n).map(ear).chain((1..n - 1).map(fan)).all(|corners| !is_thin(corners));
+        // Corners of triangles without area belong to no chart and stay as they are.
+        let solid = *textured && is_solid(recipe, &given);
         let Some(tile) = asset.find_tile(tile as u32).filter(|_| solid) else { continue };
         let warp = Warp::of(asset, tile);
         let cells = [warp.nx as f64, warp.ny as f64];
@@ -259,11 +268,24 @@ fn origin_of(uvs: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|c| (uvs.iter().map(|uv| uv[c]).sum::<f64>() / uvs.len() as f64).floor())
 }
 
-fn is_thin(p: [[f64; 2]; 3]) -> bool {
+/// False for a face that the library may have dropped a part of. A polygon may be cut into triangles of any three corners
+/// that follow one another, or into a fan.
+fn is_solid(recipe: &Recipe, p: &[[f64; 2]]) -> bool {
+    let n = p.len();
+    // Noise in UVs may turn a thin triangle over.
+    let least = 10.0 * f64::from(recipe.joints.noise);
+    let is_thin = |p: [[f64; 2]; 3]| is_thin(p, least);
+    let ear = |k: usize| [p[k], p[(k + 1) % n], p[(k + 2) % n]];
+    let fan = |k: usize| [p[0], p[k], p[k + 1]];
+    (0..n).map(ear).chain((1..n - 1).map(fan)).all(|corners| !is_thin(corners))
+}
+
+fn is_thin(p: [[f64; 2]; 3], least: f64) -> bool {
     let d = |a: usize, b: usize| [p[b][0] - p[a][0], p[b][1] - p[a][1]];
     let (a, b, c) = (d(0, 1), d(0, 2), d(1, 2));
     let longest = [a, b, c].iter().map(|e| e[0] * e[0] + e[1] * e[1]).fold(0.0, f64::max);
-    (a[0] * b[1] - a[1] * b[0]).abs() <= 1e-6 * longest
+    let area = (a[0] * b[1] - a[1] * b[0]).abs();
+    area <= 1e-6 * longest || area <= least * longest.sqrt()
 }
 
 /// Checks that a refused call names its argument and changes nothing.

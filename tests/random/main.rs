@@ -10,6 +10,7 @@ mod gpu;
 #[allow(dead_code)] // Other tests use the other items.
 mod warp;
 
+mod borders;
 mod build;
 mod check;
 mod named;

@@ -1,12 +1,13 @@
 //! The description of a random model: few numbers with a meaning, so that a failure shrinks to those that matter. Its
 //! `Debug` text is Rust that `named.rs` can hold.
 
-use vrtm::{SolveOptions, TileSettings};
+use vrtm::{SolveOptions, TileSettings, WeldBy};
 
 /// A mesh, its maps and the checks that are run on it.
 #[derive(Clone, Debug)]
 pub struct Recipe {
     pub pieces: Vec<Piece>,
+    pub joints: Joints,
     /// Faces are polygons with their counts if true; otherwise all are triangles.
     pub polygons: bool,
     /// UVs are two arrays with one entry per corner if true; otherwise pairs with indices.
@@ -50,6 +51,24 @@ pub struct Piece {
     /// Deviation of the surface from flat at rest: smooth, and vertex by vertex.
     pub bend: f32,
     pub crumple: f32,
+    pub seed: u32,
+}
+
+/// What hangs together, and how the library is told.
+#[derive(Clone, Debug, Default)]
+pub struct Joints {
+    /// Chance of a face to be one of those that have copies of their vertices, at the same places: the edges between
+    /// them and the others are cuts.
+    pub cut: f32,
+    /// Noise of the copies' UVs, and of those of all corners if each has one of its own.
+    pub noise: f32,
+    pub weld: WeldBy,
+    /// Every n-th edge of a face is a seam; 0 = none.
+    pub seams: u32,
+    /// Every n-th face has no texture; 0 = none.
+    pub bare: u32,
+    /// Polygons come with offsets if true; otherwise with counts.
+    pub offsets: bool,
     pub seed: u32,
 }
 

@@ -6,19 +6,19 @@ use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
-use vrtm::{Overlap, Quality, SolveOptions, TileSettings};
+use vrtm::{Overlap, Quality, SolveOptions, TileSettings, WeldBy};
 
-use super::recipe::{Layer, Move, Paint, Piece, Recipe, Refusal, Rigidity, Shape, Then};
+use super::recipe::{Joints, Layer, Move, Paint, Piece, Recipe, Refusal, Rigidity, Shape, Then};
 
 pub fn recipe() -> impl Strategy<Value = Recipe> {
-    let mesh = (vec(piece(), 1..4), any::<bool>(), weighted(0.3), any::<bool>(), unit(), away());
+    let mesh = (vec(piece(), 1..4), joints(), any::<bool>(), weighted(0.3), any::<bool>(), unit(), away());
     let maps = (rigidity(), option::weighted(0.25, layer(mask_paint())), settings(), options());
     let frame = || prop_oneof![15 => vec(step(), 1..4), 1 => Just(Vec::new())];
     let frames = prop_oneof![5 => vec(frame(), 1), 1 => vec(frame(), 2..4)];
     let output = prop_oneof![Just([16, 16]), [1..40u32, 1..40u32]];
     let runs = (frames, output, prop_oneof![8 => Just(1), 1 => 2..4u32], then());
     (mesh, maps, runs).prop_map(|(mesh, maps, runs)| {
-        let (pieces, polygons, split_uvs, doubles, unit, away) = mesh;
+        let (pieces, joints, polygons, split_uvs, doubles, unit, away) = mesh;
         let (rigidity, mask, mut settings, options) = maps;
         let (frames, output, threads, then) = runs;
         if matches!(rigidity, Rigidity::Vertices(_)) {
@@ -27,6 +27,7 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
         }
         Recipe {
             pieces,
+            joints,
             polygons,
             split_uvs,
             doubles,
@@ -42,6 +43,24 @@ pub fn recipe() -> impl Strategy<Value = Recipe> {
             then,
         }
     })
+}
+
+fn joints() -> impl Strategy<Value = Joints> {
+    let cut = prop_oneof![2 => Just(0.0f32), 1 => 0.0..0.4f32];
+    let noise = prop_oneof![3 => Just(0.0f32), 1 => magnitude(-8.0, -5.5)];
+    let weld = prop_oneof![Just(WeldBy::Index), Just(WeldBy::Position), Just(WeldBy::Off)];
+    let every = || prop_oneof![5 => Just(0u32), 1 => 1..30u32];
+    (cut, noise, weld, every(), every(), any::<bool>(), 0..1000u32).prop_map(
+        |(cut, noise, weld, seams, bare, offsets, seed)| Joints {
+            cut,
+            noise,
+            weld,
+            seams,
+            bare,
+            offsets,
+            seed,
+        },
+    )
 }
 
 /// A log-uniform number between 10^low and 10^high.

@@ -105,6 +105,7 @@ fn displacements(quality: crate::Quality) -> Vec<[u32; 2]> {
             face_counts: Some(&[4, 4, 4]),
             indices: &corners,
             uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&corners) },
+            ..MeshSource::default()
         },
     )
     .unwrap();

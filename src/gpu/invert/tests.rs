@@ -27,6 +27,7 @@ fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
         face_counts: Some(&vec![4; charts.len()]),
         indices: &indices,
         uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: None },
+        ..MeshSource::default()
     });
     let mesh = mesh.unwrap();
     let maps = TileMaps {

@@ -16,7 +16,7 @@ fn a_stretched_sheet_has_the_strain_it_was_given() {
     let maps = maps(64, TileSettings::default(), |_, _| 1.0);
     let coverage = cover(&mesh, &maps);
     let nodes = node_maps(&mesh.tiles[0], &maps, [64, 64]);
-    let report = measure(&mesh, 0, &coverage, &nodes, &pose, &|_, _| [0.0; 2]);
+    let report = measure(&mesh, &mesh.tiles[0], &coverage, &nodes, &pose, &|_, _| [0.0; 2]);
     let diagonal = (3.25f64 / 2.0).sqrt() - 1.0;
     // 63 x 63 nodes move: 64 x 63 edges along an axis, 64 x 64 cells with two diagonals, but for four corners' one.
     let (axis, slanted) = (64.0 * 63.0, 2.0 * 64.0 * 64.0 - 4.0);
@@ -40,14 +40,14 @@ fn a_warp_that_undoes_the_stretch_is_help_and_its_reverse_is_harm() {
     let pose = posed(1, |u, v| [2.0 * u, v, 0.0]);
     let shrink = |i: usize, _: usize| [-0.5 * (i as f32 - 32.0), 0.0];
     let moving = |i: usize, j: usize| if (1..64).contains(&j) { shrink(i, j) } else { [0.0; 2] };
-    let report = measure(&mesh, 0, &coverage, &nodes, &pose, &moving);
+    let report = measure(&mesh, &mesh.tiles[0], &coverage, &nodes, &pose, &moving);
     assert!(report.before.rms > 0.5);
     // Away from the rows at the tile's rim, which are fixed, no strain is left.
     assert!(report.after.interior_rms < 1e-6, "{}", report.after.interior_rms);
     assert!(report.after.border_rms > 0.1);
     assert!(report.help > 0.5);
     let mirror = posed(1, flat);
-    let report = measure(&mesh, 0, &coverage, &nodes, &mirror, &moving);
+    let report = measure(&mesh, &mesh.tiles[0], &coverage, &nodes, &mirror, &moving);
     assert!(report.before.max < 1e-6 && report.harm > 0.2 && report.help == 0.0);
 }
 

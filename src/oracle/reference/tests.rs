@@ -27,7 +27,7 @@ pub(crate) fn sheet(n: u32, rest: impl Fn(f64, f64) -> [f64; 3]) -> Mesh {
     let bytes: Vec<u8> = positions.iter().flat_map(|x: &f64| x.to_ne_bytes()).collect();
     let positions = Strided::new("positions", &bytes, Scalar::F64, 3, positions.len() / 3, 0).unwrap();
     let uvs = UvSource { u: uv, v: None, indices: Some(&indices) };
-    Mesh::new(&MeshSource { positions, face_counts: None, indices: &indices, uvs }).unwrap()
+    Mesh::new(&MeshSource { positions, indices: &indices, uvs, ..MeshSource::default() }).unwrap()
 }
 
 /// Two sheets of 8 x 8 quads in one tile, with a gap between them.
@@ -48,7 +48,7 @@ fn two_sheets() -> Mesh {
     let uv = Strided::new("uv", &bytes, Scalar::F32, 2, uvs.len() / 2, 0).unwrap();
     let uvs = UvSource { u: uv, v: None, indices: Some(&indices) };
     let positions = Strided::from_f32x3(&positions);
-    Mesh::new(&MeshSource { positions, face_counts: None, indices: &indices, uvs }).unwrap()
+    Mesh::new(&MeshSource { positions, indices: &indices, uvs, ..MeshSource::default() }).unwrap()
 }
 
 /// The sheet's vertices under a map of its UVs.
@@ -116,7 +116,7 @@ fn the_gradient_is_that_of_the_energy() {
     let settings = TileSettings { orientation: 0.2, orientation_density: 0.3, ..TileSettings::default() };
     let mesh = sheet(5, flat);
     let pose = posed(5, torus);
-    let problem = Problem::new(&mesh, 0, &maps(16, settings, discs), &pose).unwrap();
+    let problem = Problem::new(&mesh, &mesh.tiles[0], &maps(16, settings, discs), &pose).unwrap();
     let u = shaken(&problem, 0.4, 7);
     assert!(problem.min_jacobian(&u) < 0.1);
     let chart = problem.charts[0].as_ref().unwrap();
@@ -156,12 +156,12 @@ fn rest_has_no_energy_wherever_it_is_and_whatever_its_unit() {
     let mesh = sheet(12, bulge);
     let maps = maps(32, TileSettings::default(), discs);
     let same = mesh.rest.clone();
-    let problem = Problem::new(&mesh, 0, &maps, &same).unwrap();
+    let problem = Problem::new(&mesh, &mesh.tiles[0], &maps, &same).unwrap();
     assert_eq!(problem.energy(&zero(&problem)), 0.0);
     let (s, c) = 0.7f64.sin_cos();
     let rigid = |p: &[f64; 3]| [c * p[0] - s * p[2] + 5.0, p[1] - 3.0, s * p[0] + c * p[2]];
     let moved: Vec<_> = mesh.rest.iter().map(rigid).collect();
-    let mut problem = Problem::new(&mesh, 0, &maps, &moved).unwrap();
+    let mut problem = Problem::new(&mesh, &mesh.tiles[0], &maps, &moved).unwrap();
     // About 4000 edges; each strain has the rounding of positions of size 5 over an edge of 1/32: (200 eps)².
     let energy = problem.energy(&zero(&problem));
     assert!(energy < 4000.0 * (200.0 * f64::EPSILON).powi(2), "{energy}");
@@ -175,7 +175,7 @@ fn energy_has_no_unit() {
     let scaled = |s: f64| {
         let mesh = sheet(12, |u, v| bulge(u, v).map(|x| s * x));
         let pose: Vec<_> = posed(12, torus).iter().map(|p| p.map(|x| s * x)).collect();
-        let problem = Problem::new(&mesh, 0, &maps, &pose).unwrap();
+        let problem = Problem::new(&mesh, &mesh.tiles[0], &maps, &pose).unwrap();
         let u = shaken(&problem, 0.2, 3);
         problem.energy(&u)
     };
@@ -189,7 +189,8 @@ fn energy_has_no_unit() {
 fn the_linear_system_is_solved() {
     let mesh = sheet(9, flat);
     let pose = posed(9, bulge);
-    let problem = Problem::new(&mesh, 0, &maps(48, TileSettings::default(), discs), &pose).unwrap();
+    let problem =
+        Problem::new(&mesh, &mesh.tiles[0], &maps(48, TileSettings::default(), discs), &pose).unwrap();
     let chart = problem.charts[0].as_ref().unwrap();
     let surface = problem.surface(1.0);
     let shape = Shape { locator: &problem.locator, surface: &surface };
@@ -239,7 +240,7 @@ fn strips_meet_their_closed_form() {
             settings: TileSettings { grid: [Some(n as u32), Some(64)], ..settings },
             ..maps(n, settings, soft)
         };
-        let mut problem = Problem::new(&mesh, 0, &maps, &pose).unwrap();
+        let mut problem = Problem::new(&mesh, &mesh.tiles[0], &maps, &pose).unwrap();
         let nodes = node_maps(&mesh.tiles[0], &maps, [n, 64]);
         let rigidity = |i: usize| f64::from(nodes.rigidity[32 * (n + 1) + i]);
         let minimum = problem.minimise(None, &Options::default());
@@ -267,7 +268,8 @@ fn strips_meet_their_closed_form() {
 fn a_minimum_is_one() {
     let mesh = sheet(24, flat);
     for pose in [posed(24, bulge), posed(24, |u, v| [u + 0.5 * v, v, 0.0])] {
-        let mut problem = Problem::new(&mesh, 0, &maps(48, TileSettings::default(), discs), &pose).unwrap();
+        let mut problem =
+            Problem::new(&mesh, &mesh.tiles[0], &maps(48, TileSettings::default(), discs), &pose).unwrap();
         let before = problem.energy(&zero(&problem));
         let found = problem.minimise(None, &Options::default());
         assert!(found.converged && found.energy < 0.5 * before, "{before} {}", found.energy);
@@ -296,7 +298,7 @@ fn the_bound_holds_where_nothing_else_does() {
     let settings = TileSettings { room: 0.02, smoothness: 0.05, ..TileSettings::default() };
     let mesh = sheet(24, flat);
     let pose = posed(24, |u, v| [0.5 * u, v, 0.0]);
-    let mut problem = Problem::new(&mesh, 0, &maps(48, settings, discs), &pose).unwrap();
+    let mut problem = Problem::new(&mesh, &mesh.tiles[0], &maps(48, settings, discs), &pose).unwrap();
     let found = problem.minimise(None, &Options::default());
     let least = problem.min_jacobian(&found.u);
     assert!((0.02..0.021).contains(&least), "{least}");
@@ -316,7 +318,7 @@ fn charts_do_not_know_of_each_other() {
             .enumerate()
             .map(|(v, p)| if v < half { [0.8 * p[0], p[1], 0.0] } else { [crush * p[0], p[1], 0.0] })
             .collect();
-        let mut problem = Problem::new(&mesh, 0, &maps, &pose).unwrap();
+        let mut problem = Problem::new(&mesh, &mesh.tiles[0], &maps, &pose).unwrap();
         let found = problem.minimise(None, &Options::default());
         assert!((problem.energy_of_chart(1, &found.u) / found.per_chart[1] - 1.0).abs() < 1e-12);
         assert_eq!(found.energy, found.per_chart.iter().sum::<f64>());
@@ -335,7 +337,8 @@ fn charts_do_not_know_of_each_other() {
 fn all_starts_together_are_no_worse_than_any() {
     let mesh = sheet(24, flat);
     let pose = posed(24, |u, v| [0.35 * u, v, 0.0]);
-    let mut problem = Problem::new(&mesh, 0, &maps(48, TileSettings::default(), discs), &pose).unwrap();
+    let mut problem =
+        Problem::new(&mesh, &mesh.tiles[0], &maps(48, TileSettings::default(), discs), &pose).unwrap();
     let start = zero(&problem);
     let eased = problem.minimise(None, &Options::default());
     let direct = problem.minimise(Some(&start), &Options::default());

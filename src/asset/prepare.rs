@@ -1,0 +1,247 @@
+//! What prepares a tile: its maps and settings, the grid that follows from them, its estimate, and saved grids.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::device::Device;
+use crate::error::{Error, Result};
+use crate::image::ImageView;
+use crate::map::{Map, TexelRect};
+use crate::mesh::{Mesh, TileMesh};
+use crate::report::{TileEstimate, TileInfo};
+use crate::settings::{LogLevel, Solver, TileSettings};
+use crate::team::Team;
+use crate::tile::repaint::repaint;
+use crate::tile::survey::Survey;
+use crate::tile::{Grid, Rigidity, TileMaps, build, saved};
+
+use super::backend::TileSolver;
+use super::solved::Solved;
+use super::tile_state::{SolveCall, TileState};
+use super::torn::{self, Torn};
+
+impl TileState {
+    /// Takes a new rigidity. The grid is rebuilt at the next solve if it differs.
+    pub fn set_rigidity(&mut self, rigidity: Rigidity) {
+        if self.maps.rigidity != rigidity {
+            self.maps.rigidity = rigidity;
+            self.grid = None;
+            self.torn.iter_mut().for_each(Torn::forget_grid);
+        }
+    }
+
+    /// Takes some texels of the rigidity map anew, from an image of the same shape. Of the grid only what follows from them
+    /// is computed, if nodes neither start nor stop to move.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if there is no map of this shape, or a value is not finite.
+    pub fn update_rigidity(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        tile: &TileMesh,
+        image: &ImageView,
+        texels: TexelRect,
+    ) -> Result<()> {
+        let Rigidity::Map(map) = &mut self.maps.rigidity else {
+            return Err(Error::argument("rigidity: the tile has no map, a part of which could change"));
+        };
+        let (size, format) = image.shape();
+        if (size, format) != map.shape() {
+            let ([width, height], _) = map.shape();
+            let message = format!(
+                "rigidity: the map that was set has {width}x{height} texels of another format or size"
+            );
+            return Err(Error::argument(message));
+        }
+        image.check_finite("rigidity", texels)?;
+        image.copy_to(map, texels);
+        self.torn.iter_mut().for_each(Torn::forget_grid);
+        let Some(grid) = self.grid.take() else { return Ok(()) };
+        let start = Instant::now();
+        let Rigidity::Map(map) = &self.maps.rigidity else { return Ok(()) };
+        if let Some(repainted) = repaint(team, &grid, tile, &self.maps, map, &texels) {
+            if let Some(solved) = &mut self.solved {
+                let inputs = solved.inputs.iter_mut().zip(&repainted.charts);
+                inputs.filter(|(_, changed)| **changed).for_each(|(input, _)| *input = None);
+            }
+            self.grid = Some(Arc::new(repainted.grid));
+            if device.gpu().is_some() {
+                // A GPU's memory holds the rigidity of the grid that it was made for.
+                self.forget(device);
+            }
+        }
+        self.build_ms += start.elapsed().as_secs_f32() * 1000.0;
+        Ok(())
+    }
+
+    /// Takes a new mask. The grid is rebuilt at the next solve if it differs.
+    pub fn set_mask(&mut self, mask: Option<Map>) {
+        if self.maps.mask != mask {
+            self.maps.mask = mask;
+            self.grid = None;
+            self.torn.iter_mut().for_each(Torn::forget_grid);
+        }
+    }
+
+    /// Takes new settings. The grid is rebuilt at the next solve if it depends on what changed.
+    pub fn set_settings(&mut self, settings: &TileSettings) {
+        let of_grid = |maps: &TileMaps| {
+            let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, .. } =
+                maps.settings;
+            (maps.grid_size(), overlap, smoothness, smoothness_floor, orientation_density > 0.0)
+        };
+        let grid_before = of_grid(&self.maps);
+        let before = std::mem::replace(&mut self.maps.settings, *settings);
+        if of_grid(&self.maps) != grid_before {
+            self.grid = None;
+            self.torn.iter_mut().for_each(Torn::forget_grid);
+        } else if before != *settings
+            && let Some(solved) = &mut self.solved
+        {
+            // Same grid, other weights: nothing can be reused.
+            solved.inputs.fill(None);
+        }
+    }
+
+    /// The tile's grid, built if need be.
+    pub fn grid(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<Arc<Grid>> {
+        if let Some(grid) = &self.grid {
+            return Ok(grid.clone());
+        }
+        let start = Instant::now();
+        let source = &mesh.tiles[tile];
+        // The old grid's memory is of no more use.
+        self.forget(device);
+        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
+        self.book(device, survey.grid_bytes(), source.udim)?;
+        if survey.counts.rigid > 0 && survey.movable.iter().all(|&count| count == 0) {
+            let message = format!("tile {}: it has rigid texels, but nothing that may move", source.udim);
+            device.log(LogLevel::Warning, &message);
+        }
+        let grid = Arc::new(build::grid(team, mesh, &self.maps, survey));
+        if grid.overlap > 0.0 {
+            let percent = 100.0 * grid.overlap;
+            device
+                .log(LogLevel::Warning, &format!("tile {}: {percent:.2} % of it is overlapped", source.udim));
+        }
+        self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
+        self.grid = Some(grid.clone());
+        if let Err(error) = self.book(device, 0, source.udim) {
+            self.grid = None;
+            return Err(error);
+        }
+        Ok(grid)
+    }
+
+    /// The tile as it hangs together in a pose, and its grid, built if need be.
+    pub(super) fn surface(&mut self, call: &SolveCall, tile: usize) -> Result<(Arc<TileMesh>, Arc<Grid>)> {
+        let whole = &call.mesh.tiles[tile];
+        let torn = torn::welds(call.mesh, whole, &call.positions);
+        if torn != self.torn_now {
+            let (count, of) = (torn.len(), whole.welds.len());
+            let message = format!("tile {}: the pose tears {count} of {of} welded edges", whole.udim);
+            let level = if count > 0 { LogLevel::Warning } else { LogLevel::Info };
+            call.device.log(level, &message);
+        }
+        self.torn_now = torn;
+        if self.torn_now.is_empty() {
+            return Ok((whole.clone(), self.grid(call.team, call.device, call.mesh, tile)?));
+        }
+        let start = Instant::now();
+        let kept = self.torn.take().filter(|kept| kept.is(&self.torn_now));
+        let mut torn = kept.unwrap_or_else(|| Torn::new(whole, &self.torn_now));
+        let (grid, built) = torn.grid(call.team, call.mesh, &self.maps);
+        let source = torn.mesh.clone();
+        self.torn = Some(torn);
+        if built {
+            self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
+            self.forget(call.device);
+            let result = Solved::bytes_for(&grid);
+            if let Err(error) = self.book(call.device, result, source.udim) {
+                self.torn = None;
+                return Err(error);
+            }
+        }
+        Ok((source, grid))
+    }
+
+    /// Bytes of the prepared tile as `save` writes it; prepares it if need be.
+    pub fn saved_size(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<usize> {
+        self.grid(team, device, mesh, tile).map(|grid| saved::size(&grid))
+    }
+
+    /// Writes the prepared tile to as many bytes as `saved_size` tells.
+    pub fn save(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        out: &mut [u8],
+    ) -> Result<()> {
+        let grid = self.grid(team, device, mesh, tile)?;
+        saved::save(&grid, saved::key(mesh, &mesh.tiles[tile], &self.maps), out);
+        Ok(())
+    }
+
+    /// Takes a prepared tile that was saved with the same mesh, maps and settings.
+    pub fn load(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        data: &[u8],
+    ) -> Result<()> {
+        let source = &mesh.tiles[tile];
+        let key = saved::key(mesh, source, &self.maps);
+        let grid = saved::load(team, data, key, mesh, source, |bytes| self.book(device, bytes, source.udim));
+        if let Ok(grid) = grid {
+            self.forget(device);
+            self.grid = Some(Arc::new(grid));
+            return self.book(device, 0, source.udim);
+        }
+        // What was booked for it goes back: less than before always fits.
+        let _ = self.book(device, 0, source.udim);
+        grid.map(drop)
+    }
+
+    /// What preparing and solving the tile would take, from a survey alone.
+    pub fn estimate(&self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileEstimate> {
+        let source = &mesh.tiles[tile];
+        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
+        let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());
+        let grid = build::skeleton(survey);
+        let result = Solved::bytes_for(&grid);
+        let solver = TileSolver::bytes_for(device, &grid, source, Solver::Descent)?;
+        let prepared = self.map_bytes() + grid_bytes;
+        Ok(TileEstimate {
+            movable_nodes: grid.movable.iter().sum(),
+            prepared_bytes: prepared,
+            // Of level 1: metrics and lengths of edges, which are gone when the grid is there.
+            preparing_bytes: prepared + parts + grid_bytes / 5,
+            // The last result stays until the next one is there.
+            solving_bytes: prepared + solver + 2 * result,
+        })
+    }
+
+    /// The facts of the tile that need no solve.
+    pub fn info(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileInfo> {
+        let grid = self.grid(team, device, mesh, tile)?;
+        let source = &mesh.tiles[tile];
+        Ok(TileInfo {
+            udim: source.udim,
+            charts: source.charts.len() as u32,
+            triangles: source.triangles.len() as u64,
+            grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
+            movable_nodes: grid.movable.iter().sum(),
+            overlap: grid.overlap,
+            frozen: grid.frozen,
+            uv_set: source.uv_set,
+            border_edges: source.border_edges(),
+            welded_edges: source.welds.len() as u64,
+            edges_apart: source.edges_apart,
+        })
+    }
+}

@@ -1,0 +1,77 @@
+//! Welds that a pose tears: edges that are one by position alone (`WeldBy::Position`), and whose two sides the pose pulls
+//! apart. Charts end there in this pose. Which ones are torn depends on the pose alone, never on the frames before.
+
+use std::sync::Arc;
+
+use crate::mesh::{Mesh, TileMesh};
+use crate::team::Team;
+use crate::tile::survey::Survey;
+use crate::tile::{Grid, TileMaps, build};
+use crate::view::Strided;
+
+/// A tile that a pose has torn.
+#[derive(Debug)]
+pub(super) struct Torn {
+    /// The torn ones, as indices into the whole tile's welds.
+    welds: Vec<u32>,
+    pub mesh: Arc<TileMesh>,
+    grid: Option<Arc<Grid>>,
+}
+
+/// The welds that a pose tears, ascending, as indices into the tile's welds: either end's vertices lie farther apart than
+/// `Mesh::torn` and what the rounding of their coordinates explains.
+pub(super) fn welds(mesh: &Mesh, tile: &TileMesh, positions: &Strided) -> Vec<u32> {
+    let is_torn = |[a, b]: [u32; 2]| {
+        if a == b {
+            return false;
+        }
+        let [p, q] = [a, b].map(|v| positions.get3(v as usize));
+        let largest = p.iter().chain(&q).fold(0.0, |m: f64, x| m.max(x.abs()));
+        let apart = [0, 1, 2].map(|c| (p[c] - q[c]).abs()).into_iter().fold(0.0, f64::max);
+        // Vertices that a host moves alike end a few roundings of their coordinates apart.
+        apart > mesh.torn + 8.0 * positions.epsilon() * largest
+    };
+    let torn = |weld: &u32| tile.welds[*weld as usize].ends.into_iter().any(is_torn);
+    (0..tile.welds.len() as u32).filter(torn).collect()
+}
+
+/// The tile as it hangs together in a pose.
+#[cfg(feature = "oracle")]
+pub(super) fn in_pose(mesh: &Mesh, tile: usize, positions: &Strided) -> Arc<TileMesh> {
+    let whole = &mesh.tiles[tile];
+    match welds(mesh, whole, positions) {
+        torn if torn.is_empty() => whole.clone(),
+        torn => Arc::new(whole.cut(&torn)),
+    }
+}
+
+impl Torn {
+    pub fn new(whole: &TileMesh, welds: &[u32]) -> Torn {
+        Torn { welds: welds.to_vec(), mesh: Arc::new(whole.cut(welds)), grid: None }
+    }
+
+    /// Whether it is the tile with these welds torn.
+    pub fn is(&self, welds: &[u32]) -> bool {
+        self.welds == welds
+    }
+
+    /// Its grid, and whether it had to be built.
+    pub fn grid(&mut self, team: &Team, mesh: &Mesh, maps: &TileMaps) -> (Arc<Grid>, bool) {
+        let built = self.grid.is_none();
+        let grid = self.grid.get_or_insert_with(|| {
+            let survey = Survey::new(team, &self.mesh, maps, maps.grid_size());
+            Arc::new(build::grid(team, mesh, maps, survey))
+        });
+        (grid.clone(), built)
+    }
+
+    /// Drops the grid: maps or settings have changed.
+    pub fn forget_grid(&mut self) {
+        self.grid = None;
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        self.grid.as_ref().map_or(0, |grid| grid.bytes())
+    }
+}

@@ -1,0 +1,219 @@
+//! The description of a mesh.
+
+use std::mem::offset_of;
+
+use super::desc::{self, Sized32};
+use super::status::{Failure, Outcome};
+use super::types::{check_reserved, strided, vrtm_array};
+use crate::error::{Error, ErrorKind};
+use crate::mesh::{MeshSource, UvSource, Weld, WeldBy};
+
+/// By what two corners of different faces are recognised as one, so that charts go on over the edges between them.
+pub type vrtm_weld = i32;
+/// The same vertex, and UVs within the tolerance; the default. The host's vertices say what hangs together: what is cut
+/// in the modelling program is cut here, lips that are closed at rest included, and no pose changes that.
+pub const VRTM_WELD_INDEX: vrtm_weld = 0;
+/// Also different vertices whose rest positions lie within the tolerance: for meshes out of games, where vertices are
+/// doubled along hard edges and seams. Where a pose pulls such vertices apart (by ten times the tolerance), charts end
+/// in this pose, the result is that of the mesh cut there, and the log warns.
+pub const VRTM_WELD_POSITION: vrtm_weld = 1;
+/// The same vertex, and exactly the same UV.
+pub const VRTM_WELD_OFF: vrtm_weld = 2;
+
+/// A further UV set of a mesh. Zero it before use. A plain value that never grows.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_uv_set {
+    /// UVs as pairs (2 components). Give these, or both `u` and `v`.
+    pub uvs: *const vrtm_array,
+    /// u of each UV (1 component), where u and v are arrays of their own.
+    pub u: *const vrtm_array,
+    /// v of each UV (1 component), as many as `u`.
+    pub v: *const vrtm_array,
+    /// UV of each corner, as in vrtm_mesh_desc; null = one UV per corner, in the order of the corners.
+    pub uv_indices: *const u32,
+    /// The length of `uv_indices`: the mesh's `index_count`. Ignored when that is null.
+    pub uv_index_count: usize,
+}
+
+/// A mesh at rest. Start from vrtm_mesh_desc_init(). All arrays are copied before the call returns.
+///
+/// A face's corners stand one after the other: corner k of the mesh has the vertex indices[k] and the UV
+/// uv_indices[k] (or UV k, without uv_indices). Polygons of any size will do; they are triangulated. UVs are
+/// face-varying, v points up, and a face belongs to the UDIM tile 1001 + floor(u) + 10 floor(v) of its UV centroid.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_mesh_desc {
+    /// sizeof(vrtm_mesh_desc); set by vrtm_mesh_desc_init().
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// Rest positions, 3 components, any unit of length. Required.
+    pub positions: *const vrtm_array,
+    /// Corners of each face; null = all faces are triangles, unless `face_offsets` is given. Faces with fewer than 3
+    /// corners (points, lines) are skipped and counted; their corners keep their places in the order.
+    pub face_counts: *const u32,
+    /// Number of faces: the length of `face_counts`. Ignored when that is null.
+    pub face_count: usize,
+    /// Vertex of each corner, less than positions->count. Required.
+    pub indices: *const u32,
+    /// Number of corners: the length of `indices`.
+    pub index_count: usize,
+    /// UVs as pairs (2 components). Give these, or both `u` and `v`.
+    pub uvs: *const vrtm_array,
+    /// u of each UV (1 component), where u and v are arrays of their own.
+    pub u: *const vrtm_array,
+    /// v of each UV (1 component), as many as `u`.
+    pub v: *const vrtm_array,
+    /// UV of each corner; null = one UV per corner, in the order of the corners. A face all of whose corners have
+    /// UINT32_MAX has no texture: it belongs to no tile, and its corners keep their places in the order.
+    pub uv_indices: *const u32,
+    /// The length of `uv_indices`: `index_count`. Ignored when that is null.
+    pub uv_index_count: usize,
+    /// In place of `face_counts`: the first corner of each face, and at the end `index_count`. Null = absent.
+    pub face_offsets: *const u32,
+    /// The length of `face_offsets`: the number of faces plus 1. Ignored when that is null.
+    pub face_offset_count: usize,
+    /// Further UV sets, from set 1 on; the UVs above are set 0. Null = none. Each set has tiles of its own.
+    pub uv_sets: *const vrtm_uv_set,
+    /// The length of `uv_sets`. Ignored when that is null.
+    pub uv_set_count: usize,
+    /// Edges at which charts end in all UV sets: 2 vertices each. Null = none. A pair that is no edge of a face does
+    /// nothing, is counted, and the log warns.
+    pub seams: *const u32,
+    /// The number of these edges: half the length of `seams`. Ignored when that is null.
+    pub seam_count: usize,
+    /// The faces that carry the texture, each less than the number of faces, in any order; null = all. The others
+    /// are as if they had no UVs.
+    pub textured_faces: *const u32,
+    /// The length of `textured_faces`. Ignored when that is null.
+    pub textured_face_count: usize,
+    /// One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
+    pub weld: vrtm_weld,
+    /// Largest distance of vertices that VRTM_WELD_POSITION welds, as a fraction (0..1) of the longest side of the
+    /// bounding box at rest; 0 = 1e-5. To it comes the rounding of the largest coordinate. A vertex has at most a
+    /// quarter of its shortest edge.
+    pub weld_position_tolerance: f32,
+    /// Largest difference of welded UVs, in u and in v, 0..1; 0 = 1/2048, half a texel of a map of 1024. Corners of
+    /// small triangles have less: a quarter of the least height in UV of the triangles at the vertex.
+    pub weld_uv_tolerance: f32,
+    /// Zero.
+    pub weld_reserved: u32,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
+unsafe impl Sized32 for vrtm_mesh_desc {
+    const FIRST: usize = offset_of!(vrtm_mesh_desc, face_offsets);
+    const NAME: &'static str = "vrtm_mesh_desc";
+}
+
+unsafe fn optional<'a>(pointer: *const u32, count: usize, name: &str) -> Outcome<Option<&'a [u32]>> {
+    if pointer.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the host vouches for `count` numbers.
+    unsafe { desc::slice(pointer, count, name) }.map(Some)
+}
+
+/// A UV set, whose arrays begin with `name` in messages.
+unsafe fn uv_source<'a>(set: &vrtm_uv_set, name: &str) -> Outcome<UvSource<'a>> {
+    let vrtm_uv_set { uvs, u, v, uv_indices, uv_index_count } = *set;
+    // SAFETY: all of these are the host's pointers, valid during the call.
+    unsafe {
+        let indices = optional(uv_indices, uv_index_count, &format!("{name}.uv_indices"))?;
+        match (uvs.is_null(), u.is_null() && v.is_null()) {
+            (false, true) => Ok(UvSource { u: strided(uvs, 2, &format!("{name}.uvs"))?, v: None, indices }),
+            (true, false) => {
+                let u = strided(u, 1, &format!("{name}.u"))?;
+                let v = strided(v, 1, &format!("{name}.v"))?;
+                Ok(UvSource { u, v: Some(v), indices })
+            }
+            (true, true) => {
+                let message = format!("{name}.uvs is null, and so are {name}.u and {name}.v");
+                Err(Failure::argument(message))
+            }
+            (false, false) => {
+                let message = format!("{name}.uvs is given, so {name}.u and {name}.v must be null");
+                Err(Failure::argument(message))
+            }
+        }
+    }
+}
+
+fn weld(desc: &vrtm_mesh_desc) -> Outcome<Weld> {
+    if desc.weld_reserved != 0 {
+        return Err(Failure::argument(format!("desc.weld_reserved is {}, not 0", desc.weld_reserved)));
+    }
+    let by = match desc.weld {
+        VRTM_WELD_INDEX => WeldBy::Index,
+        VRTM_WELD_POSITION => WeldBy::Position,
+        VRTM_WELD_OFF => WeldBy::Off,
+        other => return Err(Failure::argument(format!("desc.weld is {other}, no VRTM_WELD_ value"))),
+    };
+    let given = |x: f32| (x != 0.0).then_some(f64::from(x));
+    Ok(Weld {
+        by,
+        position_tolerance: given(desc.weld_position_tolerance),
+        uv_tolerance: given(desc.weld_uv_tolerance),
+    })
+}
+
+/// The UV sets after the first one.
+pub(super) unsafe fn more_uvs<'a>(desc: &vrtm_mesh_desc) -> Outcome<Vec<UvSource<'a>>> {
+    if desc.uv_sets.is_null() {
+        return Ok(Vec::new());
+    }
+    // SAFETY: the host vouches for `uv_set_count` structs, and for their pointers.
+    let sets = unsafe { desc::slice(desc.uv_sets, desc.uv_set_count, "desc.uv_sets") }?;
+    let source = |(k, set)| unsafe { uv_source(set, &format!("desc.uv_sets[{k}]")) };
+    sets.iter().enumerate().map(source).collect()
+}
+
+pub(super) unsafe fn mesh<'a>(desc: &vrtm_mesh_desc, uv_sets: &'a [UvSource<'a>]) -> Outcome<MeshSource<'a>> {
+    check_reserved(desc.reserved, "desc")?;
+    let vrtm_mesh_desc { uvs, u, v, uv_indices, uv_index_count, .. } = *desc;
+    // SAFETY: all of these are the host's pointers, valid during the call.
+    unsafe {
+        let positions = strided(desc.positions, 3, "desc.positions")?;
+        let face_counts = optional(desc.face_counts, desc.face_count, "desc.face_counts")?;
+        let face_offsets = optional(desc.face_offsets, desc.face_offset_count, "desc.face_offsets")?;
+        let indices = desc::slice(desc.indices, desc.index_count, "desc.indices")?;
+        let uvs = uv_source(&vrtm_uv_set { uvs, u, v, uv_indices, uv_index_count }, "desc")?;
+        let textured_faces = optional(desc.textured_faces, desc.textured_face_count, "desc.textured_faces")?;
+        let seams = if desc.seams.is_null() {
+            &[]
+        } else {
+            desc::slice(desc.seams.cast::<[u32; 2]>(), desc.seam_count, "desc.seams")?
+        };
+        Ok(MeshSource {
+            positions,
+            face_counts,
+            face_offsets,
+            indices,
+            uvs,
+            uv_sets,
+            seams,
+            textured_faces,
+            weld: weld(desc)?,
+        })
+    }
+}
+
+/// The core speaks of `uvs.u`, `uv_sets[0].u` and `weld.uv_tolerance`, which have other names here.
+pub(super) fn in_c_words(error: Error, mesh: &MeshSource) -> Error {
+    if error.kind != ErrorKind::InvalidArgument {
+        return error;
+    }
+    let mut message = error.message.replace("weld.", "weld_");
+    for (k, set) in std::iter::once(&mesh.uvs).chain(mesh.uv_sets).enumerate() {
+        let (core, c) = match k {
+            0 => ("uvs".to_owned(), String::new()),
+            _ => (format!("uv_sets[{}]", k - 1), format!("uv_sets[{}].", k - 1)),
+        };
+        message = message
+            .replace(&format!("{core}.u"), &format!("{c}{}", if set.v.is_none() { "uvs" } else { "u" }))
+            .replace(&format!("{core}.v"), &format!("{c}v"))
+            .replace(&format!("{core}.indices"), &format!("{c}uv_indices"));
+    }
+    Error { message: format!("desc.{message}"), ..error }
+}

@@ -1,0 +1,103 @@
+//! The tiles of a UV set, welded as the host wants it.
+
+use super::apart::edges_apart;
+use super::charts::{self, Seams};
+use super::read::{self, UvSet};
+use super::source::{MeshSource, Weld, WeldBy};
+use super::weld::{Corners, places, reaches};
+use super::{NONE, RawTriangle, TileMesh};
+
+/// How a mesh is welded.
+pub(super) struct Welding<'a> {
+    weld: Weld,
+    rest: &'a [[f64; 3]],
+    /// Largest distance of welded vertices, in the mesh's unit.
+    pub tolerance: f64,
+    /// Each vertex's shortest edge that has a length.
+    shortest: Vec<f64>,
+    /// Per vertex, the first one at its place; empty unless vertices are welded by position.
+    place: Vec<u32>,
+}
+
+impl<'a> Welding<'a> {
+    pub fn new(source: &MeshSource, rest: &'a [[f64; 3]]) -> Welding<'a> {
+        let mut shortest = vec![f64::INFINITY; rest.len()];
+        for [a, b] in read::edges(source) {
+            let [p, q] = [a, b].map(|v| rest[v as usize]);
+            let length = [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt();
+            if length > 0.0 {
+                for v in [a, b] {
+                    shortest[v as usize] = shortest[v as usize].min(length);
+                }
+            }
+        }
+        let span = |c: usize| {
+            let all = || rest.iter().map(|p| p[c]);
+            all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min)
+        };
+        let extent = [0, 1, 2].map(span).into_iter().fold(0.0, f64::max);
+        let largest = rest.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        // Far from the origin, what a host computes in two ways differs by the rounding of its coordinates.
+        let rounding = if source.weld.of_positions() > 0.0 { source.positions.epsilon() } else { 0.0 };
+        let tolerance = source.weld.of_positions() * extent + rounding * largest;
+        let by_position = source.weld.by == WeldBy::Position;
+        let place = if by_position { places(rest, &shortest, tolerance, |_| true) } else { Vec::new() };
+        Welding { weld: source.weld, rest, tolerance, shortest, place }
+    }
+
+    /// Builds the tiles of a UV set, and adds them to `tiles`. Its corners get their tiles and triangles.
+    pub fn build(&self, set: &mut UvSet, seams: &Seams, uv_set: u32, tiles: &mut Vec<TileMesh>) {
+        let first = tiles.len();
+        let tolerance = self.weld.of_uvs();
+        let reach = reaches(set.tiles.values().flatten(), self.rest.len(), tolerance);
+        let place = |v: u32| self.place.get(v as usize).copied().unwrap_or(v);
+        for (&udim, raw) in &mut set.tiles {
+            for (t, triangle) in raw.iter().enumerate() {
+                for c in triangle.corners {
+                    set.corners[c as usize].triangle = t as u32;
+                }
+            }
+            let numbers = number(raw, Corners::new(&place, &reach, tolerance));
+            tiles.push(TileMesh { udim, uv_set, ..charts::build(raw, &numbers, seams) });
+        }
+        let numbered: Vec<u32> = set.tiles.keys().copied().collect();
+        for corner in &mut set.corners {
+            corner.tile = numbered.binary_search(&corner.tile).map_or(NONE, |k| (first + k) as u32);
+        }
+        self.count_apart(set, seams, &mut tiles[first..]);
+    }
+
+    /// Counts the edges that lie together and are not connected, as if all were welded by position.
+    fn count_apart(&self, set: &UvSet, seams: &Seams, tiles: &mut [TileMesh]) {
+        let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
+        // Nothing is moved here: small triangles need no care.
+        let reach = vec![tolerance; self.rest.len()];
+        let found = self.place.is_empty().then(|| {
+            let mut at_border = vec![false; self.rest.len()];
+            for (tile, raw) in tiles.iter().zip(set.tiles.values()) {
+                for (t, k) in tile.borders() {
+                    let ends = [1, 2].map(|d| raw[t as usize].vertices[(k as usize + d) % 3]);
+                    ends.into_iter().for_each(|v| at_border[v as usize] = true);
+                }
+            }
+            places(self.rest, &self.shortest, self.tolerance, |v| at_border[v])
+        });
+        let place = found.as_ref().unwrap_or(&self.place);
+        let place = |v: u32| place[v as usize];
+        for (tile, raw) in tiles.iter_mut().zip(set.tiles.values()) {
+            tile.edges_apart = edges_apart(tile, raw, seams, &place, &reach, tolerance);
+        }
+    }
+}
+
+/// Numbers the UV corners of triangles, and gives those that are one the same UV: no crack is left between them.
+fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
+    let number = |triangle: &mut RawTriangle| {
+        [0, 1, 2].map(|k| {
+            let (id, uv) = corners.number(triangle.vertices[k], triangle.uv[k]);
+            triangle.uv[k] = uv;
+            id
+        })
+    };
+    raw.iter_mut().map(number).collect()
+}

@@ -1,0 +1,37 @@
+//! A hash for look-ups by positions and UVs, several times as fast as the standard library's. Nothing depends on the
+//! order of its tables.
+
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// A table that is only looked up.
+pub(super) type Table<K, V> = HashMap<K, V, BuildHasherDefault<Folded>>;
+
+/// Multiplies each word by a number without a pattern and folds the product's halves onto each other, so that words with
+/// many zeros at their end, as round numbers have, spread as others do.
+#[derive(Default)]
+pub(super) struct Folded(u64);
+
+impl Hasher for Folded {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        for chunk in bytes.chunks(8) {
+            let mut word = [0; 8];
+            word[..chunk.len()].copy_from_slice(chunk);
+            self.write_u64(u64::from_le_bytes(word));
+        }
+    }
+
+    fn write_u32(&mut self, word: u32) {
+        self.write_u64(word.into());
+    }
+
+    fn write_u64(&mut self, word: u64) {
+        // The fractions of π and of e, in bits.
+        let product = u128::from(self.0 ^ word ^ 0x243F_6A88_85A3_08D3) * 0xB7E1_5162_8AED_2A6B;
+        self.0 = product as u64 ^ (product >> 64) as u64;
+    }
+}

@@ -1,0 +1,188 @@
+//! Which corners of triangles are one UV corner (method §1): first which vertices lie at one place, then which of their
+//! UVs are one. Both take the first that came as the one that others join, so that the result does not depend on the
+//! order of a hash table, and nothing is joined over a chain of neighbours to something far away.
+
+use std::hash::Hash;
+
+use glam::DVec2;
+
+use super::hash::Table;
+use super::triangle::doubled_area;
+use super::{NONE, RawTriangle};
+
+/// As many are looked at in a cell of the hash. Where vertices or UVs of one place differ at all, they are few; a host
+/// must not be able to make this take the square of their number.
+const LOOKED_AT: usize = 16;
+
+/// The vertices that lie at one place: per vertex, the first one there; of those that are `wanted`, the others for
+/// themselves.
+///
+/// `tolerance` is a length. A vertex has at most a quarter of its shortest edge (`shortest`), so that the ends of an edge
+/// stay apart. Vertices with edges shorter than half of the tolerance are welded to equal ones only: there may be any
+/// number of them within the tolerance.
+pub(super) fn places(
+    rest: &[[f64; 3]],
+    shortest: &[f64],
+    tolerance: f64,
+    wanted: impl Fn(usize) -> bool,
+) -> Vec<u32> {
+    let mut low = [f64::INFINITY; 3];
+    rest.iter().for_each(|p| low = [0, 1, 2].map(|c| low[c].min(p[c])));
+    let reach = |v: usize| {
+        if shortest[v] < 0.5 * tolerance { 0.0 } else { tolerance.min(0.25 * shortest[v]) }
+    };
+    // + 0.0 makes -0.0 and 0.0 the same.
+    let bits = |p: [f64; 3]| p.map(|x| (x + 0.0).to_bits());
+    let mut exact: Table<[u64; 3], u32> = Table::default();
+    let mut cells = Cells::default();
+    let mut place = Vec::with_capacity(rest.len());
+    for (v, &p) in rest.iter().enumerate() {
+        if !wanted(v) {
+            place.push(v as u32);
+            continue;
+        }
+        if let Some(&first) = exact.get(&bits(p)) {
+            place.push(first);
+            continue;
+        }
+        let mut found = v as u32;
+        if reach(v) > 0.0 {
+            let cell = |c: usize, d: f64| ((p[c] - low[c] + d) / (2.0 * tolerance)).floor() as i64;
+            let span = |c: usize| cell(c, -reach(v))..=cell(c, reach(v));
+            let mut nearest = f64::INFINITY;
+            for x in span(0) {
+                for y in span(1) {
+                    for z in span(2) {
+                        for w in cells.at([x, y, z]) {
+                            let d = distance(p, rest[w as usize]);
+                            if d <= reach(v).min(reach(w as usize)) && d < nearest {
+                                (nearest, found) = (d, w);
+                            }
+                        }
+                    }
+                }
+            }
+            if found == v as u32 {
+                cells.add([0, 1, 2].map(|c| cell(c, 0.0)), found);
+            }
+        }
+        exact.insert(bits(p), found);
+        place.push(found);
+    }
+    place
+}
+
+/// Items by the cells that they lie in.
+struct Cells<K> {
+    /// The last item of each cell, as its index in `items`.
+    last: Table<K, u32>,
+    /// Each item, and the index of the one before it in its cell, or `NONE`.
+    items: Vec<(u32, u32)>,
+}
+
+impl<K> Default for Cells<K> {
+    fn default() -> Self {
+        Cells { last: Table::default(), items: Vec::new() }
+    }
+}
+
+impl<K: Eq + Hash> Cells<K> {
+    fn add(&mut self, cell: K, item: u32) {
+        let before = self.last.insert(cell, self.items.len() as u32);
+        self.items.push((item, before.unwrap_or(NONE)));
+    }
+
+    /// The last items of a cell.
+    fn at(&self, cell: K) -> impl Iterator<Item = u32> + '_ {
+        let item = |k: u32| self.items.get(k as usize).copied();
+        let first = self.last.get(&cell).and_then(|&k| item(k));
+        std::iter::successors(first, move |&(_, before)| item(before)).map(|(item, _)| item).take(LOOKED_AT)
+    }
+}
+
+fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
+    [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt()
+}
+
+/// Per vertex, how far a UV of its corners may be moved to that of another corner: at most the tolerance, and a quarter
+/// of the least height of the triangles at it. Even if all three corners of a triangle move, it keeps its side and more
+/// than a quarter of its height; and since two of its corners are a height apart, they never become one.
+pub(super) fn reaches<'a>(
+    triangles: impl Iterator<Item = &'a RawTriangle>,
+    vertices: usize,
+    tolerance: f64,
+) -> Vec<f64> {
+    let mut reach = vec![tolerance; vertices];
+    if tolerance > 0.0 {
+        for triangle in triangles {
+            let [a, b, c] = triangle.uv;
+            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+            let height = doubled_area(triangle.uv).abs() / longest;
+            for v in triangle.vertices {
+                reach[v as usize] = reach[v as usize].min(0.25 * height);
+            }
+        }
+    }
+    reach
+}
+
+/// Numbers UV corners.
+pub(super) struct Corners<'a> {
+    place: &'a dyn Fn(u32) -> u32,
+    reach: &'a [f64],
+    tolerance: f64,
+    exact: Table<(u32, [u64; 2]), u32>,
+    cells: Cells<(u32, [i64; 2])>,
+    /// Of each UV corner: its UV, and how far that reaches.
+    firsts: Vec<(DVec2, f64)>,
+}
+
+impl<'a> Corners<'a> {
+    /// `place` takes a vertex to its place; `reach` is that of `reaches` for `tolerance`.
+    pub fn new(place: &'a dyn Fn(u32) -> u32, reach: &'a [f64], tolerance: f64) -> Corners<'a> {
+        let (exact, cells, firsts) = (Table::default(), Cells::default(), Vec::new());
+        Corners { place, reach, tolerance, exact, cells, firsts }
+    }
+
+    /// The number of a corner with this vertex and UV, and the UV of the first such corner.
+    pub fn number(&mut self, vertex: u32, uv: DVec2) -> (u32, DVec2) {
+        let place = (self.place)(vertex);
+        let key = (place, uv.to_array().map(|x| (x + 0.0).to_bits()));
+        let id = match self.exact.get(&key) {
+            Some(&id) => id,
+            None => {
+                let id = self.near(place, uv, self.reach[vertex as usize]);
+                self.exact.insert(key, id);
+                id
+            }
+        };
+        (id, self.firsts[id as usize].0)
+    }
+
+    /// The nearest corner within reach, or a new one.
+    fn near(&mut self, place: u32, uv: DVec2, reach: f64) -> u32 {
+        let new = self.firsts.len() as u32;
+        let (mut found, mut nearest) = (new, f64::INFINITY);
+        if reach > 0.0 {
+            let cell = |c: usize, d: f64| ((uv[c] + d) / (2.0 * self.tolerance)).floor() as i64;
+            for x in cell(0, -reach)..=cell(0, reach) {
+                for y in cell(1, -reach)..=cell(1, reach) {
+                    for id in self.cells.at((place, [x, y])) {
+                        let (first, of_first) = self.firsts[id as usize];
+                        let d = (first - uv).abs().max_element();
+                        if d <= reach.min(of_first) && d < nearest {
+                            (nearest, found) = (d, id);
+                        }
+                    }
+                }
+            }
+            if found == new {
+                self.cells.add((place, [0, 1].map(|c| cell(c, 0.0))), new);
+            }
+        }
+        if found == new {
+            self.firsts.push((uv, reach));
+        }
+        found
+    }
+}

@@ -1,0 +1,208 @@
+/* Meshes as hosts have them: offsets, several UV sets, faces without UVs, seams, slits, vertices that are doubled. */
+
+#include "check.h"
+
+static vrtm_device device;
+static sheet s;
+static sheet_desc d;
+
+/* Makes an asset, reads its data, and ends it. */
+static vrtm_asset_data data_of(const char *name)
+{
+    vrtm_asset_data data = vrtm_asset_data_init();
+    vrtm_asset asset;
+    if (succeeds(name, vrtm_asset_create(device, &d.mesh, &asset))) {
+        succeeds("its data", vrtm_asset_info(asset, &data));
+        succeeds("its end", vrtm_asset_destroy(asset));
+    }
+    return data;
+}
+
+static void offsets(void)
+{
+    static uint32_t offsets[FACES + 3];
+    for (int k = 0; k <= FACES; ++k) {
+        offsets[k] = (uint32_t)(4 * k);
+    }
+    sheet_describe(&s, &d);
+    d.mesh.face_counts = NULL;
+    d.mesh.face_offsets = offsets;
+    d.mesh.face_offset_count = FACES + 1;
+    vrtm_asset_data data = data_of("offsets");
+    check_that(data.faces == FACES && data.charts == 1 && data.uv_sets == 1, "are counts", "");
+    check_that(data.border_edges == 4 * SIDE && data.welded_edges == 0 && data.edges_apart == 0, "one border", "");
+    /* The last quad becomes two lines. */
+    offsets[FACES] = CORNERS - 2;
+    offsets[FACES + 1] = CORNERS;
+    d.mesh.face_offset_count = FACES + 2;
+    data = data_of("lines");
+    check_that(data.faces == FACES + 1 && data.faces_skipped == 2 && data.triangles == 2 * FACES - 2, "are skipped", "");
+}
+
+static void seams(void)
+{
+    /* Along the row in the middle, and one that is no edge. */
+    static uint32_t pairs[SIDE + 1][2];
+    for (uint32_t i = 0; i < SIDE; ++i) {
+        pairs[i][0] = SIDE / 2 * (SIDE + 1) + i + 1;
+        pairs[i][1] = SIDE / 2 * (SIDE + 1) + i;
+    }
+    pairs[SIDE][0] = 0;
+    pairs[SIDE][1] = 2;
+    sheet_describe(&s, &d);
+    d.mesh.seams = pairs[0];
+    d.mesh.seam_count = SIDE + 1;
+    const vrtm_asset_data data = data_of("seams");
+    check_that(data.charts == 2 && data.seams_unused == 1 && data.border_edges == 6 * SIDE, "cut a chart", "");
+}
+
+static void without_uvs(void)
+{
+    static uint32_t indices[CORNERS], chosen[FACES / 2];
+    memcpy(indices, s.indices, sizeof indices);
+    for (int c = 0; c < 4 * SIDE; ++c) {
+        indices[c] = UINT32_MAX;
+    }
+    sheet_describe(&s, &d);
+    d.mesh.uv_indices = indices;
+    vrtm_asset_data data = data_of("faces without UVs");
+    check_that(data.faces_untextured == SIDE && data.triangles == 2 * (FACES - SIDE), "are left out", "");
+    for (uint32_t f = 0; f < FACES / 2; ++f) {
+        chosen[f] = FACES - 1 - f;
+    }
+    d.mesh.textured_faces = chosen;
+    d.mesh.textured_face_count = FACES / 2;
+    data = data_of("the upper half");
+    check_that(data.faces_untextured == FACES / 2 && data.triangles == FACES, "carries the texture", "");
+}
+
+static void two_uv_sets(void)
+{
+    static double pose[VERTICES][4];
+    static float uvs[VERTICES][2], first[2 * CORNERS], second[2 * CORNERS];
+    vrtm_uv_set set;
+    vrtm_asset asset;
+    vrtm_tile tiles[2], found;
+    for (int k = 0; k < VERTICES; ++k) {
+        /* A quarter turn, in tile 1002. */
+        uvs[k][0] = 2 - s.uvs[k][1];
+        uvs[k][1] = s.uvs[k][0];
+    }
+    sheet_describe(&s, &d);
+    vrtm_array turned = d.uvs;
+    turned.data = uvs;
+    memset(&set, 0, sizeof set);
+    set.uvs = &turned;
+    set.uv_indices = s.indices;
+    set.uv_index_count = CORNERS;
+    d.mesh.uv_sets = &set;
+    d.mesh.uv_set_count = 1;
+    if (!succeeds("two UV sets", vrtm_asset_create(device, &d.mesh, &asset))) {
+        return;
+    }
+    succeeds("tile 0", vrtm_asset_tile(asset, 0, &tiles[0]));
+    succeeds("tile 1", vrtm_asset_tile(asset, 1, &tiles[1]));
+    succeeds("tile 1002 of set 1", vrtm_asset_find_tile_of_set(asset, 1, 1002, &found));
+    check_that(found.id == tiles[1].id, "is tile 1", "");
+    fails("tile 1002 of set 0", vrtm_asset_find_tile(asset, 1002, &found), VRTM_ERROR_INVALID_ARGUMENT, "udim");
+    vrtm_tile_data data = vrtm_tile_data_init();
+    succeeds("tile_info", vrtm_tile_info(tiles[1], &data));
+    check_that(data.uv_set == 1 && data.udim == 1002 && data.border_edges == 4 * SIDE, "says so", "");
+    const vrtm_image rigidity = sheet_rigidity(&s);
+    succeeds("rigidity of set 0", vrtm_tile_set_rigidity(tiles[0], &rigidity));
+    sheet_pose(&s, 3, pose);
+    const vrtm_array positions = sheet_positions(pose);
+    succeeds("solve", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("corner UVs of set 0", vrtm_asset_fetch_corner_uvs(asset, first, CORNERS));
+    succeeds("corner UVs of set 1", vrtm_asset_fetch_corner_uvs_of_set(asset, 1, second, CORNERS));
+    fails("corner UVs of set 2", vrtm_asset_fetch_corner_uvs_of_set(asset, 2, second, CORNERS),
+          VRTM_ERROR_INVALID_ARGUMENT, "uv_set");
+    double moved[2] = {0, 0};
+    for (int c = 0; c < CORNERS; ++c) {
+        for (int k = 0; k < 2; ++k) {
+            moved[0] = fmax(moved[0], fabs(first[2 * c + k] - s.uvs[s.indices[c]][k]));
+            moved[1] = fmax(moved[1], fabs(second[2 * c + k] - uvs[s.indices[c]][k]));
+        }
+    }
+    check_that(moved[0] > 1e-3 && moved[1] == 0, "only set 0 has rigidity", "");
+    succeeds("its end", vrtm_asset_destroy(asset));
+}
+
+static int torn_lines;
+
+static void count_torn(void *user, vrtm_log_level level, const char *message)
+{
+    *(int *)user += level == VRTM_LOG_WARNING && strstr(message, "welded edges") != NULL;
+}
+
+/* Every face has vertices of its own, an ulp from the others'. The pose lifts the upper half of the sheet away. */
+static void doubled(void)
+{
+    static float points[CORNERS][3], uvs[CORNERS][2];
+    static uint32_t corners[CORNERS];
+    vrtm_device logging;
+    vrtm_asset asset;
+    vrtm_tile tile;
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    desc.log = count_torn;
+    desc.log_user = &torn_lines;
+    succeeds("a device with a log", vrtm_device_create(&desc, &logging));
+    for (int c = 0; c < CORNERS; ++c) {
+        for (int k = 0; k < 3; ++k) {
+            points[c][k] = nextafterf((float)s.points[s.indices[c]][k] + 1, (float)(c % 3));
+        }
+        for (int k = 0; k < 2; ++k) {
+            uvs[c][k] = nextafterf(s.uvs[s.indices[c]][k], (float)(c % 2));
+        }
+        corners[c] = (uint32_t)c;
+    }
+    vrtm_array positions = vrtm_array_init(), pairs = vrtm_array_init();
+    positions.data = points;
+    pairs.data = uvs;
+    positions.count = pairs.count = CORNERS;
+    sheet_describe(&s, &d);
+    d.mesh.positions = &positions;
+    d.mesh.uvs = &pairs;
+    d.mesh.indices = d.mesh.uv_indices = corners;
+    vrtm_asset_data data = data_of("doubled vertices");
+    check_that(data.charts == FACES && data.edges_apart == 2 * SIDE * (SIDE - 1), "are apart, which is told", "");
+    d.mesh.weld = VRTM_WELD_POSITION;
+    data = data_of("welded by position");
+    check_that(data.charts == 1 && data.edges_apart == 0 && data.welded_edges == 2 * SIDE * (SIDE - 1), "are one", "");
+    if (!succeeds("once more", vrtm_asset_create(logging, &d.mesh, &asset))) {
+        return;
+    }
+    const vrtm_image rigidity = sheet_rigidity(&s);
+    succeeds("find_tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    for (int c = 0; c < CORNERS; ++c) {
+        points[c][0] *= 1.2f;
+    }
+    succeeds("a stretched pose", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("its report", vrtm_tile_report(tile, &report));
+    check_that(report.welds_torn == 0 && report.charts == 1 && torn_lines == 0, "nothing is torn", "");
+    for (int c = CORNERS / 2; c < CORNERS; ++c) {
+        points[c][2] += 1;
+    }
+    succeeds("a torn pose", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("its report", vrtm_tile_report(tile, &report));
+    check_that(report.welds_torn == SIDE && report.charts == 2 && torn_lines == 1, "is torn in the middle", "");
+    succeeds("the same again", vrtm_asset_solve(asset, &positions, NULL));
+    check_that(torn_lines == 1, "is warned of once", "");
+    succeeds("its end", vrtm_asset_destroy(asset));
+    succeeds("the device's end", vrtm_device_destroy(logging));
+}
+
+int main(void)
+{
+    sheet_make(&s);
+    succeeds("device_create", vrtm_device_create(NULL, &device));
+    offsets();
+    seams();
+    without_uvs();
+    two_uv_sets();
+    doubled();
+    succeeds("device_destroy", vrtm_device_destroy(device));
+    return finish();
+}
