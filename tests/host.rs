@@ -121,7 +121,7 @@ fn hosts_on_a_gpu() {
     if !gpu::has_gpu() {
         return;
     }
-    for (file, linked, at_least) in [("smoke.c", true, 50), ("misuse.c", true, 150), ("unload.c", false, 24)]
+    for (file, linked, at_least) in [("smoke.c", true, 50), ("misuse.c", true, 150), ("unload.c", false, 18)]
     {
         // A program of its own, because the plain run may be building the same source at this time.
         let source = scratch().join(format!("gpu_{file}"));

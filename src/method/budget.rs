@@ -23,6 +23,18 @@ pub(crate) enum Work {
     CertifyKnown,
 }
 
+impl Work {
+    /// Work that does much the same and is part of each solve, for work that few solves do.
+    fn relative(self) -> Option<Work> {
+        match self {
+            Work::Skip => Some(Work::Prolong),
+            Work::Certify | Work::CertifyKnown | Work::FinestRelax => Some(Work::FinestStart),
+            Work::FinestFurther => Some(Work::FinestFirst),
+            _ => None,
+        }
+    }
+}
+
 const KINDS: usize = Work::CertifyKnown as usize + 1;
 
 /// Seconds that any stage takes at least: waking threads, lists of charts.
@@ -70,8 +82,13 @@ impl Costs {
         match (fresh, used, new) {
             (true, _, Some(rate)) | (false, Some(rate), _) => (rate, true),
             (true, Some(rate), None) => (rate * FRESH, true),
-            (true, None, None) => (built_in * FRESH, false),
-            (false, None, _) => (built_in, false),
+            (_, None, _) => {
+                let factor = if fresh { FRESH } else { 1.0 };
+                match work.relative().and_then(|kin| Some((kin, self.0[kin as usize][0]?))) {
+                    Some((kin, rate)) => (built_in * factor * rate / (BUILT_IN[kin as usize] * 1e-6), true),
+                    None => (built_in * factor, false),
+                }
+            }
         }
     }
 }

@@ -102,7 +102,8 @@ int main(int count, char **arguments)
 {
     static float first[2 * MAP * MAP];
     sheet_make(&s);
-    for (int round = 0; round < 4; ++round) {
+    /* Where the environment asks for a GPU, there is no round without one. */
+    for (int round = getenv("VRTM_DEVICE") != NULL ? 1 : 0; round < 4; ++round) {
         const int on_a_thread = round == 1 || round == 2;
         void *library = count > 1 ? dlopen(arguments[1], RTLD_NOW | RTLD_LOCAL) : NULL;
         if (!check_that(library != NULL, "load", count > 1 ? dlerror() : "the library's path is missing")) {
@@ -129,13 +130,11 @@ int main(int count, char **arguments)
             check_that(dlopen(arguments[1], RTLD_NOW | RTLD_NOLOAD) == NULL, "it is gone from memory", "still there");
             check_that(!is_mapped(arguments[1]), "nothing of it is mapped", "still mapped");
         }
-        if (round == 0) {
+        /* The first round is the CPU's, which has other bits than a GPU. */
+        if (round == 1) {
             memcpy(first, map, sizeof first);
-        } else if (getenv("VRTM_DEVICE") == NULL || round > 1) {
+        } else if (round > 1) {
             check_that(memcmp(first, map, sizeof first) == 0, "the same bits as before", "");
-        } else {
-            /* The first round was the CPU's, which has other bits than a GPU. */
-            memcpy(first, map, sizeof first);
         }
     }
     return finish();
