@@ -10,6 +10,8 @@
  *   asset    vrtm_asset_create            once per mesh: topology, rest positions, UVs
  *   maps     vrtm_tile_set_rigidity,      per UDIM tile, and again when the artist paints
  *            vrtm_tile_set_mask
+ *            vrtm_tile_update_rigidity  after a stroke of a brush
+ *   prepare  vrtm_tile_estimate, vrtm_tile_save, vrtm_tile_load   if memory or the first frame's time matter
  *   frame    vrtm_asset_redirect          every frame: new positions in, redirection maps out
  *            or vrtm_asset_solve, then vrtm_tile_fetch and vrtm_asset_fetch_corner_uvs
  *   facts    vrtm_tile_report, vrtm_asset_report
@@ -754,6 +756,56 @@ VRTM_API vrtm_status vrtm_tile_set_settings(vrtm_tile tile, const vrtm_tile_sett
 VRTM_API
 vrtm_status vrtm_tile_get_settings(vrtm_tile tile,
                                    vrtm_tile_settings *settings);
+
+// What a tile takes, before any of it is taken. Start from vrtm_tile_needs_init().
+typedef struct vrtm_tile_needs {
+    // sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
+    uint32_t struct_size;
+    // Zero.
+    uint32_t reserved;
+    // Nodes of the grid that may move: time and memory follow their number.
+    uint64_t movable_nodes;
+    // Bytes held once the tile is prepared: maps and grid.
+    uint64_t prepared_bytes;
+    // Bytes at the peak of preparing it.
+    uint64_t preparing_bytes;
+    // Bytes at the peak of a solve with VRTM_SOLVER_DESCENT. With a GPU this counts its memory and the host's.
+    uint64_t solving_bytes;
+} vrtm_tile_needs;
+
+// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. This
+// takes a small part of the time and memory of preparing the tile, and keeps nothing. A device's memory_budget is
+// checked in the same way before a tile is prepared.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
+// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+VRTM_API
+vrtm_status vrtm_tile_estimate(vrtm_tile tile,
+                               vrtm_tile_needs *needs);
+
+// Writes a prepared tile to the host's memory, for vrtm_tile_load on another machine or in a later session. Prepares
+// the tile if need be. `size` gets the number of bytes that it takes: call once with `data` null and `capacity` 0 to
+// learn it, then with as much memory. The bytes hold what follows from mesh, maps and settings, not these themselves.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `size` is null, or if `data` is neither null nor
+// large enough; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
+VRTM_API
+vrtm_status vrtm_tile_save(vrtm_tile tile,
+                           void *data,
+                           size_t capacity,
+                           size_t *size);
+
+// Takes a tile that was prepared elsewhere, so that it need not be prepared here. Mesh, maps and settings have to be
+// those that it was saved with; they are compared, and set before this call. `size` is the number of bytes. They may
+// come from anywhere: what is not a saved tile, or was changed, is refused.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged or of another
+// version of the format, or that were saved with another mesh, map or setting; VRTM_ERROR_BUSY;
+// VRTM_ERROR_OUT_OF_MEMORY. On any error the tile is as before.
+VRTM_API
+vrtm_status vrtm_tile_load(vrtm_tile tile,
+                           const void *data,
+                           size_t size);
 
 /* ---- Results ---- */
 

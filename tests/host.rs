@@ -102,6 +102,11 @@ fn deformer() {
     run_host("deformer.cpp", 15);
 }
 
+#[test]
+fn a_c_host_estimates_saves_and_repaints_tiles() {
+    run_host("prepare.c", 50);
+}
+
 /// The header says which stack a caller needs.
 #[test]
 fn a_stack_of_48_kib_is_enough_on_the_cpu() {

@@ -55,9 +55,9 @@ pub unsafe extern "C" fn vrtm_tile_estimate(tile: vrtm_tile, needs: *mut vrtm_ti
     })
 }
 
-/// Writes a prepared tile to the host's memory, for vrtm_tile_load on another machine or in a later session. Prepares the
-/// tile if need be. `size` gets the number of bytes that it takes: call once with `data` null and `capacity` 0 to learn
-/// it, then with as much memory. The bytes hold what follows from mesh, maps and settings, not these themselves.
+/// Writes a prepared tile to the host's memory, for vrtm_tile_load on another machine or in a later session. Prepares
+/// the tile if need be. `size` gets the number of bytes that it takes: call once with `data` null and `capacity` 0 to
+/// learn it, then with as much memory. The bytes hold what follows from mesh, maps and settings, not these themselves.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `size` is null, or if `data` is neither null nor
 /// large enough; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.

@@ -38,6 +38,7 @@ pub const PATCH: usize = 2 * SIDE + 2 * MARGIN + 1;
 pub const MARGIN: usize = 8;
 
 /// The weights of the finer blocks under a block of the coarser level, and that block's stiffness.
+#[derive(Clone)]
 struct PatchResult {
     /// Per quarter, as codes of `encode_weight`.
     weights: [Plane<u8>; 4],
@@ -45,10 +46,9 @@ struct PatchResult {
 }
 
 /// Computes the model around the coarser level's block at (x, y) of a chart.
-fn patch(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2]) -> PatchResult {
+fn patch(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2], result: &mut PatchResult) {
     let model = Stiffness::around(finer, source, chart, [x, y]);
     let (weights, coarser) = model.coarser();
-    let mut result = PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] };
     for (quarter, plane) in result.weights.iter_mut().enumerate() {
         let [first_i, first_j] = [quarter % 2, quarter / 2].map(|q| MARGIN + q * SIDE);
         for j in 0..SIDE {
@@ -65,7 +65,6 @@ fn patch(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2]) -> P
             }
         }
     }
-    result
 }
 
 /// Patches that are computed before they are put in their places.
@@ -81,12 +80,15 @@ pub fn patches(
     mut weights: Option<&mut [Plane<u8>]>,
     stiffness: &mut [StiffnessPlanes],
 ) {
+    // In one place for all rounds: a patch is too large for the stack.
+    let mut found =
+        vec![PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] }; places.len().min(ROUND)];
     for round in places.chunks(ROUND) {
-        let found = team.map(round.len(), |p| {
+        team.fill(&mut found[..round.len()], |p, found| {
             let (chart, y, x) = round[p];
-            patch(finer, source, chart, [x, y])
+            patch(finer, source, chart, [x, y], found);
         });
-        for (&(chart, y, x), patch) in round.iter().zip(found) {
+        for (&(chart, y, x), patch) in round.iter().zip(&found) {
             for (quarter, plane) in patch.weights.iter().enumerate() {
                 let (qx, qy) = (quarter as u32 % 2, quarter as u32 / 2);
                 let b = finer.blocks.find(chart, i64::from(2 * x + qx), i64::from(2 * y + qy));

@@ -26,7 +26,7 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
         // An edge of level k is 2^k times as long.
         level.floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collect();
     }
-    let lengths = store(team, &grid.levels[0], |b| chords.block(grid, b));
+    let lengths = store(team, &grid.levels[0], |b, out| chords.block(grid, b, out));
     set(&mut grid.levels[0], lengths);
     let triangle = grid.pose_triangles(tile, &grid.rest);
     let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collect();
@@ -47,7 +47,7 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
             _ => restrict_block(level, finer, &metrics, b, out),
         });
         metrics = next;
-        let lengths = store(team, level, |b| arc_lengths(&level.blocks.neighbours[b], &metrics));
+        let lengths = store(team, level, |b, out| arc_lengths(&level.blocks.neighbours[b], &metrics, out));
         set(level, lengths);
     }
 }
@@ -59,13 +59,21 @@ fn set(level: &mut Level, (codes, lengths): Stored) {
     (level.rest_length, level.lengths) = (Arc::new(codes), lengths);
 }
 
-/// Codes a level's rest lengths; `lengths(b)` are those of block b.
-fn store(team: &Team, level: &Level, lengths: impl Fn(usize) -> [Plane; 4] + Sync) -> Stored {
+/// The lengths of the edges that a block's nodes own. On the heap: the stack of a host's thread may be small.
+type BlockLengths = Box<[Plane; 4]>;
+
+/// Codes a level's rest lengths; `lengths(b, out)` computes those of block b.
+fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut [Plane; 4]) + Sync) -> Stored {
     let list = &level.blocks.list;
     let least = |b: usize| level.floor[list[b].chart as usize] * SHORTEST;
+    let of_block = |b: usize| {
+        let mut of_block: BlockLengths = Box::new([[0.0; NODES]; 4]);
+        lengths(b, &mut of_block);
+        of_block
+    };
     // Per block and direction, the shortest length that is not 0, and the longest one.
     let bounds: Vec<[[f32; 2]; 4]> = team.map(list.len(), |b| {
-        lengths(b).map(|plane| {
+        of_block(b).each_ref().map(|plane| {
             let low = plane.iter().copied().filter(|&x| x > least(b)).fold(f32::INFINITY, f32::min);
             [low, plane.iter().copied().fold(0.0, f32::max)]
         })
@@ -80,24 +88,26 @@ fn store(team: &Team, level: &Level, lengths: impl Fn(usize) -> [Plane; 4] + Syn
     let mut codes = vec![[[0u16; NODES]; 4]; list.len()];
     team.fill(&mut codes, |b, codes| {
         let coding = &coding[list[b].chart as usize];
-        for (e, lengths) in lengths(b).iter().enumerate() {
-            codes[e] = lengths.map(|length| coding[e].code(length));
+        for (e, lengths) in of_block(b).iter().enumerate() {
+            for (code, length) in codes[e].iter_mut().zip(lengths) {
+                *code = coding[e].code(*length);
+            }
         }
     });
     (codes, coding)
 }
 
 /// Rest lengths of a block's edges on a coarser level.
-fn arc_lengths(neighbours: &[u32; 9], metrics: &[[Plane; 3]]) -> [Plane; 4] {
+fn arc_lengths(neighbours: &[u32; 9], metrics: &[[Plane; 3]], out: &mut [Plane; 4]) {
     let mut windows = [[0.0f32; WINDOW_NODES]; 3];
     for (c, window) in windows.iter_mut().enumerate() {
         window::load(neighbours, 0.0, |b| &metrics[b][c], window);
     }
     let metric = |at: usize| windows.each_ref().map(|w| w[at]);
-    edges(|i, j, (di, dj)| {
+    edges(out, |i, j, (di, dj)| {
         let other = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
         length2(metric(place(i + 1, j + 1)), metric(other), [di as f32, dj as f32]).max(0.0).sqrt()
-    })
+    });
 }
 
 /// Squared length of an offset under the mean of two metrics.
@@ -106,9 +116,8 @@ fn length2(a: [f32; 3], b: [f32; 3], d: [f32; 2]) -> f32 {
     d[0] * d[0] * e + 2.0 * d[0] * d[1] * f + d[1] * d[1] * g
 }
 
-/// The values of `f(i, j, offset)` at all edges that the nodes (i, j) of a block own.
-fn edges(mut f: impl FnMut(usize, usize, (i64, i64)) -> f32) -> [Plane; 4] {
-    let mut planes = [[0.0; NODES]; 4];
+/// Sets the values of `f(i, j, offset)` at all edges that the nodes (i, j) of a block own.
+fn edges(planes: &mut [Plane; 4], mut f: impl FnMut(usize, usize, (i64, i64)) -> f32) {
     for j in 0..SIDE {
         for i in 0..SIDE {
             for (plane, offset) in planes.iter_mut().zip(EDGES) {
@@ -116,7 +125,6 @@ fn edges(mut f: impl FnMut(usize, usize, (i64, i64)) -> f32) -> [Plane; 4] {
             }
         }
     }
-    planes
 }
 
 /// Exact rest lengths of level 0 (method §2), in f64 from the mesh itself.
@@ -138,7 +146,7 @@ impl<'a> Chords<'a> {
     }
 
     /// The lengths of a block's edges; inside one triangle from its edge vectors.
-    fn block(&self, grid: &Grid, b: usize) -> [Plane; 4] {
+    fn block(&self, grid: &Grid, b: usize, out: &mut [Plane; 4]) {
         let level = &grid.levels[0];
         let Block { x, y, chart, .. } = level.blocks.list[b];
         let mut triangles = [NONE; WINDOW_NODES];
@@ -159,7 +167,7 @@ impl<'a> Chords<'a> {
         let length = |v: DVec3| (v * self.scales[chart as usize]).length();
         // The last triangle that held both ends of an edge, with the lengths of its edges.
         let mut last: (u32, [f64; 4]) = (NONE, [0.0; 4]);
-        edges(|i, j, (di, dj)| {
+        edges(out, |i, j, (di, dj)| {
             let other = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
             let chord = match (&samples[place(i + 1, j + 1)], &samples[other]) {
                 (Some((s, ..)), Some((t, ..))) if s == t => {
@@ -175,7 +183,7 @@ impl<'a> Chords<'a> {
                 _ => 0.0,
             };
             chord as f32
-        })
+        });
     }
 }
 
@@ -229,7 +237,8 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
         }
     }
     team.fill(&mut parts, |_, (b, east, north)| {
-        let planes = chords.block(grid, *b);
+        let mut planes: BlockLengths = Box::new([[0.0; NODES]; 4]);
+        chords.block(grid, *b, &mut planes);
         let movable = (0..NODES).filter(|&s| level.movable[*b][s] != 0);
         for (k, s) in movable.enumerate() {
             (east[k], north[k]) = (planes[0][s], planes[1][s]);
