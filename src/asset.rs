@@ -21,9 +21,9 @@ mod torn;
 
 use std::time::Instant;
 
-use crate::cpu::invert::Part;
-use crate::device::Device;
+use crate::device::{Device, LiveAsset};
 use crate::error::{Error, ErrorKind, Result};
+use crate::image::ImagePart;
 use crate::image::ImageViewMut;
 use crate::mesh::{Mesh, MeshSource};
 use crate::method::schedule::Plan;
@@ -59,6 +59,8 @@ pub struct Asset {
     outputs: Outputs,
     /// Wall-clock milliseconds of the last good solve.
     solved_ms: Option<f32>,
+    /// Dropped after everything above.
+    _live: LiveAsset,
 }
 
 impl Asset {
@@ -72,7 +74,14 @@ impl Asset {
         let mesh = Mesh::new(source)?;
         log::describe(device, &mesh);
         let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
-        Ok(Asset { device: device.clone(), mesh, tiles, outputs: Outputs::default(), solved_ms: None })
+        Ok(Asset {
+            device: device.clone(),
+            mesh,
+            tiles,
+            outputs: Outputs::default(),
+            solved_ms: None,
+            _live: LiveAsset::new(device),
+        })
     }
 
     /// The device it was made on.
@@ -197,7 +206,7 @@ impl Asset {
         team: &Team,
         tile: usize,
         kind: FetchKind,
-        part: &Part,
+        part: &ImagePart,
         image: &mut ImageViewMut,
     ) -> Result<()> {
         let solved = self.tiles[tile].solved.as_mut().ok_or_else(not_solved)?;

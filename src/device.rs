@@ -1,7 +1,7 @@
 //! A device: which backend, how many threads, how much memory, where the log goes.
 
 use std::num::NonZeroU32;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, ErrorKind, Result};
@@ -28,6 +28,37 @@ struct Inner {
     /// What solves of the device's tiles took, for time budgets.
     costs: Mutex<Costs>,
     gpu: Option<Arc<Context>>,
+    /// Assets that are alive.
+    assets: AtomicUsize,
+}
+
+/// Counts an asset while it lives. After the last one, free memory goes back to the system.
+#[derive(Debug)]
+pub(crate) struct LiveAsset(Device);
+
+impl LiveAsset {
+    pub fn new(device: &Device) -> LiveAsset {
+        device.0.assets.fetch_add(1, Ordering::Relaxed);
+        LiveAsset(device.clone())
+    }
+}
+
+impl Drop for LiveAsset {
+    fn drop(&mut self) {
+        if self.0.0.assets.fetch_sub(1, Ordering::Relaxed) == 1 {
+            give_memory_back();
+        }
+    }
+}
+
+/// Returns free pages of the heap to the system. Without this, glibc keeps up to hundreds of megabytes for later: it
+/// takes what was freed once for what will be needed again.
+fn give_memory_back() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    // SAFETY: may be called at any time, by any thread.
+    unsafe {
+        libc::malloc_trim(0);
+    }
 }
 
 /// Decisions of the environment beside the settings; tests set them directly.
@@ -141,7 +172,15 @@ impl Device {
         }
         let gpu = gpu.map(Arc::new);
         let (bytes_held, costs) = (AtomicU64::new(0), Mutex::new(Costs::default()));
-        let device = Device(Arc::new(Inner { settings, threads, reason, bytes_held, costs, gpu }));
+        let device = Device(Arc::new(Inner {
+            settings,
+            threads,
+            reason,
+            bytes_held,
+            costs,
+            gpu,
+            assets: AtomicUsize::new(0),
+        }));
         let info = device.info();
         device.log(LogLevel::Info, &format!("device: {}, {threads} threads; {}", info.name, info.reason));
         Ok(device)

@@ -1,10 +1,11 @@
 //! Views of a host's images: maps on the way in, redirection and warp on the way out.
 
+pub(crate) mod map;
+
 use std::marker::PhantomData;
 
-use crate::cpu::invert::Part;
 use crate::error::{Error, ErrorKind, Result};
-use crate::map::{Map, TexelRect, decode};
+use map::{Map, TexelRect, decode};
 
 /// The number format of one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -234,6 +235,22 @@ impl<'a> ImageView<'a> {
     }
 }
 
+/// A part of an image of the whole tile: the texels from `first` to before `end`, rows counted from v = 0 upwards.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ImagePart {
+    /// The image's width and height.
+    pub size: [usize; 2],
+    pub first: [usize; 2],
+    pub end: [usize; 2],
+}
+
+impl ImagePart {
+    /// Width and height of the part.
+    pub fn extent(&self) -> [usize; 2] {
+        [0, 1].map(|axis| self.end[axis] - self.first[axis])
+    }
+}
+
 /// A host's two-channel image to be written: redirection or warp.
 #[derive(Debug)]
 pub struct ImageViewMut<'a> {
@@ -287,13 +304,13 @@ impl<'a> ImageViewMut<'a> {
     }
 
     /// The image as the whole of a tile.
-    pub(crate) fn whole(&self) -> Part {
+    pub(crate) fn whole(&self) -> ImagePart {
         let size = [self.layout.width as usize, self.layout.height as usize];
-        Part { size, first: [0, 0], end: size }
+        ImagePart { size, first: [0, 0], end: size }
     }
 
     /// The image as the part of a larger one of `size` texels that begins at the column and row `first`.
-    pub(crate) fn part(&self, name: &str, size: [u32; 2], first: [u32; 2]) -> Result<Part> {
+    pub(crate) fn part(&self, name: &str, size: [u32; 2], first: [u32; 2]) -> Result<ImagePart> {
         let own = self.whole().size;
         let [size, first] = [size, first].map(|pair| pair.map(|x| x as usize));
         if (0..2).any(|axis| first[axis] + own[axis] > size[axis]) {
@@ -307,7 +324,7 @@ impl<'a> ImageViewMut<'a> {
             Origin::Top => size[1] - first[1] - own[1],
         };
         let first = [first[0], row];
-        Ok(Part { size, first, end: [0, 1].map(|axis| first[axis] + own[axis]) })
+        Ok(ImagePart { size, first, end: [0, 1].map(|axis| first[axis] + own[axis]) })
     }
 
     pub(crate) fn as_mut_ptr(&mut self) -> *mut u8 {

@@ -1,6 +1,6 @@
 //! vrtm keeps painted features rigid while the surface under them deforms.
 //!
-//! The data flows through the modules in this order: a host's arrays (`view`, `image`, `map`) become a validated mesh with tiles
+//! The data flows through the modules in this order: a host's arrays (`view`, `image`) become a validated mesh with tiles
 //! and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`tile`); for each pose,
 //! `method::schedule` calls the stages of a backend (`cpu`, `gpu`) level by level; and [`Asset`] hands out the
 //! redirection map, the warp, corner UVs and reports. Beside that way stands `oracle`, the side in double precision that
@@ -54,7 +54,6 @@
 
 mod view;
 mod image;
-mod map;
 mod mesh;
 mod tile;
 mod method;

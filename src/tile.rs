@@ -27,7 +27,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use crate::map::Map;
+use crate::image::map::Map;
 #[cfg(test)]
 use crate::mesh::Mesh;
 use crate::mesh::TileMesh;

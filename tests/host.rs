@@ -107,6 +107,12 @@ fn a_c_host_estimates_saves_and_repaints_tiles() {
     run_host("prepare.c", 50);
 }
 
+#[test]
+#[cfg(target_os = "linux")]
+fn memory_goes_back_after_the_last_asset() {
+    run_host("memory.c", 40);
+}
+
 /// The header says which stack a caller needs.
 #[test]
 fn a_stack_of_48_kib_is_enough_on_the_cpu() {

@@ -14,8 +14,8 @@ use super::sixteen::{bulged, discs, sixteen_charts};
 
 /// Texels from one disc to the next.
 const PITCH: usize = 32;
-/// Side of the largest image that is fetched: beyond it, the memory would be the image's.
-const LARGEST_IMAGE: u32 = 4096;
+/// Rows of the map that are fetched at a time: the whole map would be larger than the grid.
+const BAND: u32 = 128;
 
 pub struct Case {
     pub grid: u32,
@@ -32,8 +32,8 @@ pub struct Outcome {
     seconds: f64,
     peak: u64,
     held: u64,
-    /// Seconds of the first solve and of the second one, the peak of both with a fetch, and bytes held after them.
-    solve: Option<[f64; 4]>,
+    /// Seconds of the first solve, of the second one and of fetching the map, the peak of bytes, and bytes held.
+    solve: Option<[f64; 5]>,
 }
 
 impl Case {
@@ -92,12 +92,19 @@ impl Case {
                 return Err(format!("{} folds, energy {}", report.folds, report.energy));
             }
             let held = memory::resident() - before;
-            let size = self.grid.min(LARGEST_IMAGE);
-            let layout = ImageLayout::packed(size, size, PixelFormat::F32);
-            let mut image = vec![0; (size * size) as usize * 8];
-            let mut view = ImageViewMut::new("image", &mut image, layout).map_err(|e| e.to_string())?;
-            asset.fetch(0, FetchKind::Redirection, &mut view).map_err(|e| e.to_string())?;
-            outcome.solve = Some([seconds[0], seconds[1], (memory::peak() - before) as f64, held as f64]);
+            let start = Instant::now();
+            let layout = ImageLayout::packed(self.grid, BAND, PixelFormat::F32);
+            let mut image = vec![0; self.grid as usize * BAND as usize * 8];
+            for first in (0..self.grid).step_by(BAND as usize) {
+                let mut view = ImageViewMut::new("image", &mut image, layout).map_err(|e| e.to_string())?;
+                let size = [self.grid; 2];
+                asset
+                    .fetch_part(0, FetchKind::Redirection, &mut view, size, [0, first])
+                    .map_err(|e| e.to_string())?;
+            }
+            let fetched = start.elapsed().as_secs_f64();
+            let peak = (memory::peak() - before) as f64;
+            outcome.solve = Some([seconds[0], seconds[1], fetched, peak, held as f64]);
         }
         Ok(outcome)
     }
@@ -105,15 +112,15 @@ impl Case {
 
 impl Outcome {
     pub const HEAD: &'static str = "| grid | share | active nodes | s | peak MiB | held MiB | peak / held | bytes held per node | \
-        first solve s | next s | peak MiB | held, bytes per node |\n|---|---|---|---|---|---|---|---|---|---|---|---|";
+        first solve s | next s | map s | peak MiB | held, bytes per node |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|";
 
     pub fn row(&self) -> String {
         let mib = |bytes: f64| bytes / f64::from(1 << 20);
         let per_node = |bytes: f64| bytes / self.nodes.max(1) as f64;
         let Outcome { grid, share, nodes, seconds, peak, held, .. } = self;
         let (peak, held) = (*peak as f64, *held as f64);
-        let solve = self.solve.map_or_else(String::new, |[first, next, peak, held]| {
-            format!(" {first:.2} | {next:.2} | {:.0} | {:.0} |", mib(peak), per_node(held))
+        let solve = self.solve.map_or_else(String::new, |[first, next, map, peak, held]| {
+            format!(" {first:.2} | {next:.2} | {map:.2} | {:.0} | {:.0} |", mib(peak), per_node(held))
         });
         format!(
             "| {grid}² | {:.0} % | {nodes} | {seconds:.3} | {:.0} | {:.0} | {:.2} | {:.1} |{solve}",
@@ -149,7 +156,7 @@ impl Outcome {
         let value: Value = serde_json::from_str(line).ok()?;
         let number = |name: &str| value[name].as_u64();
         let solve = value["solve"].as_array().map(|list| {
-            let mut solve = [0.0; 4];
+            let mut solve = [0.0; 5];
             list.iter().zip(&mut solve).for_each(|(from, to)| *to = from.as_f64().unwrap_or_default());
             solve
         });

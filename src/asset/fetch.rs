@@ -4,9 +4,10 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use half::f16;
 
-use crate::cpu::invert::{self, Part};
+use crate::cpu::invert;
 use crate::device::Device;
 use crate::error::Result;
+use crate::image::ImagePart;
 use crate::image::{ImageViewMut, PixelFormat, TexelLayout};
 use crate::mesh::{Corner, NONE};
 use crate::team::Team;
@@ -67,7 +68,7 @@ pub(super) fn write(
     solved: &Solved,
     outputs: &mut Outputs,
     kind: FetchKind,
-    part: &Part,
+    part: &ImagePart,
     image: &mut ImageViewMut,
 ) -> Result<()> {
     let canvas = Canvas::new(image);
@@ -83,7 +84,7 @@ pub(super) fn write(
     Ok(())
 }
 
-fn write_warp(team: &Team, solved: &Solved, part: &Part, canvas: &Canvas) -> Result<()> {
+fn write_warp(team: &Team, solved: &Solved, part: &ImagePart, canvas: &Canvas) -> Result<()> {
     let level = &solved.grid.levels[0];
     let cells = [level.nx, level.ny].map(|n| n as f64);
     let nodes = NodeRows::new(solved)?;

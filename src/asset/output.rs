@@ -1,9 +1,10 @@
 //! W⁻¹ of a tile's result at texel centres, on the backend that has the result.
 
-use crate::cpu::invert::{self, Part};
+use crate::cpu::invert;
 use crate::device::Device;
 use crate::error::Result;
 use crate::gpu::{self, Displacements};
+use crate::image::ImagePart;
 use crate::team::Team;
 
 use super::backend::Warp;
@@ -30,7 +31,7 @@ impl Outputs {
         device: &Device,
         team: &Team,
         solved: &Solved,
-        part: &Part,
+        part: &ImagePart,
         put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
     ) -> Result<()> {
         let level = &solved.grid.levels[0];

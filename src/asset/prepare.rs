@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::ImageView;
-use crate::map::{Map, TexelRect};
+use crate::image::map::{Map, TexelRect};
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::{LogLevel, Solver, TileSettings};

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
-use crate::map::Map;
+use crate::image::map::Map;
 use crate::mesh::{Mesh, TileMesh};
 use crate::method::budget::{Clock, History};
 use crate::method::schedule::{ChartResult, Input, Plan, Summary};

@@ -3,7 +3,7 @@
 use super::Asset;
 use crate::error::{Error, Result};
 use crate::image::ImageView;
-use crate::map::{Map, PAGE};
+use crate::image::map::{Map, PAGE};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::TileSettings;
 use crate::team::Team;

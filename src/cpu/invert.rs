@@ -5,6 +5,7 @@
 
 use glam::DVec2;
 
+use crate::image::ImagePart;
 use crate::mesh::triangle::barycentrics;
 use crate::tile::blocks::{NODES, Plane, SIDE};
 use crate::tile::fill::Fill;
@@ -13,22 +14,6 @@ use crate::tile::{Grid, Level};
 
 use crate::team::Team;
 
-/// A part of an image of the whole tile: the texels from `first` to before `end`, rows counted from v = 0 upwards.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Part {
-    /// The image's width and height.
-    pub size: [usize; 2],
-    pub first: [usize; 2],
-    pub end: [usize; 2],
-}
-
-impl Part {
-    /// Width and height of the part.
-    pub fn extent(&self) -> [usize; 2] {
-        [0, 1].map(|axis| self.end[axis] - self.first[axis])
-    }
-}
-
 /// Calls `put(x, y, p)` for each texel of a part of an image whose centre lies in a moved cell, with its place in the whole
 /// image; p is W⁻¹ at the centre, in cells. The other texels have the identity. No texel is visited twice if the warp is
 /// free of folds. `reach` is at least the largest component of a displacement.
@@ -36,7 +21,7 @@ pub(crate) fn texels(
     team: &Team,
     grid: &Grid,
     u: &[[Plane; 2]],
-    part: &Part,
+    part: &ImagePart,
     reach: f32,
     put: impl Fn(usize, usize, [f64; 2]) + Sync,
 ) {
@@ -88,7 +73,7 @@ fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) ->
 /// Calls `put` for the texels whose centre lies in a warped triangle, given its corners at rest in cells and warped in
 /// texels. A triangle without area, which only the paper's solver makes, covers no texel; the coordinates in one with
 /// next to none are rounded, and kept within the triangle.
-fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], part: &Part, put: &impl Fn(usize, usize, [f64; 2])) {
+fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], part: &ImagePart, put: &impl Fn(usize, usize, [f64; 2])) {
     let [a, b, c] = warped;
     let (e1, e2) = (b - a, c - a);
     let area = e1.perp_dot(e2);
@@ -194,7 +179,7 @@ mod tests {
     fn covered(warped: [[f64; 2]; 3]) -> Vec<[f64; 2]> {
         let rest = [[3.0, 5.0], [4.0, 5.0], [4.0, 6.0]].map(DVec2::from);
         let found = RefCell::new(Vec::new());
-        let part = Part { size: [8, 8], first: [0, 0], end: [8, 8] };
+        let part = ImagePart { size: [8, 8], first: [0, 0], end: [8, 8] };
         triangle(rest, warped.map(DVec2::from), &part, &|_, _, p| found.borrow_mut().push(p));
         found.into_inner()
     }

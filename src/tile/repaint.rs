@@ -11,7 +11,7 @@ use super::rigidity::NodeRigidity;
 use super::squares::Squares;
 use super::survey::{SurveyLevel, has_rigidity, movable_of_charts};
 use super::{Grid, TileMaps};
-use crate::map::{Map, TexelRect};
+use crate::image::map::{Map, TexelRect};
 use crate::mesh::{NONE, TileMesh};
 use crate::team::Team;
 

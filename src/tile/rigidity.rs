@@ -4,7 +4,7 @@ use super::blocks::SIDE;
 use super::cover::{Cover, Coverer, WIDE, at};
 use super::node_set::NodeSet;
 use super::{Rigidity, TileMaps, UvTriangle};
-use crate::map::{at_nodes, free_nodes};
+use crate::image::map::{at_nodes, free_nodes};
 use crate::mesh::NONE;
 
 /// The sources of rigidity and mask of a tile, on a grid.

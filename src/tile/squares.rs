@@ -4,7 +4,7 @@
 use glam::DVec2;
 
 use super::blocks::SIDE;
-use crate::map::PAGE;
+use crate::image::map::PAGE;
 use crate::mesh::TileMesh;
 
 /// The squares that a triangle meets.

@@ -7,7 +7,7 @@ use crate::gpu::bands;
 use crate::gpu::constants::band_blocks;
 use crate::gpu::context::{Options, tests::gpu};
 use crate::gpu::results::{RESULT_BLOCK, ResultBuffers};
-use crate::map::Map;
+use crate::image::map::Map;
 use crate::mesh::{Mesh, MeshSource, UvSource};
 use crate::settings::TileSettings;
 use crate::team::Team;
@@ -226,7 +226,7 @@ fn compare(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], size: [us
     let mut expected = vec![[0.0f64; 2]; size[0] * size[1]];
     let texels = std::sync::Mutex::new(&mut expected);
     Team::with(1, |team| {
-        let part = twin::Part { size, first: [0, 0], end: size };
+        let part = crate::image::ImagePart { size, first: [0, 0], end: size };
         twin::texels(team, grid, u, &part, 1e4, |x, y, p| {
             let centre = [x, y].map(|k| k as f64 + 0.5);
             texels.lock().unwrap()[y * size[0] + x] = [0, 1].map(|k| p[k] - centre[k] / scale[k]);

@@ -1,5 +1,5 @@
 use super::*;
-use crate::map::Map;
+use crate::image::map::Map;
 use crate::mesh::{MeshSource, UvSource};
 use crate::settings::TileSettings;
 use crate::tile::Rigidity;

@@ -1,0 +1,82 @@
+/*
+ * Memory goes back: after the last asset of a device is destroyed, the process holds at most 10 MiB more than before the
+ * first. As Linux counts it.
+ */
+
+#include "check.h"
+
+#include <unistd.h>
+
+enum { GRID = 2048 };
+
+static sheet s;
+static double pose[VERTICES][4];
+
+/* MiB resident in the process, less those of files that are mapped. */
+static double resident(void)
+{
+    FILE *file = fopen("/proc/self/statm", "r");
+    long pages = 0, all = 0, shared = 0;
+    if (file == NULL || fscanf(file, "%ld %ld %ld", &all, &pages, &shared) != 3) {
+        pages = shared = 0;
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+    return (double)(pages - shared) * (double)sysconf(_SC_PAGESIZE) / (1 << 20);
+}
+
+/* Makes an asset, solves it at several sizes, reads everything, and destroys it. Returns what it held, in MiB. */
+static double use(vrtm_device device, uint32_t grid)
+{
+    sheet_desc d;
+    vrtm_asset asset;
+    vrtm_tile tile;
+    vrtm_image rigidity = sheet_rigidity(&s);
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_image_out image = vrtm_image_out_init();
+    vrtm_array positions = sheet_positions(pose);
+    double held;
+    sheet_describe(&s, &d);
+    succeeds("an asset is made", vrtm_asset_create(device, &d.mesh, &asset));
+    succeeds("it has a tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("with rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    settings.grid_width = settings.grid_height = grid;
+    succeeds("and a size", vrtm_tile_set_settings(tile, &settings));
+    image.width = image.height = 512;
+    image.data = malloc(512 * 512 * 8);
+    for (int frame = 1; frame < 3; ++frame) {
+        sheet_pose(&s, frame, pose);
+        options.quality = frame == 1 ? VRTM_QUALITY_NORMAL : VRTM_QUALITY_DRAFT;
+        succeeds("it is solved", vrtm_asset_solve(asset, &positions, &options));
+        succeeds("and fetched", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+        succeeds("and fetched again", vrtm_tile_fetch(tile, VRTM_FETCH_WARP, &image));
+    }
+    free((void *)image.data);
+    held = resident();
+    succeeds("it is destroyed", vrtm_asset_destroy(asset));
+    return held;
+}
+
+int main(void)
+{
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_device device;
+    char detail[100];
+    desc.backend = VRTM_BACKEND_CPU;
+    sheet_make(&s);
+    succeeds("a device is made", vrtm_device_create(&desc, &device));
+    const double before = resident();
+    for (int round = 0; round < 2; ++round) {
+        const uint32_t sizes[3] = {256, GRID, 512};
+        for (int k = 0; k < 3; ++k) {
+            const double held = use(device, sizes[k]) - before, left = resident() - before;
+            snprintf(detail, sizeof detail, "%.1f MiB are left of %.1f", left, held);
+            check_that(left <= 10, "memory goes back", detail);
+            check_that(sizes[k] < GRID || before == 0 || held > 100, "which was much", detail);
+        }
+    }
+    succeeds("the device is destroyed", vrtm_device_destroy(device));
+    return finish();
+}
