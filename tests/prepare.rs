@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use common::sixteen::{bulged, discs, sixteen_charts};
 use common::{cpu, fetch, gpu, options, view};
 use vrtm::{
-    Asset, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, MeshSource, PixelFormat,
-    Quality, Strided, TileSettings, UvSource,
+    Asset, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, LogLevel, MeshSource,
+    PixelFormat, Quality, Strided, TileSettings, UvSource,
 };
 
 /// Counts the bytes that are allocated, and the most of them.
@@ -153,6 +153,44 @@ fn memory_is_refused_before_it_is_taken() {
     let (peak, _, solved) = counted(|| asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)));
     assert_eq!(solved.unwrap_err().kind, ErrorKind::OutOfMemory);
     assert!(peak < needed.prepared_bytes / 2, "{peak}");
+}
+
+#[test]
+fn rigid_texels_that_cannot_move_are_told() {
+    let _alone = alone();
+    let log = std::sync::Arc::new(Mutex::new(Vec::new()));
+    let lines = log.clone();
+    let settings = DeviceSettings {
+        log: Some(std::sync::Arc::new(move |level, message: &str| {
+            lines.lock().unwrap().push((level, message.to_owned()));
+        })),
+        ..DeviceSettings::default()
+    };
+    let device = Device::new(&settings).unwrap();
+    let warned = || {
+        let mut lines = log.lock().unwrap();
+        let is_warning =
+            |line: &(LogLevel, String)| line.0 == LogLevel::Warning && line.1.contains("may move");
+        let warned = lines.iter().any(is_warning);
+        lines.clear();
+        warned
+    };
+    let mut asset = sixteen(&device, 256, 0.5);
+    let free = asset.tile_info(0).unwrap();
+    // Discs at the charts' borders are cut by them.
+    assert!(free.frozen > 0.0 && free.frozen < 0.5, "{}", free.frozen);
+    assert!(log.lock().unwrap().iter().any(|line| line.1.contains("rigid texels are frozen")));
+    assert!(!warned());
+    // Half of the tile is masked, then all of it.
+    let half: Vec<u8> = (0..256 * 256).map(|k| if k % 256 < 128 { 0 } else { 255 }).collect();
+    asset.set_mask(0, Some(view(&half, 256, 256))).unwrap();
+    let masked = asset.tile_info(0).unwrap();
+    assert!((masked.frozen - (0.5 + 0.5 * free.frozen)).abs() < 0.05, "{} {}", masked.frozen, free.frozen);
+    assert!(!warned());
+    asset.set_mask(0, Some(view(&vec![0; 256 * 256], 256, 256))).unwrap();
+    let fixed = asset.tile_info(0).unwrap();
+    assert_eq!((fixed.frozen, fixed.movable_nodes), (1.0, 0));
+    assert!(warned());
 }
 
 #[test]

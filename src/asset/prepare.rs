@@ -125,6 +125,15 @@ impl TileState {
             device
                 .log(LogLevel::Warning, &format!("tile {}: {percent:.2} % of it is overlapped", source.udim));
         }
+        let message = format!(
+            "tile {}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen",
+            source.udim,
+            grid.movable.iter().sum::<u64>(),
+            grid.levels[0].nx,
+            grid.levels[0].ny,
+            100.0 * grid.frozen
+        );
+        device.log(LogLevel::Info, &message);
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
         self.grid = Some(grid.clone());
         if let Err(error) = self.book(device, 0, source.udim) {
