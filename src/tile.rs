@@ -39,7 +39,7 @@ use codes::Lengths;
 use gather::Gather;
 use interpolation::StiffnessPlanes;
 use pose::{Pose, PoseTriangle};
-use survey::SurveyLevel;
+use survey::{RigidNodes, SurveyLevel};
 
 /// Offsets of the four edges that a node owns: east, north, north-east, north-west. The other four belong to its
 /// neighbours (the paper's V_horz, V_vert, V_shear0, V_shear1).
@@ -144,8 +144,6 @@ pub struct Grid {
     pub movable: Vec<u64>,
     /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
-    /// Fraction of the covered rigid nodes that do not move.
-    pub frozen: f32,
     /// The rest pose, in the charts' units.
     pub rest: Arc<Pose>,
     /// The blocks and movable nodes of each level.
@@ -154,6 +152,8 @@ pub struct Grid {
     parts: Arc<Vec<Part>>,
     /// Per part, whether rigidity is not 0 at one of its nodes or next to it.
     rigid: Vec<bool>,
+    /// Of the squares that triangles cover, sorted by y, x.
+    rigid_nodes: Vec<RigidNodes>,
 }
 
 /// Floor of rest lengths, as a fraction of the chart's median edge (method §2): a texel that maps onto almost nothing
@@ -168,6 +168,11 @@ impl Grid {
             let survey = survey::Survey::new(team, tile, maps, maps.grid_size());
             build::grid(team, mesh, maps, survey)
         })
+    }
+
+    /// Fraction of the covered rigid nodes that do not move.
+    pub fn frozen(&self) -> f32 {
+        survey::frozen_share(&self.rigid_nodes)
     }
 
     /// True if another grid has the same blocks: it differs in rigidity at most.
@@ -201,7 +206,8 @@ impl Grid {
         let level_bytes = |(k, level): (usize, &Level)| {
             level.blocks.list.len() * block_bytes(k) + level.density.len() * size_of::<Plane>()
         };
-        let parts = self.parts.len() * (size_of::<Part>() + 1);
+        let squares = self.rigid_nodes.len() * size_of::<RigidNodes>();
+        let parts = self.parts.len() * (size_of::<Part>() + 1) + squares;
         let levels: usize = self.levels.iter().enumerate().map(level_bytes).sum();
         let level_1 = self.levels.get(1).map_or(0, |level| level.blocks.list.len());
         let gather = self.gather.bytes().saturating_sub(level_1 * NODES * GATHER_BYTES);

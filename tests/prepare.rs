@@ -221,14 +221,14 @@ impl Random {
 }
 
 /// Everything of an asset's result that a host can see, but for times.
-fn seen(asset: &mut Asset, pose: &[[f32; 3]]) -> (Vec<[u32; 2]>, [f64; 3], [u64; 4], [u32; 3]) {
+fn seen(asset: &mut Asset, pose: &[[f32; 3]]) -> (Vec<[u32; 2]>, [f64; 4], [u64; 4], [u32; 3]) {
     asset.solve(Strided::from_f32x3(pose), &options(Quality::Normal)).unwrap();
     let report = asset.tile_report(0).unwrap();
     let info = asset.tile_info(0).unwrap();
     let warp = fetch(asset, 0, FetchKind::Warp, report.grid.map(|n| n + 1));
     (
         warp.iter().map(|uv| uv.map(f32::to_bits)).collect(),
-        [report.energy_before, report.energy, report.min_jacobian],
+        [report.energy_before, report.energy, report.min_jacobian, info.frozen.into()],
         [report.folds, report.blocks, info.movable_nodes, u64::from(report.levels)],
         [report.charts, report.charts_fallback, report.charts_identity],
     )

@@ -115,7 +115,7 @@ impl TileState {
         self.forget(device);
         let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
         self.book(device, survey.grid_bytes(), source.udim)?;
-        if survey.counts.rigid > 0 && survey.movable.iter().all(|&count| count == 0) {
+        if survey.has_rigid_nodes() && survey.movable.iter().all(|&count| count == 0) {
             let message = format!("tile {}: it has rigid texels, but nothing that may move", source.udim);
             device.log(LogLevel::Warning, &message);
         }
@@ -131,7 +131,7 @@ impl TileState {
             grid.movable.iter().sum::<u64>(),
             grid.levels[0].nx,
             grid.levels[0].ny,
-            100.0 * grid.frozen
+            100.0 * grid.frozen()
         );
         device.log(LogLevel::Info, &message);
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
@@ -246,7 +246,7 @@ impl TileState {
             grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
             movable_nodes: grid.movable.iter().sum(),
             overlap: grid.overlap,
-            frozen: grid.frozen,
+            frozen: grid.frozen(),
             uv_set: source.uv_set,
             border_edges: source.border_edges(),
             welded_edges: source.welds.len() as u64,

@@ -37,9 +37,9 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: &TileMaps, survey: Survey) ->
         let (of_level, coverage) = Gather::new(team, &survey.coverer, level);
         (gather, level.coverage) = (of_level, Arc::new(coverage));
     }
-    let (overlap, frozen) = (survey.overlap(), survey.frozen());
+    let overlap = survey.overlap();
     let rest = Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None));
-    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, .. } = survey;
+    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, .. } = survey;
     let mut grid = Grid {
         levels,
         triangles: Arc::new(triangles),
@@ -48,11 +48,11 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: &TileMaps, survey: Survey) ->
         gather: Arc::new(gather),
         movable,
         overlap,
-        frozen,
         rest,
         survey: Arc::new(survey),
         parts: Arc::new(parts),
         rigid,
+        rigid_nodes,
     };
     rest::rest_lengths(team, &mut grid, mesh, tile);
     grid
@@ -63,8 +63,8 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: &TileMaps, survey: Survey) ->
 pub(crate) fn skeleton(survey: Survey) -> Grid {
     let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
     let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
-    let (overlap, frozen) = (survey.overlap(), survey.frozen());
-    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, .. } = survey;
+    let overlap = survey.overlap();
+    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, .. } = survey;
     Grid {
         levels,
         triangles: Arc::new(triangles),
@@ -73,11 +73,11 @@ pub(crate) fn skeleton(survey: Survey) -> Grid {
         gather: Arc::new(gather),
         movable,
         overlap,
-        frozen,
         rest: Arc::default(),
         survey: Arc::new(survey),
         parts: Arc::new(parts),
         rigid,
+        rigid_nodes,
     }
 }
 

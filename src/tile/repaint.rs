@@ -9,7 +9,7 @@ use super::interpolation::{self, MARGIN, PATCH, Source, StiffnessPlanes};
 use super::pyramid::{self, Held};
 use super::rigidity::NodeRigidity;
 use super::squares::Squares;
-use super::survey::{SurveyLevel, has_rigidity, movable_of_charts};
+use super::survey::{RigidNodes, SurveyLevel, has_rigidity, movable_of_charts, rigid_nodes};
 use super::{Grid, TileMaps};
 use crate::image::map::{Map, TexelRect};
 use crate::mesh::{NONE, TileMesh};
@@ -100,7 +100,8 @@ pub(crate) fn repaint(
     if movable_of_charts(grid.movable.len(), &grid.parts, &rigid) != grid.movable {
         return None;
     }
-    let mut grid = Grid { rigid, ..grid.clone() };
+    let rigid_nodes = rigid_nodes_now(&rigidity, &grid.rigid_nodes, near);
+    let mut grid = Grid { rigid, rigid_nodes, ..grid.clone() };
     let mut charts = vec![false; grid.movable.len()];
     let is_near = |part: &&Part| near.meet([part.x, part.y], SIDE);
     grid.parts.iter().filter(is_near).for_each(|part| charts[part.chart as usize] = true);
@@ -122,6 +123,22 @@ fn parts_with_rigidity(source: &NodeRigidity, parts: &[Part], before: &[bool], n
         (0..NODES).filter(moves).any(|n| has_rigidity(&window, n % SIDE, n / SIDE))
     };
     parts.iter().zip(before).map(of_part).collect()
+}
+
+/// The rigid nodes of each square.
+fn rigid_nodes_now(source: &NodeRigidity, before: &[RigidNodes], near: Nodes) -> Vec<RigidNodes> {
+    let of_square = |before: &RigidNodes| {
+        let [x, y] = before.square;
+        match source.coverer.squares.find(x, y).filter(|_| near.meet([x, y], SIDE)) {
+            Some(square) => {
+                let cover = source.coverer.cover(square);
+                let window = source.window([x, y], &cover);
+                rigid_nodes([x, y], &cover, &source.free([x, y]), &window)
+            }
+            None => *before,
+        }
+    };
+    before.iter().map(of_square).collect()
 }
 
 /// The blocks of a level that hold one of the nodes.

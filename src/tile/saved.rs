@@ -4,8 +4,9 @@
 //!
 //! ```text
 //! header     magic, format, length, key of the inputs, checksum of what follows
-//! sizes      cells along u and v, charts, levels, parts; overlap and frozen share
+//! sizes      cells along u and v, charts, levels, parts, squares; overlap
 //! parts      chart, place, rigid or not, nodes
+//! squares    place, rigid and frozen nodes
 //! levels     per level: rigidity, rest lengths, their coding and floors, weights, stiffness, coverage, density
 //! level 0    the triangle under each node
 //! level 1    what metrics are gathered from
@@ -24,7 +25,7 @@ use super::gather::Gather;
 use super::interpolation::StiffnessPlanes;
 use super::node_set::NodeSet;
 use super::pose::Pose;
-use super::survey::{levels, movable_of_charts, survey_bytes};
+use super::survey::{RigidNodes, levels, movable_of_charts, survey_bytes};
 use super::{Grid, Level, Rigidity, TileMaps, uv_triangles};
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, NONE, TileMesh};
@@ -37,6 +38,8 @@ const FORMAT: u32 = 1;
 const HEADER: usize = 8 + 4 + 4 + 8 + 16 + 16;
 /// Bytes of a part.
 const PART_BYTES: usize = 4 * 4 + 2 * SIDE;
+/// Bytes of a square's rigid nodes.
+const SQUARE_BYTES: usize = 2 * 4 + 2 * 2;
 
 /// Tells the inputs of a grid apart: the tile's mesh, its maps, and the settings that a grid depends on.
 pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> u128 {
@@ -128,13 +131,23 @@ impl Writer<'_> {
 }
 
 fn write(grid: &Grid, to: &mut Writer) {
-    let sizes =
-        [grid.levels[0].nx, grid.levels[0].ny, grid.movable.len(), grid.levels.len(), grid.parts.len()];
+    let sizes = [
+        grid.levels[0].nx,
+        grid.levels[0].ny,
+        grid.movable.len(),
+        grid.levels.len(),
+        grid.parts.len(),
+        grid.rigid_nodes.len(),
+    ];
     sizes.iter().for_each(|&n| to.u32(n as u32));
-    to.f32s(&[grid.overlap, grid.frozen]);
+    to.f32s(&[grid.overlap]);
     for (part, rigid) in grid.parts.iter().zip(&grid.rigid) {
         to.u32s(&[part.chart, part.x, part.y, u32::from(*rigid)]);
         to.u16s(&part.nodes.0);
+    }
+    for RigidNodes { square, rigid, frozen } in &grid.rigid_nodes {
+        to.u32s(square);
+        to.u16s(&[*rigid, *frozen]);
     }
     for level in &grid.levels {
         to.u16s(level.rigidity.as_flattened());
@@ -280,7 +293,7 @@ fn read(
     tile: &TileMesh,
     book: impl FnOnce(u64) -> Result<()>,
 ) -> Result<Grid> {
-    let sizes = from.array::<20>()?;
+    let sizes = from.array::<24>()?;
     let size =
         |k: usize| u32::from_le_bytes([sizes[4 * k], sizes[4 * k + 1], sizes[4 * k + 2], sizes[4 * k + 3]]);
     let cells = [size(0), size(1)].map(|n| n as usize);
@@ -288,11 +301,12 @@ fn read(
     if !cells.iter().all(is_grid) || size(2) as usize != tile.charts.len() {
         return Err(refuse("it has sizes that cannot be"));
     }
-    let [overlap, frozen] = [from.f32()?, from.f32()?];
+    let overlap = from.f32()?;
     let (parts, rigid) = read_parts(from, size(4) as usize, cells, tile.charts.len())?;
+    let rigid_nodes = read_squares(from, size(5) as usize, cells)?;
     let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
     let survey = levels(team, cells, &movable, &parts);
-    if survey.len() != size(3) as usize || !(0.0..=1.0).contains(&overlap) || !(0.0..=1.0).contains(&frozen) {
+    if survey.len() != size(3) as usize || !(0.0..=1.0).contains(&overlap) {
         return Err(refuse("it has sizes that cannot be"));
     }
     let triangles = tile.triangles.len();
@@ -328,11 +342,11 @@ fn read(
         gather: Arc::new(gather),
         movable,
         overlap,
-        frozen,
         rest: Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None)),
         survey: Arc::new(survey),
         parts: Arc::new(parts),
         rigid,
+        rigid_nodes,
     })
 }
 
@@ -371,6 +385,28 @@ fn read_parts(
         rigid.push(is_rigid == 1);
     }
     Ok((parts, rigid))
+}
+
+/// The rigid nodes of squares, sorted, inside of the grid.
+fn read_squares(from: &mut Reader, count: usize, cells: [usize; 2]) -> Result<Vec<RigidNodes>> {
+    if from.left.len() / SQUARE_BYTES < count {
+        return Err(refuse("it is cut short"));
+    }
+    let mut squares = Vec::<RigidNodes>::with_capacity(count);
+    for _ in 0..count {
+        let square = [from.u32()?, from.u32()?];
+        let [rigid, frozen] = [from.array()?, from.array()?].map(u16::from_le_bytes);
+        let is_inside = square.iter().zip(cells).all(|(&at, cells)| at as usize <= cells / SIDE);
+        let is_next = squares.last().is_none_or(|last| {
+            let [x, y] = last.square;
+            (y, x) < (square[1], square[0])
+        });
+        if !is_inside || !is_next || usize::from(rigid) > NODES || frozen > rigid {
+            return Err(refuse("it has squares that cannot be"));
+        }
+        squares.push(RigidNodes { square, rigid, frozen });
+    }
+    Ok(squares)
 }
 
 fn read_level(from: &mut Reader, level: &mut Level, k: usize, levels: usize) -> Result<()> {

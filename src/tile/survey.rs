@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use super::blocks::{Blocks, Part, SIDE};
-use super::cover::{Coverer, WIDE, at};
+use super::cover::{Cover, Coverer, WIDE, at};
 use super::node_set::NodeSet;
 use super::rigidity::NodeRigidity;
 use super::{TileMaps, UvTriangle, uv_triangles};
@@ -24,6 +24,8 @@ pub(crate) struct Survey<'a> {
     /// Movable nodes of level 0, per chart; 0 for a chart without rigidity (method §1).
     pub movable: Vec<u64>,
     pub counts: Counts,
+    /// Of the squares that triangles cover, sorted by y, x.
+    pub rigid_nodes: Vec<RigidNodes>,
 }
 
 /// The blocks of one level.
@@ -43,13 +45,26 @@ pub(crate) struct Counts {
     pub covered: u64,
     /// That more than one layer covers.
     pub layered: u64,
-    /// That are covered, with a rigidity of at least `RIGID`.
-    pub rigid: u64,
-    /// Of these, those that do not move, whatever their chart.
-    pub frozen: u64,
 }
 
-/// From here on a node counts as rigid in `Counts`.
+/// Rigid nodes of a square of level 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct RigidNodes {
+    /// The square's place, in blocks.
+    pub square: [u32; 2],
+    /// Nodes that a triangle covers, with a rigidity of at least `RIGID`.
+    pub rigid: u16,
+    /// Of these, those that do not move, whatever their chart.
+    pub frozen: u16,
+}
+
+/// The fraction of the rigid nodes that do not move.
+pub(super) fn frozen_share(squares: &[RigidNodes]) -> f32 {
+    let sum = |f: fn(&RigidNodes) -> u16| squares.iter().map(|square| u64::from(f(square))).sum::<u64>();
+    sum(|square| square.frozen) as f32 / sum(|square| square.rigid).max(1) as f32
+}
+
+/// From here on a node counts as rigid.
 const RIGID: f32 = 0.5;
 
 /// Squares that a thread surveys at a time.
@@ -70,19 +85,19 @@ impl<'a> Survey<'a> {
             found
         });
         let mut counts = Counts::default();
+        let mut rigid_nodes = Vec::with_capacity(found.iter().map(|f| f.rigid_nodes.len()).sum());
         let mut parts: Vec<(Part, bool)> = Vec::with_capacity(found.iter().map(|f| f.parts.len()).sum());
         for of_chunk in found {
             counts.covered += of_chunk.counts.covered;
             counts.layered += of_chunk.counts.layered;
-            counts.rigid += of_chunk.counts.rigid;
-            counts.frozen += of_chunk.counts.frozen;
+            rigid_nodes.extend(of_chunk.rigid_nodes);
             parts.extend(of_chunk.parts);
         }
         parts.sort_unstable_by_key(|(part, _)| (part.chart, part.y, part.x));
         let (parts, rigid): (Vec<Part>, Vec<bool>) = parts.into_iter().unzip();
         let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
         let levels = levels(team, [nx, ny], &movable, &parts);
-        Survey { coverer, triangles, parts, rigid, levels, movable, counts }
+        Survey { coverer, triangles, parts, rigid, levels, movable, counts, rigid_nodes }
     }
 
     /// About as many bytes as the grid will have.
@@ -100,9 +115,9 @@ impl<'a> Survey<'a> {
         self.counts.layered as f32 / self.counts.covered.max(1) as f32
     }
 
-    /// Fraction of the covered rigid nodes that do not move.
-    pub fn frozen(&self) -> f32 {
-        self.counts.frozen as f32 / self.counts.rigid.max(1) as f32
+    /// True if a node is rigid.
+    pub fn has_rigid_nodes(&self) -> bool {
+        self.rigid_nodes.iter().any(|square| square.rigid > 0)
     }
 }
 
@@ -189,6 +204,24 @@ struct Found {
     /// With whether rigidity is not 0 at one of its nodes or next to it.
     parts: Vec<(Part, bool)>,
     counts: Counts,
+    rigid_nodes: Vec<RigidNodes>,
+}
+
+/// The rigid nodes of a square, given its window of rigidity.
+pub(super) fn rigid_nodes(
+    square: [u32; 2],
+    cover: &Cover,
+    free: &NodeSet,
+    rigidity: &[f32; WIDE * WIDE],
+) -> RigidNodes {
+    let mut found = RigidNodes { square, rigid: 0, frozen: 0 };
+    for (i, j) in (0..SIDE * SIDE).map(|n| (n % SIDE, n / SIDE)) {
+        if cover.covered.contains(i, j) && rigidity[at(i + 1, j + 1)] >= RIGID {
+            found.rigid += 1;
+            found.frozen += u16::from(!(cover.interior.contains(i, j) && free.contains(i, j)));
+        }
+    }
+    found
 }
 
 impl Found {
@@ -203,14 +236,7 @@ impl Found {
         let first = self.parts.len();
         for j in 0..SIDE {
             for i in 0..SIDE {
-                if !cover.covered.contains(i, j) {
-                    continue;
-                }
-                let moves = cover.interior.contains(i, j) && free.contains(i, j);
-                let is_rigid = rigidity[at(i + 1, j + 1)] >= RIGID;
-                self.counts.rigid += u64::from(is_rigid);
-                self.counts.frozen += u64::from(is_rigid && !moves);
-                if !moves {
+                if !cover.interior.contains(i, j) || !free.contains(i, j) {
                     continue;
                 }
                 let chart = maps.coverer.charts[cover.triangle[at(i + 1, j + 1)] as usize];
@@ -225,6 +251,7 @@ impl Found {
                 *rigid |= is_near;
             }
         }
+        self.rigid_nodes.push(rigid_nodes([x, y], &cover, &free, &rigidity));
         self.counts.covered += cover.covered.count();
         self.counts.layered += cover.layered.count();
     }
