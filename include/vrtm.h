@@ -578,7 +578,8 @@ vrtm_status vrtm_asset_info(vrtm_asset asset,
                             vrtm_asset_data *info);
 
 // Ends an asset and all of its tile handles. If another thread is in a call on the asset, that call runs to its end
-// and the memory is freed then.
+// and the memory is freed then. With a device's last asset, free pages of the process's heap go back to the system (on
+// Linux with glibc, by malloc_trim).
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API

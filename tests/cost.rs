@@ -127,7 +127,7 @@ fn nothing_active_takes_no_solver() {
             let report = asset.tile_report(tile).unwrap();
             assert_eq!((report.sweeps, report.corrections, report.node_updates), (0, 0, 0), "{name}");
         }
-        // Maps, coverage and grid remain: about a fifth of the bytes that are held with the solver's memory.
+        // Maps and grid remain: about a fifth of the bytes that are held with the solver's memory.
         assert!(held(asset) < full * 3 / 10, "{name}: {} of {full} bytes", held(asset));
     };
     // The first pose is rest.
@@ -168,8 +168,7 @@ fn nothing_active_takes_no_solver() {
 ///
 /// The design's bar is 128, and is not met. A node of a stored block takes 153 bytes on the CPU, more than half of them
 /// for the rows and vectors of corrections, and 200 on a GPU, which holds constants in four bytes where the CPU has one
-/// or two (method §12). In addition there are the fixed nodes of stored blocks, the maps and the coverage of the whole
-/// tile, the triangles, and with a GPU the host's copy of the constants. On small grids these are divided among few
+/// or two (method §12). In addition there are the fixed nodes of stored blocks, the maps, the triangles, and with a GPU the host's copy of the constants. On small grids these are divided among few
 /// movable nodes.
 fn measured_bytes(backend: Backend) -> [(u32, f64); 2] {
     match backend {

@@ -7,11 +7,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use common::sixteen::{bulged, discs, sixteen_charts};
+use common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
 use common::{cpu, fetch, gpu, options, view};
 use vrtm::{
-    Asset, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, LogLevel, MeshSource,
-    PixelFormat, Quality, Strided, TileSettings, UvSource,
+    Asset, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, LogLevel, PixelFormat,
+    Quality, Strided, TileSettings,
 };
 
 /// Counts the bytes that are allocated, and the most of them.
@@ -70,22 +70,9 @@ fn counted<R>(f: impl FnOnce() -> R) -> (u64, u64, R) {
     (peak, live, result)
 }
 
-/// Sixteen charts that cover a share of the tile.
-fn bare(device: &Device, share: f64) -> Asset {
-    let (positions, uvs, indices) = sixteen_charts(share);
-    let source = MeshSource {
-        positions: Strided::from_f32x3(&positions),
-        face_counts: Some(&vec![4; indices.len() / 4]),
-        indices: &indices,
-        uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) },
-        ..MeshSource::default()
-    };
-    Asset::new(device, &source).unwrap()
-}
-
-/// The same with discs of rigidity, on a grid as large as the map.
+/// Sixteen charts that cover a share of the tile, with discs of rigidity, on a grid as large as the map.
 fn sixteen(device: &Device, size: u32, share: f64) -> Asset {
-    let mut asset = bare(device, share);
+    let mut asset = sixteen_asset(device, share).unwrap();
     let texels = discs(size as usize, 32);
     asset.set_rigidity(0, Some(view(&texels, size, size))).unwrap();
     asset
@@ -96,7 +83,7 @@ fn preparing_takes_little_more_than_what_stays() {
     let _alone = alone();
     for (size, share) in [(2048, 0.02), (2048, 0.25), (1024, 1.0)] {
         let device = cpu(0);
-        let mut asset = bare(&device, share);
+        let mut asset = sixteen_asset(&device, share).unwrap();
         let texels = discs(size as usize, 32);
         let (_, before, set) = counted(|| asset.set_rigidity(0, Some(view(&texels, size, size))));
         set.unwrap();
@@ -336,6 +323,45 @@ fn a_stroke_takes_a_small_part_of_preparing() {
     let share = stroking.as_secs_f64() / preparing.as_secs_f64();
     println!("preparing {preparing:?}, a stroke {stroking:?}: {:.2} %", 100.0 * share);
     assert!(share <= 0.05, "{share}");
+}
+
+/// Pages of a map that no chart comes near to are not held, and what is on them has no effect on any grid.
+#[test]
+fn what_is_painted_beside_charts_has_no_effect() {
+    let device = cpu(0);
+    let (positions, uvs, _) = sixteen_charts(0.1);
+    let pose = bulged(&positions, 0.4);
+    let n = 512;
+    // Half a cell of the coarsest grid, and a texel, may be read beside a chart.
+    let reach = 0.5 / 16.0 + 1.5 / n as f32;
+    let boxes: Vec<[[f32; 2]; 2]> = uvs
+        .chunks_exact(uvs.len() / 16)
+        .map(|chart| {
+            let bound =
+                |f: fn(f32, f32) -> f32| [0, 1].map(|k| chart.iter().map(|uv| uv[k]).reduce(f).unwrap());
+            [bound(f32::min).map(|x| x - reach), bound(f32::max).map(|x| x + reach)]
+        })
+        .collect();
+    let is_beside = |k: usize| {
+        let at = [k % n, n - 1 - k / n].map(|x| (x as f32 + 0.5) / n as f32);
+        !boxes.iter().any(|[low, high]| (0..2).all(|axis| (low[axis]..high[axis]).contains(&at[axis])))
+    };
+    let clean = discs(n, 24);
+    let painted: Vec<u8> = (0..n * n).map(|k| if is_beside(k) { 255 - clean[k] } else { clean[k] }).collect();
+    assert!(painted != clean);
+    for grid in [16, 48, 512] {
+        let [mut a, mut b] = [&clean, &painted].map(|texels| {
+            let mut asset = sixteen_asset(&device, 0.1).unwrap();
+            asset.set_rigidity(0, Some(view(texels, n as u32, n as u32))).unwrap();
+            common::set_grid(&mut asset, grid);
+            asset
+        });
+        assert!(seen(&mut a, &pose) == seen(&mut b, &pose), "{grid}");
+    }
+    let held = |share| sixteen(&cpu(1), 1024, share).tile_estimate(0).unwrap();
+    let (sparse, full) = (held(0.02), held(1.0));
+    // Sixteen small charts with their surroundings.
+    assert!(full.prepared_bytes > 4 * sparse.prepared_bytes, "{sparse:?} {full:?}");
 }
 
 #[test]

@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use vrtm::{
-    Asset, Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MeshSource,
-    PixelFormat, SolveOptions, Strided, UvSource,
+    Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat,
+    SolveOptions, Strided,
 };
 
 use super::memory;
-use super::sixteen::{bulged, discs, sixteen_charts};
+use super::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
 
 /// Texels from one disc to the next.
 const PITCH: usize = 32;
@@ -44,18 +44,11 @@ impl Case {
             ..DeviceSettings::default()
         };
         let device = Device::new(&settings).map_err(|e| e.to_string())?;
-        let (positions, uvs, indices) = sixteen_charts(self.share);
+        let (positions, ..) = sixteen_charts(self.share);
         let n = self.grid as usize;
         let texels = discs(n, PITCH);
-        let source = MeshSource {
-            positions: Strided::from_f32x3(&positions),
-            face_counts: Some(&vec![4; indices.len() / 4]),
-            indices: &indices,
-            uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) },
-            ..MeshSource::default()
-        };
         let before = memory::resident();
-        let mut asset = Asset::new(&device, &source).map_err(|e| e.to_string())?;
+        let mut asset = sixteen_asset(&device, self.share).map_err(|e| e.to_string())?;
         let layout = ImageLayout::packed(self.grid, self.grid, PixelFormat::U8);
         let map = ImageView::new("rigidity", &texels, layout).map_err(|e| e.to_string())?;
         asset.set_rigidity(0, Some(map)).map_err(|e| e.to_string())?;

@@ -109,17 +109,8 @@ impl TileState {
         if let Some(grid) = &self.grid {
             return Ok(grid.clone());
         }
-        let start = Instant::now();
         let source = &mesh.tiles[tile];
-        // The old grid's memory is of no more use.
-        self.forget(device);
-        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
-        self.book(device, survey.grid_bytes(), source.udim)?;
-        if survey.has_rigid_nodes() && survey.movable.iter().all(|&count| count == 0) {
-            let message = format!("tile {}: it has rigid texels, but nothing that may move", source.udim);
-            device.log(LogLevel::Warning, &message);
-        }
-        let grid = Arc::new(build::grid(team, mesh, &self.maps, survey));
+        let grid = self.build(team, device, mesh, source)?;
         if grid.overlap > 0.0 {
             let percent = 100.0 * grid.overlap;
             device
@@ -134,12 +125,27 @@ impl TileState {
             100.0 * grid.frozen()
         );
         device.log(LogLevel::Info, &message);
-        self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
         self.grid = Some(grid.clone());
         if let Err(error) = self.book(device, 0, source.udim) {
             self.grid = None;
             return Err(error);
         }
+        Ok(grid)
+    }
+
+    /// Builds a grid. Its memory is booked before it is taken.
+    fn build(&mut self, team: &Team, device: &Device, mesh: &Mesh, source: &TileMesh) -> Result<Arc<Grid>> {
+        let start = Instant::now();
+        // What the solver holds for another grid is of no more use.
+        self.forget(device);
+        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
+        self.book(device, survey.grid_bytes(), source.udim)?;
+        if survey.has_rigid_nodes() && survey.movable.iter().all(|&count| count == 0) {
+            let message = format!("tile {}: it has rigid texels, but nothing that may move", source.udim);
+            device.log(LogLevel::Warning, &message);
+        }
+        let grid = Arc::new(build::grid(team, mesh, &self.maps, survey));
+        self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
         Ok(grid)
     }
 
@@ -157,20 +163,19 @@ impl TileState {
         if self.torn_now.is_empty() {
             return Ok((whole.clone(), self.grid(call.team, call.device, call.mesh, tile)?));
         }
-        let start = Instant::now();
         let kept = self.torn.take().filter(|kept| kept.is(&self.torn_now));
         let mut torn = kept.unwrap_or_else(|| Torn::new(whole, &self.torn_now));
-        let (grid, built) = torn.grid(call.team, call.mesh, &self.maps);
         let source = torn.mesh.clone();
+        if let Some(grid) = torn.grid.clone() {
+            self.torn = Some(torn);
+            return Ok((source, grid));
+        }
+        let grid = self.build(call.team, call.device, call.mesh, &source)?;
+        torn.grid = Some(grid.clone());
         self.torn = Some(torn);
-        if built {
-            self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
-            self.forget(call.device);
-            let result = Solved::bytes_for(&grid);
-            if let Err(error) = self.book(call.device, result, source.udim) {
-                self.torn = None;
-                return Err(error);
-            }
+        if let Err(error) = self.book(call.device, Solved::bytes_for(&grid), source.udim) {
+            self.torn = None;
+            return Err(error);
         }
         Ok((source, grid))
     }
@@ -206,14 +211,16 @@ impl TileState {
         let source = &mesh.tiles[tile];
         let key = saved::key(mesh, source, &self.maps);
         let grid = saved::load(team, data, key, mesh, source, |bytes| self.book(device, bytes, source.udim));
-        if let Ok(grid) = grid {
+        let loaded = grid.and_then(|grid| {
             self.forget(device);
-            self.grid = Some(Arc::new(grid));
-            return self.book(device, 0, source.udim);
+            let before = self.grid.replace(Arc::new(grid));
+            self.book(device, 0, source.udim).inspect_err(|_| self.grid = before)
+        });
+        if loaded.is_err() {
+            // What was booked for it goes back: less than before always fits.
+            let _ = self.book(device, 0, source.udim);
         }
-        // What was booked for it goes back: less than before always fits.
-        let _ = self.book(device, 0, source.udim);
-        grid.map(drop)
+        loaded
     }
 
     /// What preparing and solving the tile would take, from a survey alone.

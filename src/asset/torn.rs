@@ -4,9 +4,7 @@
 use std::sync::Arc;
 
 use crate::mesh::{Mesh, TileMesh};
-use crate::team::Team;
-use crate::tile::survey::Survey;
-use crate::tile::{Grid, TileMaps, build};
+use crate::tile::Grid;
 use crate::view::Strided;
 
 /// A tile that a pose has torn.
@@ -15,7 +13,8 @@ pub(super) struct Torn {
     /// The torn ones, as indices into the whole tile's welds.
     welds: Vec<u32>,
     pub mesh: Arc<TileMesh>,
-    grid: Option<Arc<Grid>>,
+    /// Its grid, once it was built.
+    pub grid: Option<Arc<Grid>>,
 }
 
 /// The welds that a pose tears, ascending, as indices into the tile's welds: either end's vertices lie farther apart than
@@ -53,16 +52,6 @@ impl Torn {
     /// Whether it is the tile with these welds torn.
     pub fn is(&self, welds: &[u32]) -> bool {
         self.welds == welds
-    }
-
-    /// Its grid, and whether it had to be built.
-    pub fn grid(&mut self, team: &Team, mesh: &Mesh, maps: &TileMaps) -> (Arc<Grid>, bool) {
-        let built = self.grid.is_none();
-        let grid = self.grid.get_or_insert_with(|| {
-            let survey = Survey::new(team, &self.mesh, maps, maps.grid_size());
-            Arc::new(build::grid(team, mesh, maps, survey))
-        });
-        (grid.clone(), built)
     }
 
     /// Drops the grid: maps or settings have changed.

@@ -1,5 +1,7 @@
 //! Sixteen square charts that cover a share of a tile: a mesh for any grid's size and any active share.
 
+use vrtm::{Asset, Device, MeshSource, Strided, UvSource};
+
 /// Charts on a side of the tile.
 const CHARTS: usize = 4;
 /// Quads on a side of a chart.
@@ -26,6 +28,19 @@ pub fn sixteen_charts(share: f64) -> (Vec<[f32; 3]>, Vec<[f32; 2]>, Vec<u32>) {
         }
     }
     (positions, uvs, indices)
+}
+
+/// The asset of `sixteen_charts`, without maps.
+pub fn sixteen_asset(device: &Device, share: f64) -> vrtm::Result<Asset> {
+    let (positions, uvs, indices) = sixteen_charts(share);
+    let source = MeshSource {
+        positions: Strided::from_f32x3(&positions),
+        face_counts: Some(&vec![4; indices.len() / 4]),
+        indices: &indices,
+        uvs: UvSource { u: Strided::from_f32x2(&uvs), v: None, indices: Some(&indices) },
+        ..MeshSource::default()
+    };
+    Asset::new(device, &source)
 }
 
 /// Each chart is stretched in its middle.
