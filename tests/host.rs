@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 #[path = "common/gpu.rs"]
 mod gpu;
 mod host_tools;
-use host_tools::{compiler, library, root, scratch};
+use host_tools::{compiler, library, loader_folder, root, scratch};
 
 fn text(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
@@ -34,9 +34,7 @@ fn build(source: &Path, linked: bool) -> PathBuf {
         .arg("-o")
         .arg(&program);
     if linked {
-        let library = library();
-        let folder = library.parent().unwrap().display();
-        command.arg(format!("-L{folder}")).arg("-lvrtm").arg(format!("-Wl,-rpath,{folder}"));
+        command.arg(library()).arg(format!("-Wl,-rpath,{}", loader_folder().display()));
     }
     command.args(["-lm", "-ldl"]);
     let output = command.output().unwrap_or_else(|error| panic!("{:?}: {error}", compiler(language)));
