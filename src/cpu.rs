@@ -34,6 +34,7 @@ use std::time::Instant;
 
 use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Input};
+use crate::panics::{go_on, hold_back};
 use crate::team::{PerThread, Team, Worker};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
@@ -184,14 +185,16 @@ impl<'a> Run<'a> {
         let metric = std::mem::take(&mut self.memory.levels[level].metric);
         let triangles = std::mem::take(&mut self.memory.triangles);
         let state = self.memory.levels[level].state();
-        let result = if level == 0 {
-            f.call(self, state, Chords { grid: self.grid, triangles: &triangles })
-        } else {
-            f.call(self, state, Metrics { level: &self.grid.levels[level], metric: &metric })
-        };
+        let result = hold_back(|| {
+            if level == 0 {
+                f.call(self, state, Chords { grid: self.grid, triangles: &triangles })
+            } else {
+                f.call(self, state, Metrics { level: &self.grid.levels[level], metric: &metric })
+            }
+        });
         self.memory.triangles = triangles;
         self.memory.levels[level].metric = metric;
-        result
+        go_on(result)
     }
 }
 

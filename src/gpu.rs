@@ -24,6 +24,7 @@ mod upload;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::method::schedule::{ChartResult, Input};
 use crate::tile::Grid;
@@ -198,14 +199,18 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Submits the rest, waits for the GPU, and reads the outcome.
-    pub fn finish(mut self) -> Result<Solution> {
+    /// Submits the rest, waits for the GPU, and reads the outcome. With a control that is cancelled, it stops waiting: what
+    /// was submitted is done before anything that is submitted later.
+    pub fn finish(mut self, control: Option<&Arc<Control>>) -> Result<Solution> {
         if let Some(error) = self.error {
             return Err(error);
         }
-        let times = self.recorder.finish();
+        let (times, last) = self.recorder.finish();
         let record_ms = milliseconds(self.recording);
         let waiting = Instant::now();
+        if let Some(control) = control {
+            self.context.wait_for(&last, control)?;
+        }
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
         let gate_open = self.memory.gate_open.clone();

@@ -6,6 +6,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::error::{Error, Result};
+use crate::team::Executor;
+
+/// Most CPU threads per solve.
+pub(crate) const MAX_THREADS: u32 = 1024;
 
 /// Which backend a device runs on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,6 +52,9 @@ pub struct DeviceSettings {
     pub memory_budget: Option<u64>,
     /// Where warnings go; `None` = nowhere.
     pub log: Option<LogFn>,
+    /// The host's threads, on which solves and fetches work in place of the library's own, with the same bits; `None` = the
+    /// library's own, which end with each call.
+    pub executor: Option<Arc<dyn Executor>>,
 }
 
 impl fmt::Debug for DeviceSettings {
@@ -58,6 +65,7 @@ impl fmt::Debug for DeviceSettings {
             .field("threads", &self.threads)
             .field("memory_budget", &self.memory_budget)
             .field("log", &self.log.is_some())
+            .field("executor", &self.executor.is_some())
             .finish()
     }
 }

@@ -176,6 +176,32 @@ impl<'a> Strided<'a> {
     }
 }
 
+/// A copy of a host's array, tightly packed.
+#[derive(Clone, Debug)]
+pub(crate) struct Packed {
+    bytes: Vec<u8>,
+    scalar: Scalar,
+    components: usize,
+    count: usize,
+}
+
+impl Packed {
+    pub fn copy(from: &Strided) -> Packed {
+        let Strided { scalar, components, count, .. } = *from;
+        let element = scalar.size() * components;
+        let mut bytes = Vec::with_capacity(count * element);
+        for i in 0..count {
+            bytes.extend_from_slice(&from.bytes[i * from.stride..][..element]);
+        }
+        Packed { bytes, scalar, components, count }
+    }
+
+    pub fn view(&self) -> Strided<'_> {
+        let Packed { scalar, components, count, .. } = *self;
+        Strided { bytes: &self.bytes, scalar, components, count, stride: scalar.size() * components }
+    }
+}
+
 /// The bytes of plain numbers.
 fn as_bytes<T: Copy>(values: &[T]) -> &[u8] {
     // SAFETY: only called with arrays of f32 or f64, which have no padding; any byte may be read as u8.

@@ -7,6 +7,7 @@ use crate::device::Device;
 use crate::error::Result;
 use crate::mesh::TileMesh;
 use crate::method::budget::Clock;
+use crate::method::progress::Progress;
 use crate::method::schedule::{self, ChartResult, Input, Plan, Stages, Summary};
 use crate::report::GpuWork;
 use crate::settings::Solver;
@@ -79,6 +80,8 @@ pub(super) struct Job<'a> {
     pub plan: &'a Plan,
     /// The time that there is.
     pub clock: RefCell<Clock>,
+    /// How far it is.
+    pub progress: RefCell<Progress>,
     /// The tile's last result on the same grid.
     pub last: Option<&'a Warp>,
     /// Charts that are not solved keep their last result if they are in here, and become the identity if not.
@@ -112,7 +115,11 @@ impl Job<'_> {
     pub fn run_schedule(&self, stages: &mut impl Stages) -> Summary {
         let warm = self.plan.warm && self.last.is_some();
         let clock = &mut self.clock.borrow_mut();
-        if self.solves() { schedule::run(stages, self.plan, warm, clock) } else { Summary::default() }
+        if self.solves() {
+            schedule::run(stages, self.plan, warm, clock, &mut self.progress.borrow_mut())
+        } else {
+            Summary::default()
+        }
     }
 
     /// The last result of the charts that keep it and are not solved, the identity elsewhere, in host memory. The

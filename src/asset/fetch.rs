@@ -159,22 +159,25 @@ pub(super) fn dense(solved: &Solved) -> Result<Vec<[f32; 2]>> {
     Ok((0..=rows.level.ny).flat_map(|j| rows.row(j)).collect())
 }
 
-/// Redirected UVs of all face corners of a UV set.
+/// Redirected UVs of all face corners of a UV set; where a tile has no result, the mesh's own.
 pub(super) fn corner_uvs(
     team: &Team,
     corners: &[Corner],
-    tiles: &[&Solved],
+    tiles: &[Option<&Solved>],
     out: &mut [[f32; 2]],
 ) -> Result<()> {
-    let warps: Vec<_> = tiles.iter().map(|solved| solved.warp.host()).collect::<Result<_>>()?;
+    let warps = tiles.iter().map(|solved| solved.map(|solved| solved.warp.host()).transpose());
+    let warps: Vec<Option<&[[Plane; 2]]>> = warps.collect::<Result<_>>()?;
     const CHUNK: usize = 64;
     let canvas = AtomicPtr::new(out.as_mut_ptr());
     let count = out.len().min(corners.len());
     team.run(count.div_ceil(CHUNK), |k| {
         for (c, corner) in corners.iter().enumerate().take(((k + 1) * CHUNK).min(count)).skip(k * CHUNK) {
             let mut uv = corner.uv;
-            if corner.tile != NONE && corner.triangle != NONE {
-                let (solved, u) = (tiles[corner.tile as usize], warps[corner.tile as usize]);
+            if corner.tile != NONE
+                && corner.triangle != NONE
+                && let (Some(solved), Some(u)) = (tiles[corner.tile as usize], warps[corner.tile as usize])
+            {
                 let level = &solved.grid.levels[0];
                 let tile = solved.mesh.udim - 1001;
                 let origin = [f64::from(tile % 10), f64::from(tile / 10)];

@@ -117,6 +117,7 @@ impl Outputs {
 mod tests {
     use std::sync::Arc;
 
+    use super::super::results::{Last, TileResult};
     use super::*;
     use crate::mesh::{MeshSource, UvSource};
     use crate::settings::{Backend, DeviceSettings, Quality, SolveOptions, TileSettings};
@@ -159,7 +160,7 @@ mod tests {
         let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
         asset.solve(Strided::from_f32x3(pose.as_flattened()), &options).unwrap();
         assert!(asset.tile_report(0).unwrap().max_displacement > 1.0);
-        let fetch = |asset: &mut Asset, kind, size: [u32; 2]| {
+        let fetch = |asset: &Asset, kind, size: [u32; 2]| {
             let mut bytes = vec![0; (size[0] * size[1]) as usize * 8];
             let layout = ImageLayout::packed(size[0], size[1], PixelFormat::F32);
             asset.fetch(0, kind, &mut ImageViewMut::new("image", &mut bytes, layout).unwrap()).unwrap();
@@ -167,14 +168,18 @@ mod tests {
         };
         for size in [[128, 96], [64, 48], [512, 512], [77, 131], [1, 1]] {
             for kind in [FetchKind::Redirection, FetchKind::RedirectionDelta] {
-                fetch(&mut asset, kind, size);
-                let (on_gpu, gpu_ms) = fetch(&mut asset, kind, size);
-                let solved = asset.tiles[0].solved.as_mut().unwrap();
-                assert!(matches!(&*solved.warp, Warp::Gpu(_)), "{}", device.info().reason);
-                let host = Arc::new(Warp::Host(solved.warp.host().unwrap().to_vec()));
-                let before = std::mem::replace(&mut solved.warp, host);
-                let (on_cpu, cpu_ms) = fetch(&mut asset, kind, size);
-                asset.tiles[0].solved.as_mut().unwrap().warp = before;
+                fetch(&asset, kind, size);
+                let (on_gpu, gpu_ms) = fetch(&asset, kind, size);
+                let of_gpu = asset.results.solved(0).unwrap().solved;
+                assert!(matches!(&*of_gpu.warp, Warp::Gpu(_)), "{}", device.info().reason);
+                let warp = Arc::new(Warp::Host(of_gpu.warp.host().unwrap().to_vec()));
+                let show = |solved: Arc<Solved>| {
+                    let tiles = vec![Some(TileResult { solved, kept: false })];
+                    asset.results.replace(Last { tiles, solved_ms: Some(0.0) });
+                };
+                show(Arc::new(of_gpu.with_warp(warp)));
+                let (on_cpu, cpu_ms) = fetch(&asset, kind, size);
+                show(of_gpu);
                 let mut worst = 0.0f64;
                 for (k, (a, b)) in on_gpu.iter().zip(&on_cpu).enumerate() {
                     let off = (f64::from(*a) - f64::from(*b)).abs();

@@ -1,5 +1,8 @@
 //! The schedule on one backend up to a point, on the other from there.
 
+use std::sync::Arc;
+
+use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
@@ -66,17 +69,17 @@ impl<'a> Switched<'a> {
     }
 
     /// Waits for all of it. The result is on the GPU, whichever backend certified it.
-    pub fn finish(mut self) -> Result<gpu::Solution> {
+    pub fn finish(mut self, control: Option<&Arc<Control>>) -> Result<gpu::Solution> {
         if let Some(error) = self.error {
             return Err(error);
         }
         if self.on_gpu {
-            let mut done = self.gpu.finish()?;
+            let mut done = self.gpu.finish(control)?;
             done.node_updates += self.cpu.node_updates();
             return Ok(done);
         }
         self.gpu.set_result(self.cpu.result())?;
-        let mut done = self.gpu.finish()?;
+        let mut done = self.gpu.finish(control)?;
         done.node_updates += self.cpu.node_updates();
         done.charts = self.cpu.results;
         Ok(done)

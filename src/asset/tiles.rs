@@ -6,7 +6,6 @@ use crate::image::ImageView;
 use crate::image::map::{Map, PAGE};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::TileSettings;
-use crate::team::Team;
 use crate::tile::Rigidity;
 use crate::tile::squares::pages_near;
 use crate::view::Strided;
@@ -19,7 +18,7 @@ impl Asset {
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
         self.check_tile(tile)?;
         let state = &mut self.tiles[tile];
-        Team::with(self.device.threads(), |team| state.info(team, &self.device, &self.mesh, tile))
+        self.device.team(|team| state.info(team, &self.device, &self.mesh, tile))
     }
 
     /// What preparing and solving a tile would take with its present maps and settings. It finds the nodes that may move,
@@ -30,7 +29,7 @@ impl Asset {
     pub fn tile_estimate(&self, tile: usize) -> Result<TileEstimate> {
         self.check_tile(tile)?;
         let (state, device) = (&self.tiles[tile], &self.device);
-        Team::with(device.threads(), |team| state.estimate(team, device, &self.mesh, tile))
+        device.team(|team| state.estimate(team, device, &self.mesh, tile))
     }
 
     /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another machine.
@@ -50,7 +49,7 @@ impl Asset {
     pub fn saved_tile_size(&mut self, tile: usize) -> Result<usize> {
         self.check_tile(tile)?;
         let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        Team::with(device.threads(), |team| state.saved_size(team, device, mesh, tile))
+        device.team(|team| state.saved_size(team, device, mesh, tile))
     }
 
     /// Writes a tile as [`Asset::save_tile`] returns it, to the first bytes of `out`; returns how many.
@@ -64,7 +63,7 @@ impl Asset {
             .get_mut(..size)
             .ok_or_else(|| Error::argument(format!("data: {given} bytes given, {size} needed")))?;
         let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        Team::with(device.threads(), |team| state.save(team, device, mesh, tile, out))?;
+        device.team(|team| state.save(team, device, mesh, tile, out))?;
         Ok(size)
     }
 
@@ -77,7 +76,7 @@ impl Asset {
     pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
         self.check_tile(tile)?;
         let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        Team::with(device.threads(), |team| state.load(team, device, mesh, tile, data))
+        device.team(|team| state.load(team, device, mesh, tile, data))
     }
 
     /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` takes it away (the tile is then the identity).
@@ -123,7 +122,7 @@ impl Asset {
         let texels = image.rect("rigidity", first, size)?;
         let (state, mesh) = (&mut self.tiles[tile], &self.mesh.tiles[tile]);
         let device = &self.device;
-        Team::with(device.threads(), |team| state.update_rigidity(team, device, mesh, &image, texels))
+        device.team(|team| state.update_rigidity(team, device, mesh, &image, texels))
     }
 
     /// Copies an image where the charts of a tile are.
@@ -162,6 +161,16 @@ impl Asset {
         self.check_tile(tile)?;
         settings.check()?;
         self.tiles[tile].set_settings(settings);
+        Ok(())
+    }
+
+    /// Whether solves leave a tile alone, so that it keeps its result, or stays without one.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if `tile` is out of range.
+    pub fn freeze(&mut self, tile: usize, frozen: bool) -> Result<()> {
+        self.check_tile(tile)?;
+        self.tiles[tile].frozen = frozen;
         Ok(())
     }
 

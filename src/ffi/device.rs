@@ -1,10 +1,12 @@
 //! Devices and adapters.
 
 use std::ffi::{CString, c_char, c_void};
+use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use super::desc::{self, Out, Place, Sized32};
+use super::executor::{HostExecutor, vrtm_executor};
 use super::guard::guard;
 use super::handle::{self, vrtm_device};
 use super::status::{Failure, Outcome, chars, vrtm_status};
@@ -28,10 +30,10 @@ pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
 /// The chosen backend and device, and the reason.
 pub const VRTM_LOG_INFO: vrtm_log_level = 2;
 
-/// A host's log function. It is called on the thread that called into vrtm, during that call; several threads may be
-/// in it at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
-/// functions; those that use the asset of the call it was called from give VRTM_ERROR_BUSY. It must return
-/// normally: no exception, no longjmp.
+/// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
+/// threads, if the device has an executor, and on a job's thread); several threads may be in it at once. `message` is
+/// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; those that use the asset of
+/// the call it was called from give VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
 pub type vrtm_log_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
 
@@ -58,6 +60,9 @@ pub struct vrtm_device_desc {
     pub log: vrtm_log_fn,
     /// Passed to `log` as it is.
     pub log_user: *mut c_void,
+    /// The host's threads, copied; null (the default) = solves and fetches have threads of the library's own, which end
+    /// with the call.
+    pub executor: *const vrtm_executor,
 }
 
 /// Description of a device. Start from vrtm_device_data_init().
@@ -99,7 +104,7 @@ pub struct vrtm_adapter_data {
 
 // SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function. So for the other two.
 unsafe impl Sized32 for vrtm_device_desc {
-    const FIRST: usize = size_of::<vrtm_device_desc>();
+    const FIRST: usize = offset_of!(vrtm_device_desc, executor);
     const NAME: &'static str = "vrtm_device_desc";
 }
 
@@ -141,7 +146,7 @@ impl HostLog {
     }
 }
 
-fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
+unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     let backend = match desc.backend {
         VRTM_BACKEND_AUTO => Backend::Auto,
         VRTM_BACKEND_CPU => Backend::Cpu,
@@ -152,12 +157,15 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
         let host = HostLog { call, user: desc.log_user };
         Arc::new(move |level: LogLevel, message: &str| host.write(level, message)) as LogFn
     });
+    // SAFETY: the host's pointer.
+    let executor = unsafe { HostExecutor::read(desc.executor, "desc.executor") }?;
     Ok(DeviceSettings {
         backend,
         adapter: desc.adapter,
         threads: NonZeroU32::new(desc.threads),
         memory_budget: (desc.memory_budget != 0).then_some(desc.memory_budget),
         log,
+        executor: executor.map(|executor| Arc::new(executor) as _),
     })
 }
 
@@ -182,7 +190,8 @@ pub unsafe extern "C" fn vrtm_device_create(
         let out = Place::new(device, "device")?;
         // SAFETY: the host's pointer.
         let desc = unsafe { desc::read_or_default(desc, "desc") }?;
-        let device = Device::new(&settings(&desc)?)?;
+        // SAFETY: as above.
+        let device = Device::new(&unsafe { settings(&desc) }?)?;
         out.write(handle::add_device(device)?);
         Ok(())
     })

@@ -12,13 +12,15 @@
 pub mod asset;
 mod desc;
 pub mod device;
+pub mod executor;
 pub mod fetch;
-mod float_mode;
 mod guard;
 pub mod handle;
+pub mod job;
 pub mod mesh;
 pub mod prepare;
 pub mod report;
+mod shared;
 pub mod solve;
 pub mod status;
 mod strips;

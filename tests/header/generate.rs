@@ -4,8 +4,10 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 11] =
-    ["status", "handle", "types", "device", "mesh", "asset", "tile", "prepare", "fetch", "solve", "report"];
+const SECTIONS: [&str; 13] = [
+    "status", "handle", "types", "executor", "device", "mesh", "asset", "tile", "prepare", "fetch", "solve",
+    "job", "report",
+];
 
 pub fn header(root: &Path) -> Result<String, String> {
     let config = cbindgen::Config::from_file(root.join("cbindgen.toml"))?;
