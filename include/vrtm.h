@@ -86,7 +86,11 @@
  * Stack. On the CPU a thread with a stack of 48 KiB may call any function. A GPU's driver sets no bound that is known:
  * call on threads with the system's usual stack there, megabytes.
  *
- * Process. Nothing is printed. The library may be unloaded when no call is running, and loaded again. Nothing of it
+ * Process. Nothing is printed, no signal handler, locale or other state of the process is changed, and none of it
+ * changes a result. Threads of the library leave signals to the host's threads, but for those of faults and SIGPROF.
+ * After a fork while no call runs and no job is alive, both processes may use all devices and assets on the CPU; a
+ * child of a fork during a call may only exec or _exit, as POSIX has it. GPUs are not for the child. The library may be
+ * unloaded when no call is running, and loaded again. Nothing of it
  * stays in memory then, unless a thread that lives on has looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too).
  *
  * VERSIONS
