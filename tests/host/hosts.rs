@@ -16,9 +16,7 @@ fn build_with(source: &str, name: &str, options: &[&str], linked: bool) -> PathB
     }
     command.arg(root().join(source)).arg("-o").arg(&built);
     if linked {
-        let library = library();
-        let folder = library.parent().unwrap().display();
-        command.arg(format!("-L{folder}")).arg("-lvrtm").arg(format!("-Wl,-rpath,{folder}"));
+        command.arg(library()).arg(format!("-Wl,-rpath,{}", loader_folder().display()));
     }
     command.args(["-lm", "-ldl"]);
     let output = command.output().unwrap_or_else(|error| panic!("{:?}: {error}", compiler("cpp")));
