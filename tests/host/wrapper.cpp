@@ -269,6 +269,9 @@ void meshes(const vrtm::Device &device)
     first->add_uv_set(vrtm::UvSet(vrtm::Array(u.data(), VERTICES), vrtm::Array(v.data(), VERTICES)).uv_indices(corners));
     vrtm::Mesh copy(*first), assigned = quads();
     assigned = *first;
+    check_that(copy.c().uv_sets[0].uvs != first->c().uv_sets[0].uvs &&
+                   assigned.c().uv_sets[1].u != first->c().uv_sets[1].u,
+               "a copy points into itself", "");
     vrtm::Mesh moved(std::move(*first));
     first.reset();
     check_that(data_of(copy).uv_sets == 3 && data_of(assigned).uv_sets == 3, "copies of a mesh with UV sets", "");
@@ -383,11 +386,12 @@ void executors(const Map &expected)
     pool->queue.at(0)();
     pool->queue.clear();
     works("and is done when the host has run it", job.try_wait_for(std::chrono::milliseconds(0)));
-    const long users = pool.use_count();
     desc = vrtm::DeviceDesc();
-    job.reset();
+    check_that(pool.use_count() > 1, "the asset keeps the host's threads alive", "");
     asset.reset();
-    check_that(users > 1 && pool.use_count() == 1, "asset and job keep the host's threads alive, and let them go", "");
+    check_that(pool.use_count() > 1, "and so does a job without it", "");
+    job.reset();
+    check_that(pool.use_count() == 1, "which lets them go", "");
 
     const auto loops = std::make_shared<LoopsOnly>();
     desc.set(vrtm::Backend::cpu).set_executor(loops);
