@@ -211,6 +211,11 @@ fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
 }
 
 #[test]
+fn smoke_under_valgrind() {
+    run_under_valgrind("smoke.c", true, &[]);
+}
+
+#[test]
 fn misuse_under_valgrind() {
     run_under_valgrind("misuse.c", true, &[]);
 }
