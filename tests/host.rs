@@ -96,6 +96,12 @@ fn float_mode() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn jobs() {
+    run_host("job.c", 90);
+}
+
+#[test]
 fn deformer() {
     run_host("deformer.cpp", 15);
 }
@@ -218,6 +224,11 @@ fn smoke_under_valgrind() {
 #[test]
 fn misuse_under_valgrind() {
     run_under_valgrind("misuse.c", true, &[]);
+}
+
+#[test]
+fn jobs_under_valgrind() {
+    run_under_valgrind("job.c", true, &[Path::new("96")]);
 }
 
 #[test]
