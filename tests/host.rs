@@ -235,3 +235,7 @@ fn jobs_under_valgrind() {
 fn unload_under_valgrind() {
     run_under_valgrind("unload.c", false, &[&library()]);
 }
+
+/// The C++ wrapper, hosts' contracts, the examples for hosts, and the code in the documents.
+#[path = "host/hosts.rs"]
+mod hosts;

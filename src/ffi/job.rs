@@ -234,6 +234,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         let mut claim = shared.claim()?;
         claim.asset().check_request(&wishes.request(positions))?;
         let executor = claim.asset().device().executor().cloned();
+        claim.announce(&wishes.control);
         let work = Work {
             claim,
             positions: Packed::copy(&positions),
