@@ -52,6 +52,10 @@
 //! # }
 //! ```
 
+// An allocation whose size follows from input must be able to fail: clippy.toml lists those that cannot.
+#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
+
+mod memory;
 mod view;
 mod image;
 mod mesh;
@@ -79,12 +83,18 @@ mod ffi;
 #[doc(hidden)]
 pub mod ffi;
 
+/// Memory of all of the library, and of a Rust program that links it.
+#[cfg(feature = "allocator")]
+#[global_allocator]
+static ALLOCATOR: memory::Allocator = memory::Allocator;
+
 #[cfg(feature = "oracle")]
 pub use asset::ReferenceMinimum;
 pub use asset::{Asset, Fetch, FetchKind};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
+pub use memory::HostAllocator;
 pub use mesh::{MeshSource, UvSource, Weld, WeldBy};
 #[cfg(all(feature = "oracle", feature = "gpu"))]
 pub use oracle::parity::StageDifference;

@@ -8,11 +8,14 @@
 use std::any::Any;
 use std::cell::Cell;
 use std::fmt::Write;
+#[cfg(any(test, feature = "gpu"))]
+use std::panic::resume_unwind;
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Once, OnceLock};
 
 use crate::line::Line;
+use crate::memory::OutOfMemory;
 
 /// Bytes of a panic's place; a longer one is cut.
 const PLACE_BYTES: usize = 128;
@@ -43,6 +46,11 @@ impl Panicked {
         literal.or_else(formatted).unwrap_or("a panic without a message")
     }
 
+    /// If it is no panic, but memory that is missing.
+    pub fn out_of_memory(&self) -> Option<&OutOfMemory> {
+        self.payload.downcast_ref()
+    }
+
     /// File, line and column.
     pub fn place(&self) -> &str {
         self.place.as_str()
@@ -65,11 +73,16 @@ pub(crate) fn catch<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
 }
 
 /// Runs code of others that panics where it should fail (wgpu on a lost device). `Err` holds the panic's text and
-/// place.
+/// place. Memory that is missing goes on to the caller.
 #[cfg(any(test, feature = "gpu"))]
 pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
     install_hook();
-    catch_here(body).map_err(|panic| format!("{} ({})", panic.text(), panic.place()))
+    catch_here(body).map_err(|panic| {
+        if panic.out_of_memory().is_some() {
+            resume_unwind(panic.payload);
+        }
+        format!("{} ({})", panic.text(), panic.place())
+    })
 }
 
 /// Catches this thread's panics.
@@ -101,6 +114,7 @@ fn install_hook() {
     ONCE.call_once(|| {
         let _ = PREVIOUS_HOOK.set(take_hook());
         // A function, not a closure that holds the other hook: that would need memory, which unloading leaves behind.
+        #[expect(clippy::disallowed_methods, reason = "of no size")]
         set_hook(Box::new(keep_or_pass_on));
     });
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::error::{Error, Result};
+use crate::memory::HostAllocator;
 
 /// Which backend a device runs on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,6 +49,8 @@ pub struct DeviceSettings {
     pub memory_budget: Option<u64>,
     /// Where warnings go; `None` = nowhere.
     pub log: Option<LogFn>,
+    /// The host's allocator; `None` = the system's.
+    pub allocator: Option<HostAllocator>,
 }
 
 impl fmt::Debug for DeviceSettings {
@@ -58,6 +61,7 @@ impl fmt::Debug for DeviceSettings {
             .field("threads", &self.threads)
             .field("memory_budget", &self.memory_budget)
             .field("log", &self.log.is_some())
+            .field("allocator", &self.allocator)
             .finish()
     }
 }

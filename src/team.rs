@@ -62,7 +62,9 @@ impl Team {
             return f(&team);
         }
         let (protocol, address) = (&team.protocol, team.address() as usize);
+        let memory = crate::memory::Current::of_this_thread();
         let help = |number| {
+            let _memory = memory.enter();
             let worker = Worker { number, team: address as *const () };
             // SAFETY: called within a job that this helper has joined; `run_dyn` keeps its function alive.
             protocol.help(|job, k| unsafe { (*job.0)(&worker, k) });

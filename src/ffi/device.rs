@@ -1,9 +1,11 @@
 //! Devices and adapters.
 
 use std::ffi::{CString, c_char, c_void};
+use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
+use super::allocator::{self, vrtm_allocator};
 use super::desc::{self, Out, Place, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_device};
@@ -58,6 +60,8 @@ pub struct vrtm_device_desc {
     pub log: vrtm_log_fn,
     /// Passed to `log` as it is.
     pub log_user: *mut c_void,
+    /// The host's allocator; null (the default) = the system's. The struct is copied.
+    pub allocator: *const vrtm_allocator,
 }
 
 /// Description of a device. Start from vrtm_device_data_init().
@@ -99,7 +103,7 @@ pub struct vrtm_adapter_data {
 
 // SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function. So for the other two.
 unsafe impl Sized32 for vrtm_device_desc {
-    const FIRST: usize = size_of::<vrtm_device_desc>();
+    const FIRST: usize = offset_of!(vrtm_device_desc, allocator);
     const NAME: &'static str = "vrtm_device_desc";
 }
 
@@ -158,6 +162,8 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
         threads: NonZeroU32::new(desc.threads),
         memory_budget: (desc.memory_budget != 0).then_some(desc.memory_budget),
         log,
+        // SAFETY: the host's pointer.
+        allocator: unsafe { allocator::read(desc.allocator, "desc.allocator") }?,
     })
 }
 
@@ -171,8 +177,9 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
 /// buffers of 256 MiB) and without optional features, for support.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
-/// 1024 threads, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened.
+/// 1024 threads, an allocator without a function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
+/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and for an allocator if the
+/// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,

@@ -2,7 +2,9 @@
 //! processor's floating-point mode is the default one.
 
 use super::float_mode::FloatMode;
-use super::status::{Outcome, VRTM_ERROR_INTERNAL, VRTM_OK, set_last_error, vrtm_status};
+use super::status::{
+    Outcome, VRTM_ERROR_INTERNAL, VRTM_ERROR_OUT_OF_MEMORY, VRTM_OK, set_last_error, vrtm_status,
+};
 use crate::panics;
 
 /// Runs the body of the exported function `name`. Should it panic, a solve that was under way has not replaced its
@@ -16,6 +18,10 @@ pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_stat
             failure.status
         }
         Err(panic) => {
+            if let Some(short) = panic.out_of_memory() {
+                set_last_error(name, short);
+                return VRTM_ERROR_OUT_OF_MEMORY;
+            }
             let message = format_args!("internal error: {} ({})", panic.text(), panic.place());
             set_last_error(name, message);
             VRTM_ERROR_INTERNAL

@@ -13,6 +13,7 @@ use std::time::Duration;
 use super::adapters::describe;
 use super::kernels::Pipelines;
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory::{Collect, Grow};
 use crate::method::point::Switch;
 use crate::panics::contain;
 use crate::report::AdapterInfo;
@@ -69,7 +70,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// Joins the lines of wgpu's messages.
 fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    text.split_whitespace().collected().join(" ")
 }
 
 impl ErrorLog {
@@ -86,7 +87,7 @@ impl ErrorLog {
         let mut errors = lock(&self.errors);
         if errors.len() < MAX_ERRORS {
             let error = Error::new(kind, format!("the GPU: {}", one_line(&error.to_string())));
-            errors.push((thread::current().id(), error));
+            errors.put((thread::current().id(), error));
         }
     }
 

@@ -4,8 +4,20 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 11] =
-    ["status", "handle", "types", "device", "mesh", "asset", "tile", "prepare", "fetch", "solve", "report"];
+const SECTIONS: [&str; 12] = [
+    "status",
+    "handle",
+    "types",
+    "allocator",
+    "device",
+    "mesh",
+    "asset",
+    "tile",
+    "prepare",
+    "fetch",
+    "solve",
+    "report",
+];
 
 pub fn header(root: &Path) -> Result<String, String> {
     let config = cbindgen::Config::from_file(root.join("cbindgen.toml"))?;
