@@ -55,7 +55,7 @@ pub(crate) enum Rigidity {
     /// An image.
     Map(Map),
     /// One value per vertex of the mesh.
-    Vertices(Arc<[f32]>),
+    Vertices(Arc<Vec<f32>>),
 }
 
 /// A tile's maps and settings, as the host has set them.

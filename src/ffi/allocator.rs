@@ -7,8 +7,8 @@ use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
 use crate::memory::HostAllocator;
 
-/// A host's function that allocates: `size` bytes (at least 4096) at a multiple of `alignment` (a power of two, at least
-/// 16), or null if there is no memory. The bytes need not be zero.
+/// A host's function that allocates: `size` bytes (at least 4096) at a multiple of `alignment` (a power of two, at
+/// least 16), or null if there is no memory. The bytes need not be zero.
 pub type vrtm_alloc_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, size: usize, alignment: usize) -> *mut c_void>;
 
@@ -17,17 +17,17 @@ pub type vrtm_alloc_fn =
 pub type vrtm_free_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, pointer: *mut c_void, size: usize, alignment: usize)>;
 
-/// A host's allocator, for all memory of a device whose size follows from input: meshes, maps, grids, results, a solve's
-/// arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the system, as do
-/// the drivers' and the GPU's own. Start from vrtm_allocator_init().
+/// A host's allocator, for all memory of a device whose size follows from input: meshes, maps, grids, results, a
+/// solve's arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the
+/// system, as does what a GPU's driver takes. Start from vrtm_allocator_init().
 ///
-/// Both functions are called on any thread that works in a call, also by several at once. They must return normally (no
-/// exception, no longjmp) and must not call vrtm. They and `user` must stay valid until the device and all of its assets
-/// are destroyed; by then everything has been freed.
+/// Both functions are called on any thread that works in a call, also by several at once. They must return normally
+/// (no exception, no longjmp) and must not call vrtm. They and `user` must stay valid until the device and all of its
+/// assets are destroyed; by then everything has been freed.
 ///
-/// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY: nothing was written, the asset is as it was, and
-/// the call may be made again. Memory that the code for GPUs takes on its own comes from the system where `alloc` returns
-/// null.
+/// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY: nothing was written, the asset is as it was,
+/// and the call may be made again. Memory that the code for GPUs takes on its own comes from the system where `alloc`
+/// returns null.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_allocator {

@@ -177,7 +177,8 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
 /// buffers of 256 MiB) and without optional features, for support.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
-/// 1024 threads, an allocator without a function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
+/// 1024 threads, an allocator without a function, or an environment variable VRTM_DEVICE, VRTM_THREADS or
+/// VRTM_GPU_LIMITS that cannot be read;
 /// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and for an allocator if the
 /// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]

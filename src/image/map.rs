@@ -18,6 +18,14 @@ pub(crate) struct TexelRect {
     pub end: [usize; 2],
 }
 
+impl TexelRect {
+    /// All of its texels, row by row.
+    fn texels(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let TexelRect { first, end } = *self;
+        (first[1]..end[1]).flat_map(move |y| (first[0]..end[0]).map(move |x| [x, y]))
+    }
+}
+
 /// A copied map, with values from 0 to 1 and rows from v = 0 upward. Pages that no chart comes near to are not held;
 /// their texels are 0.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,6 +81,26 @@ impl Map {
         if let Some(at) = self.offset(x, y) {
             let size = self.format.size();
             self.texels[at..at + size].copy_from_slice(&bytes[..size]);
+        }
+    }
+
+    /// The bytes of some texels, row by row; of those that are not held, none.
+    pub fn part(&self, rect: &TexelRect) -> Vec<u8> {
+        let size = self.format.size();
+        let texels = rect.texels().filter_map(|[x, y]| self.offset(x, y));
+        texels.flat_map(|at| &self.texels[at..at + size]).copied().collected()
+    }
+
+    /// Takes back what `part` returned.
+    pub fn set_part(&mut self, rect: &TexelRect, bytes: &[u8]) {
+        let size = self.format.size();
+        let mut texels = bytes.chunks_exact(size);
+        for [x, y] in rect.texels() {
+            if let Some(at) = self.offset(x, y)
+                && let Some(texel) = texels.next()
+            {
+                self.texels[at..at + size].copy_from_slice(texel);
+            }
         }
     }
 

@@ -1,0 +1,103 @@
+/* Lets the n-th allocation of each step fail, n = 1, 2, 3 and so on, until the step succeeds. */
+
+#ifndef ALLOCATE_ROUNDS_H
+#define ALLOCATE_ROUNDS_H
+
+#include "allocate_steps.h"
+
+#include <stdatomic.h>
+
+/* Which allocation of those to come fails, counted from 1; 0 = none. `and_later` lets all later ones fail as well. */
+static atomic_long fails_at, allocations;
+static atomic_int and_later;
+
+/* Counts an allocation; tells whether it has to fail. */
+static int is_to_fail(void)
+{
+    const long n = atomic_fetch_add(&allocations, 1) + 1, at = atomic_load(&fails_at);
+    return at > 0 && (n == at || (n > at && atomic_load(&and_later)));
+}
+
+static void arm(long n)
+{
+    atomic_store(&allocations, 0);
+    atomic_store(&fails_at, n);
+}
+
+/* What a run without failures has after each step. */
+static struct {
+    uint64_t result, written, booked;
+    long allocations;
+} expected[STEPS];
+
+static void reference(int backend, const vrtm_allocator *allocator)
+{
+    static work w;
+    work_begin(&w, backend, allocator);
+    for (int k = 0; k < STEPS; ++k) {
+        arm(0);
+        if (!check_that(steps[k].run(&w) == VRTM_OK, steps[k].name, vrtm_last_error())) {
+            break;
+        }
+        expected[k].allocations = atomic_load(&allocations);
+        expected[k].result = last_result(&w);
+        expected[k].written = written(&w);
+        expected[k].booked = booked(&w);
+    }
+    check_that(expected[STEPS - 1].result > 2, "a run without failures has a result", "");
+    work_end(&w);
+}
+
+/* The rounds. With `most`, a step has about so many of them at most, evenly spaced. Returns the number of failures. */
+static long rounds(int backend, const vrtm_allocator *allocator, int persistent, long most)
+{
+    static work w;
+    char line[200];
+    long all = 0;
+    work_begin(&w, backend, allocator);
+    atomic_store(&and_later, persistent);
+    for (int k = 0; k < STEPS; ++k) {
+        const uint64_t result_before = last_result(&w), written_before = written(&w);
+        const long stride = most > 0 && expected[k].allocations > most ? expected[k].allocations / most : 1;
+        const char *wrong = NULL;
+        long failed = 0;
+        for (long n = 1; wrong == NULL; n += stride) {
+            vrtm_status status;
+            arm(n);
+            status = steps[k].run(&w);
+            arm(0);
+            if (status == VRTM_OK) {
+                break;
+            }
+            failed += 1;
+            if (status != VRTM_ERROR_OUT_OF_MEMORY) {
+                wrong = "another status";
+            } else if (strstr(vrtm_last_error(), "out of memory: ") == NULL) {
+                wrong = "another message";
+            } else if (written(&w) != written_before) {
+                wrong = "an output was written";
+            } else if (last_result(&w) != result_before) {
+                wrong = "the last result has changed";
+            } else if (n > 100000) {
+                wrong = "it never succeeds";
+            }
+        }
+        if (wrong == NULL && last_result(&w) != expected[k].result) {
+            wrong = "the result has other bits";
+        } else if (wrong == NULL && written(&w) != expected[k].written) {
+            wrong = "other outputs";
+        } else if (wrong == NULL && booked(&w) != expected[k].booked) {
+            wrong = "other bytes are booked";
+        }
+        snprintf(line, sizeof line, "%s: %ld failures%s", steps[k].name, failed, persistent ? ", each with all later ones" : "");
+        if (!check_that(wrong == NULL, line, wrong == NULL ? "" : wrong)) {
+            printf("     the last message: %s\n", vrtm_last_error());
+            break;
+        }
+        all += failed;
+    }
+    work_end(&w);
+    return all;
+}
+
+#endif

@@ -1,0 +1,491 @@
+/*
+ * A host's work, step by step, for the programs that let allocations fail in it (allocate.c, allocate_outside.c): a mesh
+ * with two UV sets and two halves that are welded by position, maps, settings, estimates, saved tiles, solves of all kinds,
+ * fetches of all kinds. Each step is one call, so that it either does all of its work or none.
+ */
+
+#ifndef ALLOCATE_STEPS_H
+#define ALLOCATE_STEPS_H
+
+#include "check.h"
+
+enum {
+    QUADS = 40,
+    HALF = QUADS / 2,
+    ROW = HALF + 1,                    /* vertices of a half's row */
+    POINTS = 2 * ROW * (QUADS + 1),
+    QUAD_CORNERS = 4 * QUADS * QUADS,
+    TEXELS = 160,                      /* side of the maps */
+    OUT = 96,                          /* side of what is fetched */
+    GRID_SIDE = 128,
+    MAX_TILES = 2
+};
+
+typedef struct {
+    int backend;
+    const vrtm_allocator *allocator;
+    vrtm_device device;
+    vrtm_asset asset;
+    vrtm_tile tiles[MAX_TILES];
+    unsigned char *saved;
+    size_t saved_size, saved_capacity;
+    /* What calls write: compared byte for byte. */
+    float out[2][OUT * OUT * 2];
+    uint16_t out_half[OUT * OUT * 2];
+    float corners[QUAD_CORNERS][2];
+} work;
+
+static float rest[POINTS][3], posed[POINTS][3], uvs[2][POINTS][2], weights[POINTS];
+static uint32_t quad_counts[QUADS * QUADS], quad_indices[QUAD_CORNERS], cut[2 * QUADS];
+static unsigned char painted[TEXELS * TEXELS], stroked[TEXELS * TEXELS], masked[TEXELS * TEXELS];
+static float painted_f32[TEXELS * TEXELS];
+
+static int vertex(int side, int i, int j)
+{
+    return (j * ROW + i) + side * ROW * (QUADS + 1);
+}
+
+static void prepare_inputs(void)
+{
+    int face = 0;
+    for (int side = 0; side < 2; ++side) {
+        for (int j = 0; j <= QUADS; ++j) {
+            for (int i = 0; i < ROW; ++i) {
+                const int k = vertex(side, i, j);
+                const float u = (float)(i + side * HALF) / QUADS, v = (float)j / QUADS;
+                rest[k][0] = 10 * u;
+                rest[k][1] = 10 * v;
+                rest[k][2] = 0;
+                uvs[0][k][0] = 0.04f + 0.92f * u;
+                uvs[0][k][1] = 0.04f + 0.92f * v;
+                /* The second set lies in the tile to the right, turned. */
+                uvs[1][k][0] = 1.05f + 0.9f * v;
+                uvs[1][k][1] = 0.05f + 0.9f * u;
+                weights[k] = (i / 3 + j / 3) % 3 == 0 ? 1.0f : 0.0f;
+            }
+        }
+    }
+    for (int j = 0; j < QUADS; ++j) {
+        for (int i = 0; i < QUADS; ++i, ++face) {
+            const int side = i >= HALF, at = i - side * HALF;
+            quad_counts[face] = 4;
+            quad_indices[4 * face] = (uint32_t)vertex(side, at, j);
+            quad_indices[4 * face + 1] = (uint32_t)vertex(side, at + 1, j);
+            quad_indices[4 * face + 2] = (uint32_t)vertex(side, at + 1, j + 1);
+            quad_indices[4 * face + 3] = (uint32_t)vertex(side, at, j + 1);
+        }
+    }
+    /* A seam across both halves. */
+    for (int i = 0; i < QUADS; ++i) {
+        const int side = i >= HALF, at = i - side * HALF;
+        cut[2 * i] = (uint32_t)vertex(side, at, QUADS / 2);
+        cut[2 * i + 1] = (uint32_t)vertex(side, at + 1, QUADS / 2);
+    }
+    for (int y = 0; y < TEXELS; ++y) {
+        for (int x = 0; x < TEXELS; ++x) {
+            const int k = y * TEXELS + x;
+            const double dx = fmod(x + 0.5, 16) - 8, dy = fmod(y + 0.5, 16) - 8;
+            painted[k] = dx * dx + dy * dy < 20 ? 255 : 0;
+            painted_f32[k] = dx * dx + dy * dy < 30 ? 1.0f : 0.0f;
+            stroked[k] = x > 60 && x < 72 && y > 30 && y < 44 ? 200 : painted[k];
+            masked[k] = x > 20 ? 255 : 0;
+        }
+    }
+}
+
+/* Frame 0 is the rest; `apart` pulls the halves apart. */
+static void pose_frame(int frame, float apart)
+{
+    for (int k = 0; k < POINTS; ++k) {
+        const float dx = rest[k][0] - 3 - 0.5f * (float)frame, dy = rest[k][1] - 4;
+        posed[k][0] = rest[k][0] * (1 + 0.03f * (float)frame);
+        posed[k][1] = rest[k][1];
+        posed[k][2] = 2.0f * expf(-(dx * dx + dy * dy) / 3) + (k >= POINTS / 2 ? apart : 0);
+    }
+}
+
+static vrtm_array array_of(const void *data, size_t count)
+{
+    vrtm_array array = vrtm_array_init();
+    array.data = data;
+    array.count = count;
+    return array;
+}
+
+static vrtm_image map_of(const unsigned char *texels)
+{
+    vrtm_image image = vrtm_image_init();
+    image.format = VRTM_PIXEL_U8;
+    image.data = texels;
+    image.width = image.height = TEXELS;
+    return image;
+}
+
+static vrtm_image_out image_of(void *data, vrtm_pixel_format format)
+{
+    vrtm_image_out image = vrtm_image_out_init();
+    image.format = format;
+    image.data = data;
+    image.width = image.height = OUT;
+    return image;
+}
+
+static vrtm_status make_device(work *w)
+{
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    desc.backend = w->backend;
+    desc.threads = 2;
+    desc.allocator = w->allocator;
+    return vrtm_device_create(&desc, &w->device);
+}
+
+static vrtm_status make_asset(work *w)
+{
+    vrtm_array points = array_of(rest, POINTS), first = array_of(uvs[0], POINTS), second = array_of(uvs[1], POINTS);
+    vrtm_uv_set more;
+    vrtm_mesh_desc desc = vrtm_mesh_desc_init();
+    memset(&more, 0, sizeof more);
+    more.uvs = &second;
+    more.uv_indices = quad_indices;
+    more.uv_index_count = QUAD_CORNERS;
+    desc.positions = &points;
+    desc.face_counts = quad_counts;
+    desc.face_count = QUADS * QUADS;
+    desc.indices = quad_indices;
+    desc.index_count = QUAD_CORNERS;
+    desc.uvs = &first;
+    desc.uv_indices = quad_indices;
+    desc.uv_index_count = QUAD_CORNERS;
+    desc.uv_sets = &more;
+    desc.uv_set_count = 1;
+    desc.seams = cut;
+    desc.seam_count = QUADS;
+    desc.weld = VRTM_WELD_POSITION;
+    return vrtm_asset_create(w->device, &desc, &w->asset);
+}
+
+static vrtm_status find_tiles(work *w)
+{
+    vrtm_status status = vrtm_asset_tile(w->asset, 0, &w->tiles[0]);
+    return status == VRTM_OK ? vrtm_asset_tile(w->asset, 1, &w->tiles[1]) : status;
+}
+
+static vrtm_status paint(work *w)
+{
+    vrtm_image image = map_of(painted);
+    return vrtm_tile_set_rigidity(w->tiles[0], &image);
+}
+
+static vrtm_status paint_second(work *w)
+{
+    vrtm_image image = map_of(painted);
+    image.format = VRTM_PIXEL_F32;
+    image.data = painted_f32;
+    return vrtm_tile_set_rigidity(w->tiles[1], &image);
+}
+
+static vrtm_status mask(work *w)
+{
+    vrtm_image image = map_of(masked);
+    return vrtm_tile_set_mask(w->tiles[0], &image);
+}
+
+static vrtm_status settings(work *w, int which, float density)
+{
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    settings.grid_width = settings.grid_height = GRID_SIDE;
+    settings.orientation_density = density;
+    return vrtm_tile_set_settings(w->tiles[which], &settings);
+}
+
+static vrtm_status settings_first(work *w)
+{
+    return settings(w, 0, 0);
+}
+
+static vrtm_status settings_second(work *w)
+{
+    return settings(w, 1, 1);
+}
+
+static vrtm_status describe(work *w, int which)
+{
+    vrtm_tile_data data = vrtm_tile_data_init();
+    return vrtm_tile_info(w->tiles[which], &data);
+}
+
+static vrtm_status describe_first(work *w)
+{
+    return describe(w, 0);
+}
+
+static vrtm_status describe_second(work *w)
+{
+    return describe(w, 1);
+}
+
+static vrtm_status estimate(work *w)
+{
+    vrtm_tile_needs needs = vrtm_tile_needs_init();
+    return vrtm_tile_estimate(w->tiles[0], &needs);
+}
+
+static vrtm_status save(work *w)
+{
+    return vrtm_tile_save(w->tiles[0], w->saved, w->saved_capacity, &w->saved_size);
+}
+
+static vrtm_status load(work *w)
+{
+    return vrtm_tile_load(w->tiles[0], w->saved, w->saved_size);
+}
+
+static vrtm_status solve(work *w, int frame, float apart, vrtm_quality quality, vrtm_solver solver, float warm, int measure)
+{
+    vrtm_array points = array_of(posed, POINTS);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    pose_frame(frame, apart);
+    options.quality = quality;
+    options.solver = solver;
+    options.warm = warm > 0;
+    options.temporal_weight = warm;
+    options.measure = (uint32_t)measure;
+    return vrtm_asset_solve(w->asset, &points, &options);
+}
+
+static vrtm_status solve_normal(work *w)
+{
+    return solve(w, 1, 0, VRTM_QUALITY_NORMAL, VRTM_SOLVER_DESCENT, 0, 0);
+}
+
+static vrtm_status solve_draft(work *w)
+{
+    return solve(w, 2, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 0);
+}
+
+static vrtm_status solve_high(work *w)
+{
+    return solve(w, 3, 0, VRTM_QUALITY_HIGH, VRTM_SOLVER_DESCENT, 0, 0);
+}
+
+static vrtm_status solve_warm(work *w)
+{
+    return solve(w, 4, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0.1f, 0);
+}
+
+static vrtm_status solve_measured(work *w)
+{
+    return solve(w, 5, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 1);
+}
+
+static vrtm_status solve_torn(work *w)
+{
+    return solve(w, 5, 3, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 0);
+}
+
+static vrtm_status solve_pbd(work *w)
+{
+    return solve(w, 6, 0, VRTM_QUALITY_NORMAL, VRTM_SOLVER_PBD, 0, 0);
+}
+
+static vrtm_status fetch(work *w, int tile, vrtm_fetch_kind kind)
+{
+    vrtm_image_out image = image_of(w->out[0], VRTM_PIXEL_F32);
+    return vrtm_tile_fetch(w->tiles[tile], kind, &image);
+}
+
+static vrtm_status fetch_redirection(work *w)
+{
+    return fetch(w, 0, VRTM_FETCH_REDIRECTION);
+}
+
+static vrtm_status fetch_delta(work *w)
+{
+    return fetch(w, 1, VRTM_FETCH_REDIRECTION_DELTA);
+}
+
+static vrtm_status fetch_warp(work *w)
+{
+    return fetch(w, 0, VRTM_FETCH_WARP);
+}
+
+static vrtm_status fetch_half(work *w)
+{
+    vrtm_image_out image = image_of(w->out_half, VRTM_PIXEL_F16);
+    return vrtm_tile_fetch(w->tiles[1], VRTM_FETCH_REDIRECTION, &image);
+}
+
+static vrtm_status fetch_part(work *w)
+{
+    vrtm_image_out image = image_of(w->out[1], VRTM_PIXEL_F32);
+    return vrtm_tile_fetch_part(w->tiles[0], VRTM_FETCH_WARP, &image, 700, 300, 2048, 1024);
+}
+
+static vrtm_status fetch_corners(work *w)
+{
+    return vrtm_asset_fetch_corner_uvs_of_set(w->asset, 1, w->corners[0], QUAD_CORNERS);
+}
+
+static vrtm_status stroke(work *w)
+{
+    vrtm_image image = map_of(stroked);
+    return vrtm_tile_update_rigidity(w->tiles[0], &image, 60, 30, 13, 15);
+}
+
+/* Two maps of one tile and one of the other. */
+static vrtm_status redirect(work *w)
+{
+    vrtm_array points = array_of(posed, POINTS);
+    vrtm_image_out images[3];
+    vrtm_fetch fetches[3];
+    vrtm_solve_options options = vrtm_solve_options_init();
+    options.quality = VRTM_QUALITY_DRAFT;
+    options.measure = 1;
+    pose_frame(7, 0);
+    images[0] = image_of(w->out[0], VRTM_PIXEL_F32);
+    images[1] = image_of(w->out[1], VRTM_PIXEL_F32);
+    images[2] = image_of(w->out_half, VRTM_PIXEL_F16);
+    for (int k = 0; k < 3; ++k) {
+        fetches[k] = vrtm_fetch_init();
+        fetches[k].tile = w->tiles[k == 1];
+        fetches[k].kind = k == 1 ? VRTM_FETCH_WARP : VRTM_FETCH_REDIRECTION;
+        fetches[k].image = &images[k];
+    }
+    return vrtm_asset_redirect(w->asset, &points, &options, fetches, 3);
+}
+
+static vrtm_status weigh(work *w)
+{
+    vrtm_array array = array_of(weights, POINTS);
+    return vrtm_asset_set_vertex_rigidity(w->asset, &array);
+}
+
+static const struct {
+    const char *name;
+    vrtm_status (*run)(work *);
+} steps[] = {
+    {"device", make_device},
+    {"asset", make_asset},
+    {"tiles", find_tiles},
+    {"rigidity", paint},
+    {"rigidity of f32", paint_second},
+    {"mask", mask},
+    {"settings", settings_first},
+    {"settings with a density", settings_second},
+    {"estimate", estimate},
+    {"tile info", describe_first},
+    {"tile info with a density", describe_second},
+    {"save", save},
+    {"load", load},
+    {"solve", solve_normal},
+    {"redirection", fetch_redirection},
+    {"delta", fetch_delta},
+    {"warp", fetch_warp},
+    {"redirection of f16", fetch_half},
+    {"part of a warp", fetch_part},
+    {"corner UVs", fetch_corners},
+    {"stroke", stroke},
+    {"solve after the stroke", solve_normal},
+    {"solve, draft", solve_draft},
+    {"solve, high", solve_high},
+    {"solve, warm", solve_warm},
+    {"solve, measured", solve_measured},
+    {"solve, torn", solve_torn},
+    {"solve, paper's", solve_pbd},
+    {"redirect", redirect},
+    {"vertex rigidity", weigh},
+    {"solve of vertex rigidity", solve_draft},
+};
+
+enum { STEPS = sizeof steps / sizeof steps[0] };
+
+static void work_begin(work *w, int backend, const vrtm_allocator *allocator)
+{
+    memset(w, 0, sizeof *w);
+    w->backend = backend;
+    w->allocator = allocator;
+    w->saved_capacity = 16u << 20;
+    w->saved = malloc(w->saved_capacity);
+    memset(w->saved, 0, w->saved_capacity);
+}
+
+static void work_end(work *w)
+{
+    if (w->asset.id != 0) {
+        vrtm_asset_destroy(w->asset);
+    }
+    if (w->device.id != 0) {
+        vrtm_device_destroy(w->device);
+    }
+    free(w->saved);
+}
+
+/* A hash (FNV-1a) of some bytes, on top of another. */
+static uint64_t hash_bytes(uint64_t hash, const void *data, size_t size)
+{
+    const unsigned char *bytes = data;
+    for (size_t k = 0; k < size; ++k) {
+        hash = (hash ^ bytes[k]) * 1099511628211u;
+    }
+    return hash;
+}
+
+/* A hash of all that calls have written. */
+static uint64_t written(const work *w)
+{
+    uint64_t hash = 1469598103934665603u;
+    hash = hash_bytes(hash, w->out, sizeof w->out);
+    hash = hash_bytes(hash, w->out_half, sizeof w->out_half);
+    hash = hash_bytes(hash, w->corners, sizeof w->corners);
+    hash = hash_bytes(hash, w->saved, w->saved_size);
+    return hash_bytes(hash, &w->saved_size, sizeof w->saved_size);
+}
+
+/* A hash of the last result, as a host can read it; 1 before the first one. */
+static uint64_t last_result(const work *w)
+{
+    static float map[OUT * OUT * 2], corners[QUAD_CORNERS][2];
+    static const vrtm_fetch_kind kinds[] = {VRTM_FETCH_REDIRECTION, VRTM_FETCH_WARP};
+    uint64_t hash = 1469598103934665603u;
+    if (w->asset.id == 0) {
+        return 1;
+    }
+    for (int tile = 0; tile < MAX_TILES; ++tile) {
+        vrtm_tile_report_data report = vrtm_tile_report_data_init();
+        vrtm_status status = vrtm_tile_report(w->tiles[tile], &report);
+        if (status != VRTM_OK) {
+            return status == VRTM_ERROR_NOT_SOLVED || w->tiles[tile].id == 0 ? 1 : 2;
+        }
+        hash = hash_bytes(hash, &report.energy_before, sizeof report.energy_before);
+        hash = hash_bytes(hash, &report.energy, sizeof report.energy);
+        hash = hash_bytes(hash, &report.min_jacobian, sizeof report.min_jacobian);
+        hash = hash_bytes(hash, &report.charts_active, sizeof report.charts_active);
+        hash = hash_bytes(hash, &report.welds_torn, sizeof report.welds_torn);
+        hash = hash_bytes(hash, &report.measured, sizeof report.measured);
+        hash = hash_bytes(hash, &report.before, sizeof report.before);
+        hash = hash_bytes(hash, &report.after, sizeof report.after);
+        for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; ++k) {
+            vrtm_image_out image = image_of(map, VRTM_PIXEL_F32);
+            if (vrtm_tile_fetch(w->tiles[tile], kinds[k], &image) != VRTM_OK) {
+                return 2;
+            }
+            hash = hash_bytes(hash, map, sizeof map);
+        }
+    }
+    for (uint32_t set = 0; set < 2; ++set) {
+        if (vrtm_asset_fetch_corner_uvs_of_set(w->asset, set, corners[0], QUAD_CORNERS) != VRTM_OK) {
+            return 2;
+        }
+        hash = hash_bytes(hash, corners, sizeof corners);
+    }
+    return hash;
+}
+
+/* What the device has on its account. */
+static uint64_t booked(const work *w)
+{
+    vrtm_device_data data = vrtm_device_data_init();
+    return w->device.id != 0 && vrtm_device_info(w->device, &data) == VRTM_OK ? data.bytes_held : 0;
+}
+
+#endif
