@@ -14,6 +14,7 @@
  *   prepare  vrtm_tile_estimate, vrtm_tile_save, vrtm_tile_load   if memory or the first frame's time matter
  *   frame    vrtm_asset_redirect          every frame: new positions in, redirection maps out
  *            or vrtm_asset_solve, then vrtm_tile_fetch and vrtm_asset_fetch_corner_uvs
+ *   job      vrtm_asset_submit, then vrtm_job_wait    the same beside the host's own work, which can be cancelled
  *   facts    vrtm_tile_report, vrtm_asset_report
  *
  * A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture. So the
@@ -54,10 +55,10 @@
  * RULES FOR ALL FUNCTIONS
  *
  * Status. Every function but vrtm_version, vrtm_status_string and vrtm_last_error returns VRTM_OK (0) or an error.
- * After an error, vrtm_last_error() on the same thread says which argument, and which element of it, was wrong. Outputs
- * are written only on VRTM_OK, and an asset's last good result stays readable after a call that failed. Besides the
- * errors that a function lists, any may give VRTM_ERROR_INTERNAL: a defect of the library, which left the asset as it
- * was.
+ * After an error, vrtm_last_error() on the same thread says which argument, and which element of it, was wrong.
+ * Outputs are written only on VRTM_OK, and an asset's last good result stays readable after a call that failed.
+ * Besides the errors that a function lists, any may give VRTM_ERROR_INTERNAL: a defect of the library, which left the
+ * asset as it was.
  *
  * Handles are numbers, to be copied freely. A zero, destroyed or foreign handle is an error and never does harm; a
  * number once given out is never given out again. Objects may be destroyed in any order.
@@ -69,16 +70,18 @@
  *
  * Memory. Inputs are read during the call and copied where needed: the caller may free or change them as soon as it
  * returns. Outputs go to memory of the caller. Nothing is allocated on one side and freed on the other. Pointers must
- * be null or valid for the size that goes with them, structs and number arrays aligned as in C; the data of vrtm_array,
- * vrtm_image and vrtm_image_out need no alignment. Strides are in bytes.
+ * be null or valid for the size that goes with them, structs and number arrays aligned as in C; the data of
+ * vrtm_array, vrtm_image and vrtm_image_out need no alignment. Strides are in bytes.
  *
  * Floating point. Functions work in the processor's default mode (rounding to nearest, no flushing to zero, no traps),
  * the host's log function included, and restore the mode of the calling thread (on x86-64 and ARM64).
  *
  * Threads. Any function may be called from any thread. Different assets work at the same time. Calls on one asset do
- * not wait for each other: one that solves, fetches a map or changes anything gives VRTM_ERROR_BUSY while another call
- * is using the asset, and so does one that reads (reports, corner UVs, settings, find_tile) while such a call runs.
- * A solve uses threads of its own, which end before it returns. No lock is held while the host's log function runs.
+ * not wait for each other. Results (maps, corner UVs, reports), descriptions and find_tile can be read at any time,
+ * also while the next result is computed: what is read is the last good one. A call that solves or changes anything
+ * gives VRTM_ERROR_BUSY while another call, or a job, is using the asset, and so do vrtm_tile_get_settings and
+ * vrtm_tile_estimate while such a call runs. A solve uses threads of its own, which end before it returns, or the
+ * host's (vrtm_executor). No lock is held while a function of the host runs.
  *
  * Stack. On the CPU a thread with a stack of 48 KiB may call any function. A GPU's driver sets no bound that is known:
  * call on threads with the system's usual stack there, megabytes.
@@ -152,6 +155,12 @@ typedef int32_t vrtm_status;
 // A defect of the library; please report the message. The asset keeps its last good result.
 #define VRTM_ERROR_INTERNAL 8
 
+// The call or the job was cancelled; the asset keeps its last good result.
+#define VRTM_ERROR_CANCELLED 9
+
+// The job was not done in time; wait again.
+#define VRTM_ERROR_TIMEOUT 10
+
 // The version of the library that is loaded, as one number: major * 1000000 + minor * 1000 + patch. Compare it with
 // VRTM_VERSION, the version of the header. Never fails.
 VRTM_API
@@ -190,6 +199,13 @@ typedef struct vrtm_tile {
     // Opaque.
     uint64_t id;
 } vrtm_tile;
+
+// A job: one solve that runs beside the host's own work. Made by vrtm_asset_submit, ended by vrtm_job_destroy. Zero is
+// no job.
+typedef struct vrtm_job {
+    // Opaque.
+    uint64_t id;
+} vrtm_job;
 
 /* ---- Arrays and images ---- */
 
@@ -289,6 +305,39 @@ typedef struct vrtm_image_out {
     uint32_t reserved;
 } vrtm_image_out;
 
+/* ---- Threads of the host ---- */
+
+// One of the library's tasks, which a host runs by calling it with the `data` that it got along with it.
+typedef void (*vrtm_task_fn)(void *data, size_t index);
+
+// A host's parallel loop, such as TBB's parallel_for: it calls `task(data, index)` for each index from 0 to `count` -
+// 1, once, on any threads and in any order, side by side or one after the other, and returns when all of these calls
+// have returned. It may be called by several threads at once. The first task to begin does the work of the call, and
+// the others help it: so it is well for the calling thread to run tasks, too, and no harm if no other does. It must
+// return normally: no exception, no longjmp.
+typedef void (*vrtm_parallel_for_fn)(void *user, size_t count, vrtm_task_fn task, void *data);
+
+// A host's task queue: it calls `task(data, 0)` once, on any thread, at any time, now or later. It must return
+// normally.
+typedef void (*vrtm_spawn_fn)(void *user, vrtm_task_fn task, void *data);
+
+// A host's threads, on which all work is done in place of the library's own threads, with the same bits. Start from
+// vrtm_executor_init(). The functions and `user` must stay valid until the device, all of its assets and all of their
+// jobs are destroyed.
+typedef struct vrtm_executor {
+    // sizeof(vrtm_executor); set by vrtm_executor_init().
+    uint32_t struct_size;
+    // Zero.
+    uint32_t reserved;
+    // Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve asks
+    // for. Required.
+    vrtm_parallel_for_fn parallel_for;
+    // Runs jobs; null = each job has a thread of the library's own.
+    vrtm_spawn_fn spawn;
+    // Passed to both as it is.
+    void *user;
+} vrtm_executor;
+
 /* ---- Device ---- */
 
 // Where assets are solved.
@@ -313,10 +362,10 @@ typedef int32_t vrtm_log_level;
 // The chosen backend and device, and the reason.
 #define VRTM_LOG_INFO 2
 
-// A host's log function. It is called on the thread that called into vrtm, during that call; several threads may be
-// in it at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
-// functions; those that use the asset of the call it was called from give VRTM_ERROR_BUSY. It must return
-// normally: no exception, no longjmp.
+// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
+// threads, if the device has an executor, and on a job's thread); several threads may be in it at once. `message` is
+// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; those that use the asset of
+// the call it was called from give VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
 typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
 
 // Settings of a new device. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
@@ -340,6 +389,9 @@ typedef struct vrtm_device_desc {
     vrtm_log_fn log;
     // Passed to `log` as it is.
     void *log_user;
+    // The host's threads, copied; null (the default) = solves and fetches have threads of the library's own, which end
+    // with the call.
+    const vrtm_executor *executor;
 } vrtm_device_desc;
 
 // Description of a device. Start from vrtm_device_data_init().
@@ -577,9 +629,9 @@ VRTM_API
 vrtm_status vrtm_asset_info(vrtm_asset asset,
                             vrtm_asset_data *info);
 
-// Ends an asset and all of its tile handles. If another thread is in a call on the asset, that call runs to its end
-// and the memory is freed then. With a device's last asset, free pages of the process's heap go back to the system (on
-// Linux with glibc, by malloc_trim).
+// Ends an asset and all of its tile handles. If another thread is in a call on the asset, or a job is, a solve is
+// cancelled, any other call runs to its end, and the memory is freed then; this does not wait for it. With a device's
+// last asset, free pages of the process's heap go back to the system (on Linux with glibc, by malloc_trim).
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API
@@ -602,7 +654,7 @@ vrtm_status vrtm_asset_tile(vrtm_asset asset,
 // The tile with a UDIM number (1001 + U + 10 V), of UV set 0.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
-// null; VRTM_ERROR_BUSY.
+// null. Never busy.
 VRTM_API
 vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
                                  uint32_t udim,
@@ -758,6 +810,14 @@ VRTM_API
 vrtm_status vrtm_tile_get_settings(vrtm_tile tile,
                                    vrtm_tile_settings *settings);
 
+// Freezes a tile (1) or lets it go (0): solves leave a frozen tile alone, so that it keeps its result, or stays without
+// one.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `frozen` is neither 0 nor 1; VRTM_ERROR_BUSY.
+VRTM_API
+vrtm_status vrtm_tile_freeze(vrtm_tile tile,
+                             uint32_t frozen);
+
 // What a tile takes, before any of it is taken. Start from vrtm_tile_needs_init().
 typedef struct vrtm_tile_needs {
     // sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
@@ -844,7 +904,7 @@ typedef struct vrtm_fetch {
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 // integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
-// or an unknown value; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written.
+// or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch(vrtm_tile tile,
                             vrtm_fetch_kind kind,
@@ -869,8 +929,9 @@ vrtm_status vrtm_tile_fetch_part(vrtm_tile tile,
 // instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
 // floats.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-// `uvs` is null or `count` is not the number of corners; VRTM_ERROR_BUSY. On any error nothing is written.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if `uvs`
+// is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that have not
+// been solved yet, the UVs are the mesh's own.
 VRTM_API
 vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
                                         float *uvs,
@@ -926,6 +987,11 @@ typedef struct vrtm_pbd_settings {
     float coarse_correction;
 } vrtm_pbd_settings;
 
+// A host's function that is told how far a solve is: 0..1, by prediction, never falling. If it returns anything but 0,
+// the solve is cancelled. It may call vrtm functions: results of the asset can be read, and what would change the asset
+// gives VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
+typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
+
 // Options of one solve; zero in a field means its default. Start from vrtm_solve_options_init().
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
@@ -961,6 +1027,28 @@ typedef struct vrtm_solve_options {
     // frame to frame falls to between three quarters and a fifth, and the warp of a steady motion is one to two
     // frames late. Without `warm` it has no effect.
     float temporal_weight;
+    // CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
+    uint32_t threads;
+    // 1: the results of the tiles that are solved are dropped before they are solved, which saves their memory: 8 bytes
+    // per node of the blocks in use. They cannot be read then until the solve is done, nor if it fails. 0 (the
+    // default): they can be read all the time.
+    uint32_t release_last;
+    // Zero.
+    uint32_t reserved2;
+    // The tiles to solve, in any order; null = all. The others keep their results.
+    const vrtm_tile *tiles;
+    // The length of `tiles`. Ignored when that is null.
+    size_t tile_count;
+    // The vertices that have moved since the last solve, in any order; null = any may have. Tiles that none of them
+    // touches keep their results, unless they have none, or their maps, settings or these options have changed since.
+    const uint32_t *dirty_vertices;
+    // The length of `dirty_vertices`. Ignored when that is null.
+    size_t dirty_vertex_count;
+    // Called about 500 times per second while the tiles are solved, on the thread that does the work: the calling one,
+    // unless the device has an executor, or the job's. Null = nobody is told.
+    vrtm_progress_fn progress;
+    // Passed to `progress` as it is. Both must stay valid until the call returns, or the job is destroyed.
+    void *progress_user;
 } vrtm_solve_options;
 
 // Solves every tile for a pose; returns when that is done. `positions` are the deformed positions of all vertices (3
@@ -972,8 +1060,8 @@ typedef struct vrtm_solve_options {
 // cost, unless this solve or the last one is warm.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the vertex, for null, a wrong
-// count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_BUSY;
-// VRTM_ERROR_OUT_OF_MEMORY.
+// count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_CANCELLED;
+// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_asset_solve(vrtm_asset asset,
                              const vrtm_array *positions,
@@ -993,6 +1081,90 @@ vrtm_status vrtm_asset_redirect(vrtm_asset asset,
                                 const vrtm_solve_options *options,
                                 const vrtm_fetch *fetches,
                                 size_t count);
+
+// Cancels the solve of an asset that is under way, be it another thread's call or a job: it gives VRTM_ERROR_CANCELLED
+// soon after, and the last good result stays. One that has its result already is not cancelled any more. Without a
+// solve it does nothing. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE.
+VRTM_API
+vrtm_status vrtm_asset_cancel(vrtm_asset asset);
+
+/* ---- Jobs ---- */
+
+// For vrtm_job_wait: as long as it takes.
+#define VRTM_FOREVER UINT32_MAX
+
+// What a job is doing.
+typedef int32_t vrtm_job_state;
+
+// It has not begun, or is under way.
+#define VRTM_JOB_RUNNING 0
+
+// It is over: vrtm_job_data.status says how it ended.
+#define VRTM_JOB_DONE 1
+
+// How far a job is. Start from vrtm_job_data_init().
+typedef struct vrtm_job_data {
+    // sizeof(vrtm_job_data); set by vrtm_job_data_init().
+    uint32_t struct_size;
+    // VRTM_JOB_RUNNING (0) or VRTM_JOB_DONE.
+    vrtm_job_state state;
+    // How it ended: VRTM_OK or an error; VRTM_OK while it is running.
+    vrtm_status status;
+    // The fraction (0..1) that is done, by prediction. It never falls.
+    float progress;
+    // Milliseconds since it was submitted, until it was done.
+    float ms;
+} vrtm_job_data;
+
+// Begins to solve an asset for a pose, and returns at once: the host may go on drawing. Positions and options are
+// copied; otherwise all is as with vrtm_asset_solve. `*job` is the caller's to destroy.
+//
+// Until the job is done, it has the asset for itself: calls that solve or change it give VRTM_ERROR_BUSY, and results
+// and reports are those of the last solve. A job keeps what it needs alive: destroying the asset cancels it, destroying
+// the device does nothing to it. It runs on a thread of its own, which ends with the job, or in the host's queue, if
+// the device has an executor with `spawn`.
+//
+// Errors: those of vrtm_asset_solve, but for what only comes up while solving, which vrtm_job_wait tells of;
+// VRTM_ERROR_INVALID_ARGUMENT if `job` is null; VRTM_ERROR_OUT_OF_MEMORY, also if no thread can be started.
+VRTM_API
+vrtm_status vrtm_asset_submit(vrtm_asset asset,
+                              const vrtm_array *positions,
+                              const vrtm_solve_options *options,
+                              vrtm_job *job);
+
+// Waits until a job is done, for at most so many milliseconds; 0 only looks, VRTM_FOREVER waits as long as it takes.
+// Any number of threads may wait, and each may wait again afterwards.
+//
+// Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
+// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
+// VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY in the job's own progress function.
+VRTM_API
+vrtm_status vrtm_job_wait(vrtm_job job,
+                          uint32_t timeout_ms);
+
+// How far a job is. Never waits.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+VRTM_API
+vrtm_status vrtm_job_progress(vrtm_job job,
+                              vrtm_job_data *data);
+
+// Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. One that has
+// its result already ends as it would have. Never waits.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE.
+VRTM_API
+vrtm_status vrtm_job_cancel(vrtm_job job);
+
+// Ends a job's handle. A job that is not done is cancelled, and this waits for its end, and for that of its thread:
+// after it nothing of the job is left. Destroy all jobs before the library is unloaded.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY in the job's own progress
+// function.
+VRTM_API
+vrtm_status vrtm_job_destroy(vrtm_job job);
 
 /* ---- Reports ---- */
 
@@ -1104,6 +1276,9 @@ typedef struct vrtm_tile_report_data {
     uint32_t reserved;
     // Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     uint32_t welds_torn;
+    // 1 if the asset's last solve left the tile alone: it was frozen, not asked for, or touched by no dirty vertex. The
+    // other fields are then of the tile's own last solve.
+    uint32_t kept;
 } vrtm_tile_report_data;
 
 // An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -1132,12 +1307,15 @@ typedef struct vrtm_asset_report_data {
     float ms_total;
     // 1 if the time budget ended a tile's solve early.
     uint32_t truncated;
+    // Tiles that the last call left alone: frozen, not asked for, or touched by no dirty vertex. Their charts count as
+    // reused.
+    uint32_t tiles_kept;
 } vrtm_asset_report_data;
 
 // Reports on a tile's last solve.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-// `report` is null or has a wrong struct_size; VRTM_ERROR_BUSY.
+// `report` is null or has a wrong struct_size. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_report(vrtm_tile tile,
                              vrtm_tile_report_data *report);
@@ -1145,7 +1323,7 @@ vrtm_status vrtm_tile_report(vrtm_tile tile,
 // Reports on an asset's last solve, over all tiles.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-// `report` is null or has a wrong struct_size; VRTM_ERROR_BUSY.
+// `report` is null or has a wrong struct_size. Never busy.
 VRTM_API
 vrtm_status vrtm_asset_report(vrtm_asset asset,
                               vrtm_asset_report_data *report);
@@ -1161,8 +1339,9 @@ vrtm_status vrtm_asset_report(vrtm_asset asset,
         return value;                     \
     }
 
-VRTM_DEFINE_INIT_(vrtm_device_desc)       // vrtm_device_desc vrtm_device_desc_init(void)
-VRTM_DEFINE_INIT_(vrtm_device_data)       // and so on
+VRTM_DEFINE_INIT_(vrtm_executor)          // vrtm_executor vrtm_executor_init(void)
+VRTM_DEFINE_INIT_(vrtm_device_desc)       // and so on
+VRTM_DEFINE_INIT_(vrtm_device_data)
 VRTM_DEFINE_INIT_(vrtm_adapter_data)
 VRTM_DEFINE_INIT_(vrtm_array)
 VRTM_DEFINE_INIT_(vrtm_image)
@@ -1174,6 +1353,7 @@ VRTM_DEFINE_INIT_(vrtm_tile_needs)
 VRTM_DEFINE_INIT_(vrtm_tile_settings)
 VRTM_DEFINE_INIT_(vrtm_fetch)
 VRTM_DEFINE_INIT_(vrtm_solve_options)
+VRTM_DEFINE_INIT_(vrtm_job_data)
 VRTM_DEFINE_INIT_(vrtm_tile_report_data)
 VRTM_DEFINE_INIT_(vrtm_asset_report_data)
 

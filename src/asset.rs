@@ -10,6 +10,9 @@ mod output;
 #[cfg(all(feature = "oracle", feature = "gpu"))]
 mod parity;
 mod prepare;
+mod results;
+mod side_by_side;
+mod solve;
 mod tiles;
 #[cfg(feature = "gpu")]
 mod on_gpu;
@@ -19,24 +22,22 @@ mod solved;
 mod tile_state;
 mod torn;
 
-use std::time::Instant;
+use std::sync::Arc;
 
-use crate::device::{Device, LiveAsset};
+use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::ImagePart;
 use crate::image::ImageViewMut;
+use crate::memory::Collect;
 use crate::mesh::{Mesh, MeshSource};
-use crate::method::schedule::Plan;
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
 use crate::settings::SolveOptions;
-use crate::team::Team;
 use crate::view::Strided;
 pub use fetch::FetchKind;
 #[cfg(feature = "oracle")]
 pub use oracle::ReferenceMinimum;
-use output::Outputs;
-use solved::Solved;
-use tile_state::{SolveCall, TileState};
+pub use results::Results;
+pub use solve::SolveRequest;
+use tile_state::TileState;
 
 /// One output of [`Asset::redirect`].
 #[derive(Debug)]
@@ -54,13 +55,9 @@ pub struct Fetch<'a> {
 #[derive(Debug)]
 pub struct Asset {
     device: Device,
-    mesh: Mesh,
+    mesh: Arc<Mesh>,
     tiles: Vec<TileState>,
-    outputs: Outputs,
-    /// Wall-clock milliseconds of the last good solve.
-    solved_ms: Option<f32>,
-    /// Dropped after everything above.
-    _live: LiveAsset,
+    results: Results,
 }
 
 impl Asset {
@@ -71,17 +68,15 @@ impl Asset {
     /// that do not add up, a face with UVs at some corners only, an empty mesh.
     pub fn new(device: &Device, source: &MeshSource) -> Result<Asset> {
         device.alive()?;
-        let mesh = Mesh::new(source)?;
+        device.call(|| Asset::make(device, source))
+    }
+
+    fn make(device: &Device, source: &MeshSource) -> Result<Asset> {
+        let mesh = Arc::new(Mesh::new(source)?);
         log::describe(device, &mesh);
-        let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
-        Ok(Asset {
-            device: device.clone(),
-            mesh,
-            tiles,
-            outputs: Outputs::default(),
-            solved_ms: None,
-            _live: LiveAsset::new(device),
-        })
+        let tiles = mesh.tiles.iter().map(|_| TileState::default()).collected();
+        let results = Results::new(device, &mesh);
+        Ok(Asset { device: device.clone(), mesh, tiles, results })
     }
 
     /// The device it was made on.
@@ -112,7 +107,13 @@ impl Asset {
     /// Index of the tile with this UDIM number, of a UV set.
     #[must_use]
     pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
-        self.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
+        self.results.find_tile_of_set(uv_set, udim)
+    }
+
+    /// The last good results, to be read by other threads as well, also while the asset is solved.
+    #[must_use]
+    pub fn results(&self) -> &Results {
+        &self.results
     }
 
     /// Solves every tile for a pose.
@@ -122,35 +123,6 @@ impl Asset {
     /// stays.
     pub fn solve(&mut self, positions: Strided, options: &SolveOptions) -> Result<()> {
         self.redirect(positions, options, &mut [])
-    }
-
-    /// Writes one output of the last solve.
-    ///
-    /// # Errors
-    /// `NotSolved` before the first solve; on a GPU, `OutOfMemory` and `DeviceLost`. Nothing is written then.
-    pub fn fetch(&mut self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
-        self.check_tile(tile)?;
-        let part = image.whole();
-        Team::with(self.device.threads(), |team| self.fetch_with(team, tile, kind, &part, image))
-    }
-
-    /// Writes a part of one output of the last solve: of an image of `size` texels, those from the column and row `first`
-    /// that `image` has room for. Rows are counted in the image's own order. Large outputs can thus be fetched band by
-    /// band; the parts are those of the whole image, bit by bit on the CPU.
-    ///
-    /// # Errors
-    /// Those of [`Asset::fetch`]; `InvalidArgument` if the part is not inside of the whole.
-    pub fn fetch_part(
-        &mut self,
-        tile: usize,
-        kind: FetchKind,
-        image: &mut ImageViewMut,
-        size: [u32; 2],
-        first: [u32; 2],
-    ) -> Result<()> {
-        self.check_tile(tile)?;
-        let part = image.part("image", size, first)?;
-        Team::with(self.device.threads(), |team| self.fetch_with(team, tile, kind, &part, image))
     }
 
     /// Solves and fetches in one call: all arguments are checked before anything is written.
@@ -163,134 +135,81 @@ impl Asset {
         options: &SolveOptions,
         fetches: &mut [Fetch],
     ) -> Result<()> {
-        let start = Instant::now();
-        self.check_vertices("positions", &positions, 3)?;
-        options.check()?;
-        for fetch in fetches.iter() {
-            self.check_tile(fetch.tile)?;
-        }
-        let plan = Plan::new(options);
-        Team::with(self.device.threads(), |team| {
-            let (device, mesh) = (&self.device, &self.mesh);
-            let mut results = Vec::with_capacity(self.tiles.len());
-            // What is left of a time budget is divided among the tiles that are left.
-            let mut nodes: u64 = self.tiles.iter().map(TileState::movable_nodes).sum();
-            for (tile, state) in self.tiles.iter_mut().enumerate() {
-                let own = state.movable_nodes();
-                let budget = options.time_budget.map(|budget| {
-                    let spent = start.elapsed();
-                    let part = if own < nodes { own as f64 / nodes as f64 } else { 1.0 };
-                    spent.saturating_add(budget.saturating_sub(spent).mul_f64(part))
-                });
-                nodes -= own;
-                let call = SolveCall { team, device, mesh, positions, plan: &plan, start, budget };
-                results.push(state.solve(&call, tile)?);
-            }
-            for (state, result) in self.tiles.iter_mut().zip(results) {
-                state.solved = Some(result);
-            }
-            self.solved_ms = Some(start.elapsed().as_secs_f32() * 1000.0);
-            if options.measure {
-                self.measure(positions)?;
-            }
-            for fetch in fetches {
-                let part = fetch.image.whole();
-                self.fetch_with(team, fetch.tile, fetch.kind, &part, &mut fetch.image)?;
-            }
-            Ok(())
-        })
+        self.run(&SolveRequest { positions, options: *options, ..SolveRequest::default() }, fetches)
     }
 
-    fn fetch_with(
-        &mut self,
-        team: &Team,
+    /// [`Results::fetch`] of the asset's results.
+    ///
+    /// # Errors
+    /// Those of that.
+    pub fn fetch(&self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
+        self.results.fetch(tile, kind, image)
+    }
+
+    /// [`Results::fetch_part`] of the asset's results.
+    ///
+    /// # Errors
+    /// Those of that.
+    pub fn fetch_part(
+        &self,
         tile: usize,
         kind: FetchKind,
-        part: &ImagePart,
         image: &mut ImageViewMut,
+        size: [u32; 2],
+        first: [u32; 2],
     ) -> Result<()> {
-        let solved = self.tiles[tile].solved.as_mut().ok_or_else(not_solved)?;
-        let start = Instant::now();
-        fetch::write(&self.device, team, solved, &mut self.outputs, kind, part, image)?;
-        solved.report.times.invert = start.elapsed().as_secs_f32() * 1000.0;
-        Ok(())
+        self.results.fetch_part(tile, kind, image, size, first)
     }
 
-    /// Redirected UV of every face corner of the mesh in UV set 0, in corner order, with the tile's offset added; 0, 0
-    /// at corners of faces without UVs.
+    /// [`Results::corner_uvs`] of the asset's results.
     ///
     /// # Errors
-    /// `NotSolved`; `InvalidArgument` unless there is one element per corner.
+    /// Those of that.
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
-        self.corner_uvs_of_set(0, out)
+        self.results.corner_uvs(out)
     }
 
-    /// The same of another UV set.
+    /// [`Results::corner_uvs_of_set`] of the asset's results.
     ///
     /// # Errors
-    /// Those of [`Asset::corner_uvs`]; `InvalidArgument` if there is no such set.
+    /// Those of that.
     pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
-        let corners = self.mesh.corners.get(uv_set as usize).ok_or_else(|| {
-            let sets = self.mesh.corners.len();
-            Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}"))
-        })?;
-        if out.len() != corners.len() {
-            return Err(Error::argument(format!(
-                "uvs: {} elements, but the mesh has {} corners",
-                out.len(),
-                corners.len()
-            )));
-        }
-        let tiles = self.solved()?;
-        Team::with(self.device.threads(), |team| fetch::corner_uvs(team, corners, &tiles, out))
+        self.results.corner_uvs_of_set(uv_set, out)
     }
 
-    /// A tile's last solve.
+    /// [`Results::tile_report`] of the asset's results.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve.
+    /// Those of that.
     pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
-        self.check_tile(tile)?;
-        self.tiles[tile].solved.as_ref().map(|solved| solved.report).ok_or_else(not_solved)
+        self.results.tile_report(tile)
     }
 
-    /// The dispatches, submissions and transfers of a tile's last solve; `None` on the CPU, or if no chart had to be
-    /// solved.
+    /// [`Results::gpu_work`] of the asset's results.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve.
+    /// Those of that.
     pub fn gpu_work(&self, tile: usize) -> Result<Option<GpuWork>> {
-        self.check_tile(tile)?;
-        self.tiles[tile].solved.as_ref().map(|solved| solved.work.clone()).ok_or_else(not_solved)
+        self.results.gpu_work(tile)
     }
 
-    /// The last solve over all tiles.
+    /// [`Results::report`] of the asset's results.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve.
+    /// Those of that.
     pub fn report(&self) -> Result<AssetReport> {
-        let total_ms = self.solved_ms.ok_or_else(not_solved)?;
-        let mut report =
-            AssetReport { tiles: self.tiles.len() as u32, min_jacobian: 1.0, total_ms, ..Default::default() };
-        for solved in self.solved()? {
-            let tile = &solved.report;
-            report.tiles_active += u32::from(tile.charts_active > 0);
-            report.charts_active += tile.charts_active;
-            report.charts_reused += tile.charts_reused;
-            report.charts_identity += tile.charts_identity;
-            report.nodes_active += tile.nodes_active;
-            report.min_jacobian = report.min_jacobian.min(tile.min_jacobian);
-            report.folds += tile.folds;
-            report.bytes += tile.bytes;
-            report.truncated |= tile.truncated;
-        }
-        Ok(report)
+        self.results.report()
     }
 
-    fn solved(&self) -> Result<Vec<&Solved>> {
-        self.device.alive()?;
-        self.solved_ms.ok_or_else(not_solved)?;
-        self.tiles.iter().map(|tile| tile.solved.as_ref().ok_or_else(not_solved)).collect()
+    /// Calls `f` with the device's memory. Where some is missing, that is an error: every tile keeps what it has, and what
+    /// was booked for more goes back.
+    fn call<R>(&mut self, f: impl FnOnce(&mut Asset) -> Result<R>) -> Result<R> {
+        let device = self.device.clone();
+        let result = device.call(|| f(self));
+        if result.as_ref().is_err_and(|error| error.kind == ErrorKind::OutOfMemory) {
+            self.tiles.iter_mut().for_each(|tile| tile.settle(&device));
+        }
+        result
     }
 
     fn check_tile(&self, tile: usize) -> Result<()> {
@@ -322,14 +241,9 @@ impl Drop for Asset {
         for tile in &mut self.tiles {
             tile.release(&self.device);
         }
-        self.outputs.release(&self.device);
         self.tiles.clear();
         if let Some(gpu) = self.device.gpu() {
             gpu.reclaim();
         }
     }
-}
-
-fn not_solved() -> Error {
-    Error::new(ErrorKind::NotSolved, "the asset has no result yet: solve first")
 }

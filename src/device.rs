@@ -4,6 +4,7 @@ use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Survey, interfaces};
 use crate::gpu::context::{self, Context};
@@ -11,10 +12,8 @@ use crate::memory::{self, Current};
 use crate::method::budget::Costs;
 use crate::method::point::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
-use crate::settings::{Backend, DeviceSettings, LogLevel};
-
-/// Most CPU threads per solve.
-const MAX_THREADS: u32 = 1024;
+use crate::settings::{Backend, DeviceSettings, LogLevel, MAX_THREADS};
+use crate::team::{Crew, Executor, Team};
 
 /// Where assets are solved. Cloning gives another handle to the same device.
 #[derive(Clone, Debug)]
@@ -244,8 +243,20 @@ impl Device {
         }
     }
 
-    pub(crate) fn threads(&self) -> usize {
-        self.0.threads as usize
+    /// The threads of a call: as many as the device has, or as many as are given.
+    pub(crate) fn crew(&self, threads: Option<NonZeroU32>, control: Option<Arc<Control>>) -> Crew {
+        let threads = threads.map_or(self.0.threads, NonZeroU32::get) as usize;
+        Crew { threads, executor: self.0.settings.executor.clone(), control }
+    }
+
+    /// The host's threads, if it gave some.
+    pub(crate) fn executor(&self) -> Option<&Arc<dyn Executor>> {
+        self.0.settings.executor.as_ref()
+    }
+
+    /// Calls `f` with the device's threads.
+    pub(crate) fn team<R: Send>(&self, f: impl FnOnce(&Team) -> R + Send) -> R {
+        Team::of(&self.crew(None, None), f)
     }
 
     /// The time that work takes, as measured by the last solves.

@@ -16,6 +16,8 @@ pub enum ErrorKind {
     NotSolved,
     /// The GPU went away: a driver reset, a crash, a removed adapter. Make a new device and new assets.
     DeviceLost,
+    /// The call was cancelled; the asset keeps its last good result.
+    Cancelled,
     /// A defect of the library; the asset keeps its last good result.
     Internal,
 }

@@ -74,6 +74,8 @@ mod settings;
 mod report;
 mod error;
 mod panics;
+mod float_mode;
+mod control;
 mod team;
 mod line;
 #[cfg(not(feature = "oracle"))]
@@ -90,7 +92,8 @@ static ALLOCATOR: memory::Allocator = memory::Allocator;
 
 #[cfg(feature = "oracle")]
 pub use asset::ReferenceMinimum;
-pub use asset::{Asset, Fetch, FetchKind};
+pub use asset::{Asset, Fetch, FetchKind, Results, SolveRequest};
+pub use control::{Control, ProgressFn};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
@@ -106,4 +109,5 @@ pub use settings::{
     Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, PbdSettings, Quality, SolveOptions, Solver,
     TileSettings,
 };
+pub use team::{Executor, Task};
 pub use view::{Scalar, Strided};

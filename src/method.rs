@@ -9,3 +9,4 @@ pub(crate) mod acceptance;
 pub(crate) mod budget;
 pub(crate) mod pbd;
 pub(crate) mod point;
+pub(crate) mod progress;

@@ -8,9 +8,7 @@
 use std::any::Any;
 use std::cell::Cell;
 use std::fmt::Write;
-#[cfg(any(test, feature = "gpu"))]
-use std::panic::resume_unwind;
-use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, set_hook, take_hook};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Once, OnceLock};
 
@@ -83,6 +81,17 @@ pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
         }
         format!("{} ({})", panic.text(), panic.place())
     })
+}
+
+/// Holds back a panic of `body`, so that what it was lent can be put back first; [`go_on`] lets it go on. For calls that
+/// are cancelled, which end by unwinding: memory that solves keep has to be whole then.
+pub(crate) fn hold_back<R>(body: impl FnOnce() -> R) -> std::thread::Result<R> {
+    catch_unwind(AssertUnwindSafe(body))
+}
+
+/// See [`hold_back`].
+pub(crate) fn go_on<R>(held_back: std::thread::Result<R>) -> R {
+    held_back.unwrap_or_else(|panic| resume_unwind(panic))
 }
 
 /// Catches this thread's panics.

@@ -232,6 +232,9 @@ pub struct TileReport {
     pub truncated: bool,
     /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     pub welds_torn: u32,
+    /// Whether the last solve left the tile alone: it was frozen, not asked for, or nothing of it had moved. The rest of the
+    /// report is then of an earlier solve.
+    pub kept: bool,
     /// Milliseconds per stage.
     pub times: StageTimes,
     /// Present if the solve was asked to measure.
@@ -264,6 +267,8 @@ pub struct AssetReport {
     pub total_ms: f32,
     /// True if the time budget ended a tile's solve early.
     pub truncated: bool,
+    /// Tiles that the last call left alone.
+    pub tiles_kept: u32,
 }
 
 /// Dispatches, submissions and transfers of a tile's last solve on a GPU.

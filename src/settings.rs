@@ -7,6 +7,10 @@ use std::time::Duration;
 
 use crate::error::{Error, Result};
 use crate::memory::HostAllocator;
+use crate::team::Executor;
+
+/// Most CPU threads per solve.
+pub(crate) const MAX_THREADS: u32 = 1024;
 
 /// Which backend a device runs on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -49,6 +53,9 @@ pub struct DeviceSettings {
     pub memory_budget: Option<u64>,
     /// Where warnings go; `None` = nowhere.
     pub log: Option<LogFn>,
+    /// The host's threads, on which solves and fetches work in place of the library's own, with the same bits; `None` = the
+    /// library's own, which end with each call.
+    pub executor: Option<Arc<dyn Executor>>,
     /// The host's allocator; `None` = the system's.
     pub allocator: Option<HostAllocator>,
 }
@@ -61,6 +68,7 @@ impl fmt::Debug for DeviceSettings {
             .field("threads", &self.threads)
             .field("memory_budget", &self.memory_budget)
             .field("log", &self.log.is_some())
+            .field("executor", &self.executor.is_some())
             .field("allocator", &self.allocator)
             .finish()
     }

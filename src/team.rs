@@ -1,16 +1,22 @@
-//! Threads for one call: scoped, so that none outlives it, and kept awake between the short jobs of a solve.
+//! Threads for one call: scoped, so that none outlives it, and kept awake between the short jobs of a solve. They are the
+//! library's own, or a host's (`executor`).
 
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::control::Control;
+use crate::memory::{Collect, Current, Grow, with_capacity};
+pub use executor::{Executor, Task};
 use protocol::Protocol;
 
+mod executor;
 mod protocol;
 #[cfg(test)]
 mod tests;
-mod threads;
+pub(crate) mod threads;
 
 /// What `protocol` is made of. `tests/loom` gives it loom's.
 mod sync {
@@ -23,12 +29,30 @@ mod sync {
     pub const SPINS: usize = 4000;
 }
 
+/// Whose threads a call works on, how many, and the hold that its caller has on it.
+#[derive(Clone, Default)]
+pub struct Crew {
+    /// The calling one among them.
+    pub threads: usize,
+    /// The host's threads; `None` = the library's own.
+    pub executor: Option<Arc<dyn Executor>>,
+    pub control: Option<Arc<Control>>,
+}
+
+impl Crew {
+    /// The same with one thread, the present one.
+    pub fn alone(&self) -> Crew {
+        Crew { threads: 1, executor: None, control: self.control.clone() }
+    }
+}
+
 /// The threads of one call. It runs one job at a time.
 pub struct Team {
     threads: usize,
     protocol: Protocol<Job>,
     /// Whether a job is running.
     running: AtomicBool,
+    control: Option<Arc<Control>>,
 }
 
 /// One of a team's threads, which an item gets as an argument. Neither `Send` nor `Sync`: it stays on its thread.
@@ -37,6 +61,9 @@ pub struct Worker {
     /// The team's address.
     team: *const (),
 }
+
+/// So few items are not worth waking helpers for.
+const SMALL: usize = 2;
 
 /// A team's turn at running a job, which ends when dropped.
 struct Turn<'a>(&'a AtomicBool);
@@ -54,26 +81,56 @@ struct Job(*const (dyn Fn(&Worker, usize) + Sync));
 unsafe impl Send for Job {}
 
 impl Team {
-    /// Calls `f` with a team of `threads` threads, the calling one among them.
-    pub fn with<R>(threads: usize, f: impl FnOnce(&Team) -> R) -> R {
-        let threads = threads.clamp(1, Protocol::<Job>::MAX_THREADS);
-        let team = Team { threads, protocol: Protocol::new(threads), running: AtomicBool::new(false) };
+    /// Calls `f` with a team of `threads` of the library's own threads, the calling one among them.
+    pub fn with<R: Send>(threads: usize, f: impl FnOnce(&Team) -> R + Send) -> R {
+        Team::of(&Crew { threads, ..Crew::default() }, f)
+    }
+
+    /// Calls `f` with the team of a crew. If the threads are a host's, it may be called on another one than this.
+    pub fn of<R: Send>(crew: &Crew, f: impl FnOnce(&Team) -> R + Send) -> R {
+        let threads = crew.threads.clamp(1, Protocol::<Job>::MAX_THREADS);
+        let (protocol, control) = (Protocol::new(threads), crew.control.clone());
+        let team = Team { threads, protocol, running: AtomicBool::new(false), control };
         if team.threads == 1 {
             return f(&team);
         }
         let (protocol, address) = (&team.protocol, team.address() as usize);
-        let memory = crate::memory::Current::of_this_thread();
+        // Items take their memory from where the caller does, whichever thread they are on.
+        let memory = Current::of_this_thread();
         let help = |number| {
             let _memory = memory.enter();
             let worker = Worker { number, team: address as *const () };
             // SAFETY: called within a job that this helper has joined; `run_dyn` keeps its function alive.
             protocol.help(|job, k| unsafe { (*job.0)(&worker, k) });
         };
-        threads::with(1..team.threads, help, || {
+        let body = || {
+            let _memory = memory.enter();
             let result = catch_unwind(AssertUnwindSafe(|| f(&team)));
-            team.protocol.quit();
-            result.unwrap_or_else(|panic| resume_unwind(panic))
-        })
+            protocol.quit();
+            result
+        };
+        let result = match &crew.executor {
+            Some(executor) => executor::with(&**executor, threads, help, body),
+            None => threads::with(1..threads, help, body),
+        };
+        result.unwrap_or_else(|panic| resume_unwind(panic))
+    }
+
+    /// Number of threads.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// The hold that the caller has on the call.
+    pub fn control(&self) -> Option<&Arc<Control>> {
+        self.control.as_ref()
+    }
+
+    /// Unwinds if the call was cancelled; see [`crate::control::stoppable`].
+    pub fn check_or_unwind(&self) {
+        if let Some(control) = &self.control {
+            control.check_or_unwind();
+        }
     }
 
     /// Calls `f(0)` to `f(count - 1)`, in any order and on any of the threads; returns when all are done.
@@ -81,37 +138,70 @@ impl Team {
     /// # Panics
     /// If an item does, with one of the panics, after all threads have left the job; other items may then not have run.
     /// If a job is already running: an item must not call this.
+    ///
+    /// If the call is cancelled, items that have not begun are left out, and this unwinds.
     pub fn run(&self, count: usize, f: impl Fn(usize) + Sync) {
         self.run_on(count, |_, k| f(k));
     }
 
     /// Like `run`, with the thread as the first argument of `f`.
     pub fn run_on(&self, count: usize, f: impl Fn(&Worker, usize) + Sync) {
+        self.run_few_on(SMALL, count, f);
+    }
+
+    /// Like `run_on`; up to `few` items on the calling thread.
+    fn run_few_on(&self, few: usize, count: usize, f: impl Fn(&Worker, usize) + Sync) {
         // Two jobs at once would share the items' counter and the caller's `Worker`.
         assert!(!self.running.swap(true, Ordering::Acquire), "a job of this team is running");
         let _turn = Turn(&self.running);
         let caller = Worker { number: 0, team: self.address() };
-        if self.threads == 1 || count <= 2 {
-            (0..count).for_each(|k| f(&caller, k));
+        let Some(control) = &self.control else {
+            self.run_items(&caller, few, count, &f);
             return;
+        };
+        control.check_or_unwind();
+        self.run_items(&caller, few, count, &|worker: &Worker, k| {
+            if control.goes_on() {
+                f(worker, k);
+            }
+        });
+        // Only now, on this thread alone: no other uses the job any more.
+        control.check_or_unwind();
+    }
+
+    fn run_items(&self, caller: &Worker, few: usize, count: usize, f: &(impl Fn(&Worker, usize) + Sync)) {
+        if self.threads == 1 || count <= few {
+            (0..count).for_each(|k| f(caller, k));
+        } else {
+            self.run_dyn(caller, count, f);
         }
-        self.run_dyn(&caller, count, &f);
     }
 
     /// Returns f(0) to f(count - 1), each computed on any of the threads.
     pub fn map<T: Send>(&self, count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
-        let mut results: Vec<Option<T>> = Vec::with_capacity(count);
-        results.resize_with(count, || None);
+        let mut results: Vec<Option<T>> = (0..count).map(|_| None).collected();
         self.fill(&mut results, |k, result| *result = Some(f(k)));
         // Every item ran, or `fill` did not return.
-        results.into_iter().flatten().collect()
+        let mut all = with_capacity(count);
+        all.put_all(results.into_iter().flatten());
+        all
     }
 
     /// Calls `f(k, element k)` for all elements, each on any of the threads.
     pub fn fill<T: Send>(&self, elements: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
+        self.fill_on(elements, SMALL, f);
+    }
+
+    /// Like `fill`, for work each element of which is worth a thread.
+    pub fn fill_large<T: Send>(&self, elements: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
+        self.fill_on(elements, 1, f);
+    }
+
+    /// Like `fill`; up to `few` elements on the calling thread.
+    fn fill_on<T: Send>(&self, elements: &mut [T], few: usize, f: impl Fn(usize, &mut T) + Sync) {
         let count = elements.len();
         let first = Elements(elements.as_mut_ptr());
-        self.run(count, |k| {
+        self.run_few_on(few, count, |_, k| {
             let first = &first;
             // SAFETY: `run` calls each item once, so that no two references to an element are alive, and returns
             // before the borrow of `elements` ends.
@@ -167,7 +257,7 @@ unsafe impl<T: Send> Send for PerThread<'_, T> {}
 impl<'a, T> PerThread<'a, T> {
     /// For a team's threads, each of which makes its piece with `new`.
     pub fn new(team: &'a Team, new: fn() -> Box<T>) -> PerThread<'a, T> {
-        let pieces = (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collect();
+        let pieces = (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collected();
         PerThread { pieces, new, team: team.address(), of_team: PhantomData }
     }
 

@@ -1,6 +1,7 @@
 //! Views of a host's vertex arrays: any byte stride, f32 or f64, read without alignment.
 
 use crate::error::{Error, Result};
+use crate::memory::{Grow, with_capacity};
 
 /// The number format of one component of a host's array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -173,6 +174,32 @@ impl<'a> Strided<'a> {
             }
         }
         Ok(())
+    }
+}
+
+/// A copy of a host's array, tightly packed.
+#[derive(Clone, Debug)]
+pub(crate) struct Packed {
+    bytes: Vec<u8>,
+    scalar: Scalar,
+    components: usize,
+    count: usize,
+}
+
+impl Packed {
+    pub fn copy(from: &Strided) -> Packed {
+        let Strided { scalar, components, count, .. } = *from;
+        let element = scalar.size() * components;
+        let mut bytes = with_capacity(count * element);
+        for i in 0..count {
+            bytes.put_all(from.bytes[i * from.stride..][..element].iter().copied());
+        }
+        Packed { bytes, scalar, components, count }
+    }
+
+    pub fn view(&self) -> Strided<'_> {
+        let Packed { scalar, components, count, .. } = *self;
+        Strided { bytes: &self.bytes, scalar, components, count, stride: scalar.size() * components }
     }
 }
 

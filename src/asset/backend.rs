@@ -5,8 +5,10 @@ use std::sync::Arc;
 
 use crate::device::Device;
 use crate::error::Result;
+use crate::memory::{boxed, zeroed};
 use crate::mesh::TileMesh;
 use crate::method::budget::Clock;
+use crate::method::progress::Progress;
 use crate::method::schedule::{self, ChartResult, Input, Plan, Stages, Summary};
 use crate::report::GpuWork;
 use crate::settings::Solver;
@@ -48,7 +50,7 @@ impl TileSolver {
     pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<TileSolver> {
         match device.gpu() {
             Some(context) => {
-                gpu::Memory::new(context, grid, tile).map(|memory| TileSolver::Gpu(Box::new(memory)))
+                gpu::Memory::new(context, grid, tile).map(|memory| TileSolver::Gpu(boxed(memory)))
             }
             None => Ok(TileSolver::Cpu(cpu::Memory::new(grid, solver))),
         }
@@ -79,6 +81,8 @@ pub(super) struct Job<'a> {
     pub plan: &'a Plan,
     /// The time that there is.
     pub clock: RefCell<Clock>,
+    /// How far it is.
+    pub progress: RefCell<Progress>,
     /// The tile's last result on the same grid.
     pub last: Option<&'a Warp>,
     /// Charts that are not solved keep their last result if they are in here, and become the identity if not.
@@ -112,14 +116,18 @@ impl Job<'_> {
     pub fn run_schedule(&self, stages: &mut impl Stages) -> Summary {
         let warm = self.plan.warm && self.last.is_some();
         let clock = &mut self.clock.borrow_mut();
-        if self.solves() { schedule::run(stages, self.plan, warm, clock) } else { Summary::default() }
+        if self.solves() {
+            schedule::run(stages, self.plan, warm, clock, &mut self.progress.borrow_mut())
+        } else {
+            Summary::default()
+        }
     }
 
     /// The last result of the charts that keep it and are not solved, the identity elsewhere, in host memory. The
     /// identity's pages are taken when they are written.
     pub fn initial_displacements(&self) -> Result<Vec<[Plane; 2]>> {
         let blocks = &self.grid.levels[0].blocks;
-        let mut u = cpu::zeroed(blocks.list.len());
+        let mut u = zeroed(blocks.list.len());
         let stays = |c: usize| self.keep[c] && !self.input.charts[c];
         if let Some(last) = self.last.filter(|_| (0..self.keep.len()).any(stays)) {
             let last = last.host()?;

@@ -1,17 +1,26 @@
 //! The strain of a result on the mesh, for reports.
 
+use super::solved::Solved;
 use super::{Asset, fetch};
 use crate::error::Result;
+use crate::memory::Collect;
 use crate::oracle::measure::measure;
+use crate::team::Team;
 use crate::tile::coverage::{Coverage, node_maps};
 use crate::view::Strided;
 
 impl Asset {
-    /// Fills the strain of every tile's report.
-    pub(super) fn measure(&mut self, positions: Strided) -> Result<()> {
+    /// Fills the strain of the reports of tiles that were solved.
+    pub(super) fn measure(
+        &self,
+        team: &Team,
+        positions: Strided,
+        tiles: &mut [(usize, Solved)],
+    ) -> Result<()> {
         let pose = gather(positions);
-        for state in &mut self.tiles {
-            let Some(solved) = &mut state.solved else { continue };
+        for (tile, solved) in tiles {
+            team.check_or_unwind();
+            let state = &self.tiles[*tile];
             let mesh = &*solved.mesh;
             let level = &solved.grid.levels[0];
             let coverage = Coverage::new(mesh, level.nx, level.ny, state.maps.settings.overlap);
@@ -27,5 +36,5 @@ impl Asset {
 
 /// The positions as they are measured.
 pub(super) fn gather(positions: Strided) -> Vec<[f64; 3]> {
-    (0..positions.len()).map(|v| positions.get3(v)).collect()
+    (0..positions.len()).map(|v| positions.get3(v)).collected()
 }

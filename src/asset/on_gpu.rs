@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::control::stoppable;
 use crate::error::Result;
 use crate::gpu::context::Context;
 use crate::method::point::Switch;
@@ -14,9 +15,11 @@ use super::switched::Switched;
 /// Solves the job's charts.
 pub(super) fn run(memory: &mut gpu::Memory, job: &Job) -> Result<TileSolution> {
     let context = memory.context.clone();
-    context.contain(|| match context.options.switch.filter(|_| job.solves()) {
-        Some(switch) => run_on_both(switch, memory, job),
-        None => run_on_gpu(memory, job),
+    context.contain(|| {
+        stoppable(|| match context.options.switch.filter(|_| job.solves()) {
+            Some(switch) => run_on_both(switch, memory, job),
+            None => run_on_gpu(memory, job),
+        })
     })?
 }
 
@@ -33,7 +36,7 @@ fn run_on_gpu(memory: &mut gpu::Memory, job: &Job) -> Result<TileSolution> {
     let mut run = gpu::Run::new(&job.input, memory, last_on_gpu(job), job.keep)?;
     let summary = job.run_schedule(&mut run);
     let blocks_active = run.blocks_active();
-    let done = run.finish()?;
+    let done = run.finish(job.team.control())?;
     let summary = Summary { times: done.statistics.times(), ..summary };
     Ok(solution(context, job, done, summary, blocks_active))
 }
@@ -48,7 +51,7 @@ fn run_on_both(switch: Switch, memory: &mut gpu::Memory, job: &Job) -> Result<Ti
     let mut run = Switched::new(cpu, gpu, switch);
     let summary = job.run_schedule(&mut run);
     let blocks_active = run.gpu.blocks_active();
-    let done = run.finish()?;
+    let done = run.finish(job.team.control())?;
     Ok(solution(context, job, done, summary, blocks_active))
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::measure::gather;
-use super::{Asset, fetch, not_solved, torn};
+use super::{Asset, fetch, torn};
 use crate::error::Result;
 use crate::mesh::TileMesh;
 use crate::oracle::reference::{Minimum, Options, Problem};
@@ -29,7 +29,7 @@ impl Asset {
     /// `NotSolved` before the first solve.
     pub fn displacements(&self, tile: usize) -> Result<Vec<[f32; 2]>> {
         self.check_tile(tile)?;
-        self.tiles[tile].solved.as_ref().ok_or_else(not_solved).and_then(fetch::dense)
+        self.results.solved(tile).and_then(|result| fetch::dense(&result.solved))
     }
 
     /// The energy of a warp for a pose, in f64 by the reference.

@@ -5,6 +5,7 @@ use crate::device::Device;
 use crate::error::Result;
 use crate::gpu::{self, Displacements};
 use crate::image::ImagePart;
+use crate::memory::Collect;
 use crate::team::Team;
 
 use super::backend::Warp;
@@ -17,6 +18,18 @@ pub(super) struct Outputs {
     gpu: Option<gpu::Output>,
     /// The memory that the device has on its account for this output.
     booked: u64,
+}
+
+/// The centres of the texels of a part of an image, in UV: those of its columns, and those of its rows.
+pub(super) struct Centres([Vec<f64>; 2]);
+
+impl Centres {
+    pub fn new(part: &ImagePart) -> Centres {
+        Centres([0, 1].map(|axis| {
+            let of = |x: usize| (x as f64 + 0.5) / part.size[axis] as f64;
+            (part.first[axis]..part.end[axis]).map(of).collected()
+        }))
+    }
 }
 
 /// More bytes than these are given back after each fetch.
@@ -32,16 +45,13 @@ impl Outputs {
         team: &Team,
         solved: &Solved,
         part: &ImagePart,
+        centres: &Centres,
         put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
     ) -> Result<()> {
         let level = &solved.grid.levels[0];
         let cells = [level.nx as f64, level.ny as f64];
         let (size, first, extent) = (part.size, part.first, part.extent());
-        let centres = [0, 1].map(|axis| {
-            let of = |x: usize| (x as f64 + 0.5) / size[axis] as f64;
-            (first[axis]..part.end[axis]).map(of).collect::<Vec<f64>>()
-        });
-        let centre = |x: usize, y: usize| [centres[0][x], centres[1][y]];
+        let centre = |x: usize, y: usize| [centres.0[0][x], centres.0[1][y]];
         if let Warp::Gpu(u) = &*solved.warp
             && extent == size
             && gpu::Output::suits(&u.context, size)
@@ -102,6 +112,13 @@ impl Outputs {
         result
     }
 
+    /// After a call that memory was missing for: the output may be gone.
+    pub fn settle(&mut self, device: &Device) {
+        if self.gpu.is_none() {
+            self.release(device);
+        }
+    }
+
     /// Frees the memory and takes it off the device's budget.
     pub fn release(&mut self, device: &Device) {
         self.gpu = None;
@@ -117,6 +134,7 @@ impl Outputs {
 mod tests {
     use std::sync::Arc;
 
+    use super::super::results::{Last, TileResult};
     use super::*;
     use crate::mesh::{MeshSource, UvSource};
     use crate::settings::{Backend, DeviceSettings, Quality, SolveOptions, TileSettings};
@@ -159,7 +177,7 @@ mod tests {
         let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
         asset.solve(Strided::from_f32x3(pose.as_flattened()), &options).unwrap();
         assert!(asset.tile_report(0).unwrap().max_displacement > 1.0);
-        let fetch = |asset: &mut Asset, kind, size: [u32; 2]| {
+        let fetch = |asset: &Asset, kind, size: [u32; 2]| {
             let mut bytes = vec![0; (size[0] * size[1]) as usize * 8];
             let layout = ImageLayout::packed(size[0], size[1], PixelFormat::F32);
             asset.fetch(0, kind, &mut ImageViewMut::new("image", &mut bytes, layout).unwrap()).unwrap();
@@ -167,14 +185,18 @@ mod tests {
         };
         for size in [[128, 96], [64, 48], [512, 512], [77, 131], [1, 1]] {
             for kind in [FetchKind::Redirection, FetchKind::RedirectionDelta] {
-                fetch(&mut asset, kind, size);
-                let (on_gpu, gpu_ms) = fetch(&mut asset, kind, size);
-                let solved = asset.tiles[0].solved.as_mut().unwrap();
-                assert!(matches!(&*solved.warp, Warp::Gpu(_)), "{}", device.info().reason);
-                let host = Arc::new(Warp::Host(solved.warp.host().unwrap().to_vec()));
-                let before = std::mem::replace(&mut solved.warp, host);
-                let (on_cpu, cpu_ms) = fetch(&mut asset, kind, size);
-                asset.tiles[0].solved.as_mut().unwrap().warp = before;
+                fetch(&asset, kind, size);
+                let (on_gpu, gpu_ms) = fetch(&asset, kind, size);
+                let of_gpu = asset.results.solved(0).unwrap().solved;
+                assert!(matches!(&*of_gpu.warp, Warp::Gpu(_)), "{}", device.info().reason);
+                let warp = Arc::new(Warp::Host(of_gpu.warp.host().unwrap().to_vec()));
+                let show = |solved: Arc<Solved>| {
+                    let tiles = vec![Some(TileResult { solved, kept: false })];
+                    asset.results.replace(Last { tiles, solved_ms: Some(0.0) });
+                };
+                show(Arc::new(of_gpu.with_warp(warp)));
+                let (on_cpu, cpu_ms) = fetch(&asset, kind, size);
+                show(of_gpu);
                 let mut worst = 0.0f64;
                 for (k, (a, b)) in on_gpu.iter().zip(&on_cpu).enumerate() {
                     let off = (f64::from(*a) - f64::from(*b)).abs();

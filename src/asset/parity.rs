@@ -5,11 +5,11 @@ use std::sync::Arc;
 use super::{Asset, torn};
 use crate::error::{Error, ErrorKind, Result};
 use crate::method::budget::Clock;
+use crate::method::progress::Progress;
 use crate::method::schedule::{self, Input, Plan};
 use crate::oracle::parity::StageDifference;
 use crate::oracle::parity::pair::Pair;
 use crate::settings::SolveOptions;
-use crate::team::Team;
 use crate::tile::blocks::NODES;
 use crate::tile::build;
 use crate::tile::pose::Pose;
@@ -39,7 +39,7 @@ impl Asset {
         };
         let mesh = &*torn::in_pose(&self.mesh, tile, &positions);
         let maps = &self.tiles[tile].maps;
-        let grid = Team::with(self.device.threads(), |team| {
+        let grid = self.device.team(|team| {
             Arc::new(build::grid(team, &self.mesh, maps, Survey::new(team, mesh, maps, maps.grid_size())))
         });
         let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
@@ -52,7 +52,7 @@ impl Asset {
         let continuation = plan.continuation;
         let input =
             Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts, continuation, pull: 0.0 };
-        Team::with(self.device.threads(), |team| {
+        self.device.team(|team| {
             let mut of_cpu = cpu::Memory::new(&grid, plan.solver());
             let mut of_gpu = gpu::Memory::new(context, &grid, mesh)?;
             let mut u = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
@@ -60,7 +60,7 @@ impl Asset {
             context.contain(|| {
                 let gpu = gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()])?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
-                schedule::run(&mut pair, &plan, false, &mut Clock::unlimited());
+                schedule::run(&mut pair, &plan, false, &mut Clock::unlimited(), &mut Progress::default());
                 pair.finish()
             })?
         })

@@ -7,6 +7,7 @@ use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::ImageView;
 use crate::image::map::{Map, TexelRect};
+use crate::memory::caught;
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::{LogLevel, Solver, TileSettings};
@@ -17,7 +18,7 @@ use crate::tile::{Grid, Rigidity, TileMaps, build, saved};
 
 use super::backend::TileSolver;
 use super::solved::Solved;
-use super::tile_state::{SolveCall, TileState};
+use super::tile_state::{Prepared, SolveCall, TileState};
 use super::torn::{self, Torn};
 
 impl TileState {
@@ -26,6 +27,7 @@ impl TileState {
         if self.maps.rigidity != rigidity {
             self.maps.rigidity = rigidity;
             self.grid = None;
+            self.solved_with = None;
             self.torn.iter_mut().for_each(Torn::forget_grid);
         }
     }
@@ -55,16 +57,26 @@ impl TileState {
             return Err(Error::argument(message));
         }
         image.check_finite("rigidity", texels)?;
-        image.copy_to(map, texels);
-        self.torn.iter_mut().for_each(Torn::forget_grid);
-        let Some(grid) = self.grid.take() else { return Ok(()) };
         let start = Instant::now();
-        let Rigidity::Map(map) = &self.maps.rigidity else { return Ok(()) };
-        if let Some(repainted) = repaint(team, &grid, tile, &self.maps, map, &texels) {
-            if let Some(solved) = &mut self.solved {
-                let inputs = solved.inputs.iter_mut().zip(&repainted.charts);
-                inputs.filter(|(_, changed)| **changed).for_each(|(input, _)| *input = None);
-            }
+        let before = map.part(&texels);
+        image.copy_to(map, texels);
+        let repainted = caught(|| match (&self.maps.rigidity, &self.grid) {
+            (Rigidity::Map(map), Some(grid)) => Ok(repaint(team, grid, tile, &self.maps, map, &texels)),
+            _ => Ok(None),
+        });
+        // A failed call leaves the map as it was.
+        if let (Err(_), Rigidity::Map(map)) = (&repainted, &mut self.maps.rigidity) {
+            map.set_part(&texels, &before);
+        }
+        let repainted = repainted?;
+        self.solved_with = None;
+        self.torn.iter_mut().for_each(Torn::forget_grid);
+        if self.grid.take().is_none() {
+            return Ok(());
+        }
+        if let Some(repainted) = repainted {
+            let inputs = self.inputs.iter_mut().zip(&repainted.charts);
+            inputs.filter(|(_, changed)| **changed).for_each(|(input, _)| *input = None);
             self.grid = Some(Arc::new(repainted.grid));
             if device.gpu().is_some() {
                 // A GPU's memory holds the rigidity of the grid that it was made for.
@@ -80,6 +92,7 @@ impl TileState {
         if self.maps.mask != mask {
             self.maps.mask = mask;
             self.grid = None;
+            self.solved_with = None;
             self.torn.iter_mut().for_each(Torn::forget_grid);
         }
     }
@@ -93,14 +106,15 @@ impl TileState {
         };
         let grid_before = of_grid(&self.maps);
         let before = std::mem::replace(&mut self.maps.settings, *settings);
+        if before != *settings {
+            self.solved_with = None;
+        }
         if of_grid(&self.maps) != grid_before {
             self.grid = None;
             self.torn.iter_mut().for_each(Torn::forget_grid);
-        } else if before != *settings
-            && let Some(solved) = &mut self.solved
-        {
+        } else if before != *settings {
             // Same grid, other weights: nothing can be reused.
-            solved.inputs.fill(None);
+            self.inputs.fill(None);
         }
     }
 
@@ -150,7 +164,7 @@ impl TileState {
     }
 
     /// The tile as it hangs together in a pose, and its grid, built if need be.
-    pub(super) fn surface(&mut self, call: &SolveCall, tile: usize) -> Result<(Arc<TileMesh>, Arc<Grid>)> {
+    pub(super) fn prepare(&mut self, call: &SolveCall, tile: usize) -> Result<Prepared> {
         let whole = &call.mesh.tiles[tile];
         let torn = torn::welds(call.mesh, whole, &call.positions);
         if torn != self.torn_now {
@@ -161,14 +175,15 @@ impl TileState {
         }
         self.torn_now = torn;
         if self.torn_now.is_empty() {
-            return Ok((whole.clone(), self.grid(call.team, call.device, call.mesh, tile)?));
+            let grid = self.grid(call.team, call.device, call.mesh, tile)?;
+            return Ok(Prepared { mesh: whole.clone(), grid });
         }
         let kept = self.torn.take().filter(|kept| kept.is(&self.torn_now));
         let mut torn = kept.unwrap_or_else(|| Torn::new(whole, &self.torn_now));
         let source = torn.mesh.clone();
         if let Some(grid) = torn.grid.clone() {
             self.torn = Some(torn);
-            return Ok((source, grid));
+            return Ok(Prepared { mesh: source, grid });
         }
         let grid = self.build(call.team, call.device, call.mesh, &source)?;
         torn.grid = Some(grid.clone());
@@ -177,7 +192,7 @@ impl TileState {
             self.torn = None;
             return Err(error);
         }
-        Ok((source, grid))
+        Ok(Prepared { mesh: source, grid })
     }
 
     /// Bytes of the prepared tile as `save` writes it; prepares it if need be.

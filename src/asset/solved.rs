@@ -1,6 +1,7 @@
 //! The last good solve of a tile, and what it depends on.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Plan};
@@ -20,12 +21,15 @@ pub(super) struct Solved {
     /// The grid it was solved on, which may be older than the maps.
     pub grid: Arc<Grid>,
     pub warp: Arc<Warp>,
-    /// The inputs of each chart's result; `None` where the result also depends on time or on earlier frames.
+    /// The inputs of each chart's result, until the tile takes it; `None` where it also depends on time or on earlier frames.
     pub inputs: Vec<Option<ChartInput>>,
     pub results: Vec<ChartResult>,
     /// The setting that it was solved with.
     pub overlap: Overlap,
+    /// But for what later fetches change in it: see `report()`.
     pub report: TileReport,
+    /// Milliseconds of the latest inversion: the bits of an f32.
+    pub invert_ms: AtomicU32,
     /// The GPU's dispatches, submissions and transfers.
     pub work: Option<GpuWork>,
 }
@@ -34,6 +38,34 @@ impl Solved {
     /// Bytes of a result on a grid.
     pub fn bytes_for(grid: &Grid) -> u64 {
         (grid.levels[0].blocks.list.len() * size_of::<[Plane; 2]>()) as u64
+    }
+
+    /// The same result with its warp elsewhere.
+    #[cfg(all(test, feature = "gpu"))]
+    pub fn with_warp(&self, warp: Arc<Warp>) -> Solved {
+        Solved {
+            mesh: self.mesh.clone(),
+            grid: self.grid.clone(),
+            warp,
+            inputs: Vec::new(),
+            results: self.results.clone(),
+            overlap: self.overlap,
+            report: self.report,
+            invert_ms: AtomicU32::new(0),
+            work: self.work.clone(),
+        }
+    }
+
+    /// What a host is told.
+    pub fn report(&self) -> TileReport {
+        let mut report = self.report;
+        report.times.invert = f32::from_bits(self.invert_ms.load(Ordering::Relaxed));
+        report
+    }
+
+    /// Takes in how long an inversion took.
+    pub fn set_invert_ms(&self, ms: f32) {
+        self.invert_ms.store(ms.to_bits(), Ordering::Relaxed);
     }
 
     /// Length of a chart's longest displacement, in cells.
@@ -48,6 +80,7 @@ impl Solved {
     }
 }
 
+/// What a chart's result depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ChartInput {
     pub pose: ChartPose,

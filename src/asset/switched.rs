@@ -1,6 +1,10 @@
 //! The schedule on one backend up to a point, on the other from there.
 
+use std::sync::Arc;
+
+use crate::control::Control;
 use crate::error::{Error, Result};
+use crate::memory::Collect;
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::point::{Point, Switch};
@@ -57,7 +61,8 @@ impl<'a> Switched<'a> {
             self.cpu.set_state(level, &self.gpu.state(level)?);
         }
         let records = self.gpu.chart_records()?;
-        let next: Vec<f32> = records.iter().map(|r| if r.finished == 0 { r.fraction } else { 0.0 }).collect();
+        let next: Vec<f32> =
+            records.iter().map(|r| if r.finished == 0 { r.fraction } else { 0.0 }).collected();
         self.cpu.set_next_fraction(&next);
         for (outcome, record) in self.cpu.results.iter_mut().zip(&records) {
             outcome.energy_before = f64::from(record.identity);
@@ -66,17 +71,17 @@ impl<'a> Switched<'a> {
     }
 
     /// Waits for all of it. The result is on the GPU, whichever backend certified it.
-    pub fn finish(mut self) -> Result<gpu::Solution> {
+    pub fn finish(mut self, control: Option<&Arc<Control>>) -> Result<gpu::Solution> {
         if let Some(error) = self.error {
             return Err(error);
         }
         if self.on_gpu {
-            let mut done = self.gpu.finish()?;
+            let mut done = self.gpu.finish(control)?;
             done.node_updates += self.cpu.node_updates();
             return Ok(done);
         }
         self.gpu.set_result(self.cpu.result())?;
-        let mut done = self.gpu.finish()?;
+        let mut done = self.gpu.finish(control)?;
         done.node_updates += self.cpu.node_updates();
         done.charts = self.cpu.results;
         Ok(done)

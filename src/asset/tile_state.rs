@@ -1,18 +1,22 @@
 //! One tile of an asset: its maps, its grid (built when needed), its solver's memory, and its last good result.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
+use crate::control::stoppable;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::map::Map;
+use crate::memory::{Collect, caught, copied, filled, zeroed};
 use crate::mesh::{Mesh, TileMesh};
 use crate::method::budget::{Clock, History};
+use crate::method::progress::Progress;
 use crate::method::schedule::{ChartResult, Input, Plan, Summary};
 use crate::report::{GpuWork, TileReport};
 use crate::settings::Solver;
 use crate::team::Team;
-use crate::tile::blocks::{NODES, SIDE};
+use crate::tile::blocks::SIDE;
 use crate::tile::pose::Pose;
 use crate::tile::{Grid, Rigidity, TileMaps};
 use crate::view::Strided;
@@ -21,7 +25,7 @@ use super::backend::{Job, TileSolution, TileSolver, Warp};
 use super::solved::{ChartInput, Solved};
 use super::torn::Torn;
 
-/// A call that solves all tiles of an asset.
+/// A call that solves tiles of an asset.
 pub(super) struct SolveCall<'a> {
     pub team: &'a Team,
     pub device: &'a Device,
@@ -30,8 +34,38 @@ pub(super) struct SolveCall<'a> {
     pub plan: &'a Plan,
     /// When it began.
     pub start: Instant,
-    /// The time that the tile may take, from then on.
+}
+
+impl SolveCall<'_> {
+    /// Adds a fraction of the call's work to what is done.
+    pub fn advance(&self, fraction: f32) {
+        if let Some(control) = self.team.control() {
+            control.advance(fraction);
+        }
+    }
+}
+
+/// What a tile has of a call that solves several.
+pub(super) struct SolveShare {
+    /// The time that the tile may take, from the call's start on.
     pub budget: Option<Duration>,
+    /// The part of the call's progress that is this tile's.
+    pub progress: f32,
+    /// Whether the times that stages take are typical of the device.
+    pub learns: bool,
+}
+
+impl SolveShare {
+    /// For a tile that has all threads of the call.
+    pub fn of_all_threads() -> SolveShare {
+        SolveShare { budget: None, progress: 1.0, learns: true }
+    }
+}
+
+/// The tile as it hangs together in a pose, with its grid.
+pub(super) struct Prepared {
+    pub mesh: Arc<TileMesh>,
+    pub grid: Arc<Grid>,
 }
 
 /// One tile of an asset.
@@ -47,7 +81,13 @@ pub(super) struct TileState {
     /// Bytes of the solver's memory, and what it was used for.
     solver_bytes: u64,
     history: History,
-    pub solved: Option<Solved>,
+    pub solved: Option<Arc<Solved>>,
+    /// The inputs of each chart's result; `None` where it also depends on time or on earlier frames.
+    pub(super) inputs: Vec<Option<ChartInput>>,
+    /// What the result was solved with, unless maps or settings have changed since.
+    pub(super) solved_with: Option<Plan>,
+    /// Whether solves leave the tile alone.
+    pub frozen: bool,
     /// The memory that the device has on its account for this tile.
     booked: u64,
     /// Milliseconds of the last grid build, until reported.
@@ -80,21 +120,42 @@ impl TileState {
         rigidity + self.maps.mask.as_ref().map_or(0, Map::bytes)
     }
 
-    /// Solves the tile for a pose. Nothing of `solved` changes: the caller puts the result there when all tiles have
-    /// theirs.
-    pub fn solve(&mut self, call: &SolveCall, tile: usize) -> Result<Solved> {
+    /// Solves the tile for a pose. Nothing of the last result changes: the caller hands the new one to `take` when all
+    /// tiles have theirs.
+    pub fn solve(&mut self, call: &SolveCall, share: &SolveShare, prepared: &Prepared) -> Result<Solved> {
         let start = Instant::now();
-        let (mesh, grid) = self.surface(call, tile)?;
-        let source = &*mesh;
-        let pose = Pose::new(source, |v| call.positions.get3(v as usize), Some(&grid.rest));
-        let tasks = self.tasks(&grid, source, &pose, call.plan);
-        let WarpResult { warp, results, mut report, work } = self.warp(call, &grid, source, &pose, &tasks)?;
-        self.fill_report(&mut report, &grid, source, &tasks, &results);
-        let inputs = self.inputs(&grid, pose, &tasks, call.plan, report.truncated);
+        let Prepared { mesh, grid } = prepared;
+        let pose = Pose::new(mesh, |v| call.positions.get3(v as usize), Some(&grid.rest));
+        let tasks = self.tasks(grid, mesh, &pose, call.plan);
+        let WarpResult { warp, results, mut report, work } =
+            self.warp(call, share, prepared, &pose, &tasks)?;
+        self.fill_report(&mut report, grid, mesh, &tasks, &results);
+        let inputs = self.inputs_of(grid, pose, &tasks, call.plan, report.truncated);
         report.welds_torn = self.torn_now.len() as u32;
-        report.times.total = start.elapsed().as_secs_f32() * 1000.0;
-        let overlap = self.maps.settings.overlap;
-        Ok(Solved { mesh, grid, warp, inputs, results, overlap, report, work })
+        report.times.total = start.elapsed().as_secs_f32() * 1000.0 + report.times.maps;
+        Ok(Solved {
+            mesh: mesh.clone(),
+            grid: grid.clone(),
+            warp,
+            inputs,
+            results,
+            overlap: self.maps.settings.overlap,
+            report,
+            invert_ms: AtomicU32::new(0),
+            work,
+        })
+    }
+
+    /// Takes a new result.
+    pub fn take(&mut self, solved: Arc<Solved>, inputs: Vec<Option<ChartInput>>, plan: &Plan) {
+        self.inputs = inputs;
+        self.solved_with = Some(*plan);
+        self.solved = Some(solved);
+    }
+
+    /// Whether the last result was solved in this way, with the present maps and settings.
+    pub fn is_solved_with(&self, plan: &Plan) -> bool {
+        self.solved.is_some() && self.solved_with == Some(*plan)
     }
 
     /// Nodes that a solve may have to move, by the present grid; 0 without one.
@@ -104,14 +165,14 @@ impl TileState {
 
     /// The last result, if it was solved on a grid with the same blocks.
     fn last(&self, grid: &Arc<Grid>) -> Option<&Solved> {
-        self.solved.as_ref().filter(|solved| solved.grid.has_blocks_of(grid))
+        self.solved.as_deref().filter(|solved| solved.grid.has_blocks_of(grid))
     }
 
     /// What there is to do for each chart.
     fn tasks(&self, grid: &Arc<Grid>, tile: &TileMesh, pose: &Pose, plan: &Plan) -> Vec<ChartTask> {
         let last = self.last(grid);
         let same = |c: usize| {
-            let input = last.and_then(|solved| solved.inputs[c].as_ref());
+            let input = last.and_then(|_| self.inputs[c].as_ref());
             input.is_some_and(|input| input.plan == *plan && input.pose == pose.charts[c])
         };
         let task = |c: usize| match () {
@@ -119,21 +180,22 @@ impl TileState {
             () if same(c) => ChartTask::Reuse,
             () => ChartTask::Solve,
         };
-        (0..tile.charts.len()).map(task).collect()
+        (0..tile.charts.len()).map(task).collected()
     }
 
     /// The warp, solved where need be, and what came of it.
     fn warp(
         &mut self,
         call: &SolveCall,
-        grid: &Arc<Grid>,
-        tile: &TileMesh,
+        share: &SolveShare,
+        prepared: &Prepared,
         pose: &Pose,
         tasks: &[ChartTask],
     ) -> Result<WarpResult> {
+        let grid = &prepared.grid;
         let last = self.last(grid);
         let mut results =
-            last.map_or_else(|| vec![ChartResult::default(); tasks.len()], |l| l.results.clone());
+            last.map_or_else(|| filled(ChartResult::default(), tasks.len()), |l| copied(&l.results));
         let solves = tasks.contains(&ChartTask::Solve);
         // A chart that has become the identity takes its part of the last result along.
         let mut unchanged = !solves && last.is_some();
@@ -147,11 +209,11 @@ impl TileState {
             return Ok(WarpResult { warp: last.clone(), results, report, work: None });
         }
         if !solves && !tasks.contains(&ChartTask::Reuse) {
-            let identity = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+            let identity = zeroed(grid.levels[0].blocks.list.len());
             let warp = Arc::new(Warp::Host(identity));
             return Ok(WarpResult { warp, results, report, work: None });
         }
-        let solution = self.run_solver(call, grid, tile, pose, last.as_deref(), tasks)?;
+        let solution = self.run_solver(call, share, prepared, pose, last.as_deref(), tasks)?;
         for c in (0..tasks.len()).filter(|&c| tasks[c] == ChartTask::Solve) {
             results[c] = solution.charts[c];
         }
@@ -173,14 +235,15 @@ impl TileState {
     fn run_solver(
         &mut self,
         call: &SolveCall,
-        grid: &Arc<Grid>,
-        tile: &TileMesh,
+        share: &SolveShare,
+        prepared: &Prepared,
         pose: &Pose,
         last: Option<&Warp>,
         tasks: &[ChartTask],
     ) -> Result<TileSolution> {
-        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collect();
-        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collect();
+        let Prepared { mesh: tile, grid } = prepared;
+        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collected();
+        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collected();
         self.allocate(call.device, grid, tile, call.plan.solver())?;
         // Taken out for the time being: should a stage panic, the memory goes with it.
         let missing = || Error::new(ErrorKind::Internal, "the tile has no solver");
@@ -191,18 +254,22 @@ impl TileState {
         let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation, pull };
         let (team, plan) = (call.team, call.plan);
         let history = std::mem::take(&mut self.history);
-        let clock = Clock::new(call.start, call.budget, *call.device.costs(), history).into();
-        let job = Job { team, input, grid, plan, clock, last, keep: &keep };
-        let solution = solver.run(&job);
+        let clock = Clock::new(call.start, share.budget, *call.device.costs(), history).into();
+        let progress = Progress::new(team.control(), share.progress).into();
+        let job = Job { team, input, grid, plan, clock, progress, last, keep: &keep };
+        // A cancelled solve leaves its memory whole: each solve writes what it reads.
+        let solution = caught(|| stoppable(|| solver.run(&job)));
         let Clock { costs, history, .. } = job.clock.into_inner();
         self.history = history;
-        *call.device.costs() = costs;
-        match solution {
-            Ok(_) => self.solver = Some(solver),
-            Err(error) => {
+        if share.learns {
+            *call.device.costs() = costs;
+        }
+        match &solution {
+            Err(error) if error.kind != ErrorKind::Cancelled => {
                 drop(solver);
-                return Err(self.give_up(call.device, tile, error));
+                return Err(self.give_up(call.device, tile, error.clone()));
             }
+            _ => self.solver = Some(solver),
         }
         solution
     }
@@ -239,7 +306,7 @@ impl TileState {
     }
 
     /// The inputs of each chart's result.
-    fn inputs(
+    fn inputs_of(
         &self,
         grid: &Arc<Grid>,
         pose: Pose,
@@ -248,11 +315,14 @@ impl TileState {
         truncated: bool,
     ) -> Vec<Option<ChartInput>> {
         let last = self.last(grid);
-        let reused = |c: usize| last.filter(|_| tasks[c] == ChartTask::Reuse)?.inputs[c].clone();
+        let reused = |c: usize| {
+            last.filter(|_| tasks[c] == ChartTask::Reuse)?;
+            self.inputs[c].clone()
+        };
         // A warm or truncated result depends on more than its inputs.
         let depends_on_more = plan.warm || truncated;
         let input = |pose| (!depends_on_more).then_some(ChartInput { pose, plan: *plan });
-        pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collect()
+        pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collected()
     }
 
     /// Frees the solver's remaining memory after a failure, and takes it off the device's account.
@@ -266,6 +336,16 @@ impl TileState {
         // Less than before always fits.
         let _ = self.book(device, 0, tile.udim);
         error
+    }
+
+    /// After a call that memory was missing for: the solver may be gone, and more may be booked than there is.
+    pub(super) fn settle(&mut self, device: &Device) {
+        if self.solver.is_none() {
+            self.forget(device);
+        }
+        let held = self.held().min(self.booked);
+        let _ = device.rebook(self.booked, held, "");
+        self.booked = held;
     }
 
     /// Drops the solver.
@@ -287,7 +367,7 @@ impl TileState {
             self.forget(device);
             let bytes = TileSolver::bytes_for(device, grid, tile, solver)?;
             self.book(device, bytes, tile.udim)?;
-            match TileSolver::new(device, grid, tile, solver) {
+            match caught(|| TileSolver::new(device, grid, tile, solver)) {
                 Ok(solver) => self.solver = Some(solver),
                 Err(error) => return Err(self.give_up(device, tile, error)),
             }

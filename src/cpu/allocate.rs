@@ -2,8 +2,7 @@
 //! arrays or counts the bytes: both go through the same code, so that the count is exact.
 
 use super::sampling::TriangleRecord;
-pub(crate) use crate::memory::zeroed;
-use crate::memory::{Plain, filled};
+use crate::memory::{Plain, filled, zeroed};
 
 // SAFETY: sixteen f32.
 unsafe impl Plain for TriangleRecord {}

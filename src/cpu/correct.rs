@@ -27,11 +27,12 @@ use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
 use super::patch::State;
 use super::sampling::{Start, Surface};
 use super::{Run, SurfaceFn, Worker};
+use crate::panics::{go_on, hold_back};
 use crate::team::SharedSlice;
 pub(super) use rows::Pairs;
 use rows::Rows;
 pub(super) use workspace::Workspace;
-use workspace::{SolvingLevel, Stepping};
+use workspace::{Assembling, SolvingLevel, Stepping};
 
 /// How much longer than what is done of a correction the rest of it takes, up to its first trial: measured on level 0.
 const AFTER_ASSEMBLY: f64 = 1.8;
@@ -58,33 +59,42 @@ impl Run<'_> {
         for (work, grid) in self.work.iter_mut().zip(&self.grid.levels) {
             work.retain(|b| fraction[grid.blocks.list[b as usize].chart as usize] > 0.0);
         }
-        let mut assembling = workspace.assembling(level, result);
-        let (rows, residual) = assembling.system();
-        let before = self.with_surface(level, assemble::Assemble { rows, residual, level });
-        if !self.stops_now(level, &before, AFTER_ASSEMBLY) {
-            let mut buffers = std::mem::take(&mut self.memory.levels);
-            let mut solving = assembling.solving(&mut buffers[level..]);
-            self.complete_systems(level, &mut solving.levels, correction.first);
-            let solve = !self.stops_now(level, &before, AFTER_SYSTEMS);
-            let predicted = if solve { self.conjugate_gradients(level, &mut solving) } else { Vec::new() };
-            let mut limiting = solving.limiting();
-            self.memory.levels = buffers;
-            if solve && !self.stops_now(level, &before, AFTER_SOLUTION) {
-                step_limit::limit(self, level, &mut limiting);
-                self.try_fractions(
-                    level,
-                    limiting.stepping(),
-                    correction,
-                    &before,
-                    &predicted,
-                    &mut fraction,
-                );
-            }
-        }
+        let assembling = workspace.assembling(level, result);
+        let corrected = hold_back(|| self.correct_with(level, correction, assembling, &mut fraction));
         workspace.next_fraction = fraction;
         self.result = result;
         self.memory.workspace = workspace;
         self.work = all_work;
+        go_on(corrected);
+    }
+
+    /// The same with memory that is the level's and the correction's. `fraction` has the charts' step fractions.
+    fn correct_with(
+        &mut self,
+        level: usize,
+        correction: &Correction,
+        mut assembling: Assembling,
+        fraction: &mut [f32],
+    ) {
+        let (rows, residual) = assembling.system();
+        let before = self.with_surface(level, assemble::Assemble { rows, residual, level });
+        if self.stops_now(level, &before, AFTER_ASSEMBLY) {
+            return;
+        }
+        let mut buffers = std::mem::take(&mut self.memory.levels);
+        let mut solving = assembling.solving(&mut buffers[level..]);
+        let solved = hold_back(|| {
+            self.complete_systems(level, &mut solving.levels, correction.first);
+            let solve = !self.stops_now(level, &before, AFTER_SYSTEMS);
+            solve.then(|| self.conjugate_gradients(level, &mut solving))
+        });
+        let mut limiting = solving.limiting();
+        self.memory.levels = buffers;
+        let Some(predicted) = go_on(solved) else { return };
+        if !self.stops_now(level, &before, AFTER_SOLUTION) {
+            step_limit::limit(self, level, &mut limiting);
+            self.try_fractions(level, limiting.stepping(), correction, &before, &predicted, fraction);
+        }
     }
 
     /// Whether there is no time for the rest, so that the correction ends here: it takes `rest` times as long as what is

@@ -19,6 +19,7 @@ use super::memory::Buffers;
 use super::patch::State;
 use super::sampling::Surface;
 use super::{Run, SurfaceFn};
+use crate::panics::{go_on, hold_back};
 use crate::team::SharedSlice;
 use project::Project;
 use regularise::{Regularise, Velocity};
@@ -101,12 +102,13 @@ impl Run<'_> {
         let mut buffers = std::mem::take(&mut self.memory.pbd[level]);
         let next = buffers.next.state();
         let previous = SharedSlice::new(&mut buffers.previous);
-        self.with_surface(level, RunPass { level, pass, next, previous });
+        let passed = hold_back(|| self.with_surface(level, RunPass { level, pass, next, previous }));
         let state = &mut self.memory.levels[level];
         std::mem::swap(&mut state.u, &mut buffers.next.u);
         std::mem::swap(&mut state.value, &mut buffers.next.value);
         std::mem::swap(&mut state.triangle, &mut buffers.next.triangle);
         self.memory.pbd[level] = buffers;
+        go_on(passed);
     }
 }
 

@@ -119,9 +119,9 @@ pub unsafe extern "C" fn vrtm_asset_info(asset: vrtm_asset, info: *mut vrtm_asse
     })
 }
 
-/// Ends an asset and all of its tile handles. If another thread is in a call on the asset, that call runs to its end
-/// and the memory is freed then. With a device's last asset, free pages of the process's heap go back to the system (on
-/// Linux with glibc, by malloc_trim).
+/// Ends an asset and all of its tile handles. If another thread is in a call on the asset, or a job is, a solve is
+/// cancelled, any other call runs to its end, and the memory is freed then; this does not wait for it. With a device's
+/// last asset, free pages of the process's heap go back to the system (on Linux with glibc, by malloc_trim).
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
@@ -162,7 +162,7 @@ pub unsafe extern "C" fn vrtm_asset_tile(asset: vrtm_asset, index: u32, tile: *m
 /// The tile with a UDIM number (1001 + U + 10 V), of UV set 0.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
-/// null; VRTM_ERROR_BUSY.
+/// null. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_find_tile(
     asset: vrtm_asset,
@@ -192,7 +192,7 @@ fn find_tile(asset: vrtm_asset, uv_set: u32, udim: u32, tile: *mut vrtm_tile) ->
     if uv_set >= sets {
         return Err(Failure::argument(format!("uv_set is {uv_set}, but the mesh has {sets} UV sets")));
     }
-    let found = shared.read(|asset| Ok(asset.find_tile_of_set(uv_set, udim)))?;
+    let found = shared.results.find_tile_of_set(uv_set, udim);
     let index = found.ok_or_else(|| Failure::argument(format!("udim: the asset has no tile {udim}")))?;
     out.write(handle::tile_handle(asset, index));
     Ok(())

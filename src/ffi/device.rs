@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::allocator::{self, vrtm_allocator};
 use super::desc::{self, Out, Place, Sized32};
+use super::executor::{HostExecutor, vrtm_executor};
 use super::guard::guard;
 use super::handle::{self, vrtm_device};
 use super::status::{Failure, Outcome, chars, vrtm_status};
@@ -30,10 +31,10 @@ pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
 /// The chosen backend and device, and the reason.
 pub const VRTM_LOG_INFO: vrtm_log_level = 2;
 
-/// A host's log function. It is called on the thread that called into vrtm, during that call; several threads may be
-/// in it at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
-/// functions; those that use the asset of the call it was called from give VRTM_ERROR_BUSY. It must return
-/// normally: no exception, no longjmp.
+/// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
+/// threads, if the device has an executor, and on a job's thread); several threads may be in it at once. `message` is
+/// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; those that use the asset of
+/// the call it was called from give VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
 pub type vrtm_log_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
 
@@ -60,6 +61,9 @@ pub struct vrtm_device_desc {
     pub log: vrtm_log_fn,
     /// Passed to `log` as it is.
     pub log_user: *mut c_void,
+    /// The host's threads, copied; null (the default) = solves and fetches have threads of the library's own, which end
+    /// with the call.
+    pub executor: *const vrtm_executor,
     /// The host's allocator; null (the default) = the system's. The struct is copied.
     pub allocator: *const vrtm_allocator,
 }
@@ -103,7 +107,7 @@ pub struct vrtm_adapter_data {
 
 // SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function. So for the other two.
 unsafe impl Sized32 for vrtm_device_desc {
-    const FIRST: usize = offset_of!(vrtm_device_desc, allocator);
+    const FIRST: usize = offset_of!(vrtm_device_desc, executor);
     const NAME: &'static str = "vrtm_device_desc";
 }
 
@@ -132,6 +136,7 @@ unsafe impl Sync for HostLog {}
 
 impl HostLog {
     fn write(&self, level: LogLevel, message: &str) {
+        #[expect(clippy::disallowed_methods, reason = "one line")]
         let line: String =
             message.chars().map(|c| if matches!(c, '\0' | '\n' | '\r') { ' ' } else { c }).collect();
         let level = match level {
@@ -145,7 +150,7 @@ impl HostLog {
     }
 }
 
-fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
+unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     let backend = match desc.backend {
         VRTM_BACKEND_AUTO => Backend::Auto,
         VRTM_BACKEND_CPU => Backend::Cpu,
@@ -156,12 +161,15 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
         let host = HostLog { call, user: desc.log_user };
         Arc::new(move |level: LogLevel, message: &str| host.write(level, message)) as LogFn
     });
+    // SAFETY: the host's pointer.
+    let executor = unsafe { HostExecutor::read(desc.executor, "desc.executor") }?;
     Ok(DeviceSettings {
         backend,
         adapter: desc.adapter,
         threads: NonZeroU32::new(desc.threads),
         memory_budget: (desc.memory_budget != 0).then_some(desc.memory_budget),
         log,
+        executor: executor.map(|executor| Arc::new(executor) as _),
         // SAFETY: the host's pointer.
         allocator: unsafe { allocator::read(desc.allocator, "desc.allocator") }?,
     })
@@ -178,9 +186,8 @@ fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
 /// 1024 threads, an allocator without a function, or an environment variable VRTM_DEVICE, VRTM_THREADS or
-/// VRTM_GPU_LIMITS that cannot be read;
-/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and for an allocator if the
-/// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
+/// VRTM_GPU_LIMITS that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be
+/// opened, and for an allocator if the library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,
@@ -190,7 +197,8 @@ pub unsafe extern "C" fn vrtm_device_create(
         let out = Place::new(device, "device")?;
         // SAFETY: the host's pointer.
         let desc = unsafe { desc::read_or_default(desc, "desc") }?;
-        let device = Device::new(&settings(&desc)?)?;
+        // SAFETY: as above.
+        let device = Device::new(&unsafe { settings(&desc) }?)?;
         out.write(handle::add_device(device)?);
         Ok(())
     })

@@ -8,6 +8,7 @@ use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{Target, vrtm_image_out};
 use crate::asset::FetchKind;
+use crate::memory::{Collect, Grow};
 
 /// Content of a fetched image: two channels (u, v) per texel.
 pub type vrtm_fetch_kind = i32;
@@ -91,7 +92,7 @@ pub(super) unsafe fn targets(
         let image = format!("{name}.image");
         // SAFETY: the host's pointer.
         let target = unsafe { Target::read(fetch.image, &image) }?;
-        all.push((image, tile, kind, target));
+        all.put((image, tile, kind, target));
     }
     check_apart(&all, input)?;
     Ok(all)
@@ -102,8 +103,8 @@ pub(super) unsafe fn targets(
 /// they span, in which nothing may be written.
 fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
     let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
-    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collect();
-    sorted.sort_by_key(|(target, _)| target.span().start);
+    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collected();
+    sorted.sort_unstable_by_key(|(target, name)| (target.span().start, *name));
     for (k, (target, name)) in sorted.iter().enumerate() {
         let span = target.span();
         if span.start < input.end && input.start < span.end {
@@ -124,7 +125,7 @@ fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 /// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
-/// or an unknown value; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written.
+/// or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch(
     tile: vrtm_tile,
@@ -138,7 +139,7 @@ pub unsafe extern "C" fn vrtm_tile_fetch(
         let target = unsafe { Target::read(image, "image") }?;
         // SAFETY: the host vouches for the memory, and this is the only view of it.
         let mut view = unsafe { target.view("image") }?;
-        asset.write(|asset| Ok(asset.fetch(tile, kind, &mut view)?))
+        Ok(asset.results.fetch(tile, kind, &mut view)?)
     })
 }
 
@@ -164,7 +165,7 @@ pub unsafe extern "C" fn vrtm_tile_fetch_part(
         let target = unsafe { Target::read(image, "image") }?;
         // SAFETY: the host vouches for the memory, and this is the only view of it.
         let mut view = unsafe { target.view("image") }?;
-        asset.write(|asset| Ok(asset.fetch_part(tile, kind, &mut view, [width, height], [x, y])?))
+        Ok(asset.results.fetch_part(tile, kind, &mut view, [width, height], [x, y])?)
     })
 }
 
@@ -173,8 +174,9 @@ pub unsafe extern "C" fn vrtm_tile_fetch_part(
 /// instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
 /// floats.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-/// `uvs` is null or `count` is not the number of corners; VRTM_ERROR_BUSY. On any error nothing is written.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if `uvs`
+/// is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that have not
+/// been solved yet, the UVs are the mesh's own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
     asset: vrtm_asset,
@@ -207,5 +209,5 @@ unsafe fn corner_uvs(asset: vrtm_asset, uv_set: u32, uvs: *mut f32, count: usize
     }
     // SAFETY: the host vouches for `count` pairs during the call.
     let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
-    asset.read(|asset| Ok(asset.corner_uvs_of_set(uv_set, out)?))
+    Ok(asset.results.corner_uvs_of_set(uv_set, out)?)
 }

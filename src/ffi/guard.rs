@@ -1,10 +1,10 @@
 //! The guard that every exported function runs in: errors and panics inside become a status and a message, and the
 //! processor's floating-point mode is the default one.
 
-use super::float_mode::FloatMode;
 use super::status::{
     Outcome, VRTM_ERROR_INTERNAL, VRTM_ERROR_OUT_OF_MEMORY, VRTM_OK, set_last_error, vrtm_status,
 };
+use crate::float_mode::FloatMode;
 use crate::panics;
 
 /// Runs the body of the exported function `name`. Should it panic, a solve that was under way has not replaced its

@@ -6,17 +6,18 @@
 //! ```text
 //! bit 63..60  kind
 //!     59..40  index of the tile, in tile handles
-//!     39..0   serial number of the device or asset
+//!     39..0   serial number of the device, asset or job
 //! ```
 
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, VRTM_ERROR_OUT_OF_MEMORY};
+use super::job::Job;
+use super::shared::SharedAsset;
+use super::status::{Failure, Outcome, VRTM_ERROR_OUT_OF_MEMORY};
 use crate::asset::Asset;
 use crate::device::Device;
-use crate::report::AssetInfo;
 
 /// A device: where assets are solved. Made by vrtm_device_create, ended by vrtm_device_destroy. Zero is no device.
 #[repr(C)]
@@ -44,11 +45,21 @@ pub struct vrtm_tile {
     pub id: u64,
 }
 
+/// A job: one solve that runs beside the host's own work. Made by vrtm_asset_submit, ended by vrtm_job_destroy. Zero is
+/// no job.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_job {
+    /// Opaque.
+    pub id: u64,
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Device = 1,
     Asset = 2,
     Tile = 3,
+    Job = 4,
 }
 
 const SERIAL_BITS: u32 = 40;
@@ -99,6 +110,7 @@ impl<T> Table<T> {
             return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
         }
         entries.next += 1;
+        #[expect(clippy::disallowed_methods, reason = "a few bytes for each object")]
         entries.live.insert(serial, value);
         Ok(serial)
     }
@@ -120,49 +132,7 @@ impl<T> Table<T> {
 
 static DEVICES: Table<Device> = Table::new();
 static ASSETS: Table<SharedAsset> = Table::new();
-
-/// An asset shared by threads: constant data, and the state behind a lock.
-#[derive(Debug)]
-pub(super) struct SharedAsset {
-    /// Read from the mesh; can be asked for during a solve.
-    pub info: AssetInfo,
-    tiles: usize,
-    asset: RwLock<Asset>,
-}
-
-impl SharedAsset {
-    pub fn new(asset: Asset) -> SharedAsset {
-        SharedAsset { info: asset.info(), tiles: asset.tile_count(), asset: RwLock::new(asset) }
-    }
-
-    pub fn tile_count(&self) -> usize {
-        self.tiles
-    }
-
-    /// For calls that only read; they do not get into each other's way.
-    pub fn read<R>(&self, body: impl FnOnce(&Asset) -> Outcome<R>) -> Outcome<R> {
-        match self.asset.try_read() {
-            Ok(asset) => body(&asset),
-            Err(TryLockError::Poisoned(poisoned)) => body(&poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) => Err(busy()),
-        }
-    }
-
-    /// For calls that solve, or change or build anything. Nothing ever waits: a callback that calls back into the
-    /// asset would wait for itself.
-    pub fn write<R>(&self, body: impl FnOnce(&mut Asset) -> Outcome<R>) -> Outcome<R> {
-        match self.asset.try_write() {
-            Ok(mut asset) => body(&mut asset),
-            Err(TryLockError::Poisoned(poisoned)) => body(&mut poisoned.into_inner()),
-            Err(TryLockError::WouldBlock) => Err(busy()),
-        }
-    }
-}
-
-fn busy() -> Failure {
-    let message = "another call is using the asset".to_owned();
-    Failure { status: VRTM_ERROR_BUSY, message }
-}
+static JOBS: Table<Job> = Table::new();
 
 fn gone(argument: &str, kind: &str, id: u64) -> Failure {
     Failure::handle(match id {
@@ -190,8 +160,9 @@ pub(super) fn remove_device(handle: vrtm_device) -> Outcome<()> {
 
 pub(super) fn add_asset(asset: Asset) -> Outcome<vrtm_asset> {
     let shared = SharedAsset::new(asset);
-    if shared.tiles > MAX_TILES {
-        return Err(Failure::unsupported(format!("desc.uvs: {} tiles are over {MAX_TILES}", shared.tiles)));
+    let tiles = shared.tile_count();
+    if tiles > MAX_TILES {
+        return Err(Failure::unsupported(format!("desc.uvs: {tiles} tiles are over {MAX_TILES}")));
     }
     Ok(vrtm_asset { id: pack(Kind::Asset, ASSETS.insert(shared)?, 0) })
 }
@@ -202,11 +173,30 @@ pub(super) fn asset(handle: vrtm_asset) -> Outcome<Arc<SharedAsset>> {
         .ok_or_else(|| gone("asset", "asset", handle.id))
 }
 
+/// Ends an asset's handle, and cancels a solve of it that is under way.
 pub(super) fn remove_asset(handle: vrtm_asset) -> Outcome<()> {
     unpack(Kind::Asset, handle.id)
         .and_then(|(serial, _)| ASSETS.remove(serial))
-        .map(drop)
+        .map(|asset| asset.end())
         .ok_or_else(|| gone("asset", "asset", handle.id))
+}
+
+pub(super) fn add_job(job: Job) -> Outcome<(vrtm_job, Arc<Job>)> {
+    let serial = JOBS.insert(job)?;
+    let job = JOBS.get(serial).ok_or_else(|| gone("job", "job", serial))?;
+    Ok((vrtm_job { id: pack(Kind::Job, serial, 0) }, job))
+}
+
+pub(super) fn job(handle: vrtm_job) -> Outcome<Arc<Job>> {
+    unpack(Kind::Job, handle.id)
+        .and_then(|(serial, _)| JOBS.get(serial))
+        .ok_or_else(|| gone("job", "job", handle.id))
+}
+
+pub(super) fn remove_job(handle: vrtm_job) -> Outcome<Arc<Job>> {
+    unpack(Kind::Job, handle.id)
+        .and_then(|(serial, _)| JOBS.remove(serial))
+        .ok_or_else(|| gone("job", "job", handle.id))
 }
 
 /// The handle of a tile of a living asset.
@@ -219,7 +209,7 @@ pub(super) fn tile_handle(asset: vrtm_asset, tile: usize) -> vrtm_tile {
 pub(super) fn tile(argument: &str, handle: vrtm_tile) -> Outcome<(Arc<SharedAsset>, usize)> {
     unpack(Kind::Tile, handle.id)
         .and_then(|(serial, tile)| Some((ASSETS.get(serial)?, tile)))
-        .filter(|(asset, tile)| *tile < asset.tiles)
+        .filter(|(asset, tile)| *tile < asset.tile_count())
         .ok_or_else(|| gone(argument, "tile", handle.id))
 }
 
@@ -231,12 +221,8 @@ pub(super) fn is_tile_of(tile: vrtm_tile, asset: vrtm_asset) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::guard::guard;
-    use super::super::status::VRTM_ERROR_INTERNAL;
     use super::*;
-    use crate::mesh::{MeshSource, UvSource};
     use crate::settings::DeviceSettings;
-    use crate::view::{Scalar, Strided};
 
     fn new_device() -> vrtm_device {
         add_device(Device::new(&DeviceSettings::default()).unwrap()).unwrap()
@@ -267,45 +253,6 @@ mod tests {
         assert!(asset(vrtm_asset { id: living.id }).is_err());
         assert!(tile("tile", vrtm_tile { id: living.id }).is_err());
         assert!(remove_device(living).is_ok());
-    }
-
-    fn triangle() -> SharedAsset {
-        let device = Device::new(&DeviceSettings::default()).unwrap();
-        let uvs = [0.0f32, 0.0, 1.0, 0.0, 0.0, 1.0].map(f32::to_ne_bytes);
-        let uvs = Strided::new("uvs", uvs.as_flattened(), Scalar::F32, 2, 3, 0).unwrap();
-        let mesh = MeshSource {
-            positions: Strided::from_f32x3(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
-            indices: &[0, 1, 2],
-            uvs: UvSource { u: uvs, v: None, indices: None },
-            ..MeshSource::default()
-        };
-        SharedAsset::new(Asset::new(&device, &mesh).unwrap())
-    }
-
-    #[test]
-    fn an_asset_in_use_is_busy_and_never_waits() {
-        let asset = triangle();
-        let inner = asset.write(|_| {
-            assert_eq!(asset.read(|_| Ok(())).unwrap_err().status, VRTM_ERROR_BUSY);
-            Ok(asset.write(|_| Ok(())).unwrap_err().status)
-        });
-        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
-        // Readers do not hinder each other, but a writer waits for none of them.
-        let inner = asset.read(|_| {
-            assert!(asset.read(|_| Ok(())).is_ok());
-            Ok(asset.write(|_| Ok(())).unwrap_err().status)
-        });
-        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
-        assert!(asset.write(|_| Ok(())).is_ok());
-    }
-
-    #[test]
-    fn an_asset_survives_a_panic() {
-        let asset = triangle();
-        let status = guard("vrtm_test", || asset.write(|_| -> Outcome<()> { panic!("in the middle") }));
-        assert_eq!(status, VRTM_ERROR_INTERNAL);
-        assert_eq!(asset.read(|asset| Ok(asset.tile_count())).unwrap(), 1);
-        assert!(asset.write(|asset| Ok(asset.set_rigidity(0, None)?)).is_ok());
     }
 
     #[test]

@@ -120,6 +120,9 @@ pub struct vrtm_tile_report_data {
     pub reserved: u32,
     /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     pub welds_torn: u32,
+    /// 1 if the asset's last solve left the tile alone: it was frozen, not asked for, or touched by no dirty vertex. The
+    /// other fields are then of the tile's own last solve.
+    pub kept: u32,
 }
 
 /// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -150,6 +153,9 @@ pub struct vrtm_asset_report_data {
     pub ms_total: f32,
     /// 1 if the time budget ended a tile's solve early.
     pub truncated: u32,
+    /// Tiles that the last call left alone: frozen, not asked for, or touched by no dirty vertex. Their charts count as
+    /// reused.
+    pub tiles_kept: u32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
@@ -160,7 +166,7 @@ unsafe impl Sized32 for vrtm_tile_report_data {
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_asset_report_data {
-    const FIRST: usize = size_of::<vrtm_asset_report_data>();
+    const FIRST: usize = offset_of!(vrtm_asset_report_data, tiles_kept);
     const NAME: &'static str = "vrtm_asset_report_data";
 }
 
@@ -181,7 +187,7 @@ impl From<Strain> for vrtm_strain {
 /// Reports on a tile's last solve.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-/// `report` is null or has a wrong struct_size; VRTM_ERROR_BUSY.
+/// `report` is null or has a wrong struct_size. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_report(
     tile: vrtm_tile,
@@ -190,7 +196,7 @@ pub unsafe extern "C" fn vrtm_tile_report(
     guard("vrtm_tile_report", || {
         let out = Out::new(report, "report")?;
         let (asset, tile) = handle::tile("tile", tile)?;
-        let r = asset.read(|asset| Ok(asset.tile_report(tile)?))?;
+        let r = asset.results.tile_report(tile)?;
         let strain: StrainReport = r.strain.unwrap_or_default();
         out.write(vrtm_tile_report_data {
             struct_size: 0,
@@ -234,6 +240,7 @@ pub unsafe extern "C" fn vrtm_tile_report(
             ms_pbd: r.times.pbd,
             reserved: 0,
             welds_torn: r.welds_torn,
+            kept: u32::from(r.kept),
         });
         Ok(())
     })
@@ -242,7 +249,7 @@ pub unsafe extern "C" fn vrtm_tile_report(
 /// Reports on an asset's last solve, over all tiles.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-/// `report` is null or has a wrong struct_size; VRTM_ERROR_BUSY.
+/// `report` is null or has a wrong struct_size. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_report(
     asset: vrtm_asset,
@@ -250,7 +257,7 @@ pub unsafe extern "C" fn vrtm_asset_report(
 ) -> vrtm_status {
     guard("vrtm_asset_report", || {
         let out = Out::new(report, "report")?;
-        let r = handle::asset(asset)?.read(|asset| Ok(asset.report()?))?;
+        let r = handle::asset(asset)?.results.report()?;
         out.write(vrtm_asset_report_data {
             struct_size: 0,
             tiles: r.tiles,
@@ -264,6 +271,7 @@ pub unsafe extern "C" fn vrtm_asset_report(
             bytes: r.bytes,
             ms_total: r.total_ms,
             truncated: u32::from(r.truncated),
+            tiles_kept: r.tiles_kept,
         });
         Ok(())
     })

@@ -1,16 +1,22 @@
 //! Solving, and the one call of a host's compute().
 
+use std::ffi::c_void;
 use std::mem::offset_of;
+use std::num::NonZeroU32;
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::desc::{self, Sized32};
 use super::fetch::{targets, vrtm_fetch};
 use super::guard::guard;
-use super::handle::{self, vrtm_asset};
+use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{check_reserved, flag, strided, strided_and_span, vrtm_array};
-use crate::asset::Fetch;
+use crate::asset::{Fetch, SolveRequest};
+use crate::control::Control;
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::settings::{PbdSettings, Quality, SolveOptions, Solver};
+use crate::view::Strided;
 
 /// How much work a solve does on each level of its grid.
 pub type vrtm_quality = i32;
@@ -85,7 +91,34 @@ pub struct vrtm_solve_options {
     /// frame to frame falls to between three quarters and a fifth, and the warp of a steady motion is one to two
     /// frames late. Without `warm` it has no effect.
     pub temporal_weight: f32,
+    /// CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
+    pub threads: u32,
+    /// 1: the results of the tiles that are solved are dropped before they are solved, which saves their memory: 8 bytes
+    /// per node of the blocks in use. They cannot be read then until the solve is done, nor if it fails. 0 (the
+    /// default): they can be read all the time.
+    pub release_last: u32,
+    /// Zero.
+    pub reserved2: u32,
+    /// The tiles to solve, in any order; null = all. The others keep their results.
+    pub tiles: *const vrtm_tile,
+    /// The length of `tiles`. Ignored when that is null.
+    pub tile_count: usize,
+    /// The vertices that have moved since the last solve, in any order; null = any may have. Tiles that none of them
+    /// touches keep their results, unless they have none, or their maps, settings or these options have changed since.
+    pub dirty_vertices: *const u32,
+    /// The length of `dirty_vertices`. Ignored when that is null.
+    pub dirty_vertex_count: usize,
+    /// Called about 500 times per second while the tiles are solved, on the thread that does the work: the calling one,
+    /// unless the device has an executor, or the job's. Null = nobody is told.
+    pub progress: vrtm_progress_fn,
+    /// Passed to `progress` as it is. Both must stay valid until the call returns, or the job is destroyed.
+    pub progress_user: *mut c_void,
 }
+
+/// A host's function that is told how far a solve is: 0..1, by prediction, never falling. If it returns anything but 0,
+/// the solve is cancelled. It may call vrtm functions: results of the asset can be read, and what would change the asset
+/// gives VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
+pub type vrtm_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, progress: f32) -> u32>;
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_solve_options {
@@ -93,9 +126,95 @@ unsafe impl Sized32 for vrtm_solve_options {
     const NAME: &'static str = "vrtm_solve_options";
 }
 
-unsafe fn options(pointer: *const vrtm_solve_options) -> Outcome<SolveOptions> {
-    // SAFETY: the host's pointer.
-    let from = unsafe { desc::read_or_default(pointer, "options") }?;
+/// What a host asks for beside the positions.
+pub(super) struct Wishes<'a> {
+    options: SolveOptions,
+    threads: Option<NonZeroU32>,
+    tiles: Option<Vec<usize>>,
+    pub dirty_vertices: Option<&'a [u32]>,
+    release_last: bool,
+    pub control: Arc<Control>,
+}
+
+impl<'a> Wishes<'a> {
+    /// Reads a host's options for an asset.
+    pub unsafe fn read(asset: vrtm_asset, pointer: *const vrtm_solve_options) -> Outcome<Wishes<'a>> {
+        // SAFETY: the host's pointer.
+        let from = unsafe { desc::read_or_default(pointer, "options") }?;
+        check_reserved(from.reserved2, "options")?;
+        let mut tiles = None;
+        if !from.tiles.is_null() {
+            // SAFETY: the host vouches for `tile_count` handles.
+            let handles = unsafe { desc::slice(from.tiles, from.tile_count, "options.tiles") }?;
+            let index = |(k, &handle): (usize, &vrtm_tile)| {
+                let name = format!("options.tiles[{k}]");
+                let (_, index) = handle::tile(&name, handle)?;
+                match handle::is_tile_of(handle, asset) {
+                    true => Ok(index),
+                    false => Err(Failure::argument(format!("{name} belongs to another asset"))),
+                }
+            };
+            tiles = Some(handles.iter().enumerate().map(index).try_collected()?);
+        }
+        let mut dirty_vertices = None;
+        if !from.dirty_vertices.is_null() {
+            let (first, count) = (from.dirty_vertices, from.dirty_vertex_count);
+            // SAFETY: the host vouches for `dirty_vertex_count` numbers.
+            dirty_vertices = Some(unsafe { desc::slice(first, count, "options.dirty_vertices") }?);
+        }
+        let control = from.progress.map_or_else(Control::new, |call| {
+            let host = HostProgress { call, user: from.progress_user };
+            Control::with_progress(Arc::new(move |progress| host.tell(progress)))
+        });
+        Ok(Wishes {
+            options: options(&from)?,
+            threads: NonZeroU32::new(from.threads),
+            tiles,
+            dirty_vertices,
+            release_last: flag(from.release_last, "options.release_last")?,
+            control: Arc::new(control),
+        })
+    }
+
+    /// The request for a pose.
+    pub fn request<'r>(&'r self, positions: Strided<'r>) -> SolveRequest<'r> {
+        SolveRequest {
+            positions,
+            options: self.options,
+            threads: self.threads,
+            tiles: self.tiles.as_deref(),
+            dirty_vertices: self.dirty_vertices,
+            release_last: self.release_last,
+            control: Some(self.control.clone()),
+        }
+    }
+
+    /// The same without the host's list of dirty vertices, for a job, which keeps a copy.
+    pub fn without_dirty_vertices<'b>(self) -> Wishes<'b> {
+        Wishes { dirty_vertices: None, ..self }
+    }
+}
+
+/// A host's function that is told the progress.
+struct HostProgress {
+    call: unsafe extern "C" fn(*mut c_void, f32) -> u32,
+    user: *mut c_void,
+}
+
+// SAFETY: the header tells the host on which threads its function is called.
+unsafe impl Send for HostProgress {}
+// SAFETY: as above.
+unsafe impl Sync for HostProgress {}
+
+impl HostProgress {
+    /// Whether the host cancels.
+    fn tell(&self, progress: f32) -> bool {
+        // SAFETY: the host vouches for the function and for its user data.
+        unsafe { (self.call)(self.user, progress) != 0 }
+    }
+}
+
+fn options(from: &vrtm_solve_options) -> Outcome<SolveOptions> {
     check_reserved(from.reserved, "options")?;
     Ok(SolveOptions {
         quality: match from.quality {
@@ -160,8 +279,8 @@ fn fraction(value: f32, name: &str) -> Outcome<Option<f32>> {
 /// cost, unless this solve or the last one is warm.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the vertex, for null, a wrong
-/// count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_BUSY;
-/// VRTM_ERROR_OUT_OF_MEMORY.
+/// count, a short stride, a position that is not finite or an option out of range; VRTM_ERROR_CANCELLED;
+/// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_solve(
     asset: vrtm_asset,
@@ -169,10 +288,12 @@ pub unsafe extern "C" fn vrtm_asset_solve(
     options: *const vrtm_solve_options,
 ) -> vrtm_status {
     guard("vrtm_asset_solve", || {
-        let asset = handle::asset(asset)?;
+        let shared = handle::asset(asset)?;
         // SAFETY: the host's pointers, valid during the call.
-        let (positions, options) = unsafe { (strided(positions, 3, "positions")?, self::options(options)?) };
-        asset.write(|asset| Ok(asset.solve(positions, &options)?))
+        let (positions, wishes) =
+            unsafe { (strided(positions, 3, "positions")?, Wishes::read(asset, options)?) };
+        let request = wishes.request(positions);
+        shared.claim()?.solve(&wishes.control, |asset| Ok(asset.run(&request, &mut [])?))
     })
 }
 
@@ -195,17 +316,31 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
     guard("vrtm_asset_redirect", || {
         let shared = handle::asset(asset)?;
         // SAFETY: the host's pointers, valid during the call.
-        let (view, options) =
-            unsafe { (strided_and_span(positions, 3, "positions")?, self::options(options)?) };
+        let (view, wishes) =
+            unsafe { (strided_and_span(positions, 3, "positions")?, Wishes::read(asset, options)?) };
         let (positions, span) = view;
         // SAFETY: as above; `targets` checks that no two of the images share a byte, nor do they with the positions.
         let targets = unsafe { targets(asset, fetches, count, span) }?;
-        let mut wanted = Vec::with_capacity(targets.len());
+        let mut wanted = with_capacity(targets.len());
         for (name, tile, kind, target) in &targets {
             // SAFETY: the host vouches for the memory, and no other view shares it.
-            wanted.push(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
+            wanted.put(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
         }
-        shared.write(|asset| Ok(asset.redirect(positions, &options, &mut wanted)?))
+        let request = wishes.request(positions);
+        shared.claim()?.solve(&wishes.control, |asset| Ok(asset.run(&request, &mut wanted)?))
+    })
+}
+
+/// Cancels the solve of an asset that is under way, be it another thread's call or a job: it gives VRTM_ERROR_CANCELLED
+/// soon after, and the last good result stays. One that has its result already is not cancelled any more. Without a
+/// solve it does nothing. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_cancel(asset: vrtm_asset) -> vrtm_status {
+    guard("vrtm_asset_cancel", || {
+        handle::asset(asset)?.cancel();
+        Ok(())
     })
 }
 

@@ -39,6 +39,10 @@ pub const VRTM_ERROR_BUSY: vrtm_status = 6;
 pub const VRTM_ERROR_DEVICE_LOST: vrtm_status = 7;
 /// A defect of the library; please report the message. The asset keeps its last good result.
 pub const VRTM_ERROR_INTERNAL: vrtm_status = 8;
+/// The call or the job was cancelled; the asset keeps its last good result.
+pub const VRTM_ERROR_CANCELLED: vrtm_status = 9;
+/// The job was not done in time; wait again.
+pub const VRTM_ERROR_TIMEOUT: vrtm_status = 10;
 
 /// The version of the library that is loaded, as one number: major * 1000000 + minor * 1000 + patch. Compare it with
 /// VRTM_VERSION, the version of the header. Never fails.
@@ -61,6 +65,8 @@ pub extern "C" fn vrtm_status_string(status: vrtm_status) -> *const c_char {
         VRTM_ERROR_BUSY => c"VRTM_ERROR_BUSY",
         VRTM_ERROR_DEVICE_LOST => c"VRTM_ERROR_DEVICE_LOST",
         VRTM_ERROR_INTERNAL => c"VRTM_ERROR_INTERNAL",
+        VRTM_ERROR_CANCELLED => c"VRTM_ERROR_CANCELLED",
+        VRTM_ERROR_TIMEOUT => c"VRTM_ERROR_TIMEOUT",
         _ => c"unknown status",
     };
     name.as_ptr()
@@ -76,7 +82,7 @@ pub extern "C" fn vrtm_last_error() -> *const c_char {
 }
 
 /// Why a call failed; becomes the status and the thread's message.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub status: vrtm_status,
     pub message: String,
@@ -104,6 +110,7 @@ impl From<Error> for Failure {
             ErrorKind::OutOfMemory => VRTM_ERROR_OUT_OF_MEMORY,
             ErrorKind::NotSolved => VRTM_ERROR_NOT_SOLVED,
             ErrorKind::DeviceLost => VRTM_ERROR_DEVICE_LOST,
+            ErrorKind::Cancelled => VRTM_ERROR_CANCELLED,
             ErrorKind::Internal => VRTM_ERROR_INTERNAL,
         };
         Failure { status, message: error.message }

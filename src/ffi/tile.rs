@@ -6,7 +6,7 @@ use super::desc::{self, Out, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
-use super::types::{check_reserved, image_or_none, strided, vrtm_array, vrtm_image};
+use super::types::{check_reserved, flag, image_or_none, strided, vrtm_array, vrtm_image};
 use crate::settings::{Overlap, TileSettings};
 
 /// Facts of a tile that need no solve. Start from vrtm_tile_data_init().
@@ -96,8 +96,8 @@ unsafe impl Sized32 for vrtm_tile_settings {
     const NAME: &'static str = "vrtm_tile_settings";
 }
 
-/// A field of the settings: zero is the default, VRTM_OFF is zero. Other numbers are checked with the settings, which know
-/// nothing of VRTM_OFF.
+/// A field of the settings: zero is the default, VRTM_OFF is zero. Other numbers are checked with the settings, which
+/// know nothing of VRTM_OFF.
 fn or_default(name: &str, value: f32, default: f32) -> Outcome<f32> {
     match value {
         0.0 => Ok(default),
@@ -297,5 +297,18 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
             orientation_density: now.orientation_density,
         });
         Ok(())
+    })
+}
+
+/// Freezes a tile (1) or lets it go (0): solves leave a frozen tile alone, so that it keeps its result, or stays without
+/// one.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `frozen` is neither 0 nor 1; VRTM_ERROR_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_freeze(tile: vrtm_tile, frozen: u32) -> vrtm_status {
+    guard("vrtm_tile_freeze", || {
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let frozen = flag(frozen, "frozen")?;
+        asset.write(|asset| Ok(asset.freeze(tile, frozen)?))
     })
 }

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use super::adapters::describe;
 use super::kernels::Pipelines;
+use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::memory::{Collect, Grow};
 use crate::method::point::Switch;
@@ -60,6 +61,9 @@ struct ErrorLog {
     /// error of one must not be taken for another's.
     errors: Mutex<Vec<(ThreadId, Error)>>,
 }
+
+/// How long a call that can be cancelled waits before it looks whether it was.
+const PATIENCE: Duration = Duration::from_millis(2);
 
 /// Most errors kept, as some threads may never check.
 const MAX_ERRORS: usize = 64;
@@ -216,6 +220,20 @@ impl Context {
         self.contain(|| self.device.poll(wgpu::PollType::wait_indefinitely()))?
             .map(drop)
             .map_err(|error| Error::new(ErrorKind::Internal, format!("the GPU: {error}")))
+    }
+
+    /// Waits for a submission, but no longer than the call goes on.
+    pub fn wait_for(&self, submission: &wgpu::SubmissionIndex, control: &Control) -> Result<()> {
+        loop {
+            control.check()?;
+            let (submission_index, timeout) = (Some(submission.clone()), Some(PATIENCE));
+            let wait = wgpu::PollType::Wait { submission_index, timeout };
+            match self.contain(|| self.device.poll(wait))? {
+                Ok(_) => return Ok(()),
+                Err(wgpu::PollError::Timeout) => {}
+                Err(error) => return Err(Error::new(ErrorKind::Internal, format!("the GPU: {error}"))),
+            }
+        }
     }
 
     /// Gives back the memory of dropped buffers that only finished work used; waits for nothing. To be called after a

@@ -14,7 +14,7 @@ use super::recorder::RecorderResources;
 use super::results::ResultBuffers;
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::{Error, Result};
 use crate::memory::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
@@ -74,8 +74,8 @@ pub(crate) struct Memory {
     /// Number of dispatch sizes.
     pub dispatch_size_count: u32,
     pub recording: RecorderResources,
-    /// Two results: the last one and the next.
-    results: [Arc<ResultBuffers>; 2],
+    /// Two results, the last one and the next; more while older ones are being read.
+    results: Vec<Arc<ResultBuffers>>,
     /// Bind groups made so far, by kernel, band (level, index) and the kernel's extra buffers.
     pub bind_groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), wgpu::BindGroup>,
 }
@@ -184,7 +184,7 @@ impl Memory {
             gate_open: storage("gates", sizes.gate_open)?,
             dispatch_size_count: 0,
             recording: RecorderResources::new(context)?,
-            results: [result()?, result()?],
+            results: [result()?, result()?].into_iter().collected(),
             lists: Vec::new(),
             listed_charts: None,
             bind_groups: HashMap::new(),
@@ -209,12 +209,26 @@ impl Memory {
         self.grid.upgrade().is_some_and(|grid_of_memory| Arc::ptr_eq(&grid_of_memory, grid))
     }
 
-    /// Returns those buffers for a result that nothing else holds.
+    /// Returns buffers for a result that nothing else holds.
     pub fn free_result(&mut self) -> Result<Arc<ResultBuffers>> {
-        if let Some(free) = self.results.iter().find(|result| Arc::strong_count(result) == 1) {
+        let is_free = |result: &Arc<ResultBuffers>| Arc::strong_count(result) == 1;
+        while self.results.len() > 2
+            && let Some(free) = self.results.iter().rposition(is_free)
+        {
+            self.results.remove(free);
+            // They hold its buffers.
+            self.bind_groups.clear();
+        }
+        if let Some(free) = self.results.iter().find(|result| is_free(result)) {
             return Ok(free.clone());
         }
-        Err(Error::new(ErrorKind::Internal, "both results are in use"))
+        let uploader = Uploader::new(&self.context);
+        let blocks = self.buffers[0].iter().map(|band| band.blocks.clone()).collected();
+        let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
+        let result = Arc::new(ResultBuffers::new(&self.bands[0], blocks, &storage)?);
+        self.context.check()?;
+        self.results.put(result.clone());
+        Ok(result)
     }
 
     /// Makes the lists of blocks for the charts that a solve works on, unless they are those of the last solve.

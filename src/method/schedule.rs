@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use super::acceptance::Correction;
 use super::budget::{Clock, Work};
 use super::law::SWEEPS_PER_PASS;
+use super::progress::Progress;
 pub(crate) use super::stages::Stages;
 use crate::mesh::TileMesh;
 use crate::report::StageTimes;
@@ -115,10 +116,20 @@ pub(crate) struct Summary {
 }
 
 /// Runs the schedule.
-pub(crate) fn run(stages: &mut impl Stages, plan: &Plan, warm: bool, clock: &mut Clock) -> Summary {
+pub(crate) fn run(
+    stages: &mut impl Stages,
+    plan: &Plan,
+    warm: bool,
+    clock: &mut Clock,
+    progress: &mut Progress,
+) -> Summary {
     let coarsest = if warm { 0 } else { stages.levels() - 1 };
-    let mut run =
-        Schedule { stages, plan, clock, coarsest, summary: Summary::default(), state_is_corrected: false };
+    let (summary, state_is_corrected) = (Summary::default(), false);
+    let mut run = Schedule { stages, plan, clock, progress, coarsest, summary, state_is_corrected };
+    if run.progress.is_told() {
+        let seconds = run.expected();
+        run.progress.begin(seconds);
+    }
     let least = run.least(warm);
     if !run.clock.fits(least) {
         run.clock.doubt(least);
@@ -163,6 +174,7 @@ struct Schedule<'a, S> {
     stages: &'a mut S,
     plan: &'a Plan,
     clock: &'a mut Clock,
+    progress: &'a mut Progress,
     coarsest: usize,
     summary: Summary,
     /// Whether a correction was the last to change level 0, so that its energy is known.
@@ -178,9 +190,12 @@ impl<S: Stages> Schedule<'_, S> {
         time: impl FnOnce(&mut StageTimes) -> &mut f32,
         stage: impl FnOnce(&mut S),
     ) {
+        self.progress.check_or_unwind();
         let blocks = self.blocks(work, level);
+        let expected = if self.progress.is_told() { self.seconds(work, level) } else { 0.0 };
         let start = Instant::now();
         stage(self.stages);
+        self.progress.advance(expected);
         if self.clock.is_limited() {
             self.stages.wait();
         }
@@ -242,6 +257,17 @@ impl<S: Stages> Schedule<'_, S> {
         }
         let skips: f64 = (1..level).map(|level| self.seconds(Work::Skip, level)).sum();
         skips + self.start(0) + self.seconds(Work::Certify, 0)
+    }
+
+    /// Seconds for the whole solve, if no chart is crowded.
+    fn expected(&self) -> f64 {
+        let level = |level: usize| {
+            let first = self.step(level, 0);
+            let steps = self.plan.pbd.map_or(1, |settings| settings.iterations);
+            self.start(level) + f64::from(steps) * self.seconds(first, level)
+        };
+        let before = self.seconds(Work::Surface, 0) + self.seconds(Work::Pyramid, 0);
+        before + (0..=self.coarsest).map(level).sum::<f64>() + self.seconds(Work::CertifyKnown, 0)
     }
 
     /// Seconds for a result of the coarsest level.

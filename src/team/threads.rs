@@ -1,7 +1,10 @@
-//! Starts a team's helpers, and waits for their ends: a host may unload the library right after the call. A helper that
+//! Starts threads, and waits for their ends: a host may unload the library right after the call. A team's helper that
 //! cannot be started is no error: the others do its work.
 
 use std::ops::Range;
+
+#[cfg(not(unix))]
+use crate::memory::Collect;
 
 /// Runs `help(number)` on a thread for each of the numbers, and `body` on this one. `body` must make the helpers return;
 /// it does not unwind.
@@ -16,7 +19,7 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
     std::thread::scope(|scope| {
         let help = &help;
         let start = |n| std::thread::Builder::new().spawn_scoped(scope, move || help(n)).ok();
-        let helpers: Vec<_> = numbers.filter_map(start).collect();
+        let helpers: Vec<_> = numbers.filter_map(start).collected();
         let result = body();
         // A scope waits for what its threads run, not for their ends, which are this library's code as well.
         for helper in helpers {
@@ -24,6 +27,27 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
         }
         result
     })
+}
+
+/// Runs `work` on a thread of its own; none if the system has none left.
+#[cfg(unix)]
+pub use posix::{Thread, start};
+
+/// The same through std.
+#[cfg(not(unix))]
+pub struct Thread(std::thread::JoinHandle<()>);
+
+#[cfg(not(unix))]
+pub fn start(work: Box<dyn FnOnce() + Send>) -> Option<Thread> {
+    std::thread::Builder::new().spawn(work).ok().map(Thread)
+}
+
+#[cfg(not(unix))]
+impl Thread {
+    /// Waits for its end.
+    pub fn join(self) {
+        let _ = self.0.join();
+    }
 }
 
 /// POSIX threads without std: what std keeps of a thread that starts others is freed by a destructor at that thread's
@@ -35,6 +59,8 @@ mod posix {
     use std::ops::Range;
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::ptr;
+
+    use crate::memory::{Collect, Grow, with_capacity};
 
     /// As much as std gives a thread.
     const STACK: usize = 2 << 20;
@@ -66,18 +92,53 @@ mod posix {
     }
 
     pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
-        let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collect();
-        let mut helpers = Helpers(Vec::with_capacity(starts.len()));
+        let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collected();
+        let mut helpers = Helpers(with_capacity(starts.len()));
         for start in &starts {
-            helpers.0.extend(spawn(start));
+            // It lives until the thread is joined.
+            helpers.0.put_all(spawn(run, ptr::from_ref(start).cast_mut().cast()));
         }
         let result = body();
         drop(helpers);
         result
     }
 
-    /// Starts a thread; none if the system has none left. `start` must live until it is joined.
-    fn spawn(start: &Start) -> Option<libc::pthread_t> {
+    /// A thread that was started, and has to be joined.
+    pub struct Thread(libc::pthread_t);
+
+    impl Thread {
+        /// Waits for its end.
+        pub fn join(self) {
+            // SAFETY: started below, and joined once, as `self` is consumed.
+            unsafe { libc::pthread_join(self.0, ptr::null_mut()) };
+        }
+    }
+
+    type Work = Box<dyn FnOnce() + Send>;
+
+    extern "C" fn work(work: *mut c_void) -> *mut c_void {
+        // SAFETY: `start` made it for this thread alone.
+        let work = unsafe { Box::from_raw(work.cast::<Work>()) };
+        let _ = catch_unwind(AssertUnwindSafe(work));
+        ptr::null_mut()
+    }
+
+    pub fn start(task: Work) -> Option<Thread> {
+        #[expect(clippy::disallowed_methods, reason = "of constant size")]
+        let task = Box::into_raw(Box::new(task));
+        let thread = spawn(work, task.cast());
+        if thread.is_none() {
+            // SAFETY: no thread has got it.
+            drop(unsafe { Box::from_raw(task) });
+        }
+        thread.map(Thread)
+    }
+
+    /// Starts a thread; none if the system has none left. `argument` is what `function` takes.
+    fn spawn(
+        function: extern "C" fn(*mut c_void) -> *mut c_void,
+        argument: *mut c_void,
+    ) -> Option<libc::pthread_t> {
         let mut attributes = MaybeUninit::uninit();
         let mut thread = MaybeUninit::uninit();
         // SAFETY: the attributes are initialised before and destroyed after their use; the thread is there if the call
@@ -88,8 +149,7 @@ mod posix {
             }
             // If the system wants another size, its own is good as well.
             let _ = libc::pthread_attr_setstacksize(attributes.as_mut_ptr(), STACK);
-            let argument = ptr::from_ref(start).cast_mut().cast();
-            let status = libc::pthread_create(thread.as_mut_ptr(), attributes.as_ptr(), run, argument);
+            let status = libc::pthread_create(thread.as_mut_ptr(), attributes.as_ptr(), function, argument);
             libc::pthread_attr_destroy(attributes.as_mut_ptr());
             (status == 0).then(|| thread.assume_init())
         }

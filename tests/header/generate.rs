@@ -4,11 +4,12 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 12] = [
+const SECTIONS: [&str; 14] = [
     "status",
     "handle",
     "types",
     "allocator",
+    "executor",
     "device",
     "mesh",
     "asset",
@@ -16,6 +17,7 @@ const SECTIONS: [&str; 12] = [
     "prepare",
     "fetch",
     "solve",
+    "job",
     "report",
 ];
 

@@ -30,7 +30,7 @@ const FULL: Iteration = Iteration {
 fn with_sheet(
     rigidity: impl Fn(f64, f64) -> f64,
     pose: impl Fn(f64, f64) -> [f64; 3],
-    test: impl FnOnce(&mut Run),
+    test: impl FnOnce(&mut Run) + Send,
 ) {
     let mesh: Mesh = sheet(1, |u, v| [u, v, 0.0]);
     let maps = maps(16, TileSettings::default(), rigidity);

@@ -2,6 +2,7 @@
 //! (method §2 and §3).
 
 use crate::mesh::NONE;
+use crate::panics::{go_on, hold_back};
 use crate::tile::blocks::{Plane, SIDE, slot};
 
 use super::super::Run;
@@ -42,17 +43,20 @@ impl Run<'_> {
         let state = buffers.state();
         let chords = Chords { grid, triangles: &self.memory.triangles };
         let metrics = Metrics { level: &grid.levels[level], metric: &metric };
-        self.team.run(blocks.len(), |k| {
-            let b = blocks[k] as usize;
-            // SAFETY: each item has its own block.
-            set(b, unsafe { state.u.get_mut(b) });
-            if level == 0 {
-                dispatch(ResampleChords { surface: chords, state, b, start });
-            } else {
-                dispatch(ResampleMetrics { surface: metrics, state, b, start });
-            }
+        let resampled = hold_back(|| {
+            self.team.run(blocks.len(), |k| {
+                let b = blocks[k] as usize;
+                // SAFETY: each item has its own block.
+                set(b, unsafe { state.u.get_mut(b) });
+                if level == 0 {
+                    dispatch(ResampleChords { surface: chords, state, b, start });
+                } else {
+                    dispatch(ResampleMetrics { surface: metrics, state, b, start });
+                }
+            });
         });
         self.memory.levels[level].metric = metric;
+        go_on(resampled);
     }
 }
 

@@ -3,7 +3,7 @@
 //! therefore works in the default mode, as do the threads that it starts, and leaves the host's mode as it was.
 
 /// The host's mode, which is restored when this is dropped.
-pub(super) struct FloatMode(Word);
+pub(crate) struct FloatMode(Word);
 
 impl FloatMode {
     /// Changes to the default mode: rounding to nearest, no flushing to zero, no traps.

@@ -1,0 +1,266 @@
+//! The last good results of an asset, which any thread may read at any time, also while the next ones are computed.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::time::Instant;
+
+use crate::device::{Device, LiveAsset};
+use crate::error::{Error, ErrorKind, Result};
+use crate::image::{ImagePart, ImageViewMut};
+use crate::memory::{Collect, caught};
+use crate::mesh::Mesh;
+use crate::report::{AssetReport, GpuWork, TileReport};
+use crate::team::Team;
+
+use super::fetch::{self, FetchKind, Output};
+use super::output::Outputs;
+use super::solved::Solved;
+
+/// The last good results of an asset. Cloning gives another handle to the same ones; it may be kept and read by any thread
+/// while the asset is in use, or gone. A read sees the results of one solve, whole: the next solve replaces all of
+/// them at once, when it has succeeded. If the device's GPU goes away, reading gives `DeviceLost`.
+#[derive(Clone, Debug)]
+pub struct Results(Arc<Shared>);
+
+#[derive(Debug)]
+struct Shared {
+    device: Device,
+    mesh: Arc<Mesh>,
+    /// Locked for a moment, to take or to replace what is behind it.
+    last: Mutex<Arc<Last>>,
+    outputs: Mutex<Outputs>,
+    /// Dropped after everything above.
+    _live: LiveAsset,
+}
+
+/// The results that belong together.
+#[derive(Debug, Default)]
+pub(super) struct Last {
+    /// Per tile.
+    pub tiles: Vec<Option<TileResult>>,
+    /// Wall-clock milliseconds of the last solve; `None` before the first.
+    pub solved_ms: Option<f32>,
+}
+
+/// The result of a tile.
+#[derive(Clone, Debug)]
+pub(super) struct TileResult {
+    pub solved: Arc<Solved>,
+    /// Whether the last solve left the tile alone.
+    pub kept: bool,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Results {
+    pub(super) fn new(device: &Device, mesh: &Arc<Mesh>) -> Results {
+        Results(Arc::new(Shared {
+            device: device.clone(),
+            mesh: mesh.clone(),
+            last: Mutex::default(),
+            outputs: Mutex::default(),
+            _live: LiveAsset::new(device),
+        }))
+    }
+
+    /// Index of the tile with this UDIM number, of a UV set.
+    #[must_use]
+    pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
+        self.0.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
+    }
+
+    /// The present results.
+    pub(super) fn last(&self) -> Arc<Last> {
+        lock(&self.0.last).clone()
+    }
+
+    /// Puts new results in the place of the present ones.
+    pub(super) fn replace(&self, last: Last) {
+        let last = Arc::new(last);
+        // The old ones are dropped when the lock is open again.
+        let _old = std::mem::replace(&mut *lock(&self.0.last), last);
+    }
+
+    /// Writes one output of a tile's result.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve; on a GPU, `OutOfMemory` and `DeviceLost`. Nothing is written then.
+    pub fn fetch(&self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
+        let part = image.whole();
+        self.fetch_of(tile, kind, &part, image)
+    }
+
+    /// Writes a part of one output of a tile's result: of an image of `size` texels, those from the column and row `first`
+    /// that `image` has room for. Rows are counted in the image's own order. Large outputs can thus be fetched band by
+    /// band; the parts are those of the whole image, bit by bit on the CPU.
+    ///
+    /// # Errors
+    /// Those of [`Results::fetch`]; `InvalidArgument` if the part is not inside of the whole.
+    pub fn fetch_part(
+        &self,
+        tile: usize,
+        kind: FetchKind,
+        image: &mut ImageViewMut,
+        size: [u32; 2],
+        first: [u32; 2],
+    ) -> Result<()> {
+        self.solved(tile)?;
+        let part = image.part("image", size, first)?;
+        self.fetch_of(tile, kind, &part, image)
+    }
+
+    fn fetch_of(
+        &self,
+        tile: usize,
+        kind: FetchKind,
+        part: &ImagePart,
+        image: &mut ImageViewMut,
+    ) -> Result<()> {
+        let device = &self.0.device;
+        device.call(|| {
+            let solved = self.solved(tile)?.solved;
+            let output = Output::new(&solved, kind, part)?;
+            device.team(|team| self.write(team, output, image))
+        })
+    }
+
+    /// Writes an output.
+    pub(super) fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
+        let start = Instant::now();
+        let device = &self.0.device;
+        let solved = output.solved;
+        let write = |outputs: &mut Outputs| {
+            let result = caught(|| output.write(device, team, outputs, image));
+            if result.is_err() {
+                outputs.settle(device);
+            }
+            result
+        };
+        match self.0.outputs.try_lock() {
+            Ok(mut outputs) => write(&mut outputs)?,
+            Err(TryLockError::Poisoned(poisoned)) => write(&mut poisoned.into_inner())?,
+            // Another thread is fetching: no call waits for another.
+            Err(TryLockError::WouldBlock) => {
+                let mut outputs = Outputs::default();
+                let result = write(&mut outputs);
+                outputs.release(device);
+                result?;
+            }
+        }
+        solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);
+        Ok(())
+    }
+
+    /// Redirected UV of every face corner of the mesh in UV set 0, in corner order, with the tile's offset added; 0, 0
+    /// at corners of faces without UVs.
+    ///
+    /// # Errors
+    /// `NotSolved`; `InvalidArgument` unless there is one element per corner.
+    pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
+        self.corner_uvs_of_set(0, out)
+    }
+
+    /// The same of another UV set. In tiles that have not been solved yet, the UVs are the mesh's own.
+    ///
+    /// # Errors
+    /// Those of [`Results::corner_uvs`]; `InvalidArgument` if there is no such set.
+    pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
+        let Shared { device, mesh, .. } = &*self.0;
+        let corners = mesh.corners.get(uv_set as usize).ok_or_else(|| {
+            let sets = mesh.corners.len();
+            Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}"))
+        })?;
+        if out.len() != corners.len() {
+            return Err(Error::argument(format!(
+                "uvs: {} elements, but the mesh has {} corners",
+                out.len(),
+                corners.len()
+            )));
+        }
+        device.call(|| {
+            let last = self.solved_asset()?;
+            let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
+            let kept: Vec<_> = last.tiles.iter().map(of).collected();
+            let tiles: Vec<_> = kept.iter().map(Option::as_deref).collected();
+            device.team(|team| fetch::corner_uvs(team, corners, &tiles, out))
+        })
+    }
+
+    /// A tile's last solve.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve.
+    pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
+        self.solved(tile).map(|result| TileReport { kept: result.kept, ..result.solved.report() })
+    }
+
+    /// The dispatches, submissions and transfers of a tile's last solve; `None` on the CPU, or if no chart had to be
+    /// solved.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve.
+    pub fn gpu_work(&self, tile: usize) -> Result<Option<GpuWork>> {
+        self.solved(tile).map(|result| result.solved.work.clone())
+    }
+
+    /// The last solve over all tiles.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve.
+    pub fn report(&self) -> Result<AssetReport> {
+        let last = self.solved_asset()?;
+        let mut report = AssetReport {
+            tiles: last.tiles.len() as u32,
+            min_jacobian: 1.0,
+            total_ms: last.solved_ms.unwrap_or_default(),
+            ..Default::default()
+        };
+        for result in last.tiles.iter().flatten() {
+            let tile = result.solved.report();
+            if result.kept {
+                report.tiles_kept += 1;
+                report.charts_reused += tile.charts_active + tile.charts_reused;
+            } else {
+                report.tiles_active += u32::from(tile.charts_active > 0);
+                report.charts_active += tile.charts_active;
+                report.charts_reused += tile.charts_reused;
+                report.nodes_active += tile.nodes_active;
+                report.truncated |= tile.truncated;
+            }
+            report.charts_identity += tile.charts_identity;
+            report.min_jacobian = report.min_jacobian.min(tile.min_jacobian);
+            report.folds += tile.folds;
+            report.bytes += tile.bytes;
+        }
+        Ok(report)
+    }
+
+    /// A tile's result.
+    pub(super) fn solved(&self, tile: usize) -> Result<TileResult> {
+        self.0.device.alive()?;
+        let count = self.0.mesh.tiles.len();
+        if tile >= count {
+            return Err(Error::argument(format!("tile: index {tile} is out of range, there are {count}")));
+        }
+        self.last().tiles.get(tile).cloned().flatten().ok_or_else(not_solved)
+    }
+
+    /// All results, if there are some.
+    fn solved_asset(&self) -> Result<Arc<Last>> {
+        self.0.device.alive()?;
+        let last = self.last();
+        if last.solved_ms.is_some() { Ok(last) } else { Err(not_solved()) }
+    }
+}
+
+impl Drop for Shared {
+    fn drop(&mut self) {
+        *lock(&self.last) = Arc::default();
+        lock(&self.outputs).release(&self.device);
+    }
+}
+
+pub(super) fn not_solved() -> Error {
+    Error::new(ErrorKind::NotSolved, "there is no result yet: solve first")
+}

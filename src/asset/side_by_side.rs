@@ -1,0 +1,144 @@
+//! The tiles of a solve on the threads that there are. Large tiles are solved one after the other, by all threads
+//! together; the others side by side, one thread each, which wastes no time on waiting for one another. Either way the
+//! results are the same, bit for bit.
+
+use std::cmp::Reverse;
+use std::time::Duration;
+
+use crate::error::Result;
+use crate::memory::{Collect, Grow, with_capacity, zeroed};
+use crate::team::{Crew, Team};
+
+use super::solved::Solved;
+use super::tile_state::{Prepared, SolveCall, SolveShare, TileState};
+
+/// What all threads of a team together achieve on one tile, against the same number of threads on tiles of their own.
+const EFFICIENCY: f64 = 0.9;
+
+/// The part of a call's progress that is given to preparing its tiles, if one has to be prepared.
+const PREPARING: f32 = 0.3;
+
+/// A tile to solve, and its result.
+struct Job<'a> {
+    tile: usize,
+    state: &'a mut TileState,
+    prepared: Prepared,
+    /// Nodes that may move.
+    nodes: u64,
+    /// The part of the call's progress that is this tile's.
+    progress: f32,
+    result: Option<Result<Solved>>,
+}
+
+/// Solves tiles.
+pub(super) fn solve(
+    call: &SolveCall,
+    crew: &Crew,
+    tiles: Vec<(usize, &mut TileState)>,
+) -> Result<Vec<(usize, Solved)>> {
+    let mut jobs = prepare(call, tiles)?;
+    // Longest first, so that no long one is left for one thread at the end.
+    jobs.sort_unstable_by_key(|job| (Reverse(job.nodes), job.tile));
+    let nodes: Vec<u64> = jobs.iter().map(|job| job.nodes).collected();
+    // A GPU works on them in the order of their submissions: its threads only tell it what to do.
+    let together = if call.device.gpu().is_some() { 0 } else { together(&nodes, call.team.threads()) };
+    let (large, small) = jobs.split_at_mut(together);
+    for job in large {
+        let share = SolveShare { progress: job.progress, ..SolveShare::of_all_threads() };
+        job.result = Some(job.state.solve(call, &share, &job.prepared));
+        if let Some(Err(error)) = &job.result {
+            return Err(error.clone());
+        }
+    }
+    let alone = crew.alone();
+    call.team.fill_large(small, |_, job| {
+        let share = SolveShare { progress: job.progress, learns: false, ..SolveShare::of_all_threads() };
+        let solve = |team: &Team| job.state.solve(&SolveCall { team, ..*call }, &share, &job.prepared);
+        job.result = Some(Team::of(&alone, solve));
+    });
+    jobs.sort_unstable_by_key(|job| job.tile);
+    jobs.into_iter().filter_map(|job| Some((job.tile, job.result?))).map(|(k, r)| Ok((k, r?))).try_collected()
+}
+
+/// Solves tiles one after the other within a time budget: what is left of it is divided among the tiles that are left.
+pub(super) fn in_turn(
+    call: &SolveCall,
+    budget: Duration,
+    tiles: Vec<(usize, &mut TileState)>,
+) -> Result<Vec<(usize, Solved)>> {
+    let mut nodes: u64 = tiles.iter().map(|(_, state)| state.movable_nodes()).sum();
+    let progress = 1.0 / tiles.len() as f32;
+    let mut solved = with_capacity(tiles.len());
+    for (tile, state) in tiles {
+        let own = state.movable_nodes();
+        let spent = call.start.elapsed();
+        let part = if own < nodes { own as f64 / nodes as f64 } else { 1.0 };
+        let budget = Some(spent.saturating_add(budget.saturating_sub(spent).mul_f64(part)));
+        nodes -= own;
+        let prepared = state.prepare(call, tile)?;
+        let share = SolveShare { budget, progress, ..SolveShare::of_all_threads() };
+        solved.put((tile, state.solve(call, &share, &prepared)?));
+    }
+    Ok(solved)
+}
+
+/// Prepares the tiles, one after the other: that is when the host's log is told, on the thread that makes the call.
+fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Result<Vec<Job<'a>>> {
+    let fresh = tiles.iter().any(|(_, state)| state.grid.is_none());
+    let (preparing, count) = (if fresh { PREPARING } else { 0.0 }, tiles.len() as f32);
+    let mut jobs = with_capacity(tiles.len());
+    for (tile, state) in tiles {
+        let prepared = state.prepare(call, tile)?;
+        let nodes = prepared.grid.movable.iter().sum();
+        jobs.put(Job { tile, state, prepared, nodes, progress: 0.0, result: None });
+        call.advance(preparing / count);
+    }
+    // A tile without nodes is done in no time, but not in none.
+    let weight = |job: &Job| (job.nodes + 1000) as f32;
+    let all: f32 = jobs.iter().map(weight).sum();
+    for job in &mut jobs {
+        job.progress = (1.0 - preparing) * weight(job) / all;
+    }
+    Ok(jobs)
+}
+
+/// How many of the tiles, the largest first, are best solved by all threads together.
+fn together(nodes: &[u64], threads: usize) -> usize {
+    let time = |together: usize| {
+        let (large, small) = nodes.split_at(together);
+        let mut busy = zeroed::<u64>(threads);
+        for &n in small {
+            // The thread that is free first takes the next tile.
+            if let Some(first) = busy.iter_mut().min() {
+                *first += n;
+            }
+        }
+        let large = large.iter().sum::<u64>() as f64 / (threads as f64 * EFFICIENCY);
+        large + busy.into_iter().max().unwrap_or(0) as f64
+    };
+    // Only tiles that are a good part of a thread's work are worth it, and they are few.
+    let (all, parts) = (nodes.iter().sum::<u64>(), 4 * threads as u64);
+    let most = nodes.iter().take_while(|&&n| n * parts > all).count();
+    // Equal times: the fewer the better, as no thread waits for another.
+    let best = (0..=most).min_by(|&a, &b| time(a).total_cmp(&time(b)));
+    if threads > 1 { best.unwrap_or(0) } else { 0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_tiles_are_solved_by_all_threads() {
+        // One tile is always everyone's.
+        assert_eq!(together(&[1000], 4), 1);
+        assert_eq!(together(&[1000], 1), 0);
+        assert_eq!(together(&[], 2), 0);
+        // As many equal tiles as threads: one each. One more: it is everyone's.
+        assert_eq!(together(&[1000; 4], 4), 0);
+        assert_eq!(together(&[1000; 3], 2), 1);
+        // A tile that outweighs all others, and many small ones.
+        assert_eq!(together(&[100_000, 10, 10, 10], 2), 1);
+        assert_eq!(together(&[10; 64], 2), 0);
+    }
+}

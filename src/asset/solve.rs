@@ -1,0 +1,207 @@
+//! A solve: what a host asks for, which tiles it takes, and that all of its results appear at once.
+
+use std::num::NonZeroU32;
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::control::{Control, stoppable};
+use crate::error::{Error, Result};
+use crate::memory::{Collect, Grow, filled, with_capacity, zeroed};
+use crate::method::schedule::Plan;
+use crate::settings::{MAX_THREADS, SolveOptions};
+use crate::team::{Crew, Team};
+use crate::view::Strided;
+
+use super::fetch::Output;
+use super::results::{Last, TileResult, not_solved};
+use super::side_by_side;
+use super::solved::{ChartInput, Solved};
+use super::tile_state::{SolveCall, TileState};
+use super::{Asset, Fetch};
+
+/// What to solve, how, and on which threads. The default solves every tile, on the device's threads.
+#[derive(Clone, Debug, Default)]
+pub struct SolveRequest<'a> {
+    /// The pose: the positions of all vertices.
+    pub positions: Strided<'a>,
+    /// How.
+    pub options: SolveOptions,
+    /// CPU threads, at most 1024; `None` = the device's. The result is the same bit for bit.
+    pub threads: Option<NonZeroU32>,
+    /// The tiles to solve, in any order; `None` = all. The others keep their results.
+    pub tiles: Option<&'a [usize]>,
+    /// The vertices that have moved since the last solve, in any order; `None` = any may have. Tiles that none of them
+    /// touches keep their results, unless their maps, settings or the options have changed since, or they have none.
+    pub dirty_vertices: Option<&'a [u32]>,
+    /// Drop the results of the tiles that are solved before they are solved, which saves their memory, 8 bytes per node of
+    /// the blocks in use. They cannot be read then until the solve is done, nor if it fails, and nothing of them can be
+    /// reused.
+    pub release_last: bool,
+    /// The hold on the call.
+    pub control: Option<Arc<Control>>,
+}
+
+/// The results of a solve before anyone may read them: the outputs that the call asks for come first, as they can fail.
+struct Fresh {
+    plan: Plan,
+    /// Of each tile that was solved, what its charts' results depend on.
+    inputs: Vec<(usize, Vec<Option<ChartInput>>)>,
+    /// Of all tiles.
+    last: Last,
+}
+
+impl Asset {
+    /// Solves for a pose, and writes outputs. All arguments are checked before anything is changed. The call can be
+    /// cancelled until all tiles are solved; what follows, writing the outputs, is done to its end.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a wrong count, a position that is not finite, a tile or a vertex that there is not;
+    /// `Cancelled`; `OutOfMemory`; those of [`Asset::fetch`]. The last good results stay.
+    pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
+        let start = Instant::now();
+        self.check_request(request)?;
+        for fetch in fetches.iter() {
+            self.check_tile(fetch.tile)?;
+        }
+        let crew = self.device.crew(request.threads, request.control.clone());
+        self.call(|asset| {
+            stoppable(|| {
+                Team::of(&crew, |team| {
+                    let fresh = asset.solve_tiles(team, &crew, request, start)?;
+                    asset.write(team, &fresh, fetches)?;
+                    asset.publish(fresh);
+                    Ok(())
+                })
+            })
+        })
+    }
+
+    /// Checks all of a request, without doing anything.
+    pub(crate) fn check_request(&self, request: &SolveRequest) -> Result<()> {
+        self.check_vertices("positions", &request.positions, 3)?;
+        request.options.check()?;
+        if let Some(threads) = request.threads.filter(|threads| threads.get() > MAX_THREADS) {
+            return Err(Error::argument(format!("options.threads: {threads} is over {MAX_THREADS}")));
+        }
+        for (k, &tile) in request.tiles.unwrap_or_default().iter().enumerate() {
+            if tile >= self.tiles.len() {
+                let count = self.tiles.len();
+                let message = format!("options.tiles[{k}]: {tile} is out of range, there are {count}");
+                return Err(Error::argument(message));
+            }
+        }
+        let vertices = self.mesh.rest.len();
+        for (k, &vertex) in request.dirty_vertices.unwrap_or_default().iter().enumerate() {
+            if vertex as usize >= vertices {
+                return Err(Error::argument(format!(
+                    "options.dirty_vertices[{k}]: {vertex} is out of range, the mesh has {vertices} vertices"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn solve_tiles(
+        &mut self,
+        team: &Team,
+        crew: &Crew,
+        request: &SolveRequest,
+        start: Instant,
+    ) -> Result<Fresh> {
+        if let Some(control) = team.control() {
+            control.begin();
+        }
+        team.check_or_unwind();
+        let plan = Plan::new(&request.options);
+        let wanted = self.wanted(request, &plan);
+        if request.release_last {
+            self.release_results(&wanted);
+        }
+        let Asset { device, mesh, tiles, .. } = &mut *self;
+        let call = SolveCall { team, device, mesh, positions: request.positions, plan: &plan, start };
+        let states = tiles.iter_mut().enumerate().filter(|(tile, _)| wanted[*tile]).collected();
+        let mut solved = match request.options.time_budget {
+            Some(budget) => side_by_side::in_turn(&call, budget, states)?,
+            None => side_by_side::solve(&call, crew, states)?,
+        };
+        let solved_ms = start.elapsed().as_secs_f32() * 1000.0;
+        if request.options.measure {
+            self.measure(team, request.positions, &mut solved)?;
+        }
+        let fresh = self.fresh(solved, plan, solved_ms);
+        // From here on the call has a result, and cannot be cancelled.
+        if let Some(control) = team.control() {
+            control.seal_or_unwind();
+        }
+        Ok(fresh)
+    }
+
+    /// Per tile, whether it has to be solved.
+    fn wanted(&self, request: &SolveRequest, plan: &Plan) -> Vec<bool> {
+        let mut wanted = filled(request.tiles.is_none(), self.tiles.len());
+        for &tile in request.tiles.unwrap_or_default() {
+            wanted[tile] = true;
+        }
+        if let Some(dirty) = request.dirty_vertices {
+            let mut is_dirty = zeroed(self.mesh.rest.len());
+            for &vertex in dirty {
+                is_dirty[vertex as usize] = true;
+            }
+            for ((state, tile), wanted) in self.tiles.iter().zip(&self.mesh.tiles).zip(&mut wanted) {
+                let mut vertices = tile.charts.iter().flat_map(|chart| &chart.vertices);
+                *wanted &= !state.is_solved_with(plan) || vertices.any(|&vertex| is_dirty[vertex as usize]);
+            }
+        }
+        for (state, wanted) in self.tiles.iter().zip(&mut wanted) {
+            *wanted &= !state.frozen;
+        }
+        wanted
+    }
+
+    /// Drops the results of tiles.
+    fn release_results(&mut self, tiles: &[bool]) {
+        let last = self.results.last();
+        let stays = |(tile, result): (usize, &Option<TileResult>)| result.clone().filter(|_| !tiles[tile]);
+        let rest = last.tiles.iter().enumerate().map(stays).collected();
+        self.results.replace(Last { tiles: rest, solved_ms: last.solved_ms });
+        for (state, _) in self.tiles.iter_mut().zip(tiles).filter(|(_, of)| **of) {
+            state.solved = None;
+        }
+    }
+
+    /// The results of a solve, ready to take the place of the last ones.
+    fn fresh(&self, solved: Vec<(usize, Solved)>, plan: Plan, solved_ms: f32) -> Fresh {
+        let kept = |state: &TileState| state.solved.clone().map(|solved| TileResult { solved, kept: true });
+        let mut all: Vec<_> = self.tiles.iter().map(kept).collected();
+        let mut inputs = with_capacity(solved.len());
+        for (tile, mut solved) in solved {
+            inputs.put((tile, std::mem::take(&mut solved.inputs)));
+            all[tile] = Some(TileResult { solved: Arc::new(solved), kept: false });
+        }
+        Fresh { plan, inputs, last: Last { tiles: all, solved_ms: Some(solved_ms) } }
+    }
+
+    /// Writes outputs of results that are not published yet.
+    fn write(&self, team: &Team, fresh: &Fresh, fetches: &mut [Fetch]) -> Result<()> {
+        let output = |fetch: &Fetch| {
+            let result = fresh.last.tiles[fetch.tile].as_ref().ok_or_else(not_solved)?;
+            Output::new(&result.solved, fetch.kind, &fetch.image.whole())
+        };
+        // The memory for all of them comes first, so that none is written where some is missing.
+        let outputs: Vec<Output> = fetches.iter().map(output).try_collected()?;
+        for (fetch, output) in fetches.iter_mut().zip(outputs) {
+            self.results.write(team, output, &mut fetch.image)?;
+        }
+        Ok(())
+    }
+
+    /// Puts results in the place of the last ones, all at once. Cannot fail.
+    fn publish(&mut self, fresh: Fresh) {
+        for (tile, inputs) in fresh.inputs {
+            if let Some(result) = &fresh.last.tiles[tile] {
+                self.tiles[tile].take(result.solved.clone(), inputs, &fresh.plan);
+            }
+        }
+        self.results.replace(fresh.last);
+    }
+}

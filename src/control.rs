@@ -1,0 +1,241 @@
+//! What a host can do about a call that is under way: ask how far it is, be told, and cancel it.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
+use std::time::Instant;
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// A host's function that is told how far a call is, 0..1, on the thread that does the call's work; it cancels the call by
+/// returning true.
+pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
+
+/// A hold on one call: its progress, and the means to cancel it from any thread. It serves one call after the other, but
+/// once cancelled it cancels all that follow.
+#[derive(Default)]
+pub struct Control {
+    /// `GOING`, `CANCELLED` or `DONE`.
+    state: AtomicU8,
+    /// The fraction that is done: the bits of an f32.
+    progress: AtomicU32,
+    watch: Option<Watch>,
+}
+
+/// A host's function, and when it is called.
+struct Watch {
+    call: ProgressFn,
+    start: Instant,
+    /// The thread it is called on; 0 before the call's work begins.
+    thread: AtomicUsize,
+    /// When it was called last, in microseconds from the start.
+    last: AtomicU64,
+}
+
+const GOING: u8 = 0;
+const CANCELLED: u8 = 1;
+/// The call has its result, and cannot be cancelled any more.
+const DONE: u8 = 2;
+
+/// Microseconds between two calls of a host's function.
+const PERIOD: u64 = 2000;
+
+impl Control {
+    /// For a call whose progress is asked for.
+    #[must_use]
+    pub fn new() -> Control {
+        Control::default()
+    }
+
+    /// For a call that tells its progress, about 500 times per second.
+    #[must_use]
+    pub fn with_progress(call: ProgressFn) -> Control {
+        let (start, thread, last) = (Instant::now(), AtomicUsize::new(0), AtomicU64::new(0));
+        Control { watch: Some(Watch { call, start, thread, last }), ..Control::default() }
+    }
+
+    /// Cancels the call, which returns `Cancelled` soon after, with the last good result as it was. A call that has its
+    /// result already is not cancelled any more.
+    pub fn cancel(&self) {
+        let _ = self.state.compare_exchange(GOING, CANCELLED, Ordering::Relaxed, Ordering::Relaxed);
+    }
+
+    /// Whether it was cancelled.
+    #[must_use]
+    pub fn is_cancelled(&self) -> bool {
+        self.state.load(Ordering::Relaxed) == CANCELLED
+    }
+
+    /// The fraction of the call's work that is done, 0..1, by prediction. It never falls during a call.
+    #[must_use]
+    pub fn progress(&self) -> f32 {
+        f32::from_bits(self.progress.load(Ordering::Relaxed))
+    }
+
+    /// Begins a call's work: the calling thread is the one whose items of work call the host's function.
+    pub(crate) fn begin(&self) {
+        let _ = self.state.compare_exchange(DONE, GOING, Ordering::Relaxed, Ordering::Relaxed);
+        self.progress.store(0, Ordering::Relaxed);
+        if let Some(watch) = &self.watch {
+            watch.thread.store(this_thread(), Ordering::Relaxed);
+        }
+    }
+
+    /// Ends what can be cancelled of a call; unwinds if it was cancelled before.
+    pub(crate) fn seal_or_unwind(&self) {
+        let _ = self.state.compare_exchange(GOING, DONE, Ordering::Relaxed, Ordering::Relaxed);
+        if self.is_cancelled() {
+            unwind();
+        }
+        self.progress.store(1.0f32.to_bits(), Ordering::Relaxed);
+    }
+
+    /// Adds a fraction of the call's work to what is done.
+    pub(crate) fn advance(&self, fraction: f32) {
+        let add = |bits| Some((f32::from_bits(bits) + fraction).min(1.0).to_bits());
+        let _ = self.progress.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add);
+    }
+
+    /// Whether the call goes on. Called before each item of work, which is where the host's function is called.
+    #[inline]
+    pub(crate) fn goes_on(&self) -> bool {
+        if let Some(watch) = &self.watch
+            && watch.is_due()
+            && (watch.call)(self.progress())
+        {
+            self.cancel();
+        }
+        !self.is_cancelled()
+    }
+
+    /// `Cancelled`, if it was.
+    #[cfg(any(test, feature = "gpu"))]
+    pub(crate) fn check(&self) -> Result<()> {
+        if self.goes_on() { Ok(()) } else { Err(cancelled()) }
+    }
+
+    /// Unwinds, if it was cancelled, to [`stoppable`].
+    pub(crate) fn check_or_unwind(&self) {
+        if !self.goes_on() {
+            unwind();
+        }
+    }
+}
+
+impl std::fmt::Debug for Control {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Control")
+            .field("cancelled", &self.is_cancelled())
+            .field("progress", &self.progress())
+            .finish_non_exhaustive()
+    }
+}
+
+impl Watch {
+    /// Whether this is the thread and the time for calling.
+    fn is_due(&self) -> bool {
+        if self.thread.load(Ordering::Relaxed) != this_thread() {
+            return false;
+        }
+        let now = self.start.elapsed().as_micros() as u64;
+        let due = now >= self.last.load(Ordering::Relaxed) + PERIOD;
+        if due {
+            self.last.store(now, Ordering::Relaxed);
+        }
+        due
+    }
+}
+
+/// Tells threads apart that are alive at the same time. Not std's number of a thread: that one comes with a record that
+/// keeps the library from being unloaded.
+pub(crate) fn this_thread() -> usize {
+    thread_local! {
+        static MARK: u8 = const { 0 };
+    }
+    MARK.with(|mark| &raw const *mark as usize)
+}
+
+/// What a cancelled call unwinds with, from between two items of its work.
+struct Cancelled;
+
+fn unwind() -> ! {
+    #[expect(clippy::disallowed_methods, reason = "of no size")]
+    resume_unwind(Box::new(Cancelled))
+}
+
+fn cancelled() -> Error {
+    Error::new(ErrorKind::Cancelled, "the call was cancelled")
+}
+
+/// Calls `body`; if it is unwound because it was cancelled, that is an error. Other panics go on.
+pub(crate) fn stoppable<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
+    // What a cancelled body has changed is left as an error at the same place would leave it.
+    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| match was_cancelled(&*panic) {
+        true => Err(cancelled()),
+        false => resume_unwind(panic),
+    })
+}
+
+/// Whether a panic is a cancelled call's.
+fn was_cancelled(panic: &(dyn Any + Send)) -> bool {
+    panic.is::<Cancelled>()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+
+    #[test]
+    fn a_cancelled_body_is_an_error_and_a_panic_is_none() {
+        let control = Control::new();
+        let body = || {
+            control.check_or_unwind();
+            Ok(7)
+        };
+        assert_eq!(stoppable(body).unwrap(), 7);
+        control.cancel();
+        assert_eq!(stoppable(body).unwrap_err().kind, ErrorKind::Cancelled);
+        assert_eq!(control.check().unwrap_err().kind, ErrorKind::Cancelled);
+        // A call with a result cannot be cancelled, but the next one can.
+        let control = Control::new();
+        control.seal_or_unwind();
+        control.cancel();
+        assert!(control.goes_on() && control.progress() == 1.0);
+        control.begin();
+        control.cancel();
+        assert!(!control.goes_on() && control.progress() == 0.0);
+        let other = catch_unwind(|| stoppable(|| -> Result<()> { resume_unwind(Box::new(3)) }));
+        assert_eq!(other.unwrap_err().downcast_ref(), Some(&3));
+    }
+
+    #[test]
+    fn the_host_s_function_is_called_on_one_thread_and_not_too_often() {
+        let told = Arc::new(Mutex::new(Vec::new()));
+        let control = {
+            let told = told.clone();
+            Control::with_progress(Arc::new(move |progress| {
+                told.lock().unwrap().push((progress, this_thread()));
+                progress >= 1.0
+            }))
+        };
+        // Nothing is called before the work begins, and nothing on other threads.
+        assert!(control.goes_on());
+        control.begin();
+        std::thread::scope(|scope| scope.spawn(|| assert!(control.goes_on())).join().unwrap());
+        assert!(told.lock().unwrap().is_empty());
+        let start = Instant::now();
+        while control.goes_on() {
+            control.advance(1e-4);
+            std::thread::yield_now();
+        }
+        let told = told.lock().unwrap();
+        assert!(told.iter().all(|(_, thread)| *thread == this_thread()));
+        assert!(told.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+        assert_eq!(told.last().unwrap().0, 1.0);
+        let most = start.elapsed().as_micros() as u64 / PERIOD + 2;
+        assert!(told.len() as u64 <= most, "{} calls, at most {most}", told.len());
+    }
+}

@@ -1,0 +1,340 @@
+//! Jobs: solves that run beside the host's own work.
+
+use std::mem::{offset_of, replace};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::desc::{Out, Place, Sized32};
+use super::guard::guard;
+use super::handle::{self, vrtm_asset, vrtm_job};
+use super::shared::Claim;
+use super::solve::{Wishes, vrtm_solve_options};
+use super::status::{
+    Failure, Outcome, VRTM_ERROR_BUSY, VRTM_ERROR_CANCELLED, VRTM_ERROR_INTERNAL, VRTM_ERROR_OUT_OF_MEMORY,
+    VRTM_ERROR_TIMEOUT, VRTM_OK, vrtm_status,
+};
+use super::types::{strided, vrtm_array};
+use crate::asset::SolveRequest;
+use crate::control::{Control, this_thread};
+use crate::float_mode::FloatMode;
+use crate::memory::{boxed, copied};
+use crate::panics;
+use crate::team::threads;
+use crate::view::Packed;
+
+/// For vrtm_job_wait: as long as it takes.
+pub const VRTM_FOREVER: u32 = u32::MAX;
+
+/// What a job is doing.
+pub type vrtm_job_state = i32;
+/// It has not begun, or is under way.
+pub const VRTM_JOB_RUNNING: vrtm_job_state = 0;
+/// It is over: vrtm_job_data.status says how it ended.
+pub const VRTM_JOB_DONE: vrtm_job_state = 1;
+
+/// How far a job is. Start from vrtm_job_data_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_job_data {
+    /// sizeof(vrtm_job_data); set by vrtm_job_data_init().
+    pub struct_size: u32,
+    /// VRTM_JOB_RUNNING (0) or VRTM_JOB_DONE.
+    pub state: vrtm_job_state,
+    /// How it ended: VRTM_OK or an error; VRTM_OK while it is running.
+    pub status: vrtm_status,
+    /// The fraction (0..1) that is done, by prediction. It never falls.
+    pub progress: f32,
+    /// Milliseconds since it was submitted, until it was done.
+    pub ms: f32,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers.
+unsafe impl Sized32 for vrtm_job_data {
+    const FIRST: usize = offset_of!(vrtm_job_data, ms) + size_of::<f32>();
+    const NAME: &'static str = "vrtm_job_data";
+}
+
+/// One solve.
+#[derive(Debug)]
+pub(super) struct Job {
+    control: Arc<Control>,
+    submitted: Instant,
+    state: Mutex<State>,
+    /// Told when the job is done.
+    done: Condvar,
+    /// The thread that it runs on; 0 before.
+    runs_on: AtomicUsize,
+    /// The library's own thread, if it has one.
+    thread: Mutex<Option<Thread>>,
+}
+
+struct Thread(threads::Thread);
+
+impl std::fmt::Debug for Thread {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Thread")
+    }
+}
+
+#[derive(Debug)]
+enum State {
+    /// No thread has begun it.
+    Waiting(Box<Work>),
+    Running,
+    Done {
+        outcome: Outcome<()>,
+        ms: f32,
+    },
+}
+
+/// What a job needs: the asset, which no other call may change meanwhile, and copies of the inputs.
+struct Work {
+    claim: Claim,
+    positions: Packed,
+    dirty_vertices: Option<Vec<u32>>,
+    wishes: Wishes<'static>,
+}
+
+impl std::fmt::Debug for Work {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Work")
+    }
+}
+
+impl Work {
+    fn run(mut self) -> Outcome<()> {
+        let Work { claim, positions, dirty_vertices, wishes } = &mut self;
+        let request = wishes.request(positions.view());
+        let request = SolveRequest { dirty_vertices: dirty_vertices.as_deref(), ..request };
+        claim.solve(&wishes.control, |asset| Ok(asset.run(&request, &mut [])?))
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn cancelled() -> Failure {
+    Failure { status: VRTM_ERROR_CANCELLED, message: "the job was cancelled".to_owned() }
+}
+
+impl Job {
+    fn new(work: Work) -> Job {
+        Job {
+            control: work.wishes.control.clone(),
+            submitted: Instant::now(),
+            state: Mutex::new(State::Waiting(boxed(work))),
+            done: Condvar::new(),
+            runs_on: AtomicUsize::new(0),
+            thread: Mutex::new(None),
+        }
+    }
+
+    /// Takes the work, unless another thread has begun it.
+    fn begin(&self) -> Option<Box<Work>> {
+        let mut state = lock(&self.state);
+        match replace(&mut *state, State::Running) {
+            State::Waiting(work) => Some(work),
+            other => {
+                *state = other;
+                None
+            }
+        }
+    }
+
+    /// Does the work, unless another thread has begun it.
+    fn run(&self) {
+        let Some(work) = self.begin() else { return };
+        self.runs_on.store(this_thread(), Ordering::Relaxed);
+        let _mode = FloatMode::set_default();
+        let outcome = panics::catch(|| work.run()).unwrap_or_else(|panic| {
+            if let Some(short) = panic.out_of_memory() {
+                let message = short.to_string();
+                return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
+            }
+            let message = format!("internal error: {} ({})", panic.text(), panic.place());
+            Err(Failure { status: VRTM_ERROR_INTERNAL, message })
+        });
+        self.runs_on.store(0, Ordering::Relaxed);
+        self.end(outcome);
+    }
+
+    /// The work is gone, and the asset with it: others may use it.
+    fn end(&self, outcome: Outcome<()>) {
+        let ms = self.submitted.elapsed().as_secs_f32() * 1000.0;
+        *lock(&self.state) = State::Done { outcome, ms };
+        self.done.notify_all();
+    }
+
+    fn cancel(&self) {
+        self.control.cancel();
+        let waiting = matches!(&*lock(&self.state), State::Waiting(_));
+        // Nobody has begun it, and a host's queue may take long to come to it.
+        if waiting && let Some(work) = self.begin() {
+            drop(work);
+            self.end(Err(cancelled()));
+        }
+    }
+
+    /// An error on the thread that does the work, which would wait for itself.
+    fn check_thread(&self) -> Outcome<()> {
+        if self.runs_on.load(Ordering::Relaxed) != this_thread() {
+            return Ok(());
+        }
+        let message = "job: its own progress function cannot wait for it".to_owned();
+        Err(Failure { status: VRTM_ERROR_BUSY, message })
+    }
+
+    /// Waits for its end.
+    fn wait(&self, time: Option<Duration>) -> Outcome<()> {
+        self.check_thread()?;
+        if time.is_none() {
+            // Should no thread have begun it: this one has nothing else to do.
+            self.run();
+        }
+        let end = time.map(|time| Instant::now() + time);
+        let mut state = lock(&self.state);
+        loop {
+            if let State::Done { outcome, .. } = &*state {
+                return outcome.clone();
+            }
+            let Some(end) = end else {
+                state = self.done.wait(state).unwrap_or_else(PoisonError::into_inner);
+                continue;
+            };
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                let message = "job: it is not done yet".to_owned();
+                return Err(Failure { status: VRTM_ERROR_TIMEOUT, message });
+            }
+            state = self.done.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+}
+
+/// Begins to solve an asset for a pose, and returns at once: the host may go on drawing. Positions and options are
+/// copied; otherwise all is as with vrtm_asset_solve. `*job` is the caller's to destroy.
+///
+/// Until the job is done, it has the asset for itself: calls that solve or change it give VRTM_ERROR_BUSY, and results
+/// and reports are those of the last solve. A job keeps what it needs alive: destroying the asset cancels it, destroying
+/// the device does nothing to it. It runs on a thread of its own, which ends with the job, or in the host's queue, if
+/// the device has an executor with `spawn`.
+///
+/// Errors: those of vrtm_asset_solve, but for what only comes up while solving, which vrtm_job_wait tells of;
+/// VRTM_ERROR_INVALID_ARGUMENT if `job` is null; VRTM_ERROR_OUT_OF_MEMORY, also if no thread can be started.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_submit(
+    asset: vrtm_asset,
+    positions: *const vrtm_array,
+    options: *const vrtm_solve_options,
+    job: *mut vrtm_job,
+) -> vrtm_status {
+    guard("vrtm_asset_submit", || {
+        let out = Place::new(job, "job")?;
+        let shared = handle::asset(asset)?;
+        // SAFETY: the host's pointers, valid during the call.
+        let (positions, wishes) =
+            unsafe { (strided(positions, 3, "positions")?, Wishes::read(asset, options)?) };
+        let mut claim = shared.claim()?;
+        claim.asset().check_request(&wishes.request(positions))?;
+        let executor = claim.asset().device().executor().cloned();
+        let device = claim.asset().device().clone();
+        let copies = || Ok((Packed::copy(&positions), wishes.dirty_vertices.map(copied)));
+        let (positions, dirty_vertices) = device.call(copies)?;
+        let work = Work { claim, positions, dirty_vertices, wishes: wishes.without_dirty_vertices() };
+        let (handle, job) = handle::add_job(Job::new(work))?;
+        let own = job.clone();
+        #[expect(
+            clippy::disallowed_methods,
+            reason = "of constant size: the job is there, and must not be lost"
+        )]
+        let task = Box::new(move || own.run());
+        let left = match executor {
+            Some(executor) => executor.spawn(task).err(),
+            None => Some(task as Box<dyn FnOnce() + Send>),
+        };
+        if let Some(task) = left {
+            match threads::start(task) {
+                Some(thread) => *lock(&job.thread) = Some(Thread(thread)),
+                None => {
+                    job.cancel();
+                    handle::remove_job(handle)?;
+                    let message = "no thread could be started".to_owned();
+                    return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
+                }
+            }
+        }
+        out.write(handle);
+        Ok(())
+    })
+}
+
+/// Waits until a job is done, for at most so many milliseconds; 0 only looks, VRTM_FOREVER waits as long as it takes.
+/// Any number of threads may wait, and each may wait again afterwards.
+///
+/// Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
+/// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
+/// VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY in the job's own progress function.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_status {
+    guard("vrtm_job_wait", || {
+        let time = (timeout_ms != VRTM_FOREVER).then(|| Duration::from_millis(timeout_ms.into()));
+        handle::job(job)?.wait(time)
+    })
+}
+
+/// How far a job is. Never waits.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_job_progress(job: vrtm_job, data: *mut vrtm_job_data) -> vrtm_status {
+    guard("vrtm_job_progress", || {
+        let out = Out::new(data, "data")?;
+        let job = handle::job(job)?;
+        let progress = job.control.progress();
+        let now = job.submitted.elapsed().as_secs_f32() * 1000.0;
+        let (state, status, ms) = match &*lock(&job.state) {
+            State::Done { outcome, ms } => {
+                let status = outcome.as_ref().err().map_or(VRTM_OK, |failure| failure.status);
+                (VRTM_JOB_DONE, status, *ms)
+            }
+            _ => (VRTM_JOB_RUNNING, VRTM_OK, now),
+        };
+        out.write(vrtm_job_data { struct_size: 0, state, status, progress, ms });
+        Ok(())
+    })
+}
+
+/// Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. One that has
+/// its result already ends as it would have. Never waits.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
+    guard("vrtm_job_cancel", || {
+        handle::job(job)?.cancel();
+        Ok(())
+    })
+}
+
+/// Ends a job's handle. A job that is not done is cancelled, and this waits for its end, and for that of its thread:
+/// after it nothing of the job is left. Destroy all jobs before the library is unloaded.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY in the job's own progress
+/// function.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_job_destroy(job: vrtm_job) -> vrtm_status {
+    guard("vrtm_job_destroy", || {
+        handle::job(job)?.check_thread()?;
+        let job = handle::remove_job(job)?;
+        job.cancel();
+        // How it ended does not matter any more.
+        let _ = job.wait(None);
+        let thread = lock(&job.thread).take();
+        if let Some(Thread(thread)) = thread {
+            thread.join();
+        }
+        Ok(())
+    })
+}
