@@ -169,7 +169,7 @@ unsafe impl GlobalAlloc for Allocator {
             if layout.size() < LARGE && size < LARGE {
                 if !emergency::holds(block) {
                     let moved = System.realloc(block, layout, size);
-                    if !moved.is_null() {
+                    if !moved.is_null() || current::may_fail() {
                         return moved;
                     }
                 }
@@ -185,6 +185,9 @@ unsafe impl GlobalAlloc for Allocator {
                 if !moved.is_null() {
                     let moved = moved.add(offset);
                     header(moved).write(Header { record: ptr::null(), whole: next.size() });
+                    return moved;
+                }
+                if current::may_fail() && size > layout.size() {
                     return moved;
                 }
             }

@@ -24,6 +24,14 @@ static void arm(long n)
     atomic_store(&fails_at, n);
 }
 
+/* Runs a step. */
+static vrtm_status run_plain(int step, work *w)
+{
+    return steps[step].run(w);
+}
+
+static vrtm_status (*run_step)(int, work *) = run_plain;
+
 /* What a run without failures has after each step. */
 static struct {
     uint64_t result, written, booked;
@@ -36,10 +44,11 @@ static void reference(int backend, const vrtm_allocator *allocator)
     work_begin(&w, backend, allocator);
     for (int k = 0; k < STEPS; ++k) {
         arm(0);
-        if (!check_that(steps[k].run(&w) == VRTM_OK, steps[k].name, vrtm_last_error())) {
+        if (!check_that(run_step(k, &w) == VRTM_OK, steps[k].name, vrtm_last_error())) {
             break;
         }
         expected[k].allocations = atomic_load(&allocations);
+
         expected[k].result = last_result(&w);
         expected[k].written = written(&w);
         expected[k].booked = booked(&w);
@@ -60,11 +69,12 @@ static long rounds(int backend, const vrtm_allocator *allocator, int persistent,
         const uint64_t result_before = last_result(&w), written_before = written(&w);
         const long stride = most > 0 && expected[k].allocations > most ? expected[k].allocations / most : 1;
         const char *wrong = NULL;
-        long failed = 0;
+        long failed = 0, counted = 0;
         for (long n = 1; wrong == NULL; n += stride) {
             vrtm_status status;
             arm(n);
-            status = steps[k].run(&w);
+            status = run_step(k, &w);
+            counted = atomic_load(&allocations);
             arm(0);
             if (status == VRTM_OK) {
                 break;
@@ -89,7 +99,7 @@ static long rounds(int backend, const vrtm_allocator *allocator, int persistent,
         } else if (wrong == NULL && booked(&w) != expected[k].booked) {
             wrong = "other bytes are booked";
         }
-        snprintf(line, sizeof line, "%s: %ld failures%s", steps[k].name, failed, persistent ? ", each with all later ones" : "");
+        snprintf(line, sizeof line, "%s: %ld failures in %ld allocations%s", steps[k].name, failed, counted, persistent ? ", each with all later ones" : "");
         if (!check_that(wrong == NULL, line, wrong == NULL ? "" : wrong)) {
             printf("     the last message: %s\n", vrtm_last_error());
             break;

@@ -16,8 +16,11 @@ enum {
     POINTS = 2 * ROW * (QUADS + 1),
     QUAD_CORNERS = 4 * QUADS * QUADS,
     TEXELS = 160,                      /* side of the maps */
-    OUT = 96,                          /* side of what is fetched */
-    GRID_SIDE = 128,
+    OUT_WIDTH = 520,                   /* so wide that even a line of texels or nodes takes 4 KiB */
+    OUT_HEIGHT = 20,
+    OUT = OUT_WIDTH * OUT_HEIGHT,
+    GRID_WIDTH = 544,
+    GRID_HEIGHT = 64,
     MAX_TILES = 2
 };
 
@@ -30,8 +33,8 @@ typedef struct {
     unsigned char *saved;
     size_t saved_size, saved_capacity;
     /* What calls write: compared byte for byte. */
-    float out[2][OUT * OUT * 2];
-    uint16_t out_half[OUT * OUT * 2];
+    float out[2][OUT * 2];
+    uint16_t out_half[OUT * 2];
     float corners[QUAD_CORNERS][2];
 } work;
 
@@ -126,7 +129,8 @@ static vrtm_image_out image_of(void *data, vrtm_pixel_format format)
     vrtm_image_out image = vrtm_image_out_init();
     image.format = format;
     image.data = data;
-    image.width = image.height = OUT;
+    image.width = OUT_WIDTH;
+    image.height = OUT_HEIGHT;
     return image;
 }
 
@@ -193,7 +197,8 @@ static vrtm_status mask(work *w)
 static vrtm_status settings(work *w, int which, float density)
 {
     vrtm_tile_settings settings = vrtm_tile_settings_init();
-    settings.grid_width = settings.grid_height = GRID_SIDE;
+    settings.grid_width = GRID_WIDTH;
+    settings.grid_height = GRID_HEIGHT;
     settings.orientation_density = density;
     return vrtm_tile_set_settings(w->tiles[which], &settings);
 }
@@ -354,6 +359,23 @@ static vrtm_status redirect(work *w)
     return vrtm_asset_redirect(w->asset, &points, &options, fetches, 3);
 }
 
+/* A job: its inputs are copied, and it is solved on another thread. */
+static vrtm_status submit(work *w)
+{
+    vrtm_array points = array_of(posed, POINTS);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_job job;
+    vrtm_status status;
+    options.quality = VRTM_QUALITY_DRAFT;
+    pose_frame(8, 0);
+    status = vrtm_asset_submit(w->asset, &points, &options, &job);
+    if (status == VRTM_OK) {
+        status = vrtm_job_wait(job, VRTM_FOREVER);
+        vrtm_job_destroy(job);
+    }
+    return status;
+}
+
 static vrtm_status weigh(work *w)
 {
     vrtm_array array = array_of(weights, POINTS);
@@ -393,6 +415,7 @@ static const struct {
     {"solve, torn", solve_torn},
     {"solve, paper's", solve_pbd},
     {"redirect", redirect},
+    {"job", submit},
     {"vertex rigidity", weigh},
     {"solve of vertex rigidity", solve_draft},
 };
@@ -420,12 +443,15 @@ static void work_end(work *w)
     free(w->saved);
 }
 
-/* A hash (FNV-1a) of some bytes, on top of another. */
+/* A hash of some bytes, on top of another. */
 static uint64_t hash_bytes(uint64_t hash, const void *data, size_t size)
 {
     const unsigned char *bytes = data;
-    for (size_t k = 0; k < size; ++k) {
-        hash = (hash ^ bytes[k]) * 1099511628211u;
+    for (size_t at = 0; at < size; at += 8) {
+        uint64_t word = 0;
+        memcpy(&word, bytes + at, size - at < 8 ? size - at : 8);
+        hash = (hash ^ word) * 0x9E3779B97F4A7C15u;
+        hash ^= hash >> 29;
     }
     return hash;
 }
@@ -444,7 +470,7 @@ static uint64_t written(const work *w)
 /* A hash of the last result, as a host can read it; 1 before the first one. */
 static uint64_t last_result(const work *w)
 {
-    static float map[OUT * OUT * 2], corners[QUAD_CORNERS][2];
+    static float map[OUT * 2], corners[QUAD_CORNERS][2];
     static const vrtm_fetch_kind kinds[] = {VRTM_FETCH_REDIRECTION, VRTM_FETCH_WARP};
     uint64_t hash = 1469598103934665603u;
     if (w->asset.id == 0) {
