@@ -6,6 +6,13 @@
 //! redirection map, the warp, corner UVs and reports. Beside that way stands `oracle`, the side in double precision that
 //! results are measured with. `docs/method.md` is the mathematics, `docs/architecture.md` the map of the source.
 //!
+//! # Memory
+//!
+//! A call for which there is too little memory returns [`ErrorKind::OutOfMemory`] and leaves everything as it was. For this
+//! the library has a global allocator, which is that of the whole program. A program that has one of its own must leave out
+//! the cargo feature `allocator` (on by default): arrays whose size follows from input fail all the same, but messages and
+//! the like then abort the process where there is no memory at all, and [`DeviceSettings::allocator`] is not supported.
+//!
 //! # Example
 //!
 //! Two squares side by side, of which one is stretched and the other squashed. What is painted into their middle is to

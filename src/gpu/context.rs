@@ -14,7 +14,7 @@ use super::adapters::describe;
 use super::kernels::Pipelines;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
-use crate::memory::{Collect, Grow};
+use crate::memory::caught;
 use crate::method::point::Switch;
 use crate::panics::contain;
 use crate::report::AdapterInfo;
@@ -73,8 +73,9 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Joins the lines of wgpu's messages.
+#[expect(clippy::disallowed_methods, reason = "one message")]
 fn one_line(text: &str) -> String {
-    text.split_whitespace().collected().join(" ")
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 impl ErrorLog {
@@ -91,7 +92,8 @@ impl ErrorLog {
         let mut errors = lock(&self.errors);
         if errors.len() < MAX_ERRORS {
             let error = Error::new(kind, format!("the GPU: {}", one_line(&error.to_string())));
-            errors.put((thread::current().id(), error));
+            #[expect(clippy::disallowed_methods, reason = "a few; wgpu calls this, and must not be unwound")]
+            errors.push((thread::current().id(), error));
         }
     }
 
@@ -203,9 +205,10 @@ impl Context {
 
     /// Runs wgpu calls that may panic where they should fail, and checks for errors.
     pub fn contain<R>(&self, body: impl FnOnce() -> R) -> Result<R> {
-        let outcome = contain(body);
+        // Should memory be missing, wgpu's errors until then must not be left for the next call.
+        let outcome = caught(|| Ok(contain(body)));
         self.check()?;
-        outcome.map_err(|why| Error::new(ErrorKind::Internal, format!("the GPU: {}", one_line(&why))))
+        outcome?.map_err(|why| Error::new(ErrorKind::Internal, format!("the GPU: {}", one_line(&why))))
     }
 
     /// Submits encoded commands, in order, as one submission.

@@ -7,6 +7,77 @@
 
 #include <stdatomic.h>
 
+/* A hash of some bytes, on top of another. */
+static uint64_t hash_bytes(uint64_t hash, const void *data, size_t size)
+{
+    const unsigned char *bytes = data;
+    for (size_t at = 0; at < size; at += 8) {
+        uint64_t word = 0;
+        memcpy(&word, bytes + at, size - at < 8 ? size - at : 8);
+        hash = (hash ^ word) * 0x9E3779B97F4A7C15u;
+        hash ^= hash >> 29;
+    }
+    return hash;
+}
+
+/* A hash of all that calls have written. */
+static uint64_t written(const work *w)
+{
+    uint64_t hash = 1469598103934665603u;
+    hash = hash_bytes(hash, w->out, sizeof w->out);
+    hash = hash_bytes(hash, w->out_half, sizeof w->out_half);
+    hash = hash_bytes(hash, w->corners, sizeof w->corners);
+    hash = hash_bytes(hash, w->saved, w->saved_size);
+    return hash_bytes(hash, &w->saved_size, sizeof w->saved_size);
+}
+
+/* A hash of the last result, as a host can read it; 1 before the first one. */
+static uint64_t last_result(const work *w)
+{
+    static float map[OUT * 2], corners[QUAD_CORNERS][2];
+    static const vrtm_fetch_kind kinds[] = {VRTM_FETCH_REDIRECTION, VRTM_FETCH_WARP};
+    uint64_t hash = 1469598103934665603u;
+    if (w->asset.id == 0) {
+        return 1;
+    }
+    for (int tile = 0; tile < MAX_TILES; ++tile) {
+        vrtm_tile_report_data report = vrtm_tile_report_data_init();
+        vrtm_status status = vrtm_tile_report(w->tiles[tile], &report);
+        if (status != VRTM_OK) {
+            return status == VRTM_ERROR_NOT_SOLVED || w->tiles[tile].id == 0 ? 1 : 2;
+        }
+        hash = hash_bytes(hash, &report.energy_before, sizeof report.energy_before);
+        hash = hash_bytes(hash, &report.energy, sizeof report.energy);
+        hash = hash_bytes(hash, &report.min_jacobian, sizeof report.min_jacobian);
+        hash = hash_bytes(hash, &report.charts_active, sizeof report.charts_active);
+        hash = hash_bytes(hash, &report.welds_torn, sizeof report.welds_torn);
+        hash = hash_bytes(hash, &report.measured, sizeof report.measured);
+        hash = hash_bytes(hash, &report.before, sizeof report.before);
+        hash = hash_bytes(hash, &report.after, sizeof report.after);
+        for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; ++k) {
+            vrtm_image_out image = image_of(map, VRTM_PIXEL_F32);
+            if (vrtm_tile_fetch(w->tiles[tile], kinds[k], &image) != VRTM_OK) {
+                return 2;
+            }
+            hash = hash_bytes(hash, map, sizeof map);
+        }
+    }
+    for (uint32_t set = 0; set < 2; ++set) {
+        if (vrtm_asset_fetch_corner_uvs_of_set(w->asset, set, corners[0], QUAD_CORNERS) != VRTM_OK) {
+            return 2;
+        }
+        hash = hash_bytes(hash, corners, sizeof corners);
+    }
+    return hash;
+}
+
+/* What the device has on its account. */
+static uint64_t booked(const work *w)
+{
+    vrtm_device_data data = vrtm_device_data_init();
+    return w->device.id != 0 && vrtm_device_info(w->device, &data) == VRTM_OK ? data.bytes_held : 0;
+}
+
 /* Which allocation of those to come fails, counted from 1; 0 = none. `and_later` lets all later ones fail as well. */
 static atomic_long fails_at, allocations;
 static atomic_int and_later;
