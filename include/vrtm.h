@@ -86,8 +86,31 @@
  * Stack. On the CPU a thread with a stack of 48 KiB may call any function. A GPU's driver sets no bound that is known:
  * call on threads with the system's usual stack there, megabytes.
  *
- * Process. Nothing is printed. The library may be unloaded when no call is running, and loaded again. Nothing of it
+ * Process. Nothing is printed, no signal handler, locale or other state of the process is changed, and none of it
+ * changes a result. Threads of the library leave signals to the host's threads, but for those of faults and SIGPROF.
+ * After a fork while no call runs and no job is alive, both processes may use all devices and assets on the CPU; a
+ * child of a fork during a call may only exec or _exit, as POSIX has it. GPUs are not for the child. The library may be
+ * unloaded when no call is running, and loaded again. Nothing of it
  * stays in memory then, unless a thread that lives on has looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too).
+ *
+ * VERSIONS
+ *
+ * A program that was compiled against this header runs with this library and any later one of the same major version,
+ * without being compiled anew. The major version is in the name by which the program loads the library: libvrtm.so.0,
+ * libvrtm.0.dylib (a DLL has the same name in all versions: vrtm_version() tells). This holds from 0.1 on, also before
+ * 1.0.
+ *
+ *   patch   0.1.x   declares nothing new. Results keep their bits, but where the changelog names a defect.
+ *   minor   0.x     adds functions, types, constants and, at the end of structs that start with struct_size, fields;
+ *                   zero in a new field means what the library did before there was one. Nothing is removed, renamed,
+ *                   renumbered or gets another type. Results may differ in their bits, defaults may improve, what was
+ *                   an error may be allowed, messages may have other words, and tiles that were saved by an earlier
+ *                   version may be refused by vrtm_tile_load: prepare and save them again.
+ *   major   x       may change anything, and has another name to be loaded by, so that both can be installed. 1.0 will
+ *                   be the next; what it leaves out is marked as obsolete in a minor version before it.
+ *
+ * The other way round, a program that uses what only a later library has does not start with an older one, or gets
+ * VRTM_ERROR_UNSUPPORTED for a field that the older one does not have. Names with vrtm_ and VRTM_ are the library's.
  */
 
 #ifndef VRTM_H

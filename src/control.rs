@@ -2,8 +2,8 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use crate::error::{Error, ErrorKind, Result};
@@ -19,8 +19,24 @@ pub struct Control {
     /// `GOING`, `CANCELLED` or `DONE`.
     state: AtomicU8,
     /// The fraction that is done: the bits of an f32.
-    progress: AtomicU32,
+    done: AtomicU32,
+    /// What was told last: never less is told afterwards. Bits of numbers over 0 are ordered as the numbers are.
+    told: AtomicU32,
+    /// The stage that is under way.
+    stage: Mutex<Option<Stage>>,
     watch: Option<Watch>,
+    /// Items of work after which the call is cancelled; 0 = never.
+    #[cfg(feature = "oracle")]
+    items_left: std::sync::atomic::AtomicU64,
+}
+
+/// A stage of the work: a solve's largest takes half of its time.
+struct Stage {
+    start: Instant,
+    /// How long it is expected to take.
+    seconds: f32,
+    /// The fraction of the call's work that it is.
+    fraction: f32,
 }
 
 /// A host's function, and when it is called.
@@ -61,6 +77,12 @@ impl Control {
         let _ = self.state.compare_exchange(GOING, CANCELLED, Ordering::Relaxed, Ordering::Relaxed);
     }
 
+    /// Cancels the call before the item of work with this number, the first of which is 1: for tests.
+    #[cfg(feature = "oracle")]
+    pub fn cancel_at_item(&self, number: u64) {
+        self.items_left.store(number, Ordering::Relaxed);
+    }
+
     /// Whether it was cancelled.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
@@ -70,13 +92,22 @@ impl Control {
     /// The fraction of the call's work that is done, 0..1, by prediction. It never falls during a call.
     #[must_use]
     pub fn progress(&self) -> f32 {
-        f32::from_bits(self.progress.load(Ordering::Relaxed))
+        let mut progress = f32::from_bits(self.done.load(Ordering::Relaxed));
+        if let Ok(stage) = self.stage.try_lock()
+            && let Some(Stage { start, seconds, fraction }) = &*stage
+        {
+            progress += fraction * (start.elapsed().as_secs_f32() / seconds).min(1.0);
+        }
+        let bits = progress.min(1.0).to_bits();
+        f32::from_bits(self.told.fetch_max(bits, Ordering::Relaxed).max(bits))
     }
 
     /// Begins a call's work: the calling thread is the one whose items of work call the host's function.
     pub(crate) fn begin(&self) {
         let _ = self.state.compare_exchange(DONE, GOING, Ordering::Relaxed, Ordering::Relaxed);
-        self.progress.store(0, Ordering::Relaxed);
+        self.done.store(0, Ordering::Relaxed);
+        self.told.store(0, Ordering::Relaxed);
+        *self.stage() = None;
         if let Some(watch) = &self.watch {
             watch.thread.store(this_thread(), Ordering::Relaxed);
         }
@@ -88,18 +119,40 @@ impl Control {
         if self.is_cancelled() {
             unwind();
         }
-        self.progress.store(1.0f32.to_bits(), Ordering::Relaxed);
+        self.done.store(1.0f32.to_bits(), Ordering::Relaxed);
     }
 
     /// Adds a fraction of the call's work to what is done.
     pub(crate) fn advance(&self, fraction: f32) {
         let add = |bits| Some((f32::from_bits(bits) + fraction).min(1.0).to_bits());
-        let _ = self.progress.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add);
+        let _ = self.done.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add);
+    }
+
+    /// Begins a stage that is a fraction of the call's work and is expected to take so many seconds. When it is over, it is
+    /// added with [`Control::end_stage`].
+    pub(crate) fn begin_stage(&self, fraction: f32, seconds: f32) {
+        *self.stage() = Some(Stage { start: Instant::now(), seconds: seconds.max(1e-6), fraction });
+    }
+
+    /// Ends the stage, and adds its fraction.
+    pub(crate) fn end_stage(&self, fraction: f32) {
+        let mut stage = self.stage();
+        *stage = None;
+        self.advance(fraction);
+    }
+
+    fn stage(&self) -> MutexGuard<'_, Option<Stage>> {
+        self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Whether the call goes on. Called before each item of work, which is where the host's function is called.
     #[inline]
     pub(crate) fn goes_on(&self) -> bool {
+        #[cfg(feature = "oracle")]
+        if self.items_left.load(Ordering::Relaxed) > 0 && self.items_left.fetch_sub(1, Ordering::Relaxed) == 1
+        {
+            self.cancel();
+        }
         if let Some(watch) = &self.watch
             && watch.is_due()
             && (watch.call)(self.progress())

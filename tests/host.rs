@@ -9,7 +9,7 @@ use std::process::{Command, Output};
 #[path = "common/gpu.rs"]
 mod gpu;
 mod host_tools;
-use host_tools::{compiler, library, root, scratch};
+use host_tools::{compiler, library, loader_folder, root, scratch};
 
 fn text(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
@@ -34,9 +34,7 @@ fn build(source: &Path, linked: bool) -> PathBuf {
         .arg("-o")
         .arg(&program);
     if linked {
-        let library = library();
-        let folder = library.parent().unwrap().display();
-        command.arg(format!("-L{folder}")).arg("-lvrtm").arg(format!("-Wl,-rpath,{folder}"));
+        command.arg(library()).arg(format!("-Wl,-rpath,{}", loader_folder().display()));
     }
     command.args(["-lm", "-ldl"]);
     let output = command.output().unwrap_or_else(|error| panic!("{:?}: {error}", compiler(language)));
@@ -98,6 +96,12 @@ fn float_mode() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn jobs() {
+    run_host("job.c", 90);
+}
+
+#[test]
 fn deformer() {
     run_host("deformer.cpp", 15);
 }
@@ -111,6 +115,36 @@ fn a_c_host_estimates_saves_and_repaints_tiles() {
 #[cfg(target_os = "linux")]
 fn memory_goes_back_after_the_last_asset() {
     run_host("memory.c", 40);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn ten_thousand_solves_leave_nothing_behind() {
+    run_host("soak.c", 15);
+}
+
+#[test]
+fn forks_signals_and_small_stacks_do_no_harm() {
+    run_host("process.c", 30);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_locale_with_decimal_commas_changes_nothing() {
+    let folder = scratch().join("locales");
+    std::fs::create_dir_all(&folder).unwrap();
+    let made = Command::new("localedef")
+        .args(["-i", "de_DE", "-f", "UTF-8"])
+        .arg(folder.join("de_DE.UTF-8"))
+        .output()
+        .is_ok_and(|output| output.status.success());
+    if !made {
+        println!("skipped: localedef does not make the locale de_DE");
+        return;
+    }
+    let program = build(&root().join("tests/host/locale.c"), true);
+    let said = run_with(&program, &[Path::new("de_DE.UTF-8")], &[("LOCPATH", folder.to_str().unwrap())]);
+    assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= 25, "{said}");
 }
 
 /// The header says which stack a caller needs.
@@ -216,6 +250,11 @@ fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
 #[test]
 fn misuse_under_valgrind() {
     run_under_valgrind("misuse.c", true, &[]);
+}
+
+#[test]
+fn jobs_under_valgrind() {
+    run_under_valgrind("job.c", true, &[Path::new("96")]);
 }
 
 #[test]

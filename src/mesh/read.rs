@@ -34,8 +34,9 @@ pub(super) fn read(source: &MeshSource, uvs: &UvSource, uv_set: u32, info: &mut 
             info.faces += 1;
             info.faces_skipped += u64::from(!is_face);
         }
-        let has_texture = textured.as_ref().is_none_or(|t| t[f]) && uv_of(face.start).is_some();
-        if !is_face || !has_texture {
+        // A face without corners has none to ask: at the end of the mesh, its first one is past the last.
+        let has_texture = is_face && textured.as_ref().is_none_or(|t| t[f]) && uv_of(face.start).is_some();
+        if !has_texture {
             info.faces_untextured += u64::from(is_face);
             corners.put_all(face.map(corner(NONE)));
             continue;

@@ -171,6 +171,16 @@ fn offsets_are_counts() {
     assert!(both.starts_with("face_offsets: face_counts"));
 }
 
+/// Found by fuzzing: its first corner would be past the last one.
+#[test]
+fn the_last_face_may_have_no_corners() {
+    let (positions, indices, uvs) = strip(2, [0.1, 0.1], 0.1);
+    for counts in [&[4, 4, 0][..], &[0, 4, 4, 0, 0]] {
+        let info = build(&positions, Some(counts), &indices, &uvs).unwrap().info;
+        assert_eq!((info.faces, info.faces_skipped), (counts.len() as u64, counts.len() as u64 - 2));
+    }
+}
+
 #[test]
 fn faces_without_texture_and_short_ones_keep_their_corners() {
     const NO: u32 = u32::MAX;

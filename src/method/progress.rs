@@ -34,12 +34,15 @@ impl Progress {
         self.left -= RESERVE * self.left;
     }
 
-    /// Adds work that was expected to take so many seconds.
-    pub fn advance(&mut self, seconds: f64) {
-        let Some(control) = &self.control else { return };
+    /// Does work that is expected to take so many seconds.
+    pub fn during<R>(&mut self, seconds: f64, work: impl FnOnce() -> R) -> R {
+        let Some(control) = &self.control else { return work() };
         let fraction = (self.per_second * seconds as f32).clamp(0.0, self.left);
+        control.begin_stage(fraction, seconds as f32);
+        let result = work();
+        control.end_stage(fraction);
         self.left -= fraction;
-        control.advance(fraction);
+        result
     }
 
     /// Unwinds if the call was cancelled.

@@ -194,8 +194,7 @@ impl<S: Stages> Schedule<'_, S> {
         let blocks = self.blocks(work, level);
         let expected = if self.progress.is_told() { self.seconds(work, level) } else { 0.0 };
         let start = Instant::now();
-        stage(self.stages);
-        self.progress.advance(expected);
+        self.progress.during(expected, || stage(self.stages));
         if self.clock.is_limited() {
             self.stages.wait();
         }

@@ -149,9 +149,44 @@ mod posix {
             }
             // If the system wants another size, its own is good as well.
             let _ = libc::pthread_attr_setstacksize(attributes.as_mut_ptr(), STACK);
+            let signals = Signals::hold_back();
             let status = libc::pthread_create(thread.as_mut_ptr(), attributes.as_ptr(), function, argument);
+            drop(signals);
             libc::pthread_attr_destroy(attributes.as_mut_ptr());
             (status == 0).then(|| thread.assume_init())
+        }
+    }
+
+    /// Holds signals back from this thread, and so from those that it starts, which keep its mask: a host's timers and
+    /// handlers are for the host's threads. Those that a fault raises, and a profiler's, still come.
+    struct Signals(libc::sigset_t);
+
+    impl Signals {
+        fn hold_back() -> Option<Signals> {
+            const KEPT: [i32; 7] = [
+                libc::SIGSEGV,
+                libc::SIGBUS,
+                libc::SIGFPE,
+                libc::SIGILL,
+                libc::SIGTRAP,
+                libc::SIGABRT,
+                libc::SIGPROF,
+            ];
+            let (mut all, mut before) = (MaybeUninit::uninit(), MaybeUninit::uninit());
+            // SAFETY: the sets are filled before they are read.
+            unsafe {
+                libc::sigfillset(all.as_mut_ptr());
+                KEPT.iter().for_each(|&signal| _ = libc::sigdelset(all.as_mut_ptr(), signal));
+                let status = libc::pthread_sigmask(libc::SIG_BLOCK, all.as_ptr(), before.as_mut_ptr());
+                (status == 0).then(|| Signals(before.assume_init()))
+            }
+        }
+    }
+
+    impl Drop for Signals {
+        fn drop(&mut self) {
+            // SAFETY: the mask that this thread had.
+            unsafe { libc::pthread_sigmask(libc::SIG_SETMASK, &self.0, ptr::null_mut()) };
         }
     }
 }

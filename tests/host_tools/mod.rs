@@ -26,6 +26,25 @@ pub fn library() -> PathBuf {
     path
 }
 
+/// The library's folder, as a linker's `-rpath` wants it: with a link under the name by which programs load the library,
+/// which build.rs writes into it.
+#[cfg(unix)]
+pub fn loader_folder() -> PathBuf {
+    let library = library();
+    let major = env!("CARGO_PKG_VERSION_MAJOR");
+    let link = match std::env::consts::DLL_SUFFIX {
+        ".dylib" => format!("libvrtm.{major}.dylib"),
+        suffix => format!("libvrtm{suffix}.{major}"),
+    };
+    // It leads to a name, not to a file: another test's link is as good as this one.
+    match std::os::unix::fs::symlink(library.file_name().unwrap(), library.with_file_name(link)) {
+        Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => {
+            panic!("{}: {error}", library.display())
+        }
+        _ => library.parent().unwrap().to_owned(),
+    }
+}
+
 /// The system's compiler for "c" or "cpp"; CC and CXX override it.
 pub fn compiler(language: &str) -> OsString {
     let (variable, default) = if language == "c" { ("CC", "cc") } else { ("CXX", "c++") };

@@ -1,0 +1,145 @@
+//! How long a solve goes on after it was cancelled, at random moments of it; and how long reading its last result takes
+//! meanwhile. First of a tile that has to be prepared, then of one that has been solved before.
+//!
+//!     cargo bench --bench cancel
+//!     cargo bench --bench cancel -- --grids 512 --scenes mug_to_jug
+
+#![allow(missing_docs)]
+
+#[path = "../../tests/common/mod.rs"]
+mod common;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{scope, sleep};
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use common::{Model, scenes};
+use vrtm::{Asset, Backend, Control, Device, DeviceSettings, ErrorKind, SolveRequest};
+
+/// Measures cancelled solves.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// Built-in scenes.
+    #[arg(long, value_delimiter = ',', default_values = ["bulge", "mug_to_jug"])]
+    scenes: Vec<String>,
+    /// Cells on a side of the grids.
+    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048])]
+    grids: Vec<u32>,
+    /// Cancelled solves per row.
+    #[arg(long, default_value_t = 100)]
+    repeats: u32,
+    /// cpu or gpu.
+    #[arg(long, default_value = "cpu")]
+    backend: String,
+    /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() {
+    let mut args = Args::parse();
+    if !args.bench {
+        (args.grids, args.repeats) = (vec![64], 3);
+    }
+    let backend = if args.backend == "gpu" { Backend::Gpu } else { Backend::Cpu };
+    let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() }).expect("a device");
+    println!(
+        "Milliseconds, on {} threads, {} cancelled solves per row.",
+        device.info().threads,
+        args.repeats
+    );
+    println!("| scene | grid | solve | whole | median | 99 % | longest | longest read of the report |");
+    println!("|---|---|---|---|---|---|---|---|");
+    for name in &args.scenes {
+        let model = Model::from(scenes::by_name(name).expect("the name of a built-in scene"));
+        for &grid in &args.grids {
+            measure(&args, &device, &model, grid, true);
+            measure(&args, &device, &model, grid, false);
+        }
+    }
+}
+
+/// Solves the first frame, or cancels that after a while. Returns the milliseconds that the solve took, or those from the
+/// moment when it was cancelled, and the longest milliseconds that reading the last report took meanwhile.
+fn solve(asset: &mut Asset, model: &Model, cancel_after: Option<Duration>) -> (f64, f64) {
+    let control = Arc::new(Control::new());
+    let (results, over) = (asset.results().clone(), AtomicBool::new(false));
+    scope(|scope| {
+        let canceller = scope.spawn(|| {
+            let Some(time) = cancel_after else { return (None, 0.0) };
+            sleep(time);
+            let start = Instant::now();
+            control.cancel();
+            let mut longest = 0.0f64;
+            while !over.load(Ordering::Relaxed) {
+                let read = Instant::now();
+                let _ = results.report();
+                longest = longest.max(read.elapsed().as_secs_f64());
+                sleep(Duration::from_micros(500));
+            }
+            (Some(start), longest)
+        });
+        let request = SolveRequest {
+            positions: model.frame(1),
+            control: Some(control.clone()),
+            ..SolveRequest::default()
+        };
+        let start = Instant::now();
+        let outcome = asset.run(&request, &mut []);
+        let end = Instant::now();
+        over.store(true, Ordering::Relaxed);
+        let (cancelled, longest) = canceller.join().expect("a thread");
+        match outcome {
+            Ok(()) => (end.duration_since(start).as_secs_f64() * 1000.0, longest * 1000.0),
+            Err(error) => {
+                assert_eq!(error.kind, ErrorKind::Cancelled);
+                let since = end.saturating_duration_since(cancelled.expect("a cancelled solve"));
+                (since.as_secs_f64() * 1000.0, longest * 1000.0)
+            }
+        }
+    })
+}
+
+/// Makes the next solve compute everything anew.
+fn forget(asset: &mut Asset) {
+    for tile in 0..asset.tile_count() {
+        let settings = asset.settings(tile).expect("settings");
+        let room = if settings.room == 0.3 { 0.300_01 } else { 0.3 };
+        asset.set_settings(tile, &vrtm::TileSettings { room, ..settings }).expect("settings");
+    }
+}
+
+fn measure(args: &Args, device: &Device, model: &Model, grid: u32, first: bool) {
+    let mut asset = model.asset_on(device, grid);
+    let (mut whole, _) = solve(&mut asset, model, None);
+    if !first {
+        forget(&mut asset);
+        whole = solve(&mut asset, model, None).0;
+    }
+    let mut times = Vec::new();
+    let mut longest_read = 0.0f64;
+    for k in 0..args.repeats {
+        if first {
+            asset = model.asset_on(device, grid);
+        }
+        forget(&mut asset);
+        // Spread over the solve, and not in step with anything in it.
+        let part = (f64::from(k) * 0.618_034).fract();
+        let (time, read) =
+            solve(&mut asset, model, Some(Duration::from_secs_f64(whole * 0.95 * part / 1000.0)));
+        times.push(time);
+        longest_read = longest_read.max(read);
+    }
+    times.sort_by(f64::total_cmp);
+    let at = |part: f64| times[((times.len() - 1) as f64 * part).round() as usize];
+    let (name, which) = (&model.name, if first { "first" } else { "next" });
+    println!(
+        "| {name} | {grid} | {which} | {whole:.0} | {:.2} | {:.2} | {:.2} | {longest_read:.3} |",
+        at(0.5),
+        at(0.99),
+        at(1.0)
+    );
+}

@@ -1,0 +1,81 @@
+# Drives cargo: the target `vrtm_build` builds the library and puts it, named as it is installed, into a folder of the
+# build tree, from where projects that take vrtm as a subfolder link and run it.
+
+# vrtm_target_triple(VARIABLE): the target that cargo builds for unless it is told one.
+function(vrtm_target_triple variable)
+  if(MINGW AND CMAKE_SIZEOF_VOID_P EQUAL 8)
+    set(triple x86_64-pc-windows-gnu)
+  else()
+    execute_process(COMMAND "${VRTM_RUSTC}" -vV OUTPUT_VARIABLE version RESULT_VARIABLE failed)
+    if(failed OR NOT version MATCHES "host: ([^\n\r]+)")
+      message(FATAL_ERROR "vrtm: ${VRTM_RUSTC} -vV does not say for which machine it builds")
+    endif()
+    set(triple ${CMAKE_MATCH_1})
+  endif()
+  set(${variable} ${triple} PARENT_SCOPE)
+endfunction()
+
+# vrtm_cargo_arguments(VARIABLE): what cargo build is called with, by the options in CMakeLists.txt.
+function(vrtm_cargo_arguments variable)
+  set(arguments build --manifest-path "${vrtm_SOURCE_DIR}/Cargo.toml" --package vrtm --lib
+    --profile ${VRTM_PROFILE} --target-dir "${VRTM_CARGO_TARGET_DIR}")
+  if(NOT VRTM_GPU)
+    list(APPEND arguments --no-default-features)
+  endif()
+  if(VRTM_FEATURES)
+    list(APPEND arguments --features "${VRTM_FEATURES}")
+  endif()
+  if(VRTM_OFFLINE)
+    list(APPEND arguments --offline --locked)
+  endif()
+  if(VRTM_TARGET)
+    list(APPEND arguments --target ${VRTM_TARGET})
+  endif()
+  set(${variable} ${arguments} PARENT_SCOPE)
+endfunction()
+
+# vrtm_cargo_folder(VARIABLE): where cargo leaves the library.
+function(vrtm_cargo_folder variable)
+  set(folder "${VRTM_CARGO_TARGET_DIR}")
+  if(VRTM_TARGET)
+    string(APPEND folder "/${VRTM_TARGET}")
+  endif()
+  if(VRTM_PROFILE STREQUAL "dev")
+    string(APPEND folder "/debug")
+  else()
+    string(APPEND folder "/${VRTM_PROFILE}")
+  endif()
+  set(${variable} "${folder}" PARENT_SCOPE)
+endfunction()
+
+# vrtm_add_build(FOLDER): adds the target `vrtm_build`, which fills FOLDER. With VRTM_PREBUILT it copies that file.
+function(vrtm_add_build folder)
+  if(VRTM_PREBUILT)
+    set(cargo)
+    set(library "${VRTM_PREBUILT}")
+    get_filename_component(from "${VRTM_PREBUILT}" DIRECTORY)
+  else()
+    vrtm_cargo_arguments(arguments)
+    vrtm_cargo_folder(from)
+    set(cargo COMMAND "${CMAKE_COMMAND}" -E env "RUSTC=${VRTM_RUSTC}" "${VRTM_CARGO}" ${arguments})
+    set(library "${from}/${VRTM_BUILT}")
+  endif()
+  set(copies COMMAND "${CMAKE_COMMAND}" -E copy_if_different "${library}" "${folder}/${VRTM_FILE}")
+  set(made "${folder}/${VRTM_FILE}")
+  foreach(link IN LISTS VRTM_LINKS)
+    list(APPEND copies COMMAND "${CMAKE_COMMAND}" -E create_symlink ${VRTM_FILE} "${folder}/${link}")
+  endforeach()
+  if(VRTM_FILE_IMPORT)
+    list(APPEND copies COMMAND "${CMAKE_COMMAND}" -E copy_if_different
+      "${from}/${VRTM_BUILT_IMPORT}" "${folder}/${VRTM_FILE_IMPORT}")
+    list(APPEND made "${folder}/${VRTM_FILE_IMPORT}")
+  endif()
+  set(all)
+  if(VRTM_INSTALL OR PROJECT_IS_TOP_LEVEL)
+    set(all ALL)
+  endif()
+  # Cargo itself finds out what is to be built anew, so it is called every time.
+  add_custom_target(vrtm_build ${all} ${cargo}
+    COMMAND "${CMAKE_COMMAND}" -E make_directory "${folder}" ${copies}
+    BYPRODUCTS ${made} COMMENT "vrtm: cargo builds the library" USES_TERMINAL VERBATIM)
+endfunction()

@@ -1,0 +1,41 @@
+# What the shared library's files are called. `bindings/install.sh` says the same to a shell; tests/package compares them.
+
+# vrtm_names(TRIPLE VERSION) sets, for a target of cargo such as x86_64-unknown-linux-gnu:
+#   VRTM_BUILT         the library as cargo names it
+#   VRTM_FILE          and as it is installed; VRTM_LINKS are symbolic links to it, first the one that programs load
+#   VRTM_SONAME        by which name programs load it, as the loader sees it; empty on Windows
+#   VRTM_BUILT_IMPORT, VRTM_FILE_IMPORT   Windows: the import library, as cargo names it and as it is installed
+function(vrtm_names triple version)
+  string(REGEX MATCH "^[0-9]+" major "${version}")
+  set(links)
+  set(soname)
+  set(built_import)
+  set(import)
+  if(triple MATCHES "-windows-")
+    set(built vrtm.dll)
+    set(file vrtm.dll)
+    if(triple MATCHES "-windows-gnu")
+      set(built_import libvrtm.dll.a)
+      set(import libvrtm.dll.a)
+    else()
+      set(built_import vrtm.dll.lib)
+      set(import vrtm.lib)
+    endif()
+  elseif(triple MATCHES "-apple-")
+    set(built libvrtm.dylib)
+    set(file libvrtm.${version}.dylib)
+    set(links libvrtm.${major}.dylib libvrtm.dylib)
+    set(soname "@rpath/libvrtm.${major}.dylib")
+  else()
+    set(built libvrtm.so)
+    set(file libvrtm.so.${version})
+    set(links libvrtm.so.${major} libvrtm.so)
+    set(soname libvrtm.so.${major})
+  endif()
+  set(VRTM_BUILT ${built} PARENT_SCOPE)
+  set(VRTM_FILE ${file} PARENT_SCOPE)
+  set(VRTM_LINKS ${links} PARENT_SCOPE)
+  set(VRTM_SONAME ${soname} PARENT_SCOPE)
+  set(VRTM_BUILT_IMPORT ${built_import} PARENT_SCOPE)
+  set(VRTM_FILE_IMPORT ${import} PARENT_SCOPE)
+endfunction()

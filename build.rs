@@ -1,0 +1,21 @@
+//! Writes the name into the shared library by which programs find it when they start: libvrtm.so.0, or
+//! @rpath/libvrtm.0.dylib on macOS. The number is the major version: it changes when compiled programs would no longer
+//! run (the head of include/vrtm.h says what may change before). On Windows a DLL has its file's name.
+//!
+//! The list of exported symbols needs nothing here: rustc hands the linker one that holds the functions of `src/ffi` and
+//! nothing else, and tests/header.rs compares it with the header. It has no version names, since GNU's linker does not
+//! take a second list beside it.
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    let variable = |name: &str| std::env::var(name).unwrap_or_default();
+    let [major, minor] = ["MAJOR", "MINOR"].map(|part| variable(&format!("CARGO_PKG_VERSION_{part}")));
+    let argument = |text: String| println!("cargo::rustc-cdylib-link-arg={text}");
+    if variable("CARGO_CFG_TARGET_VENDOR") == "apple" {
+        argument(format!("-Wl,-install_name,@rpath/libvrtm.{major}.dylib"));
+        argument(format!("-Wl,-compatibility_version,{major}.{minor}"));
+        argument(format!("-Wl,-current_version,{}", variable("CARGO_PKG_VERSION")));
+    } else if variable("CARGO_CFG_TARGET_FAMILY") == "unix" {
+        argument(format!("-Wl,-soname,libvrtm.so.{major}"));
+    }
+}

@@ -1,0 +1,187 @@
+//! Calls in any order, from up to three threads at once, with handles that are valid, destroyed, of another kind or made up:
+//! each gives a known status, a failing one leaves its outputs alone, and none touches memory that is gone.
+
+#![no_main]
+
+use std::ptr;
+use std::sync::Mutex;
+
+use libfuzzer_sys::fuzz_target;
+use vrtm::ffi::{asset::*, device::*, fetch::*, handle::*, prepare::*, report::*, solve::*, status::*, tile::*, types::*};
+use vrtm_fuzz::{CORNERS, Input, Sheet, check, options, sized};
+
+const KINDS: usize = 3;
+const DEVICES: usize = 0;
+const ASSETS: usize = 1;
+const TILES: usize = 2;
+
+/// Handles that were given out, also those that are gone.
+#[derive(Default)]
+struct Handles([Mutex<Vec<u64>>; KINDS]);
+
+impl Handles {
+    fn add(&self, kind: usize, id: u64) {
+        self.0[kind].lock().unwrap().push(id);
+    }
+
+    /// Mostly one of the newest of its kind, which are likely to be valid.
+    fn pick(&self, input: &mut Input, kind: usize) -> u64 {
+        let kind = input.odd(kind, &[DEVICES, ASSETS, TILES]);
+        let ids = self.0[kind].lock().unwrap().clone();
+        match input.below(20) {
+            18 => input.pick(&[0, 1, u64::MAX, 1 << 63]),
+            19 => input.any().unwrap_or(0),
+            17 if !ids.is_empty() => ids[input.below(ids.len())] ^ (1 << input.below(64)),
+            14..=16 if !ids.is_empty() => ids[input.below(ids.len())],
+            _ if ids.is_empty() => 0,
+            _ => ids[ids.len() - 1 - input.below(ids.len().min(3))],
+        }
+    }
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let mut input = Input::new(bytes);
+    let handles = Handles::default();
+    let threads = 1 + input.below(3);
+    for _ in 0..2 {
+        call(&mut input, &handles, 0);
+        call(&mut input, &handles, 1);
+    }
+    let rest = input.rest();
+    std::thread::scope(|scope| {
+        let mut running = Vec::new();
+        for part in rest.chunks(rest.len().div_ceil(threads).max(1)) {
+            let handles = &handles;
+            running.push(scope.spawn(move || {
+                let mut input = Input::new(part);
+                for _ in 0..40 {
+                    if input.ended() {
+                        break;
+                    }
+                    let number = input.below(24);
+                    call(&mut input, handles, number);
+                }
+            }));
+        }
+        // The scope's own end does not wait until the threads' memory is freed, and that would count as a leak.
+        running.into_iter().for_each(|thread| thread.join().unwrap());
+    });
+    for &id in handles.0[ASSETS].lock().unwrap().iter() {
+        // SAFETY: any number may be given.
+        check(unsafe { vrtm_asset_destroy(vrtm_asset { id }) });
+    }
+    for &id in handles.0[DEVICES].lock().unwrap().iter() {
+        // SAFETY: any number may be given.
+        check(unsafe { vrtm_device_destroy(vrtm_device { id }) });
+    }
+});
+
+/// One call, chosen by `number`.
+fn call(input: &mut Input, handles: &Handles, number: usize) {
+    let device = vrtm_device { id: handles.pick(input, DEVICES) };
+    let asset = vrtm_asset { id: handles.pick(input, ASSETS) };
+    let tile = vrtm_tile { id: handles.pick(input, TILES) };
+    let mut sheet = Sheet::default();
+    let texels: [u8; 64] = std::array::from_fn(|k| if k % 8 / 2 % 2 == 1 { 255 } else { 0 });
+    let mut image = sized::<vrtm_image>();
+    (image.width, image.height, image.format) = (8, 8, VRTM_PIXEL_U8);
+    image.data = texels.as_ptr().cast();
+    let mut map = [f32::NAN; 2 * 8 * 8];
+    let mut target = sized::<vrtm_image_out>();
+    (target.width, target.height) = (8, 8);
+    target.data = map.as_mut_ptr().cast();
+    let untouched = |map: &[f32]| map.iter().all(|x| x.is_nan());
+    // SAFETY: all pointers are null or point to memory of the claimed size; any handle may be given.
+    unsafe {
+        match number {
+            0 => {
+                let mut desc = sized::<vrtm_device_desc>();
+                desc.backend = VRTM_BACKEND_CPU;
+                desc.threads = input.odd(1, &[2, 3, 5000]);
+                desc.memory_budget = input.odd(0, &[1, 20_000, 1 << 20]);
+                let mut made = vrtm_device { id: 77 };
+                let done = check(vrtm_device_create(&desc, &mut made));
+                assert_eq!(done, made.id != 77);
+                if done {
+                    handles.add(DEVICES, made.id);
+                }
+            }
+            1 | 2 => {
+                let mut made = vrtm_asset { id: 77 };
+                if sheet.create(device, &mut made) == VRTM_OK {
+                    handles.add(ASSETS, made.id);
+                    for index in 0..2 {
+                        let mut tile = vrtm_tile { id: 77 };
+                        if check(vrtm_asset_tile(made, index, &mut tile)) {
+                            handles.add(TILES, tile.id);
+                        }
+                    }
+                } else {
+                    assert_eq!(made.id, 77);
+                }
+            }
+            3 => _ = check(vrtm_device_info(device, &mut sized())),
+            4 if input.below(3) == 2 => _ = check(vrtm_device_destroy(device)),
+            5 if input.below(2) == 1 => _ = check(vrtm_asset_destroy(asset)),
+            4 | 5 => _ = check(vrtm_asset_info(asset, &mut sized())),
+            6 => _ = check(vrtm_asset_tile_count(asset, input.odd(&mut 0, &[ptr::null_mut()]))),
+            7 => {
+                let mut found = vrtm_tile { id: 0 };
+                let udim = input.odd(1002, &[0, 1001, 1003, u32::MAX]);
+                check(vrtm_asset_find_tile_of_set(asset, input.odd(0, &[1]), udim, &mut found));
+            }
+            8 => _ = check(vrtm_tile_info(tile, &mut sized())),
+            9 | 10 => _ = check(vrtm_tile_set_rigidity(tile, input.odd(&raw const image, &[ptr::null()]))),
+            11 => _ = check(vrtm_tile_set_mask(tile, input.odd(ptr::null(), &[&raw const image]))),
+            12 => {
+                let [x, y] = [(); 2].map(|()| input.below(9) as u32);
+                check(vrtm_tile_update_rigidity(tile, &image, x, y, 3, 2));
+            }
+            13 => {
+                let mut settings = sized::<vrtm_tile_settings>();
+                if check(vrtm_tile_get_settings(tile, &mut settings)) {
+                    settings.grid_width = input.odd(16, &[17, 33, 48]);
+                    settings.overlap = input.odd(0, &[1, 2]);
+                    settings.orientation_density = input.odd(0.0, &[0.5, -1.0]);
+                    check(vrtm_tile_set_settings(tile, &settings));
+                }
+            }
+            14 => {
+                let mut size = 77;
+                let mut data = vec![0_u8; 1 << 16];
+                let capacity = input.odd(data.len(), &[0, 100]);
+                let done = check(vrtm_tile_save(tile, data.as_mut_ptr().cast(), capacity, &mut size));
+                assert_eq!(done, size != 77);
+                if done {
+                    let other = vrtm_tile { id: handles.pick(input, TILES) };
+                    check(vrtm_tile_load(other, data.as_ptr().cast(), size));
+                }
+            }
+            15 => _ = check(vrtm_tile_estimate(tile, &mut sized())),
+            16..=18 => {
+                sheet.bend(input);
+                check(vrtm_asset_solve(asset, &sheet.positions(), &options(input)));
+            }
+            19 => {
+                let kind = input.pick(&[VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP, 9]);
+                let done = check(vrtm_tile_fetch(tile, kind, &target));
+                assert!(if done { map.iter().all(|x| x.is_finite()) } else { untouched(&map) });
+            }
+            20 => {
+                sheet.bend(input);
+                let mut fetch = sized::<vrtm_fetch>();
+                (fetch.tile, fetch.image) = (tile, &raw const target);
+                let count = input.odd(1, &[0]);
+                let done = check(vrtm_asset_redirect(asset, &sheet.positions(), &options(input), &fetch, count));
+                assert!(done || untouched(&map));
+            }
+            21 => {
+                let mut uvs = [f32::NAN; 2 * CORNERS];
+                let done = check(vrtm_asset_fetch_corner_uvs(asset, uvs.as_mut_ptr(), CORNERS));
+                assert!(if done { uvs.iter().all(|x| x.is_finite()) } else { untouched(&uvs) });
+            }
+            22 => _ = check(vrtm_tile_report(tile, &mut sized())),
+            _ => _ = check(vrtm_asset_report(asset, &mut sized())),
+        }
+    }
+}

@@ -1,0 +1,211 @@
+/*
+ * A program of the first version: compiled against vrtm-0.1.h, it calls each of that header's functions, and runs with
+ * any later library of the same major version. THIS FILE IS NEVER CHANGED.
+ */
+
+#include "vrtm-0.1.h"
+
+#include <math.h>
+#include <stdio.h>
+
+enum { SIDE = 8, VERTICES = (SIDE + 1) * (SIDE + 1), FACES = SIDE * SIDE, CORNERS = 4 * FACES, MAP = 32 };
+
+static int failures, lines;
+static float points[VERTICES][3], pose[VERTICES][3], uvs[VERTICES][2], values[VERTICES], corners[2 * CORNERS];
+static uint32_t counts[FACES], indices[CORNERS];
+static uint8_t texels[MAP][MAP];
+static float map[2 * MAP * MAP], again[2 * MAP * MAP], warp[2 * (MAP + 1) * (MAP + 1)];
+static unsigned char bytes[1 << 20];
+
+static void check(int good, const char *name)
+{
+    printf("%s %s (%s)\n", good ? "ok  " : "FAIL", name, good ? "" : vrtm_last_error());
+    failures += !good;
+}
+
+#define CALL(call) check((call) == VRTM_OK, #call)
+#define REFUSED(call, status) check((call) == (status), #call)
+
+static void log_line(void *user, vrtm_log_level level, const char *message)
+{
+    *(int *)user += message[0] != 0 && (level == VRTM_LOG_INFO || level == VRTM_LOG_WARNING);
+}
+
+static void make(void)
+{
+    for (int k = 0; k < VERTICES; ++k) {
+        const float u = (float)(k % (SIDE + 1)) / SIDE, v = (float)(k / (SIDE + 1)) / SIDE;
+        uvs[k][0] = 0.1f + 0.8f * u;
+        uvs[k][1] = 0.1f + 0.8f * v;
+        points[k][0] = 10 * u;
+        points[k][1] = 10 * v;
+        pose[k][0] = points[k][0];
+        pose[k][1] = points[k][1];
+        pose[k][2] = 3 * expf(-(points[k][0] - 4) * (points[k][0] - 4) - (points[k][1] - 5) * (points[k][1] - 5));
+        values[k] = k % 7 == 0 ? 1.0f : 0.0f;
+    }
+    for (uint32_t face = 0; face < FACES; ++face) {
+        const uint32_t a = face / SIDE * (SIDE + 1) + face % SIDE;
+        counts[face] = 4;
+        indices[4 * face] = a;
+        indices[4 * face + 1] = a + 1;
+        indices[4 * face + 2] = a + SIDE + 2;
+        indices[4 * face + 3] = a + SIDE + 1;
+    }
+    for (int y = 0; y < MAP; ++y) {
+        for (int x = 0; x < MAP; ++x) {
+            texels[y][x] = x / 4 % 2 && y / 4 % 2 ? 255 : 0;
+        }
+    }
+}
+
+static void devices(vrtm_device *device)
+{
+    uint32_t count = 99;
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_device_data info = vrtm_device_data_init();
+    desc.backend = VRTM_BACKEND_CPU;
+    desc.threads = 2;
+    desc.log = log_line;
+    desc.log_user = &lines;
+    CALL(vrtm_device_create(&desc, device));
+    check(lines > 0, "the log function was called");
+    CALL(vrtm_device_info(*device, &info));
+    check(info.struct_size == sizeof info && info.backend == VRTM_BACKEND_CPU && info.threads == 2 && info.reason[0],
+          "the device is described");
+    CALL(vrtm_adapter_count(&count));
+    check(count != 99, "adapters are counted");
+    for (uint32_t i = 0; i < count; ++i) {
+        vrtm_adapter_data adapter = vrtm_adapter_data_init();
+        CALL(vrtm_adapter_info(i, &adapter));
+    }
+    vrtm_adapter_data none = vrtm_adapter_data_init();
+    REFUSED(vrtm_adapter_info(count, &none), VRTM_ERROR_INVALID_ARGUMENT);
+}
+
+static void assets(vrtm_device device, vrtm_asset *asset, vrtm_tile *tile)
+{
+    uint32_t count = 0;
+    vrtm_tile found;
+    vrtm_array positions = vrtm_array_init(), pairs = vrtm_array_init();
+    vrtm_mesh_desc mesh = vrtm_mesh_desc_init();
+    vrtm_asset_data info = vrtm_asset_data_init();
+    vrtm_uv_set set = {0};
+    positions.data = points;
+    positions.count = VERTICES;
+    pairs.data = uvs;
+    pairs.count = VERTICES;
+    mesh.positions = &positions;
+    mesh.face_counts = counts;
+    mesh.face_count = FACES;
+    mesh.indices = mesh.uv_indices = set.uv_indices = indices;
+    mesh.index_count = mesh.uv_index_count = set.uv_index_count = CORNERS;
+    mesh.uvs = set.uvs = &pairs;
+    mesh.uv_sets = &set;
+    mesh.uv_set_count = 1;
+    CALL(vrtm_asset_create(device, &mesh, asset));
+    CALL(vrtm_asset_info(*asset, &info));
+    check(info.vertices == VERTICES && info.faces == FACES && info.corners == CORNERS && info.charts == 2,
+          "the mesh is described");
+    CALL(vrtm_asset_tile_count(*asset, &count));
+    check(count == 2, "a tile for each set of UVs");
+    CALL(vrtm_asset_find_tile(*asset, 1001, tile));
+    CALL(vrtm_asset_tile(*asset, 0, &found));
+    check(found.id == tile->id, "both give the same tile");
+    CALL(vrtm_asset_find_tile_of_set(*asset, 1, 1001, &found));
+    check(found.id != tile->id, "the other set has another tile");
+}
+
+static void tiles(vrtm_asset asset, vrtm_tile tile)
+{
+    size_t size = 0;
+    vrtm_image rigidity = vrtm_image_init();
+    vrtm_tile_data info = vrtm_tile_data_init();
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    vrtm_tile_needs needs = vrtm_tile_needs_init();
+    vrtm_array numbers = vrtm_array_init();
+    rigidity.data = texels;
+    rigidity.format = VRTM_PIXEL_U8;
+    rigidity.width = rigidity.height = MAP;
+    numbers.data = values;
+    numbers.count = VERTICES;
+    CALL(vrtm_asset_set_vertex_rigidity(asset, &numbers));
+    CALL(vrtm_tile_set_rigidity(tile, &rigidity));
+    CALL(vrtm_tile_update_rigidity(tile, &rigidity, 4, 4, 8, 8));
+    CALL(vrtm_tile_set_mask(tile, &rigidity));
+    CALL(vrtm_tile_set_mask(tile, NULL));
+    CALL(vrtm_tile_get_settings(tile, &settings));
+    check(settings.smoothness > 0, "defaults are filled in");
+    settings.room = VRTM_OFF;
+    CALL(vrtm_tile_set_settings(tile, &settings));
+    CALL(vrtm_tile_set_settings(tile, NULL));
+    CALL(vrtm_tile_info(tile, &info));
+    check(info.udim == 1001 && info.grid_width == MAP && info.movable_nodes > 0, "the tile is described");
+    CALL(vrtm_tile_estimate(tile, &needs));
+    check(needs.movable_nodes == info.movable_nodes && needs.solving_bytes > 0, "the tile is estimated");
+    CALL(vrtm_tile_save(tile, bytes, sizeof bytes, &size));
+    CALL(vrtm_tile_load(tile, bytes, size));
+}
+
+static void solves(vrtm_asset asset, vrtm_tile tile)
+{
+    vrtm_array positions = vrtm_array_init();
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_image_out image = vrtm_image_out_init(), nodes = vrtm_image_out_init();
+    vrtm_fetch fetches[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
+    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    vrtm_asset_report_data whole = vrtm_asset_report_data_init();
+    REFUSED(vrtm_tile_report(tile, &report), VRTM_ERROR_NOT_SOLVED);
+    positions.data = pose;
+    positions.count = VERTICES;
+    options.quality = VRTM_QUALITY_HIGH;
+    options.measure = 1;
+    CALL(vrtm_asset_solve(asset, &positions, &options));
+    image.data = map;
+    image.width = image.height = MAP;
+    CALL(vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    check(map[0] > 0 && map[0] < 1 && map[1] > 0 && map[1] < 1, "the map holds UVs");
+    image.data = again;
+    CALL(vrtm_tile_fetch_part(tile, VRTM_FETCH_REDIRECTION, &image, 0, 0, MAP, MAP));
+    check(memcmp(map, again, sizeof map) == 0, "a part that is all gives the same");
+    memset(again, 0, sizeof again);
+    nodes.data = warp;
+    nodes.width = nodes.height = MAP + 1;
+    fetches[0].tile = fetches[1].tile = tile;
+    fetches[0].image = &image;
+    fetches[1].image = &nodes;
+    fetches[1].kind = VRTM_FETCH_WARP;
+    CALL(vrtm_asset_redirect(asset, &positions, &options, fetches, 2));
+    check(memcmp(map, again, sizeof map) == 0, "redirect gives the same bits");
+    CALL(vrtm_asset_fetch_corner_uvs(asset, corners, CORNERS));
+    check(fabsf(corners[0] - 0.1f) < 1e-3f && fabsf(corners[1] - 0.1f) < 1e-3f, "corners have UVs");
+    CALL(vrtm_asset_fetch_corner_uvs_of_set(asset, 1, corners, CORNERS));
+    CALL(vrtm_tile_report(tile, &report));
+    check(report.struct_size == sizeof report && report.udim == 1001 && report.folds == 0 && report.min_jacobian > 0 &&
+              report.energy < report.energy_before && report.measured == 1,
+          "the report certifies the result");
+    CALL(vrtm_asset_report(asset, &whole));
+    check(whole.struct_size == sizeof whole && whole.tiles == 2 && whole.bytes > 0, "so does the asset's");
+}
+
+int main(void)
+{
+    vrtm_device device = {0};
+    vrtm_asset asset = {0};
+    vrtm_tile tile = {0};
+    check(vrtm_version() / 1000000 == VRTM_VERSION_MAJOR && vrtm_version() >= VRTM_VERSION,
+          "the library is as new as the header");
+    check(vrtm_last_error()[0] == 0, "no error at first");
+    check(strcmp(vrtm_status_string(VRTM_ERROR_BUSY), "VRTM_ERROR_BUSY") == 0, "a status has a name");
+    make();
+    devices(&device);
+    assets(device, &asset, &tile);
+    tiles(asset, tile);
+    solves(asset, tile);
+    CALL(vrtm_asset_destroy(asset));
+    REFUSED(vrtm_asset_destroy(asset), VRTM_ERROR_INVALID_HANDLE);
+    check(strstr(vrtm_last_error(), "vrtm_asset_destroy: ") == vrtm_last_error(), "the message names the function");
+    CALL(vrtm_device_destroy(device));
+    printf("%d failed\n", failures);
+    return failures != 0;
+}

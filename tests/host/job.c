@@ -1,0 +1,467 @@
+/*
+ * Jobs, cancelling and progress through the C API: a job beside the host's own work, what it keeps alive, what is busy
+ * meanwhile, a host's threads and its task queue, and solves of some tiles. The program's argument is the size of the grids
+ * that take long, 512 by default.
+ */
+
+#define _GNU_SOURCE
+#include "check.h"
+
+#include <pthread.h>
+#include <time.h>
+#include <unistd.h>
+
+static sheet s;
+static double pose[VERTICES][4], other[VERTICES][4];
+static float map[2 * MAP * MAP], first[2 * MAP * MAP], second[2 * MAP * MAP];
+static float corners[2 * CORNERS];
+static uint32_t large = 512;
+
+typedef struct scene {
+    vrtm_device device;
+    vrtm_asset asset;
+    vrtm_tile tile;
+} scene;
+
+static double now_ms(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
+}
+
+/* An asset whose solve takes tens of milliseconds, unless `grid` is small. */
+static scene make(const vrtm_executor *executor, uint32_t grid)
+{
+    scene made;
+    sheet_desc d;
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_image rigidity = sheet_rigidity(&s);
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    desc.executor = executor;
+    desc.threads = 2;
+    settings.grid_width = settings.grid_height = grid;
+    memset(&made, 0, sizeof made);
+    sheet_describe(&s, &d);
+    if (vrtm_device_create(&desc, &made.device) != VRTM_OK ||
+        vrtm_asset_create(made.device, &d.mesh, &made.asset) != VRTM_OK ||
+        vrtm_asset_find_tile(made.asset, 1001, &made.tile) != VRTM_OK ||
+        vrtm_tile_set_rigidity(made.tile, &rigidity) != VRTM_OK ||
+        vrtm_tile_set_settings(made.tile, &settings) != VRTM_OK) {
+        check_that(0, "a scene is made", vrtm_last_error());
+    }
+    return made;
+}
+
+static void end(scene made)
+{
+    if (vrtm_asset_destroy(made.asset) != VRTM_OK || vrtm_device_destroy(made.device) != VRTM_OK) {
+        check_that(0, "a scene is destroyed", vrtm_last_error());
+    }
+}
+
+static vrtm_status fetch(scene of, float *to)
+{
+    vrtm_image_out image = vrtm_image_out_init();
+    image.data = to;
+    image.width = image.height = MAP;
+    return vrtm_tile_fetch(of.tile, VRTM_FETCH_REDIRECTION, &image);
+}
+
+static int same(const float *a, const float *b)
+{
+    return memcmp(a, b, sizeof first) == 0;
+}
+
+static vrtm_job_data progress_of(vrtm_job job)
+{
+    vrtm_job_data data = vrtm_job_data_init();
+    if (vrtm_job_progress(job, &data) != VRTM_OK) {
+        data.state = -1;
+    }
+    return data;
+}
+
+static void plain_jobs(void)
+{
+    scene made = make(NULL, large);
+    vrtm_array a = sheet_positions(pose), b = sheet_positions(other);
+    vrtm_job job, again;
+    vrtm_job_data data;
+    vrtm_asset_report_data report = vrtm_asset_report_data_init();
+    succeeds("submit", vrtm_asset_submit(made.asset, &a, NULL, &job));
+    fails("the asset is busy: submit", vrtm_asset_submit(made.asset, &a, NULL, &again), VRTM_ERROR_BUSY, "using");
+    fails("the asset is busy: solve", vrtm_asset_solve(made.asset, &a, NULL), VRTM_ERROR_BUSY, "using");
+    fails("the asset is busy: set", vrtm_tile_set_mask(made.tile, NULL), VRTM_ERROR_BUSY, "using");
+    fails("there is no result yet", fetch(made, map), VRTM_ERROR_NOT_SOLVED, "solve first");
+    fails("a job that is not done", vrtm_job_wait(job, 0), VRTM_ERROR_TIMEOUT, "not done yet");
+    data = progress_of(job);
+    check_that(data.state == VRTM_JOB_RUNNING && data.status == VRTM_OK, "it is running", "");
+    /* The inputs were copied. */
+    memset(pose, 0xff, sizeof pose);
+    succeeds("wait", vrtm_job_wait(job, VRTM_FOREVER));
+    sheet_pose(&s, 4, pose);
+    succeeds("wait again", vrtm_job_wait(job, 0));
+    data = progress_of(job);
+    check_that(data.state == VRTM_JOB_DONE && data.status == VRTM_OK && data.progress == 1 && data.ms > 0,
+               "it is done", "");
+    succeeds("a cancel comes too late", vrtm_job_cancel(job));
+    succeeds("and changes nothing", vrtm_job_wait(job, VRTM_FOREVER));
+    succeeds("fetch", fetch(made, first));
+    succeeds("destroy", vrtm_job_destroy(job));
+    fails("destroy twice", vrtm_job_destroy(job), VRTM_ERROR_INVALID_HANDLE, "job");
+    fails("wait for a destroyed job", vrtm_job_wait(job, 0), VRTM_ERROR_INVALID_HANDLE, "job");
+    job.id = made.asset.id;
+    fails("an asset is no job", vrtm_job_cancel(job), VRTM_ERROR_INVALID_HANDLE, "job");
+    job.id = 0;
+    fails("zero is no job", vrtm_job_progress(job, &data), VRTM_ERROR_INVALID_HANDLE, "zero");
+
+    /* The same bits as a blocking call's. */
+    scene fresh = make(NULL, large);
+    succeeds("a blocking solve", vrtm_asset_solve(fresh.asset, &a, NULL));
+    succeeds("and its map", fetch(fresh, map));
+    check_that(same(first, map), "a job has the bits of a call", "");
+    end(fresh);
+
+    /* The last result while the next one is computed, then the next one. */
+    double longest = 0;
+    int reads = 0, good = 1;
+    succeeds("submit the next pose", vrtm_asset_submit(made.asset, &b, NULL, &job));
+    while (vrtm_job_wait(job, 1) == VRTM_ERROR_TIMEOUT) {
+        const double start = now_ms();
+        vrtm_tile found;
+        good = good && fetch(made, map) == VRTM_OK && same(first, map) &&
+               vrtm_asset_fetch_corner_uvs(made.asset, corners, CORNERS) == VRTM_OK &&
+               vrtm_asset_report(made.asset, &report) == VRTM_OK &&
+               vrtm_asset_find_tile(made.asset, 1001, &found) == VRTM_OK;
+        const double took = now_ms() - start;
+        longest = took > longest ? took : longest;
+        /* The job may have been done meanwhile. */
+        if (!good && vrtm_job_wait(job, 0) == VRTM_OK) {
+            good = 1;
+        }
+        reads += 1;
+    }
+    check_that(good && reads > 1, "the last result is read meanwhile, never busy", vrtm_last_error());
+    succeeds("the next result", fetch(made, second));
+    check_that(!same(first, second), "which is another one", "");
+    succeeds("destroy a job that is done", vrtm_job_destroy(job));
+
+    /* Cancelled, and destroyed while it runs. */
+    succeeds("submit the first pose", vrtm_asset_submit(made.asset, &a, NULL, &job));
+    usleep(3000);
+    succeeds("cancel", vrtm_job_cancel(job));
+    fails("it was cancelled", vrtm_job_wait(job, VRTM_FOREVER), VRTM_ERROR_CANCELLED, "cancelled");
+    data = progress_of(job);
+    check_that(data.state == VRTM_JOB_DONE && data.status == VRTM_ERROR_CANCELLED, "and says so", "");
+    check_that(fetch(made, map) == VRTM_OK && same(second, map), "the last result stays", "");
+    succeeds("the asset can be solved at once", vrtm_asset_submit(made.asset, &a, NULL, &again));
+    succeeds("destroy the cancelled job", vrtm_job_destroy(job));
+    succeeds("destroy a job under way", vrtm_job_destroy(again));
+    check_that(fetch(made, map) == VRTM_OK && same(second, map), "the last result stays again", "");
+    succeeds("cancel without a solve", vrtm_asset_cancel(made.asset));
+    succeeds("solve after all that", vrtm_asset_solve(made.asset, &a, NULL));
+    check_that(fetch(made, map) == VRTM_OK && same(first, map), "with the same bits as before", "");
+
+    /* The asset and the device may go before the job. */
+    succeeds("submit once more", vrtm_asset_submit(made.asset, &b, NULL, &job));
+    end(made);
+    vrtm_status status = vrtm_job_wait(job, VRTM_FOREVER);
+    check_that(status == VRTM_ERROR_CANCELLED || status == VRTM_OK, "a job of a destroyed asset ends",
+               vrtm_last_error());
+    succeeds("destroy it", vrtm_job_destroy(job));
+}
+
+static void bad_arguments(void)
+{
+    scene made = make(NULL, 64), foreign = make(NULL, 64);
+    vrtm_array a = sheet_positions(pose);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_job job = {77};
+    uint32_t vertices[2] = {0, VERTICES};
+    fails("null job", vrtm_asset_submit(made.asset, &a, NULL, NULL), VRTM_ERROR_INVALID_ARGUMENT, "job is null");
+    fails("null positions", vrtm_asset_submit(made.asset, NULL, NULL, &job), VRTM_ERROR_INVALID_ARGUMENT,
+          "positions is null");
+    a.count = VERTICES - 1;
+    fails("too few positions", vrtm_asset_submit(made.asset, &a, NULL, &job), VRTM_ERROR_INVALID_ARGUMENT,
+          "positions: 168 elements");
+    a.count = VERTICES;
+    options.threads = 1025;
+    fails("too many threads", vrtm_asset_submit(made.asset, &a, &options, &job), VRTM_ERROR_INVALID_ARGUMENT,
+          "options.threads: 1025");
+    options.threads = 0;
+    options.release_last = 2;
+    fails("release_last", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
+          "options.release_last is 2");
+    options.release_last = 0;
+    options.reserved2 = 1;
+    fails("reserved", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT, "reserved");
+    options.reserved2 = 0;
+    options.tiles = &foreign.tile;
+    options.tile_count = 1;
+    fails("a tile of another asset", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
+          "options.tiles[0] belongs to another asset");
+    options.tiles = NULL;
+    options.dirty_vertices = vertices;
+    options.dirty_vertex_count = 2;
+    fails("a vertex that there is not", vrtm_asset_submit(made.asset, &a, &options, &job),
+          VRTM_ERROR_INVALID_ARGUMENT, "options.dirty_vertices[1]: 169");
+    check_that(job.id == 77, "the handle was not written", "");
+    fails("freeze", vrtm_tile_freeze(made.tile, 2), VRTM_ERROR_INVALID_ARGUMENT, "frozen is 2");
+    vrtm_executor executor = vrtm_executor_init();
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_device device;
+    desc.executor = &executor;
+    fails("an executor without a loop", vrtm_device_create(&desc, &device), VRTM_ERROR_INVALID_ARGUMENT,
+          "desc.executor.parallel_for is null");
+    end(made);
+    end(foreign);
+}
+
+static void selection(void)
+{
+    scene made = make(NULL, 64);
+    vrtm_array a = sheet_positions(pose), b = sheet_positions(other);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    const uint32_t vertex = 40;
+    succeeds("solve", vrtm_asset_solve(made.asset, &a, NULL));
+    fetch(made, first);
+    succeeds("freeze", vrtm_tile_freeze(made.tile, 1));
+    succeeds("solve a frozen tile", vrtm_asset_solve(made.asset, &b, NULL));
+    succeeds("report", vrtm_tile_report(made.tile, &report));
+    check_that(report.kept == 1 && fetch(made, map) == VRTM_OK && same(first, map), "it kept its result", "");
+    succeeds("let it go", vrtm_tile_freeze(made.tile, 0));
+    options.dirty_vertices = &vertex;
+    succeeds("nothing is dirty", vrtm_asset_solve(made.asset, &b, &options));
+    check_that(fetch(made, map) == VRTM_OK && same(first, map), "the tile kept its result", "");
+    options.dirty_vertex_count = 1;
+    succeeds("one vertex is dirty", vrtm_asset_solve(made.asset, &b, &options));
+    check_that(fetch(made, map) == VRTM_OK && !same(first, map), "the tile was solved", "");
+    options.tiles = &made.tile;
+    succeeds("no tile", vrtm_asset_solve(made.asset, &a, &options));
+    succeeds("report", vrtm_tile_report(made.tile, &report));
+    check_that(report.kept == 1, "none was solved", "");
+    options.tile_count = 1;
+    options.release_last = 1;
+    succeeds("one tile", vrtm_asset_solve(made.asset, &a, &options));
+    check_that(fetch(made, map) == VRTM_OK && same(first, map), "it was solved", "");
+    end(made);
+}
+
+/* Counts its calls, and cancels after some. */
+typedef struct watch {
+    int calls, cancel_at, falls, busy;
+    float last;
+    vrtm_asset asset;
+    vrtm_job job;
+    pthread_t thread;
+} watch;
+
+static uint32_t on_progress(void *user, float progress)
+{
+    watch *w = user;
+    vrtm_asset_report_data report = vrtm_asset_report_data_init();
+    const vrtm_status status = vrtm_asset_report(w->asset, &report);
+    w->calls += 1;
+    w->falls += progress < w->last;
+    w->last = progress;
+    w->thread = pthread_self();
+    w->busy += status != VRTM_OK && status != VRTM_ERROR_NOT_SOLVED;
+    w->busy += vrtm_asset_set_vertex_rigidity(w->asset, NULL) != VRTM_ERROR_BUSY;
+    if (w->job.id != 0) {
+        w->busy += vrtm_job_wait(w->job, VRTM_FOREVER) != VRTM_ERROR_BUSY;
+        w->busy += vrtm_job_destroy(w->job) != VRTM_ERROR_BUSY;
+    }
+    return w->calls == w->cancel_at;
+}
+
+static void *cancel_soon(void *asset)
+{
+    usleep(5000);
+    return vrtm_asset_cancel(*(vrtm_asset *)asset) == VRTM_OK ? NULL : asset;
+}
+
+static void *destroy_soon(void *asset)
+{
+    usleep(5000);
+    return vrtm_asset_destroy(*(vrtm_asset *)asset) == VRTM_OK ? NULL : asset;
+}
+
+static void *wait_for(void *job)
+{
+    return vrtm_job_wait(*(vrtm_job *)job, VRTM_FOREVER) == VRTM_OK ? NULL : job;
+}
+
+static void progress_and_cancelling(void)
+{
+    scene made = make(NULL, large);
+    vrtm_array a = sheet_positions(pose);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    watch w;
+    memset(&w, 0, sizeof w);
+    w.asset = made.asset;
+    options.progress = on_progress;
+    options.progress_user = &w;
+    succeeds("a solve that tells its progress", vrtm_asset_solve(made.asset, &a, &options));
+    check_that(w.calls > 3 && w.falls == 0 && w.last > 0 && w.last <= 1, "it was told", "");
+    check_that(w.busy == 0, "a progress function may read, and not change", "");
+    check_that(pthread_equal(w.thread, pthread_self()), "on the calling thread", "");
+    fetch(made, first);
+    memset(&w, 0, sizeof w);
+    w.asset = made.asset;
+    w.cancel_at = 3;
+    a = sheet_positions(other);
+    fails("its answer cancels", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_CANCELLED, "cancelled");
+    check_that(w.calls == 3, "at once", "");
+    check_that(fetch(made, map) == VRTM_OK && same(first, map), "the last result stays", "");
+
+    /* In a job: on the job's thread, where waiting for oneself is an error. */
+    memset(&w, 0, sizeof w);
+    w.asset = made.asset;
+    succeeds("a job that tells its progress", vrtm_asset_submit(made.asset, &a, &options, &w.job));
+    pthread_t waiting[3];
+    int failed = 0;
+    for (int k = 0; k < 3; ++k) {
+        failed += pthread_create(&waiting[k], NULL, wait_for, &w.job) != 0;
+    }
+    for (int k = 0; k < 3; ++k) {
+        void *result;
+        failed += pthread_join(waiting[k], &result) != 0 || result != NULL;
+    }
+    check_that(failed == 0, "several threads wait for one job", "");
+    check_that(w.calls > 3 && w.falls == 0 && !pthread_equal(w.thread, pthread_self()), "it was told", "");
+    succeeds("destroy the job", vrtm_job_destroy(w.job));
+
+    /* From another thread: cancel, and destroy. */
+    pthread_t thread;
+    a = sheet_positions(pose);
+    pthread_create(&thread, NULL, cancel_soon, &made.asset);
+    fails("cancelled by another thread", vrtm_asset_solve(made.asset, &a, NULL), VRTM_ERROR_CANCELLED, "cancelled");
+    pthread_join(thread, NULL);
+    vrtm_asset handle = made.asset;
+    pthread_create(&thread, NULL, destroy_soon, &made.asset);
+    fails("destroyed by another thread", vrtm_asset_solve(handle, &a, NULL), VRTM_ERROR_CANCELLED, "cancelled");
+    pthread_join(thread, NULL);
+    fails("the asset is gone", vrtm_asset_solve(handle, &a, NULL), VRTM_ERROR_INVALID_HANDLE, "no living asset");
+    succeeds("the device is not", vrtm_device_destroy(made.device));
+}
+
+/* A host's threads: its parallel loop runs tasks in turn, its queue keeps them for later. */
+typedef struct host {
+    int loops, others;
+    pthread_t main;
+    vrtm_task_fn task[4];
+    void *data[4];
+    int queued;
+} host;
+
+static void in_turn(void *user, size_t count, vrtm_task_fn task, void *data)
+{
+    host *h = user;
+    h->loops += 1;
+    h->others += !pthread_equal(h->main, pthread_self());
+    for (size_t k = 0; k < count; ++k) {
+        task(data, k);
+    }
+}
+
+static void queue(void *user, vrtm_task_fn task, void *data)
+{
+    host *h = user;
+    h->task[h->queued] = task;
+    h->data[h->queued] = data;
+    h->queued += 1;
+}
+
+static int threads_now(void)
+{
+    char line[256];
+    int count = -1;
+    FILE *status = fopen("/proc/self/status", "r");
+    while (status != NULL && fgets(line, sizeof line, status) != NULL) {
+        sscanf(line, "Threads: %d", &count);
+    }
+    if (status != NULL) {
+        fclose(status);
+    }
+    return count;
+}
+
+static uint32_t count_threads(void *most, float progress)
+{
+    const int now = threads_now();
+    *(int *)most = now > *(int *)most ? now : *(int *)most;
+    return progress < 0;
+}
+
+static void a_host_s_threads(void)
+{
+    host h;
+    vrtm_executor executor = vrtm_executor_init();
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_array a = sheet_positions(pose);
+    vrtm_job job;
+    int most = 0;
+    const int before = threads_now();
+    memset(&h, 0, sizeof h);
+    h.main = pthread_self();
+    executor.parallel_for = in_turn;
+    executor.spawn = queue;
+    executor.user = &h;
+    scene made = make(&executor, large / 2), own = make(NULL, large / 2);
+    options.threads = 7;
+    options.progress = count_threads;
+    options.progress_user = &most;
+    succeeds("solve on a host's threads", vrtm_asset_solve(made.asset, &a, &options));
+    succeeds("fetch on a host's threads", fetch(made, map));
+    check_that(h.loops >= 2 && h.others == 0, "the host's loop was used", "");
+    check_that(most == before, "no thread was started", "");
+    succeeds("solve on own threads", vrtm_asset_solve(own.asset, &a, NULL));
+    succeeds("fetch on own threads", fetch(own, first));
+    check_that(same(first, map), "with the same bits", "");
+
+    a = sheet_positions(other);
+    succeeds("own threads solve another pose", vrtm_asset_solve(own.asset, &a, NULL));
+    succeeds("and fetch it", fetch(own, second));
+    succeeds("a job goes to the host's queue", vrtm_asset_submit(made.asset, &a, NULL, &job));
+    check_that(h.queued == 1, "once", "");
+    fails("nobody has begun it", vrtm_job_wait(job, 20), VRTM_ERROR_TIMEOUT, "not done yet");
+    h.task[0](h.data[0], 0);
+    succeeds("now it is done", vrtm_job_wait(job, 0));
+    check_that(fetch(made, map) == VRTM_OK && same(second, map), "with the same bits again", "");
+    succeeds("destroy it", vrtm_job_destroy(job));
+
+    succeeds("another job", vrtm_asset_submit(made.asset, &a, NULL, &job));
+    succeeds("who waits without end does it", vrtm_job_wait(job, VRTM_FOREVER));
+    succeeds("destroy it", vrtm_job_destroy(job));
+    h.task[1](h.data[1], 0);
+    succeeds("a third job", vrtm_asset_submit(made.asset, &a, NULL, &job));
+    succeeds("is cancelled before it began", vrtm_job_cancel(job));
+    fails("and is over", vrtm_job_wait(job, 0), VRTM_ERROR_CANCELLED, "cancelled");
+    succeeds("the asset is free", vrtm_asset_solve(made.asset, &a, NULL));
+    succeeds("destroy it", vrtm_job_destroy(job));
+    succeeds("a fourth job", vrtm_asset_submit(made.asset, &a, NULL, &job));
+    succeeds("is destroyed before it began", vrtm_job_destroy(job));
+    h.task[2](h.data[2], 0);
+    h.task[3](h.data[3], 0);
+    check_that(threads_now() == before, "no thread is left", "");
+    end(made);
+    end(own);
+}
+
+int main(int count, char **arguments)
+{
+    if (count > 1) {
+        large = (uint32_t)atoi(arguments[1]);
+    }
+    sheet_make(&s);
+    sheet_pose(&s, 4, pose);
+    sheet_pose(&s, 9, other);
+    plain_jobs();
+    bad_arguments();
+    selection();
+    progress_and_cancelling();
+    a_host_s_threads();
+    return finish();
+}

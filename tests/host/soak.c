@@ -1,0 +1,176 @@
+/*
+ * Ten thousand solves, with assets, tiles and devices made and destroyed in between, as in a long session: at its end the
+ * process has no more memory, threads and open files than after the first rounds, and no handle was given out twice. As
+ * Linux counts them. The number of solves may be given as an argument.
+ */
+
+#define _GNU_SOURCE
+#include "check.h"
+
+#include <dirent.h>
+#include <unistd.h>
+
+enum { SOLVES_PER_ASSET = 4, ASSETS_PER_DEVICE = 5, GRID = 32 };
+
+static sheet s;
+static double pose[VERTICES][4];
+static float map[2 * MAP * MAP], corners[2 * CORNERS];
+static unsigned char saved[1 << 20];
+static uint64_t last_device, last_asset, last_tile;
+
+/* KiB resident in the process, less those of files that are mapped. */
+static long resident(void)
+{
+    FILE *file = fopen("/proc/self/statm", "r");
+    long all = 0, pages = 0, shared = 0;
+    if (file == NULL || fscanf(file, "%ld %ld %ld", &all, &pages, &shared) != 3) {
+        pages = shared = 0;
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+    return (pages - shared) * (sysconf(_SC_PAGESIZE) / 1024);
+}
+
+static int entries(const char *folder)
+{
+    int count = 0;
+    DIR *open = opendir(folder);
+    if (open == NULL) {
+        return -1;
+    }
+    while (readdir(open) != NULL) {
+        count += 1;
+    }
+    closedir(open);
+    return count - 2; /* "." and ".." */
+}
+
+#define TRY(call)                 \
+    if ((call) != VRTM_OK) {      \
+        return vrtm_last_error(); \
+    }
+
+/* Handles only grow: none is given out again. */
+static int newer(uint64_t id, uint64_t *last)
+{
+    const int good = id > *last;
+    *last = id;
+    return good;
+}
+
+static const char *use(vrtm_asset asset, vrtm_tile tile, int round, int solves)
+{
+    vrtm_array positions = sheet_positions(pose);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_image_out image = vrtm_image_out_init();
+    vrtm_image rigidity = sheet_rigidity(&s);
+    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    size_t size = 0;
+    image.data = map;
+    image.width = image.height = MAP;
+    for (int k = 0; k < solves; ++k) {
+        sheet_pose(&s, (round + k) % 7, pose);
+        options.quality = (vrtm_quality)((round + k) % 3);
+        options.measure = (uint32_t)(k == 1);
+        options.warm = (uint32_t)(k == 2);
+        options.solver = round % 9 == 8 ? VRTM_SOLVER_PBD : VRTM_SOLVER_DESCENT;
+        TRY(vrtm_asset_solve(asset, &positions, &options))
+        TRY(vrtm_tile_fetch(tile, (vrtm_fetch_kind)(k % 3), &image))
+        TRY(vrtm_asset_fetch_corner_uvs(asset, corners, CORNERS))
+        TRY(vrtm_tile_report(tile, &report))
+        /* Failures must not keep anything either. */
+        positions.count -= 1;
+        if (vrtm_asset_solve(asset, &positions, &options) != VRTM_ERROR_INVALID_ARGUMENT) {
+            return "a solve with too few positions was not refused";
+        }
+        positions.count += 1;
+    }
+    TRY(vrtm_tile_update_rigidity(tile, &rigidity, 8, 8, 16, 16))
+    TRY(vrtm_tile_save(tile, saved, sizeof saved, &size))
+    TRY(vrtm_tile_load(tile, saved, size))
+    return NULL;
+}
+
+/* One device with some assets; the solves of each. Returns null, or what went wrong. */
+static const char *round_of(int round)
+{
+    vrtm_device device;
+    vrtm_asset assets[ASSETS_PER_DEVICE];
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    vrtm_image rigidity = sheet_rigidity(&s);
+    sheet_desc d;
+    sheet_describe(&s, &d);
+    desc.backend = VRTM_BACKEND_CPU;
+    desc.threads = (uint32_t)(1 + round % 3);
+    TRY(vrtm_device_create(&desc, &device))
+    if (!newer(device.id, &last_device)) {
+        return "a device's handle was given out again";
+    }
+    for (int k = 0; k < ASSETS_PER_DEVICE; ++k) {
+        vrtm_tile tile;
+        TRY(vrtm_asset_create(device, &d.mesh, &assets[k]))
+        TRY(vrtm_asset_find_tile(assets[k], 1001, &tile))
+        if (!newer(assets[k].id, &last_asset) || !newer(tile.id, &last_tile)) {
+            return "an asset's or a tile's handle was given out again";
+        }
+        settings.grid_width = settings.grid_height = GRID;
+        TRY(vrtm_tile_set_settings(tile, &settings))
+        TRY(vrtm_tile_set_rigidity(tile, &rigidity))
+        const char *wrong = use(assets[k], tile, round + k, SOLVES_PER_ASSET);
+        if (wrong != NULL) {
+            return wrong;
+        }
+    }
+    /* In another order than they were made, and half of them after their device. */
+    for (int k = 0; k < ASSETS_PER_DEVICE; k += 2) {
+        TRY(vrtm_asset_destroy(assets[k]))
+    }
+    TRY(vrtm_device_destroy(device))
+    for (int k = 1; k < ASSETS_PER_DEVICE; k += 2) {
+        TRY(vrtm_asset_destroy(assets[k]))
+    }
+    if (vrtm_asset_destroy(assets[0]) != VRTM_ERROR_INVALID_HANDLE) {
+        return "a destroyed asset can be destroyed again";
+    }
+    return NULL;
+}
+
+int main(int count, char **arguments)
+{
+    const int solves = count > 1 ? atoi(arguments[1]) : 10000;
+    const int rounds = solves / (SOLVES_PER_ASSET * ASSETS_PER_DEVICE);
+    long before = 0, most = 0;
+    int files = 0;
+    char detail[200];
+    sheet_make(&s);
+    for (int round = 0; round < rounds; ++round) {
+        const char *wrong = round_of(round);
+        if (wrong != NULL) {
+            check_that(0, "a round of a device and its assets", wrong);
+            return finish();
+        }
+        if (round == rounds / 10) {
+            /* Until then the allocator takes what it will keep. */
+            before = resident();
+            files = entries("/proc/self/fd");
+        } else if (round > rounds / 10 && resident() > most) {
+            most = resident();
+        }
+        if ((round + 1) % (rounds / 5) == 0) {
+            snprintf(detail, sizeof detail, "%d KiB more than %ld, %d threads, %d files more", (int)(resident() - before),
+                     before, entries("/proc/self/task"), entries("/proc/self/fd") - files);
+            check_that(entries("/proc/self/task") == 1, "no thread is left", detail);
+            check_that(files == 0 || entries("/proc/self/fd") == files, "no file is open", detail);
+            check_that(before == 0 || resident() - before <= 1024, "memory stays flat", detail);
+        }
+    }
+    snprintf(detail, sizeof detail, "%ld KiB at most, after %ld", most, before);
+    check_that(before > 0 && files > 2, "they were counted", detail);
+    check_that(most - before <= 2048, "at all times", detail);
+    fprintf(stdout, "ok   %d solves, %ld KiB at first and %ld KiB at most, %d files, handles %llu, %llu, %llu\n",
+            rounds * SOLVES_PER_ASSET * ASSETS_PER_DEVICE, before, most, files, (unsigned long long)last_device,
+            (unsigned long long)last_asset, (unsigned long long)last_tile);
+    return finish();
+}

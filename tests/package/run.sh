@@ -1,0 +1,9 @@
+#!/bin/sh
+# Builds the library with CMake, installs it to a scratch folder and runs the tests of the package with ctest. Without the
+# GPU backend, whose functions have the same names. `sh tests/package/run.sh FOLDER` works in FOLDER, target/package as a rule.
+set -eu
+
+source=$(cd "$(dirname "$0")/../.." && pwd)
+folder=${1:-$source/target/package}
+cmake -S "$source" -B "$folder" -DVRTM_GPU=OFF -DVRTM_TESTS=ON
+ctest --test-dir "$folder" --parallel 2 --output-on-failure --no-tests=error
