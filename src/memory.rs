@@ -152,17 +152,17 @@ pub(crate) trait Grow<T> {
 }
 
 impl<T> Grow<T> for Vec<T> {
+    #[inline]
     fn make_room(&mut self, count: usize) {
-        let fallible = current::Fallible::enter();
-        #[expect(clippy::disallowed_methods, reason = "may fail")]
-        let room = self.try_reserve(count);
-        drop(fallible);
-        if room.is_err() {
-            missing::<T>(self.len().saturating_add(count));
+        if self.capacity() - self.len() < count {
+            grow(self, count);
         }
     }
 
     fn make_exact_room(&mut self, count: usize) {
+        if self.capacity() - self.len() >= count {
+            return;
+        }
         let fallible = current::Fallible::enter();
         #[expect(clippy::disallowed_methods, reason = "may fail")]
         let room = self.try_reserve_exact(count);
@@ -175,9 +175,7 @@ impl<T> Grow<T> for Vec<T> {
     #[inline]
     #[expect(clippy::disallowed_methods, reason = "there is room")]
     fn put(&mut self, value: T) {
-        if self.len() == self.capacity() {
-            one_more(self);
-        }
+        self.make_room(1);
         self.push(value);
     }
 
@@ -218,11 +216,17 @@ impl<T> Grow<T> for Vec<T> {
     }
 }
 
-/// Makes room for one more element: kept out of the loops that append.
+/// Makes room for more elements: kept out of the loops that append.
 #[cold]
 #[inline(never)]
-fn one_more<T>(array: &mut Vec<T>) {
-    array.make_room(1);
+fn grow<T>(array: &mut Vec<T>, count: usize) {
+    let fallible = current::Fallible::enter();
+    #[expect(clippy::disallowed_methods, reason = "may fail")]
+    let room = array.try_reserve(count);
+    drop(fallible);
+    if room.is_err() {
+        missing::<T>(array.len().saturating_add(count));
+    }
 }
 
 /// What `Iterator` does to collect, for memory that may be short.
