@@ -206,11 +206,11 @@ impl<'a> Run<'a> {
         if let Some(error) = self.error {
             return Err(error);
         }
-        let (times, last) = self.recorder.finish();
+        let times = self.recorder.finish();
         let record_ms = milliseconds(self.recording);
         let waiting = Instant::now();
         if let Some(control) = control {
-            self.context.wait_for(&last, control)?;
+            self.context.wait_for(control)?;
         }
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;

@@ -62,8 +62,8 @@ struct ErrorLog {
     errors: Mutex<Vec<(ThreadId, Error)>>,
 }
 
-/// How long a call that can be cancelled waits before it looks whether it was.
-const PATIENCE: Duration = Duration::from_millis(2);
+/// How long a call that can be cancelled sleeps before it looks whether its work is done, at first and at most.
+const PAUSES: [Duration; 2] = [Duration::from_micros(20), Duration::from_micros(200)];
 
 /// Most errors kept, as some threads may never check.
 const MAX_ERRORS: usize = 64;
@@ -225,17 +225,22 @@ impl Context {
             .map_err(|error| Error::new(ErrorKind::Internal, format!("the GPU: {error}")))
     }
 
-    /// Waits for a submission, but no longer than the call goes on.
-    pub fn wait_for(&self, submission: &wgpu::SubmissionIndex, control: &Control) -> Result<()> {
+    /// Waits for all that was submitted, but no longer than the call goes on.
+    pub fn wait_for(&self, control: &Control) -> Result<()> {
+        let done = Arc::new(AtomicBool::new(false));
+        let told = done.clone();
+        self.contain(|| self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release)))?;
+        let mut pause = PAUSES[0];
         loop {
             control.check()?;
-            let (submission_index, timeout) = (Some(submission.clone()), Some(PATIENCE));
-            let wait = wgpu::PollType::Wait { submission_index, timeout };
-            match self.contain(|| self.device.poll(wait))? {
-                Ok(_) => return Ok(()),
-                Err(wgpu::PollError::Timeout) => {}
-                Err(error) => return Err(Error::new(ErrorKind::Internal, format!("the GPU: {error}"))),
+            // Not a wait with a limit: when that is up, wgpu 30 panics if another thread has just emptied the queue.
+            self.contain(|| self.device.poll(wgpu::PollType::Poll))?
+                .map_err(|error| Error::new(ErrorKind::Internal, format!("the GPU: {error}")))?;
+            if done.load(Ordering::Acquire) {
+                return Ok(());
             }
+            thread::sleep(pause);
+            pause = (2 * pause).min(PAUSES[1]);
         }
     }
 

@@ -313,15 +313,14 @@ impl Recorder {
         self.bytes_recorded = 0;
     }
 
-    /// Submits the rest and the resolution of the timestamps; returns their buffers with the bytes in use, and the last
-    /// submission.
-    pub fn finish(&mut self) -> (Vec<(wgpu::Buffer, u64)>, wgpu::SubmissionIndex) {
+    /// Submits the rest and the resolution of the timestamps; returns their buffers and the bytes in use.
+    pub fn finish(&mut self) -> Vec<(wgpu::Buffer, u64)> {
         self.flush();
         let label = wgpu::CommandEncoderDescriptor { label: Some("times") };
         let mut encoder = self.context.device.create_command_encoder(&label);
         let times = self.recording.clock.resolve(&mut encoder);
-        let last = self.context.queue.submit([encoder.finish()]);
-        (times, last)
+        self.context.queue.submit([encoder.finish()]);
+        times
     }
 
     /// Returns the statistics, from the gates' states and the bytes of the timestamps, and the resources for the next
