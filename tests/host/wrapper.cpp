@@ -402,6 +402,44 @@ void executors(const Map &expected)
     check_that(loops->loops > 0, "runs the loops", "");
 }
 
+/* A host's memory, which can run out. */
+struct Memory {
+    std::atomic<long> blocks{0}, taken{0};
+    std::atomic<bool> empty{false};
+
+    void *allocate(std::size_t size, std::size_t alignment)
+    {
+        void *pointer = nullptr;
+        if (empty || posix_memalign(&pointer, alignment, size) != 0) {
+            return nullptr;
+        }
+        blocks += 1;
+        taken += 1;
+        return pointer;
+    }
+    void deallocate(void *pointer, std::size_t, std::size_t)
+    {
+        std::free(pointer);
+        blocks -= 1;
+    }
+};
+
+void allocators(const Map &expected)
+{
+    const auto memory = std::make_shared<Memory>();
+    vrtm::DeviceDesc desc;
+    desc.set(vrtm::Backend::cpu).set_allocator(memory);
+    vrtm::Asset asset = ready(*vrtm::Device::try_create(desc));
+    desc = vrtm::DeviceDesc();
+    check_that(same(redirection(asset, {pose, VERTICES}), expected) && memory->taken > 0, "a host's memory", "");
+    memory->empty = true;
+    refuses("which has run out", asset.try_find_tile(1001)->try_set_rigidity(rigidity()), vrtm::Code::out_of_memory, "");
+    memory->empty = false;
+    check_that(memory->blocks > 0 && memory.use_count() > 1, "is kept by the asset", "");
+    asset.reset();
+    check_that(memory->blocks == 0 && memory.use_count() == 1, "which gives all of it back", "");
+}
+
 void tiles(const vrtm::Device &device)
 {
     const vrtm::Tile none;
@@ -681,6 +719,7 @@ int main()
     devices();
     logs();
     executors(expected);
+    allocators(expected);
     tiles(device);
     outputs(device);
     options(device, expected);
