@@ -120,6 +120,9 @@ int main()
             expected.push_back(whole(first, {points, VERTICES}, 200));
         }
         check_that(expected[0] != expected[1] && expected[1].size() == 2 * 200 * 200, "frames in order", "");
+        Band at_once(2 * 200 * 200);
+        first.tile(0).fetch(vrtm::FetchKind::redirection, {at_once.data(), 200, 200});
+        check_that(at_once == expected.back(), "the bands are the map", "");
 
         const vrtm::Device other = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu));
         const vrtm::Asset worker = make(other);

@@ -152,7 +152,7 @@ fn the_documents_speak_of_every_function_and_status() {
 #[test]
 fn a_farm() {
     let host = build_with("tests/host/farm.cpp", "farm", &["-std=c++17"], true);
-    check_cases(&run(&host, &[]), 9);
+    check_cases(&run(&host, &[]), 10);
 }
 
 #[test]
