@@ -58,7 +58,7 @@
  * After an error, vrtm_last_error() on the same thread says which argument, and which element of it, was wrong.
  * Outputs are written only on VRTM_OK, and an asset's last good result stays readable after a call that failed.
  * Besides the errors that a function lists, any may give VRTM_ERROR_INTERNAL: a defect of the library, which left the
- * asset as it was.
+ * asset as it was; and any that computes something VRTM_ERROR_OUT_OF_MEMORY.
  *
  * Handles are numbers, to be copied freely. A zero, destroyed or foreign handle is an error and never does harm; a
  * number once given out is never given out again. Objects may be destroyed in any order.
@@ -72,6 +72,13 @@
  * returns. Outputs go to memory of the caller. Nothing is allocated on one side and freed on the other. Pointers must
  * be null or valid for the size that goes with them, structs and number arrays aligned as in C; the data of
  * vrtm_array, vrtm_image and vrtm_image_out need no alignment. Strides are in bytes.
+ *
+ * Memory that is short. A call for which there is too little memory gives VRTM_ERROR_OUT_OF_MEMORY, with the number of
+ * bytes that could not be had: nothing was written, maps and the last result are as they were, and the same call may
+ * be made again. Prepared grids and a solver's memory may be gone then, and are made anew when they are needed. The
+ * process goes on: for all memory whose size follows from input that holds without exception. What the code for GPUs
+ * takes in small pieces comes out of a reserve of 256 KiB when the system has nothing left; a driver may do otherwise.
+ * Where the memory comes from is the host's to say (vrtm_allocator).
  *
  * Floating point. Functions work in the processor's default mode (rounding to nearest, no flushing to zero, no traps),
  * the host's log function included, and restore the mode of the calling thread (on x86-64 and ARM64).
