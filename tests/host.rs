@@ -248,6 +248,11 @@ fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
 }
 
 #[test]
+fn smoke_under_valgrind() {
+    run_under_valgrind("smoke.c", true, &[]);
+}
+
+#[test]
 fn misuse_under_valgrind() {
     run_under_valgrind("misuse.c", true, &[]);
 }
@@ -261,3 +266,7 @@ fn jobs_under_valgrind() {
 fn unload_under_valgrind() {
     run_under_valgrind("unload.c", false, &[&library()]);
 }
+
+/// The C++ wrapper, hosts' contracts, the examples for hosts, and the code in the documents.
+#[path = "host/hosts.rs"]
+mod hosts;

@@ -49,7 +49,18 @@ impl<'a> Input<'a> {
             0..=20 => f64::from(self.any::<i8>().unwrap_or(0)) / 16.0,
             21 => f64::from_bits(self.any().unwrap_or(0)),
             22 => f64::from(f32::from_bits(self.any().unwrap_or(0))),
-            _ => self.pick(&[0.0, -0.0, 1e-40, 1e-300, 1e30, 1e300, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e9]),
+            _ => self.pick(&[
+                0.0,
+                -0.0,
+                1e-40,
+                1e-300,
+                1e30,
+                1e300,
+                f64::NAN,
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+                1e9,
+            ]),
         }
     }
 }
@@ -72,7 +83,9 @@ pub fn last_error() -> String {
 
 /// What holds of any call's status. True if the call succeeded.
 pub fn check(status: vrtm_status) -> bool {
-    assert!((VRTM_OK..=VRTM_ERROR_INTERNAL).contains(&status), "status {status}");
+    // SAFETY: a zero-terminated string of the library.
+    let name = unsafe { CStr::from_ptr(vrtm_status_string(status)) }.to_str().expect("UTF-8");
+    assert!(name.starts_with("VRTM_"), "status {status}");
     assert_ne!(status, VRTM_ERROR_INTERNAL, "{}", last_error());
     if status != VRTM_OK {
         let message = last_error();
@@ -132,7 +145,8 @@ pub fn array(input: &mut Input, count: usize, components: usize) -> Array {
     let element = components * size;
     let stride = input.odd(0, &[element, element + 1, element + size, 1, element - 1]);
     let step = if stride == 0 { element } else { stride };
-    let mut memory = Memory::new(count.saturating_sub(1) * step + if count > 0 { element } else { 0 }, input.below(2));
+    let mut memory =
+        Memory::new(count.saturating_sub(1) * step + if count > 0 { element } else { 0 }, input.below(2));
     for number in 0..count {
         for component in 0..components {
             let value = input.number();
@@ -276,7 +290,9 @@ pub fn options(input: &mut Input) -> vrtm_solve_options {
     options.time_budget_ms = input.odd(0.0, &[1e-3, 10.0, -1.0, f32::INFINITY]);
     options.max_corrections = input.odd(0, &[1, 2, 65]);
     options.solver = input.odd(VRTM_SOLVER_DESCENT, &[VRTM_SOLVER_PBD, VRTM_SOLVER_PBD, 2, -1]);
-    options.pbd.iterations = input.odd(1, &[3, 5000]);
+    options.pbd.iterations = input.odd(1, &[3, 20]);
+    options.threads = input.odd(0, &[1, 2, 5000]);
+    options.release_last = input.odd(0, &[1, 2]);
     options.pbd.smoothing = input.odd(0.0, &[0.5, VRTM_OFF, 1.5, f32::NAN]);
     options
 }

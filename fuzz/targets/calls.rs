@@ -7,13 +7,17 @@ use std::ptr;
 use std::sync::Mutex;
 
 use libfuzzer_sys::fuzz_target;
-use vrtm::ffi::{asset::*, device::*, fetch::*, handle::*, prepare::*, report::*, solve::*, status::*, tile::*, types::*};
+use vrtm::ffi::{
+    asset::*, device::*, fetch::*, handle::*, job::*, prepare::*, report::*, solve::*, status::*, tile::*,
+    types::*,
+};
 use vrtm_fuzz::{CORNERS, Input, Sheet, check, options, sized};
 
-const KINDS: usize = 3;
+const KINDS: usize = 4;
 const DEVICES: usize = 0;
 const ASSETS: usize = 1;
 const TILES: usize = 2;
+const JOBS: usize = 3;
 
 /// Handles that were given out, also those that are gone.
 #[derive(Default)]
@@ -26,7 +30,7 @@ impl Handles {
 
     /// Mostly one of the newest of its kind, which are likely to be valid.
     fn pick(&self, input: &mut Input, kind: usize) -> u64 {
-        let kind = input.odd(kind, &[DEVICES, ASSETS, TILES]);
+        let kind = input.odd(kind, &[DEVICES, ASSETS, TILES, JOBS]);
         let ids = self.0[kind].lock().unwrap().clone();
         match input.below(20) {
             18 => input.pick(&[0, 1, u64::MAX, 1 << 63]),
@@ -58,7 +62,7 @@ fuzz_target!(|bytes: &[u8]| {
                     if input.ended() {
                         break;
                     }
-                    let number = input.below(24);
+                    let number = input.below(32);
                     call(&mut input, handles, number);
                 }
             }));
@@ -66,6 +70,10 @@ fuzz_target!(|bytes: &[u8]| {
         // The scope's own end does not wait until the threads' memory is freed, and that would count as a leak.
         running.into_iter().for_each(|thread| thread.join().unwrap());
     });
+    for &id in handles.0[JOBS].lock().unwrap().iter() {
+        // SAFETY: any number may be given.
+        check(unsafe { vrtm_job_destroy(vrtm_job { id }) });
+    }
     for &id in handles.0[ASSETS].lock().unwrap().iter() {
         // SAFETY: any number may be given.
         check(unsafe { vrtm_asset_destroy(vrtm_asset { id }) });
@@ -163,7 +171,8 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                 check(vrtm_asset_solve(asset, &sheet.positions(), &options(input)));
             }
             19 => {
-                let kind = input.pick(&[VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP, 9]);
+                let kind =
+                    input.pick(&[VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP, 9]);
                 let done = check(vrtm_tile_fetch(tile, kind, &target));
                 assert!(if done { map.iter().all(|x| x.is_finite()) } else { untouched(&map) });
             }
@@ -172,7 +181,8 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                 let mut fetch = sized::<vrtm_fetch>();
                 (fetch.tile, fetch.image) = (tile, &raw const target);
                 let count = input.odd(1, &[0]);
-                let done = check(vrtm_asset_redirect(asset, &sheet.positions(), &options(input), &fetch, count));
+                let done =
+                    check(vrtm_asset_redirect(asset, &sheet.positions(), &options(input), &fetch, count));
                 assert!(done || untouched(&map));
             }
             21 => {
@@ -181,7 +191,38 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                 assert!(if done { uvs.iter().all(|x| x.is_finite()) } else { untouched(&uvs) });
             }
             22 => _ = check(vrtm_tile_report(tile, &mut sized())),
-            _ => _ = check(vrtm_asset_report(asset, &mut sized())),
+            23 => _ = check(vrtm_asset_report(asset, &mut sized())),
+            24 | 25 => {
+                sheet.bend(input);
+                let mut options = options(input);
+                let (tiles, vertices) =
+                    ([tile, vrtm_tile { id: handles.pick(input, TILES) }], [0, 5, 5, 15, 16]);
+                (options.tiles, options.tile_count) =
+                    input.odd((ptr::null(), 0), &[(tiles.as_ptr(), 1), (tiles.as_ptr(), 2)]);
+                options.dirty_vertices = input.odd(ptr::null(), &[vertices.as_ptr()]);
+                options.dirty_vertex_count = input.odd(4, &[0, 5]);
+                let mut job = vrtm_job { id: 77 };
+                let done = check(vrtm_asset_submit(asset, &sheet.positions(), &options, &mut job));
+                assert_eq!(done, job.id != 77);
+                if done {
+                    handles.add(JOBS, job.id);
+                }
+            }
+            26 => _ = check(vrtm_asset_cancel(asset)),
+            number => {
+                let job = vrtm_job { id: handles.pick(input, JOBS) };
+                match number {
+                    27 => _ = check(vrtm_job_wait(job, input.pick(&[0, 1, 5, VRTM_FOREVER]))),
+                    28 => _ = check(vrtm_job_cancel(job)),
+                    29 => {
+                        let mut data = sized::<vrtm_job_data>();
+                        if check(vrtm_job_progress(job, &mut data)) {
+                            assert!((0.0..=1.0).contains(&data.progress) && data.ms >= 0.0);
+                        }
+                    }
+                    _ => _ = check(vrtm_job_destroy(job)),
+                }
+            }
         }
     }
 }

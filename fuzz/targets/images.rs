@@ -84,7 +84,8 @@ fn image(input: &mut Input) -> Option<(Memory, vrtm_image)> {
     let layout = Layout::new(input, &formats, 1);
     let bytes = layout.span(1)?;
     let mut memory = Memory::new(if bytes > LARGEST { 0 } else { bytes as usize }, input.below(2));
-    let pattern: [u8; 4] = [input.pick(&[0, 0x3F, 0x7F, 0xFF]), input.pick(&[0, 0x80, 0xFF]), 0, input.any().unwrap_or(0)];
+    let pattern: [u8; 4] =
+        [input.pick(&[0, 0x3F, 0x7F, 0xFF]), input.pick(&[0, 0x80, 0xFF]), 0, input.any().unwrap_or(0)];
     let step = 1 + input.below(5);
     for (at, byte) in memory.bytes().iter_mut().enumerate() {
         *byte = pattern[at / step % 4];
@@ -109,7 +110,15 @@ struct Target {
 
 impl Target {
     fn new(input: &mut Input) -> Option<Target> {
-        let formats = [VRTM_PIXEL_F32, VRTM_PIXEL_F32, VRTM_PIXEL_F16, VRTM_PIXEL_F16, VRTM_PIXEL_U16, VRTM_PIXEL_U8, -1];
+        let formats = [
+            VRTM_PIXEL_F32,
+            VRTM_PIXEL_F32,
+            VRTM_PIXEL_F16,
+            VRTM_PIXEL_F16,
+            VRTM_PIXEL_U16,
+            VRTM_PIXEL_U8,
+            -1,
+        ];
         let layout = Layout::new(input, &formats, 2);
         let bytes = layout.span(2)?;
         let mut memory = Memory::new(if bytes > LARGEST { 0 } else { bytes as usize }, input.below(2));
@@ -201,7 +210,8 @@ unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_t
                 let mut target = Target::new(input)?;
                 let [x, y] = [(); 2].map(|()| input.pick(&places));
                 let [width, height] = [input.pick(&places), input.pick(&places)];
-                let done = check(vrtm_tile_fetch_part(tile, input.pick(&kinds), &target.c, x, y, width, height));
+                let done =
+                    check(vrtm_tile_fetch_part(tile, input.pick(&kinds), &target.c, x, y, width, height));
                 target.compare(done);
             }
             6 => {
@@ -213,7 +223,8 @@ unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_t
                     fetch.image = &target.c;
                 }
                 let options = options(input);
-                let done = check(vrtm_asset_redirect(asset, &sheet.positions(), &options, fetches.as_ptr(), 2));
+                let done =
+                    check(vrtm_asset_redirect(asset, &sheet.positions(), &options, fetches.as_ptr(), 2));
                 one.compare(done);
                 other.compare(done);
             }

@@ -16,7 +16,8 @@ fuzz_target!(|bytes: &[u8]| {
     let vertices = input.below(24);
     let positions = array(&mut input, vertices, 3);
     let faces = Faces::new(&mut input, vertices);
-    let sets: Vec<Uvs> = (0..1 + input.odd(0, &[1, 2])).map(|_| Uvs::new(&mut input, &faces.indices)).collect();
+    let sets: Vec<Uvs> =
+        (0..1 + input.odd(0, &[1, 2])).map(|_| Uvs::new(&mut input, &faces.indices)).collect();
     let indices = |input: &mut Input, below: usize| -> Vec<u32> {
         let count = 2 * input.below(5);
         (0..count).map(|_| index(input, below)).collect()
@@ -25,7 +26,8 @@ fuzz_target!(|bytes: &[u8]| {
 
     let mut later = Later { mesh: sized::<vrtm_mesh_desc>(), more: [0, input.odd(0, &[1])] };
     let mesh = &mut later.mesh;
-    mesh.struct_size = input.odd(mesh.struct_size, &[0, 8, mesh.struct_size + 8, mesh.struct_size + 16, 5000]);
+    mesh.struct_size =
+        input.odd(mesh.struct_size, &[0, 8, mesh.struct_size + 8, mesh.struct_size + 16, 5000]);
     mesh.positions = input.odd(&raw const positions.c, &[ptr::null()]);
     (mesh.indices, mesh.index_count) = list(&mut input, &faces.indices);
     match input.below(4) {
@@ -56,7 +58,10 @@ fuzz_target!(|bytes: &[u8]| {
         println!("positions {:?} {faces:?}", positions.values());
         println!("counts {:?} {}", mesh.face_counts, mesh.face_count);
         println!("offsets {:?} {}", mesh.face_offsets, mesh.face_offset_count);
-        println!("seams {:?} of {seams:?}, textured {:?} of {textured:?}", mesh.seam_count, mesh.textured_face_count);
+        println!(
+            "seams {:?} of {seams:?}, textured {:?} of {textured:?}",
+            mesh.seam_count, mesh.textured_face_count
+        );
         println!("weld {} {} {}", mesh.weld, mesh.weld_position_tolerance, mesh.weld_uv_tolerance);
         for set in &sets {
             println!("uvs {:?} {:?} {:?}", set.pairs.values(), set.u.values(), set.v.values());
@@ -115,7 +120,8 @@ struct Faces {
 
 impl Faces {
     fn new(input: &mut Input, vertices: usize) -> Faces {
-        let mut counts: Vec<u32> = (0..input.below(16)).map(|_| [3, 4, 3, 4, 5, 6, 2, 0][input.below(8)]).collect();
+        let mut counts: Vec<u32> =
+            (0..input.below(16)).map(|_| [3, 4, 3, 4, 5, 6, 2, 0][input.below(8)]).collect();
         let corners = counts.iter().sum::<u32>();
         let indices = (0..corners).map(|_| index(input, vertices)).collect();
         let mut offsets: Vec<u32> = vec![0];
@@ -170,7 +176,8 @@ impl Uvs {
         let none = ptr::null();
         let good = if self.apart { [none, u, v] } else { [pairs, none, none] };
         let [uvs, u, v] = input.odd(good, &[[pairs, u, v], [none, none, v], [none; 3]]);
-        let (uv_indices, uv_index_count) = if self.indexed { list(input, &self.indices) } else { (ptr::null(), 0) };
+        let (uv_indices, uv_index_count) =
+            if self.indexed { list(input, &self.indices) } else { (ptr::null(), 0) };
         vrtm_uv_set { uvs, u, v, uv_indices, uv_index_count }
     }
 }

@@ -33,7 +33,8 @@ static SAVED: LazyLock<Vec<u8>> = LazyLock::new(|| {
 fn make() -> (vrtm_asset, vrtm_tile) {
     let (mut asset, mut tile) = (vrtm_asset { id: 0 }, vrtm_tile { id: 0 });
     assert!(check(Sheet::default().create(*DEVICE, &mut asset)));
-    let texels: Vec<u8> = (0..256).map(|k| if k % 16 / 3 % 2 == 1 && k / 48 % 2 == 1 { 255 } else { 0 }).collect();
+    let texels: Vec<u8> =
+        (0..256).map(|k| if k % 16 / 3 % 2 == 1 && k / 48 % 2 == 1 { 255 } else { 0 }).collect();
     let mut image = sized::<vrtm_image>();
     (image.width, image.height, image.format) = (16, 16, VRTM_PIXEL_U8);
     image.data = texels.as_ptr().cast();
@@ -66,7 +67,8 @@ fuzz_target!(|bytes: &[u8]| {
                     n if n < 6 => data[at] ^= 1 << (value % 8),
                     n => {
                         // A number of four bytes.
-                        let number = [0, 1, u32::MAX, 1 << 31, 0x7F80_0000, 0x3F80_0000, u32::from(value)][n % 7];
+                        let number =
+                            [0, 1, u32::MAX, 1 << 31, 0x7F80_0000, 0x3F80_0000, u32::from(value)][n % 7];
                         let end = (at + 4).min(data.len());
                         data[at..end].copy_from_slice(&number.to_le_bytes()[..end - at]);
                     }

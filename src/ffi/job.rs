@@ -242,6 +242,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         let device = claim.asset().device().clone();
         let copies = || Ok((Packed::copy(&positions), wishes.dirty_vertices.map(copied)));
         let (positions, dirty_vertices) = device.call(copies)?;
+        claim.announce(&wishes.control);
         let work = Work { claim, positions, dirty_vertices, wishes: wishes.without_dirty_vertices() };
         let (handle, job) = handle::add_job(Job::new(work))?;
         let own = job.clone();
