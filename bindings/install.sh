@@ -104,7 +104,7 @@ if [ -n "$prebuilt" ]; then
     from=$(dirname "$prebuilt")
 else
     set -- build --manifest-path "$source/Cargo.toml" --package vrtm --lib --profile "$profile" --target-dir "$target_dir"
-    [ -n "$gpu" ] || set -- "$@" --no-default-features
+    [ -n "$gpu" ] || set -- "$@" --no-default-features --features allocator
     [ -z "$features" ] || set -- "$@" --features "$features"
     [ -z "$offline" ] || set -- "$@" --offline --locked
     [ -z "$target" ] || set -- "$@" --target "$target"

@@ -111,7 +111,7 @@ fi
 notices=$tree/share/doc/vrtm/THIRD-PARTY.txt
 set -- tree --manifest-path "$source/Cargo.toml" --package vrtm --edges normal,no-proc-macro --prefix none \
     --format '{p}|{l}|{r}' --target "$triple" --offline --locked
-[ -n "$gpu" ] || set -- "$@" --no-default-features
+[ -n "$gpu" ] || set -- "$@" --no-default-features --features allocator
 [ -z "$features" ] || set -- "$@" --features "$features"
 cargo "$@" | sed 's/ (\*)$//; s/ ([^|]*)//' | sort -u | grep -v '^vrtm v' >"$work/crates" || true
 [ -s "$work/crates" ] || fail "cargo does not list what the library is linked with"

@@ -328,6 +328,40 @@ typedef struct vrtm_image_out {
     uint32_t reserved;
 } vrtm_image_out;
 
+/* ---- Memory ---- */
+
+// A host's function that allocates: `size` bytes (at least 4096) at a multiple of `alignment` (a power of two, at
+// least 16), or null if there is no memory. The bytes need not be zero.
+typedef void *(*vrtm_alloc_fn)(void *user, size_t size, size_t alignment);
+
+// A host's function that takes memory back, with the size and the alignment that it was asked for with. Never called
+// with null.
+typedef void (*vrtm_free_fn)(void *user, void *pointer, size_t size, size_t alignment);
+
+// A host's allocator, for all memory of a device whose size follows from input: meshes, maps, grids, results, a
+// solve's arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the
+// system, as does what a GPU's driver takes. Start from vrtm_allocator_init().
+//
+// Both functions are called on any thread that works in a call, also by several at once. They must return normally
+// (no exception, no longjmp) and must not call vrtm. They and `user` must stay valid until the device and all of its
+// assets are destroyed; by then everything has been freed.
+//
+// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY: nothing was written, the asset is as it was,
+// and the call may be made again. Memory that the code for GPUs takes on its own comes from the system where `alloc`
+// returns null.
+typedef struct vrtm_allocator {
+    // sizeof(vrtm_allocator); set by vrtm_allocator_init().
+    uint32_t struct_size;
+    // Zero.
+    uint32_t reserved;
+    // Allocates.
+    vrtm_alloc_fn alloc;
+    // Frees.
+    vrtm_free_fn free;
+    // Passed to both as it is.
+    void *user;
+} vrtm_allocator;
+
 /* ---- Threads of the host ---- */
 
 // One of the library's tasks, which a host runs by calling it with the `data` that it got along with it.
@@ -415,6 +449,8 @@ typedef struct vrtm_device_desc {
     // The host's threads, copied; null (the default) = solves and fetches have threads of the library's own, which end
     // with the call.
     const vrtm_executor *executor;
+    // The host's allocator; null (the default) = the system's. The struct is copied.
+    const vrtm_allocator *allocator;
 } vrtm_device_desc;
 
 // Description of a device. Start from vrtm_device_data_init().
@@ -460,8 +496,9 @@ typedef struct vrtm_adapter_data {
 // buffers of 256 MiB) and without optional features, for support.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
-// 1024 threads, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened.
+// 1024 threads, an allocator without a function, or an environment variable VRTM_DEVICE, VRTM_THREADS or
+// VRTM_GPU_LIMITS that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be
+// opened, and for an allocator if the library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
                                vrtm_device *device);
@@ -1362,8 +1399,9 @@ vrtm_status vrtm_asset_report(vrtm_asset asset,
         return value;                     \
     }
 
-VRTM_DEFINE_INIT_(vrtm_executor)          // vrtm_executor vrtm_executor_init(void)
-VRTM_DEFINE_INIT_(vrtm_device_desc)       // and so on
+VRTM_DEFINE_INIT_(vrtm_allocator)         // vrtm_allocator vrtm_allocator_init(void)
+VRTM_DEFINE_INIT_(vrtm_executor)          // and so on
+VRTM_DEFINE_INIT_(vrtm_device_desc)
 VRTM_DEFINE_INIT_(vrtm_device_data)
 VRTM_DEFINE_INIT_(vrtm_adapter_data)
 VRTM_DEFINE_INIT_(vrtm_array)

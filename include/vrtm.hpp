@@ -1,10 +1,18 @@
 /*
- * vrtm for C++17: the handles of vrtm.h as objects that end themselves, and errors as exceptions.
+ * vrtm for C++17: the handles of vrtm.h as objects that end themselves, and its structs as values that own what they
+ * point to.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
  *
- * Nothing here adds to what vrtm.h says: it is the manual. Structs are those of vrtm.h. Every function that can fail
- * throws vrtm::Error, with the status and the message of the failed call.
+ * Nothing here adds to what vrtm.h says: it is the manual. Every function that can fail has two forms. `try_solve(...)`
+ * returns a Result, which is true if the call succeeded and otherwise has its status and its message; `solve(...)`
+ * throws vrtm::Error instead. A program that is built without exceptions has the first form only. Functions that return
+ * a std::vector, take a std::function or add to a list allocate as those do.
+ *
+ * Array, Image, ImageOut and Indices are views: the memory that they show stays the caller's, and must be there when
+ * the library reads or writes it, which it does during the call.
+ *
+ * The names keep clear of the macros of windows.h, Xlib.h, Qt and macOS (min, ERROR, Status, emit, check).
  */
 
 #ifndef VRTM_HPP
@@ -12,283 +20,1165 @@
 
 #include "vrtm.h"
 
+#include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <stdexcept>
+#include <cstring>
+#include <functional>
+#include <initializer_list>
+#include <memory>
+#include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
+// 1 if calls may throw. Define it as 0 before the header to do without the throwing forms in any case.
+#if !defined(VRTM_EXCEPTIONS)
+#if defined(__cpp_exceptions) || defined(_CPPUNWIND)
+#define VRTM_EXCEPTIONS 1
+#else
+#define VRTM_EXCEPTIONS 0
+#endif
+#endif
+
+#if VRTM_EXCEPTIONS
+#include <stdexcept>
+#endif
+
 namespace vrtm {
 
-/// A call that failed.
-class Error : public std::runtime_error {
+// ---- The constants of vrtm.h ----
+
+// A vrtm_status.
+enum class Code : vrtm_status {
+    ok = VRTM_OK,
+    invalid_argument = VRTM_ERROR_INVALID_ARGUMENT,
+    invalid_handle = VRTM_ERROR_INVALID_HANDLE,
+    unsupported = VRTM_ERROR_UNSUPPORTED,
+    out_of_memory = VRTM_ERROR_OUT_OF_MEMORY,
+    not_solved = VRTM_ERROR_NOT_SOLVED,
+    busy = VRTM_ERROR_BUSY,
+    device_lost = VRTM_ERROR_DEVICE_LOST,
+    internal = VRTM_ERROR_INTERNAL,
+    cancelled = VRTM_ERROR_CANCELLED,
+    timeout = VRTM_ERROR_TIMEOUT
+};
+enum class Scalar : vrtm_scalar { f32 = VRTM_SCALAR_F32, f64 = VRTM_SCALAR_F64 };
+enum class PixelFormat : vrtm_pixel_format {
+    f32 = VRTM_PIXEL_F32,
+    f16 = VRTM_PIXEL_F16,
+    u16 = VRTM_PIXEL_U16,
+    u8 = VRTM_PIXEL_U8
+};
+enum class Origin : vrtm_origin { top = VRTM_ORIGIN_TOP, bottom = VRTM_ORIGIN_BOTTOM };
+enum class Backend : vrtm_backend { automatic = VRTM_BACKEND_AUTO, cpu = VRTM_BACKEND_CPU, gpu = VRTM_BACKEND_GPU };
+enum class LogLevel : vrtm_log_level { warning = VRTM_LOG_WARNING, info = VRTM_LOG_INFO };
+enum class Weld : vrtm_weld { index = VRTM_WELD_INDEX, position = VRTM_WELD_POSITION, off = VRTM_WELD_OFF };
+enum class Overlap : vrtm_overlap { fixed = VRTM_OVERLAP_FIXED, first_face = VRTM_OVERLAP_FIRST_FACE };
+enum class FetchKind : vrtm_fetch_kind {
+    redirection = VRTM_FETCH_REDIRECTION,
+    redirection_delta = VRTM_FETCH_REDIRECTION_DELTA,
+    warp = VRTM_FETCH_WARP
+};
+enum class Quality : vrtm_quality {
+    normal = VRTM_QUALITY_NORMAL,
+    draft = VRTM_QUALITY_DRAFT,
+    high = VRTM_QUALITY_HIGH
+};
+enum class Solver : vrtm_solver { descent = VRTM_SOLVER_DESCENT, pbd = VRTM_SOLVER_PBD };
+enum class JobState : vrtm_job_state { running = VRTM_JOB_RUNNING, done = VRTM_JOB_DONE };
+
+// The number that vrtm.h has for a constant: `settings.overlap = vrtm::value(vrtm::Overlap::fixed)`. The other way
+// round is `vrtm::Backend(info.backend)`.
+template <class E, class = std::enable_if_t<std::is_enum<E>::value>>
+constexpr std::underlying_type_t<E> value(E constant) noexcept
+{
+    return static_cast<std::underlying_type_t<E>>(constant);
+}
+
+// Such as "VRTM_ERROR_BUSY".
+inline const char *name(Code code) noexcept { return vrtm_status_string(value(code)); }
+
+// The version of the library that is loaded, to compare with VRTM_VERSION.
+inline std::uint32_t version() noexcept { return vrtm_version(); }
+
+// ---- Results ----
+
+template <class T = void> class Result;
+
+// How a call ended. It owns its message, without allocating.
+template <> class [[nodiscard]] Result<void> {
 public:
-    Error(vrtm_status status, const char *message) : std::runtime_error(message), status_(status) {}
-    vrtm_status status() const noexcept { return status_; }
+    Result() noexcept = default;
+
+    // Of the last call of this thread.
+    explicit Result(vrtm_status status) noexcept : code_(Code(status))
+    {
+        if (code_ != Code::ok) {
+            const char *text = vrtm_last_error();
+            const std::size_t length = std::strlen(text);
+            std::memcpy(message_, text, length < sizeof message_ ? length : sizeof message_ - 1);
+        }
+    }
+
+    explicit operator bool() const noexcept { return code_ == Code::ok; }
+    Code code() const noexcept { return code_; }
+    // What went wrong, as vrtm_last_error() said it; "" if nothing did.
+    const char *message() const noexcept { return message_; }
+
+#if VRTM_EXCEPTIONS
+    // Throws vrtm::Error if the call failed.
+    void value() const;
+#endif
 
 private:
-    vrtm_status status_;
+    Code code_ = Code::ok;
+    char message_[512] = {};
 };
 
-/// Throws unless `status` is VRTM_OK. Call it on the thread that made the call.
-inline void check(vrtm_status status)
-{
-    if (status != VRTM_OK) {
-        throw Error(status, vrtm_last_error());
-    }
-}
-
-/// Packed vectors, or those with a stride in bytes, as an argument. The memory stays the caller's.
-inline vrtm_array array(const float *data, std::size_t count, std::size_t stride = 0)
-{
-    vrtm_array a = vrtm_array_init();
-    a.data = data;
-    a.count = count;
-    a.stride = stride;
-    return a;
-}
-
-inline vrtm_array array(const double *data, std::size_t count, std::size_t stride = 0)
-{
-    vrtm_array a = vrtm_array_init();
-    a.format = VRTM_SCALAR_F64;
-    a.data = data;
-    a.count = count;
-    a.stride = stride;
-    return a;
-}
-
-/// A packed input image, first row on top. The memory stays the caller's.
-inline vrtm_image image(const void *data, std::uint32_t width, std::uint32_t height, vrtm_pixel_format format)
-{
-    vrtm_image i = vrtm_image_init();
-    i.data = data;
-    i.width = width;
-    i.height = height;
-    i.format = format;
-    return i;
-}
-
-/// A packed output image of 2 * width * height floats, first row on top. The memory stays the caller's.
-inline vrtm_image_out image_out(float *data, std::uint32_t width, std::uint32_t height)
-{
-    vrtm_image_out i = vrtm_image_out_init();
-    i.data = data;
-    i.width = width;
-    i.height = height;
-    return i;
-}
-
-/// The GPUs that a device can be made on; vrtm_device_desc::adapter is an index into it.
-inline std::vector<vrtm_adapter_data> adapters()
-{
-    std::uint32_t count = 0;
-    check(vrtm_adapter_count(&count));
-    std::vector<vrtm_adapter_data> adapters(count, vrtm_adapter_data_init());
-    for (std::uint32_t i = 0; i < count; ++i) {
-        check(vrtm_adapter_info(i, &adapters[i]));
-    }
-    return adapters;
-}
-
-/// Where assets are solved. Assets may outlive it.
-class Device {
+// How a call ended, and what it gave.
+template <class T> class [[nodiscard]] Result : public Result<void> {
 public:
-    explicit Device(const vrtm_device_desc *desc = nullptr) { check(vrtm_device_create(desc, &handle_)); }
-    ~Device() { reset(); }
-    Device(const Device &) = delete;
-    Device &operator=(const Device &) = delete;
-    Device(Device &&other) noexcept : handle_(std::exchange(other.handle_, vrtm_device{})) {}
-    Device &operator=(Device &&other) noexcept
+    Result(T value, vrtm_status status) noexcept : Result<void>(status), value_(std::move(value)) {}
+    Result(T value, const Result<void> &result) noexcept : Result<void>(result), value_(std::move(value)) {}
+
+    // What the call gave; empty or zero if it failed.
+    T &operator*() & noexcept { return value_; }
+    const T &operator*() const & noexcept { return value_; }
+    T operator*() && noexcept { return std::move(value_); }
+    T *operator->() noexcept { return &value_; }
+    const T *operator->() const noexcept { return &value_; }
+
+#if VRTM_EXCEPTIONS
+    // What the call gave. Throws vrtm::Error if it failed.
+    T value() &&
     {
-        std::swap(handle_, other.handle_);
+        Result<void>::value();
+        return std::move(value_);
+    }
+    const T &value() const &
+    {
+        Result<void>::value();
+        return value_;
+    }
+#endif
+
+private:
+    T value_;
+};
+
+#if VRTM_EXCEPTIONS
+// A call that failed.
+class Error : public std::runtime_error {
+public:
+    explicit Error(const Result<void> &result) : std::runtime_error(result.message()), code_(result.code()) {}
+    Code code() const noexcept { return code_; }
+
+private:
+    Code code_;
+};
+
+inline void Result<void>::value() const
+{
+    if (code_ != Code::ok) {
+        throw Error(*this);
+    }
+}
+#endif
+
+// ---- Views of the caller's memory ----
+
+// Vectors or single numbers, with a stride in bytes; 0 = tightly packed.
+class Array {
+public:
+    Array(const float *data, std::size_t count, std::size_t stride = 0) noexcept
+        : Array(Scalar::f32, data, count, stride)
+    {
+    }
+    Array(const double *data, std::size_t count, std::size_t stride = 0) noexcept
+        : Array(Scalar::f64, data, count, stride)
+    {
+    }
+    Array(Scalar format, const void *data, std::size_t count, std::size_t stride = 0) noexcept
+    {
+        c_.format = vrtm::value(format);
+        c_.data = data;
+        c_.count = count;
+        c_.stride = stride;
+    }
+    // Such as `double (*points)[4]`, as Maya has them: the fourth coordinate is skipped.
+    template <class S, std::size_t N>
+    Array(const S (*vectors)[N], std::size_t count) noexcept
+        : Array(reinterpret_cast<const S *>(vectors), count, sizeof *vectors)
+    {
+    }
+    // The host's own vectors, which start with components of type S: `Array::of<float>(points, count)`.
+    template <class S, class V> static Array of(const V *vectors, std::size_t count) noexcept
+    {
+        static_assert(sizeof(V) >= sizeof(S), "a vector has at least one component");
+        return Array(reinterpret_cast<const S *>(vectors), count, sizeof(V));
+    }
+
+    const vrtm_array &c() const noexcept { return c_; }
+
+private:
+    vrtm_array c_ = vrtm_array_init();
+};
+
+// A list of indices or counts, unsigned or, as in Maya, `int`. An empty one is a list of nothing.
+class Indices {
+public:
+    Indices() noexcept = default;
+    Indices(const std::uint32_t *data, std::size_t count) noexcept : count_(count)
+    {
+        // The C functions take null as "no list", and a vector without elements may have null.
+        if (data != nullptr || count != 0) {
+            data_ = data;
+        }
+    }
+    // Signed and unsigned numbers of one size may be read as each other; a negative one is out of any range.
+    Indices(const std::int32_t *data, std::size_t count) noexcept
+        : Indices(reinterpret_cast<const std::uint32_t *>(data), count)
+    {
+    }
+    // A std::vector, std::array, std::span and the like. It must live on, so no temporary one will do.
+    template <class List, class = decltype(std::declval<const List &>().data())>
+    Indices(const List &list) noexcept : Indices(list.data(), list.size())
+    {
+    }
+    template <class List, class = decltype(std::declval<const List &>().data())> Indices(const List &&) = delete;
+
+    const std::uint32_t *data() const noexcept { return data_; }
+    std::size_t size() const noexcept { return count_; }
+
+private:
+    // Not null, and nothing is ever read there. (A static object would keep a plug-in in memory after its unload.)
+    const std::uint32_t *data_ = reinterpret_cast<const std::uint32_t *>(alignof(std::uint32_t));
+    std::size_t count_ = 0;
+};
+
+// What Image and ImageOut have in common.
+namespace detail {
+template <class Self, class Struct> class ImageBase {
+public:
+    Self &origin(Origin origin) noexcept
+    {
+        c_.origin = vrtm::value(origin);
+        return self();
+    }
+    // Bytes from one texel to the next; 0 = tightly packed.
+    Self &pixel_stride(std::size_t bytes) noexcept
+    {
+        c_.pixel_stride = bytes;
+        return self();
+    }
+    // Bytes from one row to the next; 0 = tightly packed.
+    Self &row_stride(std::size_t bytes) noexcept
+    {
+        c_.row_stride = bytes;
+        return self();
+    }
+
+    const Struct &c() const noexcept { return c_; }
+
+protected:
+    ImageBase(Struct c, std::uint32_t width, std::uint32_t height, PixelFormat format) noexcept : c_(c)
+    {
+        c_.width = width;
+        c_.height = height;
+        c_.format = vrtm::value(format);
+    }
+    Struct c_;
+
+private:
+    Self &self() noexcept { return static_cast<Self &>(*this); }
+};
+} // namespace detail
+
+// An input image with one channel. 16 bits may be integers or floats: these take the constructor with the format.
+class Image : public detail::ImageBase<Image, vrtm_image> {
+public:
+    Image(const float *data, std::uint32_t width, std::uint32_t height) noexcept
+        : Image(PixelFormat::f32, data, width, height)
+    {
+    }
+    Image(const std::uint8_t *data, std::uint32_t width, std::uint32_t height) noexcept
+        : Image(PixelFormat::u8, data, width, height)
+    {
+    }
+    Image(PixelFormat format, const void *data, std::uint32_t width, std::uint32_t height) noexcept
+        : ImageBase(vrtm_image_init(), width, height, format)
+    {
+        c_.data = data;
+    }
+};
+
+// An output image with two channels.
+class ImageOut : public detail::ImageBase<ImageOut, vrtm_image_out> {
+public:
+    ImageOut(float *data, std::uint32_t width, std::uint32_t height) noexcept
+        : ImageOut(PixelFormat::f32, data, width, height)
+    {
+    }
+    ImageOut(PixelFormat format, void *data, std::uint32_t width, std::uint32_t height) noexcept
+        : ImageBase(vrtm_image_out_init(), width, height, format)
+    {
+        c_.data = data;
+    }
+};
+
+// ---- The host's threads ----
+
+// One of the library's tasks: call it, once per index.
+class Task {
+public:
+    Task(vrtm_task_fn task, void *data) noexcept : task_(task), data_(data) {}
+    void operator()(std::size_t index = 0) const noexcept { task_(data_, index); }
+
+private:
+    vrtm_task_fn task_;
+    void *data_;
+};
+
+// ---- Device ----
+
+using Log = std::function<void(LogLevel level, const char *message)>;
+
+// Settings of a new device: the fields of vrtm_device_desc, zero at first, and the functions of the host.
+struct DeviceDesc : vrtm_device_desc {
+    DeviceDesc() noexcept : vrtm_device_desc(vrtm_device_desc_init()) {}
+
+    DeviceDesc &set(Backend wanted) noexcept
+    {
+        backend = vrtm::value(wanted);
         return *this;
     }
 
-    vrtm_device handle() const noexcept { return handle_; }
-
-    vrtm_device_data info() const
+    // The device, its assets and their jobs keep the function alive. An exception that leaves it is lost.
+    DeviceDesc &set_log(Log function)
     {
-        vrtm_device_data data = vrtm_device_data_init();
-        check(vrtm_device_info(handle_, &data));
-        return data;
+        const std::shared_ptr<Log> kept(new Log(std::move(function)));
+        keep_log = kept;
+        log_user = kept.get();
+        log = [](void *user, vrtm_log_level level, const char *message) noexcept {
+#if VRTM_EXCEPTIONS
+            try {
+                (*static_cast<const Log *>(user))(LogLevel(level), message);
+            } catch (...) {
+            }
+#else
+            (*static_cast<const Log *>(user))(LogLevel(level), message);
+#endif
+        };
+        return *this;
     }
+
+    // The host's threads: any object with `void parallel_for(std::size_t count, vrtm::Task task)` and, if it is to run
+    // jobs, `void spawn(vrtm::Task task)`. They must not throw. The device, its assets and their jobs keep it alive.
+    template <class Pool> DeviceDesc &set_executor(std::shared_ptr<Pool> pool)
+    {
+        struct Kept {
+            vrtm_executor c;
+            std::shared_ptr<Pool> pool;
+        };
+        const std::shared_ptr<Kept> kept(new Kept{vrtm_executor_init(), std::move(pool)});
+        kept->c.user = kept->pool.get();
+        kept->c.parallel_for = [](void *user, std::size_t count, vrtm_task_fn task, void *data) noexcept {
+            static_cast<Pool *>(user)->parallel_for(count, Task(task, data));
+        };
+        kept->c.spawn = spawn_of<Pool>(0);
+        executor = &kept->c;
+        keep_executor = kept;
+        return *this;
+    }
+
+    // What keeps the functions above alive.
+    std::shared_ptr<const void> keep_log, keep_executor;
+
+private:
+    template <class Pool>
+    static auto spawn_of(int) noexcept
+        -> decltype(std::declval<Pool &>().spawn(std::declval<Task>()), vrtm_spawn_fn())
+    {
+        return [](void *user, vrtm_task_fn task, void *data) noexcept {
+            static_cast<Pool *>(user)->spawn(Task(task, data));
+        };
+    }
+    template <class Pool> static vrtm_spawn_fn spawn_of(...) noexcept { return nullptr; }
+};
+
+// The GPUs that a device can be made on; DeviceDesc::adapter is an index into it.
+inline Result<std::vector<vrtm_adapter_data>> try_adapters()
+{
+    std::uint32_t count = 0;
+    Result<> result(vrtm_adapter_count(&count));
+    std::vector<vrtm_adapter_data> adapters(count, vrtm_adapter_data_init());
+    for (std::uint32_t i = 0; i < count && result; ++i) {
+        result = Result<>(vrtm_adapter_info(i, &adapters[i]));
+    }
+    return {std::move(adapters), result};
+}
+
+namespace detail {
+
+// What a handle's functions need: the log and the executor.
+using Keep = std::array<std::shared_ptr<const void>, 2>;
+
+// Overloads for Owner. (A function of a DLL cannot be a template's argument.)
+inline void destroy(vrtm_device device) noexcept { static_cast<void>(vrtm_device_destroy(device)); }
+inline void destroy(vrtm_asset asset) noexcept { static_cast<void>(vrtm_asset_destroy(asset)); }
+inline void destroy(vrtm_job job) noexcept { static_cast<void>(vrtm_job_destroy(job)); }
+
+// The end of a handle, which may be zero, and what it needs until then.
+template <class Handle> class Owner {
+public:
+    Owner() noexcept = default;
+    Owner(Handle handle, Keep keep) noexcept : handle_(handle), keep_(std::move(keep)) {}
+    ~Owner() { reset(); }
+    Owner(Owner &&other) noexcept : handle_(std::exchange(other.handle_, Handle{})), keep_(std::move(other.keep_)) {}
+    Owner &operator=(Owner &&other) noexcept
+    {
+        if (this != &other) {
+            reset();
+            handle_ = std::exchange(other.handle_, Handle{});
+            keep_ = std::move(other.keep_);
+        }
+        return *this;
+    }
+
+    Handle handle() const noexcept { return handle_; }
+    const Keep &keep() const noexcept { return keep_; }
 
 private:
     void reset() noexcept
     {
         if (handle_.id != 0) {
-            vrtm_device_destroy(handle_);
+            destroy(std::exchange(handle_, Handle{}));
         }
     }
 
-    vrtm_device handle_{};
+    Handle handle_{};
+    Keep keep_;
 };
 
-/// A tile of an asset: a plain handle that ends with the asset.
+} // namespace detail
+
+// Where assets are solved. Assets may outlive it.
+class Device {
+public:
+    // Empty: no device.
+    Device() noexcept = default;
+
+    static Result<Device> try_create(const DeviceDesc &desc = DeviceDesc())
+    {
+        vrtm_device handle{};
+        const vrtm_status status = vrtm_device_create(&desc, &handle);
+        Device device;
+        device.owner_ = detail::Owner<vrtm_device>(handle, {desc.keep_log, desc.keep_executor});
+        return {std::move(device), status};
+    }
+
+    explicit operator bool() const noexcept { return handle().id != 0; }
+    vrtm_device handle() const noexcept { return owner_.handle(); }
+    // Ends the handle, if there is one.
+    void reset() noexcept { *this = Device(); }
+
+    Result<vrtm_device_data> try_info() const noexcept
+    {
+        vrtm_device_data data = vrtm_device_data_init();
+        const vrtm_status status = vrtm_device_info(handle(), &data);
+        return {data, status};
+    }
+
+#if VRTM_EXCEPTIONS
+    static Device create(const DeviceDesc &desc = DeviceDesc()) { return try_create(desc).value(); }
+    vrtm_device_data info() const { return try_info().value(); }
+#endif
+
+private:
+    friend class Asset;
+    detail::Owner<vrtm_device> owner_;
+};
+
+// ---- Mesh ----
+
+// A further UV set of a mesh.
+class UvSet {
+public:
+    explicit UvSet(const Array &uvs) noexcept : uvs_(uvs) {}
+    UvSet(const Array &u, const Array &v) noexcept : u_(u), v_(v) {}
+    UvSet &uv_indices(const Indices &indices) noexcept
+    {
+        indices_ = indices;
+        return *this;
+    }
+
+    // Points into this object.
+    vrtm_uv_set c() const & noexcept
+    {
+        vrtm_uv_set c{};
+        c.uvs = uvs_ ? &uvs_->c() : nullptr;
+        c.u = u_ ? &u_->c() : nullptr;
+        c.v = v_ ? &v_->c() : nullptr;
+        c.uv_indices = indices_ ? indices_->data() : nullptr;
+        c.uv_index_count = indices_ ? indices_->size() : 0;
+        return c;
+    }
+    vrtm_uv_set c() const && = delete;
+
+private:
+    std::optional<Array> uvs_, u_, v_;
+    std::optional<Indices> indices_;
+};
+
+// A mesh at rest: a vrtm_mesh_desc that owns its arrays' descriptions. What is not set is absent.
+class Mesh {
+public:
+    Mesh(const Array &positions, const Indices &indices) noexcept : positions_(positions), indices_(indices) {}
+    Mesh(const Mesh &other) { *this = other; }
+    Mesh(Mesh &&) noexcept = default;
+    Mesh &operator=(Mesh &&) noexcept = default;
+    Mesh &operator=(const Mesh &other)
+    {
+        positions_ = other.positions_;
+        indices_ = other.indices_;
+        lists_ = other.lists_;
+        base_ = other.base_;
+        weld_ = other.weld_;
+        weld_position_tolerance_ = other.weld_position_tolerance_;
+        weld_uv_tolerance_ = other.weld_uv_tolerance_;
+        sets_ = other.sets_;
+        link();
+        return *this;
+    }
+
+    Mesh &uvs(const Array &pairs) noexcept { return set_base(UvSet(pairs)); }
+    Mesh &uvs(const Array &u, const Array &v) noexcept { return set_base(UvSet(u, v)); }
+    Mesh &uv_indices(const Indices &indices) noexcept { return set_list(uv_index, indices); }
+    Mesh &face_counts(const Indices &counts) noexcept { return set_list(counts_of_faces, counts); }
+    Mesh &face_offsets(const Indices &offsets) noexcept { return set_list(offsets_of_faces, offsets); }
+    // Two vertices per seam.
+    Mesh &seams(const Indices &pairs) noexcept { return set_list(seam_pairs, pairs); }
+    Mesh &textured_faces(const Indices &faces) noexcept { return set_list(textured, faces); }
+    Mesh &weld(Weld weld, float position_tolerance = 0, float uv_tolerance = 0) noexcept
+    {
+        weld_ = weld;
+        weld_position_tolerance_ = position_tolerance;
+        weld_uv_tolerance_ = uv_tolerance;
+        return *this;
+    }
+    Mesh &add_uv_set(const UvSet &set)
+    {
+        sets_.push_back(set);
+        link();
+        return *this;
+    }
+
+    // Points into this object.
+    vrtm_mesh_desc c() const & noexcept
+    {
+        vrtm_mesh_desc c = vrtm_mesh_desc_init();
+        c.positions = &positions_.c();
+        c.indices = indices_.data();
+        c.index_count = indices_.size();
+        if (base_) {
+            const vrtm_uv_set base = base_->c();
+            c.uvs = base.uvs;
+            c.u = base.u;
+            c.v = base.v;
+        }
+        put(uv_index, c.uv_indices, c.uv_index_count);
+        put(counts_of_faces, c.face_counts, c.face_count);
+        put(offsets_of_faces, c.face_offsets, c.face_offset_count);
+        put(seam_pairs, c.seams, c.seam_count);
+        c.seam_count /= 2;
+        put(textured, c.textured_faces, c.textured_face_count);
+        c.uv_sets = c_sets_.empty() ? nullptr : c_sets_.data();
+        c.uv_set_count = c_sets_.size();
+        c.weld = vrtm::value(weld_);
+        c.weld_position_tolerance = weld_position_tolerance_;
+        c.weld_uv_tolerance = weld_uv_tolerance_;
+        return c;
+    }
+    vrtm_mesh_desc c() const && = delete;
+
+private:
+    enum List { uv_index, counts_of_faces, offsets_of_faces, seam_pairs, textured, lists };
+
+    Mesh &set_base(const UvSet &set) noexcept
+    {
+        base_ = set;
+        return *this;
+    }
+    Mesh &set_list(List list, const Indices &indices) noexcept
+    {
+        lists_[list] = indices;
+        return *this;
+    }
+    void put(List list, const std::uint32_t *&data, std::size_t &count) const noexcept
+    {
+        if (lists_[list]) {
+            data = lists_[list]->data();
+            count = lists_[list]->size();
+        }
+    }
+    void link()
+    {
+        c_sets_.clear();
+        for (const UvSet &set : sets_) {
+            c_sets_.push_back(set.c());
+        }
+    }
+
+    Array positions_{static_cast<const float *>(nullptr), 0};
+    Indices indices_;
+    std::array<std::optional<Indices>, lists> lists_;
+    std::optional<UvSet> base_;
+    Weld weld_ = Weld::index;
+    float weld_position_tolerance_ = 0, weld_uv_tolerance_ = 0;
+    std::vector<UvSet> sets_;
+    std::vector<vrtm_uv_set> c_sets_; // points into sets_
+};
+
+// ---- Tile ----
+
+// A tile's settings: the fields of vrtm_tile_settings, zero at first.
+struct TileSettings : vrtm_tile_settings {
+    TileSettings() noexcept : vrtm_tile_settings(vrtm_tile_settings_init()) {}
+    TileSettings &set(Overlap wanted) noexcept
+    {
+        overlap = vrtm::value(wanted);
+        return *this;
+    }
+};
+
+// A tile of an asset: a plain handle that ends with the asset.
 class Tile {
 public:
-    Tile() = default;
+    // Empty: no tile.
+    Tile() noexcept = default;
     explicit Tile(vrtm_tile handle) noexcept : handle_(handle) {}
 
+    explicit operator bool() const noexcept { return handle_.id != 0; }
     vrtm_tile handle() const noexcept { return handle_; }
+    friend bool operator==(Tile a, Tile b) noexcept { return a.handle_.id == b.handle_.id; }
+    friend bool operator!=(Tile a, Tile b) noexcept { return a.handle_.id != b.handle_.id; }
 
-    vrtm_tile_data info() const
+    Result<vrtm_tile_data> try_info() const noexcept
     {
         vrtm_tile_data data = vrtm_tile_data_init();
-        check(vrtm_tile_info(handle_, &data));
-        return data;
+        const vrtm_status status = vrtm_tile_info(handle_, &data);
+        return {data, status};
     }
 
-    void set_rigidity(const vrtm_image *rigidity) const { check(vrtm_tile_set_rigidity(handle_, rigidity)); }
-    void update_rigidity(const vrtm_image &rigidity, std::uint32_t x, std::uint32_t y, std::uint32_t width,
-                         std::uint32_t height) const
+    Result<> try_set_rigidity(const Image &map) const noexcept
     {
-        check(vrtm_tile_update_rigidity(handle_, &rigidity, x, y, width, height));
+        return Result<>(vrtm_tile_set_rigidity(handle_, &map.c()));
     }
-    void set_mask(const vrtm_image *mask) const { check(vrtm_tile_set_mask(handle_, mask)); }
-    void set_settings(const vrtm_tile_settings &settings) const
+    // Takes the map away.
+    Result<> try_set_rigidity(std::nullptr_t) const noexcept
     {
-        check(vrtm_tile_set_settings(handle_, &settings));
+        return Result<>(vrtm_tile_set_rigidity(handle_, nullptr));
+    }
+    Result<> try_update_rigidity(const Image &map, std::uint32_t x, std::uint32_t y, std::uint32_t width,
+                                 std::uint32_t height) const noexcept
+    {
+        return Result<>(vrtm_tile_update_rigidity(handle_, &map.c(), x, y, width, height));
+    }
+    Result<> try_set_mask(const Image &mask) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, &mask.c())); }
+    // Takes the mask away.
+    Result<> try_set_mask(std::nullptr_t) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, nullptr)); }
+
+    Result<> try_set_settings(const TileSettings &settings) const noexcept
+    {
+        return Result<>(vrtm_tile_set_settings(handle_, &settings));
+    }
+    // All defaults.
+    Result<> try_set_settings(std::nullptr_t) const noexcept
+    {
+        return Result<>(vrtm_tile_set_settings(handle_, nullptr));
+    }
+    Result<TileSettings> try_settings() const noexcept
+    {
+        TileSettings settings;
+        const vrtm_status status = vrtm_tile_get_settings(handle_, &settings);
+        return {settings, status};
     }
 
-    vrtm_tile_settings settings() const
-    {
-        vrtm_tile_settings settings = vrtm_tile_settings_init();
-        check(vrtm_tile_get_settings(handle_, &settings));
-        return settings;
-    }
+    Result<> try_freeze(bool frozen) const noexcept { return Result<>(vrtm_tile_freeze(handle_, frozen ? 1 : 0)); }
 
-    void fetch(vrtm_fetch_kind kind, const vrtm_image_out &image) const
-    {
-        check(vrtm_tile_fetch(handle_, kind, &image));
-    }
-
-    void fetch_part(vrtm_fetch_kind kind, const vrtm_image_out &image, std::uint32_t x, std::uint32_t y,
-                    std::uint32_t width, std::uint32_t height) const
-    {
-        check(vrtm_tile_fetch_part(handle_, kind, &image, x, y, width, height));
-    }
-
-    vrtm_tile_needs estimate() const
+    Result<vrtm_tile_needs> try_estimate() const noexcept
     {
         vrtm_tile_needs needs = vrtm_tile_needs_init();
-        check(vrtm_tile_estimate(handle_, &needs));
-        return needs;
+        const vrtm_status status = vrtm_tile_estimate(handle_, &needs);
+        return {needs, status};
     }
 
-    /// The prepared tile, for load().
-    std::vector<unsigned char> save() const
+    // The prepared tile, for load().
+    Result<std::vector<unsigned char>> try_save() const
     {
         std::size_t size = 0;
-        check(vrtm_tile_save(handle_, nullptr, 0, &size));
+        vrtm_status status = vrtm_tile_save(handle_, nullptr, 0, &size);
         std::vector<unsigned char> data(size);
-        check(vrtm_tile_save(handle_, data.data(), data.size(), &size));
-        return data;
+        if (status == VRTM_OK) {
+            status = vrtm_tile_save(handle_, data.data(), data.size(), &size);
+        }
+        return {std::move(data), status};
     }
-
-    void load(const std::vector<unsigned char> &data) const
+    // The same into the caller's memory; gives the size. With null and 0 it only tells the size.
+    Result<std::size_t> try_save(void *data, std::size_t capacity) const noexcept
     {
-        check(vrtm_tile_load(handle_, data.data(), data.size()));
+        std::size_t size = 0;
+        const vrtm_status status = vrtm_tile_save(handle_, data, capacity, &size);
+        return {size, status};
+    }
+    Result<> try_load(const void *data, std::size_t size) const noexcept
+    {
+        return Result<>(vrtm_tile_load(handle_, data, size));
+    }
+    Result<> try_load(const std::vector<unsigned char> &data) const noexcept
+    {
+        return try_load(data.data(), data.size());
     }
 
-    vrtm_tile_report_data report() const
+    Result<> try_fetch(FetchKind kind, const ImageOut &image) const noexcept
+    {
+        return Result<>(vrtm_tile_fetch(handle_, vrtm::value(kind), &image.c()));
+    }
+    Result<> try_fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y,
+                            std::uint32_t width, std::uint32_t height) const noexcept
+    {
+        return Result<>(vrtm_tile_fetch_part(handle_, vrtm::value(kind), &image.c(), x, y, width, height));
+    }
+
+    Result<vrtm_tile_report_data> try_report() const noexcept
     {
         vrtm_tile_report_data report = vrtm_tile_report_data_init();
-        check(vrtm_tile_report(handle_, &report));
-        return report;
+        const vrtm_status status = vrtm_tile_report(handle_, &report);
+        return {report, status};
     }
+
+#if VRTM_EXCEPTIONS
+    vrtm_tile_data info() const { return try_info().value(); }
+    void set_rigidity(const Image &map) const { try_set_rigidity(map).value(); }
+    void set_rigidity(std::nullptr_t) const { try_set_rigidity(nullptr).value(); }
+    void update_rigidity(const Image &map, std::uint32_t x, std::uint32_t y, std::uint32_t width,
+                         std::uint32_t height) const
+    {
+        try_update_rigidity(map, x, y, width, height).value();
+    }
+    void set_mask(const Image &mask) const { try_set_mask(mask).value(); }
+    void set_mask(std::nullptr_t) const { try_set_mask(nullptr).value(); }
+    void set_settings(const TileSettings &settings) const { try_set_settings(settings).value(); }
+    void set_settings(std::nullptr_t) const { try_set_settings(nullptr).value(); }
+    TileSettings settings() const { return try_settings().value(); }
+    void freeze(bool frozen) const { try_freeze(frozen).value(); }
+    vrtm_tile_needs estimate() const { return try_estimate().value(); }
+    std::vector<unsigned char> save() const { return try_save().value(); }
+    std::size_t save(void *data, std::size_t capacity) const { return try_save(data, capacity).value(); }
+    void load(const void *data, std::size_t size) const { try_load(data, size).value(); }
+    void load(const std::vector<unsigned char> &data) const { try_load(data).value(); }
+    void fetch(FetchKind kind, const ImageOut &image) const { try_fetch(kind, image).value(); }
+    void fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y, std::uint32_t width,
+                    std::uint32_t height) const
+    {
+        try_fetch_part(kind, image, x, y, width, height).value();
+    }
+    vrtm_tile_report_data report() const { return try_report().value(); }
+#endif
 
 private:
     vrtm_tile handle_{};
 };
 
-/// One mesh with its tiles.
-class Asset {
+// ---- Solve ----
+
+// One output of Asset::redirect.
+struct Fetch {
+    Tile tile;
+    ImageOut image;
+    FetchKind kind = FetchKind::redirection;
+};
+
+// The outputs of Asset::redirect: descriptions that it owns, of memory that is the caller's. Fill it once, and use it
+// for every frame.
+class Fetches {
 public:
-    Asset(const Device &device, const vrtm_mesh_desc &mesh)
+    Fetches() noexcept = default;
+    Fetches(std::initializer_list<Fetch> fetches)
     {
-        check(vrtm_asset_create(device.handle(), &mesh, &handle_));
+        for (const Fetch &fetch : fetches) {
+            add(fetch);
+        }
     }
-    ~Asset() { reset(); }
-    Asset(const Asset &) = delete;
-    Asset &operator=(const Asset &) = delete;
-    Asset(Asset &&other) noexcept : handle_(std::exchange(other.handle_, vrtm_asset{})) {}
-    Asset &operator=(Asset &&other) noexcept
+    Fetches(const Fetches &other) : images_(other.images_), fetches_(other.fetches_) { link(); }
+    Fetches(Fetches &&) noexcept = default;
+    Fetches &operator=(Fetches &&) noexcept = default;
+    Fetches &operator=(const Fetches &other) { return *this = Fetches(other); }
+
+    Fetches &add(const Fetch &fetch)
     {
-        std::swap(handle_, other.handle_);
+        vrtm_fetch c = vrtm_fetch_init();
+        c.kind = vrtm::value(fetch.kind);
+        c.tile = fetch.tile.handle();
+        fetches_.push_back(c);
+        images_.push_back(fetch.image.c());
+        link();
         return *this;
     }
 
-    vrtm_asset handle() const noexcept { return handle_; }
-
-    vrtm_asset_data info() const
-    {
-        vrtm_asset_data data = vrtm_asset_data_init();
-        check(vrtm_asset_info(handle_, &data));
-        return data;
-    }
-
-    /// All tiles: those of UV set 0 in the order of their UDIM numbers, then those of set 1, and so on.
-    std::vector<Tile> tiles() const
-    {
-        std::uint32_t count = 0;
-        check(vrtm_asset_tile_count(handle_, &count));
-        std::vector<Tile> tiles;
-        for (std::uint32_t i = 0; i < count; ++i) {
-            vrtm_tile tile{};
-            check(vrtm_asset_tile(handle_, i, &tile));
-            tiles.emplace_back(tile);
-        }
-        return tiles;
-    }
-
-    Tile find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const
-    {
-        vrtm_tile tile{};
-        check(vrtm_asset_find_tile_of_set(handle_, uv_set, udim, &tile));
-        return Tile(tile);
-    }
-
-    void set_vertex_rigidity(const vrtm_array *rigidity) { check(vrtm_asset_set_vertex_rigidity(handle_, rigidity)); }
-
-    void solve(const vrtm_array &positions, const vrtm_solve_options *options = nullptr)
-    {
-        check(vrtm_asset_solve(handle_, &positions, options));
-    }
-
-    void redirect(const vrtm_array &positions, const std::vector<vrtm_fetch> &fetches,
-                  const vrtm_solve_options *options = nullptr)
-    {
-        check(vrtm_asset_redirect(handle_, &positions, options, fetches.data(), fetches.size()));
-    }
-
-    /// One pair (u, v) per face corner.
-    std::vector<float> corner_uvs(std::uint32_t uv_set = 0) const
-    {
-        const auto corners = static_cast<std::size_t>(info().corners);
-        std::vector<float> uvs(2 * corners);
-        check(vrtm_asset_fetch_corner_uvs_of_set(handle_, uv_set, uvs.data(), corners));
-        return uvs;
-    }
-
-    vrtm_asset_report_data report() const
-    {
-        vrtm_asset_report_data report = vrtm_asset_report_data_init();
-        check(vrtm_asset_report(handle_, &report));
-        return report;
-    }
+    std::size_t size() const noexcept { return fetches_.size(); }
+    const vrtm_fetch *c() const noexcept { return fetches_.data(); }
 
 private:
-    void reset() noexcept
+    void link() noexcept
     {
-        if (handle_.id != 0) {
-            vrtm_asset_destroy(handle_);
+        for (std::size_t i = 0; i < images_.size(); ++i) {
+            fetches_[i].image = &images_[i];
         }
     }
 
-    vrtm_asset handle_{};
+    std::vector<vrtm_image_out> images_;
+    std::vector<vrtm_fetch> fetches_; // point into images_
 };
+
+// What a progress function wants.
+enum class Proceed : bool { no, yes };
+
+// A function that is told how far a solve is. An exception that leaves it cancels the solve.
+using Progress = std::function<Proceed(float progress)>;
+
+// Options of one solve: the fields of vrtm_solve_options, zero at first, and the lists and the function.
+struct SolveOptions : vrtm_solve_options {
+    SolveOptions() noexcept : vrtm_solve_options(vrtm_solve_options_init()) {}
+
+    SolveOptions &set(Quality wanted) noexcept
+    {
+        quality = vrtm::value(wanted);
+        return *this;
+    }
+    SolveOptions &set(Solver wanted) noexcept
+    {
+        solver = vrtm::value(wanted);
+        return *this;
+    }
+    // The tiles to solve, copied; an empty list is none.
+    SolveOptions &set_tiles(const std::vector<Tile> &wanted)
+    {
+        tiles_.emplace();
+        for (const Tile tile : wanted) {
+            tiles_->push_back(tile.handle());
+        }
+        return *this;
+    }
+    SolveOptions &set_all_tiles() noexcept
+    {
+        tiles_.reset();
+        tiles = nullptr;
+        return *this;
+    }
+    // The vertices that have moved, not copied; an empty list is none.
+    SolveOptions &set_dirty_vertices(const Indices &moved) noexcept
+    {
+        dirty_vertices = moved.data();
+        dirty_vertex_count = moved.size();
+        return *this;
+    }
+    SolveOptions &set_all_dirty() noexcept
+    {
+        dirty_vertices = nullptr;
+        return *this;
+    }
+    SolveOptions &set_progress(Progress function)
+    {
+        progress_ = std::move(function);
+        return *this;
+    }
+
+    // Points into this object.
+    vrtm_solve_options c() const & noexcept { return c_with(&progress_); }
+    vrtm_solve_options c() const && = delete;
+
+private:
+    friend class Asset;
+
+    // With a progress function that may be a copy of this one's.
+    vrtm_solve_options c_with(const Progress *function) const noexcept
+    {
+        vrtm_solve_options c = *this;
+        if (tiles_) {
+            // Not null, which would be all of them.
+            c.tiles = tiles_->empty() ? reinterpret_cast<const vrtm_tile *>(alignof(vrtm_tile)) : tiles_->data();
+            c.tile_count = tiles_->size();
+        }
+        if (*function) {
+            c.progress_user = const_cast<Progress *>(function);
+            c.progress = [](void *user, float done) noexcept -> std::uint32_t {
+#if VRTM_EXCEPTIONS
+                try {
+                    return (*static_cast<const Progress *>(user))(done) == Proceed::yes ? 0 : 1;
+                } catch (...) {
+                    return 1;
+                }
+#else
+                return (*static_cast<const Progress *>(user))(done) == Proceed::yes ? 0 : 1;
+#endif
+            };
+        }
+        return c;
+    }
+
+    std::optional<std::vector<vrtm_tile>> tiles_;
+    Progress progress_;
+};
+
+// ---- Jobs ----
+
+// How far a job is.
+struct JobData {
+    JobState state;
+    Code code;
+    float progress;
+    std::chrono::duration<float, std::milli> time;
+};
+
+// One solve that runs beside the host's own work. Its end cancels it, and waits for it.
+class Job {
+public:
+    // Empty: no job.
+    Job() noexcept = default;
+
+    explicit operator bool() const noexcept { return handle().id != 0; }
+    vrtm_job handle() const noexcept { return owner_.handle(); }
+    // Cancels the job, waits for its end, and is empty then.
+    void reset() noexcept { *this = Job(); }
+    Job(Job &&) noexcept = default;
+    Job &operator=(Job &&other) noexcept
+    {
+        // The job first: it may be calling the function.
+        owner_ = std::move(other.owner_);
+        progress_ = std::move(other.progress_);
+        return *this;
+    }
+
+    // What Asset::try_solve would have returned.
+    Result<> try_wait() const noexcept { return Result<>(vrtm_job_wait(handle(), VRTM_FOREVER)); }
+    // The same, or Code::timeout. 0 only looks.
+    template <class Rep, class Period>
+    Result<> try_wait_for(const std::chrono::duration<Rep, Period> &time) const noexcept
+    {
+        return Result<>(vrtm_job_wait(handle(), whole_ms(std::chrono::duration<double, std::milli>(time).count())));
+    }
+    Result<JobData> try_progress() const noexcept
+    {
+        vrtm_job_data c = vrtm_job_data_init();
+        const vrtm_status status = vrtm_job_progress(handle(), &c);
+        return {JobData{JobState(c.state), Code(c.status), c.progress, std::chrono::duration<float, std::milli>(c.ms)},
+                status};
+    }
+    Result<> try_cancel() const noexcept { return Result<>(vrtm_job_cancel(handle())); }
+
+#if VRTM_EXCEPTIONS
+    void wait() const { try_wait().value(); }
+    // Whether the job is done; throws if it failed.
+    template <class Rep, class Period> bool wait_for(const std::chrono::duration<Rep, Period> &time) const
+    {
+        const Result<> result = try_wait_for(time);
+        if (result.code() == Code::timeout) {
+            return false;
+        }
+        result.value();
+        return true;
+    }
+    JobData progress() const { return try_progress().value(); }
+    void cancel() const { try_cancel().value(); }
+#endif
+
+private:
+    friend class Asset;
+
+    // Rounded up; what is longer than 49 days waits 49 days.
+    static std::uint32_t whole_ms(double ms) noexcept
+    {
+        if (!(ms > 0)) {
+            return 0;
+        }
+        if (ms >= VRTM_FOREVER - 1) {
+            return VRTM_FOREVER - 1;
+        }
+        const std::uint32_t whole = static_cast<std::uint32_t>(ms);
+        return whole < ms ? whole + 1 : whole;
+    }
+
+    // Declared first, so that it ends last.
+    std::unique_ptr<const Progress> progress_;
+    detail::Owner<vrtm_job> owner_;
+};
+
+// ---- Asset ----
+
+// One mesh with its tiles, their maps, settings and results.
+class Asset {
+public:
+    // Empty: no asset.
+    Asset() noexcept = default;
+
+    static Result<Asset> try_create(const Device &device, const Mesh &mesh) noexcept
+    {
+        return try_create(device, mesh.c());
+    }
+    static Result<Asset> try_create(const Device &device, const vrtm_mesh_desc &mesh) noexcept
+    {
+        vrtm_asset handle{};
+        const vrtm_status status = vrtm_asset_create(device.handle(), &mesh, &handle);
+        Asset asset;
+        asset.owner_ = detail::Owner<vrtm_asset>(handle, device.owner_.keep());
+        return {std::move(asset), status};
+    }
+
+    explicit operator bool() const noexcept { return handle().id != 0; }
+    vrtm_asset handle() const noexcept { return owner_.handle(); }
+    // Ends the handle, if there is one.
+    void reset() noexcept { *this = Asset(); }
+
+    Result<vrtm_asset_data> try_info() const noexcept
+    {
+        vrtm_asset_data data = vrtm_asset_data_init();
+        const vrtm_status status = vrtm_asset_info(handle(), &data);
+        return {data, status};
+    }
+
+    Result<std::uint32_t> try_tile_count() const noexcept
+    {
+        std::uint32_t count = 0;
+        const vrtm_status status = vrtm_asset_tile_count(handle(), &count);
+        return {count, status};
+    }
+    Result<Tile> try_tile(std::uint32_t index) const noexcept
+    {
+        vrtm_tile tile{};
+        const vrtm_status status = vrtm_asset_tile(handle(), index, &tile);
+        return {Tile(tile), status};
+    }
+    // All tiles: those of UV set 0 in the order of their UDIM numbers, then those of set 1, and so on.
+    Result<std::vector<Tile>> try_tiles() const
+    {
+        const Result<std::uint32_t> count = try_tile_count();
+        Result<> result = count;
+        std::vector<Tile> tiles;
+        for (std::uint32_t i = 0; i < *count && result; ++i) {
+            const Result<Tile> tile = try_tile(i);
+            result = tile;
+            tiles.push_back(*tile);
+        }
+        return {std::move(tiles), result};
+    }
+    Result<Tile> try_find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const noexcept
+    {
+        vrtm_tile tile{};
+        const vrtm_status status = vrtm_asset_find_tile_of_set(handle(), uv_set, udim, &tile);
+        return {Tile(tile), status};
+    }
+
+    Result<> try_set_vertex_rigidity(const Array &rigidity) const noexcept
+    {
+        return Result<>(vrtm_asset_set_vertex_rigidity(handle(), &rigidity.c()));
+    }
+    // Takes it away.
+    Result<> try_set_vertex_rigidity(std::nullptr_t) const noexcept
+    {
+        return Result<>(vrtm_asset_set_vertex_rigidity(handle(), nullptr));
+    }
+
+    Result<> try_solve(const Array &positions, const SolveOptions &options = SolveOptions()) const noexcept
+    {
+        const vrtm_solve_options c = options.c();
+        return Result<>(vrtm_asset_solve(handle(), &positions.c(), &c));
+    }
+    Result<> try_redirect(const Array &positions, const Fetches &fetches,
+                          const SolveOptions &options = SolveOptions()) const noexcept
+    {
+        const vrtm_solve_options c = options.c();
+        return Result<>(vrtm_asset_redirect(handle(), &positions.c(), &c, fetches.c(), fetches.size()));
+    }
+    // Cancels the solve that is under way, of another thread or a job.
+    Result<> try_cancel() const noexcept { return Result<>(vrtm_asset_cancel(handle())); }
+
+    // The job keeps a copy of the progress function.
+    Result<Job> try_submit(const Array &positions, const SolveOptions &options = SolveOptions()) const
+    {
+        Job job;
+        job.progress_ = std::unique_ptr<const Progress>(new Progress(options.progress_));
+        const vrtm_solve_options c = options.c_with(job.progress_.get());
+        vrtm_job handle_of_job{};
+        const vrtm_status status = vrtm_asset_submit(handle(), &positions.c(), &c, &handle_of_job);
+        job.owner_ = detail::Owner<vrtm_job>(handle_of_job, owner_.keep());
+        return {std::move(job), status};
+    }
+
+    // One pair (u, v) per face corner.
+    Result<std::vector<float>> try_corner_uvs(std::uint32_t uv_set = 0) const
+    {
+        const Result<vrtm_asset_data> data = try_info();
+        std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
+        Result<> result = data;
+        if (result) {
+            result = try_corner_uvs(uvs.data(), uvs.size() / 2, uv_set);
+        }
+        return {std::move(uvs), result};
+    }
+    // The same into the caller's memory: `count` pairs, as many as the mesh has corners.
+    Result<> try_corner_uvs(float *uvs, std::size_t count, std::uint32_t uv_set = 0) const noexcept
+    {
+        return Result<>(vrtm_asset_fetch_corner_uvs_of_set(handle(), uv_set, uvs, count));
+    }
+
+    Result<vrtm_asset_report_data> try_report() const noexcept
+    {
+        vrtm_asset_report_data report = vrtm_asset_report_data_init();
+        const vrtm_status status = vrtm_asset_report(handle(), &report);
+        return {report, status};
+    }
+
+#if VRTM_EXCEPTIONS
+    static Asset create(const Device &device, const Mesh &mesh) { return try_create(device, mesh).value(); }
+    static Asset create(const Device &device, const vrtm_mesh_desc &mesh) { return try_create(device, mesh).value(); }
+    vrtm_asset_data info() const { return try_info().value(); }
+    std::uint32_t tile_count() const { return try_tile_count().value(); }
+    Tile tile(std::uint32_t index) const { return try_tile(index).value(); }
+    std::vector<Tile> tiles() const { return try_tiles().value(); }
+    Tile find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const { return try_find_tile(udim, uv_set).value(); }
+    void set_vertex_rigidity(const Array &rigidity) const { try_set_vertex_rigidity(rigidity).value(); }
+    void set_vertex_rigidity(std::nullptr_t) const { try_set_vertex_rigidity(nullptr).value(); }
+    void solve(const Array &positions, const SolveOptions &options = SolveOptions()) const
+    {
+        try_solve(positions, options).value();
+    }
+    void redirect(const Array &positions, const Fetches &fetches, const SolveOptions &options = SolveOptions()) const
+    {
+        try_redirect(positions, fetches, options).value();
+    }
+    void cancel() const { try_cancel().value(); }
+    Job submit(const Array &positions, const SolveOptions &options = SolveOptions()) const
+    {
+        return try_submit(positions, options).value();
+    }
+    std::vector<float> corner_uvs(std::uint32_t uv_set = 0) const { return try_corner_uvs(uv_set).value(); }
+    void corner_uvs(float *uvs, std::size_t count, std::uint32_t uv_set = 0) const
+    {
+        try_corner_uvs(uvs, count, uv_set).value();
+    }
+    vrtm_asset_report_data report() const { return try_report().value(); }
+#endif
+
+private:
+    detail::Owner<vrtm_asset> owner_;
+};
+
+#if VRTM_EXCEPTIONS
+inline std::vector<vrtm_adapter_data> adapters() { return try_adapters().value(); }
+#endif
 
 } // namespace vrtm
 

@@ -25,8 +25,9 @@ mod torn;
 use std::sync::Arc;
 
 use crate::device::Device;
-use crate::error::{Error, Result};
+use crate::error::{Error, ErrorKind, Result};
 use crate::image::ImageViewMut;
+use crate::memory::Collect;
 use crate::mesh::{Mesh, MeshSource};
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
 use crate::settings::SolveOptions;
@@ -67,9 +68,13 @@ impl Asset {
     /// that do not add up, a face with UVs at some corners only, an empty mesh.
     pub fn new(device: &Device, source: &MeshSource) -> Result<Asset> {
         device.alive()?;
+        device.call(|| Asset::make(device, source))
+    }
+
+    fn make(device: &Device, source: &MeshSource) -> Result<Asset> {
         let mesh = Arc::new(Mesh::new(source)?);
         log::describe(device, &mesh);
-        let tiles = mesh.tiles.iter().map(|_| TileState::default()).collect();
+        let tiles = mesh.tiles.iter().map(|_| TileState::default()).collected();
         let results = Results::new(device, &mesh);
         Ok(Asset { device: device.clone(), mesh, tiles, results })
     }
@@ -194,6 +199,17 @@ impl Asset {
     /// Those of that.
     pub fn report(&self) -> Result<AssetReport> {
         self.results.report()
+    }
+
+    /// Calls `f` with the device's memory. Where some is missing, that is an error: every tile keeps what it has, and what
+    /// was booked for more goes back.
+    fn call<R>(&mut self, f: impl FnOnce(&mut Asset) -> Result<R>) -> Result<R> {
+        let device = self.device.clone();
+        let result = device.call(|| f(self));
+        if result.as_ref().is_err_and(|error| error.kind == ErrorKind::OutOfMemory) {
+            self.tiles.iter_mut().for_each(|tile| tile.settle(&device));
+        }
+        result
     }
 
     fn check_tile(&self, tile: usize) -> Result<()> {

@@ -213,6 +213,7 @@ pub(crate) fn this_thread() -> usize {
 struct Cancelled;
 
 fn unwind() -> ! {
+    #[expect(clippy::disallowed_methods, reason = "of no size")]
     resume_unwind(Box::new(Cancelled))
 }
 

@@ -32,6 +32,7 @@ mod prefetch;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
+use crate::memory::{Collect, Grow, boxed, copied, filled, zeroed};
 use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Input};
 use crate::panics::{go_on, hold_back};
@@ -40,14 +41,13 @@ use crate::tile::Grid;
 use crate::tile::blocks::Plane;
 use crate::tile::pose::Pose;
 use crate::tile::window::{WINDOW_NODES, Window};
-pub(crate) use allocate::zeroed;
 use correct::Pairs;
 pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};
 use sampling::{Chords, Metrics, Surface};
 
 /// The blocks of one level that take part in a solve: those of the charts that are solved.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 struct Work {
     /// Active blocks (those with movable nodes), by block colour.
     colours: [Vec<u32>; 4],
@@ -55,6 +55,16 @@ struct Work {
     active: Vec<u32>,
     /// All stored blocks: active ones, and blocks that only hold neighbours of movable nodes.
     stored: Vec<u32>,
+}
+
+impl Clone for Work {
+    fn clone(&self) -> Work {
+        Work {
+            colours: self.colours.each_ref().map(|colour| copied(colour)),
+            active: copied(&self.active),
+            stored: copied(&self.stored),
+        }
+    }
 }
 
 impl Work {
@@ -118,37 +128,37 @@ impl<'a> Run<'a> {
                 let mut work = Work::default();
                 for (b, block) in level.blocks.list.iter().enumerate() {
                     if charts[block.chart as usize] {
-                        work.stored.push(b as u32);
+                        work.stored.put(b as u32);
                         if block.active {
-                            work.active.push(b as u32);
-                            work.colours[(block.y % 2 * 2 + block.x % 2) as usize].push(b as u32);
+                            work.active.put(b as u32);
+                            work.colours[(block.y % 2 * 2 + block.x % 2) as usize].put(b as u32);
                         }
                     }
                 }
                 work
             })
-            .collect();
+            .collected();
         Run {
             team,
             grid,
             mesh,
             pose,
             memory,
-            weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collect(),
+            weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collected(),
             work,
             charts,
             result,
             result_is_used: false,
             anchor,
-            results: vec![ChartResult::default(); charts.len()],
-            known_energies: vec![None; charts.len()],
+            results: filled(ChartResult::default(), charts.len()),
+            known_energies: filled(None, charts.len()),
             node_updates: AtomicU64::new(0),
             stop: None,
             stopped: false,
             began: Instant::now(),
             patches: PerThread::new(team, Patch::zeroed),
-            pairs: PerThread::new(team, || Box::new([[0.0; WINDOW_NODES]; 16])),
-            slopes: PerThread::new(team, || Box::new([[0.0; WINDOW_NODES]; 6])),
+            pairs: PerThread::new(team, || boxed([[0.0; WINDOW_NODES]; 16])),
+            slopes: PerThread::new(team, || boxed([[0.0; WINDOW_NODES]; 6])),
         }
     }
 
@@ -173,7 +183,7 @@ impl<'a> Run<'a> {
     /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks.
     fn sum_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
         let list = &self.grid.levels[level].blocks.list;
-        let mut sums = vec![0.0; self.charts.len()];
+        let mut sums = zeroed(self.charts.len());
         for (x, &b) in values.iter().zip(&self.work[level].active) {
             sums[list[b as usize].chart as usize] += x;
         }

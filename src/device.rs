@@ -8,6 +8,7 @@ use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Survey, interfaces};
 use crate::gpu::context::{self, Context};
+use crate::memory::{self, Current};
 use crate::method::budget::Costs;
 use crate::method::point::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
@@ -125,7 +126,8 @@ impl Device {
     ///
     /// # Errors
     /// For [`Backend::Gpu`], `Unsupported` if there is no GPU or it cannot be opened, and `InvalidArgument` if there is
-    /// none of that number; `InvalidArgument` for more than 1024 threads or an unreadable environment variable.
+    /// none of that number; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
+    /// `Unsupported` for an allocator without the cargo feature `allocator`; `OutOfMemory`.
     pub fn new(settings: &DeviceSettings) -> Result<Device> {
         Device::with(settings, Options::read(variable)?)
     }
@@ -145,6 +147,14 @@ impl Device {
     }
 
     fn with(settings: &DeviceSettings, options: Options) -> Result<Device> {
+        if settings.allocator.is_some() && !cfg!(feature = "allocator") {
+            let why = "allocator: this build of the library lacks the feature for it";
+            return Err(Error::new(ErrorKind::Unsupported, why));
+        }
+        in_memory_of(settings, || Device::make(settings, options))
+    }
+
+    fn make(settings: &DeviceSettings, options: Options) -> Result<Device> {
         let mut settings = settings.clone();
         settings.threads = options.threads.unwrap_or(settings.threads);
         settings.backend = options.backend.unwrap_or(settings.backend);
@@ -202,6 +212,11 @@ impl Device {
             threads: self.0.threads,
             bytes_held: self.0.bytes_held.load(Ordering::Relaxed),
         }
+    }
+
+    /// Calls `f` with memory from where the device's comes from; what is missing is an error.
+    pub(crate) fn call<R>(&self, f: impl FnOnce() -> Result<R>) -> Result<R> {
+        in_memory_of(&self.0.settings, f)
     }
 
     /// The open GPU, if this is one.
@@ -276,6 +291,12 @@ impl Device {
                 )
             })
     }
+}
+
+/// Calls `f` with memory from where a device's comes from.
+fn in_memory_of<R>(settings: &DeviceSettings, f: impl FnOnce() -> Result<R>) -> Result<R> {
+    let _scope = Current::new(settings.allocator.as_ref()).enter();
+    memory::caught(f)
 }
 
 /// The GPU that was asked for by its number, and which one that is.

@@ -26,6 +26,7 @@ use std::time::Instant;
 
 use crate::control::Control;
 use crate::error::{Error, Result};
+use crate::memory::{Collect, copied, make_room_in};
 use crate::method::schedule::{ChartResult, Input};
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
@@ -124,7 +125,7 @@ impl<'a> Run<'a> {
         let context = memory.context.clone();
         memory.update_lists(grid, charts);
         let positions: Vec<f32> =
-            pose.charts.iter().flat_map(|chart| chart.positions.as_flattened()).copied().collect();
+            pose.charts.iter().flat_map(|chart| chart.positions.as_flattened()).copied().collected();
         context.queue.write_buffer(&memory.positions, 0, bytemuck::cast_slice(&positions));
         let records: Vec<Chart> = charts
             .iter()
@@ -134,7 +135,7 @@ impl<'a> Run<'a> {
                 length_floor: floor,
                 ..Chart::default()
             })
-            .collect();
+            .collected();
         context.queue.write_buffer(&memory.charts, 0, bytemuck::cast_slice(&records));
         let params = Params {
             smoothness_floor: settings.smoothness_floor,
@@ -153,7 +154,7 @@ impl<'a> Run<'a> {
             memory,
             recorder,
             charts,
-            smoothness: (0..grid.levels.len()).map(|level| input.smoothness(level)).collect(),
+            smoothness: (0..grid.levels.len()).map(|level| input.smoothness(level)).collected(),
             params,
             pull: input.pull,
             last_result,
@@ -205,11 +206,11 @@ impl<'a> Run<'a> {
         if let Some(error) = self.error {
             return Err(error);
         }
-        let (times, last) = self.recorder.finish();
+        let times = self.recorder.finish();
         let record_ms = milliseconds(self.recording);
         let waiting = Instant::now();
         if let Some(control) = control {
-            self.context.wait_for(&last, control)?;
+            self.context.wait_for(control)?;
         }
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
@@ -218,11 +219,12 @@ impl<'a> Run<'a> {
         let wanted: Vec<_> = [(&charts, 0..size), (&gate_open, 0..gates)]
             .into_iter()
             .chain(times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes)))
-            .collect();
+            .collected();
         let parts = self.context.read_all(&wanted)?;
         let wait_ms = milliseconds(waiting);
-        let (statistics, recording) =
-            self.recorder.close(bytemuck::pod_collect_to_vec(&parts[1]).as_slice(), &parts[2..].concat());
+        let gates: Vec<u32> = parts[1].chunks_exact(4).map(bytemuck::pod_read_unaligned).collected();
+        let times: Vec<u8> = parts[2..].iter().flatten().copied().collected();
+        let (statistics, recording) = self.recorder.close(&gates, &times);
         self.memory.recording = recording;
         let records = parts[0].chunks_exact(size_of::<Chart>());
         let identity = ChartResult { min_jacobian: 1.0, fallback: true, ..ChartResult::default() };
@@ -231,7 +233,7 @@ impl<'a> Run<'a> {
             false => chart_result(&bytemuck::pod_read_unaligned(bytes)),
         };
         Ok(Solution {
-            charts: records.map(read).collect(),
+            charts: records.map(read).collected(),
             result: self.result,
             node_updates: self.node_updates,
             statistics: Statistics { upload_ms: self.upload_ms, record_ms, wait_ms, ..statistics },
@@ -319,11 +321,13 @@ impl<'a> Run<'a> {
                 return;
             }
         };
-        let key = (kernel, at, extra.to_vec());
+        let key = (kernel, at, copied(extra));
         let bind_group = match self.memory.bind_groups.get(&key) {
             Some(bind_group) => bind_group.clone(),
             None => {
                 let bind_group = self.memory.bind_group(kernel, &pipeline.layout, at, extra);
+                make_room_in(&mut self.memory.bind_groups, 1);
+                #[expect(clippy::disallowed_methods, reason = "there is room")]
                 self.memory.bind_groups.insert(key, bind_group.clone());
                 bind_group
             }

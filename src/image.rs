@@ -5,6 +5,7 @@ pub(crate) mod map;
 use std::marker::PhantomData;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory::Collect;
 use map::{Map, TexelRect, decode};
 
 /// The number format of one channel.
@@ -179,8 +180,8 @@ impl<'a> ImageView<'a> {
     pub(crate) fn to_map(self, name: &str, wanted: impl Fn(&TexelRect) -> bool) -> Result<Map> {
         let size = [self.layout.width as usize, self.layout.height as usize];
         self.check_finite(name, TexelRect { first: [0, 0], end: size })?;
-        let mut map = Map::new(name, size, self.layout.format, wanted)?;
-        let held: Vec<TexelRect> = map.held().collect();
+        let mut map = Map::new(size, self.layout.format, wanted);
+        let held: Vec<TexelRect> = map.held().collected();
         for rect in held {
             self.copy_to(&mut map, rect);
         }

@@ -6,6 +6,13 @@
 //! redirection map, the warp, corner UVs and reports. Beside that way stands `oracle`, the side in double precision that
 //! results are measured with. `docs/method.md` is the mathematics, `docs/architecture.md` the map of the source.
 //!
+//! # Memory
+//!
+//! A call for which there is too little memory returns [`ErrorKind::OutOfMemory`] and leaves everything as it was. For this
+//! the library has a global allocator, which is that of the whole program. A program that has one of its own must leave out
+//! the cargo feature `allocator` (on by default): arrays whose size follows from input fail all the same, but messages and
+//! the like then abort the process where there is no memory at all, and [`DeviceSettings::allocator`] is not supported.
+//!
 //! # Example
 //!
 //! Two squares side by side, of which one is stretched and the other squashed. What is painted into their middle is to
@@ -52,6 +59,10 @@
 //! # }
 //! ```
 
+// An allocation whose size follows from input must be able to fail: clippy.toml lists those that cannot.
+#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
+
+mod memory;
 mod view;
 mod image;
 mod mesh;
@@ -81,6 +92,11 @@ mod ffi;
 #[doc(hidden)]
 pub mod ffi;
 
+/// Memory of all of the library, and of a Rust program that links it.
+#[cfg(feature = "allocator")]
+#[global_allocator]
+static ALLOCATOR: memory::Allocator = memory::Allocator;
+
 #[cfg(feature = "oracle")]
 pub use asset::ReferenceMinimum;
 pub use asset::{Asset, Fetch, FetchKind, Results, SolveRequest};
@@ -88,6 +104,7 @@ pub use control::{Control, ProgressFn};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
+pub use memory::HostAllocator;
 pub use mesh::{MeshSource, UvSource, Weld, WeldBy};
 #[cfg(all(feature = "oracle", feature = "gpu"))]
 pub use oracle::parity::StageDifference;

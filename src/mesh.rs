@@ -17,6 +17,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::error::Result;
+use crate::memory::{Collect, Grow};
 use crate::report::AssetInfo;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
 
@@ -24,7 +25,7 @@ pub use source::{MeshSource, UvSource, Weld, WeldBy};
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// A triangle of a tile.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Triangle {
     /// Its corners' vertices, as indices into `Chart::vertices`.
     pub local: [u32; 3],
@@ -35,7 +36,7 @@ pub(crate) struct Triangle {
 }
 
 /// A connected component of triangles in the UV plane (method §1).
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Chart {
     /// Its triangles in `TileMesh::triangles`.
     pub triangles: Range<usize>,
@@ -44,7 +45,7 @@ pub(crate) struct Chart {
 }
 
 /// An edge of the UV plane whose sides have different vertices: it is one edge by position alone.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct WeldedEdge {
     /// Both triangles, by their numbers in `TileMesh::chart_of`, and their corners opposite to the edge.
     pub sides: [(u32, u8); 2],
@@ -53,7 +54,7 @@ pub(crate) struct WeldedEdge {
 }
 
 /// The triangles of the mesh that belong to one UDIM tile of one UV set.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub(crate) struct TileMesh {
     pub udim: u32,
     pub uv_set: u32,
@@ -72,7 +73,7 @@ impl TileMesh {
     /// The chart of each triangle.
     pub fn chart_of_triangles(&self) -> Vec<u32> {
         let count = |c: usize| self.charts[c].triangles.len();
-        (0..self.charts.len()).flat_map(|c| std::iter::repeat_n(c as u32, count(c))).collect()
+        (0..self.charts.len()).flat_map(|c| std::iter::repeat_n(c as u32, count(c))).collected()
     }
 
     /// Sides of triangles without a neighbour.
@@ -93,7 +94,7 @@ pub(crate) struct Corner {
 }
 
 /// A validated mesh.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Mesh {
     pub rest: Vec<[f64; 3]>,
     /// The corners of each UV set.
@@ -120,7 +121,7 @@ impl Mesh {
     /// `InvalidArgument` naming the array and the index of its first invalid element.
     pub fn new(source: &MeshSource) -> Result<Mesh> {
         check::check(source)?;
-        let rest: Vec<[f64; 3]> = (0..source.positions.len()).map(|i| source.positions.get3(i)).collect();
+        let rest: Vec<[f64; 3]> = (0..source.positions.len()).map(|i| source.positions.get3(i)).collected();
         let mut info = AssetInfo {
             vertices: rest.len() as u64,
             corners: source.indices.len() as u64,
@@ -133,7 +134,7 @@ impl Mesh {
         for (uv_set, uvs) in (0..).zip(std::iter::once(&source.uvs).chain(source.uv_sets)) {
             let mut set = read::read(source, uvs, uv_set, &mut info);
             welding.build(&mut set, &seams, uv_set, &mut tiles);
-            corners.push(set.corners);
+            corners.put(set.corners);
         }
         info.tiles = tiles.len() as u32;
         info.charts = tiles.iter().map(|tile| tile.charts.len() as u32).sum();
@@ -142,7 +143,7 @@ impl Mesh {
         info.welded_edges = tiles.iter().map(|tile| tile.welds.len() as u64).sum();
         info.edges_apart = tiles.iter().map(|tile| tile.edges_apart).sum();
         let torn = 10.0 * welding.tolerance;
-        let tiles = tiles.into_iter().map(Arc::new).collect();
+        let tiles = tiles.into_iter().map(Arc::new).collected();
         Ok(Mesh { rest, corners, tiles, torn, info })
     }
 }

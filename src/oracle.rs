@@ -5,6 +5,8 @@
 pub(crate) mod exact;
 pub(crate) mod measure;
 #[cfg(all(feature = "oracle", feature = "gpu"))]
+#[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "never in a library that is shipped")]
 pub(crate) mod parity;
 #[cfg(feature = "oracle")]
+#[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "never in a library that is shipped")]
 pub(crate) mod reference;

@@ -13,6 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Once, OnceLock};
 
 use crate::line::Line;
+use crate::memory::OutOfMemory;
 
 /// Bytes of a panic's place; a longer one is cut.
 const PLACE_BYTES: usize = 128;
@@ -43,6 +44,11 @@ impl Panicked {
         literal.or_else(formatted).unwrap_or("a panic without a message")
     }
 
+    /// If it is no panic, but memory that is missing.
+    pub fn out_of_memory(&self) -> Option<&OutOfMemory> {
+        self.payload.downcast_ref()
+    }
+
     /// File, line and column.
     pub fn place(&self) -> &str {
         self.place.as_str()
@@ -65,11 +71,16 @@ pub(crate) fn catch<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
 }
 
 /// Runs code of others that panics where it should fail (wgpu on a lost device). `Err` holds the panic's text and
-/// place.
+/// place. Memory that is missing goes on to the caller.
 #[cfg(any(test, feature = "gpu"))]
 pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
     install_hook();
-    catch_here(body).map_err(|panic| format!("{} ({})", panic.text(), panic.place()))
+    catch_here(body).map_err(|panic| {
+        if panic.out_of_memory().is_some() {
+            resume_unwind(panic.payload);
+        }
+        format!("{} ({})", panic.text(), panic.place())
+    })
 }
 
 /// Holds back a panic of `body`, so that what it was lent can be put back first; [`go_on`] lets it go on. For calls that
@@ -112,6 +123,7 @@ fn install_hook() {
     ONCE.call_once(|| {
         let _ = PREVIOUS_HOOK.set(take_hook());
         // A function, not a closure that holds the other hook: that would need memory, which unloading leaves behind.
+        #[expect(clippy::disallowed_methods, reason = "of no size")]
         set_hook(Box::new(keep_or_pass_on));
     });
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::error::{Error, Result};
+use crate::memory::HostAllocator;
 use crate::team::Executor;
 
 /// Most CPU threads per solve.
@@ -55,6 +56,8 @@ pub struct DeviceSettings {
     /// The host's threads, on which solves and fetches work in place of the library's own, with the same bits; `None` = the
     /// library's own, which end with each call.
     pub executor: Option<Arc<dyn Executor>>,
+    /// The host's allocator; `None` = the system's.
+    pub allocator: Option<HostAllocator>,
 }
 
 impl fmt::Debug for DeviceSettings {
@@ -66,6 +69,7 @@ impl fmt::Debug for DeviceSettings {
             .field("memory_budget", &self.memory_budget)
             .field("log", &self.log.is_some())
             .field("executor", &self.executor.is_some())
+            .field("allocator", &self.allocator)
             .finish()
     }
 }

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::control::Control;
+use crate::memory::{Collect, Current, Grow, with_capacity};
 pub use executor::{Executor, Task};
 use protocol::Protocol;
 
@@ -94,12 +95,16 @@ impl Team {
             return f(&team);
         }
         let (protocol, address) = (&team.protocol, team.address() as usize);
+        // Items take their memory from where the caller does, whichever thread they are on.
+        let memory = Current::of_this_thread();
         let help = |number| {
+            let _memory = memory.enter();
             let worker = Worker { number, team: address as *const () };
             // SAFETY: called within a job that this helper has joined; `run_dyn` keeps its function alive.
             protocol.help(|job, k| unsafe { (*job.0)(&worker, k) });
         };
         let body = || {
+            let _memory = memory.enter();
             let result = catch_unwind(AssertUnwindSafe(|| f(&team)));
             protocol.quit();
             result
@@ -174,11 +179,12 @@ impl Team {
 
     /// Returns f(0) to f(count - 1), each computed on any of the threads.
     pub fn map<T: Send>(&self, count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
-        let mut results: Vec<Option<T>> = Vec::with_capacity(count);
-        results.resize_with(count, || None);
+        let mut results: Vec<Option<T>> = (0..count).map(|_| None).collected();
         self.fill(&mut results, |k, result| *result = Some(f(k)));
         // Every item ran, or `fill` did not return.
-        results.into_iter().flatten().collect()
+        let mut all = with_capacity(count);
+        all.put_all(results.into_iter().flatten());
+        all
     }
 
     /// Calls `f(k, element k)` for all elements, each on any of the threads.
@@ -251,7 +257,7 @@ unsafe impl<T: Send> Send for PerThread<'_, T> {}
 impl<'a, T> PerThread<'a, T> {
     /// For a team's threads, each of which makes its piece with `new`.
     pub fn new(team: &'a Team, new: fn() -> Box<T>) -> PerThread<'a, T> {
-        let pieces = (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collect();
+        let pieces = (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collected();
         PerThread { pieces, new, team: team.address(), of_team: PhantomData }
     }
 

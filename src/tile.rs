@@ -28,6 +28,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::image::map::Map;
+use crate::memory::{Collect, copied};
 #[cfg(test)]
 use crate::mesh::Mesh;
 use crate::mesh::TileMesh;
@@ -54,7 +55,7 @@ pub(crate) enum Rigidity {
     /// An image.
     Map(Map),
     /// One value per vertex of the mesh.
-    Vertices(Arc<[f32]>),
+    Vertices(Arc<Vec<f32>>),
 }
 
 /// A tile's maps and settings, as the host has set them.
@@ -97,7 +98,7 @@ pub struct UvTriangle {
 
 /// One level of a tile's grid: all of its data that does not depend on the pose. What does not depend on the rigidity
 /// either is shared with the grids that differ in it only.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Level {
     /// Cells along u.
     pub nx: usize,
@@ -130,8 +131,28 @@ pub struct Level {
     pub parent: Arc<Vec<u32>>,
 }
 
+impl Clone for Level {
+    fn clone(&self) -> Level {
+        Level {
+            blocks: self.blocks.clone(),
+            rigidity: copied(&self.rigidity),
+            density: self.density.clone(),
+            interpolation: copied(&self.interpolation),
+            stiffness: copied(&self.stiffness),
+            movable: self.movable.clone(),
+            rest_length: self.rest_length.clone(),
+            lengths: copied(&self.lengths),
+            floor: copied(&self.floor),
+            coverage: self.coverage.clone(),
+            children: self.children.clone(),
+            parent: self.parent.clone(),
+            ..*self
+        }
+    }
+}
+
 /// A tile's grid: all data that is built once per mesh, maps and settings.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Grid {
     pub levels: Vec<Level>,
     pub triangles: Arc<Vec<UvTriangle>>,
@@ -161,6 +182,24 @@ pub struct Grid {
 const FLOOR_FRACTION: f32 = 0.05;
 
 impl Grid {
+    /// The same grid with another rigidity of its parts and squares; that of its nodes is not changed.
+    fn with_rigidity(&self, rigid: Vec<bool>, rigid_nodes: Vec<RigidNodes>) -> Grid {
+        Grid {
+            levels: copied(&self.levels),
+            triangles: self.triangles.clone(),
+            chart_of: self.chart_of.clone(),
+            triangle: self.triangle.clone(),
+            gather: self.gather.clone(),
+            movable: copied(&self.movable),
+            rest: self.rest.clone(),
+            survey: self.survey.clone(),
+            parts: self.parts.clone(),
+            rigid,
+            rigid_nodes,
+            ..*self
+        }
+    }
+
     /// Builds a tile's grid.
     #[cfg(test)]
     pub(crate) fn new(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> Grid {
@@ -246,5 +285,5 @@ fn uv_triangles(tile: &TileMesh, nx: usize, ny: usize) -> Vec<UvTriangle> {
                 neighbours: t.neighbours,
             }
         })
-        .collect()
+        .collected()
 }

@@ -1,6 +1,7 @@
 //! Views of a host's vertex arrays: any byte stride, f32 or f64, read without alignment.
 
 use crate::error::{Error, Result};
+use crate::memory::{Grow, with_capacity};
 
 /// The number format of one component of a host's array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -189,9 +190,9 @@ impl Packed {
     pub fn copy(from: &Strided) -> Packed {
         let Strided { scalar, components, count, .. } = *from;
         let element = scalar.size() * components;
-        let mut bytes = Vec::with_capacity(count * element);
+        let mut bytes = with_capacity(count * element);
         for i in 0..count {
-            bytes.extend_from_slice(&from.bytes[i * from.stride..][..element]);
+            bytes.put_all(from.bytes[i * from.stride..][..element].iter().copied());
         }
         Packed { bytes, scalar, components, count }
     }

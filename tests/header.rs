@@ -121,18 +121,19 @@ fn every_line_fits_the_page() {
 }
 
 #[cfg(unix)]
-fn compile(name: &str, text: &str, language: &str, standard: &str) {
+fn compile(name: &str, text: &str, language: &str, options: &[&str]) {
     let file = scratch().join(name);
     std::fs::write(&file, text).unwrap();
     let output = Command::new(compiler(language))
-        .args(["-fsyntax-only", standard, "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion"])
+        .args(["-fsyntax-only", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion"])
         .args(["-Wshadow", "-Wstrict-aliasing"])
+        .args(options)
         .arg("-I")
         .arg(root().join("include"))
         .arg(&file)
         .output()
         .unwrap();
-    assert!(output.status.success(), "{name}:\n{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{name} {options:?}:\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[cfg(unix)] // The flags are those of gcc and clang.
@@ -143,23 +144,18 @@ fn the_header_compiles_as_c11() {
         "alone.c",
         "#include \"vrtm.h\"\n#include \"vrtm.h\"\nint main(void) { return 0; }\n",
         "c",
-        "-std=c11",
+        &["-std=c11"],
     );
 }
 
 #[cfg(unix)]
 #[test]
-fn the_headers_compile_as_cpp17() {
-    compile(
-        "alone.cpp",
-        "#include \"vrtm.h\"\n#include \"vrtm.h\"\nint main() { return 0; }\n",
-        "cpp",
-        "-std=c++17",
-    );
-    compile(
-        "raii.cpp",
-        "#include \"vrtm.hpp\"\n#include \"vrtm.hpp\"\nint main() { return 0; }\n",
-        "cpp",
-        "-std=c++17",
-    );
+fn the_headers_compile_as_cpp() {
+    let alone = "#include \"vrtm.h\"\n#include \"vrtm.h\"\nint main() { return 0; }\n";
+    compile("alone.cpp", alone, "cpp", &["-std=c++17"]);
+    let wrapper = "#include \"vrtm.hpp\"\n#include \"vrtm.hpp\"\nint main() { return 0; }\n";
+    for standard in ["-std=c++17", "-std=c++20"] {
+        compile("raii.cpp", wrapper, "cpp", &[standard]);
+        compile("raii.cpp", wrapper, "cpp", &[standard, "-fno-exceptions", "-fno-rtti"]);
+    }
 }

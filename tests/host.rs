@@ -153,6 +153,37 @@ fn a_stack_of_48_kib_is_enough_on_the_cpu() {
     run_host("stack.c", 6);
 }
 
+/// How often a step of a host's work fails for want of memory: at so many of its allocations, evenly spaced.
+/// VRTM_ALLOCATE_ROUNDS sets another number; 0 lets each allocation fail in turn.
+fn rounds(default: &str) -> PathBuf {
+    std::env::var_os("VRTM_ALLOCATE_ROUNDS").unwrap_or_else(|| default.into()).into()
+}
+
+fn run_allocate(program: &Path, arguments: [&str; 2]) {
+    let rounds = rounds(arguments[1]);
+    let said = run(program, &[Path::new(arguments[0]), &rounds]);
+    let foreign = said.lines().find(|line| !line.starts_with("ok   ") && *line != "0 failed");
+    assert!(foreign.is_none(), "it did not print {foreign:?}: the library must not either");
+}
+
+#[test]
+fn allocations_of_a_host_s_allocator_fail() {
+    let program = build(&root().join("tests/host/allocate.c"), true);
+    run_allocate(&program, ["cpu", "12"]);
+    if gpu::has_gpu() {
+        run_allocate(&program, ["gpu", "2"]);
+    }
+}
+
+/// In a process whose memory is short, with nothing of vrtm's help.
+#[test]
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn allocations_of_the_system_fail() {
+    let program = build(&root().join("tests/host/allocate_outside.c"), true);
+    run_allocate(&program, ["interposed", "8"]);
+    run_allocate(&program, ["limited", "0"]);
+}
+
 #[test]
 fn unload() {
     let program = build(&root().join("tests/host/unload.c"), false);
@@ -235,3 +266,7 @@ fn jobs_under_valgrind() {
 fn unload_under_valgrind() {
     run_under_valgrind("unload.c", false, &[&library()]);
 }
+
+/// The C++ wrapper, hosts' contracts, the examples for hosts, and the code in the documents.
+#[path = "host/hosts.rs"]
+mod hosts;

@@ -20,7 +20,7 @@ function(vrtm_cargo_arguments variable)
   set(arguments build --manifest-path "${vrtm_SOURCE_DIR}/Cargo.toml" --package vrtm --lib
     --profile ${VRTM_PROFILE} --target-dir "${VRTM_CARGO_TARGET_DIR}")
   if(NOT VRTM_GPU)
-    list(APPEND arguments --no-default-features)
+    list(APPEND arguments --no-default-features --features allocator)
   endif()
   if(VRTM_FEATURES)
     list(APPEND arguments --features "${VRTM_FEATURES}")

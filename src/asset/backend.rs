@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::device::Device;
 use crate::error::Result;
+use crate::memory::{boxed, zeroed};
 use crate::mesh::TileMesh;
 use crate::method::budget::Clock;
 use crate::method::progress::Progress;
@@ -49,7 +50,7 @@ impl TileSolver {
     pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<TileSolver> {
         match device.gpu() {
             Some(context) => {
-                gpu::Memory::new(context, grid, tile).map(|memory| TileSolver::Gpu(Box::new(memory)))
+                gpu::Memory::new(context, grid, tile).map(|memory| TileSolver::Gpu(boxed(memory)))
             }
             None => Ok(TileSolver::Cpu(cpu::Memory::new(grid, solver))),
         }
@@ -126,7 +127,7 @@ impl Job<'_> {
     /// identity's pages are taken when they are written.
     pub fn initial_displacements(&self) -> Result<Vec<[Plane; 2]>> {
         let blocks = &self.grid.levels[0].blocks;
-        let mut u = cpu::zeroed(blocks.list.len());
+        let mut u = zeroed(blocks.list.len());
         let stays = |c: usize| self.keep[c] && !self.input.charts[c];
         if let Some(last) = self.last.filter(|_| (0..self.keep.len()).any(stays)) {
             let last = last.host()?;

@@ -9,12 +9,13 @@ use crate::device::Device;
 use crate::error::Result;
 use crate::image::ImagePart;
 use crate::image::{ImageViewMut, PixelFormat, TexelLayout};
+use crate::memory::{Collect, zeroed};
 use crate::mesh::{Corner, NONE};
 use crate::team::Team;
 use crate::tile::Level;
 use crate::tile::blocks::{Plane, SIDE, slot};
 
-use super::output::Outputs;
+use super::output::{Centres, Outputs};
 use super::solved::Solved;
 
 /// The content of a fetched image: two channels (u, v) per texel, f32 or f16.
@@ -61,33 +62,72 @@ impl Canvas {
     }
 }
 
-/// Writes `kind` of a result: a part of an image of the tile, as large as `image`.
-pub(super) fn write(
-    device: &Device,
-    team: &Team,
-    solved: &Solved,
-    outputs: &mut Outputs,
-    kind: FetchKind,
-    part: &ImagePart,
-    image: &mut ImageViewMut,
-) -> Result<()> {
-    let canvas = Canvas::new(image);
-    match kind {
-        FetchKind::Redirection => {
-            outputs.invert(device, team, solved, part, |x, y, uv, _| canvas.put(x, y, uv))?;
-        }
-        FetchKind::RedirectionDelta => {
-            outputs.invert(device, team, solved, part, |x, y, _, delta| canvas.put(x, y, delta))?;
-        }
-        FetchKind::Warp => write_warp(team, solved, part, &canvas)?,
-    }
-    Ok(())
+/// An output that is about to be written: `kind` of a result, a part of an image of the tile. It has all memory that
+/// writing takes on the CPU, so that nothing is written where some is missing.
+pub(super) struct Output<'a> {
+    pub solved: &'a Solved,
+    part: ImagePart,
+    content: Content<'a>,
 }
 
-fn write_warp(team: &Team, solved: &Solved, part: &ImagePart, canvas: &Canvas) -> Result<()> {
+enum Content<'a> {
+    Inverse { centres: Centres, is_delta: bool },
+    Warp { nodes: NodeRows<'a>, rows: Vec<Vec<[f32; 2]>> },
+}
+
+/// Most items of work that a warp is written in.
+const ITEMS: usize = 64;
+
+impl<'a> Output<'a> {
+    pub fn new(solved: &'a Solved, kind: FetchKind, part: &ImagePart) -> Result<Output<'a>> {
+        let content = match kind {
+            FetchKind::Redirection => Content::Inverse { centres: Centres::new(part), is_delta: false },
+            FetchKind::RedirectionDelta => Content::Inverse { centres: Centres::new(part), is_delta: true },
+            FetchKind::Warp => {
+                let width = 2 * (solved.grid.levels[0].nx + 1);
+                let rows = (0..part.extent()[1].min(ITEMS)).map(|_| zeroed(width)).collected();
+                Content::Warp { nodes: NodeRows::new(solved)?, rows }
+            }
+        };
+        Ok(Output { solved, part: *part, content })
+    }
+
+    /// Writes it to `image`, which is as large as the part.
+    pub fn write(
+        self,
+        device: &Device,
+        team: &Team,
+        outputs: &mut Outputs,
+        image: &mut ImageViewMut,
+    ) -> Result<()> {
+        let Output { solved, part, content } = self;
+        let canvas = Canvas::new(image);
+        match content {
+            Content::Inverse { centres, is_delta: false } => {
+                outputs.invert(device, team, solved, &part, &centres, |x, y, uv, _| canvas.put(x, y, uv))?;
+            }
+            Content::Inverse { centres, is_delta: true } => {
+                outputs.invert(device, team, solved, &part, &centres, |x, y, _, delta| {
+                    canvas.put(x, y, delta);
+                })?;
+            }
+            Content::Warp { nodes, rows } => write_warp(team, solved, &part, &nodes, rows, &canvas),
+        }
+        Ok(())
+    }
+}
+
+/// Writes a warp; `rows` has two rows of nodes for each item of work.
+fn write_warp(
+    team: &Team,
+    solved: &Solved,
+    part: &ImagePart,
+    nodes: &NodeRows,
+    mut rows: Vec<Vec<[f32; 2]>>,
+    canvas: &Canvas,
+) {
     let level = &solved.grid.levels[0];
     let cells = [level.nx, level.ny].map(|n| n as f64);
-    let nodes = NodeRows::new(solved)?;
     let [width, height] = part.extent();
     // The cell of a texel along an axis, and its place in it.
     let place = |x: usize, axis: usize| {
@@ -96,9 +136,13 @@ fn write_warp(team: &Team, solved: &Solved, part: &ImagePart, canvas: &Canvas) -
         let cell = at.floor().min(cells[axis] - 1.0);
         (cell as usize, at - cell)
     };
-    team.run(height, |y| {
+    let items = rows.len();
+    let write_row = |y: usize, rows: &mut [[f32; 2]]| {
         let (j, t) = place(y, 1);
-        let rows = [nodes.row(j), nodes.row(j + 1)];
+        let (first, second) = rows.split_at_mut(level.nx + 1);
+        nodes.read_row(j, first);
+        nodes.read_row(j + 1, second);
+        let rows = [first, second];
         for x in 0..width {
             let (i, s) = place(x, 0);
             let u = |di: usize, dj: usize, k: usize| f64::from(rows[dj][i + di][k]);
@@ -111,8 +155,10 @@ fn write_warp(team: &Team, solved: &Solved, part: &ImagePart, canvas: &Canvas) -
             });
             canvas.put(x, y, uv);
         }
+    };
+    team.fill(&mut rows, |k, rows| {
+        (k * height / items..(k + 1) * height / items).for_each(|y| write_row(y, rows))
     });
-    Ok(())
 }
 
 /// The displacements of a result's nodes, row by row.
@@ -127,14 +173,14 @@ impl<'a> NodeRows<'a> {
     fn new(solved: &'a Solved) -> Result<NodeRows<'a>> {
         let level = &solved.grid.levels[0];
         let list = &level.blocks.list;
-        let mut blocks: Vec<u32> = (0..list.len() as u32).filter(|&b| list[b as usize].active).collect();
-        blocks.sort_by_key(|&b| list[b as usize].y);
+        let mut blocks: Vec<u32> = (0..list.len() as u32).filter(|&b| list[b as usize].active).collected();
+        blocks.sort_unstable_by_key(|&b| (list[b as usize].y, b));
         Ok(NodeRows { level, u: solved.warp.host()?, blocks })
     }
 
-    /// Row j, from u = 0.
-    fn row(&self, j: usize) -> Vec<[f32; 2]> {
-        let mut row = vec![[0.0; 2]; self.level.nx + 1];
+    /// Reads row j, from u = 0.
+    fn read_row(&self, j: usize, row: &mut [[f32; 2]]) {
+        row.fill([0.0; 2]);
         let list = &self.level.blocks.list;
         let y = (j / SIDE) as u32;
         let first = self.blocks.partition_point(|&b| list[b as usize].y < y);
@@ -149,14 +195,16 @@ impl<'a> NodeRows<'a> {
                 }
             }
         }
-        row
     }
 }
 
 /// Displacements of all nodes of the tile, row by row from v = 0.
 pub(super) fn dense(solved: &Solved) -> Result<Vec<[f32; 2]>> {
-    let rows = NodeRows::new(solved)?;
-    Ok((0..=rows.level.ny).flat_map(|j| rows.row(j)).collect())
+    let nodes = NodeRows::new(solved)?;
+    let [width, height] = [nodes.level.nx + 1, nodes.level.ny + 1];
+    let mut all = zeroed(width * height);
+    all.chunks_exact_mut(width).enumerate().for_each(|(j, row)| nodes.read_row(j, row));
+    Ok(all)
 }
 
 /// Redirected UVs of all face corners of a UV set; where a tile has no result, the mesh's own.
@@ -167,7 +215,7 @@ pub(super) fn corner_uvs(
     out: &mut [[f32; 2]],
 ) -> Result<()> {
     let warps = tiles.iter().map(|solved| solved.map(|solved| solved.warp.host()).transpose());
-    let warps: Vec<Option<&[[Plane; 2]]>> = warps.collect::<Result<_>>()?;
+    let warps: Vec<Option<&[[Plane; 2]]>> = warps.try_collected()?;
     const CHUNK: usize = 64;
     let canvas = AtomicPtr::new(out.as_mut_ptr());
     let count = out.len().min(corners.len());

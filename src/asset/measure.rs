@@ -3,6 +3,7 @@
 use super::solved::Solved;
 use super::{Asset, fetch};
 use crate::error::Result;
+use crate::memory::Collect;
 use crate::oracle::measure::measure;
 use crate::team::Team;
 use crate::tile::coverage::{Coverage, node_maps};
@@ -35,5 +36,5 @@ impl Asset {
 
 /// The positions as they are measured.
 pub(super) fn gather(positions: Strided) -> Vec<[f64; 3]> {
-    (0..positions.len()).map(|v| positions.get3(v)).collect()
+    (0..positions.len()).map(|v| positions.get3(v)).collected()
 }

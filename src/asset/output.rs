@@ -5,6 +5,7 @@ use crate::device::Device;
 use crate::error::Result;
 use crate::gpu::{self, Displacements};
 use crate::image::ImagePart;
+use crate::memory::Collect;
 use crate::team::Team;
 
 use super::backend::Warp;
@@ -17,6 +18,18 @@ pub(super) struct Outputs {
     gpu: Option<gpu::Output>,
     /// The memory that the device has on its account for this output.
     booked: u64,
+}
+
+/// The centres of the texels of a part of an image, in UV: those of its columns, and those of its rows.
+pub(super) struct Centres([Vec<f64>; 2]);
+
+impl Centres {
+    pub fn new(part: &ImagePart) -> Centres {
+        Centres([0, 1].map(|axis| {
+            let of = |x: usize| (x as f64 + 0.5) / part.size[axis] as f64;
+            (part.first[axis]..part.end[axis]).map(of).collected()
+        }))
+    }
 }
 
 /// More bytes than these are given back after each fetch.
@@ -32,16 +45,13 @@ impl Outputs {
         team: &Team,
         solved: &Solved,
         part: &ImagePart,
+        centres: &Centres,
         put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
     ) -> Result<()> {
         let level = &solved.grid.levels[0];
         let cells = [level.nx as f64, level.ny as f64];
         let (size, first, extent) = (part.size, part.first, part.extent());
-        let centres = [0, 1].map(|axis| {
-            let of = |x: usize| (x as f64 + 0.5) / size[axis] as f64;
-            (first[axis]..part.end[axis]).map(of).collect::<Vec<f64>>()
-        });
-        let centre = |x: usize, y: usize| [centres[0][x], centres[1][y]];
+        let centre = |x: usize, y: usize| [centres.0[0][x], centres.0[1][y]];
         if let Warp::Gpu(u) = &*solved.warp
             && extent == size
             && gpu::Output::suits(&u.context, size)
@@ -100,6 +110,13 @@ impl Outputs {
             self.release(device);
         }
         result
+    }
+
+    /// After a call that memory was missing for: the output may be gone.
+    pub fn settle(&mut self, device: &Device) {
+        if self.gpu.is_none() {
+            self.release(device);
+        }
     }
 
     /// Frees the memory and takes it off the device's budget.

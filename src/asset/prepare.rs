@@ -7,6 +7,7 @@ use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::ImageView;
 use crate::image::map::{Map, TexelRect};
+use crate::memory::caught;
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::{LogLevel, Solver, TileSettings};
@@ -56,13 +57,24 @@ impl TileState {
             return Err(Error::argument(message));
         }
         image.check_finite("rigidity", texels)?;
+        let start = Instant::now();
+        let before = map.part(&texels);
         image.copy_to(map, texels);
+        let repainted = caught(|| match (&self.maps.rigidity, &self.grid) {
+            (Rigidity::Map(map), Some(grid)) => Ok(repaint(team, grid, tile, &self.maps, map, &texels)),
+            _ => Ok(None),
+        });
+        // A failed call leaves the map as it was.
+        if let (Err(_), Rigidity::Map(map)) = (&repainted, &mut self.maps.rigidity) {
+            map.set_part(&texels, &before);
+        }
+        let repainted = repainted?;
         self.solved_with = None;
         self.torn.iter_mut().for_each(Torn::forget_grid);
-        let Some(grid) = self.grid.take() else { return Ok(()) };
-        let start = Instant::now();
-        let Rigidity::Map(map) = &self.maps.rigidity else { return Ok(()) };
-        if let Some(repainted) = repaint(team, &grid, tile, &self.maps, map, &texels) {
+        if self.grid.take().is_none() {
+            return Ok(());
+        }
+        if let Some(repainted) = repainted {
             let inputs = self.inputs.iter_mut().zip(&repainted.charts);
             inputs.filter(|(_, changed)| **changed).for_each(|(input, _)| *input = None);
             self.grid = Some(Arc::new(repainted.grid));

@@ -6,11 +6,12 @@ use std::time::Instant;
 use crate::device::{Device, LiveAsset};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{ImagePart, ImageViewMut};
+use crate::memory::{Collect, caught};
 use crate::mesh::Mesh;
 use crate::report::{AssetReport, GpuWork, TileReport};
 use crate::team::Team;
 
-use super::fetch::{self, FetchKind};
+use super::fetch::{self, FetchKind, Output};
 use super::output::Outputs;
 use super::solved::Solved;
 
@@ -87,7 +88,7 @@ impl Results {
     /// `NotSolved` before the first solve; on a GPU, `OutOfMemory` and `DeviceLost`. Nothing is written then.
     pub fn fetch(&self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
         let part = image.whole();
-        self.0.device.team(|team| self.fetch_with(team, tile, kind, &part, image))
+        self.fetch_of(tile, kind, &part, image)
     }
 
     /// Writes a part of one output of a tile's result: of an image of `size` texels, those from the column and row `first`
@@ -106,29 +107,43 @@ impl Results {
     ) -> Result<()> {
         self.solved(tile)?;
         let part = image.part("image", size, first)?;
-        self.0.device.team(|team| self.fetch_with(team, tile, kind, &part, image))
+        self.fetch_of(tile, kind, &part, image)
     }
 
-    pub(super) fn fetch_with(
+    fn fetch_of(
         &self,
-        team: &Team,
         tile: usize,
         kind: FetchKind,
         part: &ImagePart,
         image: &mut ImageViewMut,
     ) -> Result<()> {
-        let solved = self.solved(tile)?.solved;
+        let device = &self.0.device;
+        device.call(|| {
+            let solved = self.solved(tile)?.solved;
+            let output = Output::new(&solved, kind, part)?;
+            device.team(|team| self.write(team, output, image))
+        })
+    }
+
+    /// Writes an output.
+    pub(super) fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
         let start = Instant::now();
         let device = &self.0.device;
-        match self.0.outputs.try_lock() {
-            Ok(mut outputs) => fetch::write(device, team, &solved, &mut outputs, kind, part, image)?,
-            Err(TryLockError::Poisoned(poisoned)) => {
-                fetch::write(device, team, &solved, &mut poisoned.into_inner(), kind, part, image)?;
+        let solved = output.solved;
+        let write = |outputs: &mut Outputs| {
+            let result = caught(|| output.write(device, team, outputs, image));
+            if result.is_err() {
+                outputs.settle(device);
             }
+            result
+        };
+        match self.0.outputs.try_lock() {
+            Ok(mut outputs) => write(&mut outputs)?,
+            Err(TryLockError::Poisoned(poisoned)) => write(&mut poisoned.into_inner())?,
             // Another thread is fetching: no call waits for another.
             Err(TryLockError::WouldBlock) => {
                 let mut outputs = Outputs::default();
-                let result = fetch::write(device, team, &solved, &mut outputs, kind, part, image);
+                let result = write(&mut outputs);
                 outputs.release(device);
                 result?;
             }
@@ -163,9 +178,13 @@ impl Results {
                 corners.len()
             )));
         }
-        let last = self.solved_asset()?;
-        let tiles: Vec<_> = last.tiles.iter().map(|tile| tile.as_ref().map(|tile| &*tile.solved)).collect();
-        device.team(|team| fetch::corner_uvs(team, corners, &tiles, out))
+        device.call(|| {
+            let last = self.solved_asset()?;
+            let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
+            let kept: Vec<_> = last.tiles.iter().map(of).collected();
+            let tiles: Vec<_> = kept.iter().map(Option::as_deref).collected();
+            device.team(|team| fetch::corner_uvs(team, corners, &tiles, out))
+        })
     }
 
     /// A tile's last solve.
@@ -242,6 +261,6 @@ impl Drop for Shared {
     }
 }
 
-fn not_solved() -> Error {
+pub(super) fn not_solved() -> Error {
     Error::new(ErrorKind::NotSolved, "there is no result yet: solve first")
 }

@@ -6,6 +6,7 @@ use std::cmp::Reverse;
 use std::time::Duration;
 
 use crate::error::Result;
+use crate::memory::{Collect, Grow, with_capacity, zeroed};
 use crate::team::{Crew, Team};
 
 use super::solved::Solved;
@@ -37,8 +38,8 @@ pub(super) fn solve(
 ) -> Result<Vec<(usize, Solved)>> {
     let mut jobs = prepare(call, tiles)?;
     // Longest first, so that no long one is left for one thread at the end.
-    jobs.sort_by_key(|job| (Reverse(job.nodes), job.tile));
-    let nodes: Vec<u64> = jobs.iter().map(|job| job.nodes).collect();
+    jobs.sort_unstable_by_key(|job| (Reverse(job.nodes), job.tile));
+    let nodes: Vec<u64> = jobs.iter().map(|job| job.nodes).collected();
     // A GPU works on them in the order of their submissions: its threads only tell it what to do.
     let together = if call.device.gpu().is_some() { 0 } else { together(&nodes, call.team.threads()) };
     let (large, small) = jobs.split_at_mut(together);
@@ -55,8 +56,8 @@ pub(super) fn solve(
         let solve = |team: &Team| job.state.solve(&SolveCall { team, ..*call }, &share, &job.prepared);
         job.result = Some(Team::of(&alone, solve));
     });
-    jobs.sort_by_key(|job| job.tile);
-    jobs.into_iter().filter_map(|job| Some((job.tile, job.result?))).map(|(k, r)| Ok((k, r?))).collect()
+    jobs.sort_unstable_by_key(|job| job.tile);
+    jobs.into_iter().filter_map(|job| Some((job.tile, job.result?))).map(|(k, r)| Ok((k, r?))).try_collected()
 }
 
 /// Solves tiles one after the other within a time budget: what is left of it is divided among the tiles that are left.
@@ -67,7 +68,7 @@ pub(super) fn in_turn(
 ) -> Result<Vec<(usize, Solved)>> {
     let mut nodes: u64 = tiles.iter().map(|(_, state)| state.movable_nodes()).sum();
     let progress = 1.0 / tiles.len() as f32;
-    let mut solved = Vec::with_capacity(tiles.len());
+    let mut solved = with_capacity(tiles.len());
     for (tile, state) in tiles {
         let own = state.movable_nodes();
         let spent = call.start.elapsed();
@@ -76,7 +77,7 @@ pub(super) fn in_turn(
         nodes -= own;
         let prepared = state.prepare(call, tile)?;
         let share = SolveShare { budget, progress, ..SolveShare::of_all_threads() };
-        solved.push((tile, state.solve(call, &share, &prepared)?));
+        solved.put((tile, state.solve(call, &share, &prepared)?));
     }
     Ok(solved)
 }
@@ -85,11 +86,11 @@ pub(super) fn in_turn(
 fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Result<Vec<Job<'a>>> {
     let fresh = tiles.iter().any(|(_, state)| state.grid.is_none());
     let (preparing, count) = (if fresh { PREPARING } else { 0.0 }, tiles.len() as f32);
-    let mut jobs = Vec::with_capacity(tiles.len());
+    let mut jobs = with_capacity(tiles.len());
     for (tile, state) in tiles {
         let prepared = state.prepare(call, tile)?;
         let nodes = prepared.grid.movable.iter().sum();
-        jobs.push(Job { tile, state, prepared, nodes, progress: 0.0, result: None });
+        jobs.put(Job { tile, state, prepared, nodes, progress: 0.0, result: None });
         call.advance(preparing / count);
     }
     // A tile without nodes is done in no time, but not in none.
@@ -105,7 +106,7 @@ fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Resu
 fn together(nodes: &[u64], threads: usize) -> usize {
     let time = |together: usize| {
         let (large, small) = nodes.split_at(together);
-        let mut busy = vec![0; threads];
+        let mut busy = zeroed::<u64>(threads);
         for &n in small {
             // The thread that is free first takes the next tile.
             if let Some(first) = busy.iter_mut().min() {

@@ -6,14 +6,16 @@ use std::time::Instant;
 
 use crate::control::{Control, stoppable};
 use crate::error::{Error, Result};
+use crate::memory::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::method::schedule::Plan;
 use crate::settings::{MAX_THREADS, SolveOptions};
 use crate::team::{Crew, Team};
 use crate::view::Strided;
 
-use super::results::{Last, TileResult};
+use super::fetch::Output;
+use super::results::{Last, TileResult, not_solved};
 use super::side_by_side;
-use super::solved::Solved;
+use super::solved::{ChartInput, Solved};
 use super::tile_state::{SolveCall, TileState};
 use super::{Asset, Fetch};
 
@@ -39,6 +41,15 @@ pub struct SolveRequest<'a> {
     pub control: Option<Arc<Control>>,
 }
 
+/// The results of a solve before anyone may read them: the outputs that the call asks for come first, as they can fail.
+struct Fresh {
+    plan: Plan,
+    /// Of each tile that was solved, what its charts' results depend on.
+    inputs: Vec<(usize, Vec<Option<ChartInput>>)>,
+    /// Of all tiles.
+    last: Last,
+}
+
 impl Asset {
     /// Solves for a pose, and writes outputs. All arguments are checked before anything is changed. The call can be
     /// cancelled until all tiles are solved; what follows, writing the outputs, is done to its end.
@@ -53,14 +64,14 @@ impl Asset {
             self.check_tile(fetch.tile)?;
         }
         let crew = self.device.crew(request.threads, request.control.clone());
-        stoppable(|| {
-            Team::of(&crew, |team| {
-                self.solve_tiles(team, &crew, request, start)?;
-                for fetch in fetches {
-                    let part = fetch.image.whole();
-                    self.results.fetch_with(team, fetch.tile, fetch.kind, &part, &mut fetch.image)?;
-                }
-                Ok(())
+        self.call(|asset| {
+            stoppable(|| {
+                Team::of(&crew, |team| {
+                    let fresh = asset.solve_tiles(team, &crew, request, start)?;
+                    asset.write(team, &fresh, fetches)?;
+                    asset.publish(fresh);
+                    Ok(())
+                })
             })
         })
     }
@@ -96,7 +107,7 @@ impl Asset {
         crew: &Crew,
         request: &SolveRequest,
         start: Instant,
-    ) -> Result<()> {
+    ) -> Result<Fresh> {
         if let Some(control) = team.control() {
             control.begin();
         }
@@ -108,7 +119,7 @@ impl Asset {
         }
         let Asset { device, mesh, tiles, .. } = &mut *self;
         let call = SolveCall { team, device, mesh, positions: request.positions, plan: &plan, start };
-        let states = tiles.iter_mut().enumerate().filter(|(tile, _)| wanted[*tile]).collect();
+        let states = tiles.iter_mut().enumerate().filter(|(tile, _)| wanted[*tile]).collected();
         let mut solved = match request.options.time_budget {
             Some(budget) => side_by_side::in_turn(&call, budget, states)?,
             None => side_by_side::solve(&call, crew, states)?,
@@ -117,22 +128,22 @@ impl Asset {
         if request.options.measure {
             self.measure(team, request.positions, &mut solved)?;
         }
+        let fresh = self.fresh(solved, plan, solved_ms);
         // From here on the call has a result, and cannot be cancelled.
         if let Some(control) = team.control() {
             control.seal_or_unwind();
         }
-        self.publish(solved, &plan, solved_ms);
-        Ok(())
+        Ok(fresh)
     }
 
     /// Per tile, whether it has to be solved.
     fn wanted(&self, request: &SolveRequest, plan: &Plan) -> Vec<bool> {
-        let mut wanted = vec![request.tiles.is_none(); self.tiles.len()];
+        let mut wanted = filled(request.tiles.is_none(), self.tiles.len());
         for &tile in request.tiles.unwrap_or_default() {
             wanted[tile] = true;
         }
         if let Some(dirty) = request.dirty_vertices {
-            let mut is_dirty = vec![false; self.mesh.rest.len()];
+            let mut is_dirty = zeroed(self.mesh.rest.len());
             for &vertex in dirty {
                 is_dirty[vertex as usize] = true;
             }
@@ -151,24 +162,46 @@ impl Asset {
     fn release_results(&mut self, tiles: &[bool]) {
         let last = self.results.last();
         let stays = |(tile, result): (usize, &Option<TileResult>)| result.clone().filter(|_| !tiles[tile]);
-        let rest = last.tiles.iter().enumerate().map(stays).collect();
+        let rest = last.tiles.iter().enumerate().map(stays).collected();
         self.results.replace(Last { tiles: rest, solved_ms: last.solved_ms });
         for (state, _) in self.tiles.iter_mut().zip(tiles).filter(|(_, of)| **of) {
             state.solved = None;
         }
     }
 
-    /// Puts the results of tiles in the place of their last ones, all at once.
-    fn publish(&mut self, solved: Vec<(usize, Solved)>, plan: &Plan, solved_ms: f32) {
-        let mut is_new = vec![false; self.tiles.len()];
-        for (tile, solved) in solved {
-            self.tiles[tile].take(solved, plan);
-            is_new[tile] = true;
+    /// The results of a solve, ready to take the place of the last ones.
+    fn fresh(&self, solved: Vec<(usize, Solved)>, plan: Plan, solved_ms: f32) -> Fresh {
+        let kept = |state: &TileState| state.solved.clone().map(|solved| TileResult { solved, kept: true });
+        let mut all: Vec<_> = self.tiles.iter().map(kept).collected();
+        let mut inputs = with_capacity(solved.len());
+        for (tile, mut solved) in solved {
+            inputs.put((tile, std::mem::take(&mut solved.inputs)));
+            all[tile] = Some(TileResult { solved: Arc::new(solved), kept: false });
         }
-        let result = |(state, is_new): (&TileState, bool)| {
-            state.solved.clone().map(|solved| TileResult { solved, kept: !is_new })
+        Fresh { plan, inputs, last: Last { tiles: all, solved_ms: Some(solved_ms) } }
+    }
+
+    /// Writes outputs of results that are not published yet.
+    fn write(&self, team: &Team, fresh: &Fresh, fetches: &mut [Fetch]) -> Result<()> {
+        let output = |fetch: &Fetch| {
+            let result = fresh.last.tiles[fetch.tile].as_ref().ok_or_else(not_solved)?;
+            Output::new(&result.solved, fetch.kind, &fetch.image.whole())
         };
-        let tiles = self.tiles.iter().zip(is_new).map(result).collect();
-        self.results.replace(Last { tiles, solved_ms: Some(solved_ms) });
+        // The memory for all of them comes first, so that none is written where some is missing.
+        let outputs: Vec<Output> = fetches.iter().map(output).try_collected()?;
+        for (fetch, output) in fetches.iter_mut().zip(outputs) {
+            self.results.write(team, output, &mut fetch.image)?;
+        }
+        Ok(())
+    }
+
+    /// Puts results in the place of the last ones, all at once. Cannot fail.
+    fn publish(&mut self, fresh: Fresh) {
+        for (tile, inputs) in fresh.inputs {
+            if let Some(result) = &fresh.last.tiles[tile] {
+                self.tiles[tile].take(result.solved.clone(), inputs, &fresh.plan);
+            }
+        }
+        self.results.replace(fresh.last);
     }
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::control::Control;
 use crate::error::{Error, Result};
+use crate::memory::Collect;
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::point::{Point, Switch};
@@ -60,7 +61,8 @@ impl<'a> Switched<'a> {
             self.cpu.set_state(level, &self.gpu.state(level)?);
         }
         let records = self.gpu.chart_records()?;
-        let next: Vec<f32> = records.iter().map(|r| if r.finished == 0 { r.fraction } else { 0.0 }).collect();
+        let next: Vec<f32> =
+            records.iter().map(|r| if r.finished == 0 { r.fraction } else { 0.0 }).collected();
         self.cpu.set_next_fraction(&next);
         for (outcome, record) in self.cpu.results.iter_mut().zip(&records) {
             outcome.energy_before = f64::from(record.identity);

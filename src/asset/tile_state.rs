@@ -8,6 +8,7 @@ use crate::control::stoppable;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::map::Map;
+use crate::memory::{Collect, caught, copied, filled, zeroed};
 use crate::mesh::{Mesh, TileMesh};
 use crate::method::budget::{Clock, History};
 use crate::method::progress::Progress;
@@ -15,7 +16,7 @@ use crate::method::schedule::{ChartResult, Input, Plan, Summary};
 use crate::report::{GpuWork, TileReport};
 use crate::settings::Solver;
 use crate::team::Team;
-use crate::tile::blocks::{NODES, SIDE};
+use crate::tile::blocks::SIDE;
 use crate::tile::pose::Pose;
 use crate::tile::{Grid, Rigidity, TileMaps};
 use crate::view::Strided;
@@ -146,10 +147,10 @@ impl TileState {
     }
 
     /// Takes a new result.
-    pub fn take(&mut self, mut solved: Solved, plan: &Plan) {
-        self.inputs = std::mem::take(&mut solved.inputs);
+    pub fn take(&mut self, solved: Arc<Solved>, inputs: Vec<Option<ChartInput>>, plan: &Plan) {
+        self.inputs = inputs;
         self.solved_with = Some(*plan);
-        self.solved = Some(Arc::new(solved));
+        self.solved = Some(solved);
     }
 
     /// Whether the last result was solved in this way, with the present maps and settings.
@@ -179,7 +180,7 @@ impl TileState {
             () if same(c) => ChartTask::Reuse,
             () => ChartTask::Solve,
         };
-        (0..tile.charts.len()).map(task).collect()
+        (0..tile.charts.len()).map(task).collected()
     }
 
     /// The warp, solved where need be, and what came of it.
@@ -194,7 +195,7 @@ impl TileState {
         let grid = &prepared.grid;
         let last = self.last(grid);
         let mut results =
-            last.map_or_else(|| vec![ChartResult::default(); tasks.len()], |l| l.results.clone());
+            last.map_or_else(|| filled(ChartResult::default(), tasks.len()), |l| copied(&l.results));
         let solves = tasks.contains(&ChartTask::Solve);
         // A chart that has become the identity takes its part of the last result along.
         let mut unchanged = !solves && last.is_some();
@@ -208,7 +209,7 @@ impl TileState {
             return Ok(WarpResult { warp: last.clone(), results, report, work: None });
         }
         if !solves && !tasks.contains(&ChartTask::Reuse) {
-            let identity = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+            let identity = zeroed(grid.levels[0].blocks.list.len());
             let warp = Arc::new(Warp::Host(identity));
             return Ok(WarpResult { warp, results, report, work: None });
         }
@@ -241,8 +242,8 @@ impl TileState {
         tasks: &[ChartTask],
     ) -> Result<TileSolution> {
         let Prepared { mesh: tile, grid } = prepared;
-        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collect();
-        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collect();
+        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collected();
+        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collected();
         self.allocate(call.device, grid, tile, call.plan.solver())?;
         // Taken out for the time being: should a stage panic, the memory goes with it.
         let missing = || Error::new(ErrorKind::Internal, "the tile has no solver");
@@ -257,7 +258,7 @@ impl TileState {
         let progress = Progress::new(team.control(), share.progress).into();
         let job = Job { team, input, grid, plan, clock, progress, last, keep: &keep };
         // A cancelled solve leaves its memory whole: each solve writes what it reads.
-        let solution = stoppable(|| solver.run(&job));
+        let solution = caught(|| stoppable(|| solver.run(&job)));
         let Clock { costs, history, .. } = job.clock.into_inner();
         self.history = history;
         if share.learns {
@@ -321,7 +322,7 @@ impl TileState {
         // A warm or truncated result depends on more than its inputs.
         let depends_on_more = plan.warm || truncated;
         let input = |pose| (!depends_on_more).then_some(ChartInput { pose, plan: *plan });
-        pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collect()
+        pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collected()
     }
 
     /// Frees the solver's remaining memory after a failure, and takes it off the device's account.
@@ -335,6 +336,16 @@ impl TileState {
         // Less than before always fits.
         let _ = self.book(device, 0, tile.udim);
         error
+    }
+
+    /// After a call that memory was missing for: the solver may be gone, and more may be booked than there is.
+    pub(super) fn settle(&mut self, device: &Device) {
+        if self.solver.is_none() {
+            self.forget(device);
+        }
+        let held = self.held().min(self.booked);
+        let _ = device.rebook(self.booked, held, "");
+        self.booked = held;
     }
 
     /// Drops the solver.
@@ -356,7 +367,7 @@ impl TileState {
             self.forget(device);
             let bytes = TileSolver::bytes_for(device, grid, tile, solver)?;
             self.book(device, bytes, tile.udim)?;
-            match TileSolver::new(device, grid, tile, solver) {
+            match caught(|| TileSolver::new(device, grid, tile, solver)) {
                 Ok(solver) => self.solver = Some(solver),
                 Err(error) => return Err(self.give_up(device, tile, error)),
             }

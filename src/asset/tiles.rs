@@ -1,5 +1,8 @@
 //! The tiles of an asset: their facts, maps and settings, and prepared tiles as bytes.
 
+use crate::memory::{Collect, zeroed};
+use std::sync::Arc;
+
 use super::Asset;
 use crate::error::{Error, Result};
 use crate::image::ImageView;
@@ -17,8 +20,10 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range; so for every function that takes a tile.
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
         self.check_tile(tile)?;
-        let state = &mut self.tiles[tile];
-        self.device.team(|team| state.info(team, &self.device, &self.mesh, tile))
+        self.call(|asset| {
+            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
+            device.team(|team| state.info(team, device, mesh, tile))
+        })
     }
 
     /// What preparing and solving a tile would take with its present maps and settings. It finds the nodes that may move,
@@ -29,7 +34,7 @@ impl Asset {
     pub fn tile_estimate(&self, tile: usize) -> Result<TileEstimate> {
         self.check_tile(tile)?;
         let (state, device) = (&self.tiles[tile], &self.device);
-        device.team(|team| state.estimate(team, device, &self.mesh, tile))
+        device.call(|| device.team(|team| state.estimate(team, device, &self.mesh, tile)))
     }
 
     /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another machine.
@@ -37,7 +42,8 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range; `OutOfMemory`.
     pub fn save_tile(&mut self, tile: usize) -> Result<Vec<u8>> {
-        let mut bytes = vec![0; self.saved_tile_size(tile)?];
+        let size = self.saved_tile_size(tile)?;
+        let mut bytes = self.device.call(|| Ok(zeroed(size)))?;
         self.save_tile_to(tile, &mut bytes)?;
         Ok(bytes)
     }
@@ -48,8 +54,10 @@ impl Asset {
     /// Those of [`Asset::save_tile`].
     pub fn saved_tile_size(&mut self, tile: usize) -> Result<usize> {
         self.check_tile(tile)?;
-        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        device.team(|team| state.saved_size(team, device, mesh, tile))
+        self.call(|asset| {
+            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
+            device.team(|team| state.saved_size(team, device, mesh, tile))
+        })
     }
 
     /// Writes a tile as [`Asset::save_tile`] returns it, to the first bytes of `out`; returns how many.
@@ -62,8 +70,10 @@ impl Asset {
         let out = out
             .get_mut(..size)
             .ok_or_else(|| Error::argument(format!("data: {given} bytes given, {size} needed")))?;
-        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        device.team(|team| state.save(team, device, mesh, tile, out))?;
+        self.call(|asset| {
+            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
+            device.team(|team| state.save(team, device, mesh, tile, out))
+        })?;
         Ok(size)
     }
 
@@ -75,8 +85,10 @@ impl Asset {
     /// `OutOfMemory`. The tile is then as before.
     pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
         self.check_tile(tile)?;
-        let (state, device, mesh) = (&mut self.tiles[tile], &self.device, &self.mesh);
-        device.team(|team| state.load(team, device, mesh, tile, data))
+        self.call(|asset| {
+            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
+            device.team(|team| state.load(team, device, mesh, tile, data))
+        })
     }
 
     /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` takes it away (the tile is then the identity).
@@ -86,7 +98,7 @@ impl Asset {
     pub fn set_rigidity(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
         self.check_tile(tile)?;
         let rigidity = match image {
-            Some(image) => Rigidity::Map(self.map_of("rigidity", tile, image)?),
+            Some(image) => Rigidity::Map(self.device.call(|| self.map_of("rigidity", tile, image))?),
             None => Rigidity::None,
         };
         self.tiles[tile].set_rigidity(rigidity);
@@ -99,7 +111,7 @@ impl Asset {
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_mask(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
         self.check_tile(tile)?;
-        let mask = image.map(|image| self.map_of("mask", tile, image)).transpose()?;
+        let mask = image.map(|image| self.device.call(|| self.map_of("mask", tile, image))).transpose()?;
         self.tiles[tile].set_mask(mask);
         Ok(())
     }
@@ -120,9 +132,10 @@ impl Asset {
     ) -> Result<()> {
         self.check_tile(tile)?;
         let texels = image.rect("rigidity", first, size)?;
-        let (state, mesh) = (&mut self.tiles[tile], &self.mesh.tiles[tile]);
-        let device = &self.device;
-        device.team(|team| state.update_rigidity(team, device, mesh, &image, texels))
+        self.call(|asset| {
+            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh.tiles[tile]);
+            device.team(|team| state.update_rigidity(team, device, mesh, &image, texels))
+        })
     }
 
     /// Copies an image where the charts of a tile are.
@@ -141,9 +154,9 @@ impl Asset {
         let rigidity = match values {
             Some(values) => {
                 self.check_vertices("rigidity", &values, 1)?;
-                Rigidity::Vertices(
-                    (0..values.len()).map(|v| (values.get(v, 0) as f32).clamp(0.0, 1.0)).collect(),
-                )
+                let value = |v: usize| (values.get(v, 0) as f32).clamp(0.0, 1.0);
+                let all = self.device.call(|| Ok((0..values.len()).map(value).collected()))?;
+                Rigidity::Vertices(Arc::new(all))
             }
             None => Rigidity::None,
         };

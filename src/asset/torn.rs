@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use crate::memory::{Collect, copied};
 use crate::mesh::{Mesh, TileMesh};
 use crate::tile::Grid;
 use crate::view::Strided;
@@ -31,7 +32,7 @@ pub(super) fn welds(mesh: &Mesh, tile: &TileMesh, positions: &Strided) -> Vec<u3
         apart > mesh.torn + 8.0 * positions.epsilon() * largest
     };
     let torn = |weld: &u32| tile.welds[*weld as usize].ends.into_iter().any(is_torn);
-    (0..tile.welds.len() as u32).filter(torn).collect()
+    (0..tile.welds.len() as u32).filter(torn).collected()
 }
 
 /// The tile as it hangs together in a pose.
@@ -46,7 +47,7 @@ pub(super) fn in_pose(mesh: &Mesh, tile: usize, positions: &Strided) -> Arc<Tile
 
 impl Torn {
     pub fn new(whole: &TileMesh, welds: &[u32]) -> Torn {
-        Torn { welds: welds.to_vec(), mesh: Arc::new(whole.cut(welds)), grid: None }
+        Torn { welds: copied(welds), mesh: Arc::new(whole.cut(welds)), grid: None }
     }
 
     /// Whether it is the tile with these welds torn.

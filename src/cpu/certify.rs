@@ -2,6 +2,7 @@
 //! the warp or the identity is the result (method §8). If all are positive, the warp is one-to-one and onto, because
 //! the borders are fixed (method §11.1).
 
+use crate::memory::{Collect, filled};
 use crate::mesh::NONE;
 use crate::method::schedule::ChartResult;
 use crate::tile::Level;
@@ -18,7 +19,7 @@ impl Run<'_> {
         let all_known = (0..self.charts.len()).all(|c| !self.charts[c] || self.known_energies[c].is_some());
         let energies = match (allow_folds, all_known) {
             (true, _) => self.energies_allowing_folds(0),
-            (false, true) => self.known_energies.iter().map(|energy| energy.unwrap_or_default()).collect(),
+            (false, true) => self.known_energies.iter().map(|energy| energy.unwrap_or_default()).collected(),
             (false, false) => self.energies(0),
         };
         let certificates = self.certificates();
@@ -70,13 +71,13 @@ impl Run<'_> {
         let blocks = &self.work[0].active;
         let level = &self.grid.levels[0];
         let u = &self.memory.levels[0].u;
-        let mut parts = vec![Certificate::default(); blocks.len()];
+        let mut parts = filled(Certificate::default(), blocks.len());
         let shared = SharedSlice::new(&mut parts);
         self.team.run(blocks.len(), |k| {
             // SAFETY: each item has its own certificate.
             unsafe { *shared.get_mut(k) = certify_block(level, u, blocks[k] as usize) };
         });
-        let mut certificates = vec![Certificate::default(); self.charts.len()];
+        let mut certificates = filled(Certificate::default(), self.charts.len());
         for (part, &b) in parts.iter().zip(blocks) {
             certificates[level.blocks.list[b as usize].chart as usize].add(part);
         }

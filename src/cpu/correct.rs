@@ -17,6 +17,7 @@ mod workspace;
 
 use std::time::Instant;
 
+use crate::memory::{Collect, copied};
 use crate::method::acceptance::{Correction, Gain};
 use crate::method::law::TRIAL_FRACTIONS;
 use crate::tile::blocks::{NODES, Plane};
@@ -54,7 +55,7 @@ impl Run<'_> {
             fraction.fill(1.0);
         }
         // Charts with a step fraction of 0 take no part, on any level.
-        let all_work = self.work.clone();
+        let all_work = copied(&self.work);
         for (work, grid) in self.work.iter_mut().zip(&self.grid.levels) {
             work.retain(|b| fraction[grid.blocks.list[b as usize].chart as usize] > 0.0);
         }
@@ -148,10 +149,10 @@ impl Run<'_> {
         let Stepping { fraction: node_fraction, before: displacement, step } = stepping;
         let displacement = SharedSlice::new(displacement);
         let mut open: Vec<bool> =
-            (0..self.charts.len()).map(|c| self.charts[c] && fraction[c] > 0.0).collect();
+            (0..self.charts.len()).map(|c| self.charts[c] && fraction[c] > 0.0).collected();
         for (trial, trial_fraction) in TRIAL_FRACTIONS.into_iter().chain([0.0]).enumerate() {
             self.work[level].retain(|b| open[list[b as usize].chart as usize]);
-            let blocks = self.work[level].active.clone();
+            let blocks = copied(&self.work[level].active);
             if blocks.is_empty() {
                 break;
             }
@@ -187,7 +188,10 @@ impl Run<'_> {
             });
             self.relax_level(level, correction.sweeps, Some(fraction));
             let energies = self.energies_with_pull(level);
-            for c in (0..self.charts.len()).filter(|&c| open[c]).collect::<Vec<_>>() {
+            for c in 0..self.charts.len() {
+                if !open[c] {
+                    continue;
+                }
                 let gain = Gain {
                     before: before[c],
                     after: energies[c],
@@ -211,7 +215,7 @@ impl Run<'_> {
     /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
     /// value for each stored block.
     fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
-        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collect();
+        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collected();
         self.sum_per_chart(level, &active)
     }
 

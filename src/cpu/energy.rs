@@ -6,6 +6,7 @@ use super::row::Row;
 use super::sampling::Surface;
 use super::terms::{Terms, least_jacobian, room_energy};
 use super::{Run, SurfaceFn};
+use crate::memory::zeroed;
 use crate::method::law::CRUSHED_JACOBIAN;
 use crate::team::SharedSlice;
 use crate::tile::Level;
@@ -44,7 +45,7 @@ impl SurfaceFn<Vec<f64>> for Energies {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> Vec<f64> {
         let level = &run.grid.levels[self.level];
         let blocks = &run.work[self.level].active;
-        let mut sums = vec![0.0f64; blocks.len()];
+        let mut sums = zeroed::<f64>(blocks.len());
         let shared = SharedSlice::new(&mut sums);
         run.team.run_on(blocks.len(), |worker, k| {
             let b = blocks[k] as usize;

@@ -1,6 +1,7 @@
 //! Reads and sets the state of a run in the layout of the GPU's buffers (`gpu/layout.rs`), for comparing the two
 //! backends and for switching between them.
 
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::NONE;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::pose::PoseTriangle;
@@ -20,7 +21,7 @@ fn set<const N: usize>(planes: &mut [Plane; N], bits: &[u32]) {
 
 /// The planes of one quantity in all blocks, as bits.
 pub(super) fn flat<const N: usize>(blocks: &[[Plane; N]]) -> Vec<u32> {
-    blocks.iter().flat_map(bits).collect()
+    blocks.iter().flat_map(bits).collected()
 }
 
 impl Run<'_> {
@@ -31,7 +32,7 @@ impl Run<'_> {
             let ([a, b, c], [d, e, f], [g, h, i]) = (t.origin, t.tangent[0], t.tangent[1]);
             [a, b, c, d, e, f, g, h, i]
         };
-        self.memory.triangles.iter().map(triangle).collect()
+        self.memory.triangles.iter().map(triangle).collected()
     }
 
     pub fn set_triangles(&mut self, triangles: &[[f32; 9]]) {
@@ -55,11 +56,11 @@ impl Run<'_> {
     /// A level's state. Planes per block: displacements (2), values (3) and triangles (1).
     pub fn state(&self, level: usize) -> Vec<u32> {
         let buffers = &self.memory.levels[level];
-        let mut all = Vec::with_capacity(buffers.u.len() * 6 * NODES);
+        let mut all = with_capacity(buffers.u.len() * 6 * NODES);
         for b in 0..buffers.u.len() {
-            all.extend(bits(&buffers.u[b]).chain(bits(&buffers.value[b])));
+            all.put_all(bits(&buffers.u[b]).chain(bits(&buffers.value[b])));
             // Coarser levels have no triangles.
-            all.extend_from_slice(buffers.triangle.get(b).unwrap_or(&[NONE; NODES]));
+            all.put_all(buffers.triangle.get(b).unwrap_or(&[NONE; NODES]).iter().copied());
         }
         all
     }

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Weak};
 
+use crate::memory::{Grow, with_capacity};
 use crate::settings::Solver;
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
@@ -80,11 +81,11 @@ impl Memory {
 
     /// Constructs the memory with an allocator.
     fn construct(allocator: &mut impl Allocate, grid: &Grid, solver: Solver) -> Memory {
-        let mut levels = Vec::with_capacity(grid.levels.len());
+        let mut levels = with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
             let metric = allocator.zeros(if k > 0 { blocks } else { 0 });
-            levels.push(Buffers { metric, ..Buffers::new(allocator, blocks, k == 0) });
+            levels.put(Buffers { metric, ..Buffers::new(allocator, blocks, k == 0) });
         }
         let (workspace, pbd) = match solver {
             Solver::Descent => (Workspace::new(allocator, grid), Vec::new()),

@@ -1,6 +1,7 @@
 //! A block's patch: all quantities that relaxation, assembly and the energy need, gathered in windows of 18x18 nodes
 //! (method §1).
 
+use crate::memory::boxed;
 use crate::mesh::NONE;
 use crate::method::schedule::Input;
 use crate::tile::Level;
@@ -117,7 +118,7 @@ pub struct NodeState<V: Lanes> {
 
 impl Patch {
     pub fn zeroed() -> Box<Patch> {
-        Box::new(Patch {
+        boxed(Patch {
             block: 0,
             x: 0,
             y: 0,

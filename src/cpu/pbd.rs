@@ -9,6 +9,7 @@ mod tests;
 
 use std::sync::atomic::Ordering;
 
+use crate::memory::{Grow, with_capacity};
 use crate::method::pbd::{Iteration, SETS};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
@@ -35,11 +36,11 @@ pub(super) struct PbdBuffers {
 impl PbdBuffers {
     /// Allocates the buffers of all levels.
     pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Vec<PbdBuffers> {
-        let mut all = Vec::with_capacity(grid.levels.len());
+        let mut all = with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
             let next = Buffers::new(allocator, blocks, k == 0);
-            all.push(PbdBuffers { next, previous: allocator.zeros(blocks) });
+            all.put(PbdBuffers { next, previous: allocator.zeros(blocks) });
         }
         all
     }

@@ -6,6 +6,7 @@
 use super::Run;
 use super::lanes::{Lanes, Mask, Vectorised, dispatch};
 use super::sampling::Start;
+use crate::memory::Collect;
 use crate::mesh::NONE;
 use crate::team::SharedSlice;
 use crate::tile::Level;
@@ -80,7 +81,7 @@ impl Run<'_> {
     fn zero_inactive_blocks(&mut self, level: usize) -> Vec<u32> {
         let list = &self.grid.levels[level].blocks.list;
         let inactive: Vec<u32> =
-            self.work[level].stored.iter().copied().filter(|&b| !list[b as usize].active).collect();
+            self.work[level].stored.iter().copied().filter(|&b| !list[b as usize].active).collected();
         for &b in &inactive {
             self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
         }

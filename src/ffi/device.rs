@@ -5,6 +5,7 @@ use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
+use super::allocator::{self, vrtm_allocator};
 use super::desc::{self, Out, Place, Sized32};
 use super::executor::{HostExecutor, vrtm_executor};
 use super::guard::guard;
@@ -63,6 +64,8 @@ pub struct vrtm_device_desc {
     /// The host's threads, copied; null (the default) = solves and fetches have threads of the library's own, which end
     /// with the call.
     pub executor: *const vrtm_executor,
+    /// The host's allocator; null (the default) = the system's. The struct is copied.
+    pub allocator: *const vrtm_allocator,
 }
 
 /// Description of a device. Start from vrtm_device_data_init().
@@ -133,6 +136,7 @@ unsafe impl Sync for HostLog {}
 
 impl HostLog {
     fn write(&self, level: LogLevel, message: &str) {
+        #[expect(clippy::disallowed_methods, reason = "one line")]
         let line: String =
             message.chars().map(|c| if matches!(c, '\0' | '\n' | '\r') { ' ' } else { c }).collect();
         let level = match level {
@@ -166,6 +170,8 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
         memory_budget: (desc.memory_budget != 0).then_some(desc.memory_budget),
         log,
         executor: executor.map(|executor| Arc::new(executor) as _),
+        // SAFETY: the host's pointer.
+        allocator: unsafe { allocator::read(desc.allocator, "desc.allocator") }?,
     })
 }
 
@@ -179,8 +185,9 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
 /// buffers of 256 MiB) and without optional features, for support.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
-/// 1024 threads, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened.
+/// 1024 threads, an allocator without a function, or an environment variable VRTM_DEVICE, VRTM_THREADS or
+/// VRTM_GPU_LIMITS that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be
+/// opened, and for an allocator if the library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,

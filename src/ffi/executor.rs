@@ -101,6 +101,7 @@ impl Executor for HostExecutor {
 
     fn spawn(&self, task: Task) -> Result<(), Task> {
         let Some(spawn) = self.spawn else { return Err(task) };
+        #[expect(clippy::disallowed_methods, reason = "of constant size")]
         let data = Box::into_raw(Box::new(task)).cast();
         // SAFETY: the host vouches for its function; it calls the task once, which frees it.
         unsafe { spawn(self.user, Some(run_task), data) };

@@ -8,6 +8,7 @@ use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{Target, vrtm_image_out};
 use crate::asset::FetchKind;
+use crate::memory::{Collect, Grow};
 
 /// Content of a fetched image: two channels (u, v) per texel.
 pub type vrtm_fetch_kind = i32;
@@ -91,7 +92,7 @@ pub(super) unsafe fn targets(
         let image = format!("{name}.image");
         // SAFETY: the host's pointer.
         let target = unsafe { Target::read(fetch.image, &image) }?;
-        all.push((image, tile, kind, target));
+        all.put((image, tile, kind, target));
     }
     check_apart(&all, input)?;
     Ok(all)
@@ -102,8 +103,8 @@ pub(super) unsafe fn targets(
 /// they span, in which nothing may be written.
 fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
     let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
-    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collect();
-    sorted.sort_by_key(|(target, _)| target.span().start);
+    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collected();
+    sorted.sort_unstable_by_key(|(target, name)| (target.span().start, *name));
     for (k, (target, name)) in sorted.iter().enumerate() {
         let span = target.span();
         if span.start < input.end && input.start < span.end {

@@ -18,6 +18,7 @@ use super::types::{strided, vrtm_array};
 use crate::asset::SolveRequest;
 use crate::control::{Control, this_thread};
 use crate::float_mode::FloatMode;
+use crate::memory::{boxed, copied};
 use crate::panics;
 use crate::team::threads;
 use crate::view::Packed;
@@ -123,7 +124,7 @@ impl Job {
         Job {
             control: work.wishes.control.clone(),
             submitted: Instant::now(),
-            state: Mutex::new(State::Waiting(Box::new(work))),
+            state: Mutex::new(State::Waiting(boxed(work))),
             done: Condvar::new(),
             runs_on: AtomicUsize::new(0),
             thread: Mutex::new(None),
@@ -148,6 +149,10 @@ impl Job {
         self.runs_on.store(this_thread(), Ordering::Relaxed);
         let _mode = FloatMode::set_default();
         let outcome = panics::catch(|| work.run()).unwrap_or_else(|panic| {
+            if let Some(short) = panic.out_of_memory() {
+                let message = short.to_string();
+                return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
+            }
             let message = format!("internal error: {} ({})", panic.text(), panic.place());
             Err(Failure { status: VRTM_ERROR_INTERNAL, message })
         });
@@ -234,14 +239,17 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         let mut claim = shared.claim()?;
         claim.asset().check_request(&wishes.request(positions))?;
         let executor = claim.asset().device().executor().cloned();
-        let work = Work {
-            claim,
-            positions: Packed::copy(&positions),
-            dirty_vertices: wishes.dirty_vertices.map(<[u32]>::to_vec),
-            wishes: wishes.without_dirty_vertices(),
-        };
+        let device = claim.asset().device().clone();
+        let copies = || Ok((Packed::copy(&positions), wishes.dirty_vertices.map(copied)));
+        let (positions, dirty_vertices) = device.call(copies)?;
+        claim.announce(&wishes.control);
+        let work = Work { claim, positions, dirty_vertices, wishes: wishes.without_dirty_vertices() };
         let (handle, job) = handle::add_job(Job::new(work))?;
         let own = job.clone();
+        #[expect(
+            clippy::disallowed_methods,
+            reason = "of constant size: the job is there, and must not be lost"
+        )]
         let task = Box::new(move || own.run());
         let left = match executor {
             Some(executor) => executor.spawn(task).err(),

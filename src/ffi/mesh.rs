@@ -6,6 +6,7 @@ use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
 use super::types::{check_reserved, strided, vrtm_array};
 use crate::error::{Error, ErrorKind};
+use crate::memory::Collect;
 use crate::mesh::{MeshSource, UvSource, Weld, WeldBy};
 
 /// By what two corners of different faces are recognised as one, so that charts go on over the edges between them.
@@ -166,7 +167,7 @@ pub(super) unsafe fn more_uvs<'a>(desc: &vrtm_mesh_desc) -> Outcome<Vec<UvSource
     // SAFETY: the host vouches for `uv_set_count` structs, and for their pointers.
     let sets = unsafe { desc::slice(desc.uv_sets, desc.uv_set_count, "desc.uv_sets") }?;
     let source = |(k, set)| unsafe { uv_source(set, &format!("desc.uv_sets[{k}]")) };
-    sets.iter().enumerate().map(source).collect()
+    sets.iter().enumerate().map(source).try_collected()
 }
 
 pub(super) unsafe fn mesh<'a>(desc: &vrtm_mesh_desc, uv_sets: &'a [UvSource<'a>]) -> Outcome<MeshSource<'a>> {

@@ -105,26 +105,25 @@ impl Claim {
         unsafe { &mut *self.0.asset.get() }
     }
 
-    /// Calls `body` with the asset; the asset's owner can cancel it by `control`.
-    pub fn solve<R>(&mut self, control: &Arc<Control>, body: impl FnOnce(&mut Asset) -> R) -> R {
-        struct Solving<'a>(&'a SharedAsset);
-        impl Drop for Solving<'_> {
-            fn drop(&mut self) {
-                *self.0.solving() = None;
-            }
-        }
-        let shared = self.0.clone();
-        *shared.solving() = Some(control.clone());
-        let _solving = Solving(&shared);
-        if shared.ended.load(Ordering::SeqCst) {
+    /// From now on the asset's owner can cancel what the claim was made for, whether it has begun or not.
+    pub fn announce(&self, control: &Arc<Control>) {
+        *self.0.solving() = Some(control.clone());
+        if self.0.ended.load(Ordering::SeqCst) {
             control.cancel();
         }
+    }
+
+    /// Calls `body` with the asset; the asset's owner can cancel it by `control`.
+    pub fn solve<R>(&mut self, control: &Arc<Control>, body: impl FnOnce(&mut Asset) -> R) -> R {
+        self.announce(control);
         body(self.asset())
     }
 }
 
 impl Drop for Claim {
     fn drop(&mut self) {
+        // Before others may claim the asset, and announce what they do.
+        *self.0.solving() = None;
         self.0.users.store(0, Ordering::Release);
     }
 }
@@ -193,6 +192,24 @@ mod tests {
         assert_eq!(asset.results.report().unwrap_err().kind, crate::ErrorKind::NotSolved);
         std::thread::scope(|scope| scope.spawn(move || drop(claim)).join().unwrap());
         assert!(asset.claim().is_ok());
+    }
+
+    /// A job's thread, or a host's queue, may take its time to begin.
+    #[test]
+    fn what_has_not_begun_can_be_cancelled() {
+        let asset = triangle();
+        let controls: Vec<_> = (0..3).map(|_| Arc::new(Control::new())).collect();
+        let claim = asset.claim().unwrap();
+        claim.announce(&controls[0]);
+        asset.cancel();
+        assert!(controls[0].is_cancelled());
+        drop(claim);
+        asset.claim().unwrap().announce(&controls[1]);
+        asset.cancel();
+        assert!(!controls[1].is_cancelled(), "its claim has ended");
+        asset.end();
+        asset.claim().unwrap().announce(&controls[2]);
+        assert!(controls[2].is_cancelled());
     }
 
     #[test]

@@ -14,6 +14,7 @@ use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{check_reserved, flag, strided, strided_and_span, vrtm_array};
 use crate::asset::{Fetch, SolveRequest};
 use crate::control::Control;
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::settings::{PbdSettings, Quality, SolveOptions, Solver};
 use crate::view::Strided;
 
@@ -153,7 +154,7 @@ impl<'a> Wishes<'a> {
                     false => Err(Failure::argument(format!("{name} belongs to another asset"))),
                 }
             };
-            tiles = Some(handles.iter().enumerate().map(index).collect::<Outcome<_>>()?);
+            tiles = Some(handles.iter().enumerate().map(index).try_collected()?);
         }
         let mut dirty_vertices = None;
         if !from.dirty_vertices.is_null() {
@@ -320,10 +321,10 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
         let (positions, span) = view;
         // SAFETY: as above; `targets` checks that no two of the images share a byte, nor do they with the positions.
         let targets = unsafe { targets(asset, fetches, count, span) }?;
-        let mut wanted = Vec::with_capacity(targets.len());
+        let mut wanted = with_capacity(targets.len());
         for (name, tile, kind, target) in &targets {
             // SAFETY: the host vouches for the memory, and no other view shares it.
-            wanted.push(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
+            wanted.put(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
         }
         let request = wishes.request(positions);
         shared.claim()?.solve(&wishes.control, |asset| Ok(asset.run(&request, &mut wanted)?))

@@ -3,6 +3,7 @@
 
 use super::context::{Context, Options};
 use crate::error::Result;
+use crate::memory::{Collect, Grow};
 use crate::panics::contain;
 use crate::report::AdapterInfo;
 
@@ -29,17 +30,18 @@ impl Survey {
         let mut survey = Survey::default();
         for adapter in all.unwrap_or_default() {
             match rejected(&adapter) {
-                Some(why) => survey.rejected.push(format!("{}, {why}", adapter.get_info().name)),
-                None => survey.usable.push(adapter),
+                Some(why) => survey.rejected.put(format!("{}, {why}", adapter.get_info().name)),
+                None => survey.usable.put(adapter),
             }
         }
+        #[expect(clippy::disallowed_methods, reason = "a machine has a few")]
         survey.usable.sort_by_key(|adapter| rank(adapter.get_info().device_type));
         survey
     }
 
     /// The GPUs that can be used.
     pub fn adapters(&self) -> Vec<AdapterInfo> {
-        self.usable.iter().map(|adapter| describe(&adapter.get_info())).collect()
+        self.usable.iter().map(|adapter| describe(&adapter.get_info())).collected()
     }
 
     /// Opens one of these, `None` if there is none of that number.
@@ -53,7 +55,7 @@ impl Survey {
             let info = adapter.get_info();
             if is_software(&info) { format!("{}, a software driver", info.name) } else { info.name }
         });
-        let all: Vec<String> = usable.chain(self.rejected.iter().cloned()).collect();
+        let all: Vec<String> = usable.chain(self.rejected.iter().cloned()).collected();
         if all.is_empty() { "none".to_owned() } else { all.join("; ") }
     }
 }
@@ -67,7 +69,7 @@ pub(crate) fn interfaces() -> String {
         (wgpu::Backends::METAL, wgpu::Backend::Metal),
     ];
     let names = named.into_iter().filter(|(bit, _)| built.contains(*bit)).map(|(_, backend)| api(backend));
-    names.collect::<Vec<_>>().join(", ")
+    names.collected().join(", ")
 }
 
 /// Describes an adapter to a host.

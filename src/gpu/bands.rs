@@ -5,6 +5,7 @@
 use std::ops::Range;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory::{Collect, Grow, filled};
 use crate::mesh::NONE;
 use crate::tile::Level;
 use crate::tile::blocks::Block;
@@ -39,7 +40,7 @@ fn row_pair(block: &Block) -> (u32, u32) {
 /// # Errors
 /// `Unsupported` if a pair of rows with its neighbours does not fit.
 pub fn bands(levels: &[Level], capacity: usize) -> Result<Vec<Vec<Band>>> {
-    let mut all: Vec<Vec<Band>> = vec![Vec::new(); levels.len()];
+    let mut all: Vec<Vec<Band>> = filled(Vec::new(), levels.len());
     for k in (0..levels.len()).rev() {
         let level = &levels[k];
         let count = level.blocks.list.len();
@@ -61,7 +62,7 @@ pub fn bands(levels: &[Level], capacity: usize) -> Result<Vec<Vec<Band>>> {
             };
             let children = first_child(coarser)..first_child(coarser + 1);
             let first = bands.len();
-            bands.extend(split(level, children, coarser, capacity)?);
+            bands.put_all(split(level, children, coarser, capacity)?);
             all[k + 1][coarser].finer = first..bands.len();
         }
         all[k] = bands;
@@ -79,7 +80,7 @@ fn split(level: &Level, range: Range<usize>, coarser: usize, capacity: usize) ->
         low..high
     };
     if held(&range).len() <= capacity {
-        return Ok(vec![Band { held: held(&range), owned: range, coarser, finer: 0..0 }]);
+        return Ok([Band { held: held(&range), owned: range, coarser, finer: 0..0 }].into_iter().collected());
     }
     let mut bands = Vec::new();
     let mut start = range.start;
@@ -103,7 +104,7 @@ fn split(level: &Level, range: Range<usize>, coarser: usize, capacity: usize) ->
             ));
         }
         start = owned.end;
-        bands.push(Band { held: held(&owned), owned, coarser, finer: 0..0 });
+        bands.put(Band { held: held(&owned), owned, coarser, finer: 0..0 });
     }
     Ok(bands)
 }

@@ -2,6 +2,7 @@
 
 use super::context::Context;
 use crate::error::Result;
+use crate::memory::{Collect, Grow};
 
 /// Timestamps of a query set: two per pass.
 const QUERIES: u32 = 4096;
@@ -21,7 +22,7 @@ impl Clock {
         }
         let (set, first) = (2 * self.passes / QUERIES, 2 * self.passes % QUERIES);
         if set as usize == self.sets.len() {
-            self.sets.push(Clock::set(context).ok()?);
+            self.sets.put(Clock::set(context).ok()?);
         }
         self.passes += 1;
         Some((self.sets[set as usize].0.clone(), first))
@@ -44,7 +45,7 @@ impl Clock {
             let count = left.min(QUERIES);
             if count > 0 {
                 encoder.resolve_query_set(set, 0..count, buffer, 0);
-                used.push((buffer.clone(), u64::from(count) * 8));
+                used.put((buffer.clone(), u64::from(count) * 8));
             }
             left -= count;
         }
@@ -61,6 +62,6 @@ impl Clock {
         let period = f64::from(context.queue.get_timestamp_period());
         let tick = |bytes: &[u8]| bytes.try_into().map_or(0, u64::from_le_bytes);
         let pass = |pair: &[u8]| tick(&pair[8..]).saturating_sub(tick(&pair[..8])) as f64 * period * 1e-6;
-        bytes.chunks_exact(16).map(|pair| pass(pair) as f32).collect()
+        bytes.chunks_exact(16).map(|pair| pass(pair) as f32).collected()
     }
 }

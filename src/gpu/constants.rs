@@ -2,6 +2,7 @@
 
 use super::bands::Band;
 use super::layout::{BlockRecord, NODE_PLANES, Triangle};
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::{NONE, TileMesh};
 use crate::tile::blocks::NODES;
 use crate::tile::codes::decode_rigidity;
@@ -40,29 +41,29 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
                 continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
             }
         })
-        .collect()
+        .collected()
 }
 
 /// The constants of the nodes of the blocks that a band holds: `NODE_PLANES` planes per block.
 pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
-    let mut all = Vec::with_capacity(band.held.len() * NODE_PLANES * NODES);
+    let mut all = with_capacity(band.held.len() * NODE_PLANES * NODES);
     for b in band.held.clone() {
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
-        all.extend(
+        all.put_all(
             rigidity.map(|(&r, &movable)| decode_rigidity(r).to_bits() | u32::from(movable == 0) << 31),
         );
         let lengths = level.lengths[level.blocks.list[b].chart as usize];
         for (plane, lengths) in level.rest_length[b].iter().zip(lengths) {
-            all.extend(plane.iter().map(|&code| lengths.length(code).to_bits()));
+            all.put_all(plane.iter().map(|&code| lengths.length(code).to_bits()));
         }
         if k == 0 {
-            all.extend(grid.triangle[b]);
+            all.put_all(grid.triangle[b]);
         } else {
-            all.extend(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
+            all.put_all(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
         }
         match level.density.get(b) {
-            Some(plane) => all.extend(plane.iter().map(|density| density.to_bits())),
-            None => all.extend([0; NODES]),
+            Some(plane) => all.put_all(plane.iter().map(|density| density.to_bits())),
+            None => all.put_all([0; NODES]),
         }
     }
     all
@@ -83,20 +84,20 @@ pub fn triangles(grid: &Grid) -> Vec<Triangle> {
                 pose: [0.0; 9],
             }
         })
-        .collect()
+        .collected()
 }
 
 /// Per triangle, the indices of its three vertices among the vertices of all charts.
 pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
-    let mut first_vertex = Vec::with_capacity(tile.charts.len());
+    let mut first_vertex = with_capacity(tile.charts.len());
     let mut vertices = 0u32;
     for chart in &tile.charts {
-        first_vertex.push(vertices);
+        first_vertex.put(vertices);
         vertices += chart.vertices.len() as u32;
     }
     tile.triangles
         .iter()
         .zip(grid.chart_of.iter())
         .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
-        .collect()
+        .collected()
 }

@@ -14,6 +14,7 @@ use super::adapters::describe;
 use super::kernels::Pipelines;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory::caught;
 use crate::method::point::Switch;
 use crate::panics::contain;
 use crate::report::AdapterInfo;
@@ -61,8 +62,8 @@ struct ErrorLog {
     errors: Mutex<Vec<(ThreadId, Error)>>,
 }
 
-/// How long a call that can be cancelled waits before it looks whether it was.
-const PATIENCE: Duration = Duration::from_millis(2);
+/// How long a call that can be cancelled sleeps before it looks whether its work is done, at first and at most.
+const PAUSES: [Duration; 2] = [Duration::from_micros(20), Duration::from_micros(200)];
 
 /// Most errors kept, as some threads may never check.
 const MAX_ERRORS: usize = 64;
@@ -72,6 +73,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Joins the lines of wgpu's messages.
+#[expect(clippy::disallowed_methods, reason = "one message")]
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -90,6 +92,7 @@ impl ErrorLog {
         let mut errors = lock(&self.errors);
         if errors.len() < MAX_ERRORS {
             let error = Error::new(kind, format!("the GPU: {}", one_line(&error.to_string())));
+            #[expect(clippy::disallowed_methods, reason = "a few; wgpu calls this, and must not be unwound")]
             errors.push((thread::current().id(), error));
         }
     }
@@ -202,9 +205,10 @@ impl Context {
 
     /// Runs wgpu calls that may panic where they should fail, and checks for errors.
     pub fn contain<R>(&self, body: impl FnOnce() -> R) -> Result<R> {
-        let outcome = contain(body);
+        // Should memory be missing, wgpu's errors until then must not be left for the next call.
+        let outcome = caught(|| Ok(contain(body)));
         self.check()?;
-        outcome.map_err(|why| Error::new(ErrorKind::Internal, format!("the GPU: {}", one_line(&why))))
+        outcome?.map_err(|why| Error::new(ErrorKind::Internal, format!("the GPU: {}", one_line(&why))))
     }
 
     /// Submits encoded commands, in order, as one submission.
@@ -221,17 +225,22 @@ impl Context {
             .map_err(|error| Error::new(ErrorKind::Internal, format!("the GPU: {error}")))
     }
 
-    /// Waits for a submission, but no longer than the call goes on.
-    pub fn wait_for(&self, submission: &wgpu::SubmissionIndex, control: &Control) -> Result<()> {
+    /// Waits for all that was submitted, but no longer than the call goes on.
+    pub fn wait_for(&self, control: &Control) -> Result<()> {
+        let done = Arc::new(AtomicBool::new(false));
+        let told = done.clone();
+        self.contain(|| self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release)))?;
+        let mut pause = PAUSES[0];
         loop {
             control.check()?;
-            let (submission_index, timeout) = (Some(submission.clone()), Some(PATIENCE));
-            let wait = wgpu::PollType::Wait { submission_index, timeout };
-            match self.contain(|| self.device.poll(wait))? {
-                Ok(_) => return Ok(()),
-                Err(wgpu::PollError::Timeout) => {}
-                Err(error) => return Err(Error::new(ErrorKind::Internal, format!("the GPU: {error}"))),
+            // Not a wait with a limit: when that is up, wgpu 30 panics if another thread has just emptied the queue.
+            self.contain(|| self.device.poll(wgpu::PollType::Poll))?
+                .map_err(|error| Error::new(ErrorKind::Internal, format!("the GPU: {error}")))?;
+            if done.load(Ordering::Acquire) {
+                return Ok(());
             }
+            thread::sleep(pause);
+            pause = (2 * pause).min(PAUSES[1]);
         }
     }
 

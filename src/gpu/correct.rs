@@ -76,13 +76,14 @@ impl Run<'_> {
             for (n, finer_band) in self.memory.bands[k][band].finer.clone().enumerate() {
                 let fine = &self.memory.buffers[k - 1][finer_band];
                 let params = Params { other_base: fine.base.unwrap_or(0), ..self.params };
+                let extra = [fine.blocks.clone(), fine.rows.clone()];
                 let (kernel, extra) = if together {
-                    (Kernel::GalerkinTogether, vec![fine.blocks.clone()])
+                    (Kernel::GalerkinTogether, &extra[..1])
                 } else {
-                    (Kernel::Galerkin, vec![fine.blocks.clone(), fine.rows.clone()])
+                    (Kernel::Galerkin, &extra[..])
                 };
                 let active = self.memory.lists[k][band].active_by_finer_band[n];
-                self.dispatch_list(kernel, [k, band], &extra, active, params);
+                self.dispatch_list(kernel, [k, band], extra, active, params);
             }
         }
         self.exchange(k, BandBuffer::Rows);

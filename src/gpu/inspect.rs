@@ -9,12 +9,13 @@ use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
 use super::memory::PLANE;
 use super::{BandBuffer, Run};
 use crate::error::Result;
+use crate::memory::{Collect, Grow};
 use crate::tile::blocks::{NODES, Plane};
 
 impl Run<'_> {
     /// Per triangle in the pose: position of the first corner, df/dx, df/dy.
     pub fn triangles(&mut self) -> Result<Vec<[f32; 9]>> {
-        Ok(self.all_triangles()?.iter().map(|t| t.pose).collect())
+        Ok(self.all_triangles()?.iter().map(|t| t.pose).collected())
     }
 
     pub fn set_triangles(&mut self, poses: &[[f32; 9]]) -> Result<()> {
@@ -74,7 +75,7 @@ impl Run<'_> {
         self.energy(self.at_level(level), level, DECIDE_ENERGY);
         // The energy of an invalid state is infinite on the CPU.
         let energy = |x: f32| if x < INVALID_ENERGY { f64::from(x) } else { f64::INFINITY };
-        Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collect())
+        Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collected())
     }
 
     /// Assembles a level's system for its present state. Returns its rows and its right-hand side.
@@ -102,8 +103,8 @@ impl Run<'_> {
         // The rounds of the step limit write the two planes alternately.
         let plane = |b: usize| FRACTION + (records[list[b].chart as usize].limit_rounds & 1) as usize;
         let fraction =
-            (0..list.len()).flat_map(|b| vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES].to_vec());
-        Ok([vector_planes(&vectors, STEP), fraction.collect()])
+            (0..list.len()).flat_map(|b| &vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES]);
+        Ok([vector_planes(&vectors, STEP), fraction.copied().collected()])
     }
 
     /// Reads all planes of one of a level's buffers, in the order of its blocks.
@@ -114,7 +115,7 @@ impl Run<'_> {
             let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
             let at = |b: usize| (base + b - band.held.start) as u64 * planes * PLANE;
             let bytes = self.context.read(&buffer, at(band.owned.start)..at(band.owned.end))?;
-            all.extend(bytemuck::pod_collect_to_vec::<u8, u32>(&bytes));
+            all.put_all(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
         }
         Ok(all)
     }
@@ -154,5 +155,5 @@ impl Run<'_> {
 #[cfg(feature = "oracle")]
 fn vector_planes(vectors: &[u32], first: usize) -> Vec<u32> {
     let pair = first * NODES..(first + 2) * NODES;
-    vectors.chunks(VECTOR_PLANES * NODES).flat_map(|block| block[pair.clone()].to_vec()).collect()
+    vectors.chunks(VECTOR_PLANES * NODES).flat_map(|block| &block[pair.clone()]).copied().collected()
 }

@@ -10,6 +10,7 @@ use super::kernels::{Binding, Kernel, Pipeline, slot};
 use super::layout::{Request, SPREAD};
 use super::results::Displacements;
 use crate::error::Result;
+use crate::memory::Collect;
 
 /// Bytes of a texel on the device: two f32.
 const TEXEL_BYTES: u64 = 8;
@@ -68,11 +69,11 @@ impl Output {
     /// Allocates the buffers for an image size, with bands of at most `max_binding` bytes.
     fn with_max_binding(context: &Arc<Context>, size: [usize; 2], max_binding: u64) -> Result<Output> {
         use wgpu::BufferUsages as Usage;
-        let all: Vec<u64> = bands(max_binding, size).map(|rows| band_bytes(&rows, size)).collect();
+        let all: Vec<u64> = bands(max_binding, size).map(|rows| band_bytes(&rows, size)).collected();
         let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
         let image = context.buffer("image", all[0], usage)?;
         let staging =
-            all.iter().map(|&bytes| context.staging("image for the host", bytes)).collect::<Result<_>>()?;
+            all.iter().map(|&bytes| context.staging("image for the host", bytes)).try_collected()?;
         Ok(Output { context: context.clone(), max_binding, image, staging })
     }
 
@@ -108,7 +109,7 @@ impl Output {
         let context = &self.context;
         let level = &u.grid.levels[0];
         let cells = [level.nx, level.ny];
-        let bands: Vec<_> = bands(self.max_binding, size).collect();
+        let bands: Vec<_> = bands(self.max_binding, size).collected();
         let requests = requests(u, size, &bands);
         let bytes: Vec<u8> = requests
             .iter()
@@ -118,10 +119,10 @@ impl Output {
                 record[..size_of::<Request>()].copy_from_slice(bytemuck::bytes_of(request));
                 record
             })
-            .collect();
+            .collected();
         let records = context.filled("requests", &bytes, wgpu::BufferUsages::STORAGE)?;
         let centres: Vec<i32> =
-            (0..2).flat_map(|axis| centres(size[axis], cells[axis], bits(cells))).collect();
+            (0..2).flat_map(|axis| centres(size[axis], cells[axis], bits(cells))).collected();
         let centres =
             context.filled("centres", bytemuck::cast_slice(&centres), wgpu::BufferUsages::STORAGE)?;
         let mut encoder = context.contain(|| {
@@ -182,9 +183,9 @@ fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<
             texels_per_step: [0, 1]
                 .map(|axis| (size[axis] as f64 / ((cells[axis] as u64) << bits) as f64) as f32),
         };
-        u.buffers.bands.iter().map(request).collect()
+        u.buffers.bands.iter().map(request).collected()
     };
-    bands.iter().map(of).collect()
+    bands.iter().map(of).collected()
 }
 
 fn bind_group(
@@ -209,7 +210,7 @@ fn bind_group(
     context.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("invert"),
         layout: &pipeline.layout,
-        entries: &entries.collect::<Vec<_>>(),
+        entries: &entries.collected(),
     })
 }
 

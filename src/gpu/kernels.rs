@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use super::context::Context;
 use super::layout::{Chart, Params};
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory::Collect;
 
 /// One binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -217,12 +218,7 @@ impl Kernel {
 impl Source {
     /// The complete WGSL text.
     pub fn text(&self) -> String {
-        ["generated", "common"]
-            .into_iter()
-            .chain(self.parts.iter().copied())
-            .map(part)
-            .collect::<Vec<_>>()
-            .join("\n")
+        ["generated", "common"].into_iter().chain(self.parts.iter().copied()).map(part).collected().join("\n")
     }
 }
 
@@ -290,7 +286,7 @@ pub struct Pipelines(OnceLock<Vec<OnceLock<Pipeline>>>);
 impl Pipelines {
     /// Returns a kernel's pipeline. A pipeline that could not be made is tried again at the next call.
     pub fn get(&self, context: &Context, kernel: Kernel) -> Result<&Pipeline> {
-        let all = self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collect());
+        let all = self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collected());
         let pipeline = &all[kernel as usize];
         if pipeline.get().is_none() {
             let made = context.contain(|| Pipeline::new(context, kernel.source()))?;
@@ -311,7 +307,7 @@ impl Pipeline {
     pub(super) fn from_text(context: &Context, source: &Source, text: String) -> Pipeline {
         let device = &context.device;
         let label = Some(source.entry);
-        let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collect();
+        let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collected();
         let layout =
             device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {

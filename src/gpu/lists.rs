@@ -1,6 +1,7 @@
 //! Lists of the blocks that a solve works on: kernels are dispatched over such lists.
 
 use super::bands::Band;
+use crate::memory::{Collect, Grow, zeroed};
 use crate::tile::Level;
 
 /// A list of a band's blocks (indices in its buffers): a range of the band's buffer of lists.
@@ -66,12 +67,12 @@ pub fn band_lists(
     let mut lists = Lists { partial, ..Lists::default() };
     let mut all: Vec<u32> = Vec::new();
     let mut new_list = |first: usize, count: usize| {
-        sizes.push(count as u32);
+        sizes.put(count as u32);
         List { first: first as u32, count: count as u32, size_index: sizes.len() as u32 - 1 }
     };
     let mut add = |blocks: &mut dyn Iterator<Item = usize>| {
         let first = all.len();
-        all.extend(blocks.map(|b| band.place(b as u32)));
+        all.put_all(blocks.map(|b| band.place(b as u32)));
         new_list(first, all.len() - first)
     };
     for (colour, range) in lists.colours.iter_mut().enumerate() {
@@ -82,20 +83,20 @@ pub fn band_lists(
     lists.stored = add(&mut stored_blocks(level, band, charts));
     if let Some((finer, finer_bands)) = finer {
         // A finer band owns the children of whole rows.
-        let starts: Vec<_> = finer_bands.iter().map(|band| &finer.blocks.list[band.owned.start]).collect();
+        let starts: Vec<_> = finer_bands.iter().map(|band| &finer.blocks.list[band.owned.start]).collected();
         let finer_band_of = |b: usize| {
             let key = (list[b].chart, list[b].y);
             starts.partition_point(|first| (first.chart, first.y / 2) <= key).max(1) - 1
         };
         let mut by_finer_band = |blocks: &mut dyn Iterator<Item = usize>, first: u32| {
-            let mut counts = vec![0usize; finer_bands.len()];
+            let mut counts = zeroed::<usize>(finer_bands.len());
             blocks.for_each(|b| counts[finer_band_of(b)] += 1);
             let mut at = first as usize;
             let sublist = |count: usize| {
                 at += count;
                 new_list(at - count, count)
             };
-            counts.into_iter().map(sublist).collect()
+            counts.into_iter().map(sublist).collected()
         };
         lists.active_by_finer_band =
             by_finer_band(&mut active_blocks(level, band, charts), lists.active.first);

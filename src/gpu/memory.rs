@@ -15,6 +15,7 @@ use super::results::ResultBuffers;
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
 use crate::error::{Error, Result};
+use crate::memory::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
@@ -112,16 +113,16 @@ impl Memory {
         let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
         let coarse_rows = storage("rows", sizes.coarse_rows)?;
         let coarse_vectors = storage("vectors", sizes.coarse_vectors)?;
-        let mut buffers = Vec::with_capacity(bands.len());
+        let mut buffers = with_capacity(bands.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let base = coarse.as_ref().and_then(|coarse| coarse.base(k));
-            let mut of_level = Vec::with_capacity(bands[k].len());
+            let mut of_level = with_capacity(bands[k].len());
             for (band, sizes) in bands[k].iter().zip(&sizes.bands[k]) {
                 let gather = match sizes.gather {
                     Some([starts_size, entries_size]) => {
                         let (starts, entries) = grid.gather.of_blocks(band.held.clone());
                         let entries: Vec<[u32; 2]> =
-                            entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collect();
+                            entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collected();
                         Some([
                             uploader.upload("gather", starts_size, bytemuck::cast_slice(&starts))?,
                             uploader.upload("gather", entries_size, bytemuck::cast_slice(&entries))?,
@@ -133,7 +134,7 @@ impl Memory {
                     sizes.rows.map_or_else(|| Ok(coarse_rows.clone()), |bytes| storage("rows", bytes))?;
                 if let Some(weights) = level.interpolation.get(band.held.clone()) {
                     let weights: Vec<f32> =
-                        weights.as_flattened().iter().map(|&code| decode_weight(code)).collect();
+                        weights.as_flattened().iter().map(|&code| decode_weight(code)).collected();
                     let bytes: &[u8] = bytemuck::cast_slice(&weights);
                     let weights = uploader.upload("interpolation", bytes.len() as u64, bytes)?;
                     copy_weights(context, &weights, &rows, base.unwrap_or(0), band.held.len() as u64);
@@ -141,7 +142,7 @@ impl Memory {
                 let vectors = sizes.vectors;
                 let blocks = band_blocks(grid, &bands, k, band);
                 let nodes = constants(grid, level, k, band);
-                of_level.push(BandBuffers {
+                of_level.put(BandBuffers {
                     blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
                     lists: storage("lists", sizes.lists)?,
                     nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
@@ -154,7 +155,7 @@ impl Memory {
                     base,
                 });
             }
-            buffers.push(of_level);
+            buffers.put(of_level);
         }
         let coarse = coarse
             .map(|levels| {
@@ -166,7 +167,7 @@ impl Memory {
                 Ok::<_, Error>(Coarse { levels, blocks, lists })
             })
             .transpose()?;
-        let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collect();
+        let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collected();
         let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
         let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
         let (triangles, corners) = (triangles(grid), corners(grid, tile));
@@ -183,7 +184,7 @@ impl Memory {
             gate_open: storage("gates", sizes.gate_open)?,
             dispatch_size_count: 0,
             recording: RecorderResources::new(context)?,
-            results: vec![result()?, result()?],
+            results: [result()?, result()?].into_iter().collected(),
             lists: Vec::new(),
             listed_charts: None,
             bind_groups: HashMap::new(),
@@ -222,11 +223,11 @@ impl Memory {
             return Ok(free.clone());
         }
         let uploader = Uploader::new(&self.context);
-        let blocks = self.buffers[0].iter().map(|band| band.blocks.clone()).collect();
+        let blocks = self.buffers[0].iter().map(|band| band.blocks.clone()).collected();
         let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
         let result = Arc::new(ResultBuffers::new(&self.bands[0], blocks, &storage)?);
         self.context.check()?;
-        self.results.push(result.clone());
+        self.results.put(result.clone());
         Ok(result)
     }
 
@@ -235,13 +236,14 @@ impl Memory {
         if self.listed_charts.as_deref() == Some(charts) {
             return;
         }
+        self.listed_charts = None;
         self.lists.clear();
         let mut ranges: Vec<[u32; 2]> = Vec::new();
-        let mut sizes = vec![charts.len() as u32];
+        let mut sizes = filled(charts.len() as u32, 1);
         for (k, level) in grid.levels.iter().enumerate() {
-            let mut of_level = Vec::with_capacity(self.bands[k].len());
+            let mut of_level = with_capacity(self.bands[k].len());
             let mut sums = 0;
-            let mut of_chart = vec![[0u32; 2]; charts.len()];
+            let mut of_chart = zeroed::<[u32; 2]>(charts.len());
             for (band, buffers) in self.bands[k].iter().zip(&self.buffers[k]) {
                 let finer = k.checked_sub(1).map(|k| (&grid.levels[k], &self.bands[k][band.finer.clone()]));
                 let (lists, all) = band_lists(level, band, finer, charts, &mut sizes, sums);
@@ -252,15 +254,15 @@ impl Memory {
                     sums += 1;
                 }
                 self.context.queue.write_buffer(&buffers.lists, 0, bytemuck::cast_slice(&all));
-                of_level.push(lists);
+                of_level.put(lists);
             }
-            ranges.extend(of_chart);
-            self.lists.push(of_level);
+            ranges.put_all(of_chart);
+            self.lists.put(of_level);
         }
         self.dispatch_size_count = sizes.len() as u32;
         self.context.queue.write_buffer(&self.dispatch_sizes, 0, bytemuck::cast_slice(&sizes));
         self.context.queue.write_buffer(&self.ranges, 0, bytemuck::cast_slice(&ranges));
-        self.listed_charts = Some(charts.to_vec());
+        self.listed_charts = Some(copied(charts));
     }
 
     /// Makes the bind group of a kernel: `at` is the band (level, index), `extra` the kernel's extra buffers.
@@ -302,7 +304,7 @@ impl Memory {
                 };
                 wgpu::BindGroupEntry { binding: binding.number(), resource }
             })
-            .collect();
+            .collected();
         self.context.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(kernel.source().entry),
             layout,
@@ -332,6 +334,6 @@ impl Memory {
             &self.gate_open,
             &self.recording.params,
         ];
-        bands.chain(coarse).chain(results).chain(single).cloned().collect()
+        bands.chain(coarse).chain(results).chain(single).cloned().collected()
     }
 }

@@ -9,6 +9,7 @@ use super::context::Context;
 use super::kernels::{Kernel, SOURCES};
 use super::layout::{Params, SPREAD};
 use crate::error::Result;
+use crate::memory::{Collect, Grow, filled, make_room_in};
 use crate::report::{GpuKernel, GpuWork, StageTimes};
 
 /// A recorded command.
@@ -144,7 +145,7 @@ impl Statistics {
             gpu_ms: self.stages.map(|stages| stages.iter().sum()),
             submissions: self.submissions,
             skipped: self.skipped,
-            kernels: kernels.collect(),
+            kernels: kernels.collected(),
         }
     }
 }
@@ -187,6 +188,20 @@ impl Recorder {
         }
     }
 
+    /// Where a record stands among those of this submission, which it joins if it is new.
+    fn offset_of(&mut self, record: [u8; size_of::<Params>()]) -> u32 {
+        if let Some(&offset) = self.record_offsets.get(&record) {
+            return offset;
+        }
+        let offset = self.params.len();
+        self.params.put_all(record);
+        self.params.fill_to(offset + STRIDE, 0);
+        make_room_in(&mut self.record_offsets, 1);
+        #[expect(clippy::disallowed_methods, reason = "there is room")]
+        self.record_offsets.insert(record, offset as u32);
+        offset as u32
+    }
+
     /// Records a dispatch that moves at least `bytes` bytes.
     pub fn dispatch(
         &mut self,
@@ -204,17 +219,12 @@ impl Recorder {
         }
         let mut record = [0; size_of::<Params>()];
         record.copy_from_slice(bytemuck::bytes_of(params));
-        let all = &mut self.params;
-        let offset = *self.record_offsets.entry(record).or_insert_with(|| {
-            let offset = all.len();
-            all.extend_from_slice(&record);
-            all.resize(offset + STRIDE, 0);
-            offset as u32
-        });
+        let offset = self.offset_of(record);
         self.bytes_recorded += bytes;
         let gate = size.gate.as_ref().map_or(0, |(_, _, number)| *number as usize + 1);
         if gate >= self.statistics.len() {
-            self.statistics.resize_with(gate + 1, || vec![KernelStatistics::default(); SOURCES.len()]);
+            let none = filled(KernelStatistics::default(), SOURCES.len());
+            self.statistics.fill_to(gate + 1, none);
         }
         self.statistics[gate][kernel as usize].add(&KernelStatistics {
             dispatches: 1,
@@ -223,27 +233,27 @@ impl Recorder {
             ms: 0.0,
         });
         let (pipeline, group) = (pipeline.clone(), group.clone());
-        self.commands.push(Command::Dispatch { kernel, pipeline, group, offset, size });
+        self.commands.put(Command::Dispatch { kernel, pipeline, group, offset, size });
     }
 
     /// Records a copy of bytes between buffers.
     pub fn copy(&mut self, source: &wgpu::Buffer, from: u64, target: &wgpu::Buffer, to: u64, bytes: u64) {
         if bytes > 0 {
             let (source, target) = (source.clone(), target.clone());
-            self.commands.push(Command::Copy { source, from, target, to, bytes });
+            self.commands.put(Command::Copy { source, from, target, to, bytes });
         }
     }
 
     /// Records that bytes of a buffer are set to zero.
     pub fn clear(&mut self, buffer: &wgpu::Buffer, from: u64, bytes: u64) {
         if bytes > 0 {
-            self.commands.push(Command::Clear { buffer: buffer.clone(), from, bytes });
+            self.commands.put(Command::Clear { buffer: buffer.clone(), from, bytes });
         }
     }
 
     /// Marks the commands that follow as belonging to a stage.
     pub fn stage(&mut self, stage: usize) {
-        self.commands.push(Command::Stage(stage));
+        self.commands.put(Command::Stage(stage));
     }
 
     /// Submits the commands recorded so far.
@@ -265,7 +275,7 @@ impl Recorder {
                 Command::Dispatch { kernel, .. } => {
                     let queries = self.recording.clock.next(&context);
                     if queries.is_some() {
-                        self.timed.push((self.stage, one_by_one.then_some(kernel)));
+                        self.timed.put((self.stage, one_by_one.then_some(kernel)));
                     }
                     let timestamp_writes =
                         queries.as_ref().map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
@@ -303,21 +313,20 @@ impl Recorder {
         self.bytes_recorded = 0;
     }
 
-    /// Submits the rest and the resolution of the timestamps; returns their buffers with the bytes in use, and the last
-    /// submission.
-    pub fn finish(&mut self) -> (Vec<(wgpu::Buffer, u64)>, wgpu::SubmissionIndex) {
+    /// Submits the rest and the resolution of the timestamps; returns their buffers and the bytes in use.
+    pub fn finish(&mut self) -> Vec<(wgpu::Buffer, u64)> {
         self.flush();
         let label = wgpu::CommandEncoderDescriptor { label: Some("times") };
         let mut encoder = self.context.device.create_command_encoder(&label);
         let times = self.recording.clock.resolve(&mut encoder);
-        let last = self.context.queue.submit([encoder.finish()]);
-        (times, last)
+        self.context.queue.submit([encoder.finish()]);
+        times
     }
 
     /// Returns the statistics, from the gates' states and the bytes of the timestamps, and the resources for the next
     /// solve.
     pub fn close(self, gate_open: &[u32], times: &[u8]) -> (Statistics, RecorderResources) {
-        let mut kernels = vec![KernelStatistics::default(); SOURCES.len()];
+        let mut kernels = filled(KernelStatistics::default(), SOURCES.len());
         let mut skipped = 0;
         for (gate, statistics) in self.statistics.iter().enumerate() {
             if gate > 0 && gate_open.get(gate - 1) == Some(&0) {

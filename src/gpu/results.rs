@@ -7,6 +7,7 @@ use super::context::Context;
 use super::layout::RESULT_PLANES;
 use super::memory::PLANE;
 use crate::error::Result;
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 
@@ -30,7 +31,7 @@ impl ResultBuffers {
         let bands = bands
             .iter()
             .map(|band| Ok((band.clone(), storage("result", band.held.len() as u64 * RESULT_BLOCK)?)))
-            .collect::<Result<_>>()?;
+            .try_collected()?;
         Ok(ResultBuffers { bands, blocks })
     }
 }
@@ -54,12 +55,12 @@ impl Displacements {
         if let Some(host) = self.host.get() {
             return Ok(host);
         }
-        let mut all = Vec::with_capacity(self.grid.levels[0].blocks.list.len());
+        let mut all = with_capacity(self.grid.levels[0].blocks.list.len());
         for (band, buffer) in &self.buffers.bands {
             let range =
                 [band.owned.start, band.owned.end].map(|b| (b - band.held.start) as u64 * RESULT_BLOCK);
             let bytes = self.context.read(buffer, range[0]..range[1])?;
-            all.extend(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
+            all.put_all(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
                 let mut planes = [[0.0f32; NODES]; 2];
                 for (value, bytes) in planes.as_flattened_mut().iter_mut().zip(block.chunks_exact(4)) {
                     *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);

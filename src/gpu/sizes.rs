@@ -10,6 +10,7 @@ use super::layout::{
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::memory::PLANE;
 use super::recorder::RecorderResources;
+use crate::memory::Collect;
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
 
@@ -85,8 +86,8 @@ impl BufferSizes {
             bands: bands
                 .iter()
                 .enumerate()
-                .map(|(k, bands)| bands.iter().map(|of| band(k, of)).collect())
-                .collect(),
+                .map(|(k, bands)| bands.iter().map(|of| band(k, of)).collected())
+                .collected(),
             coarse_rows: common(ROW_PLANES),
             coarse_vectors: common(VECTOR_PLANES),
             coarse_blocks: coarse.map_or(0, |coarse| bytes_of::<CoarseBlock>(coarse.blocks)),

@@ -7,6 +7,7 @@ use super::layout::{
 };
 use super::recorder::DispatchSize;
 use super::{BandBuffer, Run};
+use crate::memory::Collect;
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::schedule::{Stages, passes};
@@ -50,7 +51,7 @@ impl Stages for Run<'_> {
             for band in 0..self.memory.bands[k].len() {
                 let to = self.memory.buffers[k][band].metric.clone();
                 if let Some([starts, entries]) = self.memory.buffers[k][band].gather.clone() {
-                    let extra: Vec<_> = [starts, entries].into_iter().chain(to).collect();
+                    let extra: Vec<_> = [starts, entries].into_iter().chain(to).collected();
                     let stored = self.memory.lists[k][band].stored;
                     self.dispatch_list(Kernel::PyramidGather, [k, band], &extra, stored, self.params);
                     continue;
@@ -60,7 +61,7 @@ impl Stages for Run<'_> {
                     let extra: Vec<_> = [fine.blocks.clone(), fine.nodes.clone()]
                         .into_iter()
                         .chain(fine.metric.clone())
-                        .collect();
+                        .collected();
                     let stored = self.memory.lists[k][band].stored_by_finer_band[n];
                     self.dispatch_list(Kernel::PyramidRestrict, [k, band], &extra, stored, self.params);
                 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::context::Context;
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory::{Collect, caught, copied, filled};
 
 /// How long to wait for a callback after the GPU is done: another thread may be about to call it.
 const CALLBACK_TIMEOUT: Duration = Duration::from_secs(10);
@@ -42,7 +43,8 @@ impl Context {
                 receiver.recv_timeout(CALLBACK_TIMEOUT).map_err(|error| unread(error.to_string()))?;
             mapped.map_err(|error| unread(error.to_string()))?;
             let bytes = staging.get_mapped_range(0..size).map_err(|error| unread(error.to_string()))?;
-            Ok(read(&bytes))
+            // Memory that is missing must not leave the buffer mapped.
+            caught(|| Ok(read(&bytes)))
         });
         // The first error is the one to report.
         let unmapped = self.contain(|| staging.unmap());
@@ -59,7 +61,7 @@ impl Context {
     pub fn read_all(&self, ranges: &[(&wgpu::Buffer, Range<u64>)]) -> Result<Vec<Vec<u8>>> {
         let size = ranges.iter().map(|(_, range)| range.end - range.start).sum();
         if size == 0 {
-            return self.check().map(|()| vec![Vec::new(); ranges.len()]);
+            return self.check().map(|()| filled(Vec::new(), ranges.len()));
         }
         let staging = self.staging("readback", size)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("readback") };
@@ -77,9 +79,9 @@ impl Context {
                 .map(|(_, range)| {
                     let (part, others) = rest.split_at((range.end - range.start) as usize);
                     rest = others;
-                    part.to_vec()
+                    copied(part)
                 })
-                .collect()
+                .collected()
         })
     }
 }

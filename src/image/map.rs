@@ -4,8 +4,8 @@
 use half::f16;
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::error::{Error, ErrorKind, Result};
 use crate::image::PixelFormat;
+use crate::memory::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::mesh::NONE;
 
 /// Texels on a side of a page.
@@ -16,6 +16,14 @@ pub(crate) const PAGE: usize = 64;
 pub(crate) struct TexelRect {
     pub first: [usize; 2],
     pub end: [usize; 2],
+}
+
+impl TexelRect {
+    /// All of its texels, row by row.
+    fn texels(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let TexelRect { first, end } = *self;
+        (first[1]..end[1]).flat_map(move |y| (first[0]..end[0]).map(move |x| [x, y]))
+    }
 }
 
 /// A copied map, with values from 0 to 1 and rows from v = 0 upward. Pages that no chart comes near to are not held;
@@ -33,35 +41,25 @@ pub(crate) struct Map {
 
 impl Map {
     /// A map without texels. `wanted(rect)` tells whether the page with these texels is to be held.
-    ///
-    /// # Errors
-    /// `OutOfMemory`, naming `name`.
-    pub fn new(
-        name: &str,
-        [width, height]: [usize; 2],
-        format: PixelFormat,
-        wanted: impl Fn(&TexelRect) -> bool,
-    ) -> Result<Map> {
-        let no_memory = |_| Error::new(ErrorKind::OutOfMemory, format!("{name}: no memory for a copy"));
+    pub fn new([width, height]: [usize; 2], format: PixelFormat, wanted: impl Fn(&TexelRect) -> bool) -> Map {
         let [columns, rows] = [width.div_ceil(PAGE), height.div_ceil(PAGE)];
         let mut map = Map { width, height, format, places: Vec::new(), texels: Vec::new() };
-        map.places.try_reserve_exact(columns * rows).map_err(no_memory)?;
+        map.places.make_exact_room(columns * rows);
         let mut count = 0;
         for page in 0..columns * rows {
             let is_wanted = wanted(&map.rect(page));
-            map.places.push(if is_wanted { count } else { NONE });
+            map.places.put(if is_wanted { count } else { NONE });
             count += u32::from(is_wanted);
         }
         let bytes = count as usize * map.page_bytes();
-        map.texels.try_reserve_exact(bytes).map_err(no_memory)?;
-        map.texels.resize(bytes, 0);
-        Ok(map)
+        map.texels = zeroed(bytes);
+        map
     }
 
     /// A map of f32 values, held whole.
     #[cfg(test)]
     pub fn from_values(width: usize, height: usize, values: &[f32]) -> Map {
-        let mut map = Map::new("map", [width, height], PixelFormat::F32, |_| true).unwrap();
+        let mut map = Map::new([width, height], PixelFormat::F32, |_| true);
         for (n, value) in values.iter().enumerate() {
             map.put(n % width, n / width, &value.to_ne_bytes());
         }
@@ -83,6 +81,26 @@ impl Map {
         if let Some(at) = self.offset(x, y) {
             let size = self.format.size();
             self.texels[at..at + size].copy_from_slice(&bytes[..size]);
+        }
+    }
+
+    /// The bytes of some texels, row by row; of those that are not held, none.
+    pub fn part(&self, rect: &TexelRect) -> Vec<u8> {
+        let size = self.format.size();
+        let texels = rect.texels().filter_map(|[x, y]| self.offset(x, y));
+        texels.flat_map(|at| &self.texels[at..at + size]).copied().collected()
+    }
+
+    /// Takes back what `part` returned.
+    pub fn set_part(&mut self, rect: &TexelRect, bytes: &[u8]) {
+        let size = self.format.size();
+        let mut texels = bytes.chunks_exact(size);
+        for [x, y] in rect.texels() {
+            if let Some(at) = self.offset(x, y)
+                && let Some(texel) = texels.next()
+            {
+                self.texels[at..at + size].copy_from_slice(texel);
+            }
         }
     }
 
@@ -141,14 +159,14 @@ pub(crate) fn decode(format: PixelFormat, b: &[u8]) -> f32 {
 /// texel centres where it is coarser (method §1); row by row.
 pub(crate) fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<f32> {
     let taps = |axis: usize, texels: usize| -> Vec<Taps> {
-        (first[axis]..first[axis] + count[axis]).map(|node| Taps::new(texels, cells[axis], node)).collect()
+        (first[axis]..first[axis] + count[axis]).map(|node| Taps::new(texels, cells[axis], node)).collected()
     };
     let (columns, rows) = (taps(0, map.width), taps(1, map.height));
     let (Some(west), Some(east)) = (columns.first(), columns.last()) else { return Vec::new() };
     let texels = west.first..east.first + east.weights.len() as i64;
-    let mut out = Vec::with_capacity(count[0] * count[1]);
+    let mut out = with_capacity(count[0] * count[1]);
     // Per row of nodes: sums over v first, then over u.
-    let mut line = vec![0.0f32; (texels.end - texels.start) as usize];
+    let mut line = zeroed::<f32>((texels.end - texels.start) as usize);
     for row in &rows {
         line.fill(0.0);
         for (y, weight) in row.each() {
@@ -159,7 +177,7 @@ pub(crate) fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [
         for column in &columns {
             let value: f32 =
                 column.each().map(|(x, weight)| weight * line[(x - texels.start) as usize]).sum();
-            out.push(value.clamp(0.0, 1.0));
+            out.put(value.clamp(0.0, 1.0));
         }
     }
     out
@@ -169,13 +187,13 @@ pub(crate) fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [
 /// move is thus a barrier, however coarse the grid.
 pub(crate) fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<bool> {
     let spans = |axis: usize, texels: usize| -> Vec<std::ops::Range<usize>> {
-        (first[axis]..first[axis] + count[axis]).map(|node| span(texels, cells[axis], node)).collect()
+        (first[axis]..first[axis] + count[axis]).map(|node| span(texels, cells[axis], node)).collected()
     };
     let (columns, rows) = (spans(0, mask.width), spans(1, mask.height));
     let (Some(west), Some(east)) = (columns.first(), columns.last()) else { return Vec::new() };
     let texels = west.start..east.end;
-    let mut out = Vec::with_capacity(count[0] * count[1]);
-    let mut line = vec![true; texels.len()];
+    let mut out = with_capacity(count[0] * count[1]);
+    let mut line = filled(true, texels.len());
     for row in &rows {
         line.fill(true);
         for y in row.clone() {
@@ -183,7 +201,7 @@ pub(crate) fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count
                 *free &= mask.value(x, y) >= 0.5;
             }
         }
-        out.extend(columns.iter().map(|column| {
+        out.put_all(columns.iter().map(|column| {
             line[column.start - texels.start..column.end - texels.start].iter().all(|&free| free)
         }));
     }
@@ -209,7 +227,7 @@ impl Taps {
         let weight = |texel: i64| {
             ((high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low)) as f32
         };
-        Taps { first, weights: (first..last).map(weight).collect() }
+        Taps { first, weights: (first..last).map(weight).collected() }
     }
 
     /// (texel, weight) of the texels that count.
@@ -291,10 +309,10 @@ mod tests {
 
     #[test]
     fn pages_that_nobody_wants_are_not_held() {
-        let whole = Map::new("map", [200, 100], PixelFormat::U8, |_| true).unwrap();
+        let whole = Map::new([200, 100], PixelFormat::U8, |_| true);
         assert_eq!(whole.held().count(), 8);
         let wanted = |rect: &TexelRect| rect.first == [64, 0];
-        let mut map = Map::new("map", [200, 100], PixelFormat::U8, wanted).unwrap();
+        let mut map = Map::new([200, 100], PixelFormat::U8, wanted);
         for (x, y) in [(64, 0), (127, 63), (128, 0), (10, 99)] {
             map.put(x, y, &[255]);
         }

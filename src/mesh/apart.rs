@@ -4,6 +4,7 @@
 use super::charts::{self, Seams, is_seam};
 use super::weld::Corners;
 use super::{NONE, RawTriangle, TileMesh};
+use crate::memory::{Grow, filled};
 
 /// The number of pairs of borders of a tile that have the same places (`place` takes a vertex to its place) and UVs,
 /// with nothing else there: each is one edge that is not connected. Edges that the host made seams do not count.
@@ -16,7 +17,7 @@ pub(super) fn edges_apart(
     tolerance: f64,
 ) -> u64 {
     let mut corners = Corners::new(place, reach, tolerance);
-    let mut numbers = vec![[NONE; 3]; raw.len()];
+    let mut numbers = filled([NONE; 3], raw.len());
     let mut sides = Vec::new();
     for (t, k) in tile.borders() {
         let triangle = &raw[t as usize];
@@ -25,7 +26,7 @@ pub(super) fn edges_apart(
             let of_ends = ends.map(|c| corners.number(triangle.vertices[c], triangle.uv[c]).0);
             if of_ends[0] != of_ends[1] {
                 (0..2).for_each(|end| numbers[t as usize][ends[end]] = of_ends[end]);
-                sides.push((t, k));
+                sides.put((t, k));
             }
         }
     }

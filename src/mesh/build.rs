@@ -6,6 +6,7 @@ use super::read::{self, UvSet};
 use super::source::{MeshSource, Weld, WeldBy};
 use super::weld::{Corners, places, reaches};
 use super::{NONE, RawTriangle, TileMesh};
+use crate::memory::{Collect, Grow, filled, zeroed};
 
 /// How a mesh is welded.
 pub(super) struct Welding<'a> {
@@ -21,7 +22,7 @@ pub(super) struct Welding<'a> {
 
 impl<'a> Welding<'a> {
     pub fn new(source: &MeshSource, rest: &'a [[f64; 3]]) -> Welding<'a> {
-        let mut shortest = vec![f64::INFINITY; rest.len()];
+        let mut shortest = filled(f64::INFINITY, rest.len());
         for [a, b] in read::edges(source) {
             let [p, q] = [a, b].map(|v| rest[v as usize]);
             let length = [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt();
@@ -49,18 +50,19 @@ impl<'a> Welding<'a> {
     pub fn build(&self, set: &mut UvSet, seams: &Seams, uv_set: u32, tiles: &mut Vec<TileMesh>) {
         let first = tiles.len();
         let tolerance = self.weld.of_uvs();
-        let reach = reaches(set.tiles.values().flatten(), self.rest.len(), tolerance);
+        let reach = reaches(set.tiles.iter().flat_map(|tile| &tile.1), self.rest.len(), tolerance);
         let place = |v: u32| self.place.get(v as usize).copied().unwrap_or(v);
-        for (&udim, raw) in &mut set.tiles {
+        for (udim, raw) in &mut set.tiles {
+            let udim = *udim;
             for (t, triangle) in raw.iter().enumerate() {
                 for c in triangle.corners {
                     set.corners[c as usize].triangle = t as u32;
                 }
             }
             let numbers = number(raw, Corners::new(&place, &reach, tolerance));
-            tiles.push(TileMesh { udim, uv_set, ..charts::build(raw, &numbers, seams) });
+            tiles.put(TileMesh { udim, uv_set, ..charts::build(raw, &numbers, seams) });
         }
-        let numbered: Vec<u32> = set.tiles.keys().copied().collect();
+        let numbered: Vec<u32> = set.tiles.iter().map(|tile| tile.0).collected();
         for corner in &mut set.corners {
             corner.tile = numbered.binary_search(&corner.tile).map_or(NONE, |k| (first + k) as u32);
         }
@@ -71,10 +73,10 @@ impl<'a> Welding<'a> {
     fn count_apart(&self, set: &UvSet, seams: &Seams, tiles: &mut [TileMesh]) {
         let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
         // Nothing is moved here: small triangles need no care.
-        let reach = vec![tolerance; self.rest.len()];
+        let reach = filled(tolerance, self.rest.len());
         let found = self.place.is_empty().then(|| {
-            let mut at_border = vec![false; self.rest.len()];
-            for (tile, raw) in tiles.iter().zip(set.tiles.values()) {
+            let mut at_border = zeroed(self.rest.len());
+            for (tile, (_, raw)) in tiles.iter().zip(&set.tiles) {
                 for (t, k) in tile.borders() {
                     let ends = [1, 2].map(|d| raw[t as usize].vertices[(k as usize + d) % 3]);
                     ends.into_iter().for_each(|v| at_border[v as usize] = true);
@@ -84,7 +86,7 @@ impl<'a> Welding<'a> {
         });
         let place = found.as_ref().unwrap_or(&self.place);
         let place = |v: u32| place[v as usize];
-        for (tile, raw) in tiles.iter_mut().zip(set.tiles.values()) {
+        for (tile, (_, raw)) in tiles.iter_mut().zip(&set.tiles) {
             tile.edges_apart = edges_apart(tile, raw, seams, &place, &reach, tolerance);
         }
     }
@@ -99,5 +101,5 @@ fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
             id
         })
     };
-    raw.iter_mut().map(number).collect()
+    raw.iter_mut().map(number).collected()
 }

@@ -1,15 +1,14 @@
 //! The charts of a tile (method §1), from its triangles: which of them are neighbours in the UV plane, and the
 //! connected components of this relation.
 
-use std::collections::HashSet;
-
 use glam::DVec2;
 
 use super::triangle::doubled_area;
 use super::{Chart, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
+use crate::memory::{Collect, Grow, filled, with_capacity};
 
-/// Edges at which the host wants charts to end, as sorted pairs of vertices.
-pub(super) type Seams = HashSet<[u32; 2]>;
+/// Edges at which the host wants charts to end, as sorted pairs of vertices, in order.
+pub(super) type Seams = Vec<[u32; 2]>;
 
 /// The charts of a tile's triangles, which it sorts by chart.
 ///
@@ -36,7 +35,7 @@ impl TileMesh {
     /// The same tile with charts that end at these of its `welds`, too. Triangles keep their numbers in `chart_of`.
     pub fn cut(&self, torn: &[u32]) -> TileMesh {
         let order = order(&self.chart_of);
-        let mut neighbours = vec![[NONE; 3]; order.len()];
+        let mut neighbours = filled([NONE; 3], order.len());
         for (triangle, &t) in self.triangles.iter().zip(&order) {
             neighbours[t as usize] =
                 triangle.neighbours.map(|n| if n == NONE { NONE } else { order[n as usize] });
@@ -56,15 +55,15 @@ impl TileMesh {
     }
 }
 
-/// Triangles in the order of their charts. A stable sort keeps the order of faces inside a chart.
+/// Triangles in the order of their charts, and in a chart in the order of their faces.
 fn order(chart_of: &[u32]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..chart_of.len() as u32).collect();
-    order.sort_by_key(|&t| chart_of[t as usize]);
+    let mut order: Vec<u32> = (0..chart_of.len() as u32).collected();
+    order.sort_unstable_by_key(|&t| (chart_of[t as usize], t));
     order
 }
 
 fn inverse(order: &[u32]) -> Vec<u32> {
-    let mut new_index = vec![NONE; order.len()];
+    let mut new_index = filled(NONE, order.len());
     for (new, &old) in order.iter().enumerate() {
         new_index[old as usize] = new as u32;
     }
@@ -77,27 +76,27 @@ fn assemble(neighbours: &[[u32; 3]], source: impl Fn(usize) -> ([u32; 3], [DVec2
     let chart_count = chart_of.iter().max().map_or(0, |&c| c + 1);
     let order = order(&chart_of);
     let new_index = inverse(&order);
-    let mut charts = Vec::with_capacity(chart_count as usize);
-    let mut triangles = Vec::with_capacity(order.len());
+    let mut charts = with_capacity(chart_count as usize);
+    let mut triangles = with_capacity(order.len());
     let mut remaining = &order[..];
     for chart in 0..chart_count {
         let count = remaining.partition_point(|&t| chart_of[t as usize] == chart);
         let (members, others) = remaining.split_at(count);
         remaining = others;
-        let mut vertices: Vec<u32> = members.iter().flat_map(|&t| source(t as usize).0).collect();
+        let mut vertices: Vec<u32> = members.iter().flat_map(|&t| source(t as usize).0).collected();
         vertices.sort_unstable();
         vertices.dedup();
         let start = triangles.len();
         for &t in members {
             let (of_triangle, uv) = source(t as usize);
-            triangles.push(Triangle {
+            triangles.put(Triangle {
                 local: of_triangle.map(|v| vertices.partition_point(|&w| w < v) as u32),
                 uv,
                 neighbours: neighbours[t as usize]
                     .map(|n| if n == NONE { NONE } else { new_index[n as usize] }),
             });
         }
-        charts.push(Chart { triangles: start..triangles.len(), vertices });
+        charts.put(Chart { triangles: start..triangles.len(), vertices });
     }
     TileMesh { triangles, charts, chart_of, ..TileMesh::default() }
 }
@@ -105,7 +104,7 @@ fn assemble(neighbours: &[[u32; 3]], source: impl Fn(usize) -> ([u32; 3], [DVec2
 /// Per triangle, its neighbour across the edge opposite to each corner; and the edges whose sides have different
 /// vertices.
 fn neighbours(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) -> (Vec<[u32; 3]>, Vec<WeldedEdge>) {
-    let mut neighbours = vec![[NONE; 3]; raw.len()];
+    let mut neighbours = filled([NONE; 3], raw.len());
     let mut welds = Vec::new();
     let sides = (0..raw.len() as u32).flat_map(|t| (0..3).map(move |k| (t, k)));
     for [(t, k), (s, j)] in pairs(raw, numbers, sides) {
@@ -118,14 +117,14 @@ fn neighbours(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) -> (Vec<
         neighbours[s as usize][j as usize] = t;
         if here != there {
             let ends = [0, 1].map(|end| [here[end], there[end]]);
-            welds.push(WeldedEdge { sides: [(t, k), (s, j)], ends });
+            welds.put(WeldedEdge { sides: [(t, k), (s, j)], ends });
         }
     }
     (neighbours, welds)
 }
 
 pub(super) fn is_seam(seams: &Seams, [a, b]: [u32; 2]) -> bool {
-    !seams.is_empty() && seams.contains(&[a.min(b), a.max(b)])
+    seams.binary_search(&[a.min(b), a.max(b)]).is_ok()
 }
 
 /// A side of a triangle: the triangle, and the corner opposite to the side.
@@ -148,7 +147,7 @@ pub(super) fn pairs(
         let edge = ends.map(|c| numbers[t as usize][c]);
         (edge, ends.map(|c| raw[t as usize].vertices[c]), t, k)
     };
-    let mut edges: Vec<([u32; 2], [u32; 2], u32, u8)> = sides.map(with_ends).collect();
+    let mut edges: Vec<([u32; 2], [u32; 2], u32, u8)> = sides.map(with_ends).collected();
     edges.sort_unstable();
     let lies = |t: u32, k: u8| {
         let [a, b] = ends(numbers, t, k);
@@ -160,14 +159,14 @@ pub(super) fn pairs(
         left.clear();
         for same in at_edge.chunk_by(|x, y| x.1 == y.1) {
             match *same {
-                [(_, _, t, k), (_, _, s, j)] if lies(t, k) * lies(s, j) < 0.0 => found.push([(t, k), (s, j)]),
-                _ => left.extend(same.iter().map(|&(_, _, t, k)| (t, k))),
+                [(_, _, t, k), (_, _, s, j)] if lies(t, k) * lies(s, j) < 0.0 => found.put([(t, k), (s, j)]),
+                _ => left.put_all(same.iter().map(|&(_, _, t, k)| (t, k))),
             }
         }
         if let [(t, k), (s, j)] = left[..]
             && lies(t, k) * lies(s, j) < 0.0
         {
-            found.push([(t, k), (s, j)]);
+            found.put([(t, k), (s, j)]);
         }
     }
     found
@@ -182,7 +181,7 @@ fn ends(numbers: &[[u32; 3]], t: u32, k: u8) -> [usize; 2] {
 
 /// Per triangle, the number of its connected component. Components are numbered in the order of their first triangles.
 fn components(neighbours: &[[u32; 3]]) -> Vec<u32> {
-    let mut component = vec![NONE; neighbours.len()];
+    let mut component = filled(NONE, neighbours.len());
     let mut count = 0;
     let mut stack = Vec::new();
     for seed in 0..neighbours.len() {
@@ -190,12 +189,12 @@ fn components(neighbours: &[[u32; 3]]) -> Vec<u32> {
             continue;
         }
         component[seed] = count;
-        stack.push(seed as u32);
+        stack.put(seed as u32);
         while let Some(t) = stack.pop() {
             for &n in neighbours[t as usize].iter().filter(|&&n| n != NONE) {
                 if component[n as usize] == NONE {
                     component[n as usize] = count;
-                    stack.push(n);
+                    stack.put(n);
                 }
             }
         }

@@ -11,6 +11,7 @@ use super::source::{MeshSource, UvSource};
 const NO_UV: u32 = u32::MAX;
 
 /// The corners of each face. The arrays have been checked.
+#[expect(clippy::disallowed_methods, reason = "of constant size")]
 pub(super) fn faces<'a>(source: &MeshSource<'a>) -> Box<dyn Iterator<Item = Range<usize>> + 'a> {
     match (source.face_counts, source.face_offsets) {
         (Some(counts), _) => {

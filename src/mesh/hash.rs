@@ -2,10 +2,21 @@
 //! order of its tables.
 
 use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
+use std::hash::{BuildHasherDefault, Hash, Hasher};
+
+use crate::memory::make_room_in;
 
 /// A table that is only looked up.
 pub(super) type Table<K, V> = HashMap<K, V, BuildHasherDefault<Folded>>;
+
+/// Enters a value, and returns the one that was there.
+pub(super) fn enter<K: Eq + Hash, V>(table: &mut Table<K, V>, key: K, value: V) -> Option<V> {
+    if table.len() == table.capacity() {
+        make_room_in(table, 1);
+    }
+    #[expect(clippy::disallowed_methods, reason = "there is room")]
+    table.insert(key, value)
+}
 
 /// Multiplies each word by a number without a pattern and folds the product's halves onto each other, so that words with
 /// many zeros at their end, as round numbers have, spread as others do.

@@ -1,32 +1,31 @@
 //! The faces of one UV set: their tiles, and their triangles.
 
-use std::collections::{BTreeMap, HashSet};
-
 use glam::DVec2;
 
 use super::charts::Seams;
 use super::source::{MeshSource, UvSource};
 use super::{Corner, NONE, RawTriangle, check, triangulate};
+use crate::memory::{Collect, Grow, with_capacity, zeroed};
 use crate::report::AssetInfo;
 
 /// One UV set.
 pub(super) struct UvSet {
     /// Tiles are their UDIM numbers, until they are built.
     pub corners: Vec<Corner>,
-    /// The triangles of each UDIM tile.
-    pub tiles: BTreeMap<u32, Vec<RawTriangle>>,
+    /// The UDIM tiles that have triangles, in the order of their numbers.
+    pub tiles: Vec<(u32, Vec<RawTriangle>)>,
 }
 
 /// Reads a UV set of a checked mesh. Faces are counted with the first set, what is special about UVs with every one.
 pub(super) fn read(source: &MeshSource, uvs: &UvSource, uv_set: u32, info: &mut AssetInfo) -> UvSet {
     let uv_of = check::corner_uv(uvs);
     let textured = source.textured_faces.map(|chosen| {
-        let mut textured = vec![false; check::faces(source).count()];
+        let mut textured = zeroed(check::faces(source).count());
         chosen.iter().for_each(|&face| textured[face as usize] = true);
         textured
     });
-    let mut corners = Vec::with_capacity(source.indices.len());
-    let mut tiles: BTreeMap<u32, Vec<RawTriangle>> = BTreeMap::new();
+    let mut corners = with_capacity(source.indices.len());
+    let mut tiles: Vec<(u32, Vec<RawTriangle>)> = Vec::new();
     for (f, face) in check::faces(source).enumerate() {
         let uv = |c: usize| uv_of(c).unwrap_or_default();
         let corner = |tile: u32| move |c: usize| Corner { tile, triangle: NONE, uv: uv(c) };
@@ -39,34 +38,38 @@ pub(super) fn read(source: &MeshSource, uvs: &UvSource, uv_set: u32, info: &mut 
         let has_texture = is_face && textured.as_ref().is_none_or(|t| t[f]) && uv_of(face.start).is_some();
         if !has_texture {
             info.faces_untextured += u64::from(is_face);
-            corners.extend(face.map(corner(NONE)));
+            corners.put_all(face.map(corner(NONE)));
             continue;
         }
-        let polygon: Vec<[f32; 2]> = face.clone().map(uv).collect();
+        let polygon: Vec<[f32; 2]> = face.clone().map(uv).collected();
         let Some((udim, origin)) = tile_of(&polygon) else {
             info.faces_outside += 1;
-            corners.extend(face.map(corner(NONE)));
+            corners.put_all(face.map(corner(NONE)));
             continue;
         };
-        let local: Vec<DVec2> = polygon.iter().map(|uv| DVec2::from(uv.map(f64::from)) - origin).collect();
+        let local: Vec<DVec2> = polygon.iter().map(|uv| DVec2::from(uv.map(f64::from)) - origin).collected();
         if local.iter().any(|uv| uv.to_array().iter().any(|x| !(0.0..=1.0).contains(x))) {
             info.clipped_faces += 1;
         }
-        corners.extend(face.clone().map(corner(udim)));
-        let triangles = tiles.entry(udim).or_default();
+        corners.put_all(face.clone().map(corner(udim)));
+        let at = tiles.binary_search_by_key(&udim, |tile| tile.0).unwrap_or_else(|at| {
+            tiles.put_at(at, (udim, Vec::new()));
+            at
+        });
+        let triangles = &mut tiles[at].1;
         for [a, b, c] in triangulate::polygon(&local) {
             if triangulate::is_degenerate([local[a], local[b], local[c]]) {
                 info.degenerate_triangles += 1;
                 continue;
             }
-            triangles.push(RawTriangle {
+            triangles.put(RawTriangle {
                 corners: [a, b, c].map(|k| (face.start + k) as u32),
                 vertices: [a, b, c].map(|k| source.indices[face.start + k]),
                 uv: [a, b, c].map(|k| local[k]),
             });
         }
     }
-    tiles.retain(|_, triangles| !triangles.is_empty());
+    tiles.retain(|(_, triangles)| !triangles.is_empty());
     UvSet { corners, tiles }
 }
 
@@ -93,15 +96,20 @@ pub(super) fn edges(source: &MeshSource) -> impl Iterator<Item = [u32; 2]> {
 /// from a file, or from before an edit, loses nothing but them.
 pub(super) fn seams(source: &MeshSource, info: &mut AssetInfo) -> Seams {
     let sorted = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
-    let mut unused: HashSet<[u32; 2]> = source.seams.iter().copied().map(sorted).collect();
-    if unused.is_empty() {
-        return Seams::new();
+    let mut seams: Seams = source.seams.iter().copied().map(sorted).collected();
+    if seams.is_empty() {
+        return seams;
     }
-    let mut seams = unused.clone();
-    edges(source).for_each(|edge| {
-        unused.remove(&sorted(edge));
-    });
-    seams.retain(|seam| !unused.contains(seam));
-    info.seams_unused = unused.len() as u64;
+    seams.sort_unstable();
+    seams.dedup();
+    let mut used = zeroed(seams.len());
+    for edge in edges(source) {
+        if let Ok(at) = seams.binary_search(&sorted(edge)) {
+            used[at] = true;
+        }
+    }
+    info.seams_unused = used.iter().filter(|used| !**used).count() as u64;
+    let mut used = used.into_iter();
+    seams.retain(|_| used.next() == Some(true));
     seams
 }

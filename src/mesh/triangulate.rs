@@ -3,6 +3,7 @@
 use glam::DVec2;
 
 use super::triangle::doubled_area;
+use crate::memory::{Collect, Grow, with_capacity};
 
 /// True for a triangle without area, or so thin that f32 UVs do not determine on which side of an edge the third corner
 /// lies.
@@ -17,8 +18,8 @@ pub fn polygon(uv: &[DVec2]) -> Vec<[usize; 3]> {
     let n = uv.len();
     let area: f64 = (1..n - 1).map(|k| doubled_area([uv[0], uv[k], uv[k + 1]])).sum();
     let sign = if area < 0.0 { -1.0 } else { 1.0 };
-    let mut open: Vec<usize> = (0..n).collect();
-    let mut triangles = Vec::with_capacity(n - 2);
+    let mut open: Vec<usize> = (0..n).collected();
+    let mut triangles = with_capacity(n - 2);
     while open.len() > 3 {
         let m = open.len();
         let is_ear = |k: usize| {
@@ -34,9 +35,9 @@ pub fn polygon(uv: &[DVec2]) -> Vec<[usize; 3]> {
         // The search begins at 1, which yields the fan. A polygon without an ear has next to no area: any corner will
         // do.
         let ear = (1..m).chain([0]).find(|&k| is_ear(k)).unwrap_or(1);
-        triangles.push([open[(ear + m - 1) % m], open[ear], open[(ear + 1) % m]]);
+        triangles.put([open[(ear + m - 1) % m], open[ear], open[(ear + 1) % m]]);
         open.remove(ear);
     }
-    triangles.push([open[0], open[1], open[2]]);
+    triangles.put([open[0], open[1], open[2]]);
     triangles
 }

@@ -6,9 +6,10 @@ use std::hash::Hash;
 
 use glam::DVec2;
 
-use super::hash::Table;
+use super::hash::{Table, enter};
 use super::triangle::doubled_area;
 use super::{NONE, RawTriangle};
+use crate::memory::{Grow, filled, with_capacity};
 
 /// As many are looked at in a cell of the hash. Where vertices or UVs of one place differ at all, they are few; a host
 /// must not be able to make this take the square of their number.
@@ -35,14 +36,14 @@ pub(super) fn places(
     let bits = |p: [f64; 3]| p.map(|x| (x + 0.0).to_bits());
     let mut exact: Table<[u64; 3], u32> = Table::default();
     let mut cells = Cells::default();
-    let mut place = Vec::with_capacity(rest.len());
+    let mut place = with_capacity(rest.len());
     for (v, &p) in rest.iter().enumerate() {
         if !wanted(v) {
-            place.push(v as u32);
+            place.put(v as u32);
             continue;
         }
         if let Some(&first) = exact.get(&bits(p)) {
-            place.push(first);
+            place.put(first);
             continue;
         }
         let mut found = v as u32;
@@ -66,8 +67,8 @@ pub(super) fn places(
                 cells.add([0, 1, 2].map(|c| cell(c, 0.0)), found);
             }
         }
-        exact.insert(bits(p), found);
-        place.push(found);
+        enter(&mut exact, bits(p), found);
+        place.put(found);
     }
     place
 }
@@ -88,8 +89,8 @@ impl<K> Default for Cells<K> {
 
 impl<K: Eq + Hash> Cells<K> {
     fn add(&mut self, cell: K, item: u32) {
-        let before = self.last.insert(cell, self.items.len() as u32);
-        self.items.push((item, before.unwrap_or(NONE)));
+        let before = enter(&mut self.last, cell, self.items.len() as u32);
+        self.items.put((item, before.unwrap_or(NONE)));
     }
 
     /// The last items of a cell.
@@ -112,7 +113,7 @@ pub(super) fn reaches<'a>(
     vertices: usize,
     tolerance: f64,
 ) -> Vec<f64> {
-    let mut reach = vec![tolerance; vertices];
+    let mut reach = filled(tolerance, vertices);
     if tolerance > 0.0 {
         for triangle in triangles {
             let [a, b, c] = triangle.uv;
@@ -152,7 +153,7 @@ impl<'a> Corners<'a> {
             Some(&id) => id,
             None => {
                 let id = self.near(place, uv, self.reach[vertex as usize]);
-                self.exact.insert(key, id);
+                enter(&mut self.exact, key, id);
                 id
             }
         };
@@ -181,7 +182,7 @@ impl<'a> Corners<'a> {
             }
         }
         if found == new {
-            self.firsts.push((uv, reach));
+            self.firsts.put((uv, reach));
         }
         found
     }

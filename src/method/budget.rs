@@ -2,6 +2,8 @@
 //! device took for a block of nodes, so that enough time is kept for bringing the best level up and certifying it. Without
 //! a budget nothing depends on a clock.
 
+use crate::memory::Grow;
+
 use std::time::{Duration, Instant};
 
 /// Kinds of work that take different times per block. `Finest` stands for work on level 0, which samples chords.
@@ -104,7 +106,7 @@ impl History {
 
     fn mark(&mut self, work: Work, level: usize) {
         if self.0.len() <= level {
-            self.0.resize(level + 1, [false; KINDS]);
+            self.0.fill_to(level + 1, [false; KINDS]);
         }
         self.0[level][work as usize] = true;
     }

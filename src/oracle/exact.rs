@@ -4,6 +4,7 @@
 
 use glam::DVec2;
 
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::{NONE, TileMesh};
 
 /// Barycentric coordinates of at least minus this count as inside: a point on an edge belongs to the triangles on both
@@ -27,7 +28,7 @@ impl UvTriangle {
 }
 
 /// Finds the triangle under any point of a chart.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Locator {
     nx: usize,
     ny: usize,
@@ -54,7 +55,7 @@ impl Locator {
                     neighbours: t.neighbours,
                 }
             })
-            .collect();
+            .collected();
         Locator { nx, ny, triangles, chart_of: tile.chart_of_triangles(), under }
     }
 
@@ -118,7 +119,7 @@ impl Locator {
 
 /// f in D dimensions: affine on each triangle, and relative to the first vertex of its chart, so that a mesh far from
 /// the origin loses no digits.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Surface<const D: usize> {
     triangles: Vec<Affine<D>>,
 }
@@ -134,7 +135,7 @@ struct Affine<const D: usize> {
 impl<const D: usize> Surface<D> {
     /// `position(v)` is the position of vertex v of the mesh.
     pub fn new(tile: &TileMesh, locator: &Locator, position: impl Fn(usize) -> [f64; D]) -> Surface<D> {
-        let mut triangles = Vec::with_capacity(tile.triangles.len());
+        let mut triangles = with_capacity(tile.triangles.len());
         for chart in &tile.charts {
             let base = position(chart.vertices[0] as usize);
             for t in chart.triangles.clone() {
@@ -147,7 +148,7 @@ impl<const D: usize> Surface<D> {
                     })
                 });
                 let value = std::array::from_fn(|k| p[k] - base[k]);
-                triangles.push(Affine { origin: uv.origin, value, tangent });
+                triangles.put(Affine { origin: uv.origin, value, tangent });
             }
         }
         Surface { triangles }

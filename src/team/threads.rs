@@ -3,6 +3,9 @@
 
 use std::ops::Range;
 
+#[cfg(not(unix))]
+use crate::memory::Collect;
+
 /// Runs `help(number)` on a thread for each of the numbers, and `body` on this one. `body` must make the helpers return;
 /// it does not unwind.
 #[cfg(unix)]
@@ -16,7 +19,7 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
     std::thread::scope(|scope| {
         let help = &help;
         let start = |n| std::thread::Builder::new().spawn_scoped(scope, move || help(n)).ok();
-        let helpers: Vec<_> = numbers.filter_map(start).collect();
+        let helpers: Vec<_> = numbers.filter_map(start).collected();
         let result = body();
         // A scope waits for what its threads run, not for their ends, which are this library's code as well.
         for helper in helpers {
@@ -57,6 +60,8 @@ mod posix {
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::ptr;
 
+    use crate::memory::{Collect, Grow, with_capacity};
+
     /// As much as std gives a thread.
     const STACK: usize = 2 << 20;
 
@@ -87,11 +92,11 @@ mod posix {
     }
 
     pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
-        let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collect();
-        let mut helpers = Helpers(Vec::with_capacity(starts.len()));
+        let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collected();
+        let mut helpers = Helpers(with_capacity(starts.len()));
         for start in &starts {
             // It lives until the thread is joined.
-            helpers.0.extend(spawn(run, ptr::from_ref(start).cast_mut().cast()));
+            helpers.0.put_all(spawn(run, ptr::from_ref(start).cast_mut().cast()));
         }
         let result = body();
         drop(helpers);
@@ -119,6 +124,7 @@ mod posix {
     }
 
     pub fn start(task: Work) -> Option<Thread> {
+        #[expect(clippy::disallowed_methods, reason = "of constant size")]
         let task = Box::into_raw(Box::new(task));
         let thread = spawn(work, task.cast());
         if thread.is_none() {

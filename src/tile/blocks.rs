@@ -5,6 +5,7 @@
 use std::ops::Range;
 
 use super::node_set::{NodeSet, NodeWindow};
+use crate::memory::{Grow, filled, with_capacity};
 use crate::mesh::NONE;
 use crate::team::Team;
 
@@ -44,7 +45,7 @@ pub struct Block {
 }
 
 /// The stored blocks of one level.
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Blocks {
     /// Sorted by chart, y, x.
     pub list: Vec<Block>,
@@ -90,7 +91,7 @@ impl Blocks {
                         let place = |x: u32, d: i64| (i64::from(x) + d) as u32;
                         let key = (part.chart, place(part.y, dy), place(part.x, dx));
                         if parts.binary_search_by_key(&key, Part::key).is_err() {
-                            around.push(key);
+                            around.put(key);
                         }
                     }
                 }
@@ -98,31 +99,31 @@ impl Blocks {
         }
         around.sort_unstable();
         around.dedup();
-        let mut list: Vec<Block> = Vec::with_capacity(parts.len() + around.len());
-        let mut movable = Vec::with_capacity(parts.len() + around.len());
+        let mut list: Vec<Block> = with_capacity(parts.len() + around.len());
+        let mut movable = with_capacity(parts.len() + around.len());
         let mut around = around.into_iter().peekable();
         let halo = |(chart, y, x)| Block { chart, x, y, active: false };
         for part in parts {
             while let Some(key) = around.next_if(|key| *key < part.key()) {
-                list.push(halo(key));
-                movable.push(NodeSet::EMPTY);
+                list.put(halo(key));
+                movable.put(NodeSet::EMPTY);
             }
-            list.push(Block { chart: part.chart, x: part.x, y: part.y, active: true });
-            movable.push(part.nodes);
+            list.put(Block { chart: part.chart, x: part.x, y: part.y, active: true });
+            movable.put(part.nodes);
         }
         for key in around {
-            list.push(halo(key));
-            movable.push(NodeSet::EMPTY);
+            list.put(halo(key));
+            movable.put(NodeSet::EMPTY);
         }
-        let mut of_chart = Vec::with_capacity(charts);
+        let mut of_chart = with_capacity(charts);
         let mut start = 0;
         for c in 0..charts as u32 {
             let end = start + list[start..].partition_point(|b| b.chart == c);
-            of_chart.push(start..end);
+            of_chart.put(start..end);
             start = end;
         }
         let mut blocks = Blocks { list, neighbours: Vec::new(), of_chart };
-        let mut neighbours = vec![[NONE; 9]; blocks.list.len()];
+        let mut neighbours = filled([NONE; 9], blocks.list.len());
         team.fill(&mut neighbours, |b, around| *around = blocks.around(b));
         blocks.neighbours = neighbours;
         (blocks, movable)

@@ -12,6 +12,7 @@ use super::pyramid::{self, Held};
 use super::rigidity::NodeRigidity;
 use super::survey::{Survey, SurveyLevel};
 use super::{Grid, Level, TileMaps, cover, coverage, density, rest};
+use crate::memory::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::mesh::{Mesh, NONE};
 use crate::settings::TileSettings;
 use crate::team::Team;
@@ -83,11 +84,11 @@ pub(crate) fn skeleton(survey: Survey) -> Grid {
 
 /// The levels of a grid with their blocks and mobility; the rest of them is empty.
 pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
-    let mut levels: Vec<Level> = Vec::with_capacity(survey.len());
+    let mut levels: Vec<Level> = with_capacity(survey.len());
     for SurveyLevel { size, blocks, movable } in survey {
-        let mut children = vec![[NONE; 4]; blocks.list.len()];
+        let mut children = filled([NONE; 4], blocks.list.len());
         if let Some(finer) = levels.last_mut() {
-            let mut parents = vec![NONE; finer.blocks.list.len()];
+            let mut parents = filled(NONE, finer.blocks.list.len());
             for (b, block) in finer.blocks.list.iter().enumerate() {
                 let parent = blocks.find(block.chart, i64::from(block.x / 2), i64::from(block.y / 2));
                 parents[b] = parent;
@@ -97,20 +98,20 @@ pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
             }
             finer.parent = Arc::new(parents);
         }
-        levels.push(Level {
+        levels.put(Level {
             nx: size[0],
             ny: size[1],
             rigidity: Vec::new(),
             density: Arc::default(),
             interpolation: Vec::new(),
             stiffness: Vec::new(),
-            movable: Arc::new(movable.iter().map(mobility).collect()),
+            movable: Arc::new(movable.iter().map(mobility).collected()),
             rest_length: Arc::default(),
-            lengths: vec![[Lengths::default(); 4]; charts],
-            floor: vec![0.0; charts],
+            lengths: filled([Lengths::default(); 4], charts),
+            floor: zeroed(charts),
             coverage: Arc::default(),
             children: Arc::new(children),
-            parent: Arc::new(vec![NONE; blocks.list.len()]),
+            parent: Arc::new(filled(NONE, blocks.list.len())),
             blocks: blocks.clone(),
         });
     }
@@ -150,15 +151,15 @@ fn set_interpolation(team: &Team, survey: &Survey, levels: &mut [Level], setting
     for k in 0..levels.len() - 1 {
         let (finer, coarser) = (&survey.levels[k], &survey.levels[k + 1]);
         let mut parents: Vec<(u32, u32, u32)> =
-            finer.blocks.list.iter().map(|b| (b.chart, b.y / 2, b.x / 2)).collect();
+            finer.blocks.list.iter().map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
         parents.sort_unstable();
         parents.dedup();
         let source = match k {
             0 => Source::Rigidity(&levels[0].rigidity, settings),
             _ => Source::Stiffness(&stiffness),
         };
-        let mut weights = vec![[0u8; NODES]; finer.blocks.list.len()];
-        let mut next: Vec<StiffnessPlanes> = vec![[[0.0; NODES]; 4]; coarser.blocks.list.len()];
+        let mut weights = zeroed::<[u8; NODES]>(finer.blocks.list.len());
+        let mut next: Vec<StiffnessPlanes> = zeroed(coarser.blocks.list.len());
         interpolation::patches(team, [finer, coarser], source, &parents, Some(&mut weights), &mut next);
         levels[k].interpolation = weights;
         if k > 1 {
@@ -174,7 +175,7 @@ fn set_interpolation(team: &Team, survey: &Survey, levels: &mut [Level], setting
 /// The triangle under each node of the blocks of level 0.
 fn triangles_of_nodes(team: &Team, survey: &Survey) -> Vec<Plane<u32>> {
     let blocks = &survey.levels[0].blocks.list;
-    let mut triangles = vec![[NONE; NODES]; blocks.len()];
+    let mut triangles = filled([NONE; NODES], blocks.len());
     team.fill(&mut triangles, |b, plane| {
         if let Some(square) = survey.coverer.squares.find(blocks[b].x, blocks[b].y) {
             let cover = survey.coverer.cover(square);
@@ -200,5 +201,5 @@ fn planes(level: &Level, f: impl Fn(usize, usize) -> f32) -> Vec<Plane> {
         }
         plane
     };
-    level.blocks.list.iter().map(plane).collect()
+    level.blocks.list.iter().map(plane).collected()
 }

@@ -6,13 +6,14 @@ use super::blocks::SIDE;
 use super::cover::{Coverer, WIDE, at};
 use super::rigidity::NodeRigidity;
 use super::survey::Survey;
+use crate::memory::{filled, zeroed};
 use crate::mesh::{NONE, TileMesh};
 use crate::settings::Overlap;
 use crate::team::Team;
 
 /// The triangles that cover the nodes of a grid of nx by ny cells. Node (i, j) lies at UV (i / nx, j / ny) and has the
 /// index `j * (nx + 1) + i`.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct Coverage {
     pub nx: usize,
     pub ny: usize,
@@ -26,7 +27,7 @@ impl Coverage {
     pub fn new(tile: &TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverage {
         let coverer = Coverer::new(tile, nx, ny, overlap);
         let nodes = (nx + 1) * (ny + 1);
-        let mut coverage = Coverage { nx, ny, triangle: vec![NONE; nodes], interior: vec![false; nodes] };
+        let mut coverage = Coverage { nx, ny, triangle: filled(NONE, nodes), interior: zeroed(nodes) };
         for square in 0..coverer.squares.list.len() {
             let cover = coverer.cover(square);
             each_node(coverer.squares.list[square], nx, ny, |i, j, node| {
@@ -39,7 +40,7 @@ impl Coverage {
 }
 
 /// Rigidity and mobility at all nodes of level 0; node (i, j) has the index `j * (nx + 1) + i`.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct NodeMaps {
     pub nx: usize,
     pub ny: usize,
@@ -60,7 +61,7 @@ pub(crate) fn node_maps(tile: &TileMesh, maps: &TileMaps, [nx, ny]: [usize; 2]) 
 pub(super) fn node_maps_of(source: &NodeRigidity, survey: &Survey) -> NodeMaps {
     let Coverer { nx, ny, squares, .. } = source.coverer;
     let nodes = (nx + 1) * (ny + 1);
-    let mut maps = NodeMaps { nx: *nx, ny: *ny, rigidity: vec![0.0; nodes], chart: vec![NONE; nodes] };
+    let mut maps = NodeMaps { nx: *nx, ny: *ny, rigidity: zeroed(nodes), chart: filled(NONE, nodes) };
     for square in 0..squares.list.len() {
         let cover = source.coverer.cover(square);
         let values: [f32; WIDE * WIDE] = source.window(squares.list[square], &cover);

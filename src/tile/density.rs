@@ -2,6 +2,7 @@
 //! paper's figure 5 makes the preservation of orientation depend on it.
 
 use super::coverage::NodeMaps;
+use crate::memory::Collect;
 
 /// The tile's longer side over the width of a box that is run over the rigidity twice. Both passes together are a tent
 /// over half of the tile: the density is to depend on whether features are far apart, not on whether a node lies in
@@ -13,20 +14,20 @@ const SIDE_PER_BOX: usize = 4;
 pub fn density(maps: &NodeMaps) -> Vec<f32> {
     let radius = (maps.nx.max(maps.ny) / SIDE_PER_BOX / 2).max(1);
     let (columns, rows) = (maps.nx + 1, maps.ny + 1);
-    let mut values: Vec<f64> = maps.rigidity.iter().map(|&r| f64::from(r)).collect();
+    let mut values: Vec<f64> = maps.rigidity.iter().map(|&r| f64::from(r)).collected();
     for _ in 0..2 {
         for row in values.chunks_exact_mut(columns) {
             let line = means(row, radius);
             row.copy_from_slice(&line);
         }
         for i in 0..columns {
-            let column: Vec<f64> = (0..rows).map(|j| values[j * columns + i]).collect();
+            let column: Vec<f64> = (0..rows).map(|j| values[j * columns + i]).collected();
             for (j, mean) in means(&column, radius).into_iter().enumerate() {
                 values[j * columns + i] = mean;
             }
         }
     }
-    values.into_iter().map(|x| x as f32).collect()
+    values.into_iter().map(|x| x as f32).collected()
 }
 
 /// Per value, the mean of itself and of up to `radius` values on either side.
@@ -36,13 +37,13 @@ fn means(line: &[f64], radius: usize) -> Vec<f64> {
             *sum += x;
             Some(*sum)
         }))
-        .collect();
+        .collected();
     (0..line.len())
         .map(|k| {
             let (first, end) = (k.saturating_sub(radius), (k + radius + 1).min(line.len()));
             (sums[end] - sums[first]) / (end - first) as f64
         })
-        .collect()
+        .collected()
 }
 
 #[cfg(test)]

@@ -5,6 +5,9 @@ use glam::DVec2;
 use super::Level;
 use super::blocks::{Block, NODES, Plane, SIDE, slot};
 use super::cover::Coverer;
+#[cfg(feature = "gpu")]
+use crate::memory::Collect;
+use crate::memory::{Grow, with_capacity, zeroed};
 use crate::team::Team;
 
 /// For each node of level 1, the triangles in its dual cell with their fractions of its covered area.
@@ -25,18 +28,18 @@ impl Gather {
     /// Clips the triangles to the dual cells of level 1. Also returns that level's coverage, per block.
     pub(super) fn new(team: &Team, coverer: &Coverer, level: &Level) -> (Gather, Vec<Plane>) {
         let blocks = &level.blocks.list;
-        let mut gather = Gather { starts: Vec::with_capacity(blocks.len() * NODES + 1), entries: Vec::new() };
-        gather.starts.push(0);
-        let mut coverage = Vec::with_capacity(blocks.len());
+        let mut gather = Gather { starts: with_capacity(blocks.len() * NODES + 1), entries: Vec::new() };
+        gather.starts.put(0);
+        let mut coverage = with_capacity(blocks.len());
         for round in blocks.chunks(ROUND) {
             for of_block in team.map(round.len(), |b| BlockGather::new(coverer, level, &round[b])) {
                 let first = gather.entries.len() as u32;
-                gather.starts.extend(of_block.ends.iter().map(|end| first + end));
-                gather.entries.extend(of_block.entries);
-                coverage.push(of_block.coverage);
+                gather.starts.put_all(of_block.ends.iter().map(|end| first + end));
+                gather.entries.put_all(of_block.entries);
+                coverage.put(of_block.coverage);
             }
         }
-        gather.entries.shrink_to_fit();
+        gather.entries.give_room_back();
         (gather, coverage)
     }
 
@@ -52,7 +55,7 @@ impl Gather {
 
     /// Without entries, for some blocks.
     pub(super) fn empty(blocks: usize) -> Gather {
-        Gather { starts: vec![0; blocks * NODES + 1], entries: Vec::new() }
+        Gather { starts: zeroed(blocks * NODES + 1), entries: Vec::new() }
     }
 
     /// Per node of some blocks, the index of its first entry among those of these blocks (one more at the end), and
@@ -61,7 +64,7 @@ impl Gather {
     pub fn of_blocks(&self, blocks: std::ops::Range<usize>) -> (Vec<u32>, &[(u32, f32)]) {
         let starts = &self.starts[blocks.start * NODES..=blocks.end * NODES];
         let (first, end) = (starts[0], starts[starts.len() - 1]);
-        (starts.iter().map(|start| start - first).collect(), &self.entries[first as usize..end as usize])
+        (starts.iter().map(|start| start - first).collected(), &self.entries[first as usize..end as usize])
     }
 
     /// Bytes of the two arrays of `of_blocks`, an entry having 8.
@@ -112,14 +115,15 @@ impl BlockGather {
             each_dual_cell(corners, block, [level.nx, level.ny], |i, j| {
                 let area = area_in_box(corners, DUAL_SIDE * DVec2::new(i as f64, j as f64) - 1.0);
                 if area > 0.0 {
-                    pieces.push((slot(i % SIDE, j % SIDE) as u32, t, area as f32));
+                    pieces.put((slot(i % SIDE, j % SIDE) as u32, t, area as f32));
                 }
             });
         }
-        pieces.sort_by_key(|piece| piece.0);
+        // Each node has one piece of a triangle.
+        pieces.sort_unstable_by_key(|piece| (piece.0, piece.1));
         let mut found = BlockGather {
-            ends: Vec::with_capacity(NODES),
-            entries: Vec::with_capacity(pieces.len()),
+            ends: with_capacity(NODES),
+            entries: with_capacity(pieces.len()),
             coverage: [0.0; NODES],
         };
         let mut remaining = &pieces[..];
@@ -128,8 +132,8 @@ impl BlockGather {
             remaining = others;
             let sum: f32 = of_node.iter().map(|p| p.2).sum();
             *coverage = (sum / (DUAL_SIDE * DUAL_SIDE) as f32).min(1.0);
-            found.entries.extend(of_node.iter().map(|p| (p.1, p.2 / sum)));
-            found.ends.push(found.entries.len() as u32);
+            found.entries.put_all(of_node.iter().map(|p| (p.1, p.2 / sum)));
+            found.ends.put(found.entries.len() as u32);
         }
         found
     }
@@ -142,7 +146,8 @@ fn triangles(coverer: &Coverer, block: &Block) -> Vec<u32> {
     for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
         if let Some(square) = coverer.squares.find(2 * block.x + dx, 2 * block.y + dy) {
             let of_square = coverer.squares.triangles(square);
-            triangles.extend(of_square.iter().filter(|t| coverer.charts[**t as usize] == block.chart));
+            triangles
+                .put_all(of_square.iter().copied().filter(|t| coverer.charts[*t as usize] == block.chart));
         }
     }
     triangles.sort_unstable();
@@ -182,7 +187,7 @@ struct Polygon {
 }
 
 impl Polygon {
-    fn push(&mut self, corner: DVec2) {
+    fn add(&mut self, corner: DVec2) {
         // A triangle clipped by four lines has at most seven corners; rounding adds none, as each line adds at most one.
         self.corners[self.count] = corner;
         self.count += 1;
@@ -192,7 +197,7 @@ impl Polygon {
 /// Area of a triangle inside the box of side 2 whose lower corner is `low`, by Sutherland-Hodgman clipping.
 fn area_in_box(corners: [DVec2; 3], low: DVec2) -> f64 {
     let mut polygon = Polygon { corners: [DVec2::ZERO; CORNERS], count: 0 };
-    corners.into_iter().for_each(|corner| polygon.push(corner));
+    corners.into_iter().for_each(|corner| polygon.add(corner));
     for (axis, sign, bound) in
         [(0, 1.0, low.x), (0, -1.0, -low.x - DUAL_SIDE), (1, 1.0, low.y), (1, -1.0, -low.y - DUAL_SIDE)]
     {
@@ -201,10 +206,10 @@ fn area_in_box(corners: [DVec2; 3], low: DVec2) -> f64 {
             let (a, b) = (polygon.corners[(k + polygon.count - 1) % polygon.count], polygon.corners[k]);
             let (da, db) = (sign * a[axis] - bound, sign * b[axis] - bound);
             if (da < 0.0) != (db < 0.0) {
-                clipped.push(a + da / (da - db) * (b - a));
+                clipped.add(a + da / (da - db) * (b - a));
             }
             if db >= 0.0 {
-                clipped.push(b);
+                clipped.add(b);
             }
         }
         polygon = clipped;

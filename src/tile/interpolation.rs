@@ -15,6 +15,7 @@ use super::EDGES;
 use super::blocks::{NODES, Plane, SIDE, slot};
 use super::codes::{decode_rigidity, encode_weight};
 use super::survey::SurveyLevel;
+use crate::memory::{Collect, filled, zeroed};
 use crate::mesh::NONE;
 use crate::settings::TileSettings;
 use crate::team::Team;
@@ -81,8 +82,10 @@ pub fn patches(
     stiffness: &mut [StiffnessPlanes],
 ) {
     // In one place for all rounds: a patch is too large for the stack.
-    let mut found =
-        vec![PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] }; places.len().min(ROUND)];
+    let mut found = filled(
+        PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] },
+        places.len().min(ROUND),
+    );
     for round in places.chunks(ROUND) {
         team.fill(&mut found[..round.len()], |p, found| {
             let (chart, y, x) = round[p];
@@ -137,9 +140,9 @@ impl Stiffness {
     /// The model on the nodes of a patch; 0 where no block of the chart is stored.
     fn around(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2]) -> Stiffness {
         let (columns, rows) = (PATCH, PATCH);
-        let mut edges = vec![[0.0; 4]; PATCH * PATCH];
-        let mut rigidity = vec![0.0; if matches!(source, Source::Rigidity(..)) { PATCH * PATCH } else { 0 }];
-        let mut movable = vec![false; rigidity.len()];
+        let mut edges = zeroed(PATCH * PATCH);
+        let mut rigidity = zeroed(if matches!(source, Source::Rigidity(..)) { PATCH * PATCH } else { 0 });
+        let mut movable = zeroed(rigidity.len());
         let first = [x, y].map(|x| i64::from(x) * 2 * SIDE as i64 - MARGIN as i64);
         let side = SIDE as i64;
         for by in first[1].div_euclid(side)..=(first[1] + PATCH as i64 - 1).div_euclid(side) {
@@ -215,7 +218,7 @@ impl Stiffness {
 
     /// The weights at odd columns, and the Galerkin product on the even columns and all rows.
     fn collapse_x(&self) -> (Vec<f32>, Stiffness) {
-        let mut weights = vec![HALF; self.columns * self.rows];
+        let mut weights = filled(HALF, self.columns * self.rows);
         for j in 0..self.rows as i64 {
             for i in (1..self.columns as i64).step_by(2) {
                 let west =
@@ -262,7 +265,7 @@ impl Stiffness {
                     + s(-1, 0, NORTH_WEST) * west,
             ]
         });
-        let halfway = halfway.collect();
+        let halfway = halfway.collected();
         (weights, Stiffness { columns, rows: self.rows, edges: halfway })
     }
 
@@ -316,7 +319,7 @@ impl Stiffness {
                     + s(0, 1, NORTH_WEST) * north,
             ]
         });
-        Stiffness { columns: self.columns, rows, edges: edges.collect() }
+        Stiffness { columns: self.columns, rows, edges: edges.collected() }
     }
 }
 

@@ -3,6 +3,7 @@
 
 use glam::DVec3;
 
+use crate::memory::{Collect, copied};
 use crate::mesh::TileMesh;
 
 /// Coordinates are clamped to this, in units of the chart: squares of lengths over rest lengths have to stay finite in
@@ -11,7 +12,7 @@ const FARTHEST: f64 = (1u32 << 20) as f64;
 
 /// Positions of one chart, relative to its own centre and in units of its own rest size, so that f32 suffices
 /// wherever and however large the mesh is.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub struct ChartPose {
     /// Per vertex of the chart.
     pub positions: Vec<[f32; 3]>,
@@ -19,8 +20,14 @@ pub struct ChartPose {
     pub scale: f64,
 }
 
+impl Clone for ChartPose {
+    fn clone(&self) -> ChartPose {
+        ChartPose { positions: copied(&self.positions), ..*self }
+    }
+}
+
 /// Positions of all charts of a tile.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub struct Pose {
     pub charts: Vec<ChartPose>,
 }
@@ -54,10 +61,10 @@ impl Pose {
                             ((p[axis] - centre[axis]) * scale).clamp(-FARTHEST, FARTHEST) as f32
                         })
                     })
-                    .collect();
+                    .collected();
                 ChartPose { positions, scale }
             })
-            .collect();
+            .collected();
         Pose { charts }
     }
 

@@ -8,12 +8,13 @@ use super::node_set::NodeSet;
 use super::rigidity::NodeRigidity;
 use super::survey::SurveyLevel;
 use super::window::{self, WINDOW_NODES, place};
+use crate::memory::{Collect, zeroed};
 use crate::mesh::NONE;
 use crate::team::Team;
 
 /// The nodes of each block that are movable or a neighbour of one.
 pub fn held(level: &SurveyLevel) -> Vec<NodeSet> {
-    (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collect()
+    (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collected()
 }
 
 /// Rigidity on level 0, per block, as codes of `encode_rigidity`; 0 at nodes that are not held.
@@ -23,7 +24,7 @@ pub fn finest(
     level: &SurveyLevel,
     held: &[NodeSet],
 ) -> Vec<Plane<u16>> {
-    let mut codes = vec![[0u16; NODES]; level.blocks.list.len()];
+    let mut codes = zeroed::<[u16; NODES]>(level.blocks.list.len());
     team.fill(&mut codes, |b, codes| finest_block(rigidity, level, held, b, codes));
     codes
 }

@@ -12,6 +12,7 @@ use super::squares::Squares;
 use super::survey::{RigidNodes, SurveyLevel, has_rigidity, movable_of_charts, rigid_nodes};
 use super::{Grid, TileMaps};
 use crate::image::map::{Map, TexelRect};
+use crate::memory::{Collect, Grow, zeroed};
 use crate::mesh::{NONE, TileMesh};
 use crate::team::Team;
 
@@ -101,8 +102,8 @@ pub(crate) fn repaint(
         return None;
     }
     let rigid_nodes = rigid_nodes_now(&rigidity, &grid.rigid_nodes, near);
-    let mut grid = Grid { rigid, rigid_nodes, ..grid.clone() };
-    let mut charts = vec![false; grid.movable.len()];
+    let mut grid = grid.with_rigidity(rigid, rigid_nodes);
+    let mut charts = zeroed(grid.movable.len());
     let is_near = |part: &&Part| near.meet([part.x, part.y], SIDE);
     grid.parts.iter().filter(is_near).for_each(|part| charts[part.chart as usize] = true);
     update_rigidity(team, &mut grid, &rigidity, nodes);
@@ -122,7 +123,7 @@ fn parts_with_rigidity(source: &NodeRigidity, parts: &[Part], before: &[bool], n
         let moves = |n: &usize| part.nodes.contains(n % SIDE, n / SIDE);
         (0..NODES).filter(moves).any(|n| has_rigidity(&window, n % SIDE, n / SIDE))
     };
-    parts.iter().zip(before).map(of_part).collect()
+    parts.iter().zip(before).map(of_part).collected()
 }
 
 /// The rigid nodes of each square.
@@ -138,13 +139,13 @@ fn rigid_nodes_now(source: &NodeRigidity, before: &[RigidNodes], near: Nodes) ->
             None => *before,
         }
     };
-    before.iter().map(of_square).collect()
+    before.iter().map(of_square).collected()
 }
 
 /// The blocks of a level that hold one of the nodes.
 fn blocks_with(level: &SurveyLevel, nodes: Nodes) -> Vec<usize> {
     let list = &level.blocks.list;
-    (0..list.len()).filter(|&b| nodes.meet([list[b].x, list[b].y], SIDE)).collect()
+    (0..list.len()).filter(|&b| nodes.meet([list[b].x, list[b].y], SIDE)).collected()
 }
 
 /// Updates the rigidity of all levels.
@@ -186,7 +187,7 @@ fn update_interpolation(team: &Team, grid: &mut Grid, maps: &TileMaps, nodes: No
         let mut weights = std::mem::take(&mut grid.levels[k].interpolation);
         // That of level 1 is not kept.
         let mut next = match k {
-            0 => vec![[[0.0; NODES]; 4]; levels[1].blocks.list.len()],
+            0 => zeroed(levels[1].blocks.list.len()),
             _ => std::mem::take(&mut grid.levels[k + 1].stiffness),
         };
         let source = match k {
@@ -206,7 +207,7 @@ fn update_interpolation(team: &Team, grid: &mut Grid, maps: &TileMaps, nodes: No
 /// The places (chart, y, x) over the blocks of a level, on the next coarser one, that are wanted.
 fn places(finer: &SurveyLevel, wanted: impl Fn([u32; 2]) -> bool) -> Vec<(u32, u32, u32)> {
     let places = finer.blocks.list.iter().filter(|b| wanted([b.x / 2, b.y / 2]));
-    let mut places: Vec<_> = places.map(|b| (b.chart, b.y / 2, b.x / 2)).collect();
+    let mut places: Vec<_> = places.map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
     places.sort_unstable();
     places.dedup();
     places
@@ -228,14 +229,14 @@ fn stiffness_of_level_1(
         for y in blocks[1].clone() {
             for x in blocks[0].clone() {
                 if level.blocks.find(chart, x, y) != NONE {
-                    read.push((chart, y as u32, x as u32));
+                    read.put((chart, y as u32, x as u32));
                 }
             }
         }
     }
     read.sort_unstable();
     read.dedup();
-    let mut stiffness = vec![[[0.0; NODES]; 4]; level.blocks.list.len()];
+    let mut stiffness = zeroed(level.blocks.list.len());
     let source = Source::Rigidity(&grid.levels[0].rigidity, settings);
     interpolation::patches(team, [&grid.survey[0], level], source, &read, None, &mut stiffness);
     stiffness

@@ -11,6 +11,7 @@ use super::codes::Lengths;
 use super::metric::{restrict_block, restrict_coverage};
 use super::window::{self, WINDOW_NODES, place};
 use super::{EDGES, FLOOR_FRACTION, Grid, Level};
+use crate::memory::{Collect, Grow, boxed, filled, with_capacity, zeroed};
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::team::Team;
@@ -24,12 +25,12 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
     let medians = median_lengths(team, grid, &chords);
     for (k, level) in grid.levels.iter_mut().enumerate() {
         // An edge of level k is 2^k times as long.
-        level.floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collect();
+        level.floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collected();
     }
     let lengths = store(team, &grid.levels[0], |b, out| chords.block(grid, b, out));
     set(&mut grid.levels[0], lengths);
     let triangle = grid.pose_triangles(tile, &grid.rest);
-    let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collect();
+    let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collected();
     drop(triangle);
     let mut metrics: Vec<[Plane; 3]> = Vec::new();
     for k in 1..grid.levels.len() {
@@ -37,11 +38,11 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
         let (finer, level) = (&finer[k - 1], &mut level[0]);
         let blocks = level.blocks.list.len();
         if k > 1 {
-            let mut coverage = vec![[0.0; NODES]; blocks];
+            let mut coverage = zeroed(blocks);
             team.fill(&mut coverage, |b, plane| *plane = restrict_coverage(level, finer, b));
             level.coverage = Arc::new(coverage);
         }
-        let mut next = vec![[[0.0; NODES]; 3]; blocks];
+        let mut next = zeroed(blocks);
         team.fill(&mut next, |b, out| match k {
             1 => grid.gather.block(b, &triangles, out),
             _ => restrict_block(level, finer, &metrics, b, out),
@@ -67,7 +68,7 @@ fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut [Plane; 4]) + 
     let list = &level.blocks.list;
     let least = |b: usize| level.floor[list[b].chart as usize] * SHORTEST;
     let of_block = |b: usize| {
-        let mut of_block: BlockLengths = Box::new([[0.0; NODES]; 4]);
+        let mut of_block: BlockLengths = boxed([[0.0; NODES]; 4]);
         lengths(b, &mut of_block);
         of_block
     };
@@ -84,8 +85,8 @@ fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut [Plane; 4]) + 
         Lengths::between(low, of_blocks().map(|[_, high]| high).fold(0.0, f32::max))
     };
     let coding: Vec<[Lengths; 4]> =
-        level.blocks.of_chart.iter().map(|range| std::array::from_fn(|e| of_chart(range, e))).collect();
-    let mut codes = vec![[[0u16; NODES]; 4]; list.len()];
+        level.blocks.of_chart.iter().map(|range| std::array::from_fn(|e| of_chart(range, e))).collected();
+    let mut codes = zeroed::<[[u16; NODES]; 4]>(list.len());
     team.fill(&mut codes, |b, codes| {
         let coding = &coding[list[b].chart as usize];
         for (e, lengths) in of_block(b).iter().enumerate() {
@@ -142,7 +143,7 @@ type Sample = (u32, DVec3, DVec3);
 impl<'a> Chords<'a> {
     fn new(grid: &Grid, mesh: &'a Mesh, tile: &'a TileMesh) -> Chords<'a> {
         let cells = DVec2::new(grid.levels[0].nx as f64, grid.levels[0].ny as f64);
-        Chords { mesh, tile, cells, scales: grid.rest.charts.iter().map(|c| c.scale).collect() }
+        Chords { mesh, tile, cells, scales: grid.rest.charts.iter().map(|c| c.scale).collected() }
     }
 
     /// The lengths of a block's edges; inside one triangle from its edge vectors.
@@ -151,7 +152,7 @@ impl<'a> Chords<'a> {
         let Block { x, y, chart, .. } = level.blocks.list[b];
         let mut triangles = [NONE; WINDOW_NODES];
         window::load(&level.blocks.neighbours[b], NONE, |b| &grid.triangle[b], &mut triangles);
-        let mut samples: Vec<Option<Sample>> = vec![None; WINDOW_NODES];
+        let mut samples: Vec<Option<Sample>> = filled(None, WINDOW_NODES);
         for j in 0..SIDE + 2 {
             for i in 0..SIDE + 2 {
                 let t = triangles[place(i, j)];
@@ -222,22 +223,22 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
     let level = &grid.levels[0];
     let blocks = level.blocks.list.len();
     let counts: Vec<usize> =
-        level.movable.iter().map(|plane| plane.iter().filter(|m| **m != 0).count()).collect();
+        level.movable.iter().map(|plane| plane.iter().filter(|m| **m != 0).count()).collected();
     // The lengths of both directions, block by block: as many bytes as the codes will have, which come after them.
-    let mut lengths: [Vec<f32>; 2] = [0, 1].map(|_| vec![0.0; counts.iter().sum()]);
+    let mut lengths: [Vec<f32>; 2] = [0, 1].map(|_| zeroed(counts.iter().sum()));
     let [east, north] = &mut lengths;
-    let mut parts: Vec<(usize, &mut [f32], &mut [f32])> = Vec::with_capacity(blocks);
+    let mut parts: Vec<(usize, &mut [f32], &mut [f32])> = with_capacity(blocks);
     let (mut east_left, mut north_left) = (&mut east[..], &mut north[..]);
     for (b, &count) in counts.iter().enumerate() {
         let (of_east, e) = std::mem::take(&mut east_left).split_at_mut(count);
         let (of_north, n) = std::mem::take(&mut north_left).split_at_mut(count);
         (east_left, north_left) = (e, n);
         if count > 0 {
-            parts.push((b, of_east, of_north));
+            parts.put((b, of_east, of_north));
         }
     }
     team.fill(&mut parts, |_, (b, east, north)| {
-        let mut planes: BlockLengths = Box::new([[0.0; NODES]; 4]);
+        let mut planes: BlockLengths = boxed([[0.0; NODES]; 4]);
         chords.block(grid, *b, &mut planes);
         let movable = (0..NODES).filter(|&s| level.movable[*b][s] != 0);
         for (k, s) in movable.enumerate() {
@@ -246,14 +247,14 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
     });
     drop(parts);
     let charts = level.blocks.of_chart.len();
-    let mut of_charts: Vec<(&mut [f32], f32)> = Vec::with_capacity(2 * charts);
+    let mut of_charts: Vec<(&mut [f32], f32)> = with_capacity(2 * charts);
     for direction in &mut lengths {
         let mut left = &mut direction[..];
         for range in &level.blocks.of_chart {
             let count = counts[range.clone()].iter().sum();
             let (of_chart, others) = std::mem::take(&mut left).split_at_mut(count);
             left = others;
-            of_charts.push((of_chart, 0.0));
+            of_charts.put((of_chart, 0.0));
         }
     }
     team.fill(&mut of_charts, |_, (lengths, median)| {
@@ -262,5 +263,5 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
             *median = *lengths.select_nth_unstable_by(middle, f32::total_cmp).1;
         }
     });
-    (0..charts).map(|c| of_charts[c].1.min(of_charts[charts + c].1)).collect()
+    (0..charts).map(|c| of_charts[c].1.min(of_charts[charts + c].1)).collected()
 }

@@ -5,6 +5,7 @@ use glam::DVec2;
 
 use super::blocks::SIDE;
 use crate::image::map::PAGE;
+use crate::memory::{Grow, zeroed};
 use crate::mesh::TileMesh;
 
 /// The squares that a triangle meets.
@@ -30,17 +31,17 @@ impl Squares {
             let corners = triangle.uv.map(|uv| uv * cells);
             // The window of square x reaches from node 16 x - 1 to 16 x + 16.
             let range = wanted.unwrap_or([[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)]);
-            each_square(corners, range, [DVec2::ONE, DVec2::ZERO], |x, y| pairs.push((y, x, t as u32)));
+            each_square(corners, range, [DVec2::ONE, DVec2::ZERO], |x, y| pairs.put((y, x, t as u32)));
         }
         pairs.sort_unstable();
         let mut squares = Squares { list: Vec::new(), starts: Vec::new(), triangles: Vec::new() };
-        squares.triangles.reserve_exact(pairs.len());
+        squares.triangles.make_exact_room(pairs.len());
         for of_square in pairs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            squares.list.push([of_square[0].1, of_square[0].0]);
-            squares.starts.push(squares.triangles.len() as u32);
-            squares.triangles.extend(of_square.iter().map(|pair| pair.2));
+            squares.list.put([of_square[0].1, of_square[0].0]);
+            squares.starts.put(squares.triangles.len() as u32);
+            squares.triangles.put_all(of_square.iter().map(|pair| pair.2));
         }
-        squares.starts.push(squares.triangles.len() as u32);
+        squares.starts.put(squares.triangles.len() as u32);
         squares
     }
 
@@ -66,7 +67,7 @@ pub fn pages_near(tile: &TileMesh, size: [usize; 2]) -> Vec<bool> {
     // Half a cell of the coarsest grid, and what the bilinear filter reads.
     let margin = size_in_cells * (0.5 / SIDE as f64) + 2.0 * SIDE as f64 / PAGE as f64;
     let [columns, rows] = size.map(|n| n.div_ceil(PAGE));
-    let mut near = vec![false; columns * rows];
+    let mut near = zeroed(columns * rows);
     for triangle in &tile.triangles {
         let corners = triangle.uv.map(|uv| uv * size_in_cells);
         let range = [[0, 0], [columns as u32 - 1, rows as u32 - 1]];

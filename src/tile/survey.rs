@@ -9,6 +9,7 @@ use super::cover::{Cover, Coverer, WIDE, at};
 use super::node_set::NodeSet;
 use super::rigidity::NodeRigidity;
 use super::{TileMaps, UvTriangle, uv_triangles};
+use crate::memory::{Collect, Grow, with_capacity, zeroed};
 use crate::mesh::{NONE, TileMesh};
 use crate::team::Team;
 
@@ -85,16 +86,17 @@ impl<'a> Survey<'a> {
             found
         });
         let mut counts = Counts::default();
-        let mut rigid_nodes = Vec::with_capacity(found.iter().map(|f| f.rigid_nodes.len()).sum());
-        let mut parts: Vec<(Part, bool)> = Vec::with_capacity(found.iter().map(|f| f.parts.len()).sum());
+        let mut rigid_nodes = with_capacity(found.iter().map(|f| f.rigid_nodes.len()).sum());
+        let mut parts: Vec<(Part, bool)> = with_capacity(found.iter().map(|f| f.parts.len()).sum());
         for of_chunk in found {
             counts.covered += of_chunk.counts.covered;
             counts.layered += of_chunk.counts.layered;
-            rigid_nodes.extend(of_chunk.rigid_nodes);
-            parts.extend(of_chunk.parts);
+            rigid_nodes.put_all(of_chunk.rigid_nodes);
+            parts.put_all(of_chunk.parts);
         }
         parts.sort_unstable_by_key(|(part, _)| (part.chart, part.y, part.x));
-        let (parts, rigid): (Vec<Part>, Vec<bool>) = parts.into_iter().unzip();
+        let rigid: Vec<bool> = parts.iter().map(|(_, rigid)| *rigid).collected();
+        let parts: Vec<Part> = parts.into_iter().map(|(part, _)| part).collected();
         let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
         let levels = levels(team, [nx, ny], &movable, &parts);
         Survey { coverer, triangles, parts, rigid, levels, movable, counts, rigid_nodes }
@@ -130,8 +132,8 @@ pub(super) fn survey_bytes(levels: &[SurveyLevel], triangles: usize) -> u64 {
 
 /// The movable nodes of each chart; 0 where no part is rigid.
 pub(super) fn movable_of_charts(charts: usize, parts: &[Part], rigid: &[bool]) -> Vec<u64> {
-    let mut movable = vec![0u64; charts];
-    let mut is_rigid = vec![false; charts];
+    let mut movable = zeroed::<u64>(charts);
+    let mut is_rigid = zeroed::<bool>(charts);
     for (part, rigid) in parts.iter().zip(rigid) {
         movable[part.chart as usize] += part.nodes.count();
         is_rigid[part.chart as usize] |= rigid;
@@ -146,10 +148,11 @@ pub(super) fn movable_of_charts(charts: usize, parts: &[Part], rigid: &[bool]) -
 /// so that bilinear prolongation never moves a fixed node, nor one of another chart. An odd last column or row of cells
 /// is dropped; the nodes at its inner side are fixed by the same rule.
 pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Part]) -> Vec<SurveyLevel> {
-    let parts: Vec<Part> = parts.iter().filter(|part| movable[part.chart as usize] > 0).copied().collect();
+    let parts: Vec<Part> = parts.iter().filter(|part| movable[part.chart as usize] > 0).copied().collected();
     let charts = movable.len();
     let (blocks, sets) = Blocks::new(team, charts, &parts);
-    let mut levels = vec![SurveyLevel { size, blocks: Arc::new(blocks), movable: sets }];
+    let mut levels = Vec::new();
+    levels.put(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
     loop {
         let finer = &levels[levels.len() - 1];
         let size = finer.size.map(|n| n / 2);
@@ -158,7 +161,7 @@ pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Pa
             return levels;
         }
         let (blocks, sets) = Blocks::new(team, charts, &parts);
-        levels.push(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
+        levels.put(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
     }
 }
 
@@ -166,7 +169,7 @@ pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Pa
 fn coarser_parts(team: &Team, finer: &SurveyLevel) -> Vec<Part> {
     let blocks = &finer.blocks;
     let mut parents: Vec<(u32, u32, u32)> =
-        blocks.list.iter().filter(|b| b.active).map(|b| (b.chart, b.y / 2, b.x / 2)).collect();
+        blocks.list.iter().filter(|b| b.active).map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
     parents.sort_unstable();
     parents.dedup();
     let mut parts = team.map(parents.len(), |k| {
@@ -244,14 +247,14 @@ impl Found {
                 let known = self.parts[first..].iter().position(|(part, _)| part.chart == chart);
                 let index = known.map_or(self.parts.len(), |k| first + k);
                 if known.is_none() {
-                    self.parts.push((Part { chart, x, y, nodes: NodeSet::EMPTY }, false));
+                    self.parts.put((Part { chart, x, y, nodes: NodeSet::EMPTY }, false));
                 }
                 let (part, rigid) = &mut self.parts[index];
                 part.nodes.insert(i, j);
                 *rigid |= is_near;
             }
         }
-        self.rigid_nodes.push(rigid_nodes([x, y], &cover, &free, &rigidity));
+        self.rigid_nodes.put(rigid_nodes([x, y], &cover, &free, &rigidity));
         self.counts.covered += cover.covered.count();
         self.counts.layered += cover.layered.count();
     }

@@ -4,9 +4,21 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 13] = [
-    "status", "handle", "types", "executor", "device", "mesh", "asset", "tile", "prepare", "fetch", "solve",
-    "job", "report",
+const SECTIONS: [&str; 14] = [
+    "status",
+    "handle",
+    "types",
+    "allocator",
+    "executor",
+    "device",
+    "mesh",
+    "asset",
+    "tile",
+    "prepare",
+    "fetch",
+    "solve",
+    "job",
+    "report",
 ];
 
 pub fn header(root: &Path) -> Result<String, String> {

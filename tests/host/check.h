@@ -66,7 +66,7 @@ static inline void sheet_make(sheet *s)
     for (int j = 0; j <= SIDE; ++j) {
         for (int i = 0; i <= SIDE; ++i) {
             const int k = j * (SIDE + 1) + i;
-            const double u = (double)i / SIDE, v = (double)j / SIDE;
+            const double u = i / (double)SIDE, v = j / (double)SIDE;
             s->points[k][0] = 10 * u;
             s->points[k][1] = 10 * v;
             s->points[k][2] = 0;

@@ -40,9 +40,8 @@ class DeformerNode {
 public:
     DeformerNode(const vrtm::Device &device, const sheet &mesh) : mesh_(mesh), asset_(make(device, mesh))
     {
-        const vrtm_image rigidity = sheet_rigidity(&mesh_);
         tile_ = asset_.find_tile(1001);
-        tile_.set_rigidity(&rigidity);
+        tile_.set_rigidity({&mesh_.rigidity[0][0], MAP, MAP});
     }
 
     Output compute(int frame)
@@ -50,14 +49,9 @@ public:
         std::vector<double> points(4 * VERTICES);
         sheet_pose(&mesh_, frame, reinterpret_cast<double(*)[4]>(points.data()));
         Output output;
-        const vrtm_image_out map = vrtm::image_out(output.redirection.data(), MAP, MAP);
-        const vrtm_image_out nodes = vrtm::image_out(output.warp.data(), MAP + 1, MAP + 1);
-        std::vector<vrtm_fetch> fetches(2, vrtm_fetch_init());
-        fetches[0].tile = fetches[1].tile = tile_.handle();
-        fetches[0].image = &map;
-        fetches[1].image = &nodes;
-        fetches[1].kind = VRTM_FETCH_WARP;
-        asset_.redirect(vrtm::array(points.data(), VERTICES, 4 * sizeof(double)), fetches);
+        asset_.redirect({points.data(), VERTICES, 4 * sizeof(double)},
+                        {{tile_, {output.redirection.data(), MAP, MAP}},
+                         {tile_, {output.warp.data(), MAP + 1, MAP + 1}, vrtm::FetchKind::warp}});
         output.corners = asset_.corner_uvs();
         return output;
     }
@@ -66,8 +60,7 @@ public:
     {
         sheet painted = mesh_;
         std::memmove(&painted.rigidity[0][0], &mesh_.rigidity[offset][0], sizeof(painted.rigidity) - offset * MAP);
-        const vrtm_image rigidity = sheet_rigidity(&painted);
-        tile_.set_rigidity(&rigidity);
+        tile_.set_rigidity({&painted.rigidity[0][0], MAP, MAP});
     }
 
     vrtm_tile_report_data report() const { return tile_.report(); }
@@ -77,7 +70,7 @@ private:
     {
         sheet_desc desc;
         sheet_describe(&mesh, &desc);
-        return vrtm::Asset(device, desc.mesh);
+        return vrtm::Asset::create(device, desc.mesh);
     }
 
     const sheet &mesh_;
@@ -133,9 +126,9 @@ void one_node(const vrtm::Device &device, const sheet &mesh, const std::vector<O
 void thread_counts(const sheet &mesh, const std::vector<Output> &expected)
 {
     for (std::uint32_t threads = 1; threads <= 5; threads += 2) {
-        vrtm_device_desc desc = vrtm_device_desc_init();
+        vrtm::DeviceDesc desc;
         desc.threads = threads;
-        const vrtm::Device device(&desc);
+        const vrtm::Device device = vrtm::Device::create(desc);
         DeformerNode node(device, mesh);
         char name[64];
         std::snprintf(name, sizeof name, "the same bits with %u threads", threads);
@@ -184,7 +177,7 @@ void one_node_twice(const vrtm::Device &device, const sheet &mesh, const std::ve
                 node.compute(frame);
                 good += 1;
             } catch (const vrtm::Error &error) {
-                (error.status() == VRTM_ERROR_BUSY ? busy : wrong) += 1;
+                (error.code() == vrtm::Code::busy ? busy : wrong) += 1;
             }
         }
     };
@@ -198,24 +191,9 @@ void one_node_twice(const vrtm::Device &device, const sheet &mesh, const std::ve
 }
 
 struct Nested {
-    vrtm_tile tile;
+    vrtm::Tile tile;
     std::atomic<int> calls{0}, refused{0};
 };
-
-/* A log function that calls back into the asset it was called for. */
-void call_back(void *user, vrtm_log_level, const char *)
-{
-    Nested &nested = *static_cast<Nested *>(user);
-    nested.calls += 1;
-    vrtm_tile_data info = vrtm_tile_data_init();
-    vrtm_device other;
-    if (nested.tile.id != 0 && vrtm_tile_info(nested.tile, &info) == VRTM_ERROR_BUSY) {
-        nested.refused += 1;
-    }
-    if (vrtm_device_create(nullptr, &other) == VRTM_OK) {
-        vrtm_device_destroy(other);
-    }
-}
 
 void callbacks(const sheet &flat)
 {
@@ -225,27 +203,32 @@ void callbacks(const sheet &flat)
         uv[0] = std::fmin(uv[0], 1 - uv[0]);
     }
     Nested nested{};
-    vrtm_device_desc desc = vrtm_device_desc_init();
-    desc.log = call_back;
-    desc.log_user = &nested;
-    const vrtm::Device device(&desc);
+    /* A log function that calls back into the asset it was called for. */
+    vrtm::DeviceDesc desc;
+    desc.set_log([&nested](vrtm::LogLevel, const char *) {
+        nested.calls += 1;
+        if (nested.tile && nested.tile.try_info().code() == vrtm::Code::busy) {
+            nested.refused += 1;
+        }
+        vrtm::Device::create();
+    });
+    const vrtm::Device device = vrtm::Device::create(desc);
     sheet_desc d;
     sheet_describe(&mesh, &d);
-    vrtm::Asset asset(device, d.mesh);
-    nested.tile = asset.find_tile(1001).handle();
-    const vrtm_image rigidity = sheet_rigidity(&mesh);
-    vrtm::Tile(nested.tile).set_rigidity(&rigidity);
-    asset.solve(sheet_positions(mesh.points));
+    const vrtm::Asset asset = vrtm::Asset::create(device, d.mesh);
+    nested.tile = asset.find_tile(1001);
+    nested.tile.set_rigidity({&mesh.rigidity[0][0], MAP, MAP});
+    asset.solve({mesh.points, VERTICES});
     check_that(nested.calls > 0, "a log function may call back", "");
     check_that(nested.refused > 0, "and finds the asset busy", "");
-    check_that(vrtm::Tile(nested.tile).info().overlap > 0, "which it is no longer then", "");
+    check_that(nested.tile.info().overlap > 0, "which it is no longer then", "");
 }
 
 void raii(const vrtm::Device &device, const sheet &mesh)
 {
     sheet_desc d;
     sheet_describe(&mesh, &d);
-    vrtm::Asset first(device, d.mesh);
+    vrtm::Asset first = vrtm::Asset::create(device, d.mesh);
     const vrtm_asset handle = first.handle();
     vrtm::Asset second(std::move(first));
     check_that(second.handle().id == handle.id && first.handle().id == 0, "an asset can be moved", "");
@@ -254,7 +237,7 @@ void raii(const vrtm::Device &device, const sheet &mesh)
     try {
         second.find_tile(1099);
     } catch (const vrtm::Error &error) {
-        thrown = error.status() == VRTM_ERROR_INVALID_ARGUMENT && std::strstr(error.what(), "udim") != nullptr;
+        thrown = error.code() == vrtm::Code::invalid_argument && std::strstr(error.what(), "udim") != nullptr;
     }
     check_that(thrown, "an error is an exception with its message", "");
     { const vrtm::Asset last(std::move(second)); }
@@ -268,7 +251,7 @@ int main()
     try {
         static sheet mesh;
         sheet_make(&mesh);
-        const vrtm::Device device;
+        const vrtm::Device device = vrtm::Device::create();
         DeformerNode node(device, mesh);
         const std::vector<Output> expected = in_order(node);
         one_node(device, mesh, expected);

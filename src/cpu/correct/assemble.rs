@@ -11,6 +11,7 @@ use super::super::sampling::{GradientTerms, Slopes};
 use super::super::terms::{Edge, Visitor, least_jacobian, pull_stiffness};
 use super::rows::{Words, encode};
 use super::*;
+use crate::memory::zeroed;
 use crate::method::law::{NEAR_BOUND_JACOBIAN, NEAR_BOUND_STIFFNESS};
 use crate::tile::Level;
 use crate::tile::window::Window;
@@ -27,7 +28,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> Vec<f64> {
         let level = &run.grid.levels[self.level];
         let blocks = &run.work[self.level].active;
-        let mut sums = vec![0.0f64; blocks.len()];
+        let mut sums = zeroed::<f64>(blocks.len());
         let shared = SharedSlice::new(&mut sums);
         let Rows { diagonal, words, .. } = self.rows;
         let (row_sums, words) = (SharedSlice::new(diagonal), SharedSlice::new(words));

@@ -1,5 +1,6 @@
 //! Solves a level's system for the step: conjugate gradients, preconditioned with a V-cycle (method §7.3).
 
+use crate::memory::{Collect, zeroed};
 use crate::method::law::{CG_ITERATIONS, MAX_STEP};
 
 use super::workspace::Solving;
@@ -13,9 +14,9 @@ impl Run<'_> {
     /// so that no direction has to be stored.
     pub(super) fn conjugate_gradients(&self, level: usize, solving: &mut Solving) -> Vec<f64> {
         let charts = self.charts.len();
-        let mut predicted = vec![0.0f64; charts];
+        let mut predicted = zeroed::<f64>(charts);
         // r·z and α of the first iteration.
-        let (mut first_rz, mut first_alpha) = (vec![0.0f64; charts], vec![0.0f32; charts]);
+        let (mut first_rz, mut first_alpha) = (zeroed::<f64>(charts), zeroed::<f32>(charts));
         for iteration in 0..CG_ITERATIONS {
             let (first, last) = (iteration == 0, iteration + 1 == CG_ITERATIONS);
             let rz = multigrid::precondition(self, level, &mut solving.levels);
@@ -30,7 +31,7 @@ impl Run<'_> {
                         let beta = (rz[c] / rz_before) as f32 / alpha;
                         if stepped && beta.is_finite() { beta } else { 0.0 }
                     })
-                    .collect();
+                    .collected();
                 let (direction, step) = (SharedSlice::new(direction), &*solving.step);
                 self.each_block(level, |_, b, c| {
                     // SAFETY: each item has its own block.
@@ -44,7 +45,7 @@ impl Run<'_> {
                     // No step if the curvature is not positive, as where nothing is left to solve, or a scalar is NaN.
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
-                .collect();
+                .collected();
             for c in 0..charts {
                 predicted[c] += f64::from(alpha[c]) * rz[c];
             }

@@ -3,6 +3,7 @@
 
 use super::super::inspect::flat;
 use super::*;
+use crate::memory::{Collect, Grow};
 use crate::tile::codes::decode_weight;
 
 impl Run<'_> {
@@ -26,10 +27,10 @@ impl Run<'_> {
         let mut all = Vec::new();
         let Rows { diagonal, words, .. } = self.memory.workspace.rows(level);
         for (b, (diagonal, words)) in diagonal.iter().zip(words).enumerate() {
-            all.extend(flat(&[*diagonal]));
-            all.extend_from_slice(words.as_flattened().as_flattened());
+            all.put_all(flat(&[*diagonal]));
+            all.put_all(words.as_flattened().as_flattened().iter().copied());
             let weights = self.grid.levels[level].interpolation.get(b).unwrap_or(&[0; NODES]);
-            all.extend(weights.map(|code| decode_weight(code).to_bits()));
+            all.put_all(weights.map(|code| decode_weight(code).to_bits()));
         }
         all
     }
@@ -40,6 +41,6 @@ impl Run<'_> {
         let blocks = self.grid.levels[level].blocks.list.len();
         let step = if level == 0 { &*self.result } else { &workspace.coarse_step()[..blocks] };
         let fraction = (0..blocks).flat_map(|b| workspace.step_fraction(level, b).map(f32::to_bits));
-        [flat(step), fraction.collect()]
+        [flat(step), fraction.collected()]
     }
 }

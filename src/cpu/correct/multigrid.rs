@@ -8,6 +8,7 @@ use super::super::row::Row;
 use super::rows::{BlockRows, Pairs};
 use super::transfer::{add_coarse, restrict};
 use super::*;
+use crate::memory::zeroed;
 use crate::mesh::NONE;
 use crate::method::law::{COARSEST_ROUNDS, SMOOTHER_SWEEPS};
 use crate::tile::Level;
@@ -17,7 +18,7 @@ use crate::tile::window::{self, Window};
 /// residual and direction per chart. The residual of `level` is not changed.
 pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec<f64> {
     let coarsest = level + levels.len() - 1;
-    let mut dots = vec![0.0f64; run.grid.levels[level].blocks.list.len()];
+    let mut dots = zeroed::<f64>(run.grid.levels[level].blocks.list.len());
     for k in level..=coarsest {
         let system = &mut levels[k - level];
         let first = Sweeps { from_zero: true, ..Sweeps::FORWARD };
@@ -202,7 +203,7 @@ fn product<V: Lanes>(diagonal: &[Plane; 3], pairs: &Pairs, row: Row, z: &[Window
 pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mut [[Plane; 3]]) -> Vec<f64> {
     let grid = &run.grid.levels[level];
     let out = SharedSlice::new(out);
-    let mut dots = vec![0.0f64; grid.blocks.list.len()];
+    let mut dots = zeroed::<f64>(grid.blocks.list.len());
     let shared = SharedSlice::new(&mut dots);
     run.each_block(level, |worker, b, _| {
         let rows = rows.block(b);

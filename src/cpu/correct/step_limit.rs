@@ -10,6 +10,7 @@ use super::super::row::Row;
 use super::transfer::active_neighbours;
 use super::workspace::Limiting;
 use super::*;
+use crate::memory::{copied, zeroed};
 use crate::method::law::{
     FALLOFF_PASSES, FIRST_FALLOFF_PASSES, FRACTION_FALLOFF, KEPT_MARGIN, LIMIT_ROUNDS, MIN_JACOBIAN,
     kept_margin,
@@ -25,8 +26,8 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     let step = limiting.step;
     // Only active blocks are written: in the others, the memory of the marks has to stay 0 for the next V-cycle.
     let (fraction, mark) = (SharedSlice::new(limiting.fraction), SharedSlice::new(limiting.mark));
-    let mut blocks = run.work[level].active.clone();
-    let mut limited = vec![false; blocks.len()];
+    let mut blocks = copied(&run.work[level].active);
+    let mut limited = zeroed(blocks.len());
     let flags = SharedSlice::new(&mut limited);
     run.team.run(blocks.len(), |k| {
         let b = blocks[k] as usize;
@@ -42,7 +43,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     // Charts in which no node is limited are done, and are kept out of the rounds of the other charts.
     let keep_open = |blocks: &mut Vec<u32>, flags: &[bool]| {
         let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
-        let mut open = vec![false; run.charts.len()];
+        let mut open = zeroed(run.charts.len());
         for (&b, _) in blocks.iter().zip(flags).filter(|(_, flag)| **flag) {
             open[chart_of(b)] = true;
         }
@@ -51,7 +52,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     keep_open(&mut blocks, &limited);
     apply_falloff(run, grid, &blocks, fraction, mark, FIRST_FALLOFF_PASSES);
     for round in 0..LIMIT_ROUNDS {
-        let mut marked = vec![false; blocks.len()];
+        let mut marked = zeroed(blocks.len());
         let flags = SharedSlice::new(&mut marked);
         let kept = kept_margin(round);
         run.team.run(blocks.len(), |k| {

@@ -10,6 +10,7 @@
 //! Stepping     step fraction          displacement before    samples (written)
 //! ```
 
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
 
@@ -40,10 +41,10 @@ struct LevelMemory {
 
 impl Workspace {
     pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Workspace {
-        let mut levels = Vec::with_capacity(grid.levels.len());
+        let mut levels = with_capacity(grid.levels.len());
         for level in &grid.levels {
             let blocks = level.blocks.list.len();
-            levels.push(LevelMemory {
+            levels.put(LevelMemory {
                 rows: Rows::new(allocator, blocks),
                 planes_a: allocator.zeros(blocks),
                 planes_b: allocator.zeros(blocks),
@@ -118,7 +119,7 @@ impl<'a> Assembling<'a> {
             direction: &mut memory.planes_b,
             product: &mut buffers.value,
         });
-        Solving { levels: levels.collect(), step: self.step }
+        Solving { levels: levels.collected(), step: self.step }
     }
 }
 

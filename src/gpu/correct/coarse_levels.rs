@@ -3,6 +3,7 @@
 
 use crate::gpu::bands::Band;
 use crate::gpu::layout::CoarseBlock;
+use crate::memory::{Grow, with_capacity};
 use crate::mesh::NONE;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
@@ -39,7 +40,7 @@ impl CoarseLevels {
         }
         let mut base = 0;
         for level in &grid.levels[coarse.first..] {
-            coarse.bases.push(base);
+            coarse.bases.put(base);
             base += level.blocks.list.len() as u32;
         }
         (!coarse.bases.is_empty()).then_some(coarse)
@@ -52,7 +53,7 @@ impl CoarseLevels {
 
     /// Records of all blocks, level by level.
     pub fn blocks(&self, grid: &Grid) -> Vec<CoarseBlock> {
-        let mut all = Vec::with_capacity(self.blocks);
+        let mut all = with_capacity(self.blocks);
         for k in self.first..grid.levels.len() {
             let level = &grid.levels[k];
             let place = |k: usize, b: u32| match self.base(k) {
@@ -66,7 +67,7 @@ impl CoarseLevels {
                 for (s, _) in level.movable[b].iter().enumerate().filter(|(_, movable)| **movable == 0) {
                     fixed[s / 32] |= 1 << (s % 32);
                 }
-                all.push(CoarseBlock {
+                all.put(CoarseBlock {
                     active_neighbours: level.blocks.neighbours[b].map(|b| place(k, active(b))),
                     parent: if k + 1 < grid.levels.len() { place(k + 1, level.parent[b]) } else { NONE },
                     children: level.children[b].map(|child| place(k - 1, child)),
@@ -81,23 +82,23 @@ impl CoarseLevels {
     /// Per chart, level and block colour first and count of its active blocks; then these blocks.
     pub fn lists(&self, grid: &Grid) -> Vec<u32> {
         let charts = grid.movable.len();
-        let mut ranges = Vec::with_capacity(charts * self.bases.len() * 8);
+        let mut ranges = with_capacity(charts * self.bases.len() * 8);
         let mut all: Vec<u32> = Vec::new();
         let start = (charts * self.bases.len() * 8) as u32;
         for c in 0..charts {
             for (level, base) in grid.levels[self.first..].iter().zip(&self.bases) {
                 for colour in 0..4 {
                     let first = all.len();
-                    all.extend(level.blocks.of_chart[c].clone().filter_map(|b| {
+                    all.put_all(level.blocks.of_chart[c].clone().filter_map(|b| {
                         let block = &level.blocks.list[b];
                         let belongs = block.active && block.y % 2 * 2 + block.x % 2 == colour;
                         belongs.then_some(base + b as u32)
                     }));
-                    ranges.extend([start + first as u32, (all.len() - first) as u32]);
+                    ranges.put_all([start + first as u32, (all.len() - first) as u32]);
                 }
             }
         }
-        ranges.extend(all);
+        ranges.put_all(all);
         ranges
     }
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::settings::MAX_GRID;
 use crate::team::Team;
@@ -62,7 +63,7 @@ impl<'a> Reader<'a> {
         what: &str,
     ) -> Result<Vec<T>> {
         let bytes = count.checked_mul(size).ok_or_else(|| refuse("it is cut short"))?;
-        let values: Vec<T> = self.bytes(bytes)?.chunks_exact(size).map(read).collect();
+        let values: Vec<T> = self.bytes(bytes)?.chunks_exact(size).map(read).collected();
         match values.iter().all(|&x| is_valid(x)) {
             true => Ok(values),
             false => Err(refuse(&format!("it has {what} that cannot be"))),
@@ -87,7 +88,7 @@ impl<'a> Reader<'a> {
     ) -> Result<Vec<Plane<T>>> {
         let bytes = count.checked_mul(NODES * SIZE).ok_or_else(|| refuse("it is cut short"))?;
         let bytes = self.bytes(bytes)?;
-        let mut planes = Vec::with_capacity(count);
+        let mut planes = with_capacity(count);
         for (n, of_plane) in bytes.chunks_exact(NODES * SIZE).enumerate() {
             let mut plane = [T::default(); NODES];
             for (value, bytes) in plane.iter_mut().zip(of_plane.chunks_exact(SIZE)) {
@@ -98,7 +99,7 @@ impl<'a> Reader<'a> {
                     return Err(refuse(&format!("it has {what} that cannot be")));
                 }
             }
-            planes.push(plane);
+            planes.put(plane);
         }
         Ok(planes)
     }
@@ -179,7 +180,7 @@ fn read_parts(
     if from.left.len() / PART_BYTES < count {
         return Err(refuse("it is cut short"));
     }
-    let (mut parts, mut rigid) = (Vec::<Part>::with_capacity(count), Vec::with_capacity(count));
+    let (mut parts, mut rigid) = (with_capacity::<Part>(count), with_capacity(count));
     for _ in 0..count {
         let [chart, x, y, is_rigid] = [from.u32()?, from.u32()?, from.u32()?, from.u32()?];
         let mut nodes = NodeSet::EMPTY;
@@ -200,8 +201,8 @@ fn read_parts(
         if !is_good {
             return Err(refuse("it has nodes that cannot be"));
         }
-        parts.push(part);
-        rigid.push(is_rigid == 1);
+        parts.put(part);
+        rigid.put(is_rigid == 1);
     }
     Ok((parts, rigid))
 }
@@ -211,7 +212,7 @@ fn read_squares(from: &mut Reader, count: usize, cells: [usize; 2]) -> Result<Ve
     if from.left.len() / SQUARE_BYTES < count {
         return Err(refuse("it is cut short"));
     }
-    let mut squares = Vec::<RigidNodes>::with_capacity(count);
+    let mut squares = with_capacity::<RigidNodes>(count);
     for _ in 0..count {
         let square = [from.u32()?, from.u32()?];
         let [rigid, frozen] = [from.array()?, from.array()?].map(u16::from_le_bytes);
@@ -223,7 +224,7 @@ fn read_squares(from: &mut Reader, count: usize, cells: [usize; 2]) -> Result<Ve
         if !is_inside || !is_next || usize::from(rigid) > NODES || frozen > rigid {
             return Err(refuse("it has squares that cannot be"));
         }
-        squares.push(RigidNodes { square, rigid, frozen });
+        squares.put(RigidNodes { square, rigid, frozen });
     }
     Ok(squares)
 }
@@ -250,7 +251,7 @@ fn read_level(from: &mut Reader, level: &mut Level, k: usize, levels: usize) -> 
             return Err(refuse("it has lengths that cannot be"));
         }
     }
-    level.rest_length = Arc::new(codes.chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collect());
+    level.rest_length = Arc::new(codes.chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collected());
     level.floor = from.f32s(level.floor.len(), |x| x.is_finite() && x >= 0.0, "floors")?;
     if k + 1 < levels {
         level.interpolation = from.planes(blocks, u8::from_le_bytes, |_, w| w <= 254, "weights")?;
@@ -258,7 +259,7 @@ fn read_level(from: &mut Reader, level: &mut Level, k: usize, levels: usize) -> 
     if k > 1 {
         let planes = from.planes(4 * blocks, f32::from_le_bytes, |_, x| x.is_finite(), "stiffnesses")?;
         level.stiffness =
-            planes.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]] as StiffnessPlanes).collect();
+            planes.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]] as StiffnessPlanes).collected();
     }
     if k > 0 {
         let coverage = from.planes(blocks, f32::from_le_bytes, |_, x| is_share(x), "coverages")?;

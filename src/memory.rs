@@ -1,0 +1,276 @@
+//! Where memory is taken whose size follows from input. It may be short, and then a call has to fail: it must not abort the
+//! host's process, as the standard library's collections do when they grow. So all of them grow through the functions here.
+//!
+//! Memory that is missing unwinds, without a panic's message, up to [`caught`], which makes an error of it. That keeps the
+//! hundreds of places that build arrays free of error handling; what they had built until then is freed on the way.
+//!
+//! `clippy.toml` lists the standard library's ways to allocate, and the library's code is checked for them.
+
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+
+use crate::error::{Error, ErrorKind, Result};
+
+mod current;
+#[cfg(feature = "allocator")]
+mod emergency;
+#[cfg(feature = "allocator")]
+mod global;
+mod host;
+
+pub(crate) use current::Current;
+#[cfg(feature = "allocator")]
+pub(crate) use global::Allocator;
+pub use host::HostAllocator;
+
+/// What a call unwinds with if memory is short.
+#[derive(Debug)]
+pub(crate) struct OutOfMemory {
+    /// Bytes that could not be had.
+    pub bytes: u64,
+}
+
+impl fmt::Display for OutOfMemory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "out of memory: {} bytes could not be had", self.bytes)
+    }
+}
+
+/// Calls `f`; memory that is missing in it is an error.
+///
+/// # Errors
+/// `OutOfMemory`, and those of `f`.
+pub(crate) fn caught<R>(f: impl FnOnce() -> Result<R>) -> Result<R> {
+    // What `f` leaves half changed is dropped with its owner; `Asset` says what becomes of its state.
+    catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|payload| match payload.downcast::<OutOfMemory>() {
+        Ok(short) => Err(Error::new(ErrorKind::OutOfMemory, short.to_string())),
+        Err(panic) => resume_unwind(panic),
+    })
+}
+
+/// Unwinds, as there is no memory for `count` elements of type `T`.
+#[cold]
+#[expect(clippy::disallowed_methods, reason = "of constant size: there is a reserve for it")]
+fn missing<T>(count: usize) -> ! {
+    let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
+    // Not a panic: nothing is wrong here, and no hook is to print anything.
+    resume_unwind(Box::new(OutOfMemory { bytes }))
+}
+
+/// An empty array with room for `count` elements.
+pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
+    let mut array = Vec::new();
+    array.make_exact_room(count);
+    array
+}
+
+/// `count` times the same.
+pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
+    let mut array = with_capacity(count);
+    #[expect(clippy::disallowed_methods, reason = "there is room")]
+    array.resize(count, value);
+    array
+}
+
+/// A copy of a slice.
+pub(crate) fn copied<T: Clone>(slice: &[T]) -> Vec<T> {
+    let mut array = with_capacity(slice.len());
+    #[expect(clippy::disallowed_methods, reason = "there is room")]
+    array.extend_from_slice(slice);
+    array
+}
+
+/// A value on the heap.
+pub(crate) fn boxed<T>(value: T) -> Box<T> {
+    let mut array = with_capacity(1);
+    #[expect(clippy::disallowed_methods, reason = "there is room")]
+    array.push(value);
+    debug_assert!(size_of::<T>() == 0 || array.capacity() == 1);
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "it has no room to give back, so that nothing is allocated"
+    )]
+    let one: Box<[T]> = array.into_boxed_slice();
+    // SAFETY: a slice of one element has the layout of the element, which is owned by whoever has the pointer.
+    unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }
+}
+
+/// Numbers without bytes in between, for which zeros are a value.
+///
+/// # Safety
+/// So it has to be.
+pub(crate) unsafe trait Plain: Copy {}
+macro_rules! plain {
+    ($($number:ty),+) => {
+        $(
+            // SAFETY: a number, or false.
+            unsafe impl Plain for $number {}
+        )+
+    };
+}
+plain!(u8, u16, u32, u64, usize, f32, f64, bool);
+// SAFETY: of numbers.
+unsafe impl<T: Plain, const N: usize> Plain for [T; N] {}
+
+/// `count` zeros. The system hands out the pages of a large array when they are written first: those that a solve does not
+/// get to cost it no time. (Of a host's allocator all are written.)
+pub(crate) fn zeroed<T: Plain>(count: usize) -> Vec<T> {
+    use std::alloc::{Layout, alloc_zeroed};
+    let Ok(layout) = Layout::array::<T>(count) else { missing::<T>(count) };
+    if layout.size() == 0 {
+        return Vec::new();
+    }
+    let fallible = current::Fallible::enter();
+    // SAFETY: the layout is not empty.
+    let memory = unsafe { alloc_zeroed(layout) };
+    drop(fallible);
+    if memory.is_null() {
+        missing::<T>(count);
+    }
+    // SAFETY: `count` elements of zeros are valid, and the vector frees with the same layout.
+    unsafe { Vec::from_raw_parts(memory.cast::<T>(), count, count) }
+}
+
+/// What `Vec` does when it grows, for memory that may be short.
+pub(crate) trait Grow<T> {
+    /// Makes room for `count` more elements, and for others after them.
+    fn make_room(&mut self, count: usize);
+    /// Makes room for `count` more elements.
+    fn make_exact_room(&mut self, count: usize);
+    /// Appends an element.
+    fn put(&mut self, value: T);
+    /// Inserts an element.
+    fn put_at(&mut self, index: usize, value: T);
+    /// Appends all that an iterator yields.
+    fn put_all(&mut self, values: impl IntoIterator<Item = T>);
+    /// Gives back what no element needs.
+    fn give_room_back(&mut self);
+    /// Changes the length; new elements are copies of `value`.
+    fn fill_to(&mut self, count: usize, value: T)
+    where
+        T: Clone;
+}
+
+impl<T> Grow<T> for Vec<T> {
+    #[inline]
+    fn make_room(&mut self, count: usize) {
+        if self.capacity() - self.len() < count {
+            grow(self, count);
+        }
+    }
+
+    fn make_exact_room(&mut self, count: usize) {
+        if self.capacity() - self.len() >= count {
+            return;
+        }
+        let fallible = current::Fallible::enter();
+        #[expect(clippy::disallowed_methods, reason = "may fail")]
+        let room = self.try_reserve_exact(count);
+        drop(fallible);
+        if room.is_err() {
+            missing::<T>(self.len().saturating_add(count));
+        }
+    }
+
+    #[inline]
+    #[expect(clippy::disallowed_methods, reason = "there is room")]
+    fn put(&mut self, value: T) {
+        self.make_room(1);
+        self.push(value);
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "there is room")]
+    fn put_at(&mut self, index: usize, value: T) {
+        self.make_room(1);
+        self.insert(index, value);
+    }
+
+    #[inline]
+    fn put_all(&mut self, values: impl IntoIterator<Item = T>) {
+        let values = values.into_iter();
+        match values.size_hint() {
+            (least, Some(most)) if least == most => {
+                self.make_room(least);
+                #[expect(clippy::disallowed_methods, reason = "there is room")]
+                self.extend(values);
+            }
+            (least, _) => {
+                self.make_room(least);
+                values.for_each(|value| self.put(value));
+            }
+        }
+    }
+
+    #[expect(clippy::disallowed_methods, reason = "the allocator can leave a block as it is")]
+    fn give_room_back(&mut self) {
+        self.shrink_to_fit();
+    }
+
+    fn fill_to(&mut self, count: usize, value: T)
+    where
+        T: Clone,
+    {
+        self.make_exact_room(count.saturating_sub(self.len()));
+        #[expect(clippy::disallowed_methods, reason = "there is room")]
+        self.resize(count, value);
+    }
+}
+
+/// Makes room for more elements: kept out of the loops that append.
+#[cold]
+#[inline(never)]
+fn grow<T>(array: &mut Vec<T>, count: usize) {
+    let fallible = current::Fallible::enter();
+    #[expect(clippy::disallowed_methods, reason = "may fail")]
+    let room = array.try_reserve(count);
+    drop(fallible);
+    if room.is_err() {
+        missing::<T>(array.len().saturating_add(count));
+    }
+}
+
+/// What `Iterator` does to collect, for memory that may be short.
+pub(crate) trait Collect: Iterator + Sized {
+    /// All that the iterator yields.
+    #[inline]
+    fn collected(self) -> Vec<Self::Item> {
+        let mut array = Vec::new();
+        let (least, most) = self.size_hint();
+        if most == Some(least) {
+            array.make_exact_room(least);
+        }
+        array.put_all(self);
+        array
+    }
+
+    /// All that the iterator yields, or the first error.
+    #[inline]
+    fn try_collected<T, E>(self) -> std::result::Result<Vec<T>, E>
+    where
+        Self: Iterator<Item = std::result::Result<T, E>>,
+    {
+        let mut array = Vec::new();
+        for value in self {
+            array.put(value?);
+        }
+        Ok(array)
+    }
+}
+
+impl<I: Iterator> Collect for I {}
+
+/// Room for `count` more entries of a hash table.
+pub(crate) fn make_room_in<K: Eq + std::hash::Hash, V, S: std::hash::BuildHasher>(
+    table: &mut std::collections::HashMap<K, V, S>,
+    count: usize,
+) {
+    let fallible = current::Fallible::enter();
+    let room = table.try_reserve(count);
+    drop(fallible);
+    if room.is_err() {
+        missing::<(K, V)>(table.len().saturating_add(count));
+    }
+}
+
+#[cfg(all(test, feature = "allocator"))]
+mod tests;

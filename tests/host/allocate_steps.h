@@ -1,0 +1,321 @@
+/*
+ * A host's work, step by step, for the programs that let allocations fail in it (allocate.c, allocate_outside.c): maps,
+ * settings, estimates, saved tiles, solves of all kinds, fetches of all kinds, a job. Each step is one call, so that it
+ * does all of its work or none.
+ */
+
+#ifndef ALLOCATE_STEPS_H
+#define ALLOCATE_STEPS_H
+
+#include "allocate_model.h"
+
+static vrtm_status make_device(work *w)
+{
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    desc.backend = w->backend;
+    desc.threads = 2;
+    desc.allocator = w->allocator;
+    return vrtm_device_create(&desc, &w->device);
+}
+
+static vrtm_status make_asset(work *w)
+{
+    vrtm_array points = array_of(rest, POINTS), first = array_of(uvs[0], POINTS), second = array_of(uvs[1], POINTS);
+    vrtm_uv_set more;
+    vrtm_mesh_desc desc = vrtm_mesh_desc_init();
+    memset(&more, 0, sizeof more);
+    more.uvs = &second;
+    more.uv_indices = quad_indices;
+    more.uv_index_count = QUAD_CORNERS;
+    desc.positions = &points;
+    desc.face_counts = quad_counts;
+    desc.face_count = QUADS * QUADS;
+    desc.indices = quad_indices;
+    desc.index_count = QUAD_CORNERS;
+    desc.uvs = &first;
+    desc.uv_indices = quad_indices;
+    desc.uv_index_count = QUAD_CORNERS;
+    desc.uv_sets = &more;
+    desc.uv_set_count = 1;
+    desc.seams = cut;
+    desc.seam_count = QUADS;
+    desc.weld = VRTM_WELD_POSITION;
+    return vrtm_asset_create(w->device, &desc, &w->asset);
+}
+
+static vrtm_status find_tiles(work *w)
+{
+    vrtm_status status = vrtm_asset_tile(w->asset, 0, &w->tiles[0]);
+    return status == VRTM_OK ? vrtm_asset_tile(w->asset, 1, &w->tiles[1]) : status;
+}
+
+static vrtm_status paint(work *w)
+{
+    vrtm_image image = map_of(painted);
+    return vrtm_tile_set_rigidity(w->tiles[0], &image);
+}
+
+static vrtm_status paint_second(work *w)
+{
+    vrtm_image image = map_of(painted);
+    image.format = VRTM_PIXEL_F32;
+    image.data = painted_f32;
+    return vrtm_tile_set_rigidity(w->tiles[1], &image);
+}
+
+static vrtm_status mask(work *w)
+{
+    vrtm_image image = map_of(masked);
+    return vrtm_tile_set_mask(w->tiles[0], &image);
+}
+
+static vrtm_status settings(work *w, int which, float density)
+{
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    settings.grid_width = GRID_WIDTH;
+    settings.grid_height = GRID_HEIGHT;
+    settings.orientation_density = density;
+    return vrtm_tile_set_settings(w->tiles[which], &settings);
+}
+
+static vrtm_status settings_first(work *w)
+{
+    return settings(w, 0, 0);
+}
+
+static vrtm_status settings_second(work *w)
+{
+    return settings(w, 1, 1);
+}
+
+static vrtm_status describe(work *w, int which)
+{
+    vrtm_tile_data data = vrtm_tile_data_init();
+    return vrtm_tile_info(w->tiles[which], &data);
+}
+
+static vrtm_status describe_first(work *w)
+{
+    return describe(w, 0);
+}
+
+static vrtm_status describe_second(work *w)
+{
+    return describe(w, 1);
+}
+
+static vrtm_status estimate(work *w)
+{
+    vrtm_tile_needs needs = vrtm_tile_needs_init();
+    return vrtm_tile_estimate(w->tiles[0], &needs);
+}
+
+static vrtm_status save(work *w)
+{
+    return vrtm_tile_save(w->tiles[0], w->saved, w->saved_capacity, &w->saved_size);
+}
+
+static vrtm_status load(work *w)
+{
+    return vrtm_tile_load(w->tiles[0], w->saved, w->saved_size);
+}
+
+static vrtm_status solve(work *w, int frame, float apart, vrtm_quality quality, vrtm_solver solver, float warm, int measure)
+{
+    vrtm_array points = array_of(posed, POINTS);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    pose_frame(frame, apart);
+    options.quality = quality;
+    options.solver = solver;
+    options.warm = warm > 0;
+    options.temporal_weight = warm;
+    options.measure = (uint32_t)measure;
+    return vrtm_asset_solve(w->asset, &points, &options);
+}
+
+static vrtm_status solve_normal(work *w)
+{
+    return solve(w, 1, 0, VRTM_QUALITY_NORMAL, VRTM_SOLVER_DESCENT, 0, 0);
+}
+
+static vrtm_status solve_draft(work *w)
+{
+    return solve(w, 2, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 0);
+}
+
+static vrtm_status solve_high(work *w)
+{
+    return solve(w, 3, 0, VRTM_QUALITY_HIGH, VRTM_SOLVER_DESCENT, 0, 0);
+}
+
+static vrtm_status solve_warm(work *w)
+{
+    return solve(w, 4, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0.1f, 0);
+}
+
+static vrtm_status solve_measured(work *w)
+{
+    return solve(w, 5, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 1);
+}
+
+static vrtm_status solve_torn(work *w)
+{
+    return solve(w, 5, 3, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 0);
+}
+
+static vrtm_status solve_pbd(work *w)
+{
+    return solve(w, 6, 0, VRTM_QUALITY_NORMAL, VRTM_SOLVER_PBD, 0, 0);
+}
+
+static vrtm_status fetch(work *w, int tile, vrtm_fetch_kind kind)
+{
+    vrtm_image_out image = image_of(w->out[0], VRTM_PIXEL_F32);
+    return vrtm_tile_fetch(w->tiles[tile], kind, &image);
+}
+
+static vrtm_status fetch_redirection(work *w)
+{
+    return fetch(w, 0, VRTM_FETCH_REDIRECTION);
+}
+
+static vrtm_status fetch_delta(work *w)
+{
+    return fetch(w, 1, VRTM_FETCH_REDIRECTION_DELTA);
+}
+
+static vrtm_status fetch_warp(work *w)
+{
+    return fetch(w, 0, VRTM_FETCH_WARP);
+}
+
+static vrtm_status fetch_half(work *w)
+{
+    vrtm_image_out image = image_of(w->out_half, VRTM_PIXEL_F16);
+    return vrtm_tile_fetch(w->tiles[1], VRTM_FETCH_REDIRECTION, &image);
+}
+
+static vrtm_status fetch_part(work *w)
+{
+    vrtm_image_out image = image_of(w->out[1], VRTM_PIXEL_F32);
+    return vrtm_tile_fetch_part(w->tiles[0], VRTM_FETCH_WARP, &image, 700, 300, 2048, 1024);
+}
+
+static vrtm_status fetch_corners(work *w)
+{
+    return vrtm_asset_fetch_corner_uvs_of_set(w->asset, 1, w->corners[0], QUAD_CORNERS);
+}
+
+static vrtm_status stroke(work *w)
+{
+    vrtm_image image = map_of(stroked);
+    return vrtm_tile_update_rigidity(w->tiles[0], &image, 60, 30, 13, 15);
+}
+
+/* Two maps of one tile and one of the other. */
+static vrtm_status redirect(work *w)
+{
+    vrtm_array points = array_of(posed, POINTS);
+    vrtm_image_out images[3];
+    vrtm_fetch fetches[3];
+    vrtm_solve_options options = vrtm_solve_options_init();
+    options.quality = VRTM_QUALITY_DRAFT;
+    options.measure = 1;
+    pose_frame(7, 0);
+    images[0] = image_of(w->out[0], VRTM_PIXEL_F32);
+    images[1] = image_of(w->out[1], VRTM_PIXEL_F32);
+    images[2] = image_of(w->out_half, VRTM_PIXEL_F16);
+    for (int k = 0; k < 3; ++k) {
+        fetches[k] = vrtm_fetch_init();
+        fetches[k].tile = w->tiles[k == 1];
+        fetches[k].kind = k == 1 ? VRTM_FETCH_WARP : VRTM_FETCH_REDIRECTION;
+        fetches[k].image = &images[k];
+    }
+    return vrtm_asset_redirect(w->asset, &points, &options, fetches, 3);
+}
+
+/* A job: its inputs are copied, and it is solved on another thread. */
+static vrtm_status submit(work *w)
+{
+    vrtm_array points = array_of(posed, POINTS);
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_job job;
+    vrtm_status status;
+    options.quality = VRTM_QUALITY_DRAFT;
+    pose_frame(8, 0);
+    status = vrtm_asset_submit(w->asset, &points, &options, &job);
+    if (status == VRTM_OK) {
+        status = vrtm_job_wait(job, VRTM_FOREVER);
+        vrtm_job_destroy(job);
+    }
+    return status;
+}
+
+static vrtm_status weigh(work *w)
+{
+    vrtm_array array = array_of(weights, POINTS);
+    return vrtm_asset_set_vertex_rigidity(w->asset, &array);
+}
+
+static const struct {
+    const char *name;
+    vrtm_status (*run)(work *);
+} steps[] = {
+    {"device", make_device},
+    {"asset", make_asset},
+    {"tiles", find_tiles},
+    {"rigidity", paint},
+    {"rigidity of f32", paint_second},
+    {"mask", mask},
+    {"settings", settings_first},
+    {"settings with a density", settings_second},
+    {"estimate", estimate},
+    {"tile info", describe_first},
+    {"tile info with a density", describe_second},
+    {"save", save},
+    {"load", load},
+    {"solve", solve_normal},
+    {"redirection", fetch_redirection},
+    {"delta", fetch_delta},
+    {"warp", fetch_warp},
+    {"redirection of f16", fetch_half},
+    {"part of a warp", fetch_part},
+    {"corner UVs", fetch_corners},
+    {"stroke", stroke},
+    {"solve after the stroke", solve_normal},
+    {"solve, draft", solve_draft},
+    {"solve, high", solve_high},
+    {"solve, warm", solve_warm},
+    {"solve, measured", solve_measured},
+    {"solve, torn", solve_torn},
+    {"solve, paper's", solve_pbd},
+    {"redirect", redirect},
+    {"job", submit},
+    {"vertex rigidity", weigh},
+    {"solve of vertex rigidity", solve_draft},
+};
+
+enum { STEPS = sizeof steps / sizeof steps[0] };
+
+static void work_begin(work *w, int backend, const vrtm_allocator *allocator)
+{
+    memset(w, 0, sizeof *w);
+    w->backend = backend;
+    w->allocator = allocator;
+    w->saved_capacity = 16u << 20;
+    w->saved = malloc(w->saved_capacity);
+    memset(w->saved, 0, w->saved_capacity);
+}
+
+static void work_end(work *w)
+{
+    if (w->asset.id != 0) {
+        vrtm_asset_destroy(w->asset);
+    }
+    if (w->device.id != 0) {
+        vrtm_device_destroy(w->device);
+    }
+    free(w->saved);
+}
+
+#endif

@@ -1,0 +1,118 @@
+/* A host's own threads: a fixed number of them, which take tasks from one queue. It knows nothing of vrtm. */
+
+#ifndef HOST_POOL_HPP
+#define HOST_POOL_HPP
+
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdio>
+#include <cstring>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <utility>
+#include <vector>
+
+class HostPool {
+public:
+    explicit HostPool(int threads)
+    {
+        for (int i = 0; i < threads; ++i) {
+            threads_.emplace_back([this] { work(); });
+        }
+    }
+
+    /* Runs what is left in the queue. */
+    ~HostPool()
+    {
+        {
+            const std::lock_guard<std::mutex> lock(mutex_);
+            ended_ = true;
+        }
+        told_.notify_all();
+        for (std::thread &thread : threads_) {
+            thread.join();
+        }
+    }
+
+    void spawn(std::function<void()> task)
+    {
+        {
+            const std::lock_guard<std::mutex> lock(mutex_);
+            queue_.push_back(std::move(task));
+        }
+        told_.notify_one();
+    }
+
+    /* As in TBB, the calling thread works, too, and so a loop may be called from within a loop. */
+    template <class Body> void parallel_for(std::size_t count, const Body &body)
+    {
+        struct Loop {
+            std::atomic<std::size_t> next{0}, done{0};
+            std::mutex mutex;
+            std::condition_variable told;
+        };
+        const auto loop = std::make_shared<Loop>();
+        /* A helper that comes late finds no index left, and does not touch the body, which may be gone. */
+        const auto help = [loop, count, &body] {
+            for (std::size_t i = loop->next++; i < count; i = loop->next++) {
+                body(i);
+                if (++loop->done == count) {
+                    const std::lock_guard<std::mutex> lock(loop->mutex);
+                    loop->told.notify_all();
+                }
+            }
+        };
+        for (std::size_t i = 1; i < count && i <= threads_.size(); ++i) {
+            spawn(help);
+        }
+        help();
+        std::unique_lock<std::mutex> lock(loop->mutex);
+        loop->told.wait(lock, [&] { return loop->done == count; });
+    }
+
+private:
+    void work()
+    {
+        std::unique_lock<std::mutex> lock(mutex_);
+        for (;;) {
+            told_.wait(lock, [this] { return ended_ || !queue_.empty(); });
+            if (queue_.empty()) {
+                return;
+            }
+            const std::function<void()> task = std::move(queue_.front());
+            queue_.pop_front();
+            lock.unlock();
+            task();
+            lock.lock();
+        }
+    }
+
+    std::mutex mutex_;
+    std::condition_variable told_;
+    std::deque<std::function<void()>> queue_;
+    bool ended_ = false;
+    std::vector<std::thread> threads_;
+};
+
+/* A number of /proc/self/status, such as "Threads:" or "VmRSS:" (in KiB); -1 where there is no such file. */
+inline long process_status(const char *field)
+{
+    FILE *file = std::fopen("/proc/self/status", "r");
+    char line[256];
+    long number = -1;
+    while (file != nullptr && std::fgets(line, sizeof line, file) != nullptr) {
+        if (std::strncmp(line, field, std::strlen(field)) == 0) {
+            std::sscanf(line + std::strlen(field), "%ld", &number);
+        }
+    }
+    if (file != nullptr) {
+        std::fclose(file);
+    }
+    return number;
+}
+
+#endif

@@ -1,0 +1,686 @@
+/*
+ * vrtm.hpp as a host uses it that is built without exceptions: each class and each function that returns a Result. The
+ * test builds it with exceptions, too, and as C++20.
+ */
+
+#include "check.h"
+
+#include <array>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+#if defined(__cpp_exceptions)
+#include <stdexcept>
+#endif
+
+#include "hostile_macros.h"
+#include "vrtm.hpp"
+#undef small
+
+#if !defined(__cpp_exceptions) && VRTM_EXCEPTIONS
+#error "the throwing forms are declared without exceptions"
+#endif
+
+namespace {
+
+sheet s;
+double pose[VERTICES][4], other[VERTICES][4];
+/* The same positions to the bit: they are rounded to f32. */
+float pose_f32[VERTICES][3];
+
+using Map = std::vector<float>;
+
+bool same(const Map &a, const Map &b)
+{
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
+}
+
+/* Expects success. */
+bool works(const char *what, const vrtm::Result<> &result)
+{
+    return check_that(bool(result) && result.code() == vrtm::Code::ok && result.message()[0] == 0, what,
+                      result.message()) != 0;
+}
+
+/* Expects this error, and that its message contains `text`. */
+void refuses(const char *what, const vrtm::Result<> &result, vrtm::Code code, const char *text)
+{
+    check_that(!result && result.code() == code && std::strstr(result.message(), text) != nullptr, what,
+               result.message());
+}
+
+/* Faces of four corners, given as Maya has them: as `int`. */
+std::array<int, FACES> counts;
+std::array<int, CORNERS> corners;
+
+vrtm::Mesh quads()
+{
+    vrtm::Mesh mesh(vrtm::Array(s.points, VERTICES), corners);
+    mesh.uvs(vrtm::Array(s.uvs, VERTICES)).uv_indices(corners).face_counts(counts);
+    return mesh;
+}
+
+vrtm::Image rigidity() { return vrtm::Image(&s.rigidity[0][0], MAP, MAP); }
+
+vrtm::Device cpu()
+{
+    return *vrtm::Device::try_create(vrtm::DeviceDesc().set(vrtm::Backend::cpu));
+}
+
+/* An asset with its rigidity. */
+vrtm::Asset ready(const vrtm::Device &device)
+{
+    vrtm::Asset asset = *vrtm::Asset::try_create(device, quads());
+    const vrtm::Result<> set = asset.try_find_tile(1001)->try_set_rigidity(rigidity());
+    check_that(bool(set), "an asset with a map", set.message());
+    return asset;
+}
+
+Map redirection(const vrtm::Asset &asset, const vrtm::Array &points)
+{
+    Map map(2 * MAP * MAP);
+    const vrtm::Result<> result =
+        asset.try_redirect(points, {{*asset.try_find_tile(1001), vrtm::ImageOut(map.data(), MAP, MAP)}});
+    return result ? map : Map();
+}
+
+void constants()
+{
+    check_that(std::strcmp(vrtm::name(vrtm::Code::busy), "VRTM_ERROR_BUSY") == 0, "a status has a name", "");
+    check_that(vrtm::version() == VRTM_VERSION, "the version of the library", "");
+    check_that(vrtm::value(vrtm::FetchKind::warp) == VRTM_FETCH_WARP &&
+                   vrtm::Weld(VRTM_WELD_OFF) == vrtm::Weld::off && vrtm::value(vrtm::Scalar::f64) == VRTM_SCALAR_F64 &&
+                   vrtm::value(vrtm::LogLevel::info) == VRTM_LOG_INFO,
+               "constants have the numbers of vrtm.h", "");
+}
+
+void results()
+{
+    const vrtm::Result<> good;
+    check_that(good && good.message()[0] == 0, "a result is good at first", "");
+    vrtm::Result<vrtm_asset_data> bad = vrtm::Asset().try_info();
+    const vrtm::Result<vrtm::Tile> other = vrtm::Asset().try_find_tile(1001);
+    refuses("a failed result", bad, vrtm::Code::invalid_handle, "vrtm_asset_info");
+    refuses("and another, with its own message", other, vrtm::Code::invalid_handle, "vrtm_asset_find_tile");
+    check_that(bad->corners == 0 && (*bad).tiles == 0 && !*other, "has nothing to give", "");
+    bad->corners = 7;
+    const vrtm::Result<vrtm_asset_data> copy = bad;
+    check_that(copy->corners == 7 && (*copy).corners == 7 && !copy, "and can be copied", "");
+}
+
+void arrays(const vrtm::Device &device)
+{
+    vrtm::Asset asset = ready(device);
+    const Map expected = redirection(asset, vrtm::Array(pose, VERTICES));
+    check_that(!expected.empty(), "double4 positions", vrtm_last_error());
+    const double *flat = &pose[0][0];
+    check_that(same(redirection(asset, {flat, VERTICES, 4 * sizeof(double)}), expected), "a stride", "");
+    check_that(same(redirection(asset, {pose_f32, VERTICES}), expected), "float3 positions", "");
+    check_that(same(redirection(asset, {&pose_f32[0][0], VERTICES}), expected), "packed floats", "");
+    struct Vector {
+        float x, y, z;
+        std::uint32_t flags;
+    };
+    std::vector<Vector> vectors;
+    std::vector<double> packed;
+    for (const float(&p)[3] : pose_f32) {
+        vectors.push_back({p[0], p[1], p[2], 0xffffffff});
+        packed.insert(packed.end(), p, p + 3);
+    }
+    check_that(same(redirection(asset, vrtm::Array::of<float>(vectors.data(), VERTICES)), expected), "own vectors", "");
+    check_that(same(redirection(asset, {packed.data(), VERTICES}), expected), "packed doubles", "");
+    check_that(same(redirection(asset, {vrtm::Scalar::f64, packed.data(), VERTICES}), expected), "without a type", "");
+    refuses("a missing vertex", asset.try_solve({pose, VERTICES - 1}), vrtm::Code::invalid_argument, "168 elements");
+    refuses("two components", asset.try_solve({s.uvs, VERTICES}), vrtm::Code::invalid_argument, "stride");
+
+    /* u and v as arrays of their own. */
+    std::vector<float> u, v;
+    for (const float(&uv)[2] : s.uvs) {
+        u.push_back(uv[0]);
+        v.push_back(uv[1]);
+    }
+    vrtm::Mesh mesh = quads();
+    mesh.uvs(vrtm::Array(u.data(), VERTICES), vrtm::Array(v.data(), VERTICES));
+    asset = *vrtm::Asset::try_create(device, mesh);
+    works("an asset of separate u and v", asset.try_find_tile(1001)->try_set_rigidity(rigidity()));
+    check_that(same(redirection(asset, {pose, VERTICES}), expected), "gives the same", "");
+}
+
+void images(const vrtm::Device &device)
+{
+    vrtm::Asset asset = ready(device);
+    const vrtm::Tile tile = *asset.try_find_tile(1001);
+    const Map expected = redirection(asset, {pose, VERTICES});
+    const auto gives_the_same = [&](const char *what, const vrtm::Image &image) {
+        const Map none(2 * MAP * MAP);
+        const vrtm::Result<> taken = tile.try_set_rigidity(nullptr);
+        const Map without = redirection(asset, {pose, VERTICES});
+        const vrtm::Result<> set = tile.try_set_rigidity(image);
+        check_that(taken && set && !same(without, expected) && same(redirection(asset, {pose, VERTICES}), expected), what,
+                   set.message());
+    };
+    std::vector<float> floats(MAP * MAP);
+    std::vector<std::uint16_t> halves(MAP * MAP), shorts(MAP * MAP);
+    std::vector<std::uint8_t> upside_down(MAP * MAP), rgba(4 * MAP * MAP + 64 * MAP, 99);
+    for (int y = 0; y < MAP; ++y) {
+        for (int x = 0; x < MAP; ++x) {
+            const int k = y * MAP + x;
+            const bool rigid = s.rigidity[y][x] != 0;
+            floats[k] = rigid ? 1 : 0;
+            halves[k] = rigid ? 0x3c00 : 0;
+            shorts[k] = rigid ? 0xffff : 0;
+            upside_down[(MAP - 1 - y) * MAP + x] = s.rigidity[y][x];
+            rgba[y * (4 * MAP + 64) + 4 * x + 2] = s.rigidity[y][x];
+        }
+    }
+    gives_the_same("an f32 image", {floats.data(), MAP, MAP});
+    gives_the_same("an f16 image", {vrtm::PixelFormat::f16, halves.data(), MAP, MAP});
+    gives_the_same("a u16 image", {vrtm::PixelFormat::u16, shorts.data(), MAP, MAP});
+    gives_the_same("a u8 image", {vrtm::PixelFormat::u8, &s.rigidity[0][0], MAP, MAP});
+    gives_the_same("rows from the bottom", vrtm::Image(upside_down.data(), MAP, MAP).origin(vrtm::Origin::bottom));
+    gives_the_same("one channel of four",
+                   vrtm::Image(rgba.data() + 2, MAP, MAP).pixel_stride(4).row_stride(4 * MAP + 64));
+
+    Map rows(2 * MAP * MAP), wide(4 * MAP * MAP, -1), delta(2 * MAP * MAP), texel(2);
+    works("fetch from the bottom", tile.try_fetch(vrtm::FetchKind::redirection,
+                                                  vrtm::ImageOut(rows.data(), MAP, MAP).origin(vrtm::Origin::bottom)));
+    works("fetch two channels of four",
+          tile.try_fetch(vrtm::FetchKind::redirection,
+                         vrtm::ImageOut(wide.data() + 2, MAP, MAP).pixel_stride(16).row_stride(16 * MAP)));
+    works("fetch the delta", tile.try_fetch(vrtm::FetchKind::redirection_delta, {delta.data(), MAP, MAP}));
+    works("fetch a part",
+          tile.try_fetch_part(vrtm::FetchKind::redirection, {texel.data(), 1, 1}, 21, 40, MAP, MAP));
+    std::vector<std::uint16_t> half_delta(2 * MAP * MAP);
+    works("fetch f16", tile.try_fetch(vrtm::FetchKind::redirection_delta,
+                                      {vrtm::PixelFormat::f16, half_delta.data(), MAP, MAP}));
+    bool flipped = true, channels = true, halved = true;
+    for (int y = 0; y < MAP; ++y) {
+        for (int x = 0; x < 2 * MAP; ++x) {
+            const int k = 2 * MAP * y + x, pixel = x / 2, channel = x % 2;
+            flipped = flipped && rows[2 * MAP * (MAP - 1 - y) + x] == expected[k];
+            channels = channels && wide[4 * (MAP * y + pixel) + 2 + channel] == expected[k] &&
+                       wide[4 * (MAP * y + pixel) + channel] == -1;
+            halved = halved && ((half_delta[k] & 0x7fff) != 0) == (std::fabs(delta[k]) > 3e-8f);
+        }
+    }
+    check_that(flipped, "rows from the bottom are those from the top", "");
+    check_that(channels, "other channels are left alone", "");
+    check_that(halved, "f16 is zero where f32 is", "");
+    check_that(texel[0] == expected[2 * (40 * MAP + 21)] && texel[1] == expected[2 * (40 * MAP + 21) + 1],
+               "the part is one texel of the whole", "");
+}
+
+void lists()
+{
+    const std::vector<std::uint32_t> none;
+    const vrtm::Indices empty(none), unset;
+    check_that(empty.data() != nullptr && empty.size() == 0, "an empty list is not null", "");
+    check_that(unset.data() != nullptr && unset.size() == 0, "nor is one by default", "");
+    const std::vector<int> some = {3, -1};
+    const vrtm::Indices list(some);
+    check_that(list.size() == 2 && list.data()[0] == 3 && list.data()[1] == UINT32_MAX, "ints are numbers", "");
+    check_that(!std::is_constructible<vrtm::Indices, std::vector<int> &&>::value, "a temporary list is refused", "");
+    const std::uint32_t *null = nullptr;
+    check_that(vrtm::Indices(null, 3).data() == nullptr, "null that is not empty stays null", "");
+}
+
+void meshes(const vrtm::Device &device)
+{
+    std::vector<std::uint32_t> offsets;
+    for (std::uint32_t k = 0; k <= FACES; ++k) {
+        offsets.push_back(4 * k);
+    }
+    const auto data_of = [&](const vrtm::Mesh &mesh) {
+        const vrtm::Result<vrtm::Asset> asset = vrtm::Asset::try_create(device, mesh);
+        check_that(bool(asset), "an asset", asset.message());
+        return *asset->try_info();
+    };
+    vrtm::Mesh mesh(vrtm::Array(s.points, VERTICES), corners);
+    mesh.uvs(vrtm::Array(s.uvs, VERTICES)).uv_indices(corners).face_offsets(offsets);
+    check_that(data_of(mesh).faces == FACES && data_of(mesh).uv_sets == 1, "face offsets", "");
+    const std::vector<int> seams = {SIDE + 2, SIDE + 3, 0, 2}, half = {0, 1, 2};
+    mesh.seams(seams).textured_faces(half).weld(vrtm::Weld::position, 1e-4f, 1e-3f);
+    vrtm_asset_data data = data_of(mesh);
+    check_that(data.seams_unused == 1 && data.faces_untextured == FACES - 3, "seams, and faces with texture", "");
+    const vrtm_mesh_desc c = mesh.c();
+    check_that(c.weld == VRTM_WELD_POSITION && c.weld_position_tolerance == 1e-4f && c.weld_uv_tolerance == 1e-3f &&
+                   c.seam_count == 2,
+               "welding", "");
+    const std::vector<int> no_faces;
+    mesh.textured_faces(no_faces);
+    check_that(data_of(mesh).triangles == 0, "an empty list of faces is none, not all", "");
+
+    /* Copies and moved meshes point into themselves. */
+    std::optional<vrtm::Mesh> first(quads());
+    first->add_uv_set(vrtm::UvSet(vrtm::Array(s.uvs, VERTICES)).uv_indices(corners));
+    std::vector<float> u(VERTICES, 0.5f), v(VERTICES);
+    for (int k = 0; k < VERTICES; ++k) {
+        u[k] = 1.5f + 0.3f * s.uvs[k][1];
+        v[k] = s.uvs[k][0];
+    }
+    first->add_uv_set(vrtm::UvSet(vrtm::Array(u.data(), VERTICES), vrtm::Array(v.data(), VERTICES)).uv_indices(corners));
+    vrtm::Mesh copy(*first), assigned = quads();
+    assigned = *first;
+    vrtm::Mesh moved(std::move(*first));
+    first.reset();
+    check_that(data_of(copy).uv_sets == 3 && data_of(assigned).uv_sets == 3, "copies of a mesh with UV sets", "");
+    assigned = std::move(moved);
+    check_that(data_of(assigned).uv_sets == 3, "and moved ones", "");
+    const vrtm::Asset asset = *vrtm::Asset::try_create(device, assigned);
+    check_that(asset.try_find_tile(1002, 2) && !asset.try_find_tile(1002, 1), "each set has its own tiles", "");
+    const std::vector<vrtm::Tile> tiles = *asset.try_tiles();
+    check_that(*asset.try_tile_count() == 3 && tiles.size() == 3 && tiles[2] == *asset.try_tile(2) &&
+                   tiles[1] != tiles[2],
+               "tiles by their index", "");
+    const vrtm_mesh_desc raw = assigned.c();
+    check_that(bool(vrtm::Asset::try_create(device, raw)), "a mesh in the words of C", "");
+    refuses("a mesh that is wrong", vrtm::Asset::try_create(device, quads().uv_indices(counts)),
+            vrtm::Code::invalid_argument, "uv_indices");
+}
+
+void devices()
+{
+    vrtm::Device empty;
+    check_that(!empty && empty.handle().id == 0, "an empty device", "");
+    refuses("knows nothing", empty.try_info(), vrtm::Code::invalid_handle, "vrtm_device_info");
+    refuses("and has no assets", vrtm::Asset::try_create(empty, quads()), vrtm::Code::invalid_handle, "device");
+    vrtm::DeviceDesc desc;
+    desc.threads = 1025;
+    const vrtm::Result<vrtm::Device> wrong = vrtm::Device::try_create(desc);
+    check_that(!*wrong, "a device that failed is empty", "");
+    refuses("and says why", wrong, vrtm::Code::invalid_argument, "threads");
+    vrtm::Device first = cpu();
+    const vrtm_device handle = first.handle();
+    check_that(vrtm::Backend(first.try_info()->backend) == vrtm::Backend::cpu, "a device on the CPU", "");
+    vrtm::Device second(std::move(first));
+    check_that(!first && second && second.handle().id == handle.id, "moves", "");
+    first = std::move(second);
+    check_that(first && !second, "and moves back", "");
+    first.reset();
+    check_that(!first && vrtm_device_destroy(handle) == VRTM_ERROR_INVALID_HANDLE, "and ends", "");
+    const auto adapters = vrtm::try_adapters();
+    std::uint32_t count = 0;
+    check_that(adapters && vrtm_adapter_count(&count) == VRTM_OK && adapters->size() == count, "the adapters", "");
+}
+
+void logs()
+{
+    const std::vector<int> no_edge = {0, 2};
+    const auto said = std::make_shared<std::vector<std::string>>();
+    vrtm::Asset asset;
+    std::weak_ptr<std::vector<std::string>> alive = said;
+    {
+        auto mine = said;
+        vrtm::DeviceDesc desc;
+        desc.set(vrtm::Backend::cpu).set_log([mine](vrtm::LogLevel level, const char *message) {
+            mine->push_back((level == vrtm::LogLevel::warning ? "warning: " : "info: ") + std::string(message));
+#if VRTM_EXCEPTIONS
+            throw std::runtime_error("not the library's business");
+#endif
+        });
+        const vrtm::Device device = *vrtm::Device::try_create(desc);
+        asset = *vrtm::Asset::try_create(device, quads().seams(no_edge));
+    }
+    bool warned = false;
+    for (const std::string &line : *said) {
+        warned = warned || (line.find("warning: ") == 0 && line.find("seam") != std::string::npos);
+    }
+    check_that(asset && warned, "a lambda as log", "");
+    const long users = said.use_count();
+    asset.reset();
+    check_that(users == 2 && said.use_count() == 1, "the asset keeps the log alive, and lets it go", "");
+}
+
+/* The threads of a host that has one: loops run on the calling thread, jobs when the host comes to them. */
+struct Pool {
+    std::atomic<int> loops{0}, queued{0};
+    std::vector<vrtm::Task> queue;
+
+    void parallel_for(std::size_t count, vrtm::Task task)
+    {
+        loops += 1;
+        for (std::size_t i = count; i > 0; --i) {
+            task(i - 1);
+        }
+    }
+    void spawn(vrtm::Task task)
+    {
+        queued += 1;
+        queue.push_back(task);
+    }
+};
+
+struct LoopsOnly {
+    std::atomic<int> loops{0};
+    void parallel_for(std::size_t count, vrtm::Task task)
+    {
+        loops += 1;
+        for (std::size_t i = 0; i < count; ++i) {
+            task(i);
+        }
+    }
+};
+
+void executors(const Map &expected)
+{
+    const auto pool = std::make_shared<Pool>();
+    vrtm::DeviceDesc desc;
+    desc.set(vrtm::Backend::cpu).set_executor(pool);
+    desc.threads = 3;
+    vrtm::Asset asset = ready(*vrtm::Device::try_create(desc));
+    check_that(same(redirection(asset, {pose, VERTICES}), expected) && pool->loops > 0, "a host's threads", "");
+    vrtm::Job job = *asset.try_submit({s.points, VERTICES});
+    check_that(pool->queued == 1 && job.try_wait_for(std::chrono::milliseconds(0)).code() == vrtm::Code::timeout,
+               "a job waits in the host's queue", "");
+    pool->queue.at(0)();
+    pool->queue.clear();
+    works("and is done when the host has run it", job.try_wait_for(std::chrono::milliseconds(0)));
+    const long users = pool.use_count();
+    desc = vrtm::DeviceDesc();
+    job.reset();
+    asset.reset();
+    check_that(users > 1 && pool.use_count() == 1, "asset and job keep the host's threads alive, and let them go", "");
+
+    const auto loops = std::make_shared<LoopsOnly>();
+    desc.set(vrtm::Backend::cpu).set_executor(loops);
+    desc.threads = 2;
+    asset = ready(*vrtm::Device::try_create(desc));
+    job = *asset.try_submit({pose, VERTICES});
+    works("an executor without a queue", job.try_wait());
+    check_that(loops->loops > 0, "runs the loops", "");
+}
+
+void tiles(const vrtm::Device &device)
+{
+    const vrtm::Tile none;
+    check_that(!none && none == vrtm::Tile(vrtm_tile{}), "an empty tile", "");
+    refuses("knows nothing", none.try_info(), vrtm::Code::invalid_handle, "vrtm_tile_info");
+    vrtm::Asset asset = ready(device);
+    const vrtm::Tile tile = *asset.try_find_tile(1001);
+    check_that(tile && vrtm::Tile(tile.handle()) == tile && tile != none, "a tile", "");
+    refuses("has no report yet", tile.try_report(), vrtm::Code::not_solved, "vrtm_tile_report");
+    check_that(tile.try_info()->udim == 1001 && tile.try_info()->grid_width == MAP, "its data", "");
+    check_that(tile.try_estimate()->movable_nodes > 0, "its needs", "");
+
+    vrtm::TileSettings settings;
+    settings.set(vrtm::Overlap::first_face).grid_width = 128;
+    settings.grid_height = 96;
+    works("settings", tile.try_set_settings(settings));
+    const vrtm::TileSettings read = *tile.try_settings();
+    check_that(read.grid_width == 128 && vrtm::Overlap(read.overlap) == vrtm::Overlap::first_face &&
+                   tile.try_info()->grid_height == 96,
+               "are taken", "");
+    settings.room = -3;
+    refuses("wrong settings", tile.try_set_settings(settings), vrtm::Code::invalid_argument, "room");
+    works("no settings", tile.try_set_settings(nullptr));
+    check_that(tile.try_settings()->grid_width == 0 && tile.try_info()->grid_width == MAP, "are the defaults", "");
+
+    const Map expected = redirection(asset, {pose, VERTICES});
+    check_that(tile.try_report()->udim == 1001 && tile.try_report()->folds == 0, "a report", "");
+    const std::vector<std::uint8_t> fixed(MAP * MAP, 0);
+    works("a mask", tile.try_set_mask({fixed.data(), MAP, MAP}));
+    check_that(!same(redirection(asset, {pose, VERTICES}), expected), "holds all", "");
+    works("no mask", tile.try_set_mask(nullptr));
+    check_that(same(redirection(asset, {pose, VERTICES}), expected), "lets all go", "");
+
+    /* A stroke, and the same map as a whole. */
+    sheet painted = s;
+    for (int y = 20; y < 30; ++y) {
+        std::memset(&painted.rigidity[y][8], 255, 24);
+    }
+    const vrtm::Image map(&painted.rigidity[0][0], MAP, MAP);
+    works("a stroke", tile.try_update_rigidity(map, 8, 20, 24, 10));
+    const Map stroked = redirection(asset, {pose, VERTICES});
+    works("the whole map", tile.try_set_rigidity(map));
+    check_that(!same(stroked, expected) && same(redirection(asset, {pose, VERTICES}), stroked), "are the same", "");
+    refuses("a stroke beside the map", tile.try_update_rigidity(map, 60, 0, 8, 1), vrtm::Code::invalid_argument,
+            "8x1");
+
+    const std::vector<unsigned char> saved = *tile.try_save();
+    const vrtm::Result<std::size_t> size = tile.try_save(nullptr, 0);
+    std::vector<unsigned char> again(*size);
+    check_that(size && *size == saved.size() && *tile.try_save(again.data(), again.size()) == *size && again == saved,
+               "a saved tile", "");
+    refuses("too little room", tile.try_save(again.data(), 1), vrtm::Code::invalid_argument, "capacity");
+    const vrtm::Asset other = ready(device);
+    refuses("a tile of another map", other.try_find_tile(1001)->try_load(saved), vrtm::Code::invalid_argument, "");
+    works("its own map", other.try_find_tile(1001)->try_set_rigidity(map));
+    works("loads", other.try_find_tile(1001)->try_load(saved));
+    works("from the caller's memory", other.try_find_tile(1001)->try_load(saved.data(), saved.size()));
+    check_that(same(redirection(other, {pose, VERTICES}), stroked), "and solves the same", "");
+
+    works("freeze", tile.try_freeze(true));
+    check_that(same(redirection(asset, {s.points, VERTICES}), stroked) && tile.try_report()->kept == 1, "keeps", "");
+    works("let go", tile.try_freeze(false));
+    check_that(!same(redirection(asset, {s.points, VERTICES}), stroked), "solves again", "");
+}
+
+void outputs(const vrtm::Device &device)
+{
+    vrtm::Asset asset = ready(device);
+    const vrtm::Tile tile = *asset.try_find_tile(1001);
+    refuses("no corner UVs yet", asset.try_corner_uvs(), vrtm::Code::not_solved, "");
+    refuses("no report yet", asset.try_report(), vrtm::Code::not_solved, "vrtm_asset_report");
+    const Map expected = redirection(asset, {pose, VERTICES});
+    Map map(2 * MAP * MAP), warp(2 * (MAP + 1) * (MAP + 1)), fetched(warp.size());
+    /* The descriptions of the images are gone when the list is used. */
+    vrtm::Fetches fetches;
+    {
+        const vrtm::ImageOut image(map.data(), MAP, MAP), nodes(warp.data(), MAP + 1, MAP + 1);
+        fetches.add({tile, image});
+        for (int i = 0; i < 100; ++i) {
+            fetches.add({tile, nodes, vrtm::FetchKind::warp});
+        }
+    }
+    check_that(fetches.size() == 101 && fetches.c()[0].image->data == map.data() &&
+                   fetches.c()[100].image->data == warp.data() && fetches.c()[100].kind == VRTM_FETCH_WARP,
+               "a list that grows keeps its images", "");
+    refuses("images that overlap", asset.try_redirect({pose, VERTICES}, fetches), vrtm::Code::invalid_argument,
+            "fetches");
+    fetches = {{tile, {map.data(), MAP, MAP}}, {tile, {warp.data(), MAP + 1, MAP + 1}, vrtm::FetchKind::warp}};
+    const vrtm::Fetches copy(fetches), moved(std::move(fetches));
+    vrtm::SolveOptions options;
+    options.threads = 1;
+    works("a list that was copied", asset.try_redirect({pose, VERTICES}, copy, options));
+    check_that(same(map, expected) && copy.c()[0].image != moved.c()[0].image, "has images of its own", "");
+    works("a list that was moved", asset.try_redirect({pose, VERTICES}, moved));
+    works("the warp", tile.try_fetch(vrtm::FetchKind::warp, {fetched.data(), MAP + 1, MAP + 1}));
+    check_that(same(warp, fetched), "is what fetch gives", "");
+
+    const vrtm::Result<std::vector<float>> uvs = asset.try_corner_uvs();
+    Map own(2 * CORNERS), of_set(2 * CORNERS);
+    works("corner UVs", uvs);
+    works("into a buffer", asset.try_corner_uvs(own.data(), CORNERS));
+    works("of a UV set", asset.try_corner_uvs(of_set.data(), CORNERS, 0));
+    check_that(same(own, *uvs) && same(of_set, own) && own.size() == 2 * CORNERS, "are the same", "");
+    refuses("a UV set that is not there", asset.try_corner_uvs(1), vrtm::Code::invalid_argument, "uv_set");
+    refuses("too few corners", asset.try_corner_uvs(own.data(), 3), vrtm::Code::invalid_argument, "count");
+    check_that(asset.try_report()->tiles == 1 && asset.try_report()->folds == 0, "an asset's report", "");
+
+    const std::vector<float> elastic(VERTICES, 0), rigid(VERTICES, 1);
+    works("no map", tile.try_set_rigidity(nullptr));
+    works("rigidity per vertex", asset.try_set_vertex_rigidity({rigid.data(), VERTICES}));
+    check_that(tile.try_estimate()->movable_nodes > 0 && tile.try_info()->grid_width == 1024, "is taken", "");
+    works("no rigidity per vertex", asset.try_set_vertex_rigidity(nullptr));
+    refuses("too little of it", asset.try_set_vertex_rigidity({elastic.data(), 3}), vrtm::Code::invalid_argument,
+            "3 elements");
+}
+
+void options(const vrtm::Device &device, const Map &expected)
+{
+    /* Two tiles: the sheet's UVs, and a second set of them in 1002. */
+    std::vector<float> moved;
+    for (const float(&uv)[2] : s.uvs) {
+        moved.push_back(uv[0] + 1);
+        moved.push_back(uv[1]);
+    }
+    vrtm::Mesh mesh = quads();
+    mesh.add_uv_set(vrtm::UvSet(vrtm::Array(moved.data(), VERTICES)).uv_indices(corners));
+    const vrtm::Asset asset = *vrtm::Asset::try_create(device, mesh);
+    const std::vector<vrtm::Tile> tiles = *asset.try_tiles();
+    for (const vrtm::Tile tile : tiles) {
+        works("a map", tile.try_set_rigidity(rigidity()));
+    }
+    const auto kept = [&] { return std::array<int, 2>{int(tiles[0].try_report()->kept), int(tiles[1].try_report()->kept)}; };
+    const std::array<int, 2> neither{0, 0}, second{0, 1}, both{1, 1};
+    vrtm::SolveOptions all;
+    works("all tiles", asset.try_solve({s.points, VERTICES}));
+    vrtm::SolveOptions one;
+    one.set_tiles({tiles[0]});
+    works("one tile", asset.try_solve({pose, VERTICES}, one));
+    check_that(kept() == second, "is solved", "");
+    vrtm::SolveOptions copy(one);
+    one = vrtm::SolveOptions();
+    works("a copy of the options", asset.try_solve({s.points, VERTICES}, copy));
+    check_that(kept() == second, "has the tile, too", "");
+    works("a list without tiles", asset.try_solve({pose, VERTICES}, copy.set_tiles({})));
+    check_that(kept() == both, "is none, not all", "");
+    works("all tiles again", asset.try_solve({pose, VERTICES}, copy.set_all_tiles()));
+    check_that(kept() == neither, "are solved", "");
+    const std::vector<int> none, some = {5};
+    works("no dirty vertex", asset.try_solve({s.points, VERTICES}, all.set_dirty_vertices(none)));
+    check_that(kept() == both, "solves nothing", "");
+    works("one dirty vertex", asset.try_solve({s.points, VERTICES}, all.set_dirty_vertices(some)));
+    check_that(kept() == neither, "solves its tiles", "");
+    works("no vertex, by an empty list", asset.try_solve({pose, VERTICES}, all.set_dirty_vertices({})));
+    check_that(kept() == both, "solves nothing", "");
+    works("any vertex", asset.try_solve({pose, VERTICES}, all.set_all_dirty()));
+    check_that(kept() == neither, "solves all", "");
+    check_that(same(redirection(asset, {pose, VERTICES}), expected), "with the bits of a tile alone", "");
+    vrtm::SolveOptions draft;
+    draft.set(vrtm::Quality::draft).set(vrtm::Solver::pbd).pbd.iterations = 1;
+    check_that(draft.quality == VRTM_QUALITY_DRAFT && draft.solver == VRTM_SOLVER_PBD, "quality and solver", "");
+    works("the paper's solver", asset.try_solve({pose, VERTICES}, draft));
+    draft.tolerance = 2;
+    refuses("a wrong option", asset.try_solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "tolerance");
+}
+
+/* A solve that takes a while: 1024 x 1024 cells. */
+vrtm::Asset slow(const vrtm::Device &device)
+{
+    vrtm::Asset asset = ready(device);
+    vrtm::TileSettings settings;
+    settings.grid_width = settings.grid_height = 1024;
+    works("a large grid", asset.try_find_tile(1001)->try_set_settings(settings));
+    return asset;
+}
+
+void progress(const vrtm::Device &device)
+{
+    const vrtm::Asset asset = slow(device);
+    std::vector<float> told;
+    vrtm::SolveOptions options;
+    options.set(vrtm::Quality::high).set_progress([&told](float done) {
+        told.push_back(done);
+        return vrtm::Proceed::yes;
+    });
+    const vrtm::SolveOptions copy(options);
+    works("a solve with progress", asset.try_solve({pose, VERTICES}, copy));
+    bool rises = !told.empty();
+    for (std::size_t i = 1; i < told.size(); ++i) {
+        rises = rises && told[i] >= told[i - 1] && told[i] <= 1;
+    }
+    check_that(rises, "tells how far it is", "");
+    options.set_progress([](float) { return vrtm::Proceed::no; });
+    refuses("a function that cancels", asset.try_solve({other, VERTICES}, options), vrtm::Code::cancelled, "");
+#if VRTM_EXCEPTIONS
+    options.set_progress([](float) -> vrtm::Proceed { throw std::runtime_error("stop"); });
+    refuses("one that throws", asset.try_solve({other, VERTICES}, options), vrtm::Code::cancelled, "");
+#endif
+    options.set_progress(nullptr);
+    works("no function", asset.try_solve({other, VERTICES}, options));
+}
+
+void jobs(const vrtm::Device &device)
+{
+    const vrtm::Job empty;
+    check_that(!empty && empty.handle().id == 0, "an empty job", "");
+    refuses("cannot be waited for", empty.try_wait(), vrtm::Code::invalid_handle, "vrtm_job_wait");
+    const vrtm::Asset asset = slow(device);
+    const vrtm::Result<vrtm::Job> wrong = asset.try_submit({s.uvs, VERTICES});
+    check_that(!*wrong, "a job that failed is empty", "");
+    refuses("and says why", wrong, vrtm::Code::invalid_argument, "positions");
+
+    std::atomic<int> calls{0};
+    const auto owned = std::make_shared<int>(1);
+    vrtm::Job job;
+    {
+        /* Options and function are gone while the job runs. */
+        vrtm::SolveOptions options;
+        options.set(vrtm::Quality::high).set_progress([&calls, owned](float) {
+            calls += *owned;
+            return vrtm::Proceed::yes;
+        });
+        job = *asset.try_submit({pose, VERTICES}, options);
+    }
+    check_that(job && owned.use_count() == 2, "a job keeps its function", "");
+    refuses("the asset is busy", asset.try_solve({pose, VERTICES}), vrtm::Code::busy, "");
+    vrtm::Job moved(std::move(job));
+    refuses("and the job not done at once", moved.try_wait_for(std::chrono::microseconds(1)), vrtm::Code::timeout, "");
+    check_that(!job && moved.try_progress()->state == vrtm::JobState::running, "it runs", "");
+    works("wait", moved.try_wait());
+    const vrtm::JobData data = *moved.try_progress();
+    check_that(data.state == vrtm::JobState::done && data.code == vrtm::Code::ok && data.progress == 1 &&
+                   data.time > std::chrono::microseconds(1),
+               "it is done", "");
+    works("wait for hours", moved.try_wait_for(std::chrono::hours(24 * 365)));
+    works("cancel what is done", moved.try_cancel());
+    works("changes nothing", moved.try_wait_for(std::chrono::duration<double>(-1)));
+    moved.reset();
+    check_that(calls > 0 && !moved && owned.use_count() == 1, "its function goes with it", "");
+
+    vrtm::SolveOptions high;
+    high.set(vrtm::Quality::high);
+    job = *asset.try_submit({other, VERTICES}, high);
+    works("cancel", job.try_cancel());
+    refuses("ends it", job.try_wait(), vrtm::Code::cancelled, "cancelled");
+    job.reset();
+    job = *asset.try_submit({other, VERTICES}, high);
+    works("cancel the asset's solve", asset.try_cancel());
+    refuses("ends it, too", job.try_wait(), vrtm::Code::cancelled, "cancelled");
+    job.reset();
+    { const vrtm::Job forgotten = *asset.try_submit({other, VERTICES}, high); }
+    works("a forgotten job is over", asset.try_solve({pose, VERTICES}));
+}
+
+} // namespace
+
+int main()
+{
+    sheet_make(&s);
+    sheet_pose(&s, 5, pose);
+    sheet_pose(&s, 9, other);
+    for (int k = 0; k < VERTICES; ++k) {
+        for (int i = 0; i < 3; ++i) {
+            pose_f32[k][i] = static_cast<float>(pose[k][i]);
+            pose[k][i] = pose_f32[k][i];
+        }
+    }
+    std::copy(s.counts, s.counts + FACES, counts.begin());
+    std::copy(s.indices, s.indices + CORNERS, corners.begin());
+    const vrtm::Device device = cpu();
+    const Map expected = redirection(ready(device), {pose, VERTICES});
+    constants();
+    results();
+    arrays(device);
+    images(device);
+    lists();
+    meshes(device);
+    devices();
+    logs();
+    executors(expected);
+    tiles(device);
+    outputs(device);
+    options(device, expected);
+    progress(device);
+    jobs(device);
+    return finish();
+}
