@@ -393,8 +393,30 @@ struct DeviceDesc : vrtm_device_desc {
         return *this;
     }
 
+    // The host's allocator: any object with `void *allocate(std::size_t size, std::size_t alignment)`, which gives null if
+    // there is no memory, and `void deallocate(void *pointer, std::size_t size, std::size_t alignment)`. They must not
+    // throw. The device, its assets and their jobs keep it alive.
+    template <class Memory> DeviceDesc &set_allocator(std::shared_ptr<Memory> memory)
+    {
+        struct Kept {
+            vrtm_allocator c;
+            std::shared_ptr<Memory> memory;
+        };
+        const std::shared_ptr<Kept> kept(new Kept{vrtm_allocator_init(), std::move(memory)});
+        kept->c.user = kept->memory.get();
+        kept->c.alloc = [](void *user, std::size_t size, std::size_t alignment) noexcept {
+            return static_cast<Memory *>(user)->allocate(size, alignment);
+        };
+        kept->c.free = [](void *user, void *pointer, std::size_t size, std::size_t alignment) noexcept {
+            static_cast<Memory *>(user)->deallocate(pointer, size, alignment);
+        };
+        allocator = &kept->c;
+        keep_allocator = kept;
+        return *this;
+    }
+
     // What keeps the functions above alive.
-    std::shared_ptr<const void> keep_log, keep_executor;
+    std::shared_ptr<const void> keep_log, keep_executor, keep_allocator;
 
 private:
     template <class Pool>
@@ -422,8 +444,8 @@ inline Result<std::vector<vrtm_adapter_data>> try_adapters()
 
 namespace detail {
 
-// What a handle's functions need: the log and the executor.
-using Keep = std::array<std::shared_ptr<const void>, 2>;
+// What a handle's functions need: the log, the executor and the allocator.
+using Keep = std::array<std::shared_ptr<const void>, 3>;
 
 // Overloads for Owner. (A function of a DLL cannot be a template's argument.)
 inline void destroy(vrtm_device device) noexcept { static_cast<void>(vrtm_device_destroy(device)); }
@@ -475,7 +497,7 @@ public:
         vrtm_device handle{};
         const vrtm_status status = vrtm_device_create(&desc, &handle);
         Device device;
-        device.owner_ = detail::Owner<vrtm_device>(handle, {desc.keep_log, desc.keep_executor});
+        device.owner_ = detail::Owner<vrtm_device>(handle, {desc.keep_log, desc.keep_executor, desc.keep_allocator});
         return {std::move(device), status};
     }
 

@@ -269,6 +269,9 @@ void meshes(const vrtm::Device &device)
     first->add_uv_set(vrtm::UvSet(vrtm::Array(u.data(), VERTICES), vrtm::Array(v.data(), VERTICES)).uv_indices(corners));
     vrtm::Mesh copy(*first), assigned = quads();
     assigned = *first;
+    check_that(copy.c().uv_sets[0].uvs != first->c().uv_sets[0].uvs &&
+                   assigned.c().uv_sets[1].u != first->c().uv_sets[1].u,
+               "a copy points into itself", "");
     vrtm::Mesh moved(std::move(*first));
     first.reset();
     check_that(data_of(copy).uv_sets == 3 && data_of(assigned).uv_sets == 3, "copies of a mesh with UV sets", "");
@@ -383,11 +386,12 @@ void executors(const Map &expected)
     pool->queue.at(0)();
     pool->queue.clear();
     works("and is done when the host has run it", job.try_wait_for(std::chrono::milliseconds(0)));
-    const long users = pool.use_count();
     desc = vrtm::DeviceDesc();
-    job.reset();
+    check_that(pool.use_count() > 1, "the asset keeps the host's threads alive", "");
     asset.reset();
-    check_that(users > 1 && pool.use_count() == 1, "asset and job keep the host's threads alive, and let them go", "");
+    check_that(pool.use_count() > 1, "and so does a job without it", "");
+    job.reset();
+    check_that(pool.use_count() == 1, "which lets them go", "");
 
     const auto loops = std::make_shared<LoopsOnly>();
     desc.set(vrtm::Backend::cpu).set_executor(loops);
@@ -396,6 +400,44 @@ void executors(const Map &expected)
     job = *asset.try_submit({pose, VERTICES});
     works("an executor without a queue", job.try_wait());
     check_that(loops->loops > 0, "runs the loops", "");
+}
+
+/* A host's memory, which can run out. */
+struct Memory {
+    std::atomic<long> blocks{0}, taken{0};
+    std::atomic<bool> empty{false};
+
+    void *allocate(std::size_t size, std::size_t alignment)
+    {
+        void *pointer = nullptr;
+        if (empty || posix_memalign(&pointer, alignment, size) != 0) {
+            return nullptr;
+        }
+        blocks += 1;
+        taken += 1;
+        return pointer;
+    }
+    void deallocate(void *pointer, std::size_t, std::size_t)
+    {
+        std::free(pointer);
+        blocks -= 1;
+    }
+};
+
+void allocators(const Map &expected)
+{
+    const auto memory = std::make_shared<Memory>();
+    vrtm::DeviceDesc desc;
+    desc.set(vrtm::Backend::cpu).set_allocator(memory);
+    vrtm::Asset asset = ready(*vrtm::Device::try_create(desc));
+    desc = vrtm::DeviceDesc();
+    check_that(same(redirection(asset, {pose, VERTICES}), expected) && memory->taken > 0, "a host's memory", "");
+    memory->empty = true;
+    refuses("which has run out", asset.try_find_tile(1001)->try_set_rigidity(rigidity()), vrtm::Code::out_of_memory, "");
+    memory->empty = false;
+    check_that(memory->blocks > 0 && memory.use_count() > 1, "is kept by the asset", "");
+    asset.reset();
+    check_that(memory->blocks == 0 && memory.use_count() == 1, "which gives all of it back", "");
 }
 
 void tiles(const vrtm::Device &device)
@@ -677,6 +719,7 @@ int main()
     devices();
     logs();
     executors(expected);
+    allocators(expected);
     tiles(device);
     outputs(device);
     options(device, expected);
