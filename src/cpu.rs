@@ -32,7 +32,7 @@ mod prefetch;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use crate::memory::{Collect, Grow, boxed, copied, filled, zeroed};
+use crate::memory::{Collect, Grow, copied, filled, zeroed, zeroed_box};
 use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Input};
 use crate::panics::{go_on, hold_back};
@@ -40,7 +40,7 @@ use crate::team::{PerThread, Team, Worker};
 use crate::tile::Grid;
 use crate::tile::blocks::Plane;
 use crate::tile::pose::Pose;
-use crate::tile::window::{WINDOW_NODES, Window};
+use crate::tile::window::Window;
 use correct::Pairs;
 pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};
@@ -157,8 +157,8 @@ impl<'a> Run<'a> {
             stopped: false,
             began: Instant::now(),
             patches: PerThread::new(team, Patch::zeroed),
-            pairs: PerThread::new(team, || boxed([[0.0; WINDOW_NODES]; 16])),
-            slopes: PerThread::new(team, || boxed([[0.0; WINDOW_NODES]; 6])),
+            pairs: PerThread::new(team, zeroed_box),
+            slopes: PerThread::new(team, zeroed_box),
         }
     }
 

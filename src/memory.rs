@@ -95,11 +95,11 @@ pub(crate) fn boxed<T>(value: T) -> Box<T> {
     unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }
 }
 
-/// Numbers without bytes in between, for which zeros are a value.
+/// Numbers and truth values, for which zeros are a value.
 ///
 /// # Safety
 /// So it has to be.
-pub(crate) unsafe trait Plain: Copy {}
+pub(crate) unsafe trait Plain {}
 macro_rules! plain {
     ($($number:ty),+) => {
         $(
@@ -129,6 +129,17 @@ pub(crate) fn zeroed<T: Plain>(count: usize) -> Vec<T> {
     }
     // SAFETY: `count` elements of zeros are valid, and the vector frees with the same layout.
     unsafe { Vec::from_raw_parts(memory.cast::<T>(), count, count) }
+}
+
+/// Zeros on the heap. Unlike what `boxed` takes, they are never on the stack, which may be small.
+pub(crate) fn zeroed_box<T: Plain>() -> Box<T> {
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "it has no room to give back, so that nothing is allocated"
+    )]
+    let one: Box<[T]> = zeroed(1).into_boxed_slice();
+    // SAFETY: a slice of one element has the layout of the element, which is owned by whoever has the pointer.
+    unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }
 }
 
 /// What `Vec` does when it grows, for memory that may be short.

@@ -169,7 +169,7 @@ fn run_allocate(program: &Path, arguments: [&str; 2]) {
 #[test]
 fn allocations_of_a_host_s_allocator_fail() {
     let program = build(&root().join("tests/host/allocate.c"), true);
-    run_allocate(&program, ["cpu", "12"]);
+    run_allocate(&program, ["cpu", "8"]);
     if gpu::has_gpu() {
         run_allocate(&program, ["gpu", "2"]);
     }
@@ -180,7 +180,7 @@ fn allocations_of_a_host_s_allocator_fail() {
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn allocations_of_the_system_fail() {
     let program = build(&root().join("tests/host/allocate_outside.c"), true);
-    run_allocate(&program, ["interposed", "8"]);
+    run_allocate(&program, ["interposed", "4"]);
     run_allocate(&program, ["limited", "0"]);
 }
 

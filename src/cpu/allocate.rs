@@ -10,7 +10,7 @@ unsafe impl Plain for TriangleRecord {}
 /// Provides the arrays of a structure.
 pub trait Allocate {
     /// An array of `count` elements.
-    fn array<T: Plain>(&mut self, element: T, count: usize) -> Vec<T>;
+    fn array<T: Plain + Copy>(&mut self, element: T, count: usize) -> Vec<T>;
 
     /// An array of `count` zeros.
     fn zeros<T: Plain>(&mut self, count: usize) -> Vec<T>;
@@ -20,7 +20,7 @@ pub trait Allocate {
 pub struct Heap;
 
 impl Allocate for Heap {
-    fn array<T: Plain>(&mut self, element: T, count: usize) -> Vec<T> {
+    fn array<T: Plain + Copy>(&mut self, element: T, count: usize) -> Vec<T> {
         filled(element, count)
     }
 
@@ -36,7 +36,7 @@ pub struct Count {
 }
 
 impl Allocate for Count {
-    fn array<T: Plain>(&mut self, _: T, count: usize) -> Vec<T> {
+    fn array<T: Plain + Copy>(&mut self, _: T, count: usize) -> Vec<T> {
         self.zeros(count)
     }
 

@@ -1,11 +1,11 @@
 //! A block's patch: all quantities that relaxation, assembly and the energy need, gathered in windows of 18x18 nodes
 //! (method §1).
 
-use crate::memory::boxed;
+use crate::memory::{Plain, zeroed_box};
 use crate::mesh::NONE;
 use crate::method::schedule::Input;
 use crate::tile::Level;
-use crate::tile::blocks::{NODES, Plane, SIDE};
+use crate::tile::blocks::{Plane, SIDE};
 use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::constants::{self, window_vectors};
@@ -116,25 +116,14 @@ pub struct NodeState<V: Lanes> {
     pub samples: Samples<V>,
 }
 
+// SAFETY: numbers, and a truth value.
+unsafe impl Plain for Patch {}
+
 impl Patch {
     pub fn zeroed() -> Box<Patch> {
-        boxed(Patch {
-            block: 0,
-            x: 0,
-            y: 0,
-            u: [[0.0; WINDOW_NODES]; 2],
-            value: [[0.0; WINDOW_NODES]; 3],
-            triangle: [NONE; WINDOW_NODES],
-            rigidity: [0.0; WINDOW_NODES],
-            length: [[0.0; WINDOW_NODES]; 4],
-            inverse_length: [[0.0; WINDOW_NODES]; 4],
-            movable: [0; WINDOW_NODES],
-            density: [0.0; WINDOW_NODES],
-            has_density: false,
-            anchor: [[0.0; WINDOW_NODES]; 2],
-            tangents: [[0.0; NODES]; 6],
-            floor: 0.0,
-        })
+        let mut patch: Box<Patch> = zeroed_box();
+        patch.triangle = [NONE; WINDOW_NODES];
+        patch
     }
 
     /// Gathers block `b` of a level with its halo, except for the tangents.

@@ -334,6 +334,6 @@ impl Memory {
             &self.gate_open,
             &self.recording.params,
         ];
-        bands.chain(coarse).chain(results).chain(single).cloned().collected()
+        bands.chain(coarse).chain(results).chain(single).cloned().collect()
     }
 }

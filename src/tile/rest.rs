@@ -11,7 +11,7 @@ use super::codes::Lengths;
 use super::metric::{restrict_block, restrict_coverage};
 use super::window::{self, WINDOW_NODES, place};
 use super::{EDGES, FLOOR_FRACTION, Grid, Level};
-use crate::memory::{Collect, Grow, boxed, filled, with_capacity, zeroed};
+use crate::memory::{Collect, Grow, filled, with_capacity, zeroed, zeroed_box};
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::team::Team;
@@ -68,7 +68,7 @@ fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut [Plane; 4]) + 
     let list = &level.blocks.list;
     let least = |b: usize| level.floor[list[b].chart as usize] * SHORTEST;
     let of_block = |b: usize| {
-        let mut of_block: BlockLengths = boxed([[0.0; NODES]; 4]);
+        let mut of_block: BlockLengths = zeroed_box();
         lengths(b, &mut of_block);
         of_block
     };
@@ -238,7 +238,7 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
         }
     }
     team.fill(&mut parts, |_, (b, east, north)| {
-        let mut planes: BlockLengths = boxed([[0.0; NODES]; 4]);
+        let mut planes: BlockLengths = zeroed_box();
         chords.block(grid, *b, &mut planes);
         let movable = (0..NODES).filter(|&s| level.movable[*b][s] != 0);
         for (k, s) in movable.enumerate() {
