@@ -393,9 +393,9 @@ struct DeviceDesc : vrtm_device_desc {
         return *this;
     }
 
-    // The host's allocator: any object with `void *allocate(std::size_t size, std::size_t alignment)`, which gives null if
-    // there is no memory, and `void deallocate(void *pointer, std::size_t size, std::size_t alignment)`. They must not
-    // throw. The device, its assets and their jobs keep it alive.
+    // The host's allocator: any object with `void *allocate(std::size_t size, std::size_t alignment)`, which gives null
+    // if there is no memory, and `void deallocate(void *pointer, std::size_t size, std::size_t alignment)`. They must
+    // not throw. The device, its assets and their jobs keep it alive.
     template <class Memory> DeviceDesc &set_allocator(std::shared_ptr<Memory> memory)
     {
         struct Kept {
