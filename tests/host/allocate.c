@@ -164,6 +164,7 @@ int main(int count, char **arguments)
     all += rounds(backend, &allocator, 1, most);
     check_that(atomic_load(&blocks) == 0 && atomic_load(&bytes) == 0, "everything was freed after more failures", "blocks are left");
     snprintf(line, sizeof line, "%ld failures in all", all);
-    check_that(all > 100, line, "too few");
+    /* Some steps have fewer allocations that can fail than are to be tried. */
+    check_that(all > (most == 0 ? 1000 : 30 * most), line, "too few");
     return finish();
 }
