@@ -51,8 +51,10 @@ fn main() {
         device.info().threads,
         args.repeats
     );
-    println!("| scene | grid | solve | whole | median | 99 % | longest | longest read of the report |");
-    println!("|---|---|---|---|---|---|---|---|");
+    println!(
+        "| scene | grid | solve | whole | cancelled | median | 99 % | longest | longest read of the report |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
     for name in &args.scenes {
         let model = Model::from(scenes::by_name(name).expect("the name of a built-in scene"));
         for &grid in &args.grids {
@@ -63,8 +65,9 @@ fn main() {
 }
 
 /// Solves the first frame, or cancels that after a while. Returns the milliseconds that the solve took, or those from the
-/// moment when it was cancelled, and the longest milliseconds that reading the last report took meanwhile.
-fn solve(asset: &mut Asset, model: &Model, cancel_after: Option<Duration>) -> (f64, f64) {
+/// moment when it was cancelled (none if it was done by then), and the longest milliseconds that reading the last report
+/// took meanwhile.
+fn solve(asset: &mut Asset, model: &Model, cancel_after: Option<Duration>) -> (Option<f64>, f64) {
     let control = Arc::new(Control::new());
     let (results, over) = (asset.results().clone(), AtomicBool::new(false));
     scope(|scope| {
@@ -93,11 +96,12 @@ fn solve(asset: &mut Asset, model: &Model, cancel_after: Option<Duration>) -> (f
         over.store(true, Ordering::Relaxed);
         let (cancelled, longest) = canceller.join().expect("a thread");
         match outcome {
-            Ok(()) => (end.duration_since(start).as_secs_f64() * 1000.0, longest * 1000.0),
+            Ok(()) if cancel_after.is_some() => (None, longest * 1000.0),
+            Ok(()) => (Some(end.duration_since(start).as_secs_f64() * 1000.0), longest * 1000.0),
             Err(error) => {
                 assert_eq!(error.kind, ErrorKind::Cancelled);
                 let since = end.saturating_duration_since(cancelled.expect("a cancelled solve"));
-                (since.as_secs_f64() * 1000.0, longest * 1000.0)
+                (Some(since.as_secs_f64() * 1000.0), longest * 1000.0)
             }
         }
     })
@@ -114,11 +118,12 @@ fn forget(asset: &mut Asset) {
 
 fn measure(args: &Args, device: &Device, model: &Model, grid: u32, first: bool) {
     let mut asset = model.asset_on(device, grid);
-    let (mut whole, _) = solve(&mut asset, model, None);
+    let mut whole = solve(&mut asset, model, None).0;
     if !first {
         forget(&mut asset);
         whole = solve(&mut asset, model, None).0;
     }
+    let whole = whole.expect("a solve that is not cancelled");
     let mut times = Vec::new();
     let mut longest_read = 0.0f64;
     for k in 0..args.repeats {
@@ -130,14 +135,15 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32, first: bool) 
         let part = (f64::from(k) * 0.618_034).fract();
         let (time, read) =
             solve(&mut asset, model, Some(Duration::from_secs_f64(whole * 0.95 * part / 1000.0)));
-        times.push(time);
+        times.extend(time);
         longest_read = longest_read.max(read);
     }
     times.sort_by(f64::total_cmp);
     let at = |part: f64| times[((times.len() - 1) as f64 * part).round() as usize];
     let (name, which) = (&model.name, if first { "first" } else { "next" });
     println!(
-        "| {name} | {grid} | {which} | {whole:.0} | {:.2} | {:.2} | {:.2} | {longest_read:.3} |",
+        "| {name} | {grid} | {which} | {whole:.0} | {} | {:.2} | {:.2} | {:.2} | {longest_read:.3} |",
+        times.len(),
         at(0.5),
         at(0.99),
         at(1.0)

@@ -4,13 +4,13 @@ use std::sync::Arc;
 
 use super::{Asset, torn};
 use crate::error::{Error, ErrorKind, Result};
+use crate::memory::{Collect, filled, zeroed};
 use crate::method::budget::Clock;
 use crate::method::progress::Progress;
 use crate::method::schedule::{self, Input, Plan};
 use crate::oracle::parity::StageDifference;
 use crate::oracle::parity::pair::Pair;
 use crate::settings::SolveOptions;
-use crate::tile::blocks::NODES;
 use crate::tile::build;
 use crate::tile::pose::Pose;
 use crate::tile::survey::Survey;
@@ -43,7 +43,7 @@ impl Asset {
             Arc::new(build::grid(team, &self.mesh, maps, Survey::new(team, mesh, maps, maps.grid_size())))
         });
         let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
-        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collect();
+        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collected();
         if !charts.contains(&true) {
             return Ok(Vec::new());
         }
@@ -55,10 +55,10 @@ impl Asset {
         self.device.team(|team| {
             let mut of_cpu = cpu::Memory::new(&grid, plan.solver());
             let mut of_gpu = gpu::Memory::new(context, &grid, mesh)?;
-            let mut u = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+            let mut u = zeroed(grid.levels[0].blocks.list.len());
             let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u, &[]);
             context.contain(|| {
-                let gpu = gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()])?;
+                let gpu = gpu::Run::new(&input, &mut of_gpu, None, &filled(false, charts.len()))?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
                 schedule::run(&mut pair, &plan, false, &mut Clock::unlimited(), &mut Progress::default());
                 pair.finish()
