@@ -84,11 +84,12 @@
  * the host's log function included, and restore the mode of the calling thread (on x86-64 and ARM64).
  *
  * Threads. Any function may be called from any thread. Different assets work at the same time. Calls on one asset do
- * not wait for each other. Results (maps, corner UVs, reports), descriptions and find_tile can be read at any time,
- * also while the next result is computed: what is read is the last good one. A call that solves or changes anything
- * gives VRTM_ERROR_BUSY while another call, or a job, is using the asset, and so do vrtm_tile_get_settings and
- * vrtm_tile_estimate while such a call runs. A solve uses threads of its own, which end before it returns, or the
- * host's (vrtm_executor). No lock is held while a function of the host runs.
+ * not wait for each other. Results (maps, corner UVs, reports), what describes a device, an asset or a job, and tiles
+ * can be asked for at any time, also while the next result is computed: what is read is the last good one. A call that
+ * solves or changes anything gives VRTM_ERROR_BUSY while another call, or a job, is using the asset, and so do
+ * vrtm_tile_info (which may have to prepare the tile), vrtm_tile_get_settings and vrtm_tile_estimate while such a call
+ * runs. A solve uses threads of its own, which end before it returns, or the host's (vrtm_executor). No lock is held
+ * while a function of the host runs.
  *
  * Stack. On the CPU a thread with a stack of 48 KiB may call any function. A GPU's driver sets no bound that is known:
  * call on threads with the system's usual stack there, megabytes.
