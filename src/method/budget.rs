@@ -113,7 +113,7 @@ impl History {
 }
 
 /// A solve's view of the time.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Clock {
     /// When the time is up, and when it is up beyond doubt: by then a result that takes more time is given up.
     ends: Option<[Instant; 2]>,

@@ -34,10 +34,10 @@ impl Progress {
         self.left -= RESERVE * self.left;
     }
 
-    /// Does work that is expected to take so many seconds.
-    pub fn during<R>(&mut self, seconds: f64, work: impl FnOnce() -> R) -> R {
+    /// Does work that was expected to take `forecast` seconds when the solve began, and is expected to take `seconds` now.
+    pub fn during<R>(&mut self, forecast: f64, seconds: f64, work: impl FnOnce() -> R) -> R {
         let Some(control) = &self.control else { return work() };
-        let fraction = (self.per_second * seconds as f32).clamp(0.0, self.left);
+        let fraction = (self.per_second * forecast as f32).clamp(0.0, self.left);
         control.begin_stage(fraction, seconds as f32);
         let result = work();
         control.end_stage(fraction);

@@ -125,7 +125,8 @@ pub(crate) fn run(
 ) -> Summary {
     let coarsest = if warm { 0 } else { stages.levels() - 1 };
     let (summary, state_is_corrected) = (Summary::default(), false);
-    let mut run = Schedule { stages, plan, clock, progress, coarsest, summary, state_is_corrected };
+    let forecast = progress.is_told().then(|| clock.clone());
+    let mut run = Schedule { stages, plan, clock, progress, forecast, coarsest, summary, state_is_corrected };
     if run.progress.is_told() {
         let seconds = run.expected();
         run.progress.begin(seconds);
@@ -175,6 +176,9 @@ struct Schedule<'a, S> {
     plan: &'a Plan,
     clock: &'a mut Clock,
     progress: &'a mut Progress,
+    /// The clock as it was when the solve began, if its progress is told: the shares of the stages then add up, whatever is
+    /// learnt meanwhile.
+    forecast: Option<Clock>,
     coarsest: usize,
     summary: Summary,
     /// Whether a correction was the last to change level 0, so that its energy is known.
@@ -192,9 +196,10 @@ impl<S: Stages> Schedule<'_, S> {
     ) {
         self.progress.check_or_unwind();
         let blocks = self.blocks(work, level);
+        let forecast = self.forecast.as_ref().map_or(0.0, |clock| clock.predict(work, level, blocks));
         let expected = if self.progress.is_told() { self.seconds(work, level) } else { 0.0 };
         let start = Instant::now();
-        self.progress.during(expected, || stage(self.stages));
+        self.progress.during(forecast, expected, || stage(self.stages));
         if self.clock.is_limited() {
             self.stages.wait();
         }
