@@ -1205,6 +1205,8 @@ vrtm_status vrtm_asset_submit(vrtm_asset asset,
 // Waits until a job is done, for at most so many milliseconds; 0 only looks, VRTM_FOREVER waits as long as it takes.
 // Any number of threads may wait, and each may wait again afterwards.
 //
+// A job that no thread has begun by then is done by the first thread that waits for it as long as it takes.
+//
 // Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
 // VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
 // VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY in the job's own progress function.

@@ -3,10 +3,11 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::lock::lock;
 
 /// A host's function that is told how far a call is, 0..1, on the thread that does the call's work; it cancels the call by
 /// returning true.
@@ -142,7 +143,7 @@ impl Control {
     }
 
     fn stage(&self) -> MutexGuard<'_, Option<Stage>> {
-        self.stage.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.stage)
     }
 
     /// Whether the call goes on. Called before each item of work, which is where the host's function is called.

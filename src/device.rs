@@ -2,12 +2,13 @@
 
 use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Survey, interfaces};
 use crate::gpu::context::{self, Context};
+use crate::lock::lock;
 use crate::memory::{self, Current};
 use crate::method::budget::Costs;
 use crate::method::point::Switch;
@@ -261,7 +262,7 @@ impl Device {
 
     /// The time that work takes, as measured by the last solves.
     pub(crate) fn costs(&self) -> MutexGuard<'_, Costs> {
-        self.0.costs.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.0.costs)
     }
 
     pub(crate) fn log(&self, level: LogLevel, message: &str) {

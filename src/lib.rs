@@ -84,6 +84,7 @@ mod panics;
 mod float_mode;
 mod control;
 mod team;
+mod lock;
 mod line;
 #[cfg(not(feature = "oracle"))]
 mod ffi;

@@ -7,7 +7,7 @@
 
 use std::any::Any;
 use std::cell::Cell;
-use std::fmt::Write;
+use std::fmt::{self, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, set_hook, take_hook};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Once, OnceLock};
@@ -52,6 +52,15 @@ impl Panicked {
     /// File, line and column.
     pub fn place(&self) -> &str {
         self.place.as_str()
+    }
+}
+
+impl fmt::Display for Panicked {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.out_of_memory() {
+            Some(short) => short.fmt(f),
+            None => write!(f, "internal error: {} ({})", self.text(), self.place()),
+        }
     }
 }
 

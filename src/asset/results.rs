@@ -1,11 +1,12 @@
 //! The last good results of an asset, which any thread may read at any time, also while the next ones are computed.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::{Arc, Mutex, TryLockError};
 use std::time::Instant;
 
 use crate::device::{Device, LiveAsset};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{ImagePart, ImageViewMut};
+use crate::lock::lock;
 use crate::memory::{Collect, caught};
 use crate::mesh::Mesh;
 use crate::report::{AssetReport, GpuWork, TileReport};
@@ -47,10 +48,6 @@ pub(super) struct TileResult {
     pub solved: Arc<Solved>,
     /// Whether the last solve left the tile alone.
     pub kept: bool,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Results {

@@ -1,9 +1,7 @@
 //! The guard that every exported function runs in: errors and panics inside become a status and a message, and the
 //! processor's floating-point mode is the default one.
 
-use super::status::{
-    Outcome, VRTM_ERROR_INTERNAL, VRTM_ERROR_OUT_OF_MEMORY, VRTM_OK, set_last_error, vrtm_status,
-};
+use super::status::{Outcome, VRTM_OK, set_last_error, status_of, vrtm_status};
 use crate::float_mode::FloatMode;
 use crate::panics;
 
@@ -18,13 +16,8 @@ pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_stat
             failure.status
         }
         Err(panic) => {
-            if let Some(short) = panic.out_of_memory() {
-                set_last_error(name, short);
-                return VRTM_ERROR_OUT_OF_MEMORY;
-            }
-            let message = format_args!("internal error: {} ({})", panic.text(), panic.place());
-            set_last_error(name, message);
-            VRTM_ERROR_INTERNAL
+            set_last_error(name, &panic);
+            status_of(&panic)
         }
     }
 }
@@ -33,7 +26,7 @@ pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_stat
 mod tests {
     use std::ffi::CStr;
 
-    use super::super::status::{Failure, VRTM_ERROR_UNSUPPORTED, vrtm_last_error};
+    use super::super::status::{Failure, VRTM_ERROR_INTERNAL, VRTM_ERROR_UNSUPPORTED, vrtm_last_error};
     use super::*;
 
     fn last_error() -> String {

@@ -11,13 +11,14 @@
 
 use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use super::job::Job;
 use super::shared::SharedAsset;
 use super::status::{Failure, Outcome, VRTM_ERROR_OUT_OF_MEMORY};
 use crate::asset::Asset;
 use crate::device::Device;
+use crate::lock::lock;
 
 /// A device: where assets are solved. Made by vrtm_device_create, ended by vrtm_device_destroy. Zero is no device.
 #[repr(C)]
@@ -94,7 +95,7 @@ impl<T> Table<T> {
     }
 
     fn lock(&self) -> MutexGuard<'_, Entries<T>> {
-        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.entries)
     }
 
     fn insert(&self, value: T) -> Outcome<u64> {

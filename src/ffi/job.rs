@@ -2,7 +2,7 @@
 
 use std::mem::{offset_of, replace};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::desc::{Out, Place, Sized32};
@@ -11,13 +11,14 @@ use super::handle::{self, vrtm_asset, vrtm_job};
 use super::shared::Claim;
 use super::solve::{Wishes, vrtm_solve_options};
 use super::status::{
-    Failure, Outcome, VRTM_ERROR_BUSY, VRTM_ERROR_CANCELLED, VRTM_ERROR_INTERNAL, VRTM_ERROR_OUT_OF_MEMORY,
-    VRTM_ERROR_TIMEOUT, VRTM_OK, vrtm_status,
+    Failure, Outcome, VRTM_ERROR_BUSY, VRTM_ERROR_CANCELLED, VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_TIMEOUT,
+    VRTM_OK, status_of, vrtm_status,
 };
 use super::types::{strided, vrtm_array};
 use crate::asset::SolveRequest;
 use crate::control::{Control, this_thread};
 use crate::float_mode::FloatMode;
+use crate::lock::lock;
 use crate::memory::{boxed, copied};
 use crate::panics;
 use crate::team::threads;
@@ -111,10 +112,6 @@ impl Work {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 fn cancelled() -> Failure {
     Failure { status: VRTM_ERROR_CANCELLED, message: "the job was cancelled".to_owned() }
 }
@@ -148,14 +145,8 @@ impl Job {
         let Some(work) = self.begin() else { return };
         self.runs_on.store(this_thread(), Ordering::Relaxed);
         let _mode = FloatMode::set_default();
-        let outcome = panics::catch(|| work.run()).unwrap_or_else(|panic| {
-            if let Some(short) = panic.out_of_memory() {
-                let message = short.to_string();
-                return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
-            }
-            let message = format!("internal error: {} ({})", panic.text(), panic.place());
-            Err(Failure { status: VRTM_ERROR_INTERNAL, message })
-        });
+        let outcome = panics::catch(|| work.run())
+            .unwrap_or_else(|panic| Err(Failure { status: status_of(&panic), message: panic.to_string() }));
         self.runs_on.store(0, Ordering::Relaxed);
         self.end(outcome);
     }
@@ -273,6 +264,8 @@ pub unsafe extern "C" fn vrtm_asset_submit(
 
 /// Waits until a job is done, for at most so many milliseconds; 0 only looks, VRTM_FOREVER waits as long as it takes.
 /// Any number of threads may wait, and each may wait again afterwards.
+///
+/// A job that no thread has begun by then is done by the first thread that waits for it as long as it takes.
 ///
 /// Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
 /// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:

@@ -4,11 +4,12 @@
 
 use std::cell::UnsafeCell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY};
 use crate::asset::{Asset, Results};
 use crate::control::Control;
+use crate::lock::lock;
 use crate::report::AssetInfo;
 
 /// An asset shared by threads.
@@ -91,7 +92,7 @@ impl SharedAsset {
     }
 
     fn solving(&self) -> MutexGuard<'_, Option<Arc<Control>>> {
-        self.solving.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.solving)
     }
 }
 

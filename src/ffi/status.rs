@@ -6,6 +6,7 @@ use std::fmt::{self, Write};
 
 use crate::error::{Error, ErrorKind};
 use crate::line::Line;
+use crate::panics::Panicked;
 
 /// Major version of this header: functions and structs of another major version do not fit.
 pub const VRTM_VERSION_MAJOR: u32 = 0;
@@ -115,6 +116,11 @@ impl From<Error> for Failure {
         };
         Failure { status, message: error.message }
     }
+}
+
+/// The status of a call that a panic, or missing memory, has ended.
+pub(super) fn status_of(panic: &Panicked) -> vrtm_status {
+    if panic.out_of_memory().is_some() { VRTM_ERROR_OUT_OF_MEMORY } else { VRTM_ERROR_INTERNAL }
 }
 
 /// Result of the functions inside the guard.

@@ -6,7 +6,7 @@
 
 use std::mem::ManuallyDrop;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::{self, ThreadId};
 use std::time::Duration;
 
@@ -14,6 +14,7 @@ use super::adapters::describe;
 use super::kernels::Pipelines;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
+use crate::lock::lock;
 use crate::memory::caught;
 use crate::method::point::Switch;
 use crate::panics::contain;
@@ -67,10 +68,6 @@ const PAUSES: [Duration; 2] = [Duration::from_micros(20), Duration::from_micros(
 
 /// Most errors kept, as some threads may never check.
 const MAX_ERRORS: usize = 64;
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// Joins the lines of wgpu's messages.
 #[expect(clippy::disallowed_methods, reason = "one message")]

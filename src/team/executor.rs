@@ -1,9 +1,10 @@
 //! A team on a host's threads: of a thread pool, of a task scheduler, or of whatever else runs a loop in parallel.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::float_mode::FloatMode;
+use crate::lock::lock;
 
 /// A host's threads, which take the place of the library's own.
 pub trait Executor: Send + Sync {
@@ -22,10 +23,6 @@ pub trait Executor: Send + Sync {
 
 /// Work that is left with a host.
 pub type Task = Box<dyn FnOnce() + Send>;
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// Runs `body` on one of a host's threads, and `help(number)` with different numbers over 0 on up to `threads - 1` others.
 /// `body` does not unwind, and makes the helpers return. It needs none of them: a host may run its tasks one after the
