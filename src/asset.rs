@@ -1,9 +1,12 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
 mod backend;
+mod canvas;
 mod fetch;
+mod kind;
 mod log;
 mod measure;
+mod nodes;
 #[cfg(feature = "oracle")]
 mod oracle;
 mod output;
@@ -32,7 +35,7 @@ use crate::mesh::{Mesh, MeshSource};
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
 use crate::settings::SolveOptions;
 use crate::view::Strided;
-pub use fetch::FetchKind;
+pub use kind::FetchKind;
 #[cfg(feature = "oracle")]
 pub use oracle::ReferenceMinimum;
 pub use results::Results;

@@ -12,7 +12,8 @@ use crate::mesh::Mesh;
 use crate::report::{AssetReport, GpuWork, TileReport};
 use crate::team::Team;
 
-use super::fetch::{self, FetchKind, Output};
+use super::fetch::{self, Output};
+use super::kind::FetchKind;
 use super::output::Outputs;
 use super::solved::Solved;
 
