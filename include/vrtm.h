@@ -18,7 +18,7 @@
  *   facts    vrtm_tile_report, vrtm_asset_report
  *
  * A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture. So the
- * shader does, with v pointing up and texture coordinates within the tile:
+ * shader does, with v pointing up and texture coordinates within the tile (VRTM_FETCH_ has other forms):
  *
  *   vec2 uv2 = texture(redirection, uv).rg;
  *   vec4 colour = texture(albedo, uv2);
@@ -313,8 +313,8 @@ typedef struct vrtm_image {
     uint32_t reserved;
 } vrtm_image;
 
-// An output image with two channels (u, v) in the caller's memory. Start from vrtm_image_out_init(). Any size will
-// do; the first two channels of each texel are written, and the bytes that a stride skips are left as they are.
+// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size will do; the first `channels`
+// channels of each texel are written, and the bytes that a stride skips are left as they are.
 typedef struct vrtm_image_out {
     // sizeof(vrtm_image_out); set by vrtm_image_out_init().
     uint32_t struct_size;
@@ -326,7 +326,7 @@ typedef struct vrtm_image_out {
     uint32_t width;
     // Texels in v, at least 1.
     uint32_t height;
-    // Bytes from one texel to the next; 0 = tightly packed (8 for f32, 4 for f16).
+    // Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     size_t pixel_stride;
     // Bytes from one row to the next; 0 = tightly packed.
     size_t row_stride;
@@ -334,6 +334,13 @@ typedef struct vrtm_image_out {
     vrtm_origin origin;
     // Zero.
     uint32_t reserved;
+    // Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. 3 adds one that is
+    // 0, and 4, for a redirection, one that is 1 where a chart covers the texel's centre and 0 elsewhere.
+    uint32_t channels;
+    // 1 = a redirection is one-to-one also when a renderer interpolates between its texels: the values of texels next
+    // to a fold of the interpolated map are moved a little for that (vrtm_tile_inspect_map). 0 (the default) = every
+    // value is that of the redirection at the texel's centre. Ignored for other kinds.
+    uint32_t one_to_one;
 } vrtm_image_out;
 
 /* ---- Memory ---- */
@@ -938,7 +945,7 @@ vrtm_status vrtm_tile_load(vrtm_tile tile,
 
 /* ---- Results ---- */
 
-// Content of a fetched image: two channels (u, v) per texel.
+// Content of a fetched image: two channels (u, v) per texel, if not said otherwise.
 typedef int32_t vrtm_fetch_kind;
 
 // The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
@@ -956,11 +963,24 @@ typedef int32_t vrtm_fetch_kind;
 // a result agree on that, so that at any size the warp of a redirected UV is that UV. Take f32.
 #define VRTM_FETCH_WARP 2
 
+// The redirection plus the offset of the tile (U, V) among the UDIM tiles: UVs as those of the mesh, to be looked up in
+// all tiles of a texture. Take f32.
+#define VRTM_FETCH_REDIRECTION_UDIM 3
+
+// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv; 1,
+// 0, 0, 1 where nothing moves. What turns with a feature, as a tangent-space normal does, turns with it. Good in f16.
+#define VRTM_FETCH_JACOBIAN 4
+
+// One channel: the largest singular value of that. A lookup's footprint is at most so many times wider in the texture
+// than on the surface: for renderers that filter by a width which they take from the mesh's own UVs. Good in f16.
+#define VRTM_FETCH_FILTER_SCALE 5
+
 // One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
 typedef struct vrtm_fetch {
     // sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
     uint32_t struct_size;
-    // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP.
+    // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
+    // FILTER_SCALE.
     vrtm_fetch_kind kind;
     // A tile of the asset. Required.
     vrtm_tile tile;
@@ -971,8 +991,9 @@ typedef struct vrtm_fetch {
 // Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
-// or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
+// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
+// the kind does not have or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never
+// busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch(vrtm_tile tile,
                             vrtm_fetch_kind kind,
@@ -1013,6 +1034,61 @@ vrtm_status vrtm_asset_fetch_corner_uvs_of_set(vrtm_asset asset,
                                                uint32_t uv_set,
                                                float *uvs,
                                                size_t count);
+
+// A redirection map that may be fetched. Start from vrtm_map_desc_init().
+typedef struct vrtm_map_desc {
+    // sizeof(vrtm_map_desc); set by vrtm_map_desc_init().
+    uint32_t struct_size;
+    // VRTM_FETCH_REDIRECTION (0, the default), REDIRECTION_DELTA or REDIRECTION_UDIM.
+    vrtm_fetch_kind kind;
+    // VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
+    vrtm_pixel_format format;
+    // Texels in u, 1 to 16384.
+    uint32_t width;
+    // Texels in v, 1 to 16384.
+    uint32_t height;
+    // As vrtm_image_out.one_to_one.
+    uint32_t one_to_one;
+} vrtm_map_desc;
+
+// What a redirection map gives when it is read with bilinear interpolation. Errors are lengths in UV: times the size of
+// a texture they are texels of it. Start from vrtm_map_data_init().
+typedef struct vrtm_map_data {
+    // sizeof(vrtm_map_data); set by vrtm_map_data_init().
+    uint32_t struct_size;
+    // Zero.
+    uint32_t reserved;
+    // Quads of four neighbouring texel centres on which the interpolated map is not one-to-one: 0 certifies that it is
+    // everywhere between the centres of the tile's outermost texels.
+    uint64_t folds;
+    // Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
+    double min_jacobian;
+    // Root of the mean square error over the tile's charts, against the redirection itself.
+    double error_rms;
+    // 99th percentile of the error over the charts, rounded up by at most one percent.
+    double error_p99;
+    // Largest error in the charts.
+    double error_max;
+    // A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter
+    // and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size.
+    uint32_t sufficient_width;
+    // The same in v.
+    uint32_t sufficient_height;
+} vrtm_map_data;
+
+// Looks at the map that a vrtm_tile_fetch of this kind, size and format would write of the last result. A warp without
+// folds has an inverse without folds, but a map holds that at texel centres only, and what a renderer interpolates
+// between them may fold where the warp squeezes. This tells whether it does, how far it is from the redirection, and
+// which size suffices. It takes about as long as fetching the map and one of twice its or the grid's size, and more if
+// it has to look for another size. Computed on the CPU.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
+// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is no redirection, or a size
+// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+VRTM_API
+vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
+                                  const vrtm_map_desc *desc,
+                                  vrtm_map_data *data);
 
 /* ---- Solve ---- */
 
@@ -1423,6 +1499,8 @@ VRTM_DEFINE_INIT_(vrtm_tile_data)
 VRTM_DEFINE_INIT_(vrtm_tile_needs)
 VRTM_DEFINE_INIT_(vrtm_tile_settings)
 VRTM_DEFINE_INIT_(vrtm_fetch)
+VRTM_DEFINE_INIT_(vrtm_map_desc)
+VRTM_DEFINE_INIT_(vrtm_map_data)
 VRTM_DEFINE_INIT_(vrtm_solve_options)
 VRTM_DEFINE_INIT_(vrtm_job_data)
 VRTM_DEFINE_INIT_(vrtm_tile_report_data)

@@ -79,7 +79,10 @@ enum class Overlap : vrtm_overlap { fixed = VRTM_OVERLAP_FIXED, first_face = VRT
 enum class FetchKind : vrtm_fetch_kind {
     redirection = VRTM_FETCH_REDIRECTION,
     redirection_delta = VRTM_FETCH_REDIRECTION_DELTA,
-    warp = VRTM_FETCH_WARP
+    warp = VRTM_FETCH_WARP,
+    redirection_udim = VRTM_FETCH_REDIRECTION_UDIM,
+    jacobian = VRTM_FETCH_JACOBIAN,
+    filter_scale = VRTM_FETCH_FILTER_SCALE
 };
 enum class Quality : vrtm_quality {
     normal = VRTM_QUALITY_NORMAL,
@@ -314,7 +317,7 @@ public:
     }
 };
 
-// An output image with two channels.
+// An output image: as many channels as its content has, two for UVs.
 class ImageOut : public detail::ImageBase<ImageOut, vrtm_image_out> {
 public:
     ImageOut(float *data, std::uint32_t width, std::uint32_t height) noexcept
@@ -326,6 +329,40 @@ public:
     {
         c_.data = data;
     }
+    // 3: one that is 0 follows u and v. 4, for a redirection: then one that is 1 where a chart is and 0 elsewhere.
+    ImageOut &channels(std::uint32_t count) noexcept
+    {
+        c_.channels = count;
+        return *this;
+    }
+    // A redirection that is one-to-one also where a renderer interpolates between its texels.
+    ImageOut &one_to_one(bool wanted = true) noexcept
+    {
+        c_.one_to_one = wanted;
+        return *this;
+    }
+};
+
+// A redirection map that may be fetched, to be looked at by Tile::inspect_map().
+class MapDesc {
+public:
+    MapDesc(std::uint32_t width, std::uint32_t height, FetchKind kind = FetchKind::redirection,
+            PixelFormat format = PixelFormat::f32) noexcept
+    {
+        c_.width = width;
+        c_.height = height;
+        c_.kind = vrtm::value(kind);
+        c_.format = vrtm::value(format);
+    }
+    MapDesc &one_to_one(bool wanted = true) noexcept
+    {
+        c_.one_to_one = wanted;
+        return *this;
+    }
+    const vrtm_map_desc &c() const noexcept { return c_; }
+
+private:
+    vrtm_map_desc c_ = vrtm_map_desc_init();
 };
 
 // ---- The host's threads ----
@@ -774,6 +811,14 @@ public:
         return Result<>(vrtm_tile_fetch_part(handle_, vrtm::value(kind), &image.c(), x, y, width, height));
     }
 
+    // What the map of a fetch would be when it is read with bilinear interpolation.
+    Result<vrtm_map_data> try_inspect_map(const MapDesc &map) const noexcept
+    {
+        vrtm_map_data data = vrtm_map_data_init();
+        const vrtm_status status = vrtm_tile_inspect_map(handle_, &map.c(), &data);
+        return {data, status};
+    }
+
     Result<vrtm_tile_report_data> try_report() const noexcept
     {
         vrtm_tile_report_data report = vrtm_tile_report_data_init();
@@ -807,6 +852,7 @@ public:
     {
         try_fetch_part(kind, image, x, y, width, height).value();
     }
+    vrtm_map_data inspect_map(const MapDesc &map) const { return try_inspect_map(map).value(); }
     vrtm_tile_report_data report() const { return try_report().value(); }
 #endif
 

@@ -2,7 +2,10 @@
 
 mod backend;
 mod canvas;
+mod chart_texels;
 mod fetch;
+mod form;
+mod inspect;
 mod kind;
 mod log;
 mod measure;
@@ -13,6 +16,7 @@ mod output;
 #[cfg(all(feature = "oracle", feature = "gpu"))]
 mod parity;
 mod prepare;
+mod quad;
 mod results;
 mod side_by_side;
 mod solve;
@@ -24,6 +28,7 @@ mod switched;
 mod solved;
 mod tile_state;
 mod torn;
+mod untangle;
 
 use std::sync::Arc;
 
@@ -35,6 +40,7 @@ use crate::mesh::{Mesh, MeshSource};
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
 use crate::settings::SolveOptions;
 use crate::view::Strided;
+pub use inspect::{MapDesc, MapReport};
 pub use kind::FetchKind;
 #[cfg(feature = "oracle")]
 pub use oracle::ReferenceMinimum;
@@ -162,6 +168,14 @@ impl Asset {
         first: [u32; 2],
     ) -> Result<()> {
         self.results.fetch_part(tile, kind, image, size, first)
+    }
+
+    /// [`Results::inspect_map`] of the asset's results.
+    ///
+    /// # Errors
+    /// Those of that.
+    pub fn inspect_map(&self, tile: usize, desc: &MapDesc) -> Result<MapReport> {
+        self.results.inspect_map(tile, desc)
     }
 
     /// [`Results::corner_uvs`] of the asset's results.

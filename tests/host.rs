@@ -112,6 +112,11 @@ fn a_c_host_estimates_saves_and_repaints_tiles() {
 }
 
 #[test]
+fn a_host_fetches_all_kinds_of_maps() {
+    run_host("maps.c", 38);
+}
+
+#[test]
 #[cfg(target_os = "linux")]
 fn memory_goes_back_after_the_last_asset() {
     run_host("memory.c", 40);

@@ -4,19 +4,25 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use crate::cpu::invert;
 use crate::device::Device;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::image::ImagePart;
-use crate::image::ImageViewMut;
+use crate::image::{ImageViewMut, TexelLayout};
 use crate::memory::Collect;
 use crate::mesh::{Corner, NONE};
 use crate::team::Team;
 use crate::tile::blocks::Plane;
 
 use super::canvas::Canvas;
+use super::chart_texels::ChartTexels;
+use super::form::Form;
 use super::kind::FetchKind;
 use super::nodes::{self, NodeRows};
-use super::output::{Centres, Outputs};
+use super::output::{self, Centres, Outputs};
 use super::solved::Solved;
+use super::untangle::{Map, Untangler};
+
+/// The channel that tells which texels charts cover.
+const ALPHA: usize = 3;
 
 /// An output that is about to be written: `kind` of a result, a part of an image of the tile. It has all memory that
 /// writing takes on the CPU, so that nothing is written where some is missing.
@@ -27,15 +33,34 @@ pub(super) struct Output<'a> {
 }
 
 enum Content<'a> {
-    Inverse { centres: Centres, is_delta: bool },
+    Inverse { form: Form, centres: Centres, coverage: Option<ChartTexels>, untangler: Option<Untangler> },
+    Jacobian { is_scale: bool },
     Warp { nodes: NodeRows<'a>, rows: Vec<Vec<[f32; 2]>> },
 }
 
 impl<'a> Output<'a> {
-    pub fn new(solved: &'a Solved, kind: FetchKind, part: &ImagePart) -> Result<Output<'a>> {
+    /// Of an image with this layout, whose channels were checked.
+    pub fn new(
+        solved: &'a Solved,
+        kind: FetchKind,
+        part: &ImagePart,
+        image: &TexelLayout,
+    ) -> Result<Output<'a>> {
+        if image.one_to_one && part.extent() != part.size {
+            let message = "image: one_to_one takes the whole image, not a part of one";
+            return Err(Error::new(ErrorKind::Unsupported, message));
+        }
         let content = match kind {
-            FetchKind::Redirection => Content::Inverse { centres: Centres::new(part), is_delta: false },
-            FetchKind::RedirectionDelta => Content::Inverse { centres: Centres::new(part), is_delta: true },
+            FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim => {
+                Content::Inverse {
+                    form: Form::new(kind, solved.mesh.udim),
+                    centres: Centres::new(part),
+                    coverage: (image.channels as usize > ALPHA).then(|| ChartTexels::new(part)),
+                    untangler: image.one_to_one.then(|| Untangler::new(part.size)),
+                }
+            }
+            FetchKind::Jacobian => Content::Jacobian { is_scale: false },
+            FetchKind::FilterScale => Content::Jacobian { is_scale: true },
             FetchKind::Warp => {
                 Content::Warp { nodes: NodeRows::new(solved)?, rows: nodes::rows(solved, part) }
             }
@@ -54,18 +79,42 @@ impl<'a> Output<'a> {
         let Output { solved, part, content } = self;
         let canvas = Canvas::new(image);
         match content {
-            Content::Inverse { centres, is_delta: false } => {
-                outputs.invert(device, team, solved, &part, &centres, |x, y, uv, _| canvas.put(x, y, uv))?;
-            }
-            Content::Inverse { centres, is_delta: true } => {
-                outputs.invert(device, team, solved, &part, &centres, |x, y, _, delta| {
-                    canvas.put(x, y, delta);
+            Content::Inverse { form, centres, coverage, untangler } => {
+                outputs.invert(device, team, solved, &part, &centres, |x, y, uv, delta| {
+                    let [u, v] = form.value(uv, delta);
+                    canvas.put(x, y, [u, v, 0.0]);
                 })?;
+                if let Some(untangler) = untangler {
+                    untangler.untangle(team, &Map::new(&canvas, form, part.size));
+                }
+                if let Some(mut coverage) = coverage {
+                    coverage.draw(team, &solved.mesh, &part);
+                    team.run(part.extent()[1], |y| {
+                        let row = coverage.row(y).iter().enumerate();
+                        row.for_each(|(x, &covered)| canvas.put_from(ALPHA, x, y, [f64::from(covered)]));
+                    });
+                }
+            }
+            Content::Jacobian { is_scale: false } => {
+                output::jacobians(team, solved, &part, |x, y, [[a, b], [c, d]]| {
+                    canvas.put(x, y, [a, b, c, d])
+                })?;
+            }
+            Content::Jacobian { is_scale: true } => {
+                output::jacobians(team, solved, &part, |x, y, j| canvas.put(x, y, [largest_stretch(j)]))?;
             }
             Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
         }
         Ok(())
     }
+}
+
+/// The largest singular value of a matrix.
+fn largest_stretch([[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
+    // The singular values are the sum and the difference of these: of the matrix's parts that turn and that mirror.
+    let turning = ((a + d) * (a + d) + (c - b) * (c - b)).sqrt();
+    let mirroring = ((a - d) * (a - d) + (c + b) * (c + b)).sqrt();
+    0.5 * (turning + mirroring)
 }
 
 /// Redirected UVs of all face corners of a UV set; where a tile has no result, the mesh's own.

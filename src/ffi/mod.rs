@@ -18,6 +18,7 @@ pub mod fetch;
 mod guard;
 pub mod handle;
 pub mod job;
+pub mod map;
 pub mod mesh;
 pub mod prepare;
 pub mod report;

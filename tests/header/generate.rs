@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 14] = [
+const SECTIONS: [&str; 15] = [
     "status",
     "handle",
     "types",
@@ -16,6 +16,7 @@ const SECTIONS: [&str; 14] = [
     "tile",
     "prepare",
     "fetch",
+    "map",
     "solve",
     "job",
     "report",

@@ -64,6 +64,7 @@ void everything_works()
     asset.solve({pose, VERTICES});
     tile.fetch(vrtm::FetchKind::redirection, {fetched.data(), MAP, MAP});
     tile.fetch_part(vrtm::FetchKind::redirection, {part.data(), 1, 1}, 30, 30, MAP, MAP);
+    check_that(tile.inspect_map({MAP, MAP}).folds == 0, "a map is looked at", "");
     asset.redirect({pose, VERTICES}, {{tile, {map.data(), MAP, MAP}}});
     check_that(map == fetched && part[0] == map[2 * (30 * MAP + 30)], "solve and redirect", "");
     asset.corner_uvs(corners.data(), CORNERS);
@@ -138,6 +139,7 @@ void everything_throws()
     NONE(save(nullptr, 0))
     NONE(load(bytes))
     NONE(load(bytes.data(), bytes.size()))
+    NONE(inspect_map({1, 1}))
     NONE(fetch(vrtm::FetchKind::warp, {pair, 1, 1}))
     NONE(fetch_part(vrtm::FetchKind::warp, {pair, 1, 1}, 0, 0, 2, 2))
     NONE(report())
