@@ -47,15 +47,15 @@ pub(super) fn write(
         let rows = [first, second];
         for x in 0..width {
             let (i, s) = place(x, 0);
-            let u = |di: usize, dj: usize, k: usize| f64::from(rows[dj][i + di][k]);
+            let at = |di: usize, dj: usize, k: usize| f64::from(rows[dj][i + di][k]);
             // Along the longer of s and t to the triangle's third corner, then to the far one (method §9).
             let (third, first, second) = if s >= t { ([1, 0], s, t) } else { ([0, 1], t, s) };
-            let uv = [(i, s, 0), (j, t, 1)].map(|(cell, along, k)| {
-                let (near, far, third) = (u(0, 0, k), u(1, 1, k), u(third[0], third[1], k));
+            let [u, v] = [(i, s, 0), (j, t, 1)].map(|(cell, along, k)| {
+                let (near, far, third) = (at(0, 0, k), at(1, 1, k), at(third[0], third[1], k));
                 let moved = near + first * (third - near) + second * (far - third);
                 (cell as f64 + along + moved) / cells[k]
             });
-            canvas.put(x, y, uv);
+            canvas.put(x, y, [u, v, 0.0]);
         }
     };
     team.fill(&mut rows, |k, rows| {
