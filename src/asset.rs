@@ -10,6 +10,7 @@ mod output;
 #[cfg(all(feature = "oracle", feature = "gpu"))]
 mod parity;
 mod prepare;
+mod refine;
 mod results;
 mod side_by_side;
 mod solve;
@@ -35,6 +36,7 @@ use crate::view::Strided;
 pub use fetch::FetchKind;
 #[cfg(feature = "oracle")]
 pub use oracle::ReferenceMinimum;
+pub use refine::{Refinement, RefinementInfo, RefinementPattern, RefinementSettings};
 pub use results::Results;
 pub use solve::SolveRequest;
 use tile_state::TileState;
@@ -175,6 +177,14 @@ impl Asset {
     /// Those of that.
     pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
         self.results.corner_uvs_of_set(uv_set, out)
+    }
+
+    /// [`Results::refine`] of the asset's results.
+    ///
+    /// # Errors
+    /// Those of that.
+    pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
+        self.results.refine(settings)
     }
 
     /// [`Results::tile_report`] of the asset's results.
