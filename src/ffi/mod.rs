@@ -20,6 +20,7 @@ pub mod handle;
 pub mod job;
 pub mod mesh;
 pub mod prepare;
+pub mod refine;
 pub mod report;
 mod shared;
 pub mod solve;

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 14] = [
+const SECTIONS: [&str; 15] = [
     "status",
     "handle",
     "types",
@@ -19,6 +19,7 @@ const SECTIONS: [&str; 14] = [
     "solve",
     "job",
     "report",
+    "refine",
 ];
 
 pub fn header(root: &Path) -> Result<String, String> {
