@@ -17,6 +17,7 @@ mod output;
 mod parity;
 mod prepare;
 mod quad;
+mod refine;
 mod results;
 mod side_by_side;
 mod solve;
@@ -44,6 +45,7 @@ pub use inspect::{MapDesc, MapReport};
 pub use kind::FetchKind;
 #[cfg(feature = "oracle")]
 pub use oracle::ReferenceMinimum;
+pub use refine::{Refinement, RefinementInfo, RefinementPattern, RefinementSettings};
 pub use results::Results;
 pub use solve::SolveRequest;
 use tile_state::TileState;
@@ -192,6 +194,14 @@ impl Asset {
     /// Those of that.
     pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
         self.results.corner_uvs_of_set(uv_set, out)
+    }
+
+    /// [`Results::refine`] of the asset's results.
+    ///
+    /// # Errors
+    /// Those of that.
+    pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
+        self.results.refine(settings)
     }
 
     /// [`Results::tile_report`] of the asset's results.

@@ -102,6 +102,11 @@ fn jobs() {
 }
 
 #[test]
+fn refinements() {
+    run_host("refine.c", 60);
+}
+
+#[test]
 fn deformer() {
     run_host("deformer.cpp", 15);
 }

@@ -69,6 +69,14 @@ impl Results {
         self.0.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
     }
 
+    pub(super) fn device(&self) -> &Device {
+        &self.0.device
+    }
+
+    pub(super) fn mesh(&self) -> &Arc<Mesh> {
+        &self.0.mesh
+    }
+
     /// The present results.
     pub(super) fn last(&self) -> Arc<Last> {
         lock(&self.0.last).clone()
@@ -262,7 +270,7 @@ impl Results {
     }
 
     /// All results, if there are some.
-    fn solved_asset(&self) -> Result<Arc<Last>> {
+    pub(super) fn solved_asset(&self) -> Result<Arc<Last>> {
         self.0.device.alive()?;
         let last = self.last();
         if last.solved_ms.is_some() { Ok(last) } else { Err(not_solved()) }

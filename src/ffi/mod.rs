@@ -21,6 +21,7 @@ pub mod job;
 pub mod map;
 pub mod mesh;
 pub mod prepare;
+pub mod refine;
 pub mod report;
 mod shared;
 pub mod solve;

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 15] = [
+const SECTIONS: [&str; 16] = [
     "status",
     "handle",
     "types",
@@ -20,6 +20,7 @@ const SECTIONS: [&str; 15] = [
     "solve",
     "job",
     "report",
+    "refine",
 ];
 
 pub fn header(root: &Path) -> Result<String, String> {

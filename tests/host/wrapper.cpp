@@ -618,6 +618,37 @@ void options(const vrtm::Device &device, const Map &expected)
     refuses("a wrong option", asset.try_solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "tolerance");
 }
 
+void refinements(const vrtm::Device &device)
+{
+    const vrtm::Refinement empty;
+    check_that(!empty && empty.handle().id == 0, "an empty refinement", "");
+    refuses("has no pattern", empty.try_pattern(), vrtm::Code::invalid_handle, "refinement");
+    refuses("and no UVs", empty.try_corner_uvs(), vrtm::Code::invalid_handle, "refinement");
+    vrtm::Asset asset = ready(device);
+    refuses("a refinement before a solve", asset.try_refine(), vrtm::Code::not_solved, "solve first");
+    works("a solve", asset.try_solve({s.points, VERTICES}));
+    vrtm::RefinementDesc desc;
+    desc.tolerance = 1e-3;
+    vrtm::Refinement refinement = *asset.try_refine(desc);
+    check_that(refinement.try_info()->faces == FACES, "nothing to refine", "");
+    works("a pose", asset.try_solve({pose, VERTICES}));
+    works("extend", refinement.try_extend());
+    const vrtm_refinement_data data = *refinement.try_info();
+    check_that(data.faces > FACES && data.reached == 1 && data.error <= desc.tolerance, "refines", "");
+    const vrtm::RefinementPattern pattern = *refinement.try_pattern();
+    check_that(pattern.face_sources.size() == data.faces && pattern.corner_uvs.size() == 2 * data.corners &&
+                   pattern.vertex_sources[3 * (VERTICES - 1)] == VERTICES - 1,
+               "its pattern", "");
+    std::vector<float> uvs(2 * static_cast<std::size_t>(data.corners));
+    works("corner UVs", refinement.try_corner_uvs(uvs.data(), uvs.size() / 2));
+    check_that(uvs == *refinement.try_corner_uvs() && uvs != pattern.corner_uvs, "are redirected", "");
+    asset.reset();
+    const vrtm::Refinement moved(std::move(refinement));
+    check_that(!refinement && moved.try_info()->corners == data.corners, "it goes on without the asset", "");
+    desc.tolerance = 2;
+    refuses("a wrong tolerance", ready(device).try_refine(desc), vrtm::Code::invalid_argument, "tolerance");
+}
+
 /* A solve that takes a while: 1024 x 1024 cells. */
 vrtm::Asset slow(const vrtm::Device &device)
 {
@@ -738,5 +769,6 @@ int main()
     options(device, expected);
     progress(device);
     jobs(device);
+    refinements(device);
     return finish();
 }
