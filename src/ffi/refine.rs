@@ -184,9 +184,10 @@ pub unsafe extern "C" fn vrtm_refinement_create(
     })
 }
 
-/// Refines further, for the asset's last result. What was split stays split: a refinement that was extended for
-/// each frame of a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces
-/// and corners are numbered anew. vrtm_refinement_info tells the new sizes.
+/// Refines further, for the asset's last result. What was split stays split: a refinement that was extended for each
+/// frame of a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces and corners
+/// are numbered anew. vrtm_refinement_info tells the new sizes. Where all frames are to keep the tolerance, go round
+/// them until the number of triangles stays: a split for one may push another slightly over it.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
 /// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
