@@ -1,10 +1,12 @@
 //! Bakes redirection maps for a mesh and its poses, with a sheet for visual inspection and a report.
 //!
-//! `cargo run --release --example bake` bakes a built-in scene into `out/`; `--help` lists the options. `Bake` shows
-//! how a host uses vrtm: it makes an asset, sets its maps, solves a pose, and fetches the results.
+//! `cargo run --release --example bake` bakes a built-in scene into `out/`; `--help` lists the options. `Bake`, in
+//! `bake/baker.rs`, shows how a host uses vrtm: it makes an asset, sets its maps, solves a pose, and fetches the results.
 
 #[path = "bake/args.rs"]
 mod args;
+#[path = "bake/baker.rs"]
+mod baker;
 #[path = "bake/camera.rs"]
 mod camera;
 #[path = "bake/canvas.rs"]
@@ -13,16 +15,24 @@ mod canvas;
 mod failure;
 #[path = "bake/figures.rs"]
 mod figures;
+#[path = "bake/fingerprint.rs"]
+mod fingerprint;
+#[path = "bake/image_file.rs"]
+mod image_file;
 #[path = "bake/maps.rs"]
 mod maps;
 #[path = "bake/material.rs"]
 mod material;
 #[path = "bake/mesh.rs"]
 mod mesh;
+#[path = "bake/names.rs"]
+mod names;
 #[path = "bake/obj.rs"]
 mod obj;
 #[path = "bake/output.rs"]
 mod output;
+#[path = "bake/outputs.rs"]
+mod outputs;
 #[path = "bake/raster.rs"]
 mod raster;
 #[path = "bake/report.rs"]
@@ -35,20 +45,22 @@ mod sheet;
 mod source;
 #[path = "bake/strain.rs"]
 mod strain;
+#[path = "bake/vertices.rs"]
+mod vertices;
 
 use std::process::ExitCode;
 
 use serde_json::Value;
-use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageViewMut, MeshSource, PbdSettings,
-    PixelFormat, SolveOptions, Strided, UvSource,
-};
+use vrtm::{AssetReport, Device, DeviceSettings, MapReport, TileReport};
 
-use args::Args;
+use args::{Args, MapSize};
+use baker::Bake;
 use failure::{Failure, Result};
-use maps::{Field, Map};
-use output::Staging;
-use sheet::{Stage, TileResult};
+use maps::Map;
+use names::Pattern;
+use output::{Facts, Staging};
+use outputs::Output;
+use sheet::Stage;
 use source::{Frame, Source};
 
 fn main() -> ExitCode {
@@ -71,35 +83,44 @@ fn run(args: &Args) -> Result<()> {
         ..DeviceSettings::default()
     };
     let device = Device::new(&settings).map_err(|e| Failure::named("--device", e))?;
+    let outputs = Output::list(args);
     let mut bake = Bake::new(&source, args, &device)?;
-
-    let tiles: Vec<(u32, Option<&Map>)> = bake.tiles.iter().map(|t| (t.udim, t.rigidity)).collect();
-    let poses: Vec<&[[f32; 3]]> = source.frames.iter().map(|f| f.positions.as_slice()).collect();
-    let stage = Stage::new(&source.mesh, &tiles, &poses, args, device.info().threads as usize);
+    let pattern = Pattern::new(&args.name, outputs.len(), source.chosen.len(), bake.tiles.len())?;
+    let stage = Drawing::new(&source, &bake, args, &device)?;
+    let bar = report::progress(source.chosen.len());
+    if args.map_size == Some(MapSize::Auto) {
+        bar.set_message("choosing the maps' size");
+        bake = bake.sized_for_all(&source, args, &device, &outputs[0])?;
+    }
 
     let mut document = report::header(&source, args, &device.info(), &bake.asset.info());
     document["tiles"] = Value::Array(bake.describe()?);
     let mut frames = Vec::new();
     let mut table = report::Table::new();
     let mut staging = Staging::new(&args.out)?;
-    let bar = report::progress(source.chosen.len());
     for frame in source.chosen.iter().map(|&index| &source.frames[index]) {
         let number = format!("{:04}", frame.number);
         bar.set_message(format!("solving {number}"));
-        let results = bake.frame(frame, args)?;
+        bake.solve(frame, args)?;
         bar.set_message(format!("writing {number}"));
-        for result in &results {
-            let udim = result.report.udim;
-            staging.exr(&format!("redirect.{number}.{udim}.exr"), &result.redirect)?;
-            staging.exr(&format!("warp.{number}.{udim}.exr"), &result.warp)?;
-            table.add(frame.number, &result.report);
+        for tile in 0..bake.tiles.len() {
+            let udim = bake.tiles[tile].udim;
+            for &output in &outputs {
+                let (image, inputs) = bake.image(frame, tile, output)?;
+                let facts = Facts { output, udim, frame: frame.number, inputs };
+                staging.exr(&pattern.name(output.kind, frame.number, udim), &image, &facts)?;
+            }
         }
-        let title = format!("{}   frame {}   {}", source.name, frame.number, frame.note);
-        staging.png(&format!("sheet.{number}.png"), &stage.draw(&title, &frame.positions, &results))?;
+        if let Some(stage) = &stage {
+            staging.png(&format!("sheet.{number}.png"), &stage.draw(&source, frame, &bake)?)?;
+        }
         staging.commit()?;
-        let reports: Vec<_> = results.iter().map(|r| r.report).collect();
+        let reports = bake.reports(frame)?;
+        reports.iter().for_each(|report| table.add(frame.number, report));
+        let maps = bake.inspect(frame, &outputs[0])?;
         let total = bake.asset.report().map_err(|e| Failure::named(&frame.origin, e))?;
-        frames.push(report::frame(frame.number, &frame.note, &total, &reports));
+        bar.suspend(|| warn(args, frame, &total, &reports, &maps));
+        frames.push(report::frame(frame, &total, &reports, &maps, args.texture_size));
         bar.inc(1);
     }
     document["frames"] = Value::Array(frames);
@@ -112,118 +133,64 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// The part of the program that calls vrtm.
-struct Bake<'a> {
-    asset: Asset,
-    tiles: Vec<Tile<'a>>,
-}
+/// What draws the sheets.
+struct Drawing<'a>(Stage<'a>);
 
-struct Tile<'a> {
-    udim: u32,
-    rigidity: Option<&'a Map>,
-    mask: Option<&'a Map>,
-    /// Size of the redirection map in texels.
-    size: [u32; 2],
-}
-
-impl<'a> Bake<'a> {
-    fn new(source: &'a Source, args: &Args, device: &Device) -> Result<Bake<'a>> {
-        let mesh = &source.mesh;
-        let mesh_failure = |e| Failure::named(&source.origin, e);
-        let uvs = Strided::from_f32x2(&mesh.uvs);
-        let mut asset = Asset::new(
-            device,
-            &MeshSource {
-                positions: Strided::from_f32x3(&mesh.rest),
-                face_counts: Some(&mesh.face_counts),
-                indices: &mesh.indices,
-                uvs: UvSource { u: uvs, v: None, indices: Some(&mesh.uv_indices) },
-                weld: args.weld.into(),
-                ..MeshSource::default()
-            },
-        )
-        .map_err(mesh_failure)?;
-
-        // A tile without a map is the identity; it gets the size of the others.
-        let sizes = source.maps.values().filter_map(|tile| tile.rigidity.as_ref());
-        let fallback = sizes.map(|map| [map.width, map.height]).max().unwrap_or([512, 512]);
-        let mut tiles = Vec::new();
-        for index in 0..asset.tile_count() {
-            let udim = asset.tile_info(index).map_err(mesh_failure)?.udim;
-            let maps = source.maps.get(&udim);
-            let rigidity = maps.and_then(|maps| maps.rigidity.as_ref());
-            let mask = maps.and_then(|maps| maps.mask.as_ref());
-            if let Some(map) = rigidity {
-                let view = Some(map.view()?);
-                asset.set_rigidity(index, view).map_err(|e| Failure::named(&map.origin, e))?;
-            }
-            if let Some(map) = mask {
-                let view = Some(map.view()?);
-                asset.set_mask(index, view).map_err(|e| Failure::named(&map.origin, e))?;
-            }
-            let own = rigidity.map_or(fallback, |map| [map.width, map.height]);
-            let size = args.size.map_or(own, |n| [n, n]);
-            let mut settings = asset.settings(index).map_err(mesh_failure)?;
-            settings.grid = size.map(|n| Some(n.min(vrtm::MAX_GRID)));
-            asset.set_settings(index, &settings).map_err(|e| Failure::named("--size", e))?;
-            tiles.push(Tile { udim, rigidity, mask, size });
+impl<'a> Drawing<'a> {
+    /// `None` if no sheets are wanted.
+    fn new(source: &'a Source, bake: &Bake, args: &Args, device: &Device) -> Result<Option<Drawing<'a>>> {
+        if args.no_sheet {
+            return Ok(None);
         }
-        Ok(Bake { asset, tiles })
+        // Rigidity per vertex is shown as a map.
+        let triangles = source.mesh.triangles();
+        let painted: Vec<Option<Map>> = bake
+            .tiles
+            .iter()
+            .map(|tile| {
+                let values = source.vertex_rigidity.as_ref()?;
+                Some(vertices::rasterised(values, &triangles, tile.udim))
+            })
+            .collect();
+        let maps = bake.tiles.iter().zip(&painted);
+        let tiles: Vec<_> =
+            maps.map(|(tile, painted)| (tile.udim, painted.as_ref().or(tile.rigidity))).collect();
+        let poses: Vec<&[[f32; 3]]> = source.frames.iter().map(|f| f.positions.as_slice()).collect();
+        Ok(Some(Drawing(Stage::new(&source.mesh, &tiles, &poses, args, device.info().threads as usize))))
     }
 
-    /// Figures of the tiles for the report.
-    fn describe(&mut self) -> Result<Vec<Value>> {
-        let mut list = Vec::new();
-        for (index, tile) in self.tiles.iter().enumerate() {
-            let failure = |e| Failure::named(&format!("tile {}", tile.udim), e);
-            let info = self.asset.tile_info(index).map_err(failure)?;
-            let settings = self.asset.settings(index).map_err(failure)?;
-            let origin = |map: Option<&'a Map>| map.map(|map| map.origin.as_str());
-            list.push(report::tile(&info, &settings, origin(tile.rigidity), origin(tile.mask)));
-        }
-        Ok(list)
-    }
-
-    /// Solves a pose and fetches each tile's results.
-    fn frame(&mut self, frame: &Frame, args: &Args) -> Result<Vec<TileResult>> {
-        let failure = |e| Failure::named(&frame.origin, e);
-        let options = SolveOptions {
-            quality: args.quality.into(),
-            warm: args.warm,
-            temporal_weight: args.temporal_weight,
-            solver: args.solver.into(),
-            pbd: PbdSettings { iterations: args.iterations, ..PbdSettings::default() },
-            measure: true,
-            ..SolveOptions::default()
-        };
-        self.asset.solve(Strided::from_f32x3(&frame.positions), &options).map_err(failure)?;
-        let mut results = Vec::new();
-        for (index, tile) in self.tiles.iter().enumerate() {
-            let grid = self.asset.tile_info(index).map_err(failure)?.grid;
-            let nodes = grid.map(|cells| cells + 1);
-            let redirect =
-                fetch(&mut self.asset, index, FetchKind::Redirection, tile.size).map_err(failure)?;
-            let warp = fetch(&mut self.asset, index, FetchKind::Warp, nodes).map_err(failure)?;
-            // The report is read after the fetch, so that it contains the time of the inversion.
-            let report = self.asset.tile_report(index).map_err(failure)?;
-            results.push(TileResult { redirect, warp, report });
-        }
-        Ok(results)
+    fn draw(&self, source: &Source, frame: &Frame, bake: &Bake) -> Result<image::RgbImage> {
+        let title = format!("{}   frame {}   {}", source.name, frame.number, frame.note);
+        Ok(self.0.draw(&title, &frame.positions, &bake.shown(frame)?))
     }
 }
 
-/// Reads one output into an image of two f32 channels, first row at the top.
-fn fetch(
-    asset: &mut Asset,
-    tile: usize,
-    kind: FetchKind,
-    [width, height]: [u32; 2],
-) -> vrtm::Result<Field<2>> {
-    let (columns, rows) = (width as usize, height as usize);
-    let mut bytes = vec![0u8; columns * rows * 8];
-    let layout = ImageLayout::packed(width, height, PixelFormat::F32);
-    asset.fetch(tile, kind, &mut ImageViewMut::new("image", &mut bytes, layout)?)?;
-    let float = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
-    let data = bytes.chunks_exact(8).map(|b| [float(b), float(&b[4..])]).collect();
-    Ok(Field { width: columns, height: rows, data })
+/// Tells on stderr what nobody can have meant.
+fn warn(args: &Args, frame: &Frame, asset: &AssetReport, tiles: &[TileReport], maps: &[MapReport]) {
+    let say = |text: String| eprintln!("bake: warning: frame {}: {text}", frame.number);
+    let origin = &frame.origin;
+    if !(1.0 / 3.0..=3.0).contains(&asset.median_stretch) {
+        let factor = asset.median_stretch;
+        say(format!(
+            "{origin}: edges are {factor:.3} times as long as at rest (median): is it in other units, or are the \
+             vertices in another order?"
+        ));
+    } else if asset.stretched_share > 0.05 {
+        let percent = 100.0 * asset.stretched_share;
+        say(format!(
+            "{origin}: {percent:.1} % of the edges are more than 3 times as long as at rest: are the vertices in the order \
+             of the rest mesh?"
+        ));
+    }
+    let advice = match (args.exact, args.half) {
+        (true, _) => "; without --exact they need not",
+        (false, true) => "; numbers of 16 bits are too coarse for it: leave --half out, or take --form delta",
+        (false, false) => "",
+    };
+    for (tile, map) in tiles.iter().zip(maps).filter(|(_, map)| map.folds > 0) {
+        say(format!(
+            "tile {}: {} squares between four texels of the redirection fold under bilinear lookup{advice}",
+            tile.udim, map.folds
+        ));
+    }
 }

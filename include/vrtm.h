@@ -880,6 +880,14 @@ VRTM_API
 vrtm_status vrtm_asset_set_vertex_rigidity(vrtm_asset asset,
                                            const vrtm_array *rigidity);
 
+// Sets the warp mask of all tiles from one value per vertex (1 component, as many as vertices), linear over each
+// triangle: what is under 0.5 does not move. Null: all may move, the default.
+//
+// Errors: those of vrtm_asset_set_vertex_rigidity.
+VRTM_API
+vrtm_status vrtm_asset_set_vertex_mask(vrtm_asset asset,
+                                       const vrtm_array *mask);
+
 // Sets a tile's settings. Null: all defaults.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field; VRTM_ERROR_BUSY.
@@ -1465,6 +1473,12 @@ typedef struct vrtm_asset_report_data {
     // Tiles that the last call left alone: frozen, not asked for, or touched by no dirty vertex. Their charts count as
     // reused.
     uint32_t tiles_kept;
+    // The median, over some thousand edges of the last pose, of their length as a multiple of that at rest. Over 3 or
+    // under 1/3, which the log warns of, the pose is most likely in other units, or its vertices in another order.
+    float median_stretch;
+    // The share of these edges, 0..1, that are more than 3 times as long as at rest. Over 0.05, which the log warns
+    // of, the pose's vertices are most likely in another order than the mesh's.
+    float stretched_share;
 } vrtm_asset_report_data;
 
 // Reports on a tile's last solve.

@@ -1259,6 +1259,16 @@ public:
         return Result<>(vrtm_asset_set_vertex_rigidity(handle(), nullptr));
     }
 
+    Result<> try_set_vertex_mask(const Array &mask) const noexcept
+    {
+        return Result<>(vrtm_asset_set_vertex_mask(handle(), &mask.c()));
+    }
+    // Takes it away.
+    Result<> try_set_vertex_mask(std::nullptr_t) const noexcept
+    {
+        return Result<>(vrtm_asset_set_vertex_mask(handle(), nullptr));
+    }
+
     Result<> try_solve(const Array &positions, const SolveOptions &options = SolveOptions()) const noexcept
     {
         const vrtm_solve_options c = options.c();
@@ -1329,6 +1339,8 @@ public:
     Tile find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const { return try_find_tile(udim, uv_set).value(); }
     void set_vertex_rigidity(const Array &rigidity) const { try_set_vertex_rigidity(rigidity).value(); }
     void set_vertex_rigidity(std::nullptr_t) const { try_set_vertex_rigidity(nullptr).value(); }
+    void set_vertex_mask(const Array &mask) const { try_set_vertex_mask(mask).value(); }
+    void set_vertex_mask(std::nullptr_t) const { try_set_vertex_mask(nullptr).value(); }
     void solve(const Array &positions, const SolveOptions &options = SolveOptions()) const
     {
         try_solve(positions, options).value();

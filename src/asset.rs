@@ -27,6 +27,7 @@ mod on_gpu;
 #[cfg(feature = "gpu")]
 mod switched;
 mod solved;
+mod stretch;
 mod tile_state;
 mod torn;
 mod untangle;

@@ -269,6 +269,12 @@ pub struct AssetReport {
     pub truncated: bool,
     /// Tiles that the last call left alone.
     pub tiles_kept: u32,
+    /// The median, over some thousand edges of the last pose, of their length as a multiple of that at rest. Over 3 or
+    /// under 1/3, which the log warns of, the pose is most likely in other units, or its vertices in another order.
+    pub median_stretch: f32,
+    /// The share of these edges, 0..1, that are more than 3 times as long as at rest. Over 0.05, which the log warns of,
+    /// the pose's vertices are most likely in another order than the mesh's.
+    pub stretched_share: f32,
 }
 
 /// Dispatches, submissions and transfers of a tile's last solve on a GPU.

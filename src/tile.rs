@@ -5,6 +5,7 @@
 pub(crate) mod squares;
 mod cover;
 mod rigidity;
+mod vertex_mask;
 pub(crate) mod survey;
 pub(crate) mod build;
 pub(crate) mod repaint;
@@ -58,11 +59,23 @@ pub(crate) enum Rigidity {
     Vertices(Arc<Vec<f32>>),
 }
 
+/// The source of a tile's mask.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) enum Mask {
+    /// All may move.
+    #[default]
+    None,
+    /// An image.
+    Map(Map),
+    /// One value per vertex of the mesh.
+    Vertices(Arc<Vec<f32>>),
+}
+
 /// A tile's maps and settings, as the host has set them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TileMaps {
     pub rigidity: Rigidity,
-    pub mask: Option<Map>,
+    pub mask: Mask,
     pub settings: TileSettings,
 }
 

@@ -58,7 +58,7 @@ struct Host {
     devices: Vec<u64>,
     assets: Vec<u64>,
     tiles: Vec<u64>,
-    statuses: [usize; 9],
+    statuses: [usize; 10],
 }
 
 /// A struct of the C API with its size field set and all else zero.
@@ -85,7 +85,7 @@ impl Host {
             devices: vec![0, 1, u64::MAX],
             assets: vec![0, 2, u64::MAX],
             tiles: vec![0, 3, u64::MAX],
-            statuses: [0; 9],
+            statuses: [0; 10],
         };
         for (k, point) in host.positions.iter_mut().enumerate() {
             *point = [(k % (SIDE + 1)) as f64, (k / (SIDE + 1)) as f64, 0.0, 1.0];
@@ -319,7 +319,12 @@ impl Host {
                 16 => {
                     let data = self.texels.as_ptr().cast();
                     let values = self.array(data, VERTICES, VRTM_SCALAR_F32, 4);
-                    vrtm_asset_set_vertex_rigidity(self.asset(), self.odd(ptr::null(), &[&raw const values]))
+                    let values = self.odd(ptr::null(), &[&raw const values]);
+                    if self.random.one_in(2) {
+                        vrtm_asset_set_vertex_mask(self.asset(), values)
+                    } else {
+                        vrtm_asset_set_vertex_rigidity(self.asset(), values)
+                    }
                 }
                 17 | 18 => {
                     let mut settings = sized::<vrtm_tile_settings>();
@@ -392,7 +397,9 @@ impl Host {
     fn run(&mut self, calls: usize) {
         for number in 0..calls {
             let (status, writes) = self.call();
-            assert!((VRTM_OK..=VRTM_ERROR_INTERNAL).contains(&status), "call {number}: status {status}");
+            // Another thread may have destroyed the asset, whose solve is then cancelled.
+            let known = (VRTM_OK..=VRTM_ERROR_CANCELLED).contains(&status);
+            assert!(known, "call {number}: status {status}");
             assert_ne!(status, VRTM_ERROR_INTERNAL, "call {number}: {}", Host::last_error());
             if status != VRTM_OK {
                 assert!(Host::last_error().starts_with("vrtm_"), "call {number}: {}", Host::last_error());
@@ -430,7 +437,9 @@ fn random_calls_never_do_harm() {
 fn random_calls_on_many_threads_never_do_harm() {
     std::thread::scope(|scope| {
         for seed in 2..5 {
-            scope.spawn(move || Host::new(seed).run(1500));
+            // The library takes a thread without a name for one of its own, and keeps its panics to itself.
+            let thread = std::thread::Builder::new().name(format!("seed {seed}"));
+            thread.spawn_scoped(scope, move || Host::new(seed).run(1500)).unwrap();
         }
     });
 }

@@ -7,8 +7,8 @@ use clap::{Parser, ValueEnum};
 /// Bakes UV redirection maps that keep painted features rigid while the mesh under them deforms.
 ///
 /// Without an argument it bakes a built-in scene, a mug that is edited into a jug. Per frame (numbered from 1) and
-/// UDIM tile it writes redirect.####.<UDIM>.exr and warp.####.<UDIM>.exr: absolute UVs within the tile in the
-/// channels R and G, v up, first row = top of the tile. A texture looked up at the redirected UV keeps its rigid
+/// UDIM tile it writes redirect.####.<UDIM>.exr and warp.####.<UDIM>.exr: UVs in the channels R and G, v up, first
+/// row = top of the tile. They are data, not colour: read them without a colour space, and with clamped edges. A texture looked up at the redirected UV keeps its rigid
 /// features in shape. Per frame it writes sheet.####.png, a picture to judge by, and at the end report.json.
 #[derive(Debug, Parser)]
 #[command(name = "bake", version, max_term_width = 100)]
@@ -18,7 +18,7 @@ pub struct Args {
     pub asset: Option<PathBuf>,
 
     /// Mesh at rest, with UVs
-    #[arg(long, value_name = "FILE.obj", requires_all = ["pose", "rigidity"], conflicts_with = "scene")]
+    #[arg(long, value_name = "FILE.obj", requires_all = ["pose", "stiff"], conflicts_with = "scene")]
     pub rest: Option<PathBuf>,
 
     /// Poses in the order of their frames: each OBJ is one, a .f32 file (little-endian f32, frames x vertices x 3)
@@ -26,13 +26,28 @@ pub struct Args {
     #[arg(long, value_name = "FILE", num_args = 1.., requires = "rest")]
     pub pose: Vec<PathBuf>,
 
-    /// Rigidity maps, white = rigid: a path in which <UDIM> stands for the tile's number, e.g. 'r.<UDIM>.png'
-    #[arg(long, value_name = "PATTERN", requires = "rest")]
+    /// Where the rest positions come from, if not from --rest: 'first' takes those of the first pose, a file those of its
+    /// first one. Faces and UVs are those of --rest in any case
+    #[arg(long, value_name = "FILE|first", requires = "rest", value_parser = parse_rest_pose)]
+    pub rest_pose: Option<RestPose>,
+
+    /// Rigidity maps, white = rigid: a path in which <UDIM> stands for the tile's number, e.g. 'r.<UDIM>.png'. PNG, JPEG,
+    /// TIFF or EXR, of 8, 16 or 32 bits; of colours the luminance counts
+    #[arg(long, value_name = "PATTERN", requires = "rest", group = "stiff")]
     pub rigidity: Option<String>,
 
     /// Warp masks: texels darker than middle grey do not move; a path as for --rigidity
     #[arg(long, value_name = "PATTERN", requires = "rest")]
     pub mask: Option<String>,
+
+    /// Rigidity per vertex in place of maps: a text file with a number per line, in the order of the vertices, an OBJ whose
+    /// vertices have colours (v x y z r g b), or 'colors' for the colours of the rest mesh
+    #[arg(long, value_name = "FILE|colors", requires = "rest", group = "stiff")]
+    pub vertex_rigidity: Option<String>,
+
+    /// Warp mask per vertex in place of maps, as for --vertex-rigidity: what is under 0.5 does not move
+    #[arg(long, value_name = "FILE|colors", requires = "rest", conflicts_with = "mask")]
+    pub vertex_mask: Option<String>,
 
     /// Built-in scene: mug_to_jug, creature, arm, squash, bulge, pinch, shear, torus or strips
     #[arg(long, value_name = "NAME")]
@@ -46,9 +61,63 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
 
-    /// Cells of the grid and texels of the redirection map, per side [default: the rigidity map's size]
+    /// Which UVs the redirection holds. tile: within the tile, 0 to 1, for a texture that is looked up tile by tile (Nuke's
+    /// STMap, a shader with one texture). udim: with the tile's place added, for a UDIM texture (Blender, Arnold, RenderMan,
+    /// Karma), which needs no further node. delta: what to add to the mesh's own UV, with one node, which is right for UVs
+    /// that leave the tile, too, and loses least with --half
+    #[arg(long, value_enum, default_value = "tile")]
+    pub form: Form,
+
+    /// Names of the EXR files, below --out: <kind> stands for redirect, warp and so on, <frame> for at least four digits,
+    /// <UDIM> for the tile. The default is what renderers, Painter and Mari want, the tile's number last; Blender takes the
+    /// last number for the frame, so that a sequence of one tile wants '<kind>.<UDIM>.<frame>.exr'
+    #[arg(long, value_name = "PATTERN", default_value = crate::names::DEFAULT)]
+    pub name: String,
+
+    /// Write RGBA, with 1 in A where a chart covers the texel's centre, instead of RGB with 0 in B
+    #[arg(long)]
+    pub alpha: bool,
+
+    /// Write numbers of 16 bits; in a map of 512 texels or more lines bend visibly, except with --form delta
+    #[arg(long)]
+    pub half: bool,
+
+    /// Write the redirection at each texel's centre as it is, even where lookups between the texels then fold. Otherwise the
+    /// values next to a fold are moved a little, so that there is none
+    #[arg(long)]
+    pub exact: bool,
+
+    /// Also write jacobian files: du'/du, du'/dv, dv'/du and dv'/dv of the redirection in R, G, B and A, for normal maps
+    #[arg(long)]
+    pub jacobian: bool,
+
+    /// Also write filter files: by what factor the redirection enlarges a texture filter at most, in R, G and B alike
+    #[arg(long)]
+    pub filter_scale: bool,
+
+    /// Write no warp files
+    #[arg(long)]
+    pub no_warp: bool,
+
+    /// Draw no sheets
+    #[arg(long)]
+    pub no_sheet: bool,
+
+    /// Cells of the grid per side, and texels of the maps unless --map-size says otherwise [default: the rigidity map's
+    /// size; 1024 with --vertex-rigidity]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(vrtm::MAX_GRID)))]
     pub size: Option<u32>,
+
+    /// Texels of the maps per side: a number, or auto for the smallest power of two at which 99 % of each frame's map, read
+    /// bilinearly, is off by at most half a texel of the texture (--texture-size). For auto each frame is solved twice, and
+    /// all frames get the same size
+    #[arg(long, value_name = "N|auto", value_parser = parse_map_size)]
+    pub map_size: Option<MapSize>,
+
+    /// Texels per side of the texture that will be looked up: report.json tells the maps' errors in these, and --map-size
+    /// auto goes by them
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
+    pub texture_size: u32,
 
     /// How much work
     #[arg(long, value_enum, default_value = "normal")]
@@ -94,6 +163,37 @@ pub struct Args {
     /// Which axis of the mesh points up in the sheet [default: z if the mesh stands on z = 0, else y]
     #[arg(long, value_enum)]
     pub up: Option<Up>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Form {
+    Tile,
+    Udim,
+    Delta,
+}
+
+#[derive(Clone, Debug)]
+pub enum RestPose {
+    First,
+    File(PathBuf),
+}
+
+fn parse_rest_pose(text: &str) -> Result<RestPose, String> {
+    Ok(if text == "first" { RestPose::First } else { RestPose::File(text.into()) })
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MapSize {
+    Texels(u32),
+    Auto,
+}
+
+fn parse_map_size(text: &str) -> Result<MapSize, String> {
+    match text.parse() {
+        _ if text == "auto" => Ok(MapSize::Auto),
+        Ok(n) if (1..=vrtm::MAX_GRID).contains(&n) => Ok(MapSize::Texels(n)),
+        _ => Err(format!("neither auto nor a number from 1 to {}", vrtm::MAX_GRID)),
+    }
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

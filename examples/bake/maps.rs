@@ -1,12 +1,9 @@
 //! Single-channel maps: read from image files, passed to vrtm unchanged, sampled by the sheet.
 
-use std::io::Cursor;
-use std::path::Path;
-
-use image::{DynamicImage, ImageReader};
+use exr::prelude::f16;
 use vrtm::{ImageLayout, ImageView, PixelFormat};
 
-use crate::failure::{Failure, Result, read};
+use crate::failure::{Failure, Result};
 
 #[derive(Clone, Debug)]
 pub struct Map {
@@ -24,26 +21,6 @@ impl Map {
         Map { width, height, format: PixelFormat::U8, bytes, origin: origin.into() }
     }
 
-    /// Reads a PNG of 8 or 16 bits; a colour image is converted to luminance.
-    pub fn load(path: &Path) -> Result<Map> {
-        let bytes = read(path)?;
-        let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-        let image = reader.map_err(|e| Failure::file(path, e))?;
-        let image = image.decode().map_err(|e| Failure::file(path, e))?;
-        let (width, height) = (image.width(), image.height());
-        let (format, bytes) = match image {
-            DynamicImage::ImageLuma8(_)
-            | DynamicImage::ImageLumaA8(_)
-            | DynamicImage::ImageRgb8(_)
-            | DynamicImage::ImageRgba8(_) => (PixelFormat::U8, image.into_luma8().into_raw()),
-            deep => {
-                let texels = deep.into_luma16().into_raw();
-                (PixelFormat::U16, texels.into_iter().flat_map(u16::to_ne_bytes).collect())
-            }
-        };
-        Ok(Map { width, height, format, bytes, origin: path.display().to_string() })
-    }
-
     /// A view of the map for vrtm.
     pub fn view(&self) -> Result<ImageView<'_>> {
         let layout = ImageLayout::packed(self.width, self.height, self.format);
@@ -52,13 +29,14 @@ impl Map {
 
     /// Values between 0 and 1, first row at the top.
     pub fn values(&self) -> Vec<f32> {
-        match self.format {
+        let pairs = || self.bytes.chunks_exact(2).map(|b| [b[0], b[1]]);
+        let values: Vec<f32> = match self.format {
             PixelFormat::U8 => self.bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
-            _ => {
-                let texels = self.bytes.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]]));
-                texels.map(|t| f32::from(t) / 65535.0).collect()
-            }
-        }
+            PixelFormat::U16 => pairs().map(|b| f32::from(u16::from_ne_bytes(b)) / 65535.0).collect(),
+            PixelFormat::F16 => pairs().map(|b| f16::from_ne_bytes(b).to_f32()).collect(),
+            _ => self.bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect(),
+        };
+        values.into_iter().map(|value| value.clamp(0.0, 1.0)).collect()
     }
 }
 

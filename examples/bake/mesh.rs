@@ -41,7 +41,7 @@ impl Triangle {
 
 impl Mesh {
     /// The range of corners of each face.
-    fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
+    pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
         let mut end = 0;
         self.face_counts.iter().map(move |&count| {
             let start = end;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use obj::{LoadConfig, ObjData, ObjError};
+use obj::{LoadConfig, ObjData, ObjError, Object, SimplePolygon};
 
 use crate::failure::{Failure, Result, read};
 use crate::mesh::Mesh;
@@ -12,8 +12,7 @@ pub fn load_mesh(path: &Path) -> Result<Mesh> {
     let data = load(path)?;
     let mut mesh = Mesh { rest: data.position, uvs: data.texture, ..Mesh::default() };
     check_finite(path, "vt", &mesh.uvs)?;
-    let polygons = data.objects.iter().flat_map(|object| &object.groups).flat_map(|group| &group.polys);
-    for (face, polygon) in polygons.enumerate() {
+    for (face, polygon) in polygons(&data.objects).enumerate() {
         let bad = |what: String| Failure::file(path, format!("face {} {what}", face + 1));
         if polygon.0.len() < 3 {
             return Err(bad(format!("has {} corners", polygon.0.len())));
@@ -36,9 +35,45 @@ pub fn load_mesh(path: &Path) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Reads the vertices of a pose.
-pub fn load_positions(path: &Path) -> Result<Vec<[f32; 3]>> {
-    Ok(load(path)?.position)
+/// Reads the vertices of a pose. Faces, if it has some, must be those of the rest mesh: others tell that the vertices are in
+/// another order.
+pub fn load_positions(path: &Path, rest: &Mesh) -> Result<Vec<[f32; 3]>> {
+    let data = load(path)?;
+    let faces: Vec<Vec<u32>> =
+        polygons(&data.objects).map(|face| face.0.iter().map(|corner| corner.0 as u32).collect()).collect();
+    // A wrong number of vertices is told first, elsewhere.
+    if faces.is_empty() || data.position.len() != rest.rest.len() {
+        return Ok(data.position);
+    }
+    for (number, (face, range)) in (1..).zip(faces.iter().zip(rest.faces())) {
+        let expected = &rest.indices[range];
+        if !is_rotated(face, expected) {
+            let list = |face: &[u32]| {
+                face.iter().map(|vertex| (vertex + 1).to_string()).collect::<Vec<_>>().join(" ")
+            };
+            let reason = format!(
+                "face {number} has the vertices {}, but that of the rest mesh has {}: the vertices must be in the same order",
+                list(face),
+                list(expected)
+            );
+            return Err(Failure::file(path, reason));
+        }
+    }
+    if faces.len() != rest.face_counts.len() {
+        let reason = format!("{} faces, but the rest mesh has {}", faces.len(), rest.face_counts.len());
+        return Err(Failure::file(path, reason));
+    }
+    Ok(data.position)
+}
+
+fn polygons(objects: &[Object]) -> impl Iterator<Item = &SimplePolygon> {
+    objects.iter().flat_map(|object| &object.groups).flat_map(|group| &group.polys)
+}
+
+/// True if two faces have the same corners in the same order, whichever comes first.
+fn is_rotated(face: &[u32], expected: &[u32]) -> bool {
+    let n = face.len();
+    n == expected.len() && (0..n).any(|first| (0..n).all(|k| face[(first + k) % n] == expected[k]))
 }
 
 fn load(path: &Path) -> Result<ObjData> {

@@ -2,13 +2,57 @@
 //! together.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Cursor, Seek, Write};
+use std::io::{BufWriter, Cursor, Write};
 use std::path::{Path, PathBuf};
 
-use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage};
+use exr::meta::attribute::{AttributeValue, Text};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image as ExrImage, Layer, LayerAttributes, SmallVec,
+    WritableImage, f16,
+};
+use vrtm::PixelFormat;
 
 use crate::failure::{Failure, Result};
-use crate::maps::Field;
+use crate::outputs::{Image, Output};
+
+/// What a file tells of itself.
+#[derive(Debug)]
+pub struct Facts {
+    pub output: Output,
+    pub udim: u32,
+    pub frame: usize,
+    /// A hash of all that the content depends on.
+    pub inputs: String,
+}
+
+impl Facts {
+    /// As attributes. Blender takes `colorInteropID` for the colour space, OpenImageIO this and `oiio:ColorSpace`; both are
+    /// set, and no chromaticities: a program that reads those converts what it takes for a colour. The edges are clamped
+    /// where the wrap mode is read.
+    fn attributes(&self) -> LayerAttributes {
+        let text = |text: &str| AttributeValue::Text(Text::from(text));
+        let mut attributes = LayerAttributes {
+            software_name: Some(concat!("vrtm ", env!("CARGO_PKG_VERSION")).into()),
+            wrap_mode_name: Some("clamp".into()),
+            ..LayerAttributes::default()
+        };
+        for (name, value) in [
+            ("colorInteropID", text("data")),
+            ("oiio:ColorSpace", text("data")),
+            ("vrtm:kind", text(self.output.kind)),
+            ("vrtm:udim", AttributeValue::I32(self.udim as i32)),
+            ("vrtm:frame", AttributeValue::I32(self.frame as i32)),
+            ("vrtm:version", text(env!("CARGO_PKG_VERSION"))),
+            ("vrtm:inputs", text(&self.inputs)),
+        ] {
+            attributes.other.insert(name.into(), value);
+        }
+        if let Some(form) = self.output.form {
+            attributes.other.insert("vrtm:form".into(), text(form));
+        }
+        attributes
+    }
+}
 
 /// Files to be renamed. If it is dropped without [`Staging::commit`], they are removed.
 #[derive(Debug)]
@@ -30,7 +74,10 @@ impl Staging {
         body: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), String>,
     ) -> Result<()> {
         let path = self.folder.join(name);
-        let temporary = self.folder.join(format!(".{name}.{}.part", std::process::id()));
+        // Beside the file, so that it can be renamed.
+        let (folder, file) = (path.parent().unwrap_or(&self.folder), path.file_name().unwrap_or_default());
+        fs::create_dir_all(folder).map_err(|e| Failure::file(folder, e))?;
+        let temporary = folder.join(format!(".{}.{}.part", file.to_string_lossy(), std::process::id()));
         self.waiting.push((temporary.clone(), path.clone()));
         let file = File::create(&temporary).map_err(|e| Failure::file(&path, e))?;
         let mut writer = BufWriter::new(file);
@@ -38,9 +85,9 @@ impl Staging {
         writer.flush().map_err(|e| Failure::file(&path, e))
     }
 
-    /// Writes two f32 channels, R and G, with lossless compression (ZIP).
-    pub fn exr(&mut self, name: &str, field: &Field<2>) -> Result<()> {
-        self.write(name, |writer| write_exr(field, writer))
+    /// Writes an image with lossless compression (ZIP).
+    pub fn exr(&mut self, name: &str, image: &Image, facts: &Facts) -> Result<()> {
+        self.write(name, |writer| write_exr(image, facts, writer))
     }
 
     pub fn png(&mut self, name: &str, image: &image::RgbImage) -> Result<()> {
@@ -72,12 +119,52 @@ impl Drop for Staging {
     }
 }
 
-fn write_exr(field: &Field<2>, writer: impl Write + Seek) -> std::result::Result<(), String> {
-    let channels = SpecificChannels::build().with_channel("R").with_channel("G").with_pixel_fn(|at| {
-        let [u, v] = field.at(at.x(), at.y());
-        (u, v)
-    });
-    let size = (field.width, field.height);
-    let layer = Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
-    Image::from_layer(layer).write().to_buffered(writer).map_err(|e| e.to_string())
+fn write_exr(image: &Image, facts: &Facts, writer: &mut impl Write) -> std::result::Result<(), String> {
+    let each = if image.format == PixelFormat::F16 { 2 } else { 4 };
+    let channel = |(k, name): (usize, &&str)| {
+        // An image of one channel fills all of the file's.
+        let k = k.min(image.channels - 1);
+        let values =
+            image.bytes.chunks_exact(image.channels * each).map(|texel| &texel[k * each..(k + 1) * each]);
+        let samples = if image.format == PixelFormat::F16 {
+            FlatSamples::F16(values.map(|b| f16::from_ne_bytes([b[0], b[1]])).collect())
+        } else {
+            FlatSamples::F32(values.map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect())
+        };
+        AnyChannel::new(*name, samples)
+    };
+    let channels: SmallVec<[_; 4]> = image.names.iter().enumerate().map(channel).collect();
+    let [width, height] = image.size.map(|n| n as usize);
+    let layer = Layer::new(
+        (width, height),
+        facts.attributes(),
+        Encoding::SMALL_LOSSLESS,
+        AnyChannels::sort(channels),
+    );
+    let mut bytes = Cursor::new(Vec::new());
+    ExrImage::from_layer(layer).write().to_buffered(&mut bytes).map_err(|e| e.to_string())?;
+    let mut bytes = bytes.into_inner();
+    sort_attributes(&mut bytes);
+    writer.write_all(&bytes).map_err(|e| e.to_string())
+}
+
+/// Sorts the attributes in a file's header by name. The crate `exr` writes them in an order that changes from run to run;
+/// the same inputs are to give the same bytes. A header is a list of names, types and sizes, each followed by a value, and
+/// ends with an empty name.
+fn sort_attributes(bytes: &mut [u8]) {
+    const MAGIC_AND_VERSION: usize = 8;
+    let mut attributes: Vec<Vec<u8>> = Vec::new();
+    let mut rest = &bytes[MAGIC_AND_VERSION..];
+    let text_end =
+        |bytes: &[u8], from: usize| from + bytes[from..].iter().take_while(|&&b| b != 0).count() + 1;
+    while rest[0] != 0 {
+        let size_at = text_end(rest, text_end(rest, 0));
+        let size = [0, 1, 2, 3].map(|k| rest[size_at + k]);
+        let end = size_at + 4 + u32::from_le_bytes(size) as usize;
+        attributes.push(rest[..end].to_vec());
+        rest = &rest[end..];
+    }
+    attributes.sort();
+    let sorted = attributes.concat();
+    bytes[MAGIC_AND_VERSION..MAGIC_AND_VERSION + sorted.len()].copy_from_slice(&sorted);
 }

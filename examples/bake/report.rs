@@ -3,10 +3,10 @@
 use std::io::IsTerminal;
 
 use serde_json::{Value, json};
-use vrtm::{AssetInfo, AssetReport, DeviceInfo, Strain, StrainReport, TileInfo, TileReport};
+use vrtm::{AssetInfo, AssetReport, DeviceInfo, MapReport, Strain, StrainReport, TileInfo, TileReport};
 
 use crate::args::Args;
-use crate::source::Source;
+use crate::source::{Frame, Source};
 
 /// Figures that are known before the first frame.
 pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInfo) -> Value {
@@ -20,6 +20,8 @@ pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInf
             "warm": args.warm,
             "temporal_weight": args.temporal_weight,
             "size": args.size,
+            "form": format!("{:?}", args.form).to_lowercase(),
+            "half": args.half,
             "weld": format!("{:?}", args.weld).to_lowercase(),
         },
         "device": {
@@ -79,11 +81,23 @@ pub fn tile(
     })
 }
 
-pub fn frame(number: usize, note: &str, asset: &AssetReport, tiles: &[TileReport]) -> Value {
+/// All figures of a frame. Errors of the maps are told in texels of a texture with so many texels per side.
+pub fn frame(
+    frame: &Frame,
+    asset: &AssetReport,
+    tiles: &[TileReport],
+    maps: &[MapReport],
+    texture_size: u32,
+) -> Value {
+    let of = |(tile, written): (&TileReport, &MapReport)| {
+        let mut value = solve(tile);
+        value["map"] = map(written, texture_size);
+        value
+    };
     json!({
-        "frame": number,
-        "note": note,
-        "tiles": tiles.iter().map(solve).collect::<Vec<_>>(),
+        "frame": frame.number,
+        "note": frame.note,
+        "tiles": tiles.iter().zip(maps).map(of).collect::<Vec<_>>(),
         "asset": {
             "tiles": asset.tiles,
             "tiles_active": asset.tiles_active,
@@ -96,7 +110,26 @@ pub fn frame(number: usize, note: &str, asset: &AssetReport, tiles: &[TileReport
             "bytes": asset.bytes,
             "total_ms": asset.total_ms,
             "truncated": asset.truncated,
+            "median_stretch": asset.median_stretch,
+            "stretched_share": asset.stretched_share,
         },
+    })
+}
+
+/// The redirection as it was written, under bilinear lookup.
+fn map(map: &MapReport, texture_size: u32) -> Value {
+    let texels = |error: f64| error * f64::from(texture_size);
+    json!({
+        "size": map.size,
+        "folds": map.folds,
+        "min_jacobian": map.min_jacobian,
+        "error_texels": {
+            "texture_size": texture_size,
+            "rms": texels(map.error_rms),
+            "p99": texels(map.error_p99),
+            "max": texels(map.error_max),
+        },
+        "sufficient_size": map.sufficient_size,
     })
 }
 

@@ -5,12 +5,14 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::args::Args;
+use crate::args::{Args, RestPose};
 use crate::failure::{Failure, Result, read};
+use crate::image_file;
 use crate::maps::Map;
 use crate::mesh::Mesh;
 use crate::obj;
 use crate::scenes::{self, Scene};
+use crate::vertices;
 
 /// All that is read before the first solve.
 #[derive(Debug)]
@@ -26,6 +28,9 @@ pub struct Source {
     pub chosen: Vec<usize>,
     /// Maps by UDIM number.
     pub maps: BTreeMap<u32, TileMaps>,
+    /// Rigidity and mask per vertex.
+    pub vertex_rigidity: Option<Vec<f32>>,
+    pub vertex_mask: Option<Vec<f32>>,
     /// Author, licence and source of an asset for the report.
     pub credits: Value,
 }
@@ -115,6 +120,8 @@ fn scene(name: &str) -> Result<Source> {
         frames: frames.collect(),
         chosen: Vec::new(),
         maps: maps.collect(),
+        vertex_rigidity: None,
+        vertex_mask: None,
         credits: Value::Null,
     })
 }
@@ -140,7 +147,7 @@ fn asset(folder: &Path) -> Result<Source> {
         for (udim, file) in json[kind].as_object().into_iter().flatten() {
             let bad = || Failure::file(&path, format!("\"{kind}\" should map UDIM numbers to file names"));
             let udim: u32 = udim.parse().map_err(|_| bad())?;
-            let map = Map::load(&folder.join(file.as_str().ok_or_else(bad)?))?;
+            let map = image_file::load(&folder.join(file.as_str().ok_or_else(bad)?))?;
             if present.contains(&udim) {
                 let tile = maps.entry(udim).or_default();
                 *(if field { &mut tile.rigidity } else { &mut tile.mask }) = Some(map);
@@ -156,23 +163,36 @@ fn asset(folder: &Path) -> Result<Source> {
         frames,
         chosen: Vec::new(),
         maps,
+        vertex_rigidity: None,
+        vertex_mask: None,
         credits: credits.iter().map(|&key| (key.to_string(), json[key].clone())).collect(),
     })
 }
 
 fn files(rest: &Path, args: &Args) -> Result<Source> {
-    let mesh = obj::load_mesh(rest)?;
+    let mut mesh = obj::load_mesh(rest)?;
     let mut frames = Vec::new();
     for path in &args.pose {
-        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("f32")) {
-            load_f32(path, mesh.rest.len(), &mut frames)?;
-        } else {
-            let positions = obj::load_positions(path)?;
-            let note = path.file_stem().map_or(String::new(), |n| n.to_string_lossy().into_owned());
-            let origin = path.display().to_string();
-            frames.push(Frame { number: frames.len() + 1, positions, origin, note });
-        }
+        load_poses(path, &mesh, &mut frames)?;
     }
+    let mut at_rest = Vec::new();
+    let first = match &args.rest_pose {
+        Some(RestPose::First) => frames.first(),
+        Some(RestPose::File(path)) => {
+            load_poses(path, &mesh, &mut at_rest)?;
+            at_rest.first()
+        }
+        None => None,
+    };
+    if let Some(first) = first {
+        check_positions(first, mesh.rest.len())?;
+        mesh.rest = first.positions.clone();
+    }
+    let of_vertices = |name: &Option<String>| {
+        name.as_ref().map(|name| vertices::load(name, rest, mesh.rest.len())).transpose()
+    };
+    let (vertex_rigidity, vertex_mask) =
+        (of_vertices(&args.vertex_rigidity)?, of_vertices(&args.vertex_mask)?);
     let udims: Vec<u32> = mesh.udims().into_iter().collect();
     let mut maps: BTreeMap<u32, TileMaps> = BTreeMap::new();
     if let Some(pattern) = &args.rigidity {
@@ -192,6 +212,8 @@ fn files(rest: &Path, args: &Args) -> Result<Source> {
         frames,
         chosen: Vec::new(),
         maps,
+        vertex_rigidity,
+        vertex_mask,
         credits: Value::Null,
     })
 }
@@ -203,14 +225,25 @@ fn load_pattern(argument: &str, pattern: &str, udims: &[u32]) -> Result<Vec<(u32
             let reason = format!("the mesh has {} tiles: write <UDIM> for the tile's number", udims.len());
             return Err(Failure::named(&format!("{argument} {pattern}"), reason));
         };
-        return Ok(vec![(*udim, Map::load(Path::new(pattern))?)]);
+        return Ok(vec![(*udim, image_file::load(Path::new(pattern))?)]);
     }
     let paths = udims.iter().map(|&udim| (udim, PathBuf::from(pattern.replace("<UDIM>", &udim.to_string()))));
     let found: Vec<_> = paths.filter(|(_, path)| path.exists()).collect();
     if found.is_empty() {
         return Err(Failure::named(pattern, format!("no such file for any of the mesh's tiles {udims:?}")));
     }
-    found.into_iter().map(|(udim, path)| Ok((udim, Map::load(&path)?))).collect()
+    found.into_iter().map(|(udim, path)| Ok((udim, image_file::load(&path)?))).collect()
+}
+
+/// Appends the poses of a file: an OBJ has one, a .f32 file one or more.
+fn load_poses(path: &Path, mesh: &Mesh, frames: &mut Vec<Frame>) -> Result<()> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("f32")) {
+        return load_f32(path, mesh.rest.len(), frames);
+    }
+    let positions = obj::load_positions(path, mesh)?;
+    let note = path.file_stem().map_or(String::new(), |n| n.to_string_lossy().into_owned());
+    frames.push(Frame { number: frames.len() + 1, positions, origin: path.display().to_string(), note });
+    Ok(())
 }
 
 /// Reads little-endian f32, frames x vertices x 3, and appends the frames.

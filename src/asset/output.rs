@@ -226,7 +226,7 @@ mod tests {
                 let warp = Arc::new(Warp::Host(of_gpu.warp.host().unwrap().to_vec()));
                 let show = |solved: Arc<Solved>| {
                     let tiles = vec![Some(TileResult { solved, kept: false })];
-                    asset.results.replace(Last { tiles, solved_ms: Some(0.0) });
+                    asset.results.replace(Last { tiles, solved_ms: Some(0.0), ..Last::default() });
                 };
                 show(Arc::new(of_gpu.with_warp(warp)));
                 let (on_cpu, cpu_ms) = fetch(&asset, kind, size);

@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::image::ImageView;
-use crate::image::map::{Map, TexelRect};
+use crate::image::map::TexelRect;
 use crate::memory::caught;
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
@@ -14,7 +14,7 @@ use crate::settings::{LogLevel, Solver, TileSettings};
 use crate::team::Team;
 use crate::tile::repaint::repaint;
 use crate::tile::survey::Survey;
-use crate::tile::{Grid, Rigidity, TileMaps, build, saved};
+use crate::tile::{Grid, Mask, Rigidity, TileMaps, build, saved};
 
 use super::backend::TileSolver;
 use super::solved::Solved;
@@ -88,7 +88,7 @@ impl TileState {
     }
 
     /// Takes a new mask. The grid is rebuilt at the next solve if it differs.
-    pub fn set_mask(&mut self, mask: Option<Map>) {
+    pub fn set_mask(&mut self, mask: Mask) {
         if self.maps.mask != mask {
             self.maps.mask = mask;
             self.grid = None;

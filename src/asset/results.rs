@@ -17,6 +17,7 @@ use super::inspect::{self, MapDesc, MapReport};
 use super::kind::FetchKind;
 use super::output::Outputs;
 use super::solved::Solved;
+use super::stretch::Stretch;
 
 /// The last good results of an asset. Cloning gives another handle to the same ones; it may be kept and read by any thread
 /// while the asset is in use, or gone. A read sees the results of one solve, whole: the next solve replaces all of
@@ -42,6 +43,8 @@ pub(super) struct Last {
     pub tiles: Vec<Option<TileResult>>,
     /// Wall-clock milliseconds of the last solve; `None` before the first.
     pub solved_ms: Option<f32>,
+    /// Of the last pose.
+    pub stretch: Stretch,
 }
 
 /// The result of a tile.
@@ -237,6 +240,8 @@ impl Results {
             tiles: last.tiles.len() as u32,
             min_jacobian: 1.0,
             total_ms: last.solved_ms.unwrap_or_default(),
+            median_stretch: last.stretch.median as f32,
+            stretched_share: last.stretch.share as f32,
             ..Default::default()
         };
         for result in last.tiles.iter().flatten() {

@@ -16,6 +16,7 @@ use super::fetch::Output;
 use super::results::{Last, TileResult, not_solved};
 use super::side_by_side;
 use super::solved::{ChartInput, Solved};
+use super::stretch::Stretch;
 use super::tile_state::{SolveCall, TileState};
 use super::{Asset, Fetch};
 
@@ -130,7 +131,9 @@ impl Asset {
         if request.options.measure {
             self.measure(team, request.positions, &mut solved)?;
         }
-        let fresh = self.fresh(solved, plan, solved_ms);
+        let stretch = Stretch::new(&self.mesh, &request.positions);
+        stretch.warn(&self.device);
+        let fresh = self.fresh(solved, plan, solved_ms, stretch);
         // From here on the call has a result, and cannot be cancelled.
         if let Some(control) = team.control() {
             control.seal_or_unwind();
@@ -165,14 +168,14 @@ impl Asset {
         let last = self.results.last();
         let stays = |(tile, result): (usize, &Option<TileResult>)| result.clone().filter(|_| !tiles[tile]);
         let rest = last.tiles.iter().enumerate().map(stays).collected();
-        self.results.replace(Last { tiles: rest, solved_ms: last.solved_ms });
+        self.results.replace(Last { tiles: rest, solved_ms: last.solved_ms, stretch: last.stretch });
         for (state, _) in self.tiles.iter_mut().zip(tiles).filter(|(_, of)| **of) {
             state.solved = None;
         }
     }
 
     /// The results of a solve, ready to take the place of the last ones.
-    fn fresh(&self, solved: Vec<(usize, Solved)>, plan: Plan, solved_ms: f32) -> Fresh {
+    fn fresh(&self, solved: Vec<(usize, Solved)>, plan: Plan, solved_ms: f32, stretch: Stretch) -> Fresh {
         let kept = |state: &TileState| state.solved.clone().map(|solved| TileResult { solved, kept: true });
         let mut all: Vec<_> = self.tiles.iter().map(kept).collected();
         let mut inputs = with_capacity(solved.len());
@@ -180,7 +183,7 @@ impl Asset {
             inputs.put((tile, std::mem::take(&mut solved.inputs)));
             all[tile] = Some(TileResult { solved: Arc::new(solved), kept: false });
         }
-        Fresh { plan, inputs, last: Last { tiles: all, solved_ms: Some(solved_ms) } }
+        Fresh { plan, inputs, last: Last { tiles: all, solved_ms: Some(solved_ms), stretch } }
     }
 
     /// Writes outputs of results that are not published yet.

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use crate::control::stoppable;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::map::Map;
 use crate::memory::{Collect, caught, copied, filled, zeroed};
 use crate::mesh::{Mesh, TileMesh};
 use crate::method::budget::{Clock, History};
@@ -18,7 +17,7 @@ use crate::settings::Solver;
 use crate::team::Team;
 use crate::tile::blocks::SIDE;
 use crate::tile::pose::Pose;
-use crate::tile::{Grid, Rigidity, TileMaps};
+use crate::tile::{Grid, Mask, Rigidity, TileMaps};
 use crate::view::Strided;
 
 use super::backend::{Job, TileSolution, TileSolver, Warp};
@@ -117,7 +116,12 @@ impl TileState {
             Rigidity::Map(map) => map.bytes(),
             Rigidity::Vertices(values) => values.len() as u64 * 4,
         };
-        rigidity + self.maps.mask.as_ref().map_or(0, Map::bytes)
+        let mask = match &self.maps.mask {
+            Mask::None => 0,
+            Mask::Map(map) => map.bytes(),
+            Mask::Vertices(values) => values.len() as u64 * 4,
+        };
+        rigidity + mask
     }
 
     /// Solves the tile for a pose. Nothing of the last result changes: the caller hands the new one to `take` when all

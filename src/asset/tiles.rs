@@ -9,8 +9,8 @@ use crate::image::ImageView;
 use crate::image::map::{Map, PAGE};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::TileSettings;
-use crate::tile::Rigidity;
 use crate::tile::squares::pages_near;
+use crate::tile::{Mask, Rigidity};
 use crate::view::Strided;
 
 impl Asset {
@@ -111,7 +111,10 @@ impl Asset {
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_mask(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
         self.check_tile(tile)?;
-        let mask = image.map(|image| self.device.call(|| self.map_of("mask", tile, image))).transpose()?;
+        let mask = match image {
+            Some(image) => Mask::Map(self.device.call(|| self.map_of("mask", tile, image))?),
+            None => Mask::None,
+        };
         self.tiles[tile].set_mask(mask);
         Ok(())
     }
@@ -152,18 +155,36 @@ impl Asset {
     /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_rigidity(&mut self, values: Option<Strided>) -> Result<()> {
         let rigidity = match values {
-            Some(values) => {
-                self.check_vertices("rigidity", &values, 1)?;
-                let value = |v: usize| (values.get(v, 0) as f32).clamp(0.0, 1.0);
-                let all = self.device.call(|| Ok((0..values.len()).map(value).collected()))?;
-                Rigidity::Vertices(Arc::new(all))
-            }
+            Some(values) => Rigidity::Vertices(self.of_vertices("rigidity", &values)?),
             None => Rigidity::None,
         };
         for tile in &mut self.tiles {
             tile.set_rigidity(rigidity.clone());
         }
         Ok(())
+    }
+
+    /// Sets the mask of all tiles from one value per vertex (linear over each triangle): what is under 0.5 does not move,
+    /// nor does a node within half a cell of it; `None` = all may move.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a wrong count or a value that is not finite.
+    pub fn set_vertex_mask(&mut self, values: Option<Strided>) -> Result<()> {
+        let mask = match values {
+            Some(values) => Mask::Vertices(self.of_vertices("mask", &values)?),
+            None => Mask::None,
+        };
+        for tile in &mut self.tiles {
+            tile.set_mask(mask.clone());
+        }
+        Ok(())
+    }
+
+    /// Copies one value per vertex, clamped to 0..1.
+    fn of_vertices(&self, name: &str, values: &Strided) -> Result<Arc<Vec<f32>>> {
+        self.check_vertices(name, values, 1)?;
+        let value = |v: usize| (values.get(v, 0) as f32).clamp(0.0, 1.0);
+        self.device.call(|| Ok(Arc::new((0..values.len()).map(value).collected())))
     }
 
     /// Sets a tile's settings.

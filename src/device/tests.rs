@@ -125,6 +125,7 @@ fn after_a_loss_every_call_says_so_and_a_new_device_works() {
     failures.push(lost.set_rigidity(0, Some(painted(&[9; 4]))));
     failures.push(lost.set_mask(0, None));
     failures.push(lost.set_vertex_rigidity(Some(Strided::from_f32(&[0.0; 6]))));
+    failures.push(lost.set_vertex_mask(Some(Strided::from_f32(&[0.0; 6]))));
     failures.push(lost.set_settings(0, &TileSettings::default()));
     failures.push(lost.tile_info(0).map(drop));
     failures.push(lost.tile_report(0).map(drop));

@@ -156,6 +156,12 @@ pub struct vrtm_asset_report_data {
     /// Tiles that the last call left alone: frozen, not asked for, or touched by no dirty vertex. Their charts count as
     /// reused.
     pub tiles_kept: u32,
+    /// The median, over some thousand edges of the last pose, of their length as a multiple of that at rest. Over 3 or
+    /// under 1/3, which the log warns of, the pose is most likely in other units, or its vertices in another order.
+    pub median_stretch: f32,
+    /// The share of these edges, 0..1, that are more than 3 times as long as at rest. Over 0.05, which the log warns
+    /// of, the pose's vertices are most likely in another order than the mesh's.
+    pub stretched_share: f32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
@@ -272,6 +278,8 @@ pub unsafe extern "C" fn vrtm_asset_report(
             ms_total: r.total_ms,
             truncated: u32::from(r.truncated),
             tiles_kept: r.tiles_kept,
+            median_stretch: r.median_stretch,
+            stretched_share: r.stretched_share,
         });
         Ok(())
     })

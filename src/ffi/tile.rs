@@ -250,6 +250,27 @@ pub unsafe extern "C" fn vrtm_asset_set_vertex_rigidity(
     })
 }
 
+/// Sets the warp mask of all tiles from one value per vertex (1 component, as many as vertices), linear over each
+/// triangle: what is under 0.5 does not move. Null: all may move, the default.
+///
+/// Errors: those of vrtm_asset_set_vertex_rigidity.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_set_vertex_mask(
+    asset: vrtm_asset,
+    mask: *const vrtm_array,
+) -> vrtm_status {
+    guard("vrtm_asset_set_vertex_mask", || {
+        let asset = handle::asset(asset)?;
+        let values = if mask.is_null() {
+            None
+        } else {
+            // SAFETY: the host's pointer, valid during the call.
+            Some(unsafe { strided(mask, 1, "mask") }?)
+        };
+        asset.write(|asset| Ok(asset.set_vertex_mask(values)?))
+    })
+}
+
 /// Sets a tile's settings. Null: all defaults.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field; VRTM_ERROR_BUSY.

@@ -14,6 +14,10 @@ impl NodeSet {
         self.0[j] |= 1 << i;
     }
 
+    pub fn remove(&mut self, i: usize, j: usize) {
+        self.0[j] &= !(1 << i);
+    }
+
     pub fn contains(&self, i: usize, j: usize) -> bool {
         self.0[j] >> i & 1 != 0
     }

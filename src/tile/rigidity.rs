@@ -1,9 +1,9 @@
-//! Rigidity and mask at the nodes of a square (method §1), from a tile's maps or from the rigidity of the vertices.
+//! Rigidity and mask at the nodes of a square (method §1), from a tile's maps or from values per vertex.
 
 use super::blocks::SIDE;
 use super::cover::{Cover, Coverer, WIDE, at};
 use super::node_set::NodeSet;
-use super::{Rigidity, TileMaps, UvTriangle};
+use super::{Mask, Rigidity, TileMaps, UvTriangle, vertex_mask};
 use crate::image::map::{at_nodes, free_nodes};
 use crate::mesh::NONE;
 
@@ -46,7 +46,11 @@ impl NodeRigidity<'_> {
 
     /// The square's nodes that the mask leaves free.
     pub fn free(&self, square: [u32; 2]) -> NodeSet {
-        let Some(mask) = &self.maps.mask else { return NodeSet([u16::MAX; SIDE]) };
+        let mask = match &self.maps.mask {
+            Mask::None => return NodeSet([u16::MAX; SIDE]),
+            Mask::Map(map) => map,
+            Mask::Vertices(values) => return vertex_mask::free(self.coverer, values, square),
+        };
         let (first, count) = self.nodes(square, 0);
         let values = free_nodes(mask, [self.coverer.nx, self.coverer.ny], first, count);
         let mut free = NodeSet::EMPTY;

@@ -19,7 +19,7 @@ mod write;
 
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
-use super::{Grid, Rigidity, TileMaps};
+use super::{Grid, Mask, Rigidity, TileMaps};
 use crate::error::Result;
 use crate::mesh::{Mesh, TileMesh};
 use crate::team::Team;
@@ -61,8 +61,13 @@ pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> u128 {
         }
     }
     match &maps.mask {
-        None => hash.update(&[0]),
-        Some(mask) => mask.hash(&mut hash),
+        Mask::None => hash.update(&[0]),
+        Mask::Map(map) => map.hash(&mut hash),
+        Mask::Vertices(values) => {
+            hash.update(b"vertices");
+            let of_tile = tile.charts.iter().flat_map(|chart| &chart.vertices);
+            of_tile.for_each(|&v| hash.update(&values[v as usize].to_le_bytes()));
+        }
     }
     hash.digest128()
 }

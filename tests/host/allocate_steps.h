@@ -281,6 +281,12 @@ static vrtm_status weigh(work *w)
     return vrtm_asset_set_vertex_rigidity(w->asset, &array);
 }
 
+static vrtm_status hold(work *w)
+{
+    vrtm_array array = array_of(weights, POINTS);
+    return vrtm_asset_set_vertex_mask(w->asset, &array);
+}
+
 static const struct {
     const char *name;
     vrtm_status (*run)(work *);
@@ -318,6 +324,8 @@ static const struct {
     {"job", submit},
     {"vertex rigidity", weigh},
     {"solve of vertex rigidity", solve_draft},
+    {"vertex mask", hold},
+    {"solve of vertex mask", solve_draft},
 };
 
 enum { STEPS = sizeof steps / sizeof steps[0] };

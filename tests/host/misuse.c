@@ -271,8 +271,10 @@ static void maps(void)
     array.data = rigid;
     array.count = VERTICES - 1;
     fails("a value per vertex, but one", vrtm_asset_set_vertex_rigidity(asset, &array), BAD, "rigidity");
+    fails("a mask per vertex, but one", vrtm_asset_set_vertex_mask(asset, &array), BAD, "mask");
     array.count = VERTICES;
     rigid[VERTICES - 1] = NAN;
+    fails("a NaN mask", vrtm_asset_set_vertex_mask(asset, &array), BAD, "mask[168]");
     fails("a NaN value", vrtm_asset_set_vertex_rigidity(asset, &array), BAD, "rigidity[168]");
     WITH(data, array.data, NULL,
          fails("no values", vrtm_asset_set_vertex_rigidity(asset, &array), BAD, "rigidity.data is null"));

@@ -227,6 +227,8 @@ int main(void)
     rigid.count = VERTICES;
     succeeds("set_vertex_rigidity", vrtm_asset_set_vertex_rigidity(asset, &rigid));
     succeeds("set_vertex_rigidity to none", vrtm_asset_set_vertex_rigidity(asset, NULL));
+    succeeds("set_vertex_mask", vrtm_asset_set_vertex_mask(asset, &rigid));
+    succeeds("set_vertex_mask to none", vrtm_asset_set_vertex_mask(asset, NULL));
 
     /* The asset outlives its device. */
     succeeds("device_destroy", vrtm_device_destroy(device));

@@ -559,11 +559,18 @@ void outputs(const vrtm::Device &device)
     refuses("a UV set that is not there", asset.try_corner_uvs(1), vrtm::Code::invalid_argument, "uv_set");
     refuses("too few corners", asset.try_corner_uvs(own.data(), 3), vrtm::Code::invalid_argument, "count");
     check_that(asset.try_report()->tiles == 1 && asset.try_report()->folds == 0, "an asset's report", "");
+    check_that(asset.try_report()->median_stretch > 0, "has the stretch of the pose's edges", "");
 
     const std::vector<float> elastic(VERTICES, 0), rigid(VERTICES, 1);
     works("no map", tile.try_set_rigidity(nullptr));
     works("rigidity per vertex", asset.try_set_vertex_rigidity({rigid.data(), VERTICES}));
     check_that(tile.try_estimate()->movable_nodes > 0 && tile.try_info()->grid_width == 1024, "is taken", "");
+    works("a mask per vertex", asset.try_set_vertex_mask({elastic.data(), VERTICES}));
+    check_that(tile.try_estimate()->movable_nodes == 0, "holds all", "");
+    works("no mask per vertex", asset.try_set_vertex_mask(nullptr));
+    check_that(tile.try_estimate()->movable_nodes > 0, "holds nothing", "");
+    refuses("too little of a mask", asset.try_set_vertex_mask({elastic.data(), 3}), vrtm::Code::invalid_argument,
+            "3 elements");
     works("no rigidity per vertex", asset.try_set_vertex_rigidity(nullptr));
     refuses("too little of it", asset.try_set_vertex_rigidity({elastic.data(), 3}), vrtm::Code::invalid_argument,
             "3 elements");

@@ -83,6 +83,8 @@ void everything_works()
     std::vector<float> ones(VERTICES, 1);
     asset.set_vertex_rigidity({ones.data(), VERTICES});
     asset.set_vertex_rigidity(nullptr);
+    asset.set_vertex_mask({ones.data(), VERTICES});
+    asset.set_vertex_mask(nullptr);
     tile.set_rigidity(nullptr);
     asset.solve({pose, VERTICES});
     check_that(tile.report().charts_active == 0, "no rigidity", "");
@@ -121,6 +123,8 @@ void everything_throws()
     NONE(find_tile(1001))
     NONE(set_vertex_rigidity(nullptr))
     NONE(set_vertex_rigidity({pair, 2}))
+    NONE(set_vertex_mask(nullptr))
+    NONE(set_vertex_mask({pair, 2}))
     NONE(solve({pose, VERTICES}))
     NONE(redirect({pose, VERTICES}, {}))
     NONE(cancel())

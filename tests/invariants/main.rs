@@ -7,4 +7,5 @@ mod identity;
 mod maps;
 mod outputs;
 mod same_bits;
+mod stretch;
 mod warps;

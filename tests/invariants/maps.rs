@@ -160,3 +160,54 @@ fn vertex_rigidity_is_the_same_map_painted() {
     println!("vertices against map: {largest:e} cells of {}", painted.longest());
     assert!(largest < 8e-3 * painted.longest(), "{largest}");
 }
+
+#[test]
+fn a_mask_per_vertex_is_the_same_mask_painted() {
+    // x on the sheet equals u: its right half may move, from the first node on that is half a cell away from the left.
+    let model = Model::from(common::scenes::analytic::bulge());
+    let right = mask(|x, _| x < N / 2);
+    let mut painted = model.asset(0, N);
+    painted.set_mask(0, Some(common::view(&right, N, N))).unwrap();
+    painted.solve(model.frame(1), &options(Quality::Draft)).unwrap();
+    let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
+    let mut asset = model.asset(0, N);
+    asset.set_vertex_mask(Some(Strided::from_f32(&values))).unwrap();
+    let [all, some] = [&model.asset(0, N), &asset].map(|a| a.tile_estimate(0).unwrap().movable_nodes);
+    assert!(0 < some && some < all, "{some} of {all}");
+    asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
+    assert!(bits(&asset) == bits(&painted));
+    assert!(Warp::of(&asset, 0).longest() > 1.0);
+    // What was prepared with this mask belongs to no other one.
+    let saved = asset.save_tile(0).unwrap();
+    assert!(asset.load_tile(0, &saved).is_ok());
+    asset.set_vertex_mask(Some(Strided::from_f32(&vec![0.75; values.len()]))).unwrap();
+    assert!(asset.load_tile(0, &saved).is_err());
+    // A mask that holds nothing, and no mask, are the same.
+    asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
+    let held_nothing = bits(&asset);
+    asset.set_vertex_mask(None).unwrap();
+    asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
+    assert!(held_nothing == bits(&asset));
+}
+
+#[test]
+fn one_line_of_vertices_in_a_mask_is_a_barrier_on_a_coarse_grid() {
+    let model = Model::from(common::scenes::analytic::bulge());
+    // The column of vertices that is next to u = 0.4.
+    let line =
+        model.rest.iter().map(|p| p[0]).min_by(|a, b| (a - 0.4).abs().total_cmp(&(b - 0.4).abs())).unwrap();
+    let values: Vec<f32> = model.rest.iter().map(|p| f32::from(p[0] != line)).collect();
+    for grid in [32, 128, 256] {
+        let mut asset = model.asset(0, grid);
+        asset.set_vertex_mask(Some(Strided::from_f32(&values))).unwrap();
+        asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
+        let warp = Warp::of(&asset, 0);
+        let width = grid as usize + 1;
+        let near = |i: usize| (i as f32 - line * grid as f32).abs() <= 0.5;
+        assert!((0..width).any(near), "{grid}");
+        for (k, u) in warp.u.iter().enumerate() {
+            assert!(!near(k % width) || *u == [0.0; 2], "{grid}: node {k}");
+        }
+        assert!(warp.longest() > 0.05, "{grid}: {}", warp.longest());
+    }
+}

@@ -61,7 +61,8 @@ pub(crate) fn posed(n: u32, pose: impl Fn(f64, f64) -> [f64; 3]) -> Vec<[f64; 3]
 pub(crate) fn maps(size: usize, settings: TileSettings, rigidity: impl Fn(f64, f64) -> f64) -> TileMaps {
     let at = |k: usize| (k as f64 + 0.5) / size as f64;
     let values: Vec<f32> = (0..size * size).map(|k| rigidity(at(k % size), at(k / size)) as f32).collect();
-    TileMaps { rigidity: Rigidity::Map(Map::from_values(size, size, &values)), mask: None, settings }
+    let rigidity = Rigidity::Map(Map::from_values(size, size, &values));
+    TileMaps { rigidity, settings, ..TileMaps::default() }
 }
 
 /// Scales: discs in a square pattern.

@@ -1,0 +1,92 @@
+//! How much longer a pose's edges are than at rest: tells a host that handed over another scene's units, or vertices in
+//! another order.
+
+use glam::DVec3;
+
+use crate::device::Device;
+use crate::memory::{Grow, with_capacity};
+use crate::mesh::Mesh;
+use crate::settings::LogLevel;
+use crate::view::Strided;
+
+/// Edges that are looked at, at most: enough for a median, and few enough to cost nothing beside a solve.
+const SAMPLES: usize = 4096;
+/// A median from here on, or under its inverse, is no deformation that features could survive.
+const IMPLAUSIBLE: f64 = 3.0;
+/// So large a share of edges that are longer by the factor above is none either. In real animation it is 1 % at most; a
+/// tenth of the vertices in a wrong order makes it 10 %.
+const IMPLAUSIBLE_SHARE: f64 = 0.05;
+
+/// The lengths of a pose's edges, as multiples of those at rest.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stretch {
+    /// Their median.
+    pub median: f64,
+    /// The share of them over 3.
+    pub share: f64,
+}
+
+/// Of a mesh without edges.
+impl Default for Stretch {
+    fn default() -> Stretch {
+        Stretch { median: 1.0, share: 0.0 }
+    }
+}
+
+impl Stretch {
+    /// Measures some thousand edges of the textured triangles, evenly chosen from all of them.
+    pub fn new(mesh: &Mesh, pose: &Strided) -> Stretch {
+        let sides: usize = mesh.tiles.iter().map(|tile| 3 * tile.triangles.len()).sum();
+        let step = sides.div_ceil(SAMPLES).max(1);
+        // Never the same side of all triangles.
+        let step = if step > 1 && step.is_multiple_of(3) { step + 1 } else { step };
+        let mut stretches = with_capacity::<f64>(sides.div_ceil(step));
+        let (mut next, mut first) = (0, 0);
+        for tile in &mesh.tiles {
+            for chart in &tile.charts {
+                let end = first + 3 * chart.triangles.len();
+                while next < end {
+                    let triangle = &tile.triangles[chart.triangles.start + (next - first) / 3];
+                    let side = (next - first) % 3;
+                    let ends = [side, (side + 1) % 3].map(|k| chart.vertices[triangle.local[k] as usize]);
+                    let [a, b] = ends.map(|v| DVec3::from(mesh.rest[v as usize]));
+                    let [p, q] = ends.map(|v| DVec3::from(pose.get3(v as usize)));
+                    let rest = a.distance(b);
+                    if rest > 0.0 && rest.is_finite() {
+                        stretches.put(p.distance(q) / rest);
+                    }
+                    next += step;
+                }
+                first = end;
+            }
+        }
+        if stretches.is_empty() {
+            return Stretch::default();
+        }
+        let long = stretches.iter().filter(|&&stretch| stretch > IMPLAUSIBLE).count();
+        let share = long as f64 / stretches.len() as f64;
+        let middle = stretches.len() / 2;
+        let (_, median, _) = stretches.select_nth_unstable_by(middle, f64::total_cmp);
+        Stretch { median: *median, share }
+    }
+
+    /// Warns of a pose that cannot be meant.
+    pub fn warn(&self, device: &Device) {
+        let Stretch { median, share } = *self;
+        let message = if !(1.0 / IMPLAUSIBLE..=IMPLAUSIBLE).contains(&median) {
+            format!(
+                "pose: its edges are {median:.3} times as long as at rest (median): is it in other units, or are its \
+                 vertices in another order?"
+            )
+        } else if share > IMPLAUSIBLE_SHARE {
+            let percent = 100.0 * share;
+            format!(
+                "pose: {percent:.1} % of its edges are more than 3 times as long as at rest: are its vertices in the \
+                 order of the mesh?"
+            )
+        } else {
+            return;
+        };
+        device.log(LogLevel::Warning, &message);
+    }
+}

@@ -1,0 +1,144 @@
+//! Built-in scenes and real assets, and the report.
+
+use std::path::Path;
+
+use crate::common::{folder, names, read_exr, report, succeed, text};
+
+#[test]
+fn the_built_in_scene_gives_exactly_its_files() {
+    let out = folder("mug");
+    let table = succeed(&["--size", "64", "--frames", "2,4", "--out", text(&out)]);
+    let expected = [
+        "redirect.0002.1001.exr",
+        "redirect.0004.1001.exr",
+        "report.json",
+        "sheet.0002.png",
+        "sheet.0004.png",
+        "warp.0002.1001.exr",
+        "warp.0004.1001.exr",
+    ];
+    assert_eq!(names(&out), expected);
+    assert!(table.contains("1001") && table.contains("->"), "{table}");
+
+    let (width, height, redirect) = read_exr(&out.join("redirect.0004.1001.exr"));
+    assert_eq!((width, height), (64, 64));
+    let (columns, rows, warp) = read_exr(&out.join("warp.0004.1001.exr"));
+    assert_eq!((columns, rows), (65, 65));
+    let mut largest = 0.0f32;
+    for y in 0..height {
+        for x in 0..width {
+            let centre = [(x as f32 + 0.5) / 64.0, 1.0 - (y as f32 + 0.5) / 64.0];
+            let uv = redirect[y * width + x];
+            let moved = (uv[0] - centre[0]).abs().max((uv[1] - centre[1]).abs());
+            // All nodes between the charts of the side (v >= 0.55) and of the handle (v <= 0.40) are fixed; the two
+            // rows of cells beside a chart belong to it. One rounding of f32 is allowed.
+            if (0.44..0.51).contains(&centre[1]) {
+                assert!(moved <= 1e-6, "texel ({x}, {y}) moved by {moved}");
+            }
+            largest = largest.max(moved);
+        }
+    }
+    assert!(largest > 0.25 / 64.0, "a jug's studs are somewhere else than a mug's: {largest}");
+    // Nodes lie at the corners of cells, so that the image reaches from corner to corner of the tile; v points up, and
+    // the first row is at the top.
+    assert_eq!(warp[0], [0.0, 1.0]);
+    assert_eq!(warp[64], [1.0, 1.0]);
+    assert_eq!(warp[65 * 64], [0.0, 0.0]);
+
+    let sheet = image::open(out.join("sheet.0004.png")).expect("a picture");
+    assert!(sheet.width() > 1500 && sheet.height() > 700);
+}
+
+#[test]
+fn the_report_has_every_figure() {
+    let out = folder("report");
+    succeed(&["--scene", "arm", "--size", "64", "--frames", "2-3", "--out", text(&out)]);
+    let report = report(&out);
+    assert_eq!(report["program"]["version"], env!("CARGO_PKG_VERSION"));
+    assert_eq!(report["settings"]["quality"], "normal");
+    assert_eq!(report["asset"]["tiles"], 2);
+    assert_eq!(report["tiles"][1]["udim"], 1002);
+    let frames = report["frames"].as_array().expect("frames");
+    let numbers: Vec<_> = frames.iter().map(|f| f["frame"].as_u64().unwrap()).collect();
+    assert_eq!(numbers, [2, 3]);
+    for frame in frames {
+        for tile in frame["tiles"].as_array().expect("tiles") {
+            for key in [
+                "energy_before",
+                "energy",
+                "min_jacobian",
+                "folds",
+                "sweeps",
+                "corrections",
+                "nodes_active",
+                "bytes",
+            ] {
+                assert!(tile[key].is_number(), "{key}: {}", tile[key]);
+            }
+            for key in ["surface", "pyramid", "prolong", "relax", "correct", "certify", "invert", "total"] {
+                assert!(tile["ms"][key].is_number(), "ms.{key}");
+            }
+            for side in ["before", "after"] {
+                for key in ["rms", "median", "p95", "p99", "max", "border_rms", "interior_rms", "free_rms"] {
+                    assert!(tile["strain"][side][key].is_number(), "strain.{side}.{key}");
+                }
+            }
+            assert!(tile["strain"]["harm"].is_number() && tile["strain"]["help"].is_number());
+            assert_eq!(tile["folds"], 0);
+            let rms = |side: &str| tile["strain"][side]["rms"].as_f64().unwrap();
+            assert!(rms("after") < rms("before"), "tile {}", tile["udim"]);
+        }
+    }
+}
+
+/// The assets are optional; if present, they lie beside the checkout.
+#[test]
+fn real_assets_bake() {
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/assets");
+    if !assets.is_dir() {
+        assert!(std::env::var_os("VRTM_REQUIRE_ASSETS").is_none(), "no {}", assets.display());
+        println!("skipped: no {}", assets.display());
+        return;
+    }
+    for name in names(&assets) {
+        let asset = assets.join(&name);
+        if !asset.join("asset.json").is_file() {
+            continue;
+        }
+        let out = folder(&format!("asset_{name}"));
+        succeed(&["--asset", text(&asset), "--size", "128", "--frames", "1", "--out", text(&out)]);
+        let report = report(&out);
+        assert_eq!(report["scene"]["name"], name);
+        let tiles = report["frames"][0]["tiles"].as_array().expect("tiles");
+        assert_eq!(names(&out).len(), 2 * tiles.len() + 2, "{name}");
+        for tile in tiles {
+            let strain = &tile["strain"];
+            println!("{name} {}: {} -> {}", tile["udim"], strain["before"]["rms"], strain["after"]["rms"]);
+            assert_eq!(tile["folds"], 0, "{name}");
+            assert!(tile["min_jacobian"].as_f64().is_some_and(|j| j > 0.0), "{name}");
+        }
+    }
+}
+
+#[test]
+fn help_tells_the_options() {
+    let help = succeed(&["--help"]);
+    for option in ["--asset", "--rest", "--pose", "--rigidity", "--mask", "--frames", "--out", "--size"] {
+        assert!(help.contains(option), "{option}");
+    }
+    for option in [
+        "--quality",
+        "--solver",
+        "--iterations",
+        "--warm",
+        "--temporal-weight",
+        "--device",
+        "--adapter",
+        "--threads",
+        "draft",
+        "high",
+        "redirect.####.<UDIM>.exr",
+    ] {
+        assert!(help.contains(option), "{option}");
+    }
+}

@@ -1,0 +1,9 @@
+//! The bake example as its users run it: the files that it writes, their contents, and the refusal of bad input.
+
+mod built_in;
+mod common;
+mod inputs;
+mod maps;
+mod outputs;
+mod poses;
+mod refusals;

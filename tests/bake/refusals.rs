@@ -1,0 +1,109 @@
+//! Bad input is refused, with a line that names it.
+
+use std::fs;
+
+use crate::common::{Files, REST, floats, folder, names, refuse, text};
+
+#[test]
+fn bad_files_are_refused() {
+    let files = Files::new("bad_files");
+    let check = |pose: &str, culprit: &str, reason: &str| {
+        let (arguments, out) = files.arguments(pose, &[]);
+        refuse(&arguments, &out, culprit, reason);
+    };
+    check("none.obj", "none.obj", "");
+    files.write("short.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n");
+    check("short.obj", "short.obj", "3 vertices, but the rest mesh has 6");
+    files.write("nan.obj", REST.replace("v 2 0 0", "v 2 nan 0").as_bytes());
+    check("nan.obj", "nan.obj", "not finite");
+    files.write("broken.obj", REST.replace("v 2 0 0", "v 2 zero 0").as_bytes());
+    check("broken.obj", "broken.obj", "line 4");
+    files.write("cut.f32", &floats(&[0.0; 6 * 3])[..70]);
+    check("cut.f32", "cut.f32", "70 bytes");
+    files.write("empty.f32", b"");
+    check("empty.f32", "empty.f32", "0 bytes");
+    files.write("inf.f32", &floats(&[f32::INFINITY; 6 * 3]));
+    check("inf.f32", "inf.f32", "not finite");
+    let path = files.path("r.1001.png");
+    let png = fs::read(&path).expect("the map");
+    files.write("r.1001.png", &png[..png.len() / 2]);
+    check("pose.obj", "r.1001.png", "");
+    files.write("r.1001.png", b"not a picture");
+    check("pose.obj", "r.1001.png", "");
+    fs::remove_file(path).expect("the map");
+    check("pose.obj", "r.<UDIM>.png", "no such file");
+}
+
+#[test]
+fn bad_meshes_are_refused() {
+    let files = Files::new("bad_meshes");
+    for (text, reason) in [
+        (REST.replace("v 0 1 0", "v 0 inf 0"), "not finite"),
+        (REST.replace("vt 0.9 0.9", "vt nan 0.9"), "not finite"),
+        (REST.replace("6/7", "60/7"), "face 2"),
+        (REST.replace("1/1", "1"), "no texture coordinates"),
+        ("v 0 0 0\n".to_string(), "no faces"),
+        ("hello\n".to_string(), "no vertices"),
+    ] {
+        files.write("rest.obj", text.as_bytes());
+        let (arguments, out) = files.arguments("pose.obj", &[]);
+        refuse(&arguments, &out, "rest.obj", reason);
+    }
+}
+
+#[test]
+fn bad_assets_are_refused() {
+    let base = folder("bad_asset");
+    let out = base.join("out");
+    let arguments = ["--asset", text(&base), "--out", text(&out)].map(String::from);
+    refuse(&arguments, &out, "asset.json", "");
+    fs::write(base.join("asset.json"), "{ \"name\": ").expect("a file");
+    refuse(&arguments, &out, "asset.json", "EOF");
+    fs::write(base.join("asset.json"), "{ \"rigidity\": { \"1001\": 7 }, \"frames\": 1 }").expect("a file");
+    fs::write(base.join("rest.obj"), REST).expect("a file");
+    fs::write(base.join("frames.f32"), floats(&[0.0; 6 * 3])).expect("a file");
+    refuse(&arguments, &out, "asset.json", "rigidity");
+    fs::write(base.join("asset.json"), "{ \"frames\": 2 }").expect("a file");
+    refuse(&arguments, &out, "frames.f32", "1 frames, but asset.json says 2");
+}
+
+#[test]
+fn bad_arguments_are_refused() {
+    let no_adapter_99 =
+        if vrtm::adapters().is_empty() { "there is no GPU" } else { "adapter: 99 is out of range" };
+    let out = folder("bad_arguments").join("out");
+    for (arguments, culprit, reason) in [
+        (&["--quality", "best"][..], "--quality", "best"),
+        (&["--solver", "magic"], "--solver", "magic"),
+        (&["--solver", "pbd", "--iterations", "1025"], "--iterations", "1024"),
+        (&["--frames", "0"], "--frames", "start at 1"),
+        (&["--frames", "3-1"], "--frames", "backwards"),
+        (&["--frames", "99"], "--frames", "5 frames"),
+        (&["--size", "0"], "--size", "0"),
+        (&["--size", "100000"], "--size", "16384"),
+        (&["--scene", "teapot"], "teapot", "mug_to_jug"),
+        (&["--threads", "many"], "--threads", "many"),
+        (&["--threads", "5000"], "threads", "5000"),
+        (&["--device", "tpu"], "--device", "tpu"),
+        (&["--device", "gpu", "--adapter", "99"], "--device", no_adapter_99),
+        (&["--adapter", "first"], "--adapter", "first"),
+        (&["--view", "30"], "--view", "two angles"),
+        (&["--rest", "a.obj"], "--pose", "required"),
+        (&["--loud"], "--loud", "unexpected"),
+    ] {
+        let mut list: Vec<String> = arguments.iter().map(|a| a.to_string()).collect();
+        list.extend(["--out".to_string(), text(&out).to_string()]);
+        refuse(&list, &out, culprit, reason);
+    }
+}
+
+#[test]
+fn an_output_folder_that_cannot_be_made_is_refused() {
+    let base = folder("bad_out");
+    let file = base.join("file");
+    fs::write(&file, "").expect("a file");
+    let out = file.join("out");
+    let arguments = ["--size", "16", "--frames", "1", "--out", text(&out)].map(String::from);
+    refuse(&arguments, &out, "out", "");
+    assert_eq!(names(&base), ["file"]);
+}
