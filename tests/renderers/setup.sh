@@ -31,7 +31,7 @@ trap 'rm -f "$log"' EXIT
 "$python" -m venv "$folder" >"$log" 2>&1 || cannot "no virtual environment: $(tail -n 1 "$log")"
 limit=
 ! command -v timeout >/dev/null || limit="timeout ${VRTM_SETUP_SECONDS:-900}"
-$limit "$folder/bin/pip" install --quiet --disable-pip-version-check --retries 1 --timeout 15 \
+$limit "$folder/bin/pip" install --quiet --disable-pip-version-check --retries 1 --timeout 15 --no-deps \
     -r "$here/requirements.txt" >"$log" 2>&1 || cannot "the packages cannot be had: $(tail -n 1 "$log" | cut -c1-200)"
 "$folder/bin/python" -c 'import bpy' >"$log" 2>&1 || cannot "Blender's Python module does not load: $(tail -n 1 "$log")"
 cp "$here/requirements.txt" "$stamp"

@@ -88,7 +88,7 @@ class Warp:
         rate = np.full(len(x), 1.0)
         best, error = x.copy(), np.full(len(x), np.inf)
         todo = np.arange(len(x))
-        for step in range(400):
+        for step in range(80):
             at = x[todo]
             cell, corner, du, dv = self._affine(at)
             f = at - cell
@@ -109,6 +109,10 @@ class Warp:
             length = np.abs(move).max(1, keepdims=True)
             move *= np.minimum(1, 8 / np.maximum(length, 1e-30))
             x[todo] = np.clip(at + move, 0, self.cells)
+        # A few points in a million lie where Newton's method goes round in circles.
+        for k in np.flatnonzero(error > 1e-9):
+            best[k] = self._search(uv[k])
+            error[k] = np.abs(self.forward(best[k : k + 1] / self.cells) - uv[k]).max()
         if error.max(initial=0) > 1e-9:
             raise ArithmeticError(f"{(error > 1e-9).sum()} of {len(x)} UVs not inverted, worst residual {error.max()}")
         out = best / self.cells
@@ -118,6 +122,22 @@ class Warp:
         du, dv = du * self.cells[0], dv * self.cells[1]
         det = du[:, 0] * dv[:, 1] - du[:, 1] * dv[:, 0]
         return out, np.stack([dv[:, 1], -dv[:, 0], -du[:, 1], du[:, 0]], -1) / det[:, None]
+
+    def _search(self, uv):
+        """The same for one UV, in cells, by a look at all triangles."""
+        w = self.at_nodes
+        c00, c10, c01, c11 = w[:-1, :-1], w[:-1, 1:], w[1:, :-1], w[1:, 1:]
+        for du, dv, sign in (c10 - c00, c11 - c10, 1), (c11 - c01, c01 - c00, -1):
+            missing = uv - c00
+            det = du[..., 0] * dv[..., 1] - du[..., 1] * dv[..., 0]
+            a = (missing[..., 0] * dv[..., 1] - missing[..., 1] * dv[..., 0]) / det
+            b = (du[..., 0] * missing[..., 1] - du[..., 1] * missing[..., 0]) / det
+            inside = np.minimum(np.minimum(a, b), 1 - np.maximum(a, b))
+            inside = np.minimum(inside, sign * (a - b))
+            j, i = np.unravel_index(np.argmax(inside), inside.shape)
+            if inside[j, i] > -1e-9:
+                return np.array([i + a[j, i], j + b[j, i]])
+        return np.full(2, np.nan)
 
     def map(self, size, jacobian=False):
         """The redirection at the texel centres of a map, as vrtm fetches it."""
