@@ -18,7 +18,7 @@ recipe = {}
 exec(document("Blender", "python"), recipe)
 
 
-def through(form, delta=False, change=None, tag="Non-Color"):
+def through(form, delta=False, change=None):
     """The recipe's nodes; `change` spoils one thing."""
     def build(tree):
         node = scene.texture(tree, "texture.<UDIM>.png")
@@ -52,22 +52,22 @@ def lookups():
     check("cycles: the redirection matters", before.p99 > 50, f"{before} of 255 with the original UVs")
     within("cycles: UDIM-absolute", after("udim"), 0.4, 3, 25, beside)
     within("cycles: delta, one add node", after("delta", delta=True), 0.4, 3, 25, beside)
-    within("cycles: RGBA, A = 0 outside of charts", after("alpha"), 0.4, 3, 25)
-    within("cycles: delta in f16", after("half_delta", delta=True), 0.4, 3, 25)
+    within("cycles: RGBA, A = 0 outside of charts", after("udim_alpha"), 0.4, 3, 25)
+    within("cycles: delta in f16", after("delta_half", delta=True), 0.4, 3, 25)
 
 
 def wrong_ways():
     """What the document warns of does happen: a warning that is not true any more has to go."""
     far = after("two_channels")
     check("cycles: two channels are misread", far.mean > 20, f"{far} of 255")
-    far = after("tile")
+    far = after("redirect")
     check("cycles: within the tile, tile 1002 shows tile 1001", far.mean > 10, f"{far} of 255")
     line = after("udim", change=repeat)
     check("cycles: Repeat draws a line", line.max > 50, f"{line} of 255")
     within("cycles: the delta has no such line", after("delta", delta=True, change=repeat), 0.4, 3, 25)
     stairs = after("udim", change=closest)
     check("cycles: Closest makes stairs", stairs.p99 > 10, f"{stairs} of 255")
-    half = after("half")
+    half = after("udim_half")
     check("cycles: absolute f16 is coarser", half.mean > 1.5 * after("udim").mean, f"{half} of 255")
 
 
@@ -97,7 +97,7 @@ def sequences():
     folder.mkdir(exist_ok=True)
     for frame in 1, 2:
         # Frame 1 is another map, so that a frame that is not found cannot look right.
-        source = scene.FOLDER / ("delta.1001.exr" if frame == 1 else "tile.1001.exr")
+        source = scene.FOLDER / ("delta.1001.exr" if frame == 1 else "redirect.1001.exr")
         shutil.copy(source, folder / f"redirect.1001.{frame:04}.exr")
         shutil.copy(source, folder / f"redirect.{frame:04}.1001.exr")
 
@@ -120,4 +120,21 @@ def sequences():
     check("cycles: a sequence, UDIM last, is not found", bad.mean > 20, f"{bad} of 255")
 
 
-run(lookups, wrong_ways, colour_spaces, sequences)
+def tiles_over_time():
+    """Blender has no sequences of tiled images: a handler opens each frame's files."""
+    def build(tree):
+        node = scene.texture(tree, "texture.<UDIM>.png")
+        lookup = recipe["redirect"](node, str(scene.FOLDER / "delta.<UDIM>.exr"))
+
+        def open_frame(current, *_):
+            if current.frame_current == 2:
+                lookup.image.filepath = str(scene.FOLDER / "udim.<UDIM>.exr")
+
+        bpy.app.handlers.frame_change_pre.append(open_frame)
+        bpy.context.scene.frame_set(2)
+        return node.outputs["Color"]
+
+    within("cycles: tiles over time, by a handler", Difference(scene.show(build), truth), 0.4, 3, 25)
+
+
+run(lookups, wrong_ways, colour_spaces, sequences, tiles_over_time)

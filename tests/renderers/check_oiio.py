@@ -29,7 +29,7 @@ def text(values):
 def warped():
     """The document's command, on a map of the texture's size."""
     command = document("OpenImageIO", "sh").strip()
-    texture, exact = warp.read(folder / "texture.1002.png"), warp.Warp(folder / "warp.0001.1002.exr")
+    texture, exact = warp.read(folder / "texture.1002.png"), warp.Warp(folder / "warp.1002.exr")
     truth, before = exact.texture(texture, factor=1), figures(texture, exact.texture(texture, factor=1))
     with tempfile.TemporaryDirectory() as place:
         place = pathlib.Path(place)
@@ -48,9 +48,21 @@ def warped():
 
 def metadata():
     """That a file's texels are data is an attribute that OpenImageIO knows."""
-    spec = oiio.ImageBuf(str(folder / "udim.1001.exr")).spec()
-    space, names = spec.get_string_attribute("oiio:ColorSpace"), list(spec.channelnames)
-    check("oiio: colour space data", (space, names) == ("data", ["R", "G", "B"]), f"{space!r}, channels {names}")
+    for name, channels in ("udim", "RGB"), ("udim_alpha", "RGBA"), ("redirect", "RGB"), ("delta", "RGB"), ("jacobian", "RGBA"):
+        spec = oiio.ImageBuf(str(folder / f"{name}.1001.exr")).spec()
+        space, names = spec.get_string_attribute("oiio:ColorSpace"), "".join(spec.channelnames)
+        check(f"oiio: {name} is data", (space, names) == ("data", channels), f"colour space {space!r}, channels {names}")
 
 
-run(warped, metadata)
+def values():
+    """Every form beside the exact redirection; f32 rounds a UV by 6e-8, and one of tile 1002 by 1.2e-7."""
+    for tile in 1001, 1002:
+        exact = warp.Warp(folder / f"warp.{tile}.exr")
+        truth, place = exact.map(256), warp.centres(256, 256)
+        forms = ("redirect", truth), ("udim", truth + [tile - 1001, 0]), ("delta", truth - place), ("udim_alpha", truth + [tile - 1001, 0])
+        for name, expected in forms:
+            error = np.abs(warp.read(folder / f"{name}.{tile}.exr")[..., :2] - expected).max()
+            check(f"oiio: {name} of {tile}", error < 5e-7, f"largest error {error:.1e}")
+
+
+run(warped, metadata, values)

@@ -91,7 +91,8 @@ def panel(mesh, folder, redirect):
     scene.cycles.max_bounces, scene.cycles.use_denoising = 2, True
     scene.view_settings.view_transform = "Standard"
     world = bpy.data.worlds.new("world")
-    world.use_nodes = True
+    if world.node_tree is None:
+        world.use_nodes = True
     world.node_tree.nodes["Background"].inputs[0].default_value = 0.75, 0.78, 0.85, 1
     world.node_tree.nodes["Background"].inputs[1].default_value = 0.55
     scene.world = world

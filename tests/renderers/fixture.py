@@ -64,37 +64,29 @@ def turned_normals(exact, uv, tile):
     return out.reshape(*uv.shape[:-1], 3), np.abs(angle[stud])
 
 
-def forms(folder, exact, tile):
-    """The redirection in all forms of files."""
-    def store(name, pixels, **options):
-        warp.write(folder / f"{name}.{tile}.exr", pixels, **options)
-
-    here, none = exact.map(MAP), np.zeros((MAP, MAP, 1))
-    there = here + [tile - 1001, 0]
-    moved = here - warp.centres(MAP, MAP)
-    covered = (np.abs(warp.centres(MAP, MAP)[..., 1:] - 0.5) < 0.46).astype(float)
-    data = {"colorInteropID": "data"}
-    store("tile", np.concatenate([here, none], -1), attributes=data)
-    store("udim", np.concatenate([there, none], -1), attributes=data)
-    store("delta", np.concatenate([moved, none], -1), attributes=data)
-    store("two_channels", there)
-    store("identity", np.concatenate([there - moved, none], -1), attributes=data)
-    store("untagged", np.concatenate([there, none], -1))
-    store("alpha", np.concatenate([there, none, covered], -1), attributes=data)
-    store("half", np.concatenate([there, none], -1), half=True, attributes=data)
-    store("half_delta", np.concatenate([moved, none], -1), half=True, attributes=data)
-    store("jacobian", exact.map(MAP, jacobian=True), attributes=data)
+def forms(program, folder):
+    """The redirection in all forms of files, as bake writes them; and, from these, in forms that it does not write."""
+    model_files = ["--rest", folder / "rest.obj", "--pose", folder / "pose.obj", "--rigidity",
+                   folder / "rigidity.<UDIM>.png", "--size", MAP, "--no-sheet"]
+    model.bake(program, folder, *model_files, "--jacobian", "--name", "<kind>.<UDIM>.exr")
+    for name, *options in (["udim"], ["delta"], ["udim", "--alpha"], ["udim", "--half"], ["delta", "--half"]):
+        pattern = "_".join([name] + [option[2:] for option in options]) + ".<UDIM>.exr"
+        model.bake(program, folder, *model_files, "--form", name, *options, "--no-warp", "--name", pattern)
+    for tile in model.STUDS:
+        udim = warp.read(folder / f"udim.{tile}.exr")
+        warp.write(folder / f"untagged.{tile}.exr", udim)
+        warp.write(folder / f"two_channels.{tile}.exr", udim[..., :2])
+        udim[..., :2] -= warp.read(folder / f"delta.{tile}.exr")[..., :2]
+        warp.write(folder / f"identity.{tile}.exr", udim, attributes={"colorInteropID": "data"})
 
 
 def main(program, folder):
     folder = pathlib.Path(folder)
     model.make(folder)
-    model.bake(program, folder, "--rest", folder / "rest.obj", "--pose", folder / "pose.obj", "--rigidity",
-               folder / "rigidity.<UDIM>.png", "--size", MAP)
+    forms(program, folder)
     uv, fine = warp.centres(TEXTURE, TEXTURE), warp.centres(2 * TEXTURE, 2 * TEXTURE)
     for tile in model.STUDS:
-        exact = warp.Warp(folder / f"warp.0001.{tile}.exr")
-        forms(folder, exact, tile)
+        exact = warp.Warp(folder / f"warp.{tile}.exr")
         warp.write(folder / f"texture.{tile}.png", picture.texture(model.rigidity(tile), TEXTURE, tile))
         texture = warp.read(folder / f"texture.{tile}.png")
         warp.write(folder / f"truth.{tile}.exr", exact.texture(texture))

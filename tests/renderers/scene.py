@@ -47,6 +47,6 @@ def corner_uvs(data):
     count = len(shape.uvs) // len(model.STUDS)
     for i, tile in enumerate(model.STUDS):
         part, offset = slice(i * count, (i + 1) * count), [tile - 1001, 0]
-        exact = warp.Warp(FOLDER / f"warp.0001.{tile}.exr")
+        exact = warp.Warp(FOLDER / f"warp.{tile}.exr")
         out[part] = exact.inverse(shape.uvs[part] - offset) + offset
     data.uv_layers.new(name="redirected").data.foreach_set("uv", out[shape.triangles].astype(np.float32).ravel())
