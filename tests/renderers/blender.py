@@ -77,7 +77,13 @@ def start(mesh, size, view=None, samples=16, engine="CYCLES", osl=False, smooth=
 def emission(tree):
     """An empty tree that shows a colour as it is; returns the socket that takes it."""
     tree.nodes.clear()
+    return emission_of(tree)
+
+
+def emission_of(tree):
+    """As `emission`, in a tree that keeps its other nodes."""
     shader, out = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    out.is_active_output = True
     tree.links.new(shader.outputs[0], out.inputs["Surface"])
     return shader.inputs["Color"]
 

@@ -15,6 +15,21 @@ def complaints(stage):
     return [e.GetMessage() for e in UsdValidation.ValidationContext(validators).Validate(stage)]
 
 
+def mismatched(stage):
+    """Inputs that are plugged to an output of another type, by the nodes' definitions: the validators look at each end
+    alone."""
+    registry, found = Sdr.Registry(), []
+    for prim in stage.Traverse():
+        for plug in UsdShade.Shader(prim).GetInputs() if prim.IsA(UsdShade.Shader) else ():
+            for source in plug.GetConnectedSources()[0]:
+                name = UsdShade.Shader(source.source).GetIdAttr().Get()
+                node = registry.GetShaderNodeByIdentifier(name)
+                kind = node.GetShaderOutput(source.sourceName).GetTypeAsSdfType().GetSdfType()
+                if kind.type != plug.GetTypeName().type:
+                    found.append(f"{plug.GetFullName()} of {prim.GetName()} is a {plug.GetTypeName()}, {name} hands out {kind}")
+    return found
+
+
 def load(text):
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.ImportFromString(text)
@@ -24,10 +39,12 @@ def load(text):
 def corner_uvs():
     text = document("USD", "usda")
     stage = load(text)
-    found = complaints(stage)
+    found = complaints(stage) + mismatched(stage)
     check("usd: redirected corner UVs as a primvar", not found, "; ".join(found) or "no complaint")
     wrong = load(text.replace("float2 inputs:st.connect", "float3 inputs:st.connect"))
     check("usd: a wrong type is noticed", bool(complaints(wrong)), "; ".join(complaints(wrong))[:150])
+    wired = load(text.replace("</model/material/uv.outputs:result>", "</model/material/albedo.outputs:rgb>"))
+    check("usd: a texture's rgb does not fit st", len(mismatched(wired)) == 1, "; ".join(mismatched(wired)))
     surface = UsdShade.Material(stage.GetPrimAtPath("/model/material")).ComputeSurfaceSource()[0]
     texture = surface.GetInput("diffuseColor").GetConnectedSources()[0][0].source
     reader = texture.GetInput("st").GetConnectedSources()[0][0].source

@@ -64,9 +64,9 @@ if ! limited "$venv/bin/python" "$here/fixture.py" "$bake" "$work" >"$work/log" 
     say "FAILED renderers: the model cannot be baked"
     finish
 fi
-for name in cycles normals materialx osl oiio usd eevee; do
+for name in cycles asset normals materialx osl oiio usd eevee; do
     start=$(date +%s)
-    limited "$venv/bin/python" "$here/check_$name.py" "$work" >"$work/$name.log" 2>&1
+    limited "$venv/bin/python" "$here/check_$name.py" "$work" "$bake" >"$work/$name.log" 2>&1
     code=$?
     grep -v -e '^end$' -e '^EGL Error' -e '^$' "$work/$name.log" | tee -a "$log"
     if grep -q '^end$' "$work/$name.log"; then
