@@ -22,7 +22,8 @@ def lookups():
     print("eevee draws", flush=True)
     before, after = Difference(show(scene.plain("texture.<UDIM>.png")), truth), Difference(show(through), truth)
     check("eevee: the redirection matters", before.p99 > 50, f"{before} of 255 with the original UVs")
-    within("eevee: UDIM-absolute", after, 2, 12, 50, f"; original UVs {before}")
+    # A map that is read Closest gives 1.9 / 9.6 / 28. EEVEE draws its samples otherwise than Cycles.
+    within("eevee: UDIM-absolute", after, 1.5, 8, 40, f"; original UVs {before}")
 
 
 run(lookups)
