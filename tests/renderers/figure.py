@@ -1,0 +1,142 @@
+"""Draws docs/rendering.jpg: a head with metal studs in Cycles, at rest, and in a pose without and with the redirection.
+
+    figure.py BAKE FOLDER-OF-ASSETS OUT.jpg
+"""
+
+import math
+import pathlib
+import sys
+import tempfile
+
+import bpy
+import numpy as np
+import OpenImageIO as oiio
+
+import blender
+import model
+import warp
+from checks import document
+
+SIZE = 2048
+FRAME = 1
+PANEL = 400, 460
+
+
+def positions(mesh, rest):
+    """Where on the surface at rest each texel lies; NaN outside of charts."""
+    out = np.full((SIZE, SIZE, 3), np.nan)
+    for corners, points in zip(mesh.uvs[mesh.uv_triangles] * SIZE - 0.5, rest[mesh.triangles]):
+        low = np.maximum(np.ceil(corners.min(0)).astype(int), 0)
+        high = np.minimum(np.floor(corners.max(0)).astype(int), SIZE - 1)
+        x, y = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
+        (ax, ay), (bx, by) = corners[1] - corners[0], corners[2] - corners[0]
+        det = ax * by - ay * bx
+        if not det or not x.size:
+            continue
+        dx, dy = x - corners[0, 0], y - corners[0, 1]
+        s, t = (dx * by - dy * bx) / det, (ax * dy - ay * dx) / det
+        inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1 + 1e-9)
+        weights = np.stack([1 - s - t, s, t], -1)[inside]
+        out[SIZE - 1 - y[inside], x[inside]] = weights @ points
+    return out
+
+
+def studs(place, radius):
+    """The distance of each texel to the next stud's centre, in radii. Studs keep clear of chart borders and each other."""
+    here = ~np.isnan(place[..., 0])
+    clear = here.copy()
+    for _ in range(24):
+        clear[1:-1, 1:-1] &= clear[:-2, 1:-1] & clear[2:, 1:-1] & clear[1:-1, :-2] & clear[1:-1, 2:]
+    candidates = np.random.default_rng(3).permutation(np.argwhere(clear))[:6000]
+    centres = []
+    for y, x in candidates:
+        point = place[y, x]
+        if all(np.hypot.reduce(point - other) > 2.7 * radius for other in centres):
+            centres.append(point)
+    distance = np.full(place.shape[:2], np.inf)
+    points = place[here]
+    for centre in centres:
+        distance[here] = np.minimum(distance[here], np.linalg.norm(points - centre, axis=1) / radius)
+    return distance
+
+
+def material(tree, folder, redirect):
+    """Metal studs with a rim on skin: colour, metal and a bump map, each looked up through the redirection."""
+    tree.nodes.clear()
+    shader, out = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
+    bump = tree.nodes.new("ShaderNodeBump")
+    bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 0.9, 0.06
+    for name, data, socket in ("colour", False, shader.inputs["Base Color"]), ("metal", True, shader.inputs["Metallic"]), \
+            ("height", True, bump.inputs["Height"]):
+        node = blender.image_texture(tree, folder / f"{name}.exr", data=data)
+        if redirect:
+            recipe = {}
+            exec(document("Blender", "python"), recipe)
+            recipe["redirect"](node, str(redirect))
+        tree.links.new(node.outputs["Color"], socket)
+    shader.inputs["Roughness"].default_value = 0.38
+    tree.links.new(bump.outputs["Normal"], shader.inputs["Normal"])
+    tree.links.new(shader.outputs[0], out.inputs["Surface"])
+
+
+def panel(mesh, folder, redirect):
+    # Blender's up is z, the head's is y.
+    mesh = model.Mesh(mesh.triangles, mesh.uvs, mesh.pose[:, [0, 2, 1]] * [1, -1, 1], mesh.uv_triangles)
+    low, high = mesh.pose.min(0), mesh.pose.max(0)
+    span = high[2] - low[2]
+    target = 0.1 * span, low[1] + 0.35 * span, high[2] - 0.7 * span
+    place = target[0] + 1.7 * span, target[1] - 3 * span, target[2] + 0.15 * span
+    tree = blender.start(mesh, PANEL, view=(place, target, 0.74 * span), samples=96, smooth=True)
+    scene = bpy.context.scene
+    scene.cycles.max_bounces, scene.cycles.use_denoising = 2, True
+    scene.view_settings.view_transform = "Standard"
+    world = bpy.data.worlds.new("world")
+    if world.node_tree is None:
+        world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs[0].default_value = 0.75, 0.78, 0.85, 1
+    world.node_tree.nodes["Background"].inputs[1].default_value = 0.55
+    scene.world = world
+    for angles, energy in ((45, 0, 60), 2.6), ((70, 0, -50), 1.0):
+        light = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
+        light.data.energy, light.data.angle = energy, 0.2
+        light.rotation_euler = [math.radians(a) for a in angles]
+        scene.collection.objects.link(light)
+    material(tree, folder, redirect)
+    return blender.render()
+
+
+def main(program, assets, out):
+    source = pathlib.Path(assets) / "mh_face"
+    mesh = model.asset(source, FRAME)
+    rest = np.array([line.split()[1:4] for line in (source / "rest.obj").read_text().splitlines()
+                     if line.startswith("v ")], float)
+    place = positions(mesh, rest)
+    scale = rest[:, 1].max() - rest[:, 1].min()
+    distance = studs(place, 0.021 * scale)
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        warp.write(folder / "rigidity.1001.png", np.clip((1.08 - distance) * 8 + 0.5, 0, 1)[..., None])
+        model.bake(program, folder, "--rest", source / "rest.obj", "--pose", source / "frames.f32", "--rigidity",
+                   folder / "rigidity.<UDIM>.png", "--frames", FRAME, "--size", SIZE)
+        inside = np.clip((1 - distance) * 12 + 0.5, 0, 1)[..., None]
+        dome = np.where(distance < 1, np.sqrt(np.maximum(1 - distance ** 2, 0)), 0)
+        groove = 0.25 * np.exp(-((distance - 1.08) / 0.06) ** 2)
+        skin, metal = np.array([0.32, 0.12, 0.075]), np.array([0.95, 0.75, 0.38])
+        warp.write(folder / "colour.exr", skin * (1 - inside) * (1 - groove[..., None]) + metal * inside)
+        warp.write(folder / "metal.exr", np.repeat(inside, 3, -1))
+        warp.write(folder / "height.exr", np.repeat((dome - groove)[..., None], 3, -1))
+        uv = warp.read(folder / f"redirect.{FRAME:04}.1001.exr")[..., :2]
+        warp.write(folder / "map.exr", np.concatenate([uv, np.zeros_like(uv[..., :1])], -1))
+        still = model.Mesh(mesh.triangles, mesh.uvs, rest, mesh.uv_triangles)
+        panels = [panel(still, folder, None), panel(mesh, folder, None), panel(mesh, folder, folder / "map.exr")]
+    shown = [np.clip(p[..., :3] + (1 - p[..., 3:]) * 0.8, 0, 1) for p in panels]
+    shown = np.concatenate(shown, 1)
+    shown = np.where(shown < 0.0031308, shown * 12.92, 1.055 * shown ** (1 / 2.4) - 0.055)
+    image = oiio.ImageBuf(np.ascontiguousarray(shown.astype(np.float32)))
+    image.set_write_format(oiio.UINT8)
+    image.specmod().attribute("Compression", "jpeg:90")
+    image.write(str(out))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,103 @@
+"""What is rendered: a small model of two UDIM tiles that this file makes, and the meshes that lie beside the checkout."""
+
+import json
+import pathlib
+import subprocess
+
+import numpy as np
+
+import warp
+
+# The model's discs, which are rigid: centre and radius within their tile.
+STUDS = {
+    1001: [(0.14, 0.22, 0.10), (0.42, 0.30, 0.13), (0.78, 0.24, 0.12), (0.22, 0.68, 0.14), (0.58, 0.72, 0.12),
+           (0.88, 0.66, 0.085)],
+    1002: [(0.25, 0.28, 0.14), (0.70, 0.32, 0.15), (0.30, 0.74, 0.12), (0.72, 0.76, 0.13)],
+}
+
+
+class Mesh:
+    """Triangles; a UV per vertex; poses as arrays of positions."""
+
+    def __init__(self, triangles, uvs, pose, uv_triangles=None):
+        self.triangles, self.uvs, self.pose = triangles, uvs, pose
+        self.uv_triangles = triangles if uv_triangles is None else uv_triangles
+
+
+def surface(u, v, tile):
+    """The model's pose, on which features stretch, shear and turn; it differs between the tiles."""
+    sign = 1 if tile == 1001 else -1
+    u = u - tile + 1001
+    x = u + 0.09 * np.sin(2 * np.pi * u) + sign * 0.16 * np.sin(np.pi * v) + (tile - 1001) * 1.25
+    y = v + 0.10 * np.sin(2 * np.pi * v + 0.4) * (0.6 + 0.4 * u) + 0.07 * np.sin(np.pi * u)
+    z = 0.22 * np.sin(np.pi * u) * np.sin(np.pi * v)
+    return np.stack([x, y, z], -1)
+
+
+def grid(tile, n=48):
+    """A chart that touches both sides of its tile in u, where a wrong wrap mode shows."""
+    margin = 0.04
+    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(margin, 1 - margin, n + 1))
+    u = u + tile - 1001
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    a, b, c, d = first, first + 1, first + n + 2, first + n + 1
+    # Lower left to upper right, in whichever order: what counts is that all programs see the same triangles.
+    triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    return np.stack([u.ravel(), v.ravel()], -1), triangles
+
+
+def rigidity(tile, size=256):
+    uv = warp.centres(size, size)
+    value = np.zeros((size, size))
+    for x, y, radius in STUDS[tile]:
+        distance = np.hypot(uv[..., 0] - x, uv[..., 1] - y)
+        value = np.maximum(value, np.clip((radius - distance) * size + 0.5, 0, 1))
+    return value[..., None]
+
+
+def make(folder):
+    """Writes rest.obj, pose.obj and rigidity.<UDIM>.png; returns the posed mesh."""
+    folder = pathlib.Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    uvs, rest, pose, triangles = [], [], [], []
+    for tile in STUDS:
+        uv, faces = grid(tile)
+        triangles.append(faces + sum(map(len, uvs)))
+        uvs.append(uv)
+        rest.append(np.concatenate([uv + [0.25 * (tile - 1001), 0], np.zeros((len(uv), 1))], 1))
+        pose.append(surface(uv[:, 0], uv[:, 1], tile))
+        warp.write(folder / f"rigidity.{tile}.png", rigidity(tile))
+    uvs, rest, pose, triangles = map(np.concatenate, (uvs, rest, pose, triangles))
+    for name, points in ("rest", rest), ("pose", pose):
+        lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points]
+        lines += [f"vt {u:.9g} {v:.9g}" for u, v in uvs]
+        lines += ["f " + " ".join(f"{i + 1}/{i + 1}" for i in face) for face in triangles]
+        (folder / f"{name}.obj").write_text("\n".join(lines) + "\n")
+    return Mesh(triangles, uvs, pose)
+
+
+def asset(folder, frame):
+    """A mesh of the assets beside the checkout, in the pose of a frame, counted from 1."""
+    folder = pathlib.Path(folder)
+    count = json.loads((folder / "asset.json").read_text())["vertices"]
+    uvs, faces, uv_faces = [], [], []
+    for line in (folder / "rest.obj").read_text().splitlines():
+        words = line.split()
+        if words[:1] == ["vt"]:
+            uvs.append([float(words[1]), float(words[2])])
+        elif words[:1] == ["f"]:
+            corners = [[int(i) - 1 for i in word.split("/")[:2]] for word in words[1:]]
+            for k in range(1, len(corners) - 1):
+                triangle = [corners[0], corners[k], corners[k + 1]]
+                faces.append([corner[0] for corner in triangle])
+                uv_faces.append([corner[1] for corner in triangle])
+    frames = np.fromfile(folder / "frames.f32", "<f4").reshape(-1, count, 3)
+    return Mesh(np.array(faces), np.array(uvs), frames[frame - 1].astype(np.float64), np.array(uv_faces))
+
+
+def bake(program, out, *arguments):
+    """Runs bake; its own messages become the exception's."""
+    command = [str(program), "--device", "cpu", "--out", str(out), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()}")

@@ -1,0 +1,37 @@
+#!/bin/sh
+# Makes the virtual environment that the recipes of docs/rendering.md run in: Blender as a Python module, OpenImageIO,
+# MaterialX and USD; about 400 MB to load and 1.3 GB on disk.
+#
+#     tests/renderers/setup.sh FOLDER
+#
+# Prints nothing if it is there. Where it cannot be made, prints one line that says why, and ends with exit code 3.
+set -eu
+here=$(cd "$(dirname "$0")" && pwd)
+folder=${1:?setup.sh FOLDER}
+stamp=$folder/requirements.txt
+
+cannot() {
+    echo "$1"
+    exit 3
+}
+
+if cmp -s "$here/requirements.txt" "$stamp"; then
+    exit 0
+fi
+python=${PYTHON:-python3.11}
+"$python" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>/dev/null ||
+    cannot "$python is not there or is not Python 3.11"
+case $(uname -sm) in
+    "Linux x86_64" | "Darwin arm64") ;;
+    *) cannot "Blender's Python module is not made for $(uname -sm)" ;;
+esac
+rm -f "$stamp"
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+"$python" -m venv "$folder" >"$log" 2>&1 || cannot "no virtual environment: $(tail -n 1 "$log")"
+limit=
+! command -v timeout >/dev/null || limit="timeout ${VRTM_SETUP_SECONDS:-900}"
+$limit "$folder/bin/pip" install --quiet --disable-pip-version-check --retries 1 --timeout 15 --no-deps \
+    -r "$here/requirements.txt" >"$log" 2>&1 || cannot "the packages cannot be had: $(tail -n 1 "$log" | cut -c1-200)"
+"$folder/bin/python" -c 'import bpy' >"$log" 2>&1 || cannot "Blender's Python module does not load: $(tail -n 1 "$log")"
+cp "$here/requirements.txt" "$stamp"

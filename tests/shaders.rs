@@ -1,0 +1,86 @@
+//! The shaders of docs/rendering.md, straight out of the document: they parse, are valid, and read the redirection map at
+//! its first level and the textures with explicit gradients.
+
+use std::path::Path;
+
+use naga::front::{glsl, wgsl};
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{Expression, Module, SampleLevel, ShaderStage};
+
+/// The one code block in that language.
+fn block(language: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/rendering.md");
+    let text = std::fs::read_to_string(path).expect("docs/rendering.md");
+    let fence = format!("\n```{language}\n");
+    assert_eq!(text.matches(&fence).count(), 1, "one block in {language}");
+    let start = text.find(&fence).unwrap() + fence.len();
+    let end = start + text[start..].find("\n```").expect("the block's end") + 1;
+    text[start..end].to_owned()
+}
+
+fn glsl(source: &str) -> Result<Module, String> {
+    let options = glsl::Options::from(ShaderStage::Fragment);
+    let module = glsl::Frontend::default().parse(&options, source).map_err(|e| e.emit_to_string(source))?;
+    valid(module)
+}
+
+fn wgsl(source: &str) -> Result<Module, String> {
+    valid(wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?)
+}
+
+fn valid(module: Module) -> Result<Module, String> {
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::default());
+    validator.validate(&module).map_err(|e| format!("{e:?}"))?;
+    Ok(module)
+}
+
+/// How each texture is read, by name: the map at a level, the pictures with gradients. A plain sample would take the map's
+/// level, or the pictures', from derivatives of what is not looked up there.
+fn reads(module: &Module) -> Vec<(String, &'static str)> {
+    let mut reads = Vec::new();
+    let functions = module.functions.iter().map(|(_, f)| f);
+    for function in functions.chain(module.entry_points.iter().map(|e| &e.function)) {
+        for (_, expression) in function.expressions.iter() {
+            let Expression::ImageSample { image, level, .. } = expression else { continue };
+            let Expression::GlobalVariable(image) = function.expressions[*image] else {
+                panic!("a texture that is no global variable")
+            };
+            let how = match level {
+                SampleLevel::Zero | SampleLevel::Exact(_) => "level",
+                SampleLevel::Gradient { .. } => "gradient",
+                SampleLevel::Auto | SampleLevel::Bias(_) => "automatic",
+            };
+            reads.push((module.global_variables[image].name.clone().unwrap_or_default(), how));
+        }
+    }
+    reads.sort();
+    reads
+}
+
+fn as_described(module: &Module) {
+    let expected = [("albedo", "gradient"), ("bumps", "gradient"), ("redirection", "level")];
+    assert_eq!(reads(module), expected.map(|(name, how)| (name.to_owned(), how)));
+}
+
+#[test]
+fn the_documents_glsl_is_valid() {
+    as_described(&glsl(&block("glsl")).unwrap_or_else(|e| panic!("{e}")));
+}
+
+#[test]
+fn the_documents_wgsl_is_valid() {
+    as_described(&wgsl(&block("wgsl")).unwrap_or_else(|e| panic!("{e}")));
+}
+
+/// The checks above see a type that is wrong, and a lookup with levels of its own.
+#[test]
+fn wrong_shaders_are_noticed() {
+    assert!(glsl(&block("glsl").replace("vec2 at = ", "vec3 at = ")).is_err());
+    assert!(wgsl(&block("wgsl").replace("0.0).rg", "0.0).rgb")).is_err());
+    let automatic = block("wgsl").replace(
+        "textureSampleLevel(redirection, exact, turned(p.uv), 0.0)",
+        "textureSample(redirection, exact, turned(p.uv))",
+    );
+    let module = wgsl(&automatic).unwrap_or_else(|e| panic!("{e}"));
+    assert!(reads(&module).contains(&("redirection".to_owned(), "automatic")));
+}
