@@ -1087,7 +1087,8 @@ typedef struct vrtm_map_data {
     // Largest error in the charts.
     double error_max;
     // A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter
-    // and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size.
+    // and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size, if
+    // the numbers are fine enough: f32, or f16 of the delta.
     uint32_t sufficient_width;
     // The same in v.
     uint32_t sufficient_height;

@@ -53,7 +53,7 @@ pub struct MapReport {
     pub error_max: f64,
     /// A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter and so
     /// on of it; `None` if there is none. Larger maps often have more folds: [`crate::ImageLayout::one_to_one`] leaves none at
-    /// any size.
+    /// any size, if the numbers are fine enough: f32, or f16 of the delta.
     pub sufficient_size: Option<[u32; 2]>,
 }
 

@@ -47,7 +47,8 @@ pub struct vrtm_map_data {
     /// Largest error in the charts.
     pub error_max: f64,
     /// A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter
-    /// and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size.
+    /// and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size, if
+    /// the numbers are fine enough: f32, or f16 of the delta.
     pub sufficient_width: u32,
     /// The same in v.
     pub sufficient_height: u32,
