@@ -30,7 +30,8 @@ pub fn head(
     let mut text = format!(
         "# Drawing through a redirection map\n\n\
          `cargo bench --bench render`: {scene}, frame {frame}, {width} x {height} pixels, a texture of {texture} x {texture} \
-         with mips and anisotropic filtering, on {} ({machine}, {cores} cores).\n\n",
+         with mips and anisotropic filtering over {} samples, on {} ({machine}, {cores} cores).\n\n",
+        gpu.anisotropy(),
         gpu.name
     );
     if gpu.software {

@@ -97,7 +97,7 @@ impl<'a> Renderer<'a> {
         let colours = upload(colours, wgpu::TextureFormat::Rgba8UnormSrgb)?;
         let flat = [vec![vec![[128, 128, 255, 255]]]];
         let normals = upload(normals.unwrap_or(&flat), wgpu::TextureFormat::Rgba8Unorm)?;
-        let sampler = self.sampler(16);
+        let sampler = self.sampler(self.gpu.anisotropy());
         let views = [&colours, &normals].map(wgpu::BindingResource::TextureView);
         let [colours, normals] = views;
         let entries = [colours, normals, wgpu::BindingResource::Sampler(&sampler)];
@@ -128,7 +128,7 @@ impl<'a> Renderer<'a> {
         let layers = bytes.iter().map(|levels| levels.iter().map(|l| bytemuck::cast_slice(l)).collect());
         let format = wgpu::TextureFormat::Rg16Float;
         let delta = self.gpu.upload("--map", &Layers { format, side, layers: layers.collect() })?;
-        // Without anisotropy, which a map at level 0 does not need.
+        // Without anisotropy, for which a map at level 0 has no use.
         let sampler = self.sampler(1);
         let filtered = |view| {
             let entries =
