@@ -103,12 +103,17 @@ fn run(args: &Args) -> Result<()> {
     let renderer = stage.renderer(&gpu, size)?;
 
     let whole = View::of(&stage.positions);
-    // About a texel of the texture for each pixel of 1920 x 1080.
-    let part = View { zoom: 3.0, ..whole };
+    // Pixels are about as large as texels of 4096.
+    let part = View { zoom: 3240.0 / f64::from(size[1]), ..whole };
     let mut text = table::head(&gpu, &model.name, frame, size, args.texture, args.rounds * frames as usize);
-    for (title, view) in [("The whole mesh", whole), ("A part of it, three times as large", part)] {
+    for (title, view) in [("The whole mesh", whole), ("A part of it, a texel of 4096 for each pixel", part)] {
         let rows = measure(args, &gpu, &stage, &renderer, &view, size, frames)?;
         text += &table::view(title, &rows);
+    }
+    text += &table::maps_head(args.texture);
+    for (&side, delta) in args.maps.iter().flat_map(|side| [(side, false), (side, true)]) {
+        let reports = (0..stage.solved.udims.len()).map(|tile| stage.solved.inspect(tile, side, delta));
+        text += &table::map(side, delta, args.texture, &reports.collect::<Result<Vec<_>>>()?);
     }
     print!("{text}");
     if args.bench {
@@ -141,12 +146,14 @@ fn measure(
     let camera = stage.camera(renderer, view, size);
     let material = renderer.material(&stage.colours, None)?;
     let warped = renderer.material(stage.warped.as_ref().ok_or("no reference")?, None)?;
-    let pipelines: Vec<_> = ALL.iter().map(|way| renderer.pipelines(way, false)).collect();
+    // All that one would do. How wrong a map with mips is, `tests/render.rs` says.
+    let ways: Vec<_> = ALL.into_iter().filter(|way| way.map != Map::DeltaMips).collect();
+    let pipelines: Vec<_> = ways.iter().map(|way| renderer.pipelines(way, false)).collect();
     let maps =
         args.maps.iter().map(|&side| renderer.maps(&stage.solved, side)).collect::<Result<Vec<_>>>()?;
     // A way without a map is drawn once, the others with each of the maps.
     let mut plan = Vec::new();
-    for (way, pipelines) in ALL.iter().zip(&pipelines) {
+    for (way, pipelines) in ways.iter().zip(&pipelines) {
         let used = if way.map == Map::None { 1 } else { maps.len() };
         let sides = maps.iter().zip(&args.maps).take(used);
         plan.extend(sides.map(|(maps, &side)| (*way, side, shot(way, pipelines, &camera, &material, maps))));

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use vrtm::MapReport;
+
 use crate::render::difference::Difference;
 use crate::render::gpu::Gpu;
 
@@ -27,16 +29,22 @@ pub fn head(
 ) -> String {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let machine = processor().unwrap_or_else(|| std::env::consts::ARCH.to_owned());
+    let filter = match gpu.anisotropy() {
+        1 => "trilinear".to_owned(),
+        n => format!("anisotropic, {n} samples"),
+    };
     let mut text = format!(
         "# Drawing through a redirection map\n\n\
          `cargo bench --bench render`: {scene}, frame {frame}, {width} x {height} pixels, a texture of {texture} x {texture} \
-         with mips and anisotropic filtering over {} samples, on {} ({machine}, {cores} cores).\n\n",
-        gpu.anisotropy(),
+         with mips ({filter}), on {} ({machine}, {cores} cores).\n\n",
         gpu.name
     );
     if gpu.software {
-        text += "**A software driver: it draws on the processor, so times and shares say that the bench runs, not what a GPU \
-                 takes.** Pictures are those of any driver, but for rounding.\n\n";
+        text += "**A software driver: it draws on the processor, so times and shares show that the bench runs, not what a GPU \
+                 takes.** Pictures are those of any driver, but for rounding and the filter.\n\n";
+    }
+    if cfg!(debug_assertions) {
+        text += "Built with debug assertions, in wgpu as well.\n\n";
     }
     let filtered = if gpu.filterable { "filters" } else { "does not filter" };
     let clock = if gpu.software || gpu.tick.is_none() {
@@ -51,9 +59,10 @@ pub fn head(
          `original` and `forward-implicit`, where the sampler finds them by itself; in two passes, the map is read three times \
          for them. \
          Differences are from a picture with the original UVs and a texture that was warped beforehand: the warp's nodes \
-         inverted in f64 by the bench itself, four samples for each texel; of 255, of each pixel of the mesh its worst \
-         channel. The adapter's sampler {filtered} 32-bit floats. `forward-mips` reads the map as any other texture, which is a \
-         mistake: it stands here for its error.\n"
+         inverted in f64 by the bench itself, in twice as many texels on a side; of 255, of each pixel of the mesh its worst \
+         channel. What of them does not shrink with a larger map is the filter's: where it takes several texels for a pixel, \
+         it takes the longer side of a footprint that lies elsewhere in a warped texture. The adapter's sampler {filtered} \
+         32-bit floats.\n"
     );
     text
 }
@@ -72,6 +81,28 @@ pub fn view(title: &str, rows: &[Row]) -> String {
         );
     }
     text + "\n"
+}
+
+/// Begins the table of the maps alone.
+pub fn maps_head(texture: usize) -> String {
+    format!(
+        "## The maps alone\n\nDistance between the map, read bilinearly, and the redirection itself, in texels of the texture of \
+         {texture}; and the quads of texels that fold.\n\n\
+         | map | form | RMS | 99 % | max | folds |\n|---|---|---|---|---|---|\n"
+    )
+}
+
+/// A row for a map of all tiles; errors are those of the worst tile.
+pub fn map(side: u32, delta: bool, texture: usize, reports: &[MapReport]) -> String {
+    let worst = |of: fn(&MapReport) -> f64| reports.iter().map(of).fold(0.0, f64::max) * texture as f64;
+    let folds: u64 = reports.iter().map(|report| report.folds).sum();
+    let form = if delta { "delta, rg16float" } else { "within the tile, rg32float" };
+    format!(
+        "| {side} | {form} | {:.4} | {:.3} | {:.2} | {folds} |\n",
+        worst(|report| report.error_rms),
+        worst(|report| report.error_p99),
+        worst(|report| report.error_max)
+    )
 }
 
 /// The processor's name, where the system tells.

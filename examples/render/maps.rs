@@ -2,8 +2,8 @@
 
 use half::f16;
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MeshSource, Origin,
-    PixelFormat, SolveOptions, Strided, UvSource,
+    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MapDesc, MapReport,
+    MeshSource, Origin, PixelFormat, SolveOptions, Strided, UvSource,
 };
 
 use super::model::Model;
@@ -80,6 +80,19 @@ impl Solved {
             .into_iter()
             .map(|level| level.into_iter().map(|uv| uv.map(f16::from_f32)).collect())
             .collect())
+    }
+
+    /// What the map of a tile is worth when it is read bilinearly: the redirection within the tile in f32, or the delta in f16.
+    ///
+    /// # Errors
+    /// Those of vrtm.
+    pub fn inspect(&self, tile: usize, side: u32, delta: bool) -> Result<MapReport> {
+        let (kind, format) = match delta {
+            true => (FetchKind::RedirectionDelta, PixelFormat::F16),
+            false => (FetchKind::Redirection, PixelFormat::F32),
+        };
+        let desc = MapDesc { kind, format, size: [side; 2], one_to_one: false };
+        self.asset.inspect_map(tile, &desc).map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
     /// Where each node of a tile's grid moved to, and the cells of the grid in u and v.

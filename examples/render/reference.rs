@@ -6,30 +6,21 @@ use super::mips::{self, LIGHT};
 use super::texture::Levels;
 use super::{Result, fill_rows};
 
-/// Each texel is the mean of so many samples in u and in v.
-const SAMPLES: usize = 2;
-
-/// A tile's texture, warped, with all its levels.
+/// A tile's texture, warped, with all its levels. It has twice as many texels on a side, so that what is painted does not get
+/// softer by being sampled once more.
 ///
 /// # Errors
 /// Those of vrtm.
 pub fn warped(solved: &Solved, tile: usize, texture: &Levels) -> Result<Levels> {
     let (cells, nodes) = solved.warp(tile)?;
-    let side = texture[0].len().isqrt();
+    let painted = texture[0].len().isqrt();
+    let side = 2 * painted;
     let triangles = Triangles::new(cells, &nodes, side);
     let mut texels = vec![[0; 4]; side * side];
     fill_rows(&mut texels, side, |y, row| {
-        let mut light = vec![[0.0f32; 3]; side];
-        for sample in 0..SAMPLES {
-            let v = (y as f64 + (sample as f64 + 0.5) / SAMPLES as f64) / side as f64;
-            for (k, uv) in triangles.row(v, side * SAMPLES).into_iter().enumerate() {
-                let sum = &mut light[k / SAMPLES];
-                let part = bilinear(&texture[0], side, uv);
-                *sum = [0, 1, 2].map(|c| sum[c] + part[c] / (SAMPLES * SAMPLES) as f32);
-            }
-        }
-        for (texel, light) in row.iter_mut().zip(light) {
-            let [r, g, b] = light.map(mips::encoded);
+        let uvs = triangles.row((y as f64 + 0.5) / side as f64, side);
+        for (texel, uv) in row.iter_mut().zip(uvs) {
+            let [r, g, b] = bilinear(&texture[0], painted, uv).map(mips::encoded);
             *texel = [r, g, b, 255];
         }
     });
