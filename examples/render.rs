@@ -94,6 +94,12 @@ fn run(args: &Args) -> Result<()> {
         return Err(format!("--zoom {}: not more than 0", args.zoom));
     }
     let gpu = Gpu::open(args.adapter)?;
+    gpu.check("--map", args.map, 1)?;
+    gpu.check(
+        "--texture, and twice that for the one that is warped beforehand",
+        args.texture.saturating_mul(if args.normals { 1 } else { 2 }),
+        1,
+    )?;
     let model = match &args.asset {
         Some(folder) => Model::folder(folder)?,
         None => Model::scene(&args.scene)?,

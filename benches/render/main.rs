@@ -39,7 +39,7 @@ struct Args {
     size: Option<[u32; 2]>,
     /// Texels on a side of the texture.
     #[arg(long, default_value_t = 4096)]
-    texture: usize,
+    texture: u32,
     /// Texels on a side of the maps.
     #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096])]
     maps: Vec<u32>,
@@ -88,6 +88,12 @@ fn run(args: &Args) -> Result<()> {
         return Err(format!("--maps {side}: not a power of two"));
     }
     let gpu = Gpu::open(args.adapter)?;
+    args.maps.iter().try_for_each(|&side| gpu.check("--maps", side, 1))?;
+    gpu.check(
+        "--texture, and twice that for the one that is warped beforehand",
+        args.texture.saturating_mul(2),
+        1,
+    )?;
     let size = args.size.unwrap_or(if gpu.software { [640, 360] } else { [1920, 1080] });
     let frames = if args.frames > 0 {
         args.frames
@@ -99,7 +105,7 @@ fn run(args: &Args) -> Result<()> {
     let model = Model::scene(&args.scene)?;
     let frame = args.frame.min(model.frames.len());
     let settings = DeviceSettings { backend: Backend::Cpu, ..DeviceSettings::default() };
-    let stage = Stage::new(&model, frame, args.texture, false, &settings)?;
+    let stage = Stage::new(&model, frame, args.texture as usize, false, &settings)?;
     let renderer = stage.renderer(&gpu, size)?;
 
     let whole = View::of(&stage.positions);

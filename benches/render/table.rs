@@ -24,7 +24,7 @@ pub fn head(
     scene: &str,
     frame: usize,
     [width, height]: [u32; 2],
-    texture: usize,
+    texture: u32,
     count: usize,
 ) -> String {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
@@ -84,7 +84,7 @@ pub fn view(title: &str, rows: &[Row]) -> String {
 }
 
 /// Begins the table of the maps alone.
-pub fn maps_head(texture: usize) -> String {
+pub fn maps_head(texture: u32) -> String {
     format!(
         "## The maps alone\n\nDistance between the map, read bilinearly, and the redirection itself, in texels of the texture of \
          {texture}; and the quads of texels that fold.\n\n\
@@ -93,8 +93,8 @@ pub fn maps_head(texture: usize) -> String {
 }
 
 /// A row for a map of all tiles; errors are those of the worst tile.
-pub fn map(side: u32, delta: bool, texture: usize, reports: &[MapReport]) -> String {
-    let worst = |of: fn(&MapReport) -> f64| reports.iter().map(of).fold(0.0, f64::max) * texture as f64;
+pub fn map(side: u32, delta: bool, texture: u32, reports: &[MapReport]) -> String {
+    let worst = |of: fn(&MapReport) -> f64| reports.iter().map(of).fold(0.0, f64::max) * f64::from(texture);
     let folds: u64 = reports.iter().map(|report| report.folds).sum();
     let form = if delta { "delta, rg16float" } else { "within the tile, rg32float" };
     format!(

@@ -77,19 +77,28 @@ impl Gpu {
         if self.software { 1 } else { 16 }
     }
 
+    /// Checks the size of a texture before it is computed.
+    ///
+    /// # Errors
+    /// A size that the GPU does not have, naming `label`.
+    pub fn check(&self, label: &str, side: u32, layers: u32) -> Result<()> {
+        let limits = self.device.limits();
+        if side <= limits.max_texture_dimension_2d && layers <= limits.max_texture_array_layers {
+            return Ok(());
+        }
+        Err(format!(
+            "{label}: {side}x{side} texels in {layers} layers, but {} has {1}x{1} in {2}",
+            self.name, limits.max_texture_dimension_2d, limits.max_texture_array_layers
+        ))
+    }
+
     /// Makes a texture and fills it.
     ///
     /// # Errors
     /// A size that the GPU does not have.
     pub fn upload(&self, label: &str, layers: &Layers) -> Result<wgpu::TextureView> {
-        let limits = self.device.limits();
         let count = layers.layers.len() as u32;
-        if layers.side > limits.max_texture_dimension_2d || count > limits.max_texture_array_layers {
-            return Err(format!(
-                "{label}: {0}x{0} texels in {count} layers, but {1} has {2}x{2} in {3}",
-                layers.side, self.name, limits.max_texture_dimension_2d, limits.max_texture_array_layers
-            ));
-        }
+        self.check(label, layers.side, count)?;
         let size = wgpu::Extent3d { width: layers.side, height: layers.side, depth_or_array_layers: count };
         let texture = self.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(label),
