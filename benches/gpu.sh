@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Builds the bench, checks that GPU and CPU agree, and prints the time of a solve on this machine's GPU: each time
 # beside the result's error, each stage beside its lower bound. The same goes to benches/results/gpu-NAME.md. Arguments
-# are passed to the bench:
+# are passed to the bench. At the end it draws a mesh through its redirection map, in several ways, and writes what that costs
+# to benches/results/render-NAME.md:
 #
 #     benches/gpu.sh                      # all sizes to 8192, about 10 minutes
 #     benches/gpu.sh --sizes 512,2048
@@ -12,4 +13,5 @@ cd "$(dirname "$0")/.."
 if [ -n "${VRTM_BENCH:-}" ]; then
     exec "$VRTM_BENCH" "$@"
 fi
-exec cargo bench --bench gpu -- "$@"
+cargo bench --bench gpu -- "$@"
+cargo bench --bench render

@@ -1,0 +1,181 @@
+//! What drawing through a redirection map costs, and how far the picture is from one whose texture was warped beforehand:
+//! over sizes of the map, for a view of the whole mesh and for one of a part of it.
+//!
+//!     cargo bench --bench render
+//!     cargo bench --bench render -- --size 1920x1080 --maps 1024,4096 --rounds 31
+
+#![allow(missing_docs)]
+
+#[path = "../../examples/render/mod.rs"]
+mod render;
+mod table;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use render::Result;
+use render::camera::View;
+use render::difference::difference;
+use render::draw::Renderer;
+use render::gpu::Gpu;
+use render::model::Model;
+use render::stage::{Stage, medians, shot};
+use render::ways::{ALL, Map, ORIGINAL};
+use table::Row;
+use vrtm::{Backend, DeviceSettings};
+
+/// Measures drawing through a redirection map.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// Built-in scene.
+    #[arg(long, default_value = "mug_to_jug")]
+    scene: String,
+    /// Frame, from 1; the last one if there are fewer.
+    #[arg(long, default_value_t = 5)]
+    frame: usize,
+    /// Size of the picture; 640x360 on a software driver, else 1920x1080.
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Texels on a side of the texture.
+    #[arg(long, default_value_t = 4096)]
+    texture: u32,
+    /// Texels on a side of the maps.
+    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096])]
+    maps: Vec<u32>,
+    /// Times of which the median counts.
+    #[arg(long, default_value_t = 15)]
+    rounds: usize,
+    /// Frames of which each time is the mean.
+    #[arg(long, default_value_t = 0)]
+    frames: u32,
+    /// Number of the adapter.
+    #[arg(long, default_value_t = 0)]
+    adapter: usize,
+    /// File for the table [default: render-NAME.md in benches/results with the GPU's name, render.md for a software driver].
+    #[arg(long, value_name = "FILE")]
+    out: Option<String>,
+    /// Passed by `cargo bench` and not by `cargo test`; without it small maps are drawn once and nothing is written.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let pair = text.split_once('x').and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    pair.ok_or_else(|| "not as in 1920x1080".into())
+}
+
+fn main() -> ExitCode {
+    let mut args = Args::parse();
+    if !args.bench {
+        if vrtm::adapters().is_empty() {
+            println!("skipped: no GPU adapter");
+            return ExitCode::SUCCESS;
+        }
+        args = Args { texture: 512, maps: vec![128], rounds: 1, size: Some([160, 90]), ..args };
+    }
+    match run(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<()> {
+    if let Some(side) = args.maps.iter().find(|side| !side.is_power_of_two()) {
+        return Err(format!("--maps {side}: not a power of two"));
+    }
+    let gpu = Gpu::open(args.adapter)?;
+    args.maps.iter().try_for_each(|&side| gpu.check("--maps", side, 1))?;
+    gpu.check(
+        "--texture, and twice that for the one that is warped beforehand",
+        args.texture.saturating_mul(2),
+        1,
+    )?;
+    let size = args.size.unwrap_or(if gpu.software { [640, 360] } else { [1920, 1080] });
+    let frames = if args.frames > 0 {
+        args.frames
+    } else if gpu.software {
+        1
+    } else {
+        50
+    };
+    let model = Model::scene(&args.scene)?;
+    let frame = args.frame.min(model.frames.len());
+    let settings = DeviceSettings { backend: Backend::Cpu, ..DeviceSettings::default() };
+    let stage = Stage::new(&model, frame, args.texture as usize, false, &settings)?;
+    let renderer = stage.renderer(&gpu, size)?;
+
+    let whole = View::of(&stage.positions);
+    // Pixels are about as large as texels of 4096.
+    let part = View { zoom: 3240.0 / f64::from(size[1]), ..whole };
+    let mut text = table::head(&gpu, &model.name, frame, size, args.texture, args.rounds * frames as usize);
+    for (title, view) in [("The whole mesh", whole), ("A part of it, a texel of 4096 for each pixel", part)] {
+        let rows = measure(args, &gpu, &stage, &renderer, &view, size, frames)?;
+        text += &table::view(title, &rows);
+    }
+    text += &table::maps_head(args.texture);
+    for (&side, delta) in args.maps.iter().flat_map(|side| [(side, false), (side, true)]) {
+        let reports = (0..stage.solved.udims.len()).map(|tile| stage.solved.inspect(tile, side, delta));
+        text += &table::map(side, delta, args.texture, &reports.collect::<Result<Vec<_>>>()?);
+    }
+    print!("{text}");
+    if args.bench {
+        let path = args.out.clone().unwrap_or_else(|| format!("benches/results/render{}.md", suffix(&gpu)));
+        std::fs::write(&path, &text).map_err(|error| format!("--out {path}: {error}"))?;
+        println!("written to {path}");
+    }
+    Ok(())
+}
+
+/// What the file's name says of the GPU.
+fn suffix(gpu: &Gpu) -> String {
+    if gpu.software {
+        return String::new();
+    }
+    let words = gpu.adapter.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.map(|word| format!("-{}", word.to_ascii_lowercase())).collect()
+}
+
+/// All ways with all maps, in turn.
+fn measure(
+    args: &Args,
+    gpu: &Gpu,
+    stage: &Stage,
+    renderer: &Renderer,
+    view: &View,
+    size: [u32; 2],
+    frames: u32,
+) -> Result<Vec<Row>> {
+    let camera = stage.camera(renderer, view, size);
+    let material = renderer.material(&stage.colours, None)?;
+    let warped = renderer.material(stage.warped.as_ref().ok_or("no reference")?, None)?;
+    // All that one would do. How wrong a map with mips is, `tests/render.rs` says.
+    let ways: Vec<_> = ALL.into_iter().filter(|way| way.map != Map::DeltaMips).collect();
+    let pipelines: Vec<_> = ways.iter().map(|way| renderer.pipelines(way, false)).collect();
+    let maps =
+        args.maps.iter().map(|&side| renderer.maps(&stage.solved, side)).collect::<Result<Vec<_>>>()?;
+    // A way without a map is drawn once, the others with each of the maps.
+    let mut plan = Vec::new();
+    for (way, pipelines) in ways.iter().zip(&pipelines) {
+        let used = if way.map == Map::None { 1 } else { maps.len() };
+        let sides = maps.iter().zip(&args.maps).take(used);
+        plan.extend(sides.map(|(maps, &side)| (*way, side, shot(way, pipelines, &camera, &material, maps))));
+    }
+    let reference = renderer.picture(&shot(&ORIGINAL, &pipelines[0], &camera, &warped, &maps[0]))?;
+    let shots: Vec<_> = plan.iter().map(|(_, _, shot)| *shot).collect();
+    let times = medians(renderer, &shots, args.rounds, frames)?;
+    let base = |deferred: bool| {
+        let at = plan.iter().position(|(way, ..)| way.map == Map::None && way.deferred == deferred);
+        at.map_or(f64::NAN, |at| times[at])
+    };
+    let rows = plan.iter().zip(&times).map(|((way, side, shot), &ms)| {
+        let d = difference(&renderer.picture(shot)?, &reference);
+        let more = 100.0 * (ms / base(way.deferred) - 1.0);
+        let (map, more) = if way.map == Map::None { (None, None) } else { (Some(*side), Some(more)) };
+        Ok(Row { way: way.name, reads: way.reads(gpu.filterable), map, ms, more, d })
+    });
+    rows.collect()
+}

@@ -1,0 +1,309 @@
+//! Draws a mesh in one of the ways, reads the picture back, and times frames.
+
+use std::time::Instant;
+
+use super::Result;
+use super::camera::Camera;
+use super::gpu::{Gpu, Layers};
+use super::maps::Solved;
+use super::pipelines::{COLOUR, DEPTH, Layouts, Pipelines, SURFACE};
+use super::surface::Corner;
+use super::texture::Levels;
+use super::ways::{Map, Way};
+
+/// A mesh on a GPU, and the pictures that it is drawn to.
+pub struct Renderer<'a> {
+    gpu: &'a Gpu,
+    layouts: Layouts,
+    corners: wgpu::Buffer,
+    corner_count: u32,
+    size: [u32; 2],
+    colour: wgpu::Texture,
+    depth: wgpu::TextureView,
+    surface: Vec<wgpu::TextureView>,
+    surface_group: wgpu::BindGroup,
+    queries: Option<wgpu::QuerySet>,
+}
+
+/// The maps of one size.
+pub struct Maps {
+    filtered: Option<wgpu::BindGroup>,
+    loaded: wgpu::BindGroup,
+    delta: wgpu::BindGroup,
+}
+
+/// What a frame shows.
+#[derive(Clone, Copy)]
+pub struct Shot<'a> {
+    pub pipelines: &'a Pipelines,
+    pub camera: &'a wgpu::BindGroup,
+    pub material: &'a wgpu::BindGroup,
+    /// The map's group, unless the original UVs are used.
+    pub map: Option<&'a wgpu::BindGroup>,
+}
+
+impl<'a> Renderer<'a> {
+    /// # Errors
+    /// A size of the picture that the GPU does not have.
+    pub fn new(gpu: &'a Gpu, corners: &[Corner], size: [u32; 2]) -> Result<Renderer<'a>> {
+        let most = gpu.device.limits().max_texture_dimension_2d;
+        if size.iter().any(|&side| side == 0 || side > most) {
+            return Err(format!("--size {}x{}: sides are 1 to {most} on {}", size[0], size[1], gpu.name));
+        }
+        let layouts = Layouts::new(gpu);
+        let read = wgpu::TextureUsages::TEXTURE_BINDING;
+        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let surface: Vec<_> = SURFACE.map(|format| view(&gpu.target(size, format, read))).into();
+        let textures: Vec<_> = surface.iter().map(wgpu::BindingResource::TextureView).collect();
+        let surface_group = group(gpu, &layouts.surface, &textures);
+        let queries = gpu.tick.map(|_| {
+            let descriptor =
+                wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 };
+            gpu.device.create_query_set(&descriptor)
+        });
+        Ok(Renderer {
+            gpu,
+            corners: gpu.buffer(bytemuck::cast_slice(corners), wgpu::BufferUsages::VERTEX),
+            corner_count: corners.len() as u32,
+            size,
+            colour: gpu.target(size, COLOUR, wgpu::TextureUsages::COPY_SRC),
+            depth: view(&gpu.target(size, DEPTH, wgpu::TextureUsages::empty())),
+            surface,
+            surface_group,
+            queries,
+            layouts,
+        })
+    }
+
+    pub fn pipelines(&self, way: &Way, normals: bool) -> Pipelines {
+        self.layouts.pipelines(self.gpu, way, normals)
+    }
+
+    pub fn camera(&self, camera: &Camera) -> wgpu::BindGroup {
+        let buffer = self.gpu.buffer(bytemuck::bytes_of(camera), wgpu::BufferUsages::UNIFORM);
+        group(self.gpu, &self.layouts.view, &[buffer.as_entire_binding()])
+    }
+
+    /// Uploads the tiles' colours and, if there are any, their normals.
+    ///
+    /// # Errors
+    /// A size that the GPU does not have.
+    pub fn material(&self, colours: &[Levels], normals: Option<&[Levels]>) -> Result<wgpu::BindGroup> {
+        let upload = |tiles: &[Levels], format| {
+            let side = tiles[0][0].len().isqrt() as u32;
+            self.gpu
+                .upload("--texture", &Layers { format, side, layers: tiles.iter().map(bytes_of).collect() })
+        };
+        let colours = upload(colours, wgpu::TextureFormat::Rgba8UnormSrgb)?;
+        let flat = [vec![vec![[128, 128, 255, 255]]]];
+        let normals = upload(normals.unwrap_or(&flat), wgpu::TextureFormat::Rgba8Unorm)?;
+        let sampler = self.sampler(self.gpu.anisotropy());
+        let views = [&colours, &normals].map(wgpu::BindingResource::TextureView);
+        let [colours, normals] = views;
+        let entries = [colours, normals, wgpu::BindingResource::Sampler(&sampler)];
+        Ok(group(self.gpu, &self.layouts.material, &entries))
+    }
+
+    /// Uploads the maps of all tiles at a size.
+    ///
+    /// # Errors
+    /// A size that the GPU does not have, and those of vrtm.
+    pub fn maps(&self, solved: &Solved, side: u32) -> Result<Maps> {
+        let tiles = 0..solved.udims.len();
+        let texels = tiles.clone().map(|tile| solved.absolute(tile, side)).collect::<Result<Vec<_>>>()?;
+        let layers = texels.iter().map(|texels| vec![bytemuck::cast_slice(texels)]).collect();
+        let format = wgpu::TextureFormat::Rg32Float;
+        let absolute = self.gpu.upload("--map", &Layers { format, side, layers })?;
+        drop(texels);
+        let levels = tiles.map(|tile| solved.delta(tile, side)).collect::<Result<Vec<_>>>()?;
+        let bytes: Vec<Vec<Vec<[u16; 2]>>> = levels
+            .into_iter()
+            .map(|levels| {
+                levels
+                    .into_iter()
+                    .map(|l| l.into_iter().map(|uv| uv.map(|x| x.to_bits())).collect())
+                    .collect()
+            })
+            .collect();
+        let layers = bytes.iter().map(|levels| levels.iter().map(|l| bytemuck::cast_slice(l)).collect());
+        let format = wgpu::TextureFormat::Rg16Float;
+        let delta = self.gpu.upload("--map", &Layers { format, side, layers: layers.collect() })?;
+        // Without anisotropy, for which a map at level 0 has no use.
+        let sampler = self.sampler(1);
+        let filtered = |view| {
+            let entries =
+                [wgpu::BindingResource::TextureView(view), wgpu::BindingResource::Sampler(&sampler)];
+            group(self.gpu, &self.layouts.filtered, &entries)
+        };
+        Ok(Maps {
+            filtered: self.gpu.filterable.then(|| filtered(&absolute)),
+            loaded: group(self.gpu, &self.layouts.loaded, &[wgpu::BindingResource::TextureView(&absolute)]),
+            delta: filtered(&delta),
+        })
+    }
+
+    /// Linear within and between levels, clamped to the edge.
+    fn sampler(&self, anisotropy_clamp: u16) -> wgpu::Sampler {
+        self.gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            anisotropy_clamp,
+            ..Default::default()
+        })
+    }
+
+    /// Draws a frame and reads it: RGBA, first row at the top, alpha 255 where the mesh is.
+    ///
+    /// # Errors
+    /// A GPU that went away.
+    pub fn picture(&self, shot: &Shot) -> Result<Vec<u8>> {
+        let [width, height] = self.size;
+        let row = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let buffer = self.gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: u64::from(row) * u64::from(height),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.record(&mut encoder, shot, [None; 2]);
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+        encoder.copy_texture_to_buffer(
+            self.colour.as_image_copy(),
+            wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+            wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        );
+        self.gpu.queue.submit([encoder.finish()]);
+        let bytes = self.gpu.read(&buffer)?;
+        Ok(bytes.chunks_exact(row as usize).flat_map(|bytes| &bytes[..4 * width as usize]).copied().collect())
+    }
+
+    /// Milliseconds per frame over some frames of one submission: by the GPU's own clock where it has one, else from
+    /// submitting to the end.
+    ///
+    /// # Errors
+    /// A GPU that went away.
+    pub fn time(&self, shot: &Shot, frames: u32) -> Result<f64> {
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for frame in 0..frames {
+            let first = (frame == 0).then_some(0);
+            let last = (frame + 1 == frames).then_some(1);
+            self.record(&mut encoder, shot, [first, last]);
+        }
+        // A software driver works on the host's own cores, and its clock does not see all of that.
+        let clock = self.queries.as_ref().zip(self.gpu.tick).filter(|_| !self.gpu.software);
+        let Some((queries, tick)) = clock else {
+            let commands = encoder.finish();
+            let start = Instant::now();
+            self.gpu.queue.submit([commands]);
+            self.gpu.wait()?;
+            return Ok(start.elapsed().as_secs_f64() * 1e3 / f64::from(frames));
+        };
+        let buffer = |usage| {
+            let size = 16;
+            let usage = wgpu::BufferUsages::COPY_DST | usage;
+            let descriptor = wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false };
+            self.gpu.device.create_buffer(&descriptor)
+        };
+        let resolved = buffer(wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC);
+        let readable = buffer(wgpu::BufferUsages::MAP_READ);
+        encoder.resolve_query_set(queries, 0..2, &resolved, 0);
+        encoder.copy_buffer_to_buffer(&resolved, 0, &readable, 0, 16);
+        self.gpu.queue.submit([encoder.finish()]);
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&self.gpu.read(&readable)?);
+        Ok(ticks[1].wrapping_sub(ticks[0]) as f64 * tick * 1e-6 / f64::from(frames))
+    }
+
+    /// Records a frame's passes; `times` are the queries to write at its begin and end.
+    fn record(&self, encoder: &mut wgpu::CommandEncoder, shot: &Shot, [begin, end]: [Option<u32>; 2]) {
+        let pipelines = shot.pipelines;
+        let picture = self.colour.create_view(&wgpu::TextureViewDescriptor::default());
+        let alone = pipelines.screen.is_none();
+        let mesh_targets: Vec<_> =
+            if alone { vec![attachment(&picture)] } else { self.surface.iter().map(attachment).collect() };
+        let times = |begin: Option<u32>, end: Option<u32>| {
+            let query_set = self.queries.as_ref().filter(|_| begin.is_some() || end.is_some())?;
+            Some(wgpu::RenderPassTimestampWrites {
+                query_set,
+                beginning_of_pass_write_index: begin,
+                end_of_pass_write_index: end,
+            })
+        };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            color_attachments: &mesh_targets,
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &self.depth,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(1.0),
+                    store: wgpu::StoreOp::Discard,
+                }),
+                stencil_ops: None,
+            }),
+            timestamp_writes: times(begin, end.filter(|_| alone)),
+            ..Default::default()
+        });
+        pass.set_pipeline(&pipelines.mesh);
+        pass.set_bind_group(0, shot.camera, &[]);
+        if alone {
+            pass.set_bind_group(1, shot.material, &[]);
+            if let Some(map) = shot.map {
+                pass.set_bind_group(2, map, &[]);
+            }
+        }
+        pass.set_vertex_buffer(0, self.corners.slice(..));
+        pass.draw(0..self.corner_count, 0..1);
+        drop(pass);
+        let Some(screen) = &pipelines.screen else { return };
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            color_attachments: &[attachment(&picture)],
+            timestamp_writes: times(None, end),
+            ..Default::default()
+        });
+        pass.set_pipeline(screen);
+        pass.set_bind_group(0, shot.camera, &[]);
+        pass.set_bind_group(1, shot.material, &[]);
+        if let Some(map) = shot.map {
+            pass.set_bind_group(2, map, &[]);
+        }
+        pass.set_bind_group(3, &self.surface_group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+}
+
+impl Maps {
+    /// The group that a way reads.
+    pub fn of(&self, way: &Way) -> Option<&wgpu::BindGroup> {
+        match way.map {
+            Map::None => None,
+            Map::Absolute => Some(self.filtered.as_ref().unwrap_or(&self.loaded)),
+            Map::AbsoluteByHand => Some(&self.loaded),
+            Map::Delta | Map::DeltaMips => Some(&self.delta),
+        }
+    }
+}
+
+fn bytes_of(levels: &Levels) -> Vec<&[u8]> {
+    levels.iter().map(|level| level.as_flattened()).collect()
+}
+
+fn attachment(view: &wgpu::TextureView) -> Option<wgpu::RenderPassColorAttachment<'_>> {
+    Some(wgpu::RenderPassColorAttachment {
+        view,
+        depth_slice: None,
+        resolve_target: None,
+        ops: wgpu::Operations {
+            load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+            store: wgpu::StoreOp::Store,
+        },
+    })
+}
+
+fn group(gpu: &Gpu, layout: &wgpu::BindGroupLayout, resources: &[wgpu::BindingResource]) -> wgpu::BindGroup {
+    let entries = (0..)
+        .zip(resources)
+        .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource: resource.clone() });
+    let entries: Vec<_> = entries.collect();
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
+}

@@ -1,0 +1,107 @@
+//! The part that calls vrtm: solves a pose, and fetches each tile's maps as a GPU takes them.
+
+use half::f16;
+use vrtm::{
+    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MapDesc, MapReport,
+    MeshSource, Origin, PixelFormat, SolveOptions, Strided, UvSource,
+};
+
+use super::model::Model;
+use super::{Result, mips};
+
+/// A solved pose.
+pub struct Solved {
+    asset: Asset,
+    /// UDIM numbers of the tiles, in the order of the layers of all textures.
+    pub udims: Vec<u32>,
+}
+
+impl Solved {
+    /// Solves a pose with vrtm's defaults.
+    ///
+    /// # Errors
+    /// Those of vrtm.
+    pub fn new(model: &Model, positions: &[[f32; 3]], settings: &DeviceSettings) -> Result<Solved> {
+        let said = |error: vrtm::Error| format!("{}: {error}", model.name);
+        let device = Device::new(settings).map_err(said)?;
+        let source = MeshSource {
+            positions: Strided::from_f32x3(&model.rest),
+            face_counts: Some(&model.face_counts),
+            indices: &model.indices,
+            uvs: UvSource { u: Strided::from_f32x2(&model.uvs), v: None, indices: Some(&model.uv_indices) },
+            ..MeshSource::default()
+        };
+        let mut asset = Asset::new(&device, &source).map_err(said)?;
+        for maps in &model.tiles {
+            let Some(tile) = asset.find_tile(maps.udim) else { continue };
+            let layout = ImageLayout::packed(maps.width, maps.height, PixelFormat::U8);
+            let view = |bytes| ImageView::new("map", bytes, layout);
+            asset.set_rigidity(tile, Some(view(&maps.rigidity).map_err(said)?)).map_err(said)?;
+            let mask = maps.mask.as_ref().map(|mask| view(mask)).transpose().map_err(said)?;
+            asset.set_mask(tile, mask).map_err(said)?;
+        }
+        asset.solve(Strided::from_f32x3(positions), &SolveOptions::default()).map_err(said)?;
+        let tiles = 0..asset.tile_count();
+        let udims = tiles.map(|tile| asset.tile_info(tile).map(|info| info.udim));
+        let udims = udims.collect::<vrtm::Result<_>>().map_err(said)?;
+        Ok(Solved { asset, udims })
+    }
+
+    /// Fetches a tile's output with two f32 channels. The first row is v = 0, so that shaders use UVs as they are: with the
+    /// first row at the top, as in image files, they would read all textures at 1 - v.
+    fn fetch(&self, tile: usize, kind: FetchKind, [width, height]: [u32; 2]) -> Result<Vec<[f32; 2]>> {
+        let mut texels = vec![[0.0f32; 2]; width as usize * height as usize];
+        let layout =
+            ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(width, height, PixelFormat::F32) };
+        let bytes = bytemuck::cast_slice_mut(&mut texels);
+        let image = ImageViewMut::new("image", bytes, layout);
+        image
+            .and_then(|mut image| self.asset.fetch(tile, kind, &mut image))
+            .map_err(|error| format!("tile {}: {error}", self.udims[tile]))?;
+        Ok(texels)
+    }
+
+    /// The redirection within the tile, for a texture of rg32float.
+    ///
+    /// # Errors
+    /// Those of vrtm.
+    pub fn absolute(&self, tile: usize, side: u32) -> Result<Vec<[f32; 2]>> {
+        self.fetch(tile, FetchKind::Redirection, [side; 2])
+    }
+
+    /// The redirection less the texel's own UV, for a texture of rg16float; with all its mip levels, which only the way that
+    /// shows why they must not be read needs.
+    ///
+    /// # Errors
+    /// Those of vrtm.
+    pub fn delta(&self, tile: usize, side: u32) -> Result<Vec<Vec<[f16; 2]>>> {
+        let levels = mips::levels(self.fetch(tile, FetchKind::RedirectionDelta, [side; 2])?, mips::mean_uv);
+        Ok(levels
+            .into_iter()
+            .map(|level| level.into_iter().map(|uv| uv.map(f16::from_f32)).collect())
+            .collect())
+    }
+
+    /// What the map of a tile is worth when it is read bilinearly: the redirection within the tile in f32, or the delta in f16.
+    ///
+    /// # Errors
+    /// Those of vrtm.
+    pub fn inspect(&self, tile: usize, side: u32, delta: bool) -> Result<MapReport> {
+        let (kind, format) = match delta {
+            true => (FetchKind::RedirectionDelta, PixelFormat::F16),
+            false => (FetchKind::Redirection, PixelFormat::F32),
+        };
+        let desc = MapDesc { kind, format, size: [side; 2], one_to_one: false };
+        self.asset.inspect_map(tile, &desc).map_err(|error| format!("tile {}: {error}", self.udims[tile]))
+    }
+
+    /// Where each node of a tile's grid moved to, and the cells of the grid in u and v.
+    ///
+    /// # Errors
+    /// Those of vrtm.
+    pub fn warp(&self, tile: usize) -> Result<([usize; 2], Vec<[f32; 2]>)> {
+        let report = self.asset.tile_report(tile).map_err(|error| error.to_string())?;
+        let nodes = self.fetch(tile, FetchKind::Warp, report.grid.map(|cells| cells + 1))?;
+        Ok((report.grid.map(|cells| cells as usize), nodes))
+    }
+}

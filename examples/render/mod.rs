@@ -1,0 +1,41 @@
+//! Draws a mesh through its redirection map with wgpu, into images: shared by the example `render`, its bench and its test
+//! through `#[path]`. The shaders beside this file are meant to be copied.
+
+// Each program that includes this module uses some of its items only.
+#![allow(dead_code, missing_docs)]
+
+pub mod camera;
+pub mod difference;
+pub mod draw;
+pub mod gpu;
+pub mod maps;
+pub mod mips;
+pub mod model;
+pub mod pipelines;
+pub mod reference;
+pub mod stage;
+pub mod surface;
+pub mod texture;
+pub mod ways;
+
+#[path = "../scenes/mod.rs"]
+mod scenes;
+
+/// Why something cannot be done, naming the argument.
+pub type Result<T> = std::result::Result<T, String>;
+
+/// Fills the rows of an image on all cores: `row` gets each row's number and texels.
+pub fn fill_rows<T: Send>(texels: &mut [T], width: usize, row: impl Fn(usize, &mut [T]) + Sync) {
+    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+    let rows = (texels.len() / width).div_ceil(cores).max(1);
+    std::thread::scope(|scope| {
+        for (band, texels) in texels.chunks_mut(rows * width).enumerate() {
+            let row = &row;
+            scope.spawn(move || {
+                for (k, texels) in texels.chunks_mut(width).enumerate() {
+                    row(band * rows + k, texels);
+                }
+            });
+        }
+    });
+}

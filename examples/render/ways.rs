@@ -1,0 +1,58 @@
+//! The ways to draw that are compared.
+
+/// What is read for the UV.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Map {
+    /// No map: the original UVs.
+    None,
+    /// The redirection within the tile, rg32float, filtered by the sampler where the device can.
+    Absolute,
+    /// The same, interpolated by the shader.
+    AbsoluteByHand,
+    /// The difference from the original UV, rg16float.
+    Delta,
+    /// The same through its mip levels: a mistake that is easily made.
+    DeltaMips,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct Way {
+    pub name: &'static str,
+    pub map: Map,
+    /// Whether the lookup is made in a second pass, once per visible pixel.
+    pub deferred: bool,
+    /// Whether the texture is read with explicit derivatives of the UV, or with those that the sampler finds by itself.
+    pub explicit: bool,
+}
+
+/// The original UVs, as the mesh is drawn without vrtm.
+pub const ORIGINAL: Way = way("original", Map::None, false, false);
+
+pub const ALL: [Way; 9] = [
+    ORIGINAL,
+    way("forward", Map::Absolute, false, true),
+    way("forward-implicit", Map::Absolute, false, false),
+    way("forward-by-hand", Map::AbsoluteByHand, false, true),
+    way("forward-delta", Map::Delta, false, true),
+    way("forward-mips", Map::DeltaMips, false, true),
+    way("original-deferred", Map::None, true, true),
+    way("deferred", Map::Absolute, true, true),
+    way("deferred-delta", Map::Delta, true, true),
+];
+
+const fn way(name: &'static str, map: Map, deferred: bool, explicit: bool) -> Way {
+    Way { name, map, deferred, explicit }
+}
+
+impl Way {
+    /// What the way reads, in words. `filterable`: whether samplers filter 32-bit floats.
+    pub fn reads(&self, filterable: bool) -> &'static str {
+        match self.map {
+            Map::None => "-",
+            Map::Absolute if filterable => "within the tile, rg32float, sampler",
+            Map::Absolute | Map::AbsoluteByHand => "within the tile, rg32float, by hand",
+            Map::Delta => "delta, rg16float, sampler",
+            Map::DeltaMips => "delta, rg16float, sampler, with mips",
+        }
+    }
+}
