@@ -16,9 +16,11 @@
  *            or vrtm_asset_solve, then vrtm_tile_fetch and vrtm_asset_fetch_corner_uvs
  *   job      vrtm_asset_submit, then vrtm_job_wait    the same beside the host's own work, which can be cancelled
  *   facts    vrtm_tile_report, vrtm_asset_report
+ *   refine   vrtm_refinement_create, then vrtm_refinement_fetch_corner_uvs every frame, for hosts that know UV sets
+ *            only
  *
  * A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture. So the
- * shader does, with v pointing up and texture coordinates within the tile:
+ * shader does, with v pointing up and texture coordinates within the tile (VRTM_FETCH_ has other forms):
  *
  *   vec2 uv2 = texture(redirection, uv).rg;
  *   vec4 colour = texture(albedo, uv2);
@@ -238,6 +240,13 @@ typedef struct vrtm_job {
     uint64_t id;
 } vrtm_job;
 
+// A refinement: an asset's mesh with its triangles split, for hosts that know UV sets only. Made by
+// vrtm_refinement_create, ended by vrtm_refinement_destroy. Zero is no refinement.
+typedef struct vrtm_refinement {
+    // Opaque.
+    uint64_t id;
+} vrtm_refinement;
+
 /* ---- Arrays and images ---- */
 
 // The number format of an array's components.
@@ -313,8 +322,8 @@ typedef struct vrtm_image {
     uint32_t reserved;
 } vrtm_image;
 
-// An output image with two channels (u, v) in the caller's memory. Start from vrtm_image_out_init(). Any size will
-// do; the first two channels of each texel are written, and the bytes that a stride skips are left as they are.
+// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size will do; the first `channels`
+// channels of each texel are written, and the bytes that a stride skips are left as they are.
 typedef struct vrtm_image_out {
     // sizeof(vrtm_image_out); set by vrtm_image_out_init().
     uint32_t struct_size;
@@ -326,7 +335,7 @@ typedef struct vrtm_image_out {
     uint32_t width;
     // Texels in v, at least 1.
     uint32_t height;
-    // Bytes from one texel to the next; 0 = tightly packed (8 for f32, 4 for f16).
+    // Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     size_t pixel_stride;
     // Bytes from one row to the next; 0 = tightly packed.
     size_t row_stride;
@@ -334,6 +343,13 @@ typedef struct vrtm_image_out {
     vrtm_origin origin;
     // Zero.
     uint32_t reserved;
+    // Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. 3 adds one that is
+    // 0, and 4, for a redirection, one that is 1 where a chart covers the texel's centre and 0 elsewhere.
+    uint32_t channels;
+    // 1 = a redirection is one-to-one also when a renderer interpolates between its texels: the values of texels next
+    // to a fold of the interpolated map are moved a little for that (vrtm_tile_inspect_map). 0 (the default) = every
+    // value is that of the redirection at the texel's centre. Ignored for other kinds.
+    uint32_t one_to_one;
 } vrtm_image_out;
 
 /* ---- Memory ---- */
@@ -938,7 +954,7 @@ vrtm_status vrtm_tile_load(vrtm_tile tile,
 
 /* ---- Results ---- */
 
-// Content of a fetched image: two channels (u, v) per texel.
+// Content of a fetched image: two channels (u, v) per texel, if not said otherwise.
 typedef int32_t vrtm_fetch_kind;
 
 // The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
@@ -956,11 +972,24 @@ typedef int32_t vrtm_fetch_kind;
 // a result agree on that, so that at any size the warp of a redirected UV is that UV. Take f32.
 #define VRTM_FETCH_WARP 2
 
+// The redirection plus the offset of the tile (U, V) among the UDIM tiles: UVs as those of the mesh, to be looked up in
+// all tiles of a texture. Take f32.
+#define VRTM_FETCH_REDIRECTION_UDIM 3
+
+// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv; 1,
+// 0, 0, 1 where nothing moves. What turns with a feature, as a tangent-space normal does, turns with it. Good in f16.
+#define VRTM_FETCH_JACOBIAN 4
+
+// One channel: the largest singular value of that. A lookup's footprint is at most so many times wider in the texture
+// than on the surface: for renderers that filter by a width which they take from the mesh's own UVs. Good in f16.
+#define VRTM_FETCH_FILTER_SCALE 5
+
 // One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
 typedef struct vrtm_fetch {
     // sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
     uint32_t struct_size;
-    // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP.
+    // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
+    // FILTER_SCALE.
     vrtm_fetch_kind kind;
     // A tile of the asset. Required.
     vrtm_tile tile;
@@ -971,8 +1000,9 @@ typedef struct vrtm_fetch {
 // Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
-// or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
+// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
+// the kind does not have or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never
+// busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch(vrtm_tile tile,
                             vrtm_fetch_kind kind,
@@ -1013,6 +1043,61 @@ vrtm_status vrtm_asset_fetch_corner_uvs_of_set(vrtm_asset asset,
                                                uint32_t uv_set,
                                                float *uvs,
                                                size_t count);
+
+// A redirection map that may be fetched. Start from vrtm_map_desc_init().
+typedef struct vrtm_map_desc {
+    // sizeof(vrtm_map_desc); set by vrtm_map_desc_init().
+    uint32_t struct_size;
+    // VRTM_FETCH_REDIRECTION (0, the default), REDIRECTION_DELTA or REDIRECTION_UDIM.
+    vrtm_fetch_kind kind;
+    // VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
+    vrtm_pixel_format format;
+    // Texels in u, 1 to 16384.
+    uint32_t width;
+    // Texels in v, 1 to 16384.
+    uint32_t height;
+    // As vrtm_image_out.one_to_one.
+    uint32_t one_to_one;
+} vrtm_map_desc;
+
+// What a redirection map gives when it is read with bilinear interpolation. Errors are lengths in UV: times the size of
+// a texture they are texels of it. Start from vrtm_map_data_init().
+typedef struct vrtm_map_data {
+    // sizeof(vrtm_map_data); set by vrtm_map_data_init().
+    uint32_t struct_size;
+    // Zero.
+    uint32_t reserved;
+    // Quads of four neighbouring texel centres on which the interpolated map is not one-to-one: 0 certifies that it is
+    // everywhere between the centres of the tile's outermost texels.
+    uint64_t folds;
+    // Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
+    double min_jacobian;
+    // Root of the mean square error over the tile's charts, against the redirection itself.
+    double error_rms;
+    // 99th percentile of the error over the charts, rounded up by at most one percent.
+    double error_p99;
+    // Largest error in the charts.
+    double error_max;
+    // A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter
+    // and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size.
+    uint32_t sufficient_width;
+    // The same in v.
+    uint32_t sufficient_height;
+} vrtm_map_data;
+
+// Looks at the map that a vrtm_tile_fetch of this kind, size and format would write of the last result. A warp without
+// folds has an inverse without folds, but a map holds that at texel centres only, and what a renderer interpolates
+// between them may fold where the warp squeezes. This tells whether it does, how far it is from the redirection, and
+// which size suffices. It takes about as long as fetching the map and one of twice its or the grid's size, and more if
+// it has to look for another size. Computed on the CPU.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
+// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is no redirection, or a size
+// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+VRTM_API
+vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
+                                  const vrtm_map_desc *desc,
+                                  vrtm_map_data *data);
 
 /* ---- Solve ---- */
 
@@ -1398,6 +1483,147 @@ VRTM_API
 vrtm_status vrtm_asset_report(vrtm_asset asset,
                               vrtm_asset_report_data *report);
 
+/* ---- Refinements ---- */
+
+// How a mesh is refined. Start from vrtm_refinement_desc_init(); zero means the default.
+typedef struct vrtm_refinement_desc {
+    // sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
+    uint32_t struct_size;
+    // The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    uint32_t uv_set;
+    // Largest error of linear interpolation on a triangle, in UV of a tile, at most 1; 0 = 1/2048, half a texel of
+    // a texture of 1024. Half of it takes up to three times as many triangles.
+    double tolerance;
+    // Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million more than
+    // the mesh has. Where there is no room for all, the largest errors are split first.
+    uint64_t max_triangles;
+} vrtm_refinement_desc;
+
+// Sizes of a refinement, and what it came to. Start from vrtm_refinement_data_init().
+typedef struct vrtm_refinement_data {
+    // sizeof(vrtm_refinement_data); set by vrtm_refinement_data_init().
+    uint32_t struct_size;
+    // The UV set.
+    uint32_t uv_set;
+    // Vertices: those of the mesh, then the new ones.
+    uint64_t vertices;
+    // Faces: triangles, and those polygons of the mesh that need no split.
+    uint64_t faces;
+    // Corners of all faces: the length of its array of corner UVs.
+    uint64_t corners;
+    // Triangles, a polygon of n corners counting as n - 2.
+    uint64_t triangles;
+    // Bytes that it holds, beside the mesh and the results.
+    uint64_t bytes;
+    // The tolerance, in UV of a tile.
+    double tolerance;
+    // Largest error, in UV of a tile, that was left in the result that it was last made or extended for.
+    double error;
+    // 1 if that is within the tolerance; 0 if there was no room for more triangles.
+    uint32_t reached;
+    // Milliseconds that making it took, or extending it the last time.
+    float ms;
+} vrtm_refinement_data;
+
+// Where the pattern of a refinement is written: the caller's arrays, of which null ones are left out. From it a
+// host interpolates positions and all else that its vertices and corners have. Start from
+// vrtm_refinement_pattern_init().
+//
+// Sources come in threes, with weights that add up to 1. What needs fewer than three has weight 0 for the rest,
+// which repeat the first.
+typedef struct vrtm_refinement_pattern {
+    // sizeof(vrtm_refinement_pattern); set by vrtm_refinement_pattern_init().
+    uint32_t struct_size;
+    // Zero.
+    uint32_t reserved;
+    // vrtm_refinement_data.vertices: the room in the arrays by vertex.
+    size_t vertex_count;
+    // vrtm_refinement_data.faces: the room in the arrays by face.
+    size_t face_count;
+    // vrtm_refinement_data.corners: the room in the arrays by corner.
+    size_t corner_count;
+    // Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their order, each with itself
+    // as its source.
+    uint32_t *vertex_sources;
+    // Three per vertex: what each of them weighs.
+    float *vertex_weights;
+    // One per face: the face of the mesh that it lies in. They come in the order of the mesh's faces.
+    uint32_t *face_sources;
+    // One per face: its number of corners. 3 for a part of a face; a face that was left alone keeps its own.
+    uint32_t *face_corners;
+    // One per corner: its vertex.
+    uint32_t *corner_vertices;
+    // Three per corner: corners of the mesh, of the triangle of the face that it lies in.
+    uint32_t *corner_sources;
+    // Three per corner: what each of them weighs.
+    float *corner_weights;
+    // Two per corner: its original UV in the set, with the tile's offset. It is what its sources' UVs make.
+    float *corner_uvs;
+} vrtm_refinement_pattern;
+
+// Refines the mesh of an asset for its last result, for hosts that know UV sets only. Corner UVs of the mesh
+// itself recover less than the map where the mesh is coarser than what is painted on it: between corners a
+// renderer interpolates linearly. Here triangles are split until that is nowhere farther from the redirection than
+// the tolerance.
+//
+// Edges are split at their middle, for all faces that have them, also across seams and borders of charts: no
+// cracks open, and no angle gets much smaller than half of the least one. A face that needs no split stays as it
+// is, a quadrilateral only if it keeps the tolerance whichever way a renderer cuts it. Where nothing moves,
+// nothing is split. The pattern depends on the result and on `desc` alone. `desc` may be null: the defaults.
+//
+// `*refinement` is the caller's to destroy. It keeps what it needs alive, the mesh and the last result among it,
+// and may be used when the asset is destroyed. Never busy: it reads the last good result, also during a solve.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for
+// a UV set or a tolerance out of range, or if `refinement` is null; VRTM_ERROR_OUT_OF_MEMORY.
+VRTM_API
+vrtm_status vrtm_refinement_create(vrtm_asset asset,
+                                   const vrtm_refinement_desc *desc,
+                                   vrtm_refinement *refinement);
+
+// Refines further, for the asset's last result. What was split stays split: a refinement that was extended for
+// each frame of a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces
+// and corners are numbered anew. vrtm_refinement_info tells the new sizes.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
+// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
+VRTM_API
+vrtm_status vrtm_refinement_extend(vrtm_refinement refinement);
+
+// Sizes of a refinement, and what it came to. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+VRTM_API
+vrtm_status vrtm_refinement_info(vrtm_refinement refinement,
+                                 vrtm_refinement_data *data);
+
+// Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
+// is not that of vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
+VRTM_API
+vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
+                                          const vrtm_refinement_pattern *pattern);
+
+// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v),
+// with the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Every frame: solve,
+// then this. At corners of the mesh they are those of vrtm_asset_fetch_corner_uvs_of_set, bit by bit. `count` is
+// the number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
+//
+// A pose that the refinement was not made or extended for may err by more than the tolerance.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `uvs` is null or `count` is not the number of
+// corners; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
+VRTM_API
+vrtm_status vrtm_refinement_fetch_corner_uvs(vrtm_refinement refinement,
+                                             float *uvs,
+                                             size_t count);
+
+// Ends a refinement's handle. Calls that are using it run to their end, and the memory is freed then.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
+VRTM_API vrtm_status vrtm_refinement_destroy(vrtm_refinement refinement);
+
 /* ---- Initialisers: all zero, struct_size set ---- */
 
 #define VRTM_DEFINE_INIT_(type)           \
@@ -1423,10 +1649,15 @@ VRTM_DEFINE_INIT_(vrtm_tile_data)
 VRTM_DEFINE_INIT_(vrtm_tile_needs)
 VRTM_DEFINE_INIT_(vrtm_tile_settings)
 VRTM_DEFINE_INIT_(vrtm_fetch)
+VRTM_DEFINE_INIT_(vrtm_map_desc)
+VRTM_DEFINE_INIT_(vrtm_map_data)
 VRTM_DEFINE_INIT_(vrtm_solve_options)
 VRTM_DEFINE_INIT_(vrtm_job_data)
 VRTM_DEFINE_INIT_(vrtm_tile_report_data)
 VRTM_DEFINE_INIT_(vrtm_asset_report_data)
+VRTM_DEFINE_INIT_(vrtm_refinement_desc)
+VRTM_DEFINE_INIT_(vrtm_refinement_data)
+VRTM_DEFINE_INIT_(vrtm_refinement_pattern)
 
 #undef VRTM_DEFINE_INIT_
 

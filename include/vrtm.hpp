@@ -79,7 +79,10 @@ enum class Overlap : vrtm_overlap { fixed = VRTM_OVERLAP_FIXED, first_face = VRT
 enum class FetchKind : vrtm_fetch_kind {
     redirection = VRTM_FETCH_REDIRECTION,
     redirection_delta = VRTM_FETCH_REDIRECTION_DELTA,
-    warp = VRTM_FETCH_WARP
+    warp = VRTM_FETCH_WARP,
+    redirection_udim = VRTM_FETCH_REDIRECTION_UDIM,
+    jacobian = VRTM_FETCH_JACOBIAN,
+    filter_scale = VRTM_FETCH_FILTER_SCALE
 };
 enum class Quality : vrtm_quality {
     normal = VRTM_QUALITY_NORMAL,
@@ -314,7 +317,7 @@ public:
     }
 };
 
-// An output image with two channels.
+// An output image: as many channels as its content has, two for UVs.
 class ImageOut : public detail::ImageBase<ImageOut, vrtm_image_out> {
 public:
     ImageOut(float *data, std::uint32_t width, std::uint32_t height) noexcept
@@ -326,6 +329,40 @@ public:
     {
         c_.data = data;
     }
+    // 3: one that is 0 follows u and v. 4, for a redirection: then one that is 1 where a chart is and 0 elsewhere.
+    ImageOut &channels(std::uint32_t count) noexcept
+    {
+        c_.channels = count;
+        return *this;
+    }
+    // A redirection that is one-to-one also where a renderer interpolates between its texels.
+    ImageOut &one_to_one(bool wanted = true) noexcept
+    {
+        c_.one_to_one = wanted;
+        return *this;
+    }
+};
+
+// A redirection map that may be fetched, to be looked at by Tile::inspect_map().
+class MapDesc {
+public:
+    MapDesc(std::uint32_t width, std::uint32_t height, FetchKind kind = FetchKind::redirection,
+            PixelFormat format = PixelFormat::f32) noexcept
+    {
+        c_.width = width;
+        c_.height = height;
+        c_.kind = vrtm::value(kind);
+        c_.format = vrtm::value(format);
+    }
+    MapDesc &one_to_one(bool wanted = true) noexcept
+    {
+        c_.one_to_one = wanted;
+        return *this;
+    }
+    const vrtm_map_desc &c() const noexcept { return c_; }
+
+private:
+    vrtm_map_desc c_ = vrtm_map_desc_init();
 };
 
 // ---- The host's threads ----
@@ -451,6 +488,7 @@ using Keep = std::array<std::shared_ptr<const void>, 3>;
 inline void destroy(vrtm_device device) noexcept { static_cast<void>(vrtm_device_destroy(device)); }
 inline void destroy(vrtm_asset asset) noexcept { static_cast<void>(vrtm_asset_destroy(asset)); }
 inline void destroy(vrtm_job job) noexcept { static_cast<void>(vrtm_job_destroy(job)); }
+inline void destroy(vrtm_refinement refinement) noexcept { static_cast<void>(vrtm_refinement_destroy(refinement)); }
 
 // The end of a handle, which may be zero, and what it needs until then.
 template <class Handle> class Owner {
@@ -774,6 +812,14 @@ public:
         return Result<>(vrtm_tile_fetch_part(handle_, vrtm::value(kind), &image.c(), x, y, width, height));
     }
 
+    // What the map of a fetch would be when it is read with bilinear interpolation.
+    Result<vrtm_map_data> try_inspect_map(const MapDesc &map) const noexcept
+    {
+        vrtm_map_data data = vrtm_map_data_init();
+        const vrtm_status status = vrtm_tile_inspect_map(handle_, &map.c(), &data);
+        return {data, status};
+    }
+
     Result<vrtm_tile_report_data> try_report() const noexcept
     {
         vrtm_tile_report_data report = vrtm_tile_report_data_init();
@@ -807,6 +853,7 @@ public:
     {
         try_fetch_part(kind, image, x, y, width, height).value();
     }
+    vrtm_map_data inspect_map(const MapDesc &map) const { return try_inspect_map(map).value(); }
     vrtm_tile_report_data report() const { return try_report().value(); }
 #endif
 
@@ -1038,6 +1085,105 @@ private:
     detail::Owner<vrtm_job> owner_;
 };
 
+// ---- Refinement ----
+
+// How a mesh is refined. The fields are those of vrtm.h.
+struct RefinementDesc : vrtm_refinement_desc {
+    RefinementDesc() noexcept : vrtm_refinement_desc(vrtm_refinement_desc_init()) {}
+};
+
+// The pattern of a refinement, which owns its arrays.
+struct RefinementPattern {
+    std::vector<std::uint32_t> vertex_sources;
+    std::vector<float> vertex_weights;
+    std::vector<std::uint32_t> face_sources, face_corners, corner_vertices, corner_sources;
+    std::vector<float> corner_weights, corner_uvs;
+};
+
+// An asset's mesh with its triangles split, for hosts that know UV sets only.
+class Refinement {
+public:
+    // Empty: no refinement.
+    Refinement() noexcept = default;
+
+    explicit operator bool() const noexcept { return handle().id != 0; }
+    vrtm_refinement handle() const noexcept { return owner_.handle(); }
+    // Ends the handle, if there is one.
+    void reset() noexcept { *this = Refinement(); }
+
+    // Refines further, for the asset's last result.
+    Result<> try_extend() const noexcept { return Result<>(vrtm_refinement_extend(handle())); }
+    Result<vrtm_refinement_data> try_info() const noexcept
+    {
+        vrtm_refinement_data data = vrtm_refinement_data_init();
+        const vrtm_status status = vrtm_refinement_info(handle(), &data);
+        return {data, status};
+    }
+    Result<RefinementPattern> try_pattern() const
+    {
+        const Result<vrtm_refinement_data> data = try_info();
+        Result<> result = data;
+        RefinementPattern p;
+        if (result) {
+            vrtm_refinement_pattern c = vrtm_refinement_pattern_init();
+            c.vertex_count = static_cast<std::size_t>(data->vertices);
+            c.face_count = static_cast<std::size_t>(data->faces);
+            c.corner_count = static_cast<std::size_t>(data->corners);
+            c.vertex_sources = sized(p.vertex_sources, 3 * c.vertex_count);
+            c.vertex_weights = sized(p.vertex_weights, 3 * c.vertex_count);
+            c.face_sources = sized(p.face_sources, c.face_count);
+            c.face_corners = sized(p.face_corners, c.face_count);
+            c.corner_vertices = sized(p.corner_vertices, c.corner_count);
+            c.corner_sources = sized(p.corner_sources, 3 * c.corner_count);
+            c.corner_weights = sized(p.corner_weights, 3 * c.corner_count);
+            c.corner_uvs = sized(p.corner_uvs, 2 * c.corner_count);
+            result = try_pattern(c);
+        }
+        return {std::move(p), result};
+    }
+    // The same into the caller's arrays.
+    Result<> try_pattern(const vrtm_refinement_pattern &pattern) const noexcept
+    {
+        return Result<>(vrtm_refinement_fetch_pattern(handle(), &pattern));
+    }
+    // The last result's: one pair (u, v) per corner of the refined mesh.
+    Result<std::vector<float>> try_corner_uvs() const
+    {
+        const Result<vrtm_refinement_data> data = try_info();
+        std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
+        Result<> result = data;
+        if (result) {
+            result = try_corner_uvs(uvs.data(), uvs.size() / 2);
+        }
+        return {std::move(uvs), result};
+    }
+    // The same into the caller's memory: `count` pairs, as many as the refinement has corners.
+    Result<> try_corner_uvs(float *uvs, std::size_t count) const noexcept
+    {
+        return Result<>(vrtm_refinement_fetch_corner_uvs(handle(), uvs, count));
+    }
+
+#if VRTM_EXCEPTIONS
+    void extend() const { try_extend().value(); }
+    vrtm_refinement_data info() const { return try_info().value(); }
+    RefinementPattern pattern() const { return try_pattern().value(); }
+    void pattern(const vrtm_refinement_pattern &pattern) const { try_pattern(pattern).value(); }
+    std::vector<float> corner_uvs() const { return try_corner_uvs().value(); }
+    void corner_uvs(float *uvs, std::size_t count) const { try_corner_uvs(uvs, count).value(); }
+#endif
+
+private:
+    friend class Asset;
+
+    template <class T> static T *sized(std::vector<T> &array, std::size_t count)
+    {
+        array.resize(count);
+        return array.data();
+    }
+
+    detail::Owner<vrtm_refinement> owner_;
+};
+
 // ---- Asset ----
 
 // One mesh with its tiles, their maps, settings and results.
@@ -1156,6 +1302,16 @@ public:
         return Result<>(vrtm_asset_fetch_corner_uvs_of_set(handle(), uv_set, uvs, count));
     }
 
+    // For the last result.
+    Result<Refinement> try_refine(const RefinementDesc &desc = RefinementDesc()) const noexcept
+    {
+        vrtm_refinement handle_of_refinement{};
+        const vrtm_status status = vrtm_refinement_create(handle(), &desc, &handle_of_refinement);
+        Refinement refinement;
+        refinement.owner_ = detail::Owner<vrtm_refinement>(handle_of_refinement, owner_.keep());
+        return {std::move(refinement), status};
+    }
+
     Result<vrtm_asset_report_data> try_report() const noexcept
     {
         vrtm_asset_report_data report = vrtm_asset_report_data_init();
@@ -1191,6 +1347,7 @@ public:
     {
         try_corner_uvs(uvs, count, uv_set).value();
     }
+    Refinement refine(const RefinementDesc &desc = RefinementDesc()) const { return try_refine(desc).value(); }
     vrtm_asset_report_data report() const { return try_report().value(); }
 #endif
 

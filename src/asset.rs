@@ -1,15 +1,23 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
 mod backend;
+mod canvas;
+mod chart_texels;
 mod fetch;
+mod form;
+mod inspect;
+mod kind;
 mod log;
 mod measure;
+mod nodes;
 #[cfg(feature = "oracle")]
 mod oracle;
 mod output;
 #[cfg(all(feature = "oracle", feature = "gpu"))]
 mod parity;
 mod prepare;
+mod quad;
+mod refine;
 mod results;
 mod side_by_side;
 mod solve;
@@ -21,6 +29,7 @@ mod switched;
 mod solved;
 mod tile_state;
 mod torn;
+mod untangle;
 
 use std::sync::Arc;
 
@@ -32,9 +41,11 @@ use crate::mesh::{Mesh, MeshSource};
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
 use crate::settings::SolveOptions;
 use crate::view::Strided;
-pub use fetch::FetchKind;
+pub use inspect::{MapDesc, MapReport};
+pub use kind::FetchKind;
 #[cfg(feature = "oracle")]
 pub use oracle::ReferenceMinimum;
+pub use refine::{Refinement, RefinementInfo, RefinementPattern, RefinementSettings};
 pub use results::Results;
 pub use solve::SolveRequest;
 use tile_state::TileState;
@@ -161,6 +172,14 @@ impl Asset {
         self.results.fetch_part(tile, kind, image, size, first)
     }
 
+    /// [`Results::inspect_map`] of the asset's results.
+    ///
+    /// # Errors
+    /// Those of that.
+    pub fn inspect_map(&self, tile: usize, desc: &MapDesc) -> Result<MapReport> {
+        self.results.inspect_map(tile, desc)
+    }
+
     /// [`Results::corner_uvs`] of the asset's results.
     ///
     /// # Errors
@@ -175,6 +194,14 @@ impl Asset {
     /// Those of that.
     pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
         self.results.corner_uvs_of_set(uv_set, out)
+    }
+
+    /// [`Results::refine`] of the asset's results.
+    ///
+    /// # Errors
+    /// Those of that.
+    pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
+        self.results.refine(settings)
     }
 
     /// [`Results::tile_report`] of the asset's results.

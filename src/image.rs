@@ -60,32 +60,61 @@ pub struct ImageLayout {
     pub row_stride: Option<usize>,
     /// The end of the tile at which the first row lies.
     pub origin: Origin,
+    /// Channels to write per texel of an output, 1 to 4; `None` = two. Inputs have one.
+    pub channels: Option<u32>,
+    /// Whether values of a redirection next to a fold of the interpolated map may differ from the inverse warp, so that
+    /// the map is one-to-one when it is read with bilinear interpolation; false = each value is the inverse warp's.
+    pub one_to_one: bool,
 }
 
 impl ImageLayout {
-    /// A packed image whose first row is v = 1.
+    /// A packed image whose first row is v = 1; as an output with two channels.
     #[must_use]
     pub fn packed(width: u32, height: u32, format: PixelFormat) -> ImageLayout {
-        ImageLayout { width, height, format, pixel_stride: None, row_stride: None, origin: Origin::Top }
+        ImageLayout {
+            width,
+            height,
+            format,
+            pixel_stride: None,
+            row_stride: None,
+            origin: Origin::Top,
+            channels: None,
+            one_to_one: false,
+        }
+    }
+
+    /// The same of an output with so many channels.
+    #[must_use]
+    pub fn with_channels(self, channels: u32) -> ImageLayout {
+        ImageLayout { channels: Some(channels), ..self }
     }
 
     /// Checks the layout for `channels` channels per texel.
     ///
     /// # Errors
     /// `InvalidArgument` naming `name` for a zero size or a stride smaller than what it spans.
-    pub(crate) fn resolve(&self, name: &str, channels: usize) -> Result<TexelLayout> {
+    pub(crate) fn resolve(&self, name: &str, channels: u32) -> Result<TexelLayout> {
         self.resolve_within(name, channels, isize::MAX as usize)
+    }
+
+    /// The same for an output at `data`, with its own number of channels.
+    pub(crate) fn resolve_output(&self, name: &str, data: *const u8) -> Result<TexelLayout> {
+        let channels = self.channels.unwrap_or(2);
+        if !(1..=4).contains(&channels) {
+            return Err(Error::argument(format!("{name}: channels is {channels}, not 1 to 4")));
+        }
+        self.resolve_within(name, channels, usize::MAX - data.addr())
     }
 
     /// The same for an image that must not span more than `most` bytes: its address leaves no more. What is to blame is
     /// named: a stride, if the image would fit without it.
-    pub(crate) fn resolve_within(&self, name: &str, channels: usize, most: usize) -> Result<TexelLayout> {
+    pub(crate) fn resolve_within(&self, name: &str, channels: u32, most: usize) -> Result<TexelLayout> {
         let &ImageLayout { width, height, format, origin, .. } = self;
         if width == 0 || height == 0 {
             return Err(Error::argument(format!("{name}: the size is {width}x{height}, a side is zero")));
         }
         let most = most.min(isize::MAX as usize);
-        let texel = format.size() * channels;
+        let texel = format.size() * channels as usize;
         // `last` steps of `stride` bytes, then `size` bytes.
         let span = |last: u32, stride: usize, size: usize| {
             let bytes = (last as usize).checked_mul(stride).and_then(|n| n.checked_add(size));
@@ -122,7 +151,17 @@ impl ImageLayout {
             Some(stride) => too_far("row_stride", stride, height, "rows"),
             None => wide(),
         })?;
-        Ok(TexelLayout { width, height, format, pixel_stride, row_stride, origin, bytes })
+        Ok(TexelLayout {
+            width,
+            height,
+            format,
+            channels,
+            pixel_stride,
+            row_stride,
+            origin,
+            bytes,
+            one_to_one: self.one_to_one,
+        })
     }
 }
 
@@ -132,11 +171,13 @@ pub(crate) struct TexelLayout {
     pub width: u32,
     pub height: u32,
     pub format: PixelFormat,
+    pub channels: u32,
     pub pixel_stride: usize,
     pub row_stride: usize,
     origin: Origin,
     /// Bytes that the image spans.
     pub bytes: usize,
+    pub one_to_one: bool,
 }
 
 impl TexelLayout {
@@ -252,7 +293,7 @@ impl ImagePart {
     }
 }
 
-/// A host's two-channel image to be written: redirection or warp.
+/// A host's image to be written.
 #[derive(Debug)]
 pub struct ImageViewMut<'a> {
     /// No slice: the bytes that strides skip may be another image's, which is written through a view of its own.
@@ -267,10 +308,11 @@ unsafe impl Send for ImageViewMut<'_> {}
 unsafe impl Sync for ImageViewMut<'_> {}
 
 impl<'a> ImageViewMut<'a> {
-    /// A view of `bytes` with two channels (u, v) per texel, f16 or f32; other bytes of a stride are left alone.
+    /// A view of `bytes` with `layout.channels` channels per texel, f16 or f32; other bytes of a stride are left alone.
     ///
     /// # Errors
-    /// `InvalidArgument` for a zero size, a short stride or too few bytes; `Unsupported` for integer formats.
+    /// `InvalidArgument` for a zero size, a short stride, channels that are not 1 to 4, or too few bytes; `Unsupported` for
+    /// integer formats.
     pub fn new(name: &str, bytes: &'a mut [u8], layout: ImageLayout) -> Result<ImageViewMut<'a>> {
         // SAFETY: the bytes are borrowed for as long as the view lives, and their number is checked here.
         let view = unsafe { ImageViewMut::from_raw(name, bytes.as_mut_ptr(), layout) }?;
@@ -300,7 +342,7 @@ impl<'a> ImageViewMut<'a> {
                 format!("{name}: format must be f16 or f32 for an output"),
             ));
         }
-        let layout = layout.resolve_within(name, 2, usize::MAX - data.addr())?;
+        let layout = layout.resolve_output(name, data)?;
         Ok(ImageViewMut { data, layout, lifetime: PhantomData })
     }
 

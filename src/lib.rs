@@ -100,7 +100,10 @@ static ALLOCATOR: memory::Allocator = memory::Allocator;
 
 #[cfg(feature = "oracle")]
 pub use asset::ReferenceMinimum;
-pub use asset::{Asset, Fetch, FetchKind, Results, SolveRequest};
+pub use asset::{
+    Asset, Fetch, FetchKind, MapDesc, MapReport, Refinement, RefinementInfo, RefinementPattern,
+    RefinementSettings, Results, SolveRequest,
+};
 pub use control::{Control, ProgressFn};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};

@@ -4,11 +4,11 @@ mod apart;
 mod build;
 mod charts;
 mod check;
-mod hash;
+pub(crate) mod hash;
 mod read;
 mod source;
 pub(crate) mod triangle;
-mod triangulate;
+pub(crate) mod triangulate;
 mod weld;
 
 use std::ops::Range;
@@ -17,7 +17,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::error::Result;
-use crate::memory::{Collect, Grow};
+use crate::memory::{Collect, Grow, copied, with_capacity};
 use crate::report::AssetInfo;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
 
@@ -97,6 +97,12 @@ pub(crate) struct Corner {
 #[derive(Debug)]
 pub(crate) struct Mesh {
     pub rest: Vec<[f64; 3]>,
+    /// The vertex of each face corner.
+    pub indices: Vec<u32>,
+    /// The first corner of each face, and at the end the number of all corners.
+    pub faces: Vec<u32>,
+    /// Per vertex, the first one at its place; empty unless vertices are welded by position.
+    pub place: Vec<u32>,
     /// The corners of each UV set.
     pub corners: Vec<Vec<Corner>>,
     /// Ordered by UV set, then by UDIM number.
@@ -117,6 +123,11 @@ struct RawTriangle {
 }
 
 impl Mesh {
+    /// The corners of a face.
+    pub fn face(&self, f: usize) -> Range<usize> {
+        self.faces[f] as usize..self.faces[f + 1] as usize
+    }
+
     /// # Errors
     /// `InvalidArgument` naming the array and the index of its first invalid element.
     pub fn new(source: &MeshSource) -> Result<Mesh> {
@@ -143,8 +154,13 @@ impl Mesh {
         info.welded_edges = tiles.iter().map(|tile| tile.welds.len() as u64).sum();
         info.edges_apart = tiles.iter().map(|tile| tile.edges_apart).sum();
         let torn = 10.0 * welding.tolerance;
+        let place = welding.place;
         let tiles = tiles.into_iter().map(Arc::new).collected();
-        Ok(Mesh { rest, corners, tiles, torn, info })
+        let indices = copied(source.indices);
+        let mut faces = with_capacity(info.faces as usize + 1);
+        faces.put(0);
+        faces.put_all(check::faces(source).map(|face| face.end as u32));
+        Ok(Mesh { rest, indices, faces, place, corners, tiles, torn, info })
     }
 }
 

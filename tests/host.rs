@@ -102,6 +102,11 @@ fn jobs() {
 }
 
 #[test]
+fn refinements() {
+    run_host("refine.c", 60);
+}
+
+#[test]
 fn deformer() {
     run_host("deformer.cpp", 15);
 }
@@ -109,6 +114,11 @@ fn deformer() {
 #[test]
 fn a_c_host_estimates_saves_and_repaints_tiles() {
     run_host("prepare.c", 50);
+}
+
+#[test]
+fn a_host_fetches_all_kinds_of_maps() {
+    run_host("maps.c", 38);
 }
 
 #[test]

@@ -94,7 +94,8 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
     let mut image = sized::<vrtm_image>();
     (image.width, image.height, image.format) = (8, 8, VRTM_PIXEL_U8);
     image.data = texels.as_ptr().cast();
-    let mut map = [f32::NAN; 2 * 8 * 8];
+    // Room for as many channels as any kind has.
+    let mut map = [f32::NAN; 4 * 8 * 8];
     let mut target = sized::<vrtm_image_out>();
     (target.width, target.height) = (8, 8);
     target.data = map.as_mut_ptr().cast();
@@ -172,7 +173,7 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
             }
             19 => {
                 let kind =
-                    input.pick(&[VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP, 9]);
+                    input.pick(&[VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP, VRTM_FETCH_REDIRECTION_UDIM, VRTM_FETCH_JACOBIAN, VRTM_FETCH_FILTER_SCALE, 9]);
                 let done = check(vrtm_tile_fetch(tile, kind, &target));
                 assert!(if done { map.iter().all(|x| x.is_finite()) } else { untouched(&map) });
             }

@@ -119,11 +119,12 @@ impl Target {
             VRTM_PIXEL_U8,
             -1,
         ];
-        let layout = Layout::new(input, &formats, 2);
-        let bytes = layout.span(2)?;
+        let channels = 1 + input.below(4);
+        let layout = Layout::new(input, &formats, channels);
+        let bytes = layout.span(channels)?;
         let mut memory = Memory::new(if bytes > LARGEST { 0 } else { bytes as usize }, input.below(2));
         let mut c = sized::<vrtm_image_out>();
-        c.format = layout.format;
+        (c.format, c.channels, c.one_to_one) = (layout.format, channels as u32, input.below(2) as u32);
         [c.width, c.height] = layout.size;
         (c.pixel_stride, c.row_stride, c.origin) = (layout.pixel, layout.row, layout.origin);
         c.data = if bytes > LARGEST { nowhere() } else { memory.pointer() };
@@ -135,7 +136,7 @@ impl Target {
 
     /// What a call may have written.
     fn compare(&mut self, succeeded: bool) {
-        let texel = 2 * bytes_of(self.layout.format);
+        let texel = self.c.channels as usize * bytes_of(self.layout.format);
         let [pixel, row] = self.layout.strides(2).map(|n| n as usize);
         let half = self.layout.format == VRTM_PIXEL_F16;
         let bytes = self.memory.bytes();
@@ -179,7 +180,7 @@ fuzz_target!(|bytes: &[u8]| {
 /// # Safety
 /// Any handle may be given.
 unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_tile) -> Option<()> {
-    let kinds = [VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP, -1, 3];
+    let kinds = [0, 1, 2, 3, 4, 5, -1, 6];
     let places = [0, 1, 2, 7, 39, 64, u32::MAX];
     // SAFETY: as above.
     unsafe {

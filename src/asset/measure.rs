@@ -1,7 +1,7 @@
 //! The strain of a result on the mesh, for reports.
 
 use super::solved::Solved;
-use super::{Asset, fetch};
+use super::{Asset, nodes};
 use crate::error::Result;
 use crate::memory::Collect;
 use crate::oracle::measure::measure;
@@ -25,7 +25,7 @@ impl Asset {
             let level = &solved.grid.levels[0];
             let coverage = Coverage::new(mesh, level.nx, level.ny, state.maps.settings.overlap);
             let maps = node_maps(mesh, &state.maps, [level.nx, level.ny]);
-            let nodes = fetch::dense(solved)?;
+            let nodes = nodes::dense(solved)?;
             let width = level.nx + 1;
             let strain = measure(&self.mesh, mesh, &coverage, &maps, &pose, &|i, j| nodes[j * width + i]);
             solved.report.strain = Some(strain);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::measure::gather;
-use super::{Asset, fetch, torn};
+use super::{Asset, nodes, torn};
 use crate::error::Result;
 use crate::mesh::TileMesh;
 use crate::oracle::reference::{Minimum, Options, Problem};
@@ -29,7 +29,7 @@ impl Asset {
     /// `NotSolved` before the first solve.
     pub fn displacements(&self, tile: usize) -> Result<Vec<[f32; 2]>> {
         self.check_tile(tile)?;
-        self.results.solved(tile).and_then(|result| fetch::dense(&result.solved))
+        self.results.solved(tile).and_then(|result| nodes::dense(&result.solved))
     }
 
     /// The energy of a warp for a pose, in f64 by the reference.

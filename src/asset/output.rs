@@ -1,6 +1,6 @@
 //! W⁻¹ of a tile's result at texel centres, on the backend that has the result.
 
-use crate::cpu::invert;
+use crate::cpu::invert::{self, Inverse};
 use crate::device::Device;
 use crate::error::Result;
 use crate::gpu::{self, Displacements};
@@ -50,7 +50,7 @@ impl Outputs {
     ) -> Result<()> {
         let level = &solved.grid.levels[0];
         let cells = [level.nx as f64, level.ny as f64];
-        let (size, first, extent) = (part.size, part.first, part.extent());
+        let (size, extent) = (part.size, part.extent());
         let centre = |x: usize, y: usize| [centres.0[0][x], centres.0[1][y]];
         if let Warp::Gpu(u) = &*solved.warp
             && extent == size
@@ -67,23 +67,11 @@ impl Outputs {
                 });
             });
         }
-        let u = solved.warp.host()?;
-        team.run(extent[1], |y| (0..extent[0]).for_each(|x| put(x, y, centre(x, y), [0.0; 2])));
-        let reach = solved.report.max_displacement;
-        let invert = |team: &Team| {
-            invert::texels(team, &solved.grid, u, part, reach, |x, y, p| {
-                let (x, y) = (x - first[0], y - first[1]);
-                let (uv, at) = ([0, 1].map(|k| p[k] / cells[k]), centre(x, y));
-                put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
-            });
-        };
-        // Where a warp folds, several cells have the same texel: on one thread, the last one always gets it.
-        if solved.report.folds > 0 {
-            Team::with(1, invert)
-        } else {
-            invert(team)
-        }
-        Ok(())
+        let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
+        visit(team, solved, part, still, |x, y, inverse| {
+            let (uv, at) = ([0, 1].map(|k| inverse.p[k] / cells[k]), centre(x, y));
+            put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
+        })
     }
 
     fn on_gpu(
@@ -128,6 +116,52 @@ impl Outputs {
             context.reclaim();
         }
     }
+}
+
+/// Calls `put(x, y, jacobian)` for all texels of a part of an image, as `Outputs::invert` does: the derivatives of W⁻¹ by
+/// the UV, a row for each component.
+pub(super) fn jacobians(
+    team: &Team,
+    solved: &Solved,
+    part: &ImagePart,
+    put: impl Fn(usize, usize, [[f64; 2]; 2]) + Sync,
+) -> Result<()> {
+    let level = &solved.grid.levels[0];
+    // Cells per texel to UV per UV.
+    let of = |axis: usize| part.size[axis] as f64;
+    let scale = [level.nx, level.ny].map(|cells| [0, 1].map(|axis| of(axis) / cells as f64));
+    let still = |x: usize, y: usize| put(x, y, [[1.0, 0.0], [0.0, 1.0]]);
+    visit(team, solved, part, still, |x, y, inverse| {
+        let cells = inverse.jacobian();
+        put(x, y, [0, 1].map(|k| [0, 1].map(|axis| cells[k][axis] * scale[k][axis])));
+    })
+}
+
+/// Calls `still(x, y)` for all texels of a part of an image, with their places in the part, and then `moved` for those in
+/// moved cells. Never for one texel on two threads at once.
+fn visit(
+    team: &Team,
+    solved: &Solved,
+    part: &ImagePart,
+    still: impl Fn(usize, usize) + Sync,
+    moved: impl Fn(usize, usize, Inverse) + Sync,
+) -> Result<()> {
+    let u = solved.warp.host()?;
+    let (first, extent) = (part.first, part.extent());
+    team.run(extent[1], |y| (0..extent[0]).for_each(|x| still(x, y)));
+    let reach = solved.report.max_displacement;
+    let visit = |team: &Team| {
+        invert::texels(team, &solved.grid, u, part, reach, |x, y, inverse| {
+            moved(x - first[0], y - first[1], inverse);
+        });
+    };
+    // Where a warp folds, several cells have the same texel: on one thread, the last one always gets it.
+    if solved.report.folds > 0 {
+        Team::with(1, visit)
+    } else {
+        visit(team)
+    }
+    Ok(())
 }
 
 #[cfg(all(test, feature = "gpu"))]

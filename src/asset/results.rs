@@ -12,7 +12,9 @@ use crate::mesh::Mesh;
 use crate::report::{AssetReport, GpuWork, TileReport};
 use crate::team::Team;
 
-use super::fetch::{self, FetchKind, Output};
+use super::fetch::{self, Output};
+use super::inspect::{self, MapDesc, MapReport};
+use super::kind::FetchKind;
 use super::output::Outputs;
 use super::solved::Solved;
 
@@ -67,6 +69,14 @@ impl Results {
         self.0.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
     }
 
+    pub(super) fn device(&self) -> &Device {
+        &self.0.device
+    }
+
+    pub(super) fn mesh(&self) -> &Arc<Mesh> {
+        &self.0.mesh
+    }
+
     /// The present results.
     pub(super) fn last(&self) -> Arc<Last> {
         lock(&self.0.last).clone()
@@ -114,10 +124,11 @@ impl Results {
         part: &ImagePart,
         image: &mut ImageViewMut,
     ) -> Result<()> {
+        kind.check_channels("image", image.layout.channels)?;
         let device = &self.0.device;
         device.call(|| {
             let solved = self.solved(tile)?.solved;
-            let output = Output::new(&solved, kind, part)?;
+            let output = Output::new(&solved, kind, part, &image.layout)?;
             device.team(|team| self.write(team, output, image))
         })
     }
@@ -147,6 +158,21 @@ impl Results {
         }
         solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);
         Ok(())
+    }
+
+    /// Looks at the map that a fetch of this kind, size and format would write: whether it is one-to-one when it is read
+    /// with bilinear interpolation, and how far it is from the redirection itself. Computed on the CPU.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve; `InvalidArgument` for another kind than a redirection or an impossible size;
+    /// `Unsupported` for integer formats; `OutOfMemory`; on a GPU `DeviceLost`.
+    pub fn inspect_map(&self, tile: usize, desc: &MapDesc) -> Result<MapReport> {
+        let device = &self.0.device;
+        device.call(|| {
+            let solved = self.solved(tile)?.solved;
+            desc.check()?;
+            device.team(|team| inspect::inspect(device, team, &solved, desc))
+        })
     }
 
     /// Redirected UV of every face corner of the mesh in UV set 0, in corner order, with the tile's offset added; 0, 0
@@ -244,7 +270,7 @@ impl Results {
     }
 
     /// All results, if there are some.
-    fn solved_asset(&self) -> Result<Arc<Last>> {
+    pub(super) fn solved_asset(&self) -> Result<Arc<Last>> {
         self.0.device.alive()?;
         let last = self.last();
         if last.solved_ms.is_some() { Ok(last) } else { Err(not_solved()) }

@@ -60,8 +60,10 @@ impl Asset {
     pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
         let start = Instant::now();
         self.check_request(request)?;
-        for fetch in fetches.iter() {
+        for (k, fetch) in fetches.iter().enumerate() {
             self.check_tile(fetch.tile)?;
+            let channels = fetch.image.layout.channels;
+            fetch.kind.check_channels(format_args!("fetches[{k}].image"), channels)?;
         }
         let crew = self.device.crew(request.threads, request.control.clone());
         self.call(|asset| {
@@ -185,7 +187,7 @@ impl Asset {
     fn write(&self, team: &Team, fresh: &Fresh, fetches: &mut [Fetch]) -> Result<()> {
         let output = |fetch: &Fetch| {
             let result = fresh.last.tiles[fetch.tile].as_ref().ok_or_else(not_solved)?;
-            Output::new(&result.solved, fetch.kind, &fetch.image.whole())
+            Output::new(&result.solved, fetch.kind, &fetch.image.whole(), &fetch.image.layout)
         };
         // The memory for all of them comes first, so that none is written where some is missing.
         let outputs: Vec<Output> = fetches.iter().map(output).try_collected()?;

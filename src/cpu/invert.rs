@@ -14,8 +14,36 @@ use crate::tile::{Grid, Level};
 
 use crate::team::Team;
 
-/// Calls `put(x, y, p)` for each texel of a part of an image whose centre lies in a moved cell, with its place in the whole
-/// image; p is W⁻¹ at the centre, in cells. The other texels have the identity. No texel is visited twice if the warp is
+/// W⁻¹ at a texel centre.
+pub(crate) struct Inverse<'a> {
+    /// The point, in cells.
+    pub p: [f64; 2],
+    /// The triangle that it lies in.
+    piece: &'a Piece,
+}
+
+impl Inverse<'_> {
+    /// The derivatives of W⁻¹ in its triangle, in cells per texel: a row for each component of W⁻¹.
+    pub fn jacobian(&self) -> [[f64; 2]; 2] {
+        let Piece { rest, edges: [e1, e2], inverse } = self.piece;
+        let (r1, r2) = (rest[1] - rest[0], rest[2] - rest[0]);
+        [(r1.x, r2.x), (r1.y, r2.y)]
+            .map(|(r1, r2)| [(r1 * e2.y - r2 * e1.y) * inverse, (r2 * e1.x - r1 * e2.x) * inverse])
+    }
+}
+
+/// A triangle on which W is affine.
+struct Piece {
+    /// Its corners at rest, in cells.
+    rest: [DVec2; 3],
+    /// Its edges in the warp from the first corner to the other two, in texels.
+    edges: [DVec2; 2],
+    /// 1 over twice the area in the warp.
+    inverse: f64,
+}
+
+/// Calls `put(x, y, inverse)` for each texel of a part of an image whose centre lies in a moved cell, with its place in the
+/// whole image and W⁻¹ at the centre. The other texels have the identity. No texel is visited twice if the warp is
 /// free of folds. `reach` is at least the largest component of a displacement.
 pub(crate) fn texels(
     team: &Team,
@@ -23,7 +51,7 @@ pub(crate) fn texels(
     u: &[[Plane; 2]],
     part: &ImagePart,
     reach: f32,
-    put: impl Fn(usize, usize, [f64; 2]) + Sync,
+    put: impl Fn(usize, usize, Inverse) + Sync,
 ) {
     let size = part.size;
     let level = &grid.levels[0];
@@ -73,22 +101,23 @@ fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) ->
 /// Calls `put` for the texels whose centre lies in a warped triangle, given its corners at rest in cells and warped in
 /// texels. A triangle without area, which only the paper's solver makes, covers no texel; the coordinates in one with
 /// next to none are rounded, and kept within the triangle.
-fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], part: &ImagePart, put: &impl Fn(usize, usize, [f64; 2])) {
+fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], part: &ImagePart, put: &impl Fn(usize, usize, Inverse)) {
     let [a, b, c] = warped;
     let (e1, e2) = (b - a, c - a);
     let area = e1.perp_dot(e2);
     if area == 0.0 {
         return;
     }
-    let inverse = 1.0 / area;
+    let piece = Piece { rest, edges: [e1, e2], inverse: 1.0 / area };
     Fill::new(warped).visit_in(part.first, part.end, |x, y, inside| {
         if !inside {
             return;
         }
         let d = DVec2::new(x as f64, y as f64) - a;
-        let l1 = (d.perp_dot(e2) * inverse).clamp(0.0, 1.0);
-        let l2 = (e1.perp_dot(d) * inverse).clamp(0.0, 1.0 - l1);
-        put(x, y, (rest[0] + l1 * (rest[1] - rest[0]) + l2 * (rest[2] - rest[0])).into());
+        let l1 = (d.perp_dot(e2) * piece.inverse).clamp(0.0, 1.0);
+        let l2 = (e1.perp_dot(d) * piece.inverse).clamp(0.0, 1.0 - l1);
+        let p = rest[0] + l1 * (rest[1] - rest[0]) + l2 * (rest[2] - rest[0]);
+        put(x, y, Inverse { p: p.into(), piece: &piece });
     });
 }
 
@@ -180,7 +209,9 @@ mod tests {
         let rest = [[3.0, 5.0], [4.0, 5.0], [4.0, 6.0]].map(DVec2::from);
         let found = RefCell::new(Vec::new());
         let part = ImagePart { size: [8, 8], first: [0, 0], end: [8, 8] };
-        triangle(rest, warped.map(DVec2::from), &part, &|_, _, p| found.borrow_mut().push(p));
+        triangle(rest, warped.map(DVec2::from), &part, &|_, _, inverse: Inverse| {
+            found.borrow_mut().push(inverse.p)
+        });
         found.into_inner()
     }
 

@@ -10,7 +10,7 @@ use super::types::{Target, vrtm_image_out};
 use crate::asset::FetchKind;
 use crate::memory::{Collect, Grow};
 
-/// Content of a fetched image: two channels (u, v) per texel.
+/// Content of a fetched image: two channels (u, v) per texel, if not said otherwise.
 pub type vrtm_fetch_kind = i32;
 /// The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
 /// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds
@@ -24,6 +24,15 @@ pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
 /// triangles per cell, split by the diagonal from the cell's corner of least u and v to that of greatest: all outputs of
 /// a result agree on that, so that at any size the warp of a redirected UV is that UV. Take f32.
 pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
+/// The redirection plus the offset of the tile (U, V) among the UDIM tiles: UVs as those of the mesh, to be looked up in
+/// all tiles of a texture. Take f32.
+pub const VRTM_FETCH_REDIRECTION_UDIM: vrtm_fetch_kind = 3;
+/// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv; 1,
+/// 0, 0, 1 where nothing moves. What turns with a feature, as a tangent-space normal does, turns with it. Good in f16.
+pub const VRTM_FETCH_JACOBIAN: vrtm_fetch_kind = 4;
+/// One channel: the largest singular value of that. A lookup's footprint is at most so many times wider in the texture
+/// than on the surface: for renderers that filter by a width which they take from the mesh's own UVs. Good in f16.
+pub const VRTM_FETCH_FILTER_SCALE: vrtm_fetch_kind = 5;
 
 /// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
 #[repr(C)]
@@ -31,7 +40,8 @@ pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
 pub struct vrtm_fetch {
     /// sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
     pub struct_size: u32,
-    /// One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP.
+    /// One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
+    /// FILTER_SCALE.
     pub kind: vrtm_fetch_kind,
     /// A tile of the asset. Required.
     pub tile: vrtm_tile,
@@ -45,11 +55,14 @@ unsafe impl Sized32 for vrtm_fetch {
     const NAME: &'static str = "vrtm_fetch";
 }
 
-fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind> {
+pub(super) fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind> {
     match kind {
         VRTM_FETCH_REDIRECTION => Ok(FetchKind::Redirection),
         VRTM_FETCH_REDIRECTION_DELTA => Ok(FetchKind::RedirectionDelta),
         VRTM_FETCH_WARP => Ok(FetchKind::Warp),
+        VRTM_FETCH_REDIRECTION_UDIM => Ok(FetchKind::RedirectionUdim),
+        VRTM_FETCH_JACOBIAN => Ok(FetchKind::Jacobian),
+        VRTM_FETCH_FILTER_SCALE => Ok(FetchKind::FilterScale),
         other => Err(Failure::argument(format!("{name} is {other}, no VRTM_FETCH_ value"))),
     }
 }
@@ -91,7 +104,7 @@ pub(super) unsafe fn targets(
         let kind = fetch_kind(fetch.kind, &format!("{name}.kind"))?;
         let image = format!("{name}.image");
         // SAFETY: the host's pointer.
-        let target = unsafe { Target::read(fetch.image, &image) }?;
+        let target = unsafe { Target::read(fetch.image, &image, kind) }?;
         all.put((image, tile, kind, target));
     }
     check_apart(&all, input)?;
@@ -124,8 +137,9 @@ fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
 /// Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride
-/// or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
+/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
+/// the kind does not have or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never
+/// busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch(
     tile: vrtm_tile,
@@ -136,7 +150,7 @@ pub unsafe extern "C" fn vrtm_tile_fetch(
         let (asset, tile) = handle::tile("tile", tile)?;
         let kind = fetch_kind(kind, "kind")?;
         // SAFETY: the host's pointer, valid during the call.
-        let target = unsafe { Target::read(image, "image") }?;
+        let target = unsafe { Target::read(image, "image", kind) }?;
         // SAFETY: the host vouches for the memory, and this is the only view of it.
         let mut view = unsafe { target.view("image") }?;
         Ok(asset.results.fetch(tile, kind, &mut view)?)
@@ -162,7 +176,7 @@ pub unsafe extern "C" fn vrtm_tile_fetch_part(
         let (asset, tile) = handle::tile("tile", tile)?;
         let kind = fetch_kind(kind, "kind")?;
         // SAFETY: the host's pointer, valid during the call.
-        let target = unsafe { Target::read(image, "image") }?;
+        let target = unsafe { Target::read(image, "image", kind) }?;
         // SAFETY: the host vouches for the memory, and this is the only view of it.
         let mut view = unsafe { target.view("image") }?;
         Ok(asset.results.fetch_part(tile, kind, &mut view, [width, height], [x, y])?)

@@ -6,7 +6,7 @@
 //! ```text
 //! bit 63..60  kind
 //!     59..40  index of the tile, in tile handles
-//!     39..0   serial number of the device, asset or job
+//!     39..0   serial number of the device, asset, job or refinement
 //! ```
 
 use std::collections::BTreeMap;
@@ -14,6 +14,7 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use super::job::Job;
+use super::refine::SharedRefinement;
 use super::shared::SharedAsset;
 use super::status::{Failure, Outcome, VRTM_ERROR_OUT_OF_MEMORY};
 use crate::asset::Asset;
@@ -55,12 +56,22 @@ pub struct vrtm_job {
     pub id: u64,
 }
 
+/// A refinement: an asset's mesh with its triangles split, for hosts that know UV sets only. Made by
+/// vrtm_refinement_create, ended by vrtm_refinement_destroy. Zero is no refinement.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_refinement {
+    /// Opaque.
+    pub id: u64,
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Device = 1,
     Asset = 2,
     Tile = 3,
     Job = 4,
+    Refinement = 5,
 }
 
 const SERIAL_BITS: u32 = 40;
@@ -134,6 +145,7 @@ impl<T> Table<T> {
 static DEVICES: Table<Device> = Table::new();
 static ASSETS: Table<SharedAsset> = Table::new();
 static JOBS: Table<Job> = Table::new();
+static REFINEMENTS: Table<SharedRefinement> = Table::new();
 
 fn gone(argument: &str, kind: &str, id: u64) -> Failure {
     Failure::handle(match id {
@@ -198,6 +210,23 @@ pub(super) fn remove_job(handle: vrtm_job) -> Outcome<Arc<Job>> {
     unpack(Kind::Job, handle.id)
         .and_then(|(serial, _)| JOBS.remove(serial))
         .ok_or_else(|| gone("job", "job", handle.id))
+}
+
+pub(super) fn add_refinement(refinement: SharedRefinement) -> Outcome<vrtm_refinement> {
+    Ok(vrtm_refinement { id: pack(Kind::Refinement, REFINEMENTS.insert(refinement)?, 0) })
+}
+
+pub(super) fn refinement(handle: vrtm_refinement) -> Outcome<Arc<SharedRefinement>> {
+    unpack(Kind::Refinement, handle.id)
+        .and_then(|(serial, _)| REFINEMENTS.get(serial))
+        .ok_or_else(|| gone("refinement", "refinement", handle.id))
+}
+
+pub(super) fn remove_refinement(handle: vrtm_refinement) -> Outcome<()> {
+    unpack(Kind::Refinement, handle.id)
+        .and_then(|(serial, _)| REFINEMENTS.remove(serial))
+        .map(drop)
+        .ok_or_else(|| gone("refinement", "refinement", handle.id))
 }
 
 /// The handle of a tile of a living asset.

@@ -1,11 +1,13 @@
 //! Structs and constants that several functions share.
 
 use std::ffi::c_void;
+use std::mem::offset_of;
 use std::ops::Range;
 
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
 use super::strips::Strips;
+use crate::asset::FetchKind;
 use crate::image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat, TexelLayout};
 use crate::view::{Scalar, Strided};
 
@@ -78,8 +80,8 @@ pub struct vrtm_image {
     pub reserved: u32,
 }
 
-/// An output image with two channels (u, v) in the caller's memory. Start from vrtm_image_out_init(). Any size will
-/// do; the first two channels of each texel are written, and the bytes that a stride skips are left as they are.
+/// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size will do; the first `channels`
+/// channels of each texel are written, and the bytes that a stride skips are left as they are.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_image_out {
@@ -93,7 +95,7 @@ pub struct vrtm_image_out {
     pub width: u32,
     /// Texels in v, at least 1.
     pub height: u32,
-    /// Bytes from one texel to the next; 0 = tightly packed (8 for f32, 4 for f16).
+    /// Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     pub pixel_stride: usize,
     /// Bytes from one row to the next; 0 = tightly packed.
     pub row_stride: usize,
@@ -101,6 +103,13 @@ pub struct vrtm_image_out {
     pub origin: vrtm_origin,
     /// Zero.
     pub reserved: u32,
+    /// Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. 3 adds one that is
+    /// 0, and 4, for a redirection, one that is 1 where a chart covers the texel's centre and 0 elsewhere.
+    pub channels: u32,
+    /// 1 = a redirection is one-to-one also when a renderer interpolates between its texels: the values of texels next
+    /// to a fold of the interpolated map are moved a little for that (vrtm_tile_inspect_map). 0 (the default) = every
+    /// value is that of the redirection at the texel's centre. Ignored for other kinds.
+    pub one_to_one: u32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers. So for the other two.
@@ -117,7 +126,7 @@ unsafe impl Sized32 for vrtm_image {
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_image_out {
-    const FIRST: usize = size_of::<vrtm_image_out>();
+    const FIRST: usize = offset_of!(vrtm_image_out, channels);
     const NAME: &'static str = "vrtm_image_out";
 }
 
@@ -193,6 +202,17 @@ pub(super) unsafe fn strided_and_span<'a>(
     Ok((view, start..start + bytes.len()))
 }
 
+/// The number format of a struct called `name`.
+pub(super) fn pixel_format(format: vrtm_pixel_format, name: &str) -> Outcome<PixelFormat> {
+    match format {
+        VRTM_PIXEL_F32 => Ok(PixelFormat::F32),
+        VRTM_PIXEL_F16 => Ok(PixelFormat::F16),
+        VRTM_PIXEL_U16 => Ok(PixelFormat::U16),
+        VRTM_PIXEL_U8 => Ok(PixelFormat::U8),
+        other => Err(Failure::argument(format!("{name}.format is {other}, no VRTM_PIXEL_ value"))),
+    }
+}
+
 fn layout(
     format: vrtm_pixel_format,
     size: [u32; 2],
@@ -200,13 +220,7 @@ fn layout(
     origin: vrtm_origin,
     name: &str,
 ) -> Outcome<ImageLayout> {
-    let format = match format {
-        VRTM_PIXEL_F32 => PixelFormat::F32,
-        VRTM_PIXEL_F16 => PixelFormat::F16,
-        VRTM_PIXEL_U16 => PixelFormat::U16,
-        VRTM_PIXEL_U8 => PixelFormat::U8,
-        other => return Err(Failure::argument(format!("{name}.format is {other}, no VRTM_PIXEL_ value"))),
-    };
+    let format = pixel_format(format, name)?;
     let origin = match origin {
         VRTM_ORIGIN_TOP => Origin::Top,
         VRTM_ORIGIN_BOTTOM => Origin::Bottom,
@@ -215,7 +229,8 @@ fn layout(
     let [width, height] = size;
     // 0 means packed.
     let [pixel_stride, row_stride] = strides.map(|stride| (stride != 0).then_some(stride));
-    Ok(ImageLayout { width, height, format, pixel_stride, row_stride, origin })
+    let packed = ImageLayout::packed(width, height, format);
+    Ok(ImageLayout { pixel_stride, row_stride, origin, ..packed })
 }
 
 /// A host's map as a view; null is `None`.
@@ -248,7 +263,8 @@ pub(super) struct Target {
 }
 
 impl Target {
-    pub unsafe fn read(image: *const vrtm_image_out, name: &str) -> Outcome<Target> {
+    /// Of an output of this kind.
+    pub unsafe fn read(image: *const vrtm_image_out, name: &str, kind: FetchKind) -> Outcome<Target> {
         // SAFETY: the host's pointer.
         let image = unsafe { desc::read(image, name) }?;
         check_reserved(image.reserved, name)?;
@@ -261,8 +277,12 @@ impl Target {
         if !matches!(layout.format, PixelFormat::F32 | PixelFormat::F16) {
             return Err(Failure::unsupported(format!("{name}.format must be f32 or f16 for an output")));
         }
+        let channels = if image.channels == 0 { kind.channels() } else { image.channels };
+        kind.check_channels(name, channels)?;
+        let one_to_one = flag(image.one_to_one, &format!("{name}.one_to_one"))?;
+        let layout = ImageLayout { channels: Some(channels), one_to_one, ..layout };
         let data = image.data.cast::<u8>();
-        let texels = layout.resolve_within(name, 2, usize::MAX - data.addr())?;
+        let texels = layout.resolve_output(name, data)?;
         Ok(Target { data, layout, texels })
     }
 
@@ -276,7 +296,7 @@ impl Target {
         let TexelLayout { width, height, pixel_stride, row_stride, .. } = self.texels;
         Strips {
             start: self.data.addr(),
-            size: self.texels.format.size() * 2,
+            size: self.texels.format.size() * self.texels.channels as usize,
             steps: [(width as usize, pixel_stride), (height as usize, row_stride)],
         }
     }

@@ -17,7 +17,7 @@ pub(super) struct Welding<'a> {
     /// Each vertex's shortest edge that has a length.
     shortest: Vec<f64>,
     /// Per vertex, the first one at its place; empty unless vertices are welded by position.
-    place: Vec<u32>,
+    pub place: Vec<u32>,
 }
 
 impl<'a> Welding<'a> {

@@ -7,10 +7,10 @@ use std::hash::{BuildHasherDefault, Hash, Hasher};
 use crate::memory::make_room_in;
 
 /// A table that is only looked up.
-pub(super) type Table<K, V> = HashMap<K, V, BuildHasherDefault<Folded>>;
+pub(crate) type Table<K, V> = HashMap<K, V, BuildHasherDefault<Folded>>;
 
 /// Enters a value, and returns the one that was there.
-pub(super) fn enter<K: Eq + Hash, V>(table: &mut Table<K, V>, key: K, value: V) -> Option<V> {
+pub(crate) fn enter<K: Eq + Hash, V>(table: &mut Table<K, V>, key: K, value: V) -> Option<V> {
     if table.len() == table.capacity() {
         make_room_in(table, 1);
     }
@@ -21,7 +21,7 @@ pub(super) fn enter<K: Eq + Hash, V>(table: &mut Table<K, V>, key: K, value: V) 
 /// Multiplies each word by a number without a pattern and folds the product's halves onto each other, so that words with
 /// many zeros at their end, as round numbers have, spread as others do.
 #[derive(Default)]
-pub(super) struct Folded(u64);
+pub(crate) struct Folded(u64);
 
 impl Hasher for Folded {
     fn finish(&self) -> u64 {

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 14] = [
+const SECTIONS: [&str; 16] = [
     "status",
     "handle",
     "types",
@@ -16,9 +16,11 @@ const SECTIONS: [&str; 14] = [
     "tile",
     "prepare",
     "fetch",
+    "map",
     "solve",
     "job",
     "report",
+    "refine",
 ];
 
 pub fn header(root: &Path) -> Result<String, String> {

@@ -206,6 +206,30 @@ static vrtm_status fetch_corners(work *w)
     return vrtm_asset_fetch_corner_uvs_of_set(w->asset, 1, w->corners[0], QUAD_CORNERS);
 }
 
+/* A refinement of the second set, extended and read. */
+static vrtm_status refine(work *w)
+{
+    static float pairs[1 << 20];
+    vrtm_refinement refinement;
+    vrtm_refinement_desc desc = vrtm_refinement_desc_init();
+    vrtm_refinement_data data = vrtm_refinement_data_init();
+    vrtm_status status;
+    desc.uv_set = 1;
+    desc.max_triangles = 10000;
+    status = vrtm_refinement_create(w->asset, &desc, &refinement);
+    if (status == VRTM_OK) {
+        status = vrtm_refinement_extend(refinement);
+        if (status == VRTM_OK) {
+            status = vrtm_refinement_info(refinement, &data);
+        }
+        if (status == VRTM_OK) {
+            status = vrtm_refinement_fetch_corner_uvs(refinement, pairs, (size_t)data.corners);
+        }
+        vrtm_refinement_destroy(refinement);
+    }
+    return status;
+}
+
 static vrtm_status stroke(work *w)
 {
     vrtm_image image = map_of(stroked);
@@ -281,6 +305,7 @@ static const struct {
     {"redirection of f16", fetch_half},
     {"part of a warp", fetch_part},
     {"corner UVs", fetch_corners},
+    {"refinement", refine},
     {"stroke", stroke},
     {"solve after the stroke", solve_normal},
     {"solve, draft", solve_draft},

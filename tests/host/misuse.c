@@ -383,7 +383,7 @@ static void solves_and_fetches(void)
 
     const vrtm_fetch_kind redirection = VRTM_FETCH_REDIRECTION;
     bad_fetch("no image", redirection, NULL, BAD, "image is null");
-    bad_fetch("kind 3", 3, &image, BAD, "kind is 3");
+    bad_fetch("kind 6", 6, &image, BAD, "kind is 6");
     WITH(room, image.data, NULL, bad_fetch("no image data", redirection, &image, BAD, "image.data is null"));
     WITH(uint32_t, image.width, 0, bad_fetch("no width", redirection, &image, BAD, "image"));
     WITH(size_t, image.pixel_stride, 7, bad_fetch("a short pixel stride", redirection, &image, BAD, "pixel_stride"));

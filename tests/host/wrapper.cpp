@@ -196,6 +196,19 @@ void images(const vrtm::Device &device)
           tile.try_fetch(vrtm::FetchKind::redirection,
                          vrtm::ImageOut(wide.data() + 2, MAP, MAP).pixel_stride(16).row_stride(16 * MAP)));
     works("fetch the delta", tile.try_fetch(vrtm::FetchKind::redirection_delta, {delta.data(), MAP, MAP}));
+    Map with_coverage(4 * MAP * MAP);
+    works("fetch four channels, one-to-one",
+          tile.try_fetch(vrtm::FetchKind::redirection_udim,
+                         vrtm::ImageOut(with_coverage.data(), MAP, MAP).channels(4).one_to_one()));
+    vrtm::ImageOut back(with_coverage.data(), MAP, MAP);
+    back.one_to_one().one_to_one(false).channels(3);
+    check_that(back.c().one_to_one == 0 && back.c().channels == 3, "an image's settings", "");
+    check_that(with_coverage[4 * (MAP / 2 * MAP + MAP / 2) + 3] == 1 && with_coverage[3] == 0, "coverage", "");
+    const vrtm::Result<vrtm_map_data> looked_at =
+        tile.try_inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16).one_to_one());
+    works("looks at a map", looked_at);
+    check_that(looked_at->folds == 0 && looked_at->error_rms > 0, "its figures", "");
+    refuses("no map", tile.try_inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
     works("fetch a part",
           tile.try_fetch_part(vrtm::FetchKind::redirection, {texel.data(), 1, 1}, 21, 40, MAP, MAP));
     std::vector<std::uint16_t> half_delta(2 * MAP * MAP);
@@ -605,6 +618,37 @@ void options(const vrtm::Device &device, const Map &expected)
     refuses("a wrong option", asset.try_solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "tolerance");
 }
 
+void refinements(const vrtm::Device &device)
+{
+    const vrtm::Refinement empty;
+    check_that(!empty && empty.handle().id == 0, "an empty refinement", "");
+    refuses("has no pattern", empty.try_pattern(), vrtm::Code::invalid_handle, "refinement");
+    refuses("and no UVs", empty.try_corner_uvs(), vrtm::Code::invalid_handle, "refinement");
+    vrtm::Asset asset = ready(device);
+    refuses("a refinement before a solve", asset.try_refine(), vrtm::Code::not_solved, "solve first");
+    works("a solve", asset.try_solve({s.points, VERTICES}));
+    vrtm::RefinementDesc desc;
+    desc.tolerance = 1e-3;
+    vrtm::Refinement refinement = *asset.try_refine(desc);
+    check_that(refinement.try_info()->faces == FACES, "nothing to refine", "");
+    works("a pose", asset.try_solve({pose, VERTICES}));
+    works("extend", refinement.try_extend());
+    const vrtm_refinement_data data = *refinement.try_info();
+    check_that(data.faces > FACES && data.reached == 1 && data.error <= desc.tolerance, "refines", "");
+    const vrtm::RefinementPattern pattern = *refinement.try_pattern();
+    check_that(pattern.face_sources.size() == data.faces && pattern.corner_uvs.size() == 2 * data.corners &&
+                   pattern.vertex_sources[3 * (VERTICES - 1)] == VERTICES - 1,
+               "its pattern", "");
+    std::vector<float> uvs(2 * static_cast<std::size_t>(data.corners));
+    works("corner UVs", refinement.try_corner_uvs(uvs.data(), uvs.size() / 2));
+    check_that(uvs == *refinement.try_corner_uvs() && uvs != pattern.corner_uvs, "are redirected", "");
+    asset.reset();
+    const vrtm::Refinement moved(std::move(refinement));
+    check_that(!refinement && moved.try_info()->corners == data.corners, "it goes on without the asset", "");
+    desc.tolerance = 2;
+    refuses("a wrong tolerance", ready(device).try_refine(desc), vrtm::Code::invalid_argument, "tolerance");
+}
+
 /* A solve that takes a while: 1024 x 1024 cells. */
 vrtm::Asset slow(const vrtm::Device &device)
 {
@@ -725,5 +769,6 @@ int main()
     options(device, expected);
     progress(device);
     jobs(device);
+    refinements(device);
     return finish();
 }

@@ -64,6 +64,7 @@ void everything_works()
     asset.solve({pose, VERTICES});
     tile.fetch(vrtm::FetchKind::redirection, {fetched.data(), MAP, MAP});
     tile.fetch_part(vrtm::FetchKind::redirection, {part.data(), 1, 1}, 30, 30, MAP, MAP);
+    check_that(tile.inspect_map({MAP, MAP}).folds == 0, "a map is looked at", "");
     asset.redirect({pose, VERTICES}, {{tile, {map.data(), MAP, MAP}}});
     check_that(map == fetched && part[0] == map[2 * (30 * MAP + 30)], "solve and redirect", "");
     asset.corner_uvs(corners.data(), CORNERS);
@@ -85,6 +86,15 @@ void everything_works()
     tile.set_rigidity(nullptr);
     asset.solve({pose, VERTICES});
     check_that(tile.report().charts_active == 0, "no rigidity", "");
+    const vrtm::Refinement refinement = asset.refine();
+    refinement.extend();
+    check_that(refinement.info().faces == FACES && refinement.pattern().corner_vertices.size() == CORNERS,
+               "nothing to refine", "");
+    vrtm_refinement_pattern pattern = vrtm_refinement_pattern_init();
+    pattern.vertex_count = VERTICES, pattern.face_count = FACES, pattern.corner_count = CORNERS;
+    refinement.pattern(pattern);
+    refinement.corner_uvs(corners.data(), CORNERS);
+    check_that(refinement.corner_uvs() == corners && corners == asset.corner_uvs(), "its corner UVs", "");
     vrtm::Result<vrtm_tile_report_data> report = tile.try_report();
     check_that(report.value().udim == 1001 && std::move(report).value().udim == 1001, "a result's value", "");
 }
@@ -117,7 +127,19 @@ void everything_throws()
     NONE(submit({pose, VERTICES}))
     NONE(corner_uvs())
     NONE(corner_uvs(pair, 1))
+    NONE(refine())
     NONE(report())
+#undef NONE
+
+    const vrtm::Refinement refinement;
+    const vrtm_refinement_pattern pattern = vrtm_refinement_pattern_init();
+#define NONE(call) throws(#call, Code::invalid_handle, "refinement", [&] { static_cast<void>(refinement.call); });
+    NONE(extend())
+    NONE(info())
+    NONE(pattern())
+    NONE(pattern(pattern))
+    NONE(corner_uvs())
+    NONE(corner_uvs(pair, 1))
 #undef NONE
 
     const vrtm::Tile tile;
@@ -138,6 +160,7 @@ void everything_throws()
     NONE(save(nullptr, 0))
     NONE(load(bytes))
     NONE(load(bytes.data(), bytes.size()))
+    NONE(inspect_map({1, 1}))
     NONE(fetch(vrtm::FetchKind::warp, {pair, 1, 1}))
     NONE(fetch_part(vrtm::FetchKind::warp, {pair, 1, 1}, 0, 0, 2, 2))
     NONE(report())

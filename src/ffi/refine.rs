@@ -1,0 +1,334 @@
+//! Refinements: corner UVs for a mesh that is split finely enough for them.
+
+use std::mem::offset_of;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+use super::desc::{self, Out, Place, Sized32};
+use super::guard::guard;
+use super::handle::{self, vrtm_asset, vrtm_refinement};
+use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
+use super::types::check_reserved;
+use crate::asset::{Refinement, RefinementPattern, RefinementSettings};
+use crate::lock::lock;
+
+/// How a mesh is refined. Start from vrtm_refinement_desc_init(); zero means the default.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_refinement_desc {
+    /// sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
+    pub struct_size: u32,
+    /// The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    pub uv_set: u32,
+    /// Largest error of linear interpolation on a triangle, in UV of a tile, at most 1; 0 = 1/2048, half a texel of
+    /// a texture of 1024. Half of it takes up to three times as many triangles.
+    pub tolerance: f64,
+    /// Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million more than
+    /// the mesh has. Where there is no room for all, the largest errors are split first.
+    pub max_triangles: u64,
+}
+
+/// Sizes of a refinement, and what it came to. Start from vrtm_refinement_data_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_refinement_data {
+    /// sizeof(vrtm_refinement_data); set by vrtm_refinement_data_init().
+    pub struct_size: u32,
+    /// The UV set.
+    pub uv_set: u32,
+    /// Vertices: those of the mesh, then the new ones.
+    pub vertices: u64,
+    /// Faces: triangles, and those polygons of the mesh that need no split.
+    pub faces: u64,
+    /// Corners of all faces: the length of its array of corner UVs.
+    pub corners: u64,
+    /// Triangles, a polygon of n corners counting as n - 2.
+    pub triangles: u64,
+    /// Bytes that it holds, beside the mesh and the results.
+    pub bytes: u64,
+    /// The tolerance, in UV of a tile.
+    pub tolerance: f64,
+    /// Largest error, in UV of a tile, that was left in the result that it was last made or extended for.
+    pub error: f64,
+    /// 1 if that is within the tolerance; 0 if there was no room for more triangles.
+    pub reached: u32,
+    /// Milliseconds that making it took, or extending it the last time.
+    pub ms: f32,
+}
+
+/// Where the pattern of a refinement is written: the caller's arrays, of which null ones are left out. From it a
+/// host interpolates positions and all else that its vertices and corners have. Start from
+/// vrtm_refinement_pattern_init().
+///
+/// Sources come in threes, with weights that add up to 1. What needs fewer than three has weight 0 for the rest,
+/// which repeat the first.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_refinement_pattern {
+    /// sizeof(vrtm_refinement_pattern); set by vrtm_refinement_pattern_init().
+    pub struct_size: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// vrtm_refinement_data.vertices: the room in the arrays by vertex.
+    pub vertex_count: usize,
+    /// vrtm_refinement_data.faces: the room in the arrays by face.
+    pub face_count: usize,
+    /// vrtm_refinement_data.corners: the room in the arrays by corner.
+    pub corner_count: usize,
+    /// Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their order, each with itself
+    /// as its source.
+    pub vertex_sources: *mut u32,
+    /// Three per vertex: what each of them weighs.
+    pub vertex_weights: *mut f32,
+    /// One per face: the face of the mesh that it lies in. They come in the order of the mesh's faces.
+    pub face_sources: *mut u32,
+    /// One per face: its number of corners. 3 for a part of a face; a face that was left alone keeps its own.
+    pub face_corners: *mut u32,
+    /// One per corner: its vertex.
+    pub corner_vertices: *mut u32,
+    /// Three per corner: corners of the mesh, of the triangle of the face that it lies in.
+    pub corner_sources: *mut u32,
+    /// Three per corner: what each of them weighs.
+    pub corner_weights: *mut f32,
+    /// Two per corner: its original UV in the set, with the tile's offset. It is what its sources' UVs make.
+    pub corner_uvs: *mut f32,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers.
+unsafe impl Sized32 for vrtm_refinement_desc {
+    const FIRST: usize = size_of::<vrtm_refinement_desc>();
+    const NAME: &'static str = "vrtm_refinement_desc";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_refinement_data {
+    const FIRST: usize = offset_of!(vrtm_refinement_data, ms) + size_of::<f32>();
+    const NAME: &'static str = "vrtm_refinement_data";
+}
+
+// SAFETY: as above, with raw pointers.
+unsafe impl Sized32 for vrtm_refinement_pattern {
+    const FIRST: usize = size_of::<vrtm_refinement_pattern>();
+    const NAME: &'static str = "vrtm_refinement_pattern";
+}
+
+/// A refinement shared by threads: readers have the present one, also while it is extended.
+#[derive(Debug)]
+pub(super) struct SharedRefinement {
+    present: Mutex<Arc<Refinement>>,
+    extending: AtomicBool,
+}
+
+impl SharedRefinement {
+    fn present(&self) -> Arc<Refinement> {
+        lock(&self.present).clone()
+    }
+
+    fn extend(&self) -> Outcome<()> {
+        struct Turn<'a>(&'a AtomicBool);
+        impl Drop for Turn<'_> {
+            fn drop(&mut self) {
+                self.0.store(false, Ordering::Release);
+            }
+        }
+        if self.extending.swap(true, Ordering::Acquire) {
+            let message = "refinement: another call is extending it".to_owned();
+            return Err(Failure { status: VRTM_ERROR_BUSY, message });
+        }
+        let _turn = Turn(&self.extending);
+        let mut next = (*self.present()).clone();
+        next.extend()?;
+        let next = Arc::new(next);
+        // The old one is dropped when the lock is open again.
+        let _old = std::mem::replace(&mut *lock(&self.present), next);
+        Ok(())
+    }
+}
+
+/// Refines the mesh of an asset for its last result, for hosts that know UV sets only. Corner UVs of the mesh
+/// itself recover less than the map where the mesh is coarser than what is painted on it: between corners a
+/// renderer interpolates linearly. Here triangles are split until that is nowhere farther from the redirection than
+/// the tolerance.
+///
+/// Edges are split at their middle, for all faces that have them, also across seams and borders of charts: no
+/// cracks open, and no angle gets much smaller than half of the least one. A face that needs no split stays as it
+/// is, a quadrilateral only if it keeps the tolerance whichever way a renderer cuts it. Where nothing moves,
+/// nothing is split. The pattern depends on the result and on `desc` alone. `desc` may be null: the defaults.
+///
+/// `*refinement` is the caller's to destroy. It keeps what it needs alive, the mesh and the last result among it,
+/// and may be used when the asset is destroyed. Never busy: it reads the last good result, also during a solve.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for
+/// a UV set or a tolerance out of range, or if `refinement` is null; VRTM_ERROR_OUT_OF_MEMORY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_create(
+    asset: vrtm_asset,
+    desc: *const vrtm_refinement_desc,
+    refinement: *mut vrtm_refinement,
+) -> vrtm_status {
+    guard("vrtm_refinement_create", || {
+        let out = Place::new(refinement, "refinement")?;
+        let asset = handle::asset(asset)?;
+        // SAFETY: the host's pointer.
+        let desc = unsafe { desc::read_or_default(desc, "desc") }?;
+        let settings = RefinementSettings {
+            uv_set: desc.uv_set,
+            tolerance: (desc.tolerance != 0.0).then_some(desc.tolerance),
+            max_triangles: (desc.max_triangles != 0).then_some(desc.max_triangles),
+        };
+        let present = Mutex::new(Arc::new(asset.results.refine(&settings)?));
+        let shared = SharedRefinement { present, extending: AtomicBool::new(false) };
+        out.write(handle::add_refinement(shared)?);
+        Ok(())
+    })
+}
+
+/// Refines further, for the asset's last result. What was split stays split: a refinement that was extended for
+/// each frame of a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces
+/// and corners are numbered anew. vrtm_refinement_info tells the new sizes.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
+/// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_extend(refinement: vrtm_refinement) -> vrtm_status {
+    guard("vrtm_refinement_extend", || handle::refinement(refinement)?.extend())
+}
+
+/// Sizes of a refinement, and what it came to. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_info(
+    refinement: vrtm_refinement,
+    data: *mut vrtm_refinement_data,
+) -> vrtm_status {
+    guard("vrtm_refinement_info", || {
+        let out = Out::new(data, "data")?;
+        let info = handle::refinement(refinement)?.present().info();
+        out.write(vrtm_refinement_data {
+            struct_size: 0,
+            uv_set: info.uv_set,
+            vertices: info.vertices,
+            faces: info.faces,
+            corners: info.corners,
+            triangles: info.triangles,
+            bytes: info.bytes,
+            tolerance: info.tolerance,
+            error: info.error,
+            reached: u32::from(info.reached),
+            ms: info.ms,
+        });
+        Ok(())
+    })
+}
+
+/// Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
+/// is not that of vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
+    refinement: vrtm_refinement,
+    pattern: *const vrtm_refinement_pattern,
+) -> vrtm_status {
+    guard("vrtm_refinement_fetch_pattern", || {
+        let refinement = handle::refinement(refinement)?.present();
+        // SAFETY: the host's pointer.
+        let p = unsafe { desc::read(pattern, "pattern") }?;
+        check_reserved(p.reserved, "pattern")?;
+        let info = refinement.info();
+        let counts = [
+            ("vertex_count", p.vertex_count, info.vertices, "vertices"),
+            ("face_count", p.face_count, info.faces, "faces"),
+            ("corner_count", p.corner_count, info.corners, "corners"),
+        ];
+        for (name, given, needed, of) in counts {
+            if given as u64 != needed {
+                let message = format!("pattern.{name} is {given}, but the refinement has {needed} {of}");
+                return Err(Failure::argument(message));
+            }
+        }
+        let (vertices, faces, corners) = (p.vertex_count, p.face_count, p.corner_count);
+        let mut spans = Spans::default();
+        // SAFETY: the host vouches for arrays of these sizes; `Spans` checks that they are apart.
+        let mut pattern = unsafe {
+            RefinementPattern {
+                vertex_sources: spans.array(p.vertex_sources.cast(), vertices, "vertex_sources")?,
+                vertex_weights: spans.array(p.vertex_weights.cast(), vertices, "vertex_weights")?,
+                face_sources: spans.array(p.face_sources, faces, "face_sources")?,
+                face_counts: spans.array(p.face_corners, faces, "face_corners")?,
+                corner_vertices: spans.array(p.corner_vertices, corners, "corner_vertices")?,
+                corner_sources: spans.array(p.corner_sources.cast(), corners, "corner_sources")?,
+                corner_weights: spans.array(p.corner_weights.cast(), corners, "corner_weights")?,
+                corner_uvs: spans.array(p.corner_uvs.cast(), corners, "corner_uvs")?,
+            }
+        };
+        Ok(refinement.pattern(&mut pattern)?)
+    })
+}
+
+/// Arrays that are to be written, none of which may overlap another: their names and addresses.
+#[derive(Default)]
+struct Spans([(&'static str, Range<usize>); 8], usize);
+
+impl Spans {
+    /// An array of the host's, unless it is null.
+    unsafe fn array<'a, T: Copy>(
+        &mut self,
+        pointer: *mut T,
+        count: usize,
+        name: &'static str,
+    ) -> Outcome<Option<&'a mut [T]>> {
+        if pointer.is_null() {
+            return Ok(None);
+        }
+        let bytes = count.saturating_mul(size_of::<T>());
+        let span = pointer.addr()..pointer.addr().saturating_add(bytes);
+        for (other, taken) in &self.0[..self.1] {
+            if span.start < taken.end && taken.start < span.end {
+                let message = format!("pattern.{other} and pattern.{name} overlap in memory");
+                return Err(Failure::argument(message));
+            }
+        }
+        (self.0[self.1], self.1) = ((name, span), self.1 + 1);
+        // SAFETY: passed on; no other array of this call has its bytes.
+        unsafe { desc::slice_mut(pointer, count, &format!("pattern.{name}")) }.map(Some)
+    }
+}
+
+/// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v),
+/// with the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Every frame: solve,
+/// then this. At corners of the mesh they are those of vrtm_asset_fetch_corner_uvs_of_set, bit by bit. `count` is
+/// the number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
+///
+/// A pose that the refinement was not made or extended for may err by more than the tolerance.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `uvs` is null or `count` is not the number of
+/// corners; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
+    refinement: vrtm_refinement,
+    uvs: *mut f32,
+    count: usize,
+) -> vrtm_status {
+    guard("vrtm_refinement_fetch_corner_uvs", || {
+        let refinement = handle::refinement(refinement)?.present();
+        let corners = refinement.info().corners;
+        if count as u64 != corners {
+            let message = format!("count is {count}, but the refinement has {corners} corners");
+            return Err(Failure::argument(message));
+        }
+        // SAFETY: the host vouches for `count` pairs during the call.
+        let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
+        Ok(refinement.corner_uvs(out)?)
+    })
+}
+
+/// Ends a refinement's handle. Calls that are using it run to their end, and the memory is freed then.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_destroy(refinement: vrtm_refinement) -> vrtm_status {
+    guard("vrtm_refinement_destroy", || handle::remove_refinement(refinement))
+}

@@ -1,0 +1,141 @@
+/*
+ * Outputs as a renderer's plug-in fetches them: all kinds, with further channels, one-to-one, and what the library says
+ * about a map before it is fetched.
+ */
+
+#include "check.h"
+
+#include <stddef.h>
+
+static sheet s;
+static double pose[VERTICES][4];
+static float two[2 * MAP * MAP], udim[2 * MAP * MAP], four[4 * MAP * MAP], jacobian[4 * MAP * MAP], scale[MAP * MAP];
+
+static vrtm_image_out image_of(void *data)
+{
+    vrtm_image_out image = vrtm_image_out_init();
+    image.data = data;
+    image.width = image.height = MAP;
+    return image;
+}
+
+static void kinds(vrtm_tile tile)
+{
+    vrtm_image_out image = image_of(two);
+    succeeds("the redirection", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    image = image_of(udim);
+    succeeds("among all tiles", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION_UDIM, &image));
+    image = image_of(four);
+    image.channels = 4;
+    succeeds("with coverage", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    image = image_of(jacobian);
+    succeeds("four derivatives without being asked for them", vrtm_tile_fetch(tile, VRTM_FETCH_JACOBIAN, &image));
+    image = image_of(scale);
+    succeeds("one scale", vrtm_tile_fetch(tile, VRTM_FETCH_FILTER_SCALE, &image));
+    int same = 1, moved = 0, covered = 0;
+    for (size_t k = 0; k < MAP * MAP; k++) {
+        same &= two[2 * k] == udim[2 * k] && two[2 * k + 1] == udim[2 * k + 1]; /* tile 1001 */
+        same &= two[2 * k] == four[4 * k] && two[2 * k + 1] == four[4 * k + 1] && four[4 * k + 2] == 0;
+        same &= four[4 * k + 3] == 0 || four[4 * k + 3] == 1;
+        covered += four[4 * k + 3] == 1;
+        const float *j = jacobian + 4 * k;
+        /* The largest singular value s is the larger root of s^4 - s^2 |J|^2 + det^2 = 0. */
+        double squares = (double)j[0] * j[0] + (double)j[1] * j[1] + (double)j[2] * j[2] + (double)j[3] * j[3];
+        double det = (double)j[0] * j[3] - (double)j[1] * j[2], t = (double)scale[k] * scale[k];
+        same &= fabs(t * t - t * squares + det * det) < 1e-5 * (1 + t * t) && t * 2 >= squares * (1 - 1e-5) && det > 0;
+        moved += fabs(j[0] - 1) > 0.01f;
+    }
+    check_that(same, "all kinds tell the same", "");
+    check_that(moved > 0 && covered > MAP, "and something", "");
+
+    /* A program of 0.1 knows no channels: its struct ends before them. */
+    memset(udim, 0, sizeof udim);
+    image = image_of(udim);
+    image.struct_size = offsetof(vrtm_image_out, channels);
+    image.channels = image.one_to_one = 99;
+    succeeds("a struct of the first version", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    check_that(memcmp(udim, two, sizeof two) == 0, "gives two channels", "");
+}
+
+static void refusals(vrtm_tile tile)
+{
+    vrtm_image_out image = image_of(four);
+    memset(four, 7, sizeof four);
+    static float before[4 * MAP * MAP];
+    memcpy(before, four, sizeof four);
+    image.channels = 5;
+    fails("five channels", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "image: 5 channels");
+    image.channels = 1;
+    fails("one channel", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 4");
+    image.channels = 2;
+    fails("half a Jacobian", vrtm_tile_fetch(tile, VRTM_FETCH_JACOBIAN, &image), VRTM_ERROR_INVALID_ARGUMENT, "Jacobian has 4");
+    image.channels = 4;
+    fails("a warp has no coverage", vrtm_tile_fetch(tile, VRTM_FETCH_WARP, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 3");
+    image.pixel_stride = 12;
+    fails("four in the place of three", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "pixel_stride");
+    image = image_of(four);
+    image.one_to_one = 2;
+    fails("a flag of 2", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "image.one_to_one is 2");
+    image.one_to_one = 1;
+    fails("a part cannot be one-to-one", vrtm_tile_fetch_part(tile, VRTM_FETCH_REDIRECTION, &image, 0, 0, 2 * MAP, MAP), VRTM_ERROR_UNSUPPORTED, "one_to_one");
+    check_that(memcmp(before, four, sizeof four) == 0, "nothing was written", "");
+}
+
+static void inspect(vrtm_tile tile)
+{
+    vrtm_map_desc desc = vrtm_map_desc_init();
+    vrtm_map_data data = vrtm_map_data_init(), half = data;
+    desc.width = desc.height = MAP;
+    succeeds("a map is looked at", vrtm_tile_inspect_map(tile, &desc, &data));
+    check_that(data.folds == 0 && data.min_jacobian > 0 && data.sufficient_width == MAP && data.sufficient_height == MAP,
+              "it has no folds", "");
+    check_that(data.error_rms > 0 && data.error_rms <= data.error_p99 && data.error_p99 <= data.error_max &&
+              data.error_max < 1.0 / MAP, "and is closer than a texel", "");
+    desc.width = desc.height = 4 * MAP;
+    succeeds("a finer one", vrtm_tile_inspect_map(tile, &desc, &half));
+    check_that(half.error_rms < data.error_rms, "is closer", "");
+    desc.kind = VRTM_FETCH_WARP;
+    fails("no redirection", vrtm_tile_inspect_map(tile, &desc, &half), VRTM_ERROR_INVALID_ARGUMENT, "kind");
+    desc.kind = VRTM_FETCH_REDIRECTION;
+    desc.format = VRTM_PIXEL_U8;
+    fails("an integer format", vrtm_tile_inspect_map(tile, &desc, &half), VRTM_ERROR_UNSUPPORTED, "format");
+    desc.format = 9;
+    fails("no format", vrtm_tile_inspect_map(tile, &desc, &half), VRTM_ERROR_INVALID_ARGUMENT, "desc.format is 9");
+    desc.format = VRTM_PIXEL_F16;
+    desc.height = 0;
+    fails("no rows", vrtm_tile_inspect_map(tile, &desc, &half), VRTM_ERROR_INVALID_ARGUMENT, "size");
+    desc.height = 20000;
+    fails("too many rows", vrtm_tile_inspect_map(tile, &desc, &half), VRTM_ERROR_INVALID_ARGUMENT, "16384");
+    fails("no desc", vrtm_tile_inspect_map(tile, NULL, &half), VRTM_ERROR_INVALID_ARGUMENT, "desc is null");
+    fails("no data", vrtm_tile_inspect_map(tile, &desc, NULL), VRTM_ERROR_INVALID_ARGUMENT, "data is null");
+    vrtm_tile zero = {0};
+    fails("no tile", vrtm_tile_inspect_map(zero, &desc, &half), VRTM_ERROR_INVALID_HANDLE, "tile");
+}
+
+int main(void)
+{
+    vrtm_device device;
+    vrtm_asset asset;
+    vrtm_tile tile;
+    sheet_desc d;
+    vrtm_map_desc desc = vrtm_map_desc_init();
+    vrtm_map_data data = vrtm_map_data_init();
+    sheet_make(&s);
+    sheet_pose(&s, 3, pose);
+    sheet_describe(&s, &d);
+    vrtm_image rigidity = sheet_rigidity(&s);
+    succeeds("a device", vrtm_device_create(NULL, &device));
+    succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
+    succeeds("a tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    desc.width = desc.height = MAP;
+    fails("nothing to look at", vrtm_tile_inspect_map(tile, &desc, &data), VRTM_ERROR_NOT_SOLVED, "solve");
+    vrtm_array positions = sheet_positions(pose);
+    succeeds("solved", vrtm_asset_solve(asset, &positions, NULL));
+    kinds(tile);
+    refusals(tile);
+    inspect(tile);
+    succeeds("the asset goes", vrtm_asset_destroy(asset));
+    succeeds("the device goes", vrtm_device_destroy(device));
+    return finish();
+}
