@@ -56,6 +56,23 @@ def lookups():
     within("cycles: delta in f16", after("delta_half", delta=True), 0.4, 3, 25)
 
 
+def sockets():
+    """What was plugged into the texture's Vector goes into the map's: here, UVs that are not the mesh's active ones."""
+    def build(tree, delta):
+        data = bpy.data.objects["mesh"].data
+        data.uv_layers.new(name="other").data.foreach_set("uv", [0.3] * (2 * len(data.loops)))
+        data.uv_layers["other"].active = data.uv_layers["other"].active_render = True
+        node, uv = scene.texture(tree, "texture.<UDIM>.png"), tree.nodes.new("ShaderNodeUVMap")
+        uv.uv_map = "UVMap"
+        tree.links.new(uv.outputs["UV"], node.inputs["Vector"])
+        recipe["redirect"](node, str(scene.FOLDER / ("delta.<UDIM>.exr" if delta else "udim.<UDIM>.exr")), delta)
+        return node.outputs["Color"]
+
+    for delta in False, True:
+        after = Difference(scene.show(lambda tree: build(tree, delta)), truth)
+        within(f"cycles: what was plugged in is kept, {'delta' if delta else 'UDIM-absolute'}", after, 0.4, 3, 25)
+
+
 def wrong_ways():
     """What the document warns of does happen: a warning that is not true any more has to go."""
     far = after("two_channels")
@@ -137,4 +154,4 @@ def tiles_over_time():
     within("cycles: tiles over time, by a handler", Difference(scene.show(build), truth), 0.4, 3, 25)
 
 
-run(lookups, wrong_ways, colour_spaces, sequences, tiles_over_time)
+run(lookups, sockets, wrong_ways, colour_spaces, sequences, tiles_over_time)

@@ -1,5 +1,6 @@
 """Cycles with nodes: normal maps under the redirection, and bump."""
 
+import bpy
 import numpy as np
 
 import scene
@@ -8,7 +9,7 @@ from lit import Truth, normal_map, text
 
 recipe = {}
 exec(document("Blender", "python"), recipe)
-exec(document("Normal maps in Blender", "python"), recipe)
+exec(document("Normal maps and vector displacement in Blender", "python"), recipe)
 
 
 def redirected(tree, name):
@@ -23,7 +24,20 @@ def as_it_is(tree):
 
 def turned(tree):
     node = normal_map(tree)
-    recipe["turn_normals"](redirected(tree, "normals"), node, str(scene.FOLDER / "jacobian.<UDIM>.exr"))
+    recipe["turn"](redirected(tree, "normals"), node, str(scene.FOLDER / "jacobian.<UDIM>.exr"))
+    return node.outputs[0]
+
+
+def other_active_uvs(tree):
+    """As `turned`, on a mesh whose active UVs are not those of the redirection."""
+    data, uv = bpy.data.objects["mesh"].data, tree.nodes.new("ShaderNodeUVMap")
+    data.uv_layers.new(name="other").data.foreach_set("uv", [0.3] * (2 * len(data.loops)))
+    data.uv_layers["other"].active_render = True
+    uv.uv_map = "UVMap"
+    texture, node = scene.texture(tree, "normals"), normal_map(tree)
+    tree.links.new(uv.outputs["UV"], texture.inputs["Vector"])
+    recipe["redirect"](texture, str(scene.FOLDER / "udim.<UDIM>.exr"))
+    recipe["turn"](texture, node, str(scene.FOLDER / "jacobian.<UDIM>.exr"), uv.outputs["UV"])
     return node.outputs[0]
 
 
@@ -46,7 +60,9 @@ def normals():
     before = truth.compare(as_it_is)
     check("normals: as they are, studs are lit wrongly", before[0][1] > 5, text(before))
     # What is left is the strain that is left in the studs, and the map's 256 texels.
-    for name, build in ("turned by the Jacobian map", turned), ("with tangents of redirected corner UVs", other_tangents):
+    ways = {"turned by the Jacobian map": turned, "the same with other active UVs": other_active_uvs,
+            "with tangents of redirected corner UVs": other_tangents}
+    for name, build in ways.items():
         degrees, difference = result = truth.compare(build)
         held = degrees[0] < before[0][0] / 5 and degrees[1] < 2 and difference.p99 < 3
         check(f"normals: {name}", held, f"{text(result)} (as they are: {text(before)})")

@@ -48,7 +48,8 @@ def warped():
 
 def metadata():
     """That a file's texels are data is an attribute that OpenImageIO knows."""
-    for name, channels in ("udim", "RGB"), ("udim_alpha", "RGBA"), ("redirect", "RGB"), ("delta", "RGB"), ("jacobian", "RGBA"):
+    files = {"udim": "RGB", "udim_alpha": "RGBA", "redirect": "RGB", "delta": "RGB", "jacobian": "RGBA", "filter": "RGB"}
+    for name, channels in files.items():
         spec = oiio.ImageBuf(str(folder / f"{name}.1001.exr")).spec()
         space, names = spec.get_string_attribute("oiio:ColorSpace"), "".join(spec.channelnames)
         check(f"oiio: {name} is data", (space, names) == ("data", channels), f"colour space {space!r}, channels {names}")
@@ -63,6 +64,10 @@ def values():
         for name, expected in forms:
             error = np.abs(warp.read(folder / f"{name}.{tile}.exr")[..., :2] - expected).max()
             check(f"oiio: {name} of {tile}", error < 5e-7, f"largest error {error:.1e}")
+        largest = np.linalg.svd(exact.map(256, jacobian=True).reshape(256, 256, 2, 2), compute_uv=False)[..., 0]
+        error = np.abs(warp.read(folder / f"filter.{tile}.exr") / largest[..., None] - 1)
+        # On a border of two triangles either one's derivative will do.
+        check(f"oiio: filter scale of {tile}", np.percentile(error, 99) < 1e-3, f"99 % off by {np.percentile(error, 99):.1e}")
 
 
 run(warped, metadata, values)

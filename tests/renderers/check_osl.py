@@ -1,6 +1,7 @@
 """Cycles with Open Shading Language: the document's shaders."""
 
 import bpy
+import numpy as np
 
 import blender
 import scene
@@ -58,6 +59,32 @@ def normals():
     check("osl: normals from derivatives", degrees[1] < 2 and difference.p99 < 3, text(result))
 
 
+def filter_scale():
+    """Where the redirected UV's derivatives are not to be had: those of the original UV, times the filter scale.
+
+    The picture is noise of single texels, of which a pixel covers about a dozen; each pixel has one sample, and what it
+    should show is the mean of 32 that the redirected UV's derivatives filter. Only places where the redirection draws texels together are looked at: there the
+    original UV's derivatives alone leave noise.
+    """
+    files = {"redirection": "udim.<UDIM>.exr", "picture": "noise.<UDIM>.png"}
+    source = document("Filter scale", "c")
+
+    def show(source, samples=1, **more):
+        return scene.show(script(source, **files, **more), osl=True, samples=samples)
+
+    size = show(source.replace("Color = texture(", "Color = wide / 4; // "), scale="filter.<UDIM>.exr")[..., 0] * 4
+    exact = document("Open Shading Language", "c")
+    truth = scene.show(script(exact, **files), osl=True, samples=32)
+    pictures = [show(source, scale="filter.<UDIM>.exr"),
+                show(source.replace('"width", wide', '"width", 1.0'), scale="filter.<UDIM>.exr"), show(exact)]
+    seen = [picture[..., 3] > 0.999 for picture in (truth, *pictures)]
+    inside = np.logical_and.reduce(seen) & (size > 1.3)
+    scaled, plain, derivatives = (np.sqrt(((picture - truth)[..., 0][inside] ** 2).mean()) * 255 for picture in pictures)
+    check("osl: filter scale", scaled < 0.75 * plain and inside.mean() > 0.1,
+          f"noise {scaled:.1f} of 255, with the original UV's derivatives alone {plain:.1f}, "
+          f"with the redirected UV's {derivatives:.1f}")
+
+
 def materialx():
     """The shader that check_materialx.py generated from the document's graph."""
     path = scene.FOLDER / "materialx.osl"
@@ -75,4 +102,4 @@ def materialx():
     within("osl: generated from MaterialX", after, 2, 12, 40, f"; original UVs {before}")
 
 
-run(lookups, normals, materialx)
+run(lookups, normals, filter_scale, materialx)

@@ -42,24 +42,36 @@ def normals(uv, tile):
     return unit(np.stack([-du, -dv, np.ones_like(du)], -1))
 
 
-def turned_normals(exact, uv, tile):
-    """What a normal map under the original UVs has to hold for the studs to look as if they had moved as a whole.
+def displacement(uv, tile):
+    """Studs that lean to one side, as vectors: along u, along v, along the normal."""
+    total = np.zeros(uv.shape[:-1])
+    for x, y, radius in model.STUDS[tile]:
+        edge = np.clip(1.25 - 1.25 * np.hypot(*np.moveaxis(uv - [x, y], -1, 0)) / radius, 0, 1)
+        total += edge ** 2 * (3 - 2 * edge) * radius * 0.5
+    return total[..., None] * [0.8, 0.6, 1]
 
-    The normals of the map belong to a frame along the redirected u. Its direction on the surface X is the first column of
-    dX/d(u, v) times the inverse of the redirection's Jacobian, all of it known in closed form or in f64. Also returns the
-    angle, in degrees, between that direction and dX/du, where there is a stud.
+
+def turned(exact, uv, tile, vectors):
+    """What a map in tangent space under the original UVs has to hold for the studs to look as if they had moved as a whole.
+
+    `vectors(uv, tile)`, those of the map, belong to a frame along the redirected u. Its direction on the surface X is the
+    first column of dX/d(u, v) times the inverse of the redirection's Jacobian, all of it known in closed form or in f64.
+    Also returns the angle, in degrees, between that direction and dX/du, where there is a stud.
+
+    `normal` is that of the UV plane's upper side: on a mirrored chart it points inside. Seen from there nothing is
+    mirrored, and the third of the three numbers, which is along the normal that points outside, does not turn.
     """
     flat = uv.reshape(-1, 2)
     at, jacobian = exact.inverse(flat, jacobian=True)
     along_u, along_v = difference(lambda g: model.surface(g[:, 0], g[:, 1], tile), flat + [tile - 1001, 0])
     normal = unit(np.cross(along_u, along_v))
     redirected = along_u * jacobian[:, 3:] - along_v * jacobian[:, 2:3]
-    tangent, turned = unit(along_u), unit(redirected)
+    tangent, ahead = unit(along_u), unit(redirected)
     across = np.cross(normal, tangent)
-    n = normals(at, tile)
-    world = n[:, :1] * turned + n[:, 1:2] * np.cross(normal, turned) + n[:, 2:] * normal
+    n = vectors(at, tile)
+    world = n[:, :1] * ahead + n[:, 1:2] * np.cross(normal, ahead) + n[:, 2:] * normal
     out = np.stack([(world * axis).sum(1) for axis in (tangent, across, normal)], -1)
-    angle = np.degrees(np.arctan2((turned * across).sum(1), (turned * tangent).sum(1)))
+    angle = np.degrees(np.arctan2((ahead * across).sum(1), (ahead * tangent).sum(1)))
     stud = warp.bilinear(model.rigidity(tile), at)[:, 0] > 0.5
     return out.reshape(*uv.shape[:-1], 3), np.abs(angle[stud])
 
@@ -68,7 +80,7 @@ def forms(program, folder):
     """The redirection in all forms of files, as bake writes them; and, from these, in forms that it does not write."""
     model_files = ["--rest", folder / "rest.obj", "--pose", folder / "pose.obj", "--rigidity",
                    folder / "rigidity.<UDIM>.png", "--size", MAP, "--no-sheet"]
-    model.bake(program, folder, *model_files, "--jacobian", "--name", "<kind>.<UDIM>.exr")
+    model.bake(program, folder, *model_files, "--jacobian", "--filter-scale", "--name", "<kind>.<UDIM>.exr")
     for name, *options in (["udim"], ["delta"], ["udim", "--alpha"], ["udim", "--half"], ["delta", "--half"]):
         pattern = "_".join([name] + [option[2:] for option in options]) + ".<UDIM>.exr"
         model.bake(program, folder, *model_files, "--form", name, *options, "--no-warp", "--name", pattern)
@@ -93,9 +105,16 @@ def main(program, folder):
         # The same texture at the truth's resolution: how far two pictures are apart by that alone.
         warp.write(folder / f"again.{tile}.exr", warp.bilinear(texture, fine))
         warp.write(folder / f"normals.{tile}.exr", normals(uv, tile) * 0.5 + 0.5)
-        turned, angle = turned_normals(exact, fine, tile)
-        warp.write(folder / f"normals_truth.{tile}.exr", turned * 0.5 + 0.5)
+        truth, angle = turned(exact, fine, tile, normals)
+        warp.write(folder / f"normals_truth.{tile}.exr", truth * 0.5 + 0.5)
         np.save(folder / f"angle.{tile}.npy", angle)
+        for name, vectors in ("displacement", displacement(uv, tile)), ("displacement_truth",
+                                                                        turned(exact, uv, tile, displacement)[0]):
+            # Blender's order: along u, along the normal, along v.
+            warp.write(folder / f"{name}.{tile}.exr", vectors[..., [0, 2, 1]])
+        # Detail of a texel, which has to be filtered away where a pixel sees many.
+        noise = np.random.default_rng(tile).integers(0, 2, (2 * TEXTURE, 2 * TEXTURE, 1)).astype(float)
+        warp.write(folder / f"noise.{tile}.png", np.repeat(noise, 3, -1))
         warp.write(folder / f"height.{tile}.exr", np.repeat(height(uv, tile)[..., None], 3, -1))
 
 

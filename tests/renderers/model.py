@@ -1,4 +1,7 @@
-"""What is rendered: a small model of two UDIM tiles that this file makes, and the meshes that lie beside the checkout."""
+"""What is rendered: a small model of two UDIM tiles that this file makes, and the meshes that lie beside the checkout.
+
+The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, as on the second half of a symmetric model.
+"""
 
 import json
 import pathlib
@@ -27,7 +30,7 @@ class Mesh:
 def surface(u, v, tile):
     """The model's pose, on which features stretch, shear and turn; it differs between the tiles."""
     sign = 1 if tile == 1001 else -1
-    u = u - tile + 1001
+    u = u if tile == 1001 else 2 - u
     x = u + 0.09 * np.sin(2 * np.pi * u) + sign * 0.16 * np.sin(np.pi * v) + (tile - 1001) * 1.25
     y = v + 0.10 * np.sin(2 * np.pi * v + 0.4) * (0.6 + 0.4 * u) + 0.07 * np.sin(np.pi * u)
     z = 0.22 * np.sin(np.pi * u) * np.sin(np.pi * v)
@@ -43,6 +46,9 @@ def grid(tile, n=48):
     a, b, c, d = first, first + 1, first + n + 2, first + n + 1
     # Lower left to upper right, in whichever order: what counts is that all programs see the same triangles.
     triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    if tile != 1001:
+        # Mirrored: against the clock in space, so that the normals point outside, is with the clock in the UV plane.
+        triangles = triangles[:, ::-1]
     return np.stack([u.ravel(), v.ravel()], -1), triangles
 
 
@@ -64,7 +70,8 @@ def make(folder):
         uv, faces = grid(tile)
         triangles.append(faces + sum(map(len, uvs)))
         uvs.append(uv)
-        rest.append(np.concatenate([uv + [0.25 * (tile - 1001), 0], np.zeros((len(uv), 1))], 1))
+        flat = uv if tile == 1001 else [3, 0] + uv * [-1, 1]
+        rest.append(np.concatenate([flat + [0.25 * (tile - 1001), 0], np.zeros((len(uv), 1))], 1))
         pose.append(surface(uv[:, 0], uv[:, 1], tile))
         warp.write(folder / f"rigidity.{tile}.png", rigidity(tile))
     uvs, rest, pose, triangles = map(np.concatenate, (uvs, rest, pose, triangles))

@@ -64,7 +64,7 @@ if ! limited "$venv/bin/python" "$here/fixture.py" "$bake" "$work" >"$work/log" 
     say "FAILED renderers: the model cannot be baked"
     finish
 fi
-for name in cycles asset normals materialx osl oiio usd eevee; do
+for name in cycles asset normals displacement shaders materialx osl oiio usd eevee; do
     start=$(date +%s)
     limited "$venv/bin/python" "$here/check_$name.py" "$work" "$bake" >"$work/$name.log" 2>&1
     code=$?

@@ -13,9 +13,9 @@ FOLDER = pathlib.Path(sys.argv[1])
 SIZE = 640, 280
 
 
-def mesh():
-    """The posed model; also as it lies in the files that bake got."""
-    parts = [model.grid(tile) for tile in model.STUDS]
+def mesh(quads=48):
+    """The posed model; with 48 quads per side as it lies in the files that bake got."""
+    parts = [model.grid(tile, quads) for tile in model.STUDS]
     uvs = np.concatenate([uv for uv, _ in parts])
     triangles = np.concatenate([faces + i * len(parts[0][0]) for i, (_, faces) in enumerate(parts)])
     pose = np.concatenate([model.surface(uv[:, 0], uv[:, 1], tile) for (uv, _), tile in zip(parts, model.STUDS)])
