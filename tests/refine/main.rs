@@ -339,7 +339,7 @@ fn it_outlives_the_asset() {
     assert!(Refined::of(&refinement) == before);
 }
 
-/// The table of method §15.
+/// The table of method §14.
 #[test]
 fn strain_comes_down_to_that_by_the_map() {
     for model in common::assets() {

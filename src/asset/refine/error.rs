@@ -1,4 +1,4 @@
-//! How far linear interpolation of redirected corner UVs is from the redirection itself, at worst (method §15).
+//! How far linear interpolation of redirected corner UVs is from the redirection itself, at worst (method §14).
 //!
 //! The redirection is affine on each warped triangle of the grid, and the interpolation on each triangle of the mesh.
 //! The length of their difference is therefore convex on each common piece of both, and greatest at a corner of one:
