@@ -172,8 +172,15 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                 check(vrtm_asset_solve(asset, &sheet.positions(), &options(input)));
             }
             19 => {
-                let kind =
-                    input.pick(&[VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP, VRTM_FETCH_REDIRECTION_UDIM, VRTM_FETCH_JACOBIAN, VRTM_FETCH_FILTER_SCALE, 9]);
+                let kind = input.pick(&[
+                    VRTM_FETCH_REDIRECTION,
+                    VRTM_FETCH_REDIRECTION_DELTA,
+                    VRTM_FETCH_WARP,
+                    VRTM_FETCH_REDIRECTION_UDIM,
+                    VRTM_FETCH_JACOBIAN,
+                    VRTM_FETCH_FILTER_SCALE,
+                    9,
+                ]);
                 let done = check(vrtm_tile_fetch(tile, kind, &target));
                 assert!(if done { map.iter().all(|x| x.is_finite()) } else { untouched(&map) });
             }

@@ -7,7 +7,7 @@ use std::ptr;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use vrtm::ffi::{asset::*, fetch::*, handle::*, solve::*, tile::*, types::*};
+use vrtm::ffi::{asset::*, fetch::*, handle::*, map::*, solve::*, tile::*, types::*};
 use vrtm_fuzz::{Input, Memory, Sheet, check, device, nowhere, options, sized};
 
 static DEVICE: LazyLock<vrtm_device> = LazyLock::new(|| device(1));
@@ -136,8 +136,9 @@ impl Target {
 
     /// What a call may have written.
     fn compare(&mut self, succeeded: bool) {
-        let texel = self.c.channels as usize * bytes_of(self.layout.format);
-        let [pixel, row] = self.layout.strides(2).map(|n| n as usize);
+        let channels = self.c.channels as usize;
+        let texel = channels * bytes_of(self.layout.format);
+        let [pixel, row] = self.layout.strides(channels).map(|n| n as usize);
         let half = self.layout.format == VRTM_PIXEL_F16;
         let bytes = self.memory.bytes();
         if succeeded {
@@ -228,6 +229,18 @@ unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_t
                     check(vrtm_asset_redirect(asset, &sheet.positions(), &options, fetches.as_ptr(), 2));
                 one.compare(done);
                 other.compare(done);
+            }
+            7 => {
+                let mut desc = sized::<vrtm_map_desc>();
+                [desc.width, desc.height] = [(); 2].map(|()| input.odd(33, &[0, 1, 2, 200, 20_000]));
+                desc.kind = input.pick(&kinds);
+                desc.format = input.pick(&[VRTM_PIXEL_F32, VRTM_PIXEL_F16, VRTM_PIXEL_U8, -1]);
+                desc.one_to_one = input.below(3) as u32;
+                let mut data = sized::<vrtm_map_data>();
+                if check(vrtm_tile_inspect_map(tile, &desc, &mut data)) {
+                    assert!(data.error_rms <= data.error_max && data.error_p99 <= data.error_max);
+                    assert!((data.folds == 0) == (data.min_jacobian > 0.0));
+                }
             }
             _ => {
                 check(vrtm_asset_solve(asset, &sheet.positions(), &options(input)));

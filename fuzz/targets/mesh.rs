@@ -6,7 +6,9 @@ use std::ptr;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use vrtm::ffi::{asset::*, fetch::*, handle::*, mesh::*, report::*, solve::*, status::*, tile::*, types::*};
+use vrtm::ffi::{
+    asset::*, fetch::*, handle::*, mesh::*, refine::*, report::*, solve::*, status::*, tile::*, types::*,
+};
 use vrtm_fuzz::{Array, Input, array, check, device, nowhere, options, sized, small_grids};
 
 static DEVICE: LazyLock<vrtm_device> = LazyLock::new(|| device(1));
@@ -216,5 +218,45 @@ unsafe fn solve(input: &mut Input, asset: vrtm_asset, vertices: usize, corners: 
             assert!(check(vrtm_tile_fetch(tile, kind, &image)));
             assert!(map.iter().all(|x| x.is_finite()), "a texel is not finite");
         }
+        refine(input, asset);
+    }
+}
+
+/// Refines the mesh for its result, within a small limit, and reads all of it.
+///
+/// # Safety
+/// Any handle may be given.
+unsafe fn refine(input: &mut Input, asset: vrtm_asset) {
+    let mut desc = sized::<vrtm_refinement_desc>();
+    desc.tolerance = input.pick(&[0.0, 1e-4, 0.02, 1.0, -1.0, f64::NAN]);
+    desc.max_triangles = input.pick(&[1, 300, 2000]);
+    let mut refinement = vrtm_refinement { id: 0 };
+    // SAFETY: all pointers point to memory of the claimed size.
+    unsafe {
+        if !check(vrtm_refinement_create(asset, &desc, &mut refinement)) {
+            return;
+        }
+        if input.below(2) == 1 {
+            assert!(check(vrtm_refinement_extend(refinement)));
+        }
+        let mut data = sized::<vrtm_refinement_data>();
+        assert!(check(vrtm_refinement_info(refinement, &mut data)));
+        let (vertices, corners) = (data.vertices as usize, data.corners as usize);
+        let mut uvs = vec![f32::NAN; 2 * corners];
+        assert!(check(vrtm_refinement_fetch_corner_uvs(refinement, uvs.as_mut_ptr(), corners)));
+        assert!(uvs.iter().all(|x| x.is_finite()), "a corner's UV is not finite");
+        let mut weights = vec![f32::NAN; 3 * vertices];
+        let mut owners = vec![u32::MAX; corners];
+        let mut pattern = sized::<vrtm_refinement_pattern>();
+        (pattern.vertex_count, pattern.corner_count) = (vertices, corners);
+        pattern.face_count = data.faces as usize;
+        pattern.vertex_weights = weights.as_mut_ptr();
+        pattern.corner_vertices = owners.as_mut_ptr();
+        assert!(check(vrtm_refinement_fetch_pattern(refinement, &pattern)));
+        assert!(owners.iter().all(|&v| (v as usize) < vertices), "a corner's vertex is not there");
+        for three in weights.chunks_exact(3) {
+            assert!((three.iter().sum::<f32>() - 1.0).abs() < 1e-5, "weights add up to {three:?}");
+        }
+        assert!(check(vrtm_refinement_destroy(refinement)));
     }
 }
