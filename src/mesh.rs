@@ -70,6 +70,12 @@ pub(crate) struct TileMesh {
 }
 
 impl TileMesh {
+    /// The tile's corner of least u and v among all tiles.
+    pub fn origin(&self) -> DVec2 {
+        let number = self.udim - 1001;
+        DVec2::new(f64::from(number % 10), f64::from(number / 10))
+    }
+
     /// The chart of each triangle.
     pub fn chart_of_triangles(&self) -> Vec<u32> {
         let count = |c: usize| self.charts[c].triangles.len();

@@ -37,7 +37,6 @@ const RGBA: &[&str] = &["R", "G", "B", "A"];
 impl Output {
     /// The kinds that the command line asks for; the first is the redirection.
     pub fn list(args: &Args) -> Vec<Output> {
-        let one_to_one = !args.exact;
         let format = if args.half { PixelFormat::F16 } else { PixelFormat::F32 };
         let (fetch, form) = match args.form {
             Form::Tile => (FetchKind::Redirection, "tile"),
@@ -45,36 +44,25 @@ impl Output {
             Form::Delta => (FetchKind::RedirectionDelta, "delta"),
         };
         let (channels, names) = if args.alpha { (4, RGBA) } else { (3, RGB) };
-        let mut list =
-            vec![Output { kind: "redirect", form: Some(form), fetch, channels, names, format, one_to_one }];
+        let of = |kind, form, fetch, channels, names| Output {
+            kind,
+            form,
+            fetch,
+            channels,
+            names,
+            format,
+            one_to_one: !args.exact,
+        };
+        let mut list = vec![of("redirect", Some(form), fetch, channels, names)];
         if !args.no_warp {
-            let (fetch, form) = (FetchKind::Warp, Some("tile"));
-            list.push(Output { kind: "warp", form, fetch, channels: 3, names: RGB, format, one_to_one });
+            list.push(of("warp", Some("tile"), FetchKind::Warp, 3, RGB));
         }
         if args.jacobian {
-            let fetch = FetchKind::Jacobian;
-            list.push(Output {
-                kind: "jacobian",
-                form: None,
-                fetch,
-                channels: 4,
-                names: RGBA,
-                format,
-                one_to_one,
-            });
+            list.push(of("jacobian", None, FetchKind::Jacobian, 4, RGBA));
         }
         if args.filter_scale {
             // Three times the same number: programs that read one channel alone show it as red, or not at all.
-            let fetch = FetchKind::FilterScale;
-            list.push(Output {
-                kind: "filter",
-                form: None,
-                fetch,
-                channels: 1,
-                names: RGB,
-                format,
-                one_to_one,
-            });
+            list.push(of("filter", None, FetchKind::FilterScale, 1, RGB));
         }
         list
     }

@@ -58,6 +58,6 @@ impl Canvas {
 }
 
 /// The nearest finite number of 16 bits.
-pub(super) fn half(value: f64) -> f16 {
+fn half(value: f64) -> f16 {
     f16::from_f32(value as f32).clamp(f16::MIN, f16::MAX)
 }

@@ -2,7 +2,6 @@
 
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-use crate::cpu::invert;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::ImagePart;
@@ -46,14 +45,14 @@ impl<'a> Output<'a> {
         part: &ImagePart,
         image: &TexelLayout,
     ) -> Result<Output<'a>> {
-        if image.one_to_one && part.extent() != part.size {
+        if image.one_to_one && kind.is_redirection() && part.extent() != part.size {
             let message = "image: one_to_one takes the whole image, not a part of one";
             return Err(Error::new(ErrorKind::Unsupported, message));
         }
         let content = match kind {
             FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim => {
                 Content::Inverse {
-                    form: Form::new(kind, solved.mesh.udim),
+                    form: Form::new(kind, &solved.mesh),
                     centres: Centres::new(part),
                     coverage: (image.channels as usize > ALPHA).then(|| ChartTexels::new(part)),
                     untangler: image.one_to_one.then(|| Untangler::new(part.size)),
@@ -136,17 +135,8 @@ pub(super) fn corner_uvs(
                 && corner.triangle != NONE
                 && let (Some(solved), Some(u)) = (tiles[corner.tile as usize], warps[corner.tile as usize])
             {
-                let level = &solved.grid.levels[0];
-                let tile = solved.mesh.udim - 1001;
-                let origin = [f64::from(tile % 10), f64::from(tile / 10)];
-                let cells = [level.nx as f64, level.ny as f64];
-                let c = [0, 1].map(|k| (f64::from(corner.uv[k]) - origin[k]) * cells[k]);
-                let moved = solved
-                    .candidates(solved.mesh.chart_of[corner.triangle as usize])
-                    .find_map(|chart| invert::point(level, u, chart, c, solved.reach(chart)));
-                if let Some(p) = moved {
-                    uv = [0, 1].map(|k| (p[k] / cells[k] + origin[k]) as f32);
-                }
+                let redirected = solved.redirected(u, corner.triangle, corner.uv.map(f64::from));
+                uv = redirected.map_or(uv, |uv| uv.map(|x| x as f32));
             }
             // SAFETY: each item writes its own corners, all within `out`.
             unsafe { canvas.load(Ordering::Relaxed).add(c).write(uv) };

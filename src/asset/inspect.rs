@@ -8,6 +8,7 @@ mod strip;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::PixelFormat;
+use crate::memory::caught;
 use crate::team::Team;
 
 use super::form::Form;
@@ -79,12 +80,18 @@ impl MapDesc {
     fn sizes(&self) -> [usize; 2] {
         self.size.map(|n| n as usize)
     }
+
+    fn form(&self, solved: &Solved) -> Form {
+        Form::new(self.kind, &solved.mesh)
+    }
 }
 
 /// Looks at a map of a result; `desc` was checked.
 pub(super) fn inspect(device: &Device, team: &Team, solved: &Solved, desc: &MapDesc) -> Result<MapReport> {
     let mut outputs = Outputs::default();
-    let report = inspect_with(&mut Reader { device, team, solved, outputs: &mut outputs, whole: None }, desc);
+    let mut reader = Reader { device, team, solved, outputs: &mut outputs, whole: None };
+    // Memory that is missing must not leave that of the outputs on the device's account.
+    let report = caught(|| inspect_with(&mut reader, desc));
     outputs.release(device);
     report
 }
@@ -122,10 +129,4 @@ fn near_sizes(size: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
         fits.then(|| size.map(|n| n / 2))
     };
     larger.chain(std::iter::successors(halved(&size), halved))
-}
-
-impl MapDesc {
-    fn form(&self, solved: &Solved) -> Form {
-        Form::new(self.kind, solved.mesh.udim)
-    }
 }

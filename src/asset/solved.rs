@@ -3,6 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use glam::DVec2;
+
+use crate::cpu::invert;
 use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Plan};
 use crate::report::{GpuWork, TileReport};
@@ -73,8 +76,19 @@ impl Solved {
         self.results[chart as usize].max_displacement
     }
 
+    /// The redirected UV of a corner, or of another point of a triangle: both with the tile's offset. `None` where nothing
+    /// moves. `u` are the displacements, `triangle` is a number in `TileMesh::chart_of`.
+    pub fn redirected(&self, u: &[[Plane; 2]], triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]> {
+        let level = &self.grid.levels[0];
+        let (origin, cells) = (self.mesh.origin(), DVec2::new(level.nx as f64, level.ny as f64));
+        let at = ((DVec2::from(uv) - origin) * cells).to_array();
+        self.candidates(self.mesh.chart_of[triangle as usize])
+            .find_map(|chart| invert::point(level, u, chart, at, self.reach(chart)))
+            .map(|p| (DVec2::from(p) / cells + origin).into())
+    }
+
     /// Charts whose warp may move a corner of `chart`: its own, and where the first face owns shared texels, any.
-    pub fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
+    fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
         let others = if self.overlap == Overlap::FirstFace { self.results.len() as u32 } else { 0 };
         std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
     }

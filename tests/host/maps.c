@@ -79,6 +79,7 @@ static void refusals(vrtm_tile tile)
     image.one_to_one = 1;
     fails("a part cannot be one-to-one", vrtm_tile_fetch_part(tile, VRTM_FETCH_REDIRECTION, &image, 0, 0, 2 * MAP, MAP), VRTM_ERROR_UNSUPPORTED, "one_to_one");
     check_that(memcmp(before, four, sizeof four) == 0, "nothing was written", "");
+    succeeds("a part of a warp can be had", vrtm_tile_fetch_part(tile, VRTM_FETCH_WARP, &image, 0, 0, 2 * MAP, MAP));
 }
 
 static void inspect(vrtm_tile tile)

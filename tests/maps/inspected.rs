@@ -44,7 +44,8 @@ fn folds_are_counted_and_a_size_without_them_is_named() {
 
 #[test]
 fn errors_are_those_of_bilinear_interpolation() {
-    let model = Model::from(scenes::analytic::bulge());
+    // Its charts cover a part of the tile: errors beside them do not count.
+    let model = Model::from(scenes::mug_to_jug());
     let asset = solved(&model, &cpu(0));
     // The redirection itself at points whose places differ from the library's samples: texel centres of a map with an odd
     // multiple of the size.
@@ -84,7 +85,15 @@ fn errors_are_those_of_bilinear_interpolation() {
     let deltas = of(1024, FetchKind::RedirectionDelta, PixelFormat::F16);
     assert!(f32s.error_rms < 0.2 * found.error_rms);
     assert!(f16s.error_max > 1.0 / 8192.0 && f16s.folds > 100, "{f16s:?}");
-    assert!(deltas.error_rms < 0.1 * f16s.error_rms && deltas.folds == 0, "{deltas:?}");
+    // A coarser map of such numbers has no folds, and that is the size that is named.
+    let [good, _] = f16s.sufficient_size.unwrap();
+    assert!(good < 1024 && of(good, FetchKind::Redirection, PixelFormat::F16).folds == 0, "{f16s:?}");
+    assert!(
+        deltas.error_rms < 1.05 * f32s.error_rms
+            && f16s.error_rms > 5.0 * f32s.error_rms
+            && deltas.folds == 0,
+        "{deltas:?}"
+    );
 }
 
 #[test]

@@ -48,7 +48,7 @@ impl Base {
             let flat = if corners[face.start].tile == NONE {
                 flattened(face.clone().map(|c| mesh.rest[mesh.indices[c] as usize]).collected())
             } else {
-                let origin = origin(&mesh.tiles[corners[face.start].tile as usize]);
+                let origin = mesh.tiles[corners[face.start].tile as usize].origin();
                 face.clone().map(|c| DVec2::from(corners[c].uv.map(f64::from)) - origin).collected()
             };
             triangles.put_all(triangulate::polygon(&flat).into_iter().map(|triangle| BaseTriangle {
@@ -64,12 +64,6 @@ impl Base {
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.triangles) + size_of_val(&*self.uv_points) + size_of_val(&*self.uv_point)
     }
-}
-
-/// The lower corner of a tile.
-pub(super) fn origin(tile: &TileMesh) -> DVec2 {
-    let udim = tile.udim - 1001;
-    DVec2::new(f64::from(udim % 10), f64::from(udim / 10))
 }
 
 /// The different UVs of a set's corners, and which one each corner has.

@@ -2,14 +2,13 @@
 
 use glam::DVec2;
 
-use crate::cpu::invert;
 use crate::error::Result;
 use crate::memory::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::mesh::{Mesh, NONE};
 use crate::team::Team;
 use crate::tile::blocks::Plane;
 
-use super::base::{Base, UvPoint, origin};
+use super::base::{Base, UvPoint};
 use super::error::Warped;
 use super::split::{Piece, Pieces, Splitter};
 use crate::asset::solved::Solved;
@@ -44,7 +43,7 @@ impl<'a> Results<'a> {
             Ok(Redirected {
                 solved,
                 u: solved.warp.host()?,
-                origin: origin(&solved.mesh),
+                origin: solved.mesh.origin(),
                 cells: DVec2::new(level.nx as f64, level.ny as f64),
                 warped,
             })
@@ -66,13 +65,7 @@ impl<'a> Results<'a> {
 
     fn place(&self, point: &UvPoint) -> [f64; 2] {
         let Some(tile) = self.tile(point.tile).filter(|_| point.triangle != NONE) else { return point.uv };
-        let Redirected { solved, u, origin, cells, .. } = tile;
-        let level = &solved.grid.levels[0];
-        let at = ((DVec2::from(point.uv) - origin) * cells).to_array();
-        solved
-            .candidates(solved.mesh.chart_of[point.triangle as usize])
-            .find_map(|chart| invert::point(level, u, chart, at, solved.reach(chart)))
-            .map_or(point.uv, |p| (DVec2::from(p) / cells + origin).into())
+        tile.solved.redirected(tile.u, point.triangle, point.uv).unwrap_or(point.uv)
     }
 
     /// The error of a triangle with these UV points, and whether it is too small to be split.
