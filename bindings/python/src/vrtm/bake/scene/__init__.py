@@ -83,9 +83,9 @@ def _open(path: str, options: SceneOptions) -> Source:
     if options.poses:
         raise SceneError(f"{path}: files of poses go with a mesh from an OBJ file only")
     if kind == ".abc":
-        from vrtm.bake.scene.alembic import AbcSource
+        from vrtm.bake.scene.alembic import AlembicSource
 
-        return AbcSource(path, options)
+        return AlembicSource(path, options)
     if kind in (".usd", ".usda", ".usdc", ".usdz"):
         from vrtm.bake.scene.usd import UsdSource
 

@@ -17,9 +17,9 @@ def rest_from_file(file: str, path: str, counts: np.ndarray, indices: np.ndarray
         mesh = read_obj(file)
         found = [("", mesh.positions, mesh.counts, mesh.indices)]
     elif file.lower().endswith(".abc"):
-        from vrtm.bake.scene.alembic import AbcFile
+        from vrtm.bake.scene.alembic import AlembicFile
 
-        found = AbcFile(file).meshes_at_first_frame()
+        found = AlembicFile(file).meshes_at_first_frame()
     else:
         from vrtm.bake.scene.usd import meshes_at_first_frame
 

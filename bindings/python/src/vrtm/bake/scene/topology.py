@@ -92,6 +92,26 @@ def per_vertex(
     return (np.bincount(indices, weights=values, minlength=points) / share).astype(np.float32)
 
 
+def corner_elements(
+    interpolation: str, counts: np.ndarray, indices: np.ndarray, points: int, elements: np.ndarray
+) -> np.ndarray:
+    """(corners,) int32: which of the values each corner has; `elements` has one entry per corner, vertex, face or mesh, as
+    the interpolation says. Raises ValueError on a wrong count."""
+    of_corner = {
+        "faceVarying": (len(indices), np.arange(len(indices))),
+        "vertex": (points, indices),
+        "varying": (points, indices),
+        "uniform": (len(counts), np.repeat(np.arange(len(counts)), counts)),
+        "constant": (1, np.zeros(len(indices), np.int64)),
+    }
+    if interpolation not in of_corner:
+        raise ValueError(f"the interpolation {interpolation!r}, which is not known")
+    wanted, order = of_corner[interpolation]
+    if len(elements) != wanted:
+        raise ValueError(f"{len(elements)} values of interpolation {interpolation}, not {wanted}")
+    return elements[order].astype(np.int32)
+
+
 def luminance(colours: np.ndarray) -> np.ndarray:
     """(..., ) of linear colours (..., 3 or more); exactly the value of grey ones."""
     red, green, blue = colours[..., 0], colours[..., 1], colours[..., 2]

@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom
 from vrtm.bake.scene.obj import frame_number
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
-from vrtm.bake.scene.topology import check_faces, check_mesh, per_vertex, without_uvs
+from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
 from vrtm.bake.scene.usd_skel import Skeletons
 
@@ -143,28 +143,11 @@ class UsdMesh:
         if len(elements) and (elements.max() >= len(values) or elements.min() < -1):
             wrong = elements.max() if elements.max() >= len(values) else elements.min()
             raise SceneError(f"{self.where}: {name}:indices has {wrong}, but there are {len(values)} values")
-        interpolation = str(self.uv.GetInterpolation())
-        corners, faces = len(self._indices), len(self._counts)
-        wanted = {
-            "faceVarying": corners,
-            "vertex": self._points,
-            "varying": self._points,
-            "uniform": faces,
-            "constant": 1,
-        }
-        if len(elements) != wanted[interpolation]:
-            raise SceneError(
-                f"{self.where}: {name} has {len(elements)} values of interpolation {interpolation}, "
-                f"not {wanted[interpolation]}"
-            )
-        of_corner = {
-            "faceVarying": np.arange(corners),
-            "vertex": self._indices,
-            "varying": self._indices,
-            "uniform": np.repeat(np.arange(faces), self._counts),
-            "constant": np.zeros(corners, np.int64),
-        }[interpolation]
-        return values, elements[of_corner].astype(np.int32)
+        try:
+            interpolation = str(self.uv.GetInterpolation())
+            return values, corner_elements(interpolation, self._counts, self._indices, self._points, elements)
+        except ValueError as error:
+            raise SceneError(f"{self.where}: {name} has {error}") from error
 
     def _values(self, name: str | None, time: Usd.TimeCode) -> np.ndarray | None:
         """(vertices,) of a primvar, the mean of its values where it is not one per vertex; None if the mesh has none."""
