@@ -111,7 +111,9 @@ class AlembicMesh:
             before, share = after, 0.0
         if expected is not None and str(self.schema.getTopologyVariance()) == "kHeterogenousTopology":
             for index in {before, after}:
-                where = f"{self.where}: sample {index} ({self._sampling.getSampleTime(index):.4f} s): the topology changes"
+                where = (
+                    f"{self.where}: sample {index} ({self._sampling.getSampleTime(index):.4f} s): the topology changes"
+                )
                 check_faces(where, *self.faces(index), *expected)
         first = self.sample(before)
         if share == 0:
@@ -233,7 +235,9 @@ class _Posed:
     def _posed(self, frame: float) -> np.ndarray:
         points = self._mesh.at(frame / self._options.fps, self._faces)
         if len(points) != self._points:
-            raise SceneError(f"{self._mesh.where}: frame {frame:g} has {len(points)} vertices, the first {self._points}")
+            raise SceneError(
+                f"{self._mesh.where}: frame {frame:g} has {len(points)} vertices, the first {self._points}"
+            )
         return points
 
     def _rest(self) -> np.ndarray:

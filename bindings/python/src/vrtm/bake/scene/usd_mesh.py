@@ -16,6 +16,8 @@ from vrtm.bake.scene.usd_skel import Skeletons
 
 UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
 PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
+# The primvar that a bake writes.
+REDIRECTED = "st_redirected"
 REST_NAMES = ("primvars:Pref", "primvars:pref", "primvars:rest", "Pref", "rest")
 
 
@@ -232,7 +234,9 @@ def find_uv(prim: Usd.Prim, name: str | None, where: str) -> UsdGeom.Primvar | N
         return primvar
     found = {kind: [] for kind in UV_TYPES + PLAIN_UV_TYPES}
     for primvar in api.FindPrimvarsWithInheritance():
-        if primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
+        name_there = primvar.GetPrimvarName()
+        # What an earlier bake wrote is no UV set of the artist's.
+        if name_there != REDIRECTED and primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
             found[str(primvar.GetTypeName())].append(primvar)
     for kinds in (UV_TYPES, PLAIN_UV_TYPES):
         candidates = [primvar for kind in kinds for primvar in found[kind]]
