@@ -91,13 +91,17 @@ class AlembicMesh:
 
     def sample(self, index: int) -> np.ndarray:
         """(vertices, 3) f32 of a sample."""
-        return _array(self._positions.getValue(Abc.ISampleSelector(index))).reshape(-1, 3)
+        return _array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
+
+    def _selector(self, index: int) -> Any:
+        """Selects by time: a whole number, too, would be taken for one."""
+        return Abc.ISampleSelector(self._sampling.getSampleTime(index), Abc.ISampleSelector.TimeIndexType.kNearIndex)
 
     def faces(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Face counts and indices of a sample."""
-        selector = Abc.ISampleSelector(index)
-        counts, indices = self.schema.getFaceCountsProperty(), self.schema.getFaceIndicesProperty()
-        return _array(counts.getValue(selector), np.int32), _array(indices.getValue(selector), np.int32)
+        properties = self.schema.getFaceCountsProperty(), self.schema.getFaceIndicesProperty()
+        counts, indices = (_array(found.getValue(self._selector(index)), np.int32) for found in properties)
+        return counts, indices
 
     def at(self, seconds: float, expected: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
         """(vertices, 3) f32 at a time. Raises SceneError where faces are not the expected ones."""
