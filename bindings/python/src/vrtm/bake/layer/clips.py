@@ -19,7 +19,9 @@ def corner_uv_layer(shape: Shape, frame: float, uvs: np.ndarray) -> Sdf.Layer:
     """One frame's corner UVs, those of the control cage if the shape was refined. `uvs`: (corners, 2)."""
     uvs = np.asarray(uvs, np.float32)
     if uvs.shape != (len(shape.indices), 2):
-        raise ValueError(f"uvs: the shape {uvs.shape} is not ({len(shape.indices)}, 2), one pair per corner of {shape.name}")
+        raise ValueError(
+            f"uvs: the shape {uvs.shape} is not ({len(shape.indices)}, 2), one pair per corner of {shape.name}"
+        )
     if shape.cage_corners is not None:
         uvs = uvs[shape.cage_corners]
     layer = Sdf.Layer.CreateAnonymous()
@@ -71,6 +73,10 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
         if not layer.Export(part):
             raise OSError(f"{path}: cannot be written")
         os.replace(part, path)
+        # A stage of this process may hold what was there before.
+        loaded = Sdf.Layer.Find(os.path.abspath(path))
+        if loaded:
+            loaded.Reload(force=True)
     finally:
         if os.path.exists(part):
             os.remove(part)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pxr import Sdf, Tf, Usd, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
 from vrtm.bake.scene.types import Shape
@@ -16,7 +16,11 @@ from vrtm.bake.scene.types import Shape
 FLOAT2 = Sdf.ValueTypeNames.Float2
 READERS = ("UsdPrimvarReader_float2",)
 # Nodes of MaterialX that hand out the mesh's UVs, and the input that names the set.
-MTLX_READERS = {"ND_geompropvalue_vector2": "geomprop", "ND_UsdPrimvarReader_vector2": "varname", "ND_texcoord_vector2": None}
+MTLX_READERS = {
+    "ND_geompropvalue_vector2": "geomprop",
+    "ND_UsdPrimvarReader_vector2": "varname",
+    "ND_texcoord_vector2": None,
+}
 MTLX_IMAGES = ("ND_image_", "ND_tiledimage_", "ND_gltf_image_", "ND_gltf_colorimage", "ND_UsdUVTexture", "ND_hextiled")
 MTLX_COORDINATES = ("texcoord", "st")
 
@@ -74,9 +78,10 @@ class Redirector:
         asset = file.Get() if file else None
         if not asset:
             return False
-        # A pattern of tiles resolves to nothing that exists: it is anchored to where it is written.
-        source = asset.resolvedPath or _anchored(file, asset.path)
-        paths = [(frame, self._plan.warped_path(self._shape.name, frame, source)) for frame in sorted(self._plan.frames)]
+        source = _resolved(file, asset)
+        paths = [
+            (frame, self._plan.warped_path(self._shape.name, frame, source)) for frame in sorted(self._plan.frames)
+        ]
         if any(path is None for _, path in paths):
             return False
         if not self._inside(file.GetPrim()):
@@ -219,10 +224,11 @@ def _producer(plug: UsdShade.Input | None) -> Usd.Attribute | None:
     return found[0] if found else None
 
 
-def _anchored(attribute: Usd.Attribute, path: str) -> str:
-    stack = attribute.GetPropertyStack(Usd.TimeCode.Default())
-    try:
-        return Sdf.ComputeAssetPathRelativeToLayer(stack[0].layer, path) if stack else path
-    except Tf.ErrorException:
-        return path
-
+def _resolved(attribute: Usd.Attribute, asset: Sdf.AssetPath) -> str:
+    """Where a texture is: that file, or with <UDIM> where the files of its tiles are; as it is named if there is none."""
+    if asset.resolvedPath:
+        return asset.resolvedPath
+    layers = [spec.layer for spec in attribute.GetPropertyStack(Usd.TimeCode.Default())]
+    if UsdShade.UdimUtils.IsUdimIdentifier(asset.path) and layers:
+        return UsdShade.UdimUtils.ResolveUdimPath(asset.path, layers[0]) or asset.path
+    return asset.path

@@ -54,7 +54,9 @@ class LayerPlan:
         if self.mode != "primvar" and self.form == "tile":
             for name in self.shapes:
                 if tuple(self.tiles.get(name, (1001,))) != (1001,):
-                    raise LayerError(f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'")
+                    raise LayerError(
+                        f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"
+                    )
 
     def map_of(self, shape: str, frame: int) -> str:
         """The map of a frame as a renderer takes it: with <UDIM>, unless there is the tile 1001 alone."""

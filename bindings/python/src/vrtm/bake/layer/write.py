@@ -101,7 +101,9 @@ def _author(
         )
         now = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)[0]
         if now.GetPath() != material.GetPath():
-            warnings.append(f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} in the place of {material.GetPath()}")
+            warnings.append(
+                f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} in the place of {material.GetPath()}"
+            )
 
 
 def _bindings(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:
@@ -130,7 +132,11 @@ def _material(
     if any(material and material.GetPath() == original.GetPath() for material in made.values()):
         return original
     _split_instances(stage, original.GetPath(), warnings)
-    path = original.GetPath().GetParentPath().AppendChild(f"{original.GetPrim().GetName()}_{shape.name}_redirected".replace("-", "_"))
+    path = (
+        original.GetPath()
+        .GetParentPath()
+        .AppendChild(f"{original.GetPrim().GetName()}_{shape.name}_redirected".replace("-", "_"))
+    )
     material = UsdShade.Material.Define(stage, path)
     material.SetBaseMaterial(UsdShade.Material(stage.GetPrimAtPath(original.GetPath())))
     if material.GetPrim().IsInstanceable():
