@@ -107,6 +107,7 @@ def test_a_flat_grid_with_sharp_corners_fills_its_square(tmp_path: Path) -> None
     ), "vertex UVs follow the points"
     soft = refined(tmp_path, 1, lambda mesh: mesh.CreateInterpolateBoundaryAttr("edgeOnly"), grid=True)
     assert at_cage(soft, 0) == pytest.approx([0.125, 0.125, 0])
+    assert soft.uvs[soft.uv_indices] == pytest.approx(soft.rest[soft.indices][:, :2])
     linear = refined(tmp_path, 1, lambda mesh: mesh.CreateSubdivisionSchemeAttr("bilinear"))
     assert np.abs(linear.rest).max(axis=1).tolist() == [1] * 26 and at_cage(linear, 5) == pytest.approx(
         CUBE[CUBE_FACES[5]]

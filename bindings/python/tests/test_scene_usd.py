@@ -13,6 +13,7 @@ pytest.importorskip("pxr")
 import scenes  # noqa: E402
 from pxr import Sdf, Usd, UsdGeom  # noqa: E402
 from vrtm.bake.scene import Scene, SceneError, SceneOptions  # noqa: E402
+from vrtm.bake.scene.topology import unique_names  # noqa: E402
 
 FACE_VARYING = [scenes.UVS[vertex] for vertex in scenes.INDICES]
 
@@ -171,6 +172,11 @@ def test_choice_of_meshes_and_names(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="'/light' is a SphereLight, not a mesh"):
         Scene(saved(stage), SceneOptions(meshes=("/light",)))
     assert Scene(path, SceneOptions(meshes=("/b",))).warnings == [f"{path} /b/bald is left out: it has no UVs"]
+
+
+def test_names_differ_in_more_than_the_case_of_letters() -> None:
+    assert unique_names(["/a/hat", "/b/coat"]) == ["hat", "coat"]
+    assert unique_names(["/a/hat", "/A/Hat", "/a_hat", "/b/sk\u00f6n:x"]) == ["a_hat", "A_Hat_2", "a_hat_3", "sk_n_x"]
 
 
 def test_instances_in_the_same_pose_are_one_shape(tmp_path: Path) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import glob
 import os
-import re
 
 from pxr import Sdf, Sdr, Usd, UsdUtils, UsdValidation
 
@@ -18,8 +16,7 @@ def check_layer(
     """What USD's validators, those that usdchecker runs, say of a layer: over its shot, less what they say of the shot
     alone, or by itself. Each entry names the error and the place.
 
-    Two of their complaints are checked again here, since they are wrong of what renderers take: that a path with <UDIM> is
-    no file, and that nodes of MaterialX are not known, in a build of USD that has none of these.
+    That a node of MaterialX is not known is left out in a build of USD that knows none of them.
     """
     path = os.path.abspath(os.fspath(path))
     layer = Sdf.Layer.FindOrOpen(path)
@@ -40,9 +37,6 @@ def _complaints(stage: Usd.Stage) -> set[str]:
     found = set()
     for error in UsdValidation.ValidationContext(registry.GetOrLoadAllValidators()).Validate(stage):
         text = error.GetMessage()
-        unresolved = re.search("dependency '(.*<UDIM>.*)'", text)
-        if error.GetName() == "UnresolvableDependency" and unresolved and _has_tile(unresolved[1], stage):
-            continue
         if error.GetName() == "MissingShaderIdInRegistry" and "'ND_" in text and not knows_materialx:
             continue
         places = {_place(site) for site in error.GetSites()} - {""}
@@ -59,10 +53,3 @@ def _place(site: UsdValidation.ValidationErrorSite) -> str:
         return str(site.GetProperty().GetPath())
     layer = site.GetLayer()
     return layer.identifier if layer and not layer.anonymous else ""
-
-
-def _has_tile(path: str, stage: Usd.Stage) -> bool:
-    """True if a file of any tile exists; a relative path is tried beside all layers."""
-    pattern = glob.escape(path).replace("<UDIM>", "[0-9]" * 4)
-    folders = {os.path.dirname(layer.realPath) for layer in stage.GetUsedLayers() if layer.realPath}
-    return any(glob.glob(os.path.join(glob.escape(folder), pattern)) for folder in folders)

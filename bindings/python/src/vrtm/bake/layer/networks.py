@@ -49,6 +49,13 @@ class Redirector:
                 count += self._preview(shader)
             elif name.startswith(MTLX_IMAGES):
                 count += self._materialx(shader)
+            elif name.startswith("ND_normalmap") or name == "UsdPreviewSurface" and _is_plugged(shader, "normal"):
+                # Warped normal maps are turned by whoever warps them.
+                if not (name == "UsdPreviewSurface" and self._plan.warped_path and self._plan.mode != "primvar"):
+                    self._warnings.append(
+                        f"{self._shape.path}: {prim.GetPath()} takes a normal map, which the layer looks up redirected, "
+                        "but does not turn"
+                    )
         return count
 
     # UsdPreviewSurface
@@ -216,6 +223,11 @@ def _node(stage: Usd.Stage, path: Sdf.Path, name: str) -> UsdShade.Shader:
     shader = UsdShade.Shader.Define(stage, path)
     shader.CreateIdAttr(name)
     return shader
+
+
+def _is_plugged(shader: UsdShade.Shader, name: str) -> bool:
+    plug = shader.GetInput(name)
+    return bool(plug) and plug.HasConnectedSource()
 
 
 def _producer(plug: UsdShade.Input | None) -> Usd.Attribute | None:

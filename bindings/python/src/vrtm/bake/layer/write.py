@@ -8,7 +8,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from vrtm.bake.layer.clips import author_clips, export, write_manifest
 from vrtm.bake.layer.networks import Redirector
-from vrtm.bake.layer.plan import LayerPlan
+from vrtm.bake.layer.plan import LayerError, LayerPlan
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 
 # What a root layer says of a whole stage. Layers with other time codes per second would be scaled in time.
@@ -31,6 +31,8 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
     are. Returns warnings. Raises LayerError for a wrong plan, OSError.
     """
     plan.check()
+    if not Sdf.FileFormat.FindByExtension(scene.path):
+        raise LayerError(f"{scene.path}: only a USD scene can have a layer over it")
     out_path = os.fspath(out_path)
     warnings: list[str] = []
     layer = Sdf.Layer.CreateAnonymous(".usda")
@@ -131,7 +133,7 @@ def _material(
         return made[key]
     if any(material and material.GetPath() == original.GetPath() for material in made.values()):
         return original
-    _split_instances(stage, original.GetPath(), warnings)
+    _split_instances(stage, original.GetPath().GetParentPath(), warnings)
     path = (
         original.GetPath()
         .GetParentPath()
