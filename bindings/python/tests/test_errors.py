@@ -4,9 +4,9 @@ import pickle
 
 import numpy as np
 import pytest
-from conftest import studs
 
 import vrtm
+from conftest import studs
 
 
 def refused(kind, words, function, *arguments, **more):

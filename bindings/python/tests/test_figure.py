@@ -37,7 +37,7 @@ def test_the_arm_keeps_its_length():
     spec.loader.exec_module(figure)
     lengths = []
     for angle in (0.0, 1.5):
-        positions, faces, uvs = figure.arm(angle)
+        positions, _, uvs = figure.arm(angle)
         rim = positions[uvs[:, 1] == 0]
         lengths.append(np.linalg.norm(np.diff(rim, axis=0), axis=1).sum())
     assert lengths[0] == pytest.approx(6) and lengths[1] == pytest.approx(6, rel=1e-3)

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import studs
 
 import vrtm
+from conftest import studs
 
 
 def redirection(asset, model, rigidity, **how):

@@ -11,9 +11,9 @@ import time
 
 import numpy as np
 import pytest
-from conftest import sheet, studs
 
 import vrtm
+from conftest import sheet, studs
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_await(device, model):
             await asyncio.wait_for(asset.submit(pose), 0.001)
 
     assets = []
-    for pose in poses:
+    for _ in poses:
         asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
         asset.tile(1001).set_rigidity(studs())
         assets.append(asset)

@@ -4,9 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import studs
 
 import vrtm
+from conftest import studs
 
 
 def test_reports(asset, model):
