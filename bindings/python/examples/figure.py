@@ -1,7 +1,7 @@
 """Draws a bent arm with round studs before and after: python figure.py [--out figure.png] [--angle 110]
 
-The arm is a tube of skin; bending stretches the outside of the elbow. The picture shows it at rest, bent with its own UVs,
-and bent with the texture looked up through the redirection map, and says what became of the studs' strain.
+The arm is a tube of skin; bending stretches the outside of the elbow. The picture shows it at rest, bent with its own
+UVs, and bent with the texture looked up through the redirection map, and says what became of the studs' strain.
 Needs matplotlib: pip install './bindings/python[figure]'.
 """
 
