@@ -76,9 +76,10 @@ def stretch(prim: UsdGeom.Mesh, frames: Sequence[float]) -> None:
 
 
 def arm(path: Path, last: int = 10) -> Usd.Stage:
-    """An arm of two joints that bends by 90 degrees about x = 1 from frame 1 to the last, with a blend shape of the last
-    vertex: by 1 in z at weight 1, by 3 at 0.5, where it has an in-between. The mesh is bound 10 to the left of where it is
-    modelled, its first joint is not animated, and there is an animated shape that the mesh does not have."""
+    """An arm of two joints that bends by 90 degrees about x = 1 from frame 1 to the last, with a blend shape of the
+    last vertex: by 1 in z at weight 1, by 3 at 0.5, where it has an in-between. The mesh is bound 10 to the left of
+    where it is modelled, its first joint is not animated, and there is an animated shape that the mesh does not
+    have."""
     made = stage(path, 1, last)
     UsdSkel.Root.Define(made, "/arm")
     skeleton = UsdSkel.Skeleton.Define(made, "/arm/skeleton")

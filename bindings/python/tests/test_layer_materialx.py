@@ -1,4 +1,5 @@
-"""The networks that a layer makes, in the eyes of MaterialX itself: the build of USD in the wheel does not know its nodes."""
+"""The networks that a layer makes, in the eyes of MaterialX itself: the build of USD in the wheel does not know its
+nodes."""
 
 from __future__ import annotations
 
@@ -11,9 +12,10 @@ mx = pytest.importorskip("MaterialX")
 
 import MaterialX.PyMaterialXGenGlsl as glsl  # noqa: E402
 import MaterialX.PyMaterialXGenShader as generators  # noqa: E402
-import scenes  # noqa: E402
 from pxr import UsdShade  # noqa: E402
-from test_layer import FRAMES, bake, composed, shot  # noqa: E402
+
+import scenes  # noqa: E402
+from shots import FRAMES, bake, composed, shot  # noqa: E402
 from vrtm.bake.scene import Scene  # noqa: E402
 
 TYPES = {

@@ -11,6 +11,7 @@ abc = pytest.importorskip("alembic3d.Abc")
 
 import imath  # noqa: E402
 from alembic3d import AbcCoreAbstract, AbcGeom  # noqa: E402
+
 from vrtm.bake.scene import Scene, SceneError, SceneOptions  # noqa: E402
 
 POINTS = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]

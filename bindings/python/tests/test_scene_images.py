@@ -28,8 +28,14 @@ def write(path: Path, texels: np.ndarray, **fields) -> str:
 
 @pytest.mark.parametrize(
     ("name", "kind", "largest"),
-    [("a.png", np.uint8, 255), ("a.png", np.uint16, 65535), ("a.tif", np.uint16, 65535), ("a.exr", np.float16, 2)]
-    + [("a.exr", np.float32, 2), ("a.tif", np.float32, 2)],
+    [
+        ("a.png", np.uint8, 255),
+        ("a.png", np.uint16, 65535),
+        ("a.tif", np.uint16, 65535),
+        ("a.exr", np.float16, 2),
+        ("a.exr", np.float32, 2),
+        ("a.tif", np.float32, 2),
+    ],
 )
 def test_values_are_read_as_they_are_stored(tmp_path: Path, name: str, kind: type, largest: float) -> None:
     texels = np.linspace(0, largest, 12).astype(kind).reshape(3, 4, 1)

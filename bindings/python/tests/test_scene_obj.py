@@ -27,7 +27,8 @@ def pose(path: Path, width: float, faces: str = FACES) -> str:
 
 
 def test_vertices_uvs_and_polygons_keep_their_order(tmp_path: Path) -> None:
-    text = f"# made by hand\r\nmtllib none.mtl\no part\n{VERTICES}{UVS}vn 0 0 1\ns 1\nusemtl a\n{FACES}g more\nf -6 -4 -2 # end\n"
+    head, more = "# made by hand\r\nmtllib none.mtl\no part\n", "g more\nf -6 -4 -2 # end\n"
+    text = f"{head}{VERTICES}{UVS}vn 0 0 1\ns 1\nusemtl a\n{FACES}{more}"
     shape = Scene(write(tmp_path / "my mesh.obj", text)).shapes[0]
     assert shape.name == "my_mesh" and shape.face_counts.tolist() == [4, 4, 3]
     assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4, 0, 2, 4]

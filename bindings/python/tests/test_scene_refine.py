@@ -9,9 +9,10 @@ import pytest
 
 pytest.importorskip("pxr")
 
-import scenes  # noqa: E402
-from pxr import UsdGeom  # noqa: E402
-from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape  # noqa: E402
+from pxr import UsdGeom
+
+import scenes
+from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape
 
 CUBE = [(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
 CUBE_FACES = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]
@@ -161,6 +162,18 @@ def test_poses_values_and_faces_without_uvs_are_refined_alike(tmp_path: Path) ->
     assert scene.positions(shape, 2) == pytest.approx(shape.rest * (2, 1, 1) + (0, 0, 5))
     assert shape.vertex_rigidity == pytest.approx(shape.rest[:, 0])
     assert (shape.uv_indices < 0).sum() == 16 * 4
+    stage.GetPrimAtPath("/mesh").GetAttribute("holeIndices").Set([8])
+    for interpolation in ("vertex", "faceVarying"):
+        corners = [GRID[vertex][:2] for vertex in GRID_FACES]
+        values = corners if interpolation == "faceVarying" else [p[:2] for p in GRID]
+        scenes.primvar(mesh.GetPrim(), "st", scenes.TYPES.TexCoord2fArray, values, interpolation)
+        stage.Save()
+        shape = Scene(tmp_path / "a.usda", SceneOptions(subdivide=2)).shapes[0]
+        shown = shape.uv_indices >= 0
+        assert shown.sum() == 16 * 32
+        assert shape.uvs[shape.uv_indices[shown]] == pytest.approx(
+            shape.rest[shape.indices[shown]][:, :2]
+        ), interpolation
     plain = Scene(tmp_path / "a.usda").shapes[0]
     assert len(plain.rest) == 16 and plain.cage_corners is None, "the cage, unless it is asked for"
 

@@ -9,9 +9,10 @@ import pytest
 
 pytest.importorskip("pxr")
 
-import scenes  # noqa: E402
-from pxr import Gf, Usd, UsdGeom, UsdSkel  # noqa: E402
-from vrtm.bake.scene import Scene, SceneError, SceneOptions  # noqa: E402
+from pxr import Gf, Usd, UsdGeom, UsdSkel
+
+import scenes
+from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 
 def saved(stage: Usd.Stage) -> str:
@@ -53,7 +54,7 @@ def test_blend_shapes_without_joints(tmp_path: Path) -> None:
     for name in ("skel:jointIndices", "skel:jointWeights"):
         stage.GetPrimAtPath("/arm/skin").RemoveProperty(f"primvars:{name}")
     scene = Scene(saved(stage))
-    expected = np.array(scenes.POINTS, float) + (10, 0, 0)
+    expected = np.add(scenes.POINTS, (10.0, 0, 0))
     assert scene.shapes[0].rest == pytest.approx(expected)
     expected[5, 2] = 3
     assert scene.positions("skin", 5.5) == pytest.approx(expected)

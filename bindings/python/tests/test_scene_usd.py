@@ -10,10 +10,11 @@ import pytest
 
 pytest.importorskip("pxr")
 
-import scenes  # noqa: E402
-from pxr import Sdf, Usd, UsdGeom  # noqa: E402
-from vrtm.bake.scene import Scene, SceneError, SceneOptions  # noqa: E402
-from vrtm.bake.scene.topology import unique_names  # noqa: E402
+from pxr import Sdf, Usd, UsdGeom
+
+import scenes
+from vrtm.bake.scene import Scene, SceneError, SceneOptions
+from vrtm.bake.scene.topology import unique_names
 
 FACE_VARYING = [scenes.UVS[vertex] for vertex in scenes.INDICES]
 
@@ -100,7 +101,7 @@ def test_which_uv_set(tmp_path: Path) -> None:
         Scene(saved(stage))
     scenes.primvar(mesh.GetPrim(), "st", scenes.TYPES.TexCoord2fArray, other, "vertex")
     assert Scene(saved(stage)).shapes[0].uv_name == "st"
-    with pytest.raises(SceneError, match="no mesh to bake.*/mesh has no UVs 'none'"):
+    with pytest.raises(SceneError, match=r"no mesh to bake.*/mesh has no UVs 'none'"):
         Scene(saved(stage), SceneOptions(uv="none"))
 
 
@@ -146,7 +147,7 @@ def test_hidden_meshes_are_left_out(tmp_path: Path) -> None:
     assert [shape.name for shape in Scene(path).shapes] == ["shown", "blinking", "render"]
     with pytest.raises(SceneError, match="/off/hidden: is invisible in all frames"):
         Scene(path, SceneOptions(meshes=("/off/hidden",)))
-    with pytest.raises(SceneError, match="no mesh to bake.*has the purpose 'guide'"):
+    with pytest.raises(SceneError, match=r"no mesh to bake.*has the purpose 'guide'"):
         Scene(path, SceneOptions(meshes=("/group/*",)))
 
 
@@ -317,7 +318,7 @@ def test_bad_input_is_named(tmp_path: Path) -> None:
         Scene(empty)
     stage = scenes.stage(tmp_path / "a.usda")
     scenes.mesh(stage, "/bald", uvs=None)
-    with pytest.raises(SceneError, match="no mesh to bake.*/bald has no UVs"):
+    with pytest.raises(SceneError, match=r"no mesh to bake.*/bald has no UVs"):
         Scene(saved(stage))
     wrongs = {
         "few_uvs": ({"uvs": scenes.UVS[:3]}, "primvars:st has 3 values of interpolation vertex, not 6"),

@@ -1,5 +1,5 @@
-"""Redirected corner UVs as value clips: a small file per shape and frame, which tasks of a farm write independently, and
-the metadata by which a mesh takes its values from them."""
+"""Redirected corner UVs as value clips: a small file per shape and frame, which tasks of a farm write independently,
+and the metadata by which a mesh takes its values from them."""
 
 from __future__ import annotations
 

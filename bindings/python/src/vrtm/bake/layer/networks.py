@@ -1,7 +1,8 @@
 """Texture lookups in a material's network, and how they are redirected.
 
-UsdPreviewSurface has no node that makes a texture coordinate of a texture's colour: there the texture is replaced by warped
-copies, or the UVs by the primvar. MaterialX looks a map up in an image node, whose result is the next one's coordinate.
+UsdPreviewSurface has no node that makes a texture coordinate of a texture's colour: there the texture is replaced by
+warped copies, or the UVs by the primvar. MaterialX looks a map up in an image node, whose result is the next one's
+coordinate.
 """
 
 from __future__ import annotations
@@ -49,12 +50,12 @@ class Redirector:
                 count += self._preview(shader)
             elif name.startswith(MTLX_IMAGES):
                 count += self._materialx(shader)
-            elif name.startswith("ND_normalmap") or name == "UsdPreviewSurface" and _is_plugged(shader, "normal"):
+            elif name.startswith("ND_normalmap") or (name == "UsdPreviewSurface" and _is_plugged(shader, "normal")):
                 # Warped normal maps are turned by whoever warps them.
                 if not (name == "UsdPreviewSurface" and self._plan.warped_path and self._plan.mode != "primvar"):
                     self._warnings.append(
-                        f"{self._shape.path}: {prim.GetPath()} takes a normal map, which the layer looks up redirected, "
-                        "but does not turn"
+                        f"{self._shape.path}: {prim.GetPath()} takes a normal map, which the layer looks up "
+                        "redirected, but does not turn"
                     )
         return count
 
@@ -118,12 +119,12 @@ class Redirector:
     # MaterialX
 
     def _materialx(self, image: UsdShade.Shader) -> bool:
-        if self._plan.mode != "primvar" and self._plan.map_path is None or not self._can_take_primvar():
+        if (self._plan.mode != "primvar" and self._plan.map_path is None) or not self._can_take_primvar():
             self._warn(image, "has no redirection maps: it stays as it is")
             return False
         coordinates = [image.GetInput(name) for name in MTLX_COORDINATES if image.GetInput(name)]
         plug = coordinates[0] if coordinates else None
-        if plug is None or not plug.HasConnectedSource() and plug.Get() is None:
+        if plug is None or (not plug.HasConnectedSource() and plug.Get() is None):
             # MaterialX takes the mesh's default UVs then.
             name = "st" if image.GetIdAttr().Get().startswith("ND_UsdUVTexture") else "texcoord"
             plug = image.CreateInput(name, FLOAT2)
@@ -237,7 +238,8 @@ def _producer(plug: UsdShade.Input | None) -> Usd.Attribute | None:
 
 
 def _resolved(attribute: Usd.Attribute, asset: Sdf.AssetPath) -> str:
-    """Where a texture is: that file, or with <UDIM> where the files of its tiles are; as it is named if there is none."""
+    """Where a texture is: that file, or with <UDIM> where the files of its tiles are; as it is named if there is
+    none."""
     if asset.resolvedPath:
         return asset.resolvedPath
     layers = [spec.layer for spec in attribute.GetPropertyStack(Usd.TimeCode.Default())]

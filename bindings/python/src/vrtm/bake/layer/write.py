@@ -25,7 +25,8 @@ STAGE_FIELDS = (
 
 
 def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan) -> list[str]:
-    """Writes the layer of a plan over a scene from a USD file, and beside it the clips' manifest if there are corner UVs.
+    """Writes the layer of a plan over a scene from a USD file, and beside it the clips' manifest if there are corner
+    UVs.
 
     Every mesh gets materials of its own, which specialize the shot's: other meshes with the same material stay as they
     are. Returns warnings. Raises LayerError for a wrong plan, OSError.
@@ -109,7 +110,8 @@ def _author(
 
 
 def _bindings(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:
-    """(purpose, material) of all bindings that a renderer may take. A subset that says nothing takes those of its mesh."""
+    """(purpose, material) of all bindings that a renderer may take. A subset that says nothing takes those of its
+    mesh."""
     api, found = UsdShade.MaterialBindingAPI(prim), []
     for purpose in (UsdShade.Tokens.allPurpose, UsdShade.Tokens.full, UsdShade.Tokens.preview):
         material, relationship = api.ComputeBoundMaterial(purpose)

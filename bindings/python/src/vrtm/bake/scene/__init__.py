@@ -57,7 +57,8 @@ class Scene:
         positions = np.ascontiguousarray(self._source.positions(shape, frame))
         if positions.shape != shape.rest.shape:
             raise SceneError(
-                f"{self.path} {shape.path}: frame {frame:g} has {len(positions)} vertices, the rest has {len(shape.rest)}"
+                f"{self.path} {shape.path}: frame {frame:g} has {len(positions)} vertices, "
+                f"the rest has {len(shape.rest)}"
             )
         return positions
 

@@ -216,13 +216,14 @@ class _Posed:
         if ((holes < 0) | (holes >= len(self._faces[0]))).any():
             raise SceneError(f"{mesh.where}: a hole names a face that the mesh does not have")
         self._uvs, self._uv_indices = values.reshape(-1, 2), without_uvs(self._faces[0], corners, holes)
+        self._holes, self._with_holes = holes, without_uvs(self._faces[0], corners)
 
     def shape(self, name: str) -> Shape:
         counts, indices = self._faces
         rigidity, mask = (self._values(n) for n in (self._options.rigidity_primvar, self._options.mask_primvar))
         rest, uvs, uv_indices, corners = self._rest(), self._uvs, self._uv_indices, None
         if self._options.subdivide and hasattr(self._mesh.schema, "getCreaseIndicesProperty"):
-            refined = Refined(self._cage(), uvs, uv_indices, self._options.subdivide)
+            refined = Refined(self._cage(), uvs, self._with_holes, self._options.subdivide, self._holes)
             counts, indices, uvs, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
             corners, rest = refined.cage_corners, refined.points(rest)
             rigidity, mask = (None if values is None else refined.points(values) for values in (rigidity, mask))

@@ -22,7 +22,8 @@ KEPT = {"uint8": np.uint8, "uint16": np.uint16, "half": np.float16, "float": np.
 
 
 def find_maps(pattern: str, mesh: str = "", udims: Sequence[int] = (1001,)) -> dict[int, str]:
-    """The existing files of a pattern by UDIM number, `<UDIM>` standing for the number and `<mesh>` for the shape's name.
+    """The existing files of a pattern by UDIM number, `<UDIM>` standing for the number and `<mesh>` for the shape's
+    name.
 
     A pattern without `<UDIM>` is the map of a shape with one tile. A pattern with `<mesh>` may have no file for some
     shapes: then nothing is found. Raises SceneError if no file of another pattern exists, or if the shape has several
@@ -50,9 +51,9 @@ def find_maps(pattern: str, mesh: str = "", udims: Sequence[int] = (1001,)) -> d
 def read_map(path: str) -> np.ndarray:
     """(height, width) of an image's first part, first row at the top: uint8, uint16, float16 or float32.
 
-    Of several channels it is the one named Y, else the luminance of R, G and B (as f32 unless the image is grey all over),
-    else R, else the first. Alpha does not count, values are not converted as colours, and what lies outside of the data
-    window is 0. Raises SceneError.
+    Of several channels it is the one named Y, else the luminance of R, G and B (as f32 unless the image is
+    grey all over), else R, else the first. Alpha does not count, values are not converted as colours, and what lies
+    outside of the data window is 0. Raises SceneError.
     """
     # Colours are wanted as painted, not multiplied by their alpha.
     config = oiio.ImageSpec()

@@ -1,7 +1,7 @@
 """Wavefront OBJ: polygons stay polygons, vertices and UVs keep their order in the file.
 
-Only `v`, `vt` and `f` are read, here: readers at hand either merge vertices and UVs or turn a number that cannot be read
-into 0, and none tells a vertex without a colour from a white one.
+Only `v`, `vt` and `f` are read, here: readers at hand either merge vertices and UVs or turn a number that cannot be
+read into 0, and none tells a vertex without a colour from a white one.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _numbers(path: str, rows: list[tuple[int, str]], least: int, widths: tuple[i
     except ValueError:
         table = None
     for (number, text), row in zip(rows, split):
-        if len(row) not in widths or table is None and not all(map(_is_number, row)):
+        if len(row) not in widths or (table is None and not all(map(_is_number, row))):
             raise SceneError(f"{path}: line {number}: '{text.strip()[:60]}' is not {least} numbers")
     if table is None:
         raise SceneError(f"{path}: numbers that cannot be read")

@@ -54,7 +54,7 @@ def _sequence(pattern: str) -> dict[int, str] | None:
     for path in glob.glob(str(Path(glob.escape(folder)) / f"{glob.escape(before)}*{glob.escape(after)}")):
         middle = Path(path).name[len(before) : len(Path(path).name) - len(after)]
         # A number longer than the token has no zeros in front.
-        if re.fullmatch(r"-?\d+", middle) and (len(middle) == digits or len(middle) > digits and middle[0] != "0"):
+        if re.fullmatch(r"-?\d+", middle) and (len(middle) == digits or (len(middle) > digits and middle[0] != "0")):
             found[int(middle)] = path
     if not found:
         raise SceneError(f"{pattern}: no such files")

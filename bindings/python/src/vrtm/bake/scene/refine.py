@@ -1,8 +1,9 @@
-"""Subdivision surfaces refined: the rules of Catmull and Clark (1978) with the creases of DeRose, Kass and Truong (1998), as
-UsdGeomMesh describes them, or bilinear. There is no wheel of OpenSubdiv that is kept up; positions of a frame are the
-rest's weights times the cage, so that all frames share them.
+"""Subdivision surfaces refined: the rules of Catmull and Clark (1978) with the creases of DeRose, Kass and Truong
+(1998), as UsdGeomMesh describes them, or bilinear.
 
-Boundaries of interpolateBoundary `none` are refined as those of `edgeOnly`. Points of a refined mesh lie where the refinement puts them, near the limit surface and not on it.
+There is no wheel of OpenSubdiv that is kept up. Where refined points lie depends on the topology alone, so that all
+frames share the weights. Points lie where the refinement puts them, near the limit surface and not on it. Boundaries of
+interpolateBoundary `none` are refined as those of `edgeOnly`.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ class Cage:
 
 
 class Refined:
-    """A refined mesh: `counts`, `indices`, `uvs`, `uv_indices`, and `cage_corners`, which says for each corner of the cage
-    which refined corner lies there. Raises SceneError for what cannot be refined."""
+    """A refined mesh: `counts`, `indices`, `uvs`, `uv_indices`, and `cage_corners`, which says for each corner of the
+    cage which refined corner lies there. Raises SceneError for what cannot be refined."""
 
-    def __init__(self, cage: Cage, uvs: np.ndarray, uv_indices: np.ndarray, levels: int) -> None:
+    def __init__(self, cage: Cage, uvs: np.ndarray, uv_indices: np.ndarray, levels: int, holes: np.ndarray) -> None:
         if cage.scheme not in ("catmullClark", "bilinear"):
             raise SceneError(f"{cage.where}: the subdivision scheme '{cage.scheme}' cannot be refined; bake its cage")
         if not 0 < levels <= 6:
@@ -69,6 +70,10 @@ class Refined:
                 values = charts.refine(linear or cage.face_varying == "all").apply(values)
             self.uvs = values.astype(uvs.dtype)
             self.uv_indices[refined] = charts.indices
+        # Holes take part in what is smooth around them.
+        hole = np.zeros(len(cage.counts), bool)
+        hole[holes] = True
+        self.uv_indices[np.repeat(np.repeat(hole, cage.counts), 4**levels)] = -1
         self.uv_indices = without_uvs(self.counts, self.uv_indices)
 
     def points(self, cage: np.ndarray) -> np.ndarray:
@@ -114,8 +119,8 @@ class _Mesh:
         self.vertex_sharpness = np.where(vertices, np.inf, self.vertex_sharpness)
 
     def edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Ends (edges, 2), the edge of each corner, how many faces an edge has, and its sharpness: no end where these are
-        not two."""
+        """Ends (edges, 2), the edge of each corner, how many faces an edge has, and its sharpness: no end where these
+        are not two."""
         ends = np.sort(np.stack([self.indices, self.indices[_next(self.counts)]], axis=1), axis=1)
         keys, edge = np.unique(ends[:, 0] * self.points + ends[:, 1], return_inverse=True)
         faces = np.bincount(edge)

@@ -29,8 +29,8 @@ def check_faces(
         turns = range(max(len(want), 1))
         if len(got) != len(want) or not any(np.array_equal(np.roll(got, turn), want) for turn in turns):
             raise SceneError(
-                f"{where}: face {face + 1} has the vertices {_listed(got)}, but that of the rest mesh has {_listed(want)}"
-                " (counted from 0): faces and the order of vertices must be the same"
+                f"{where}: face {face + 1} has the vertices {_listed(got)}, but that of the rest mesh has "
+                f"{_listed(want)} (counted from 0): faces and the order of vertices must be the same"
             )
     if len(counts) != len(expected_counts):
         raise SceneError(f"{where}: {len(counts)} faces, but the rest mesh has {len(expected_counts)}")
@@ -95,8 +95,8 @@ def per_vertex(
 def corner_elements(
     interpolation: str, counts: np.ndarray, indices: np.ndarray, points: int, elements: np.ndarray
 ) -> np.ndarray:
-    """(corners,) int32: which of the values each corner has; `elements` has one entry per corner, vertex, face or mesh, as
-    the interpolation says. Raises ValueError on a wrong count."""
+    """(corners,) int32: which of the values each corner has; `elements` has one entry per corner, vertex, face or mesh,
+    as the interpolation says. Raises ValueError on a wrong count."""
     of_corner = {
         "faceVarying": (len(indices), np.arange(len(indices))),
         "vertex": (points, indices),

@@ -22,8 +22,8 @@ class SceneOptions:
     uv: str | None = None
     """Name of the UV set. None: the scene's default (`st` in USD, the only one in Alembic and OBJ)."""
     rest: str | None = None
-    """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref where
-    there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
+    """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref
+    where there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
     rigidity_primvar: str | None = None
     """Primvar with the rigidity of vertices; `colors` in OBJ."""
     mask_primvar: str | None = None

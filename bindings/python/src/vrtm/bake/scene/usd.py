@@ -128,8 +128,8 @@ def first_line(error: Exception) -> str:
 
 
 def stage_frames(stage: Usd.Stage) -> tuple[int, ...]:
-    """Whole time codes from the stage's start to its end; of a stage without them, of all time samples of its meshes and
-    animations; (1,) where nothing moves."""
+    """Whole time codes from the stage's start to its end; of a stage without them, of all time samples of its meshes
+    and animations; (1,) where nothing moves."""
     if stage.HasAuthoredTimeCodeRange():
         first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     else:
@@ -162,8 +162,8 @@ def hidden(prim: Usd.Prim, frames: tuple[int, ...]) -> str | None:
 
 
 def meshes_at_first_frame(file: str) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-    """(path, positions, face counts, indices) of all meshes of a file, at rest: skinned ones in their bind pose, others at
-    their first time sample. Raises SceneError."""
+    """(path, positions, face counts, indices) of all meshes of a file, at rest: skinned ones in their bind pose,
+    others at their first time sample. Raises SceneError."""
     stage = open_stage(file, SceneOptions())
     found = []
     for prim in meshes_of(stage):

@@ -62,6 +62,7 @@ class UsdMesh:
         holes = np.array(self._mesh.GetHoleIndicesAttr().Get(first) or (), np.int64)
         if ((holes < 0) | (holes >= len(self._counts))).any():
             raise SceneError(f"{self.where}: holeIndices names a face that the mesh does not have")
+        with_holes = without_uvs(self._counts, uv_indices)
         uv_indices = without_uvs(self._counts, uv_indices, holes)
         if (uv_indices < 0).all():
             raise SceneError(f"{self.where}: no face has UVs")
@@ -71,7 +72,7 @@ class UsdMesh:
         rest = self._rest(first)
         counts, indices, corners = self._counts, self._indices, None
         if self._options.subdivide and self._mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none:
-            refined = Refined(self._cage(first), uvs, uv_indices, self._options.subdivide)
+            refined = Refined(self._cage(first), uvs, with_holes, self._options.subdivide, holes)
             counts, indices, uvs, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
             corners, rest = refined.cage_corners, refined.points(rest)
             rigidity, mask = (None if values is None else refined.points(values) for values in (rigidity, mask))
@@ -106,7 +107,8 @@ class UsdMesh:
         points = self._read(self._mesh.GetPointsAttr(), time, "points")
         if len(points) != self._points:
             raise SceneError(
-                f"{self.where}: time code {time.GetValue():g} has {len(points)} points, but the first frame has {self._points}"
+                f"{self.where}: time code {time.GetValue():g} has {len(points)} points, "
+                f"but the first frame has {self._points}"
             )
         return self._skin.posed(points, time) if self._skin else points
 
@@ -152,7 +154,7 @@ class UsdMesh:
             raise SceneError(f"{self.where}: {name} has {error}") from error
 
     def _values(self, name: str | None, time: Usd.TimeCode) -> np.ndarray | None:
-        """(vertices,) of a primvar, the mean of its values where it is not one per vertex; None if the mesh has none."""
+        """(vertices,) of a primvar, the mean of its values where it is not one per vertex; None if there is none."""
         if name is None:
             return None
         primvar = UsdGeom.PrimvarsAPI(self._prim).FindPrimvarWithInheritance(name.removeprefix("primvars:"))
@@ -160,7 +162,7 @@ class UsdMesh:
             return None
         flat = primvar.ComputeFlattened(time)
         values = np.array([flat] if primvar.GetTypeName().isArray is False else flat if flat is not None else ())
-        if values.dtype.kind not in "fiub" or values.ndim > 2 or values.ndim == 2 and values.shape[1] < 3:
+        if values.dtype.kind not in "fiub" or values.ndim > 2 or (values.ndim == 2 and values.shape[1] < 3):
             raise SceneError(f"{self.where}: {primvar.GetName()} is a {primvar.GetTypeName()}, not numbers or colours")
         try:
             return per_vertex(values, str(primvar.GetInterpolation()), self._counts, self._indices, self._points)
@@ -178,7 +180,7 @@ class UsdMesh:
                 raise SceneError(f"{self.where}: none of {', '.join(REST_NAMES)} holds a rest position per vertex")
         if wanted == "bind" and not self._skin:
             raise SceneError(f"{self.where}: not bound to a skeleton, so that it has no bind pose")
-        if wanted == "bind" or wanted is None and self._skin:
+        if wanted == "bind" or (wanted is None and self._skin):
             return self._skin.bound(self._read(self._mesh.GetPointsAttr(), first, "points"))
         if wanted in (None, "first"):
             return self._posed(first)
