@@ -16,7 +16,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
 from shots import FRAMES, bake, bound, checked, composed, corner_uvs, shot, texture, varname
-from vrtm.bake.layer import LayerError, LayerPlan, write_corner_uvs, write_layer
+from vrtm.bake.layer import LayerError, LayerPlan, check_layer, write_corner_uvs, write_layer
 from vrtm.bake.scene import Scene, SceneOptions
 
 
@@ -205,3 +205,12 @@ def test_wrong_plans(tmp_path: Path) -> None:
     ):
         with pytest.raises(LayerError, match=message):
             bake(tmp_path, scene, **plan)
+
+
+def test_without_validators_the_check_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shot(tmp_path).Save()
+    path, _ = bake(tmp_path, Scene(tmp_path / "shot.usda"))
+    monkeypatch.setitem(sys.modules, "pxr.UsdValidation", None)
+    monkeypatch.delattr("pxr.UsdValidation", raising=False)
+    with pytest.raises(LayerError, match=r"the validators of USD [0-9.]+ cannot be loaded"):
+        check_layer(path)

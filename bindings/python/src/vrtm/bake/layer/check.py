@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
-from pxr import Sdf, Sdr, Usd, UsdUtils, UsdValidation
+from pxr import Sdf, Sdr, Tf, Usd, UsdUtils
 
+from vrtm.bake.layer.plan import LayerError
 from vrtm.bake.layer.write import compose
 from vrtm.bake.scene import SceneOptions
 
@@ -15,6 +17,8 @@ def check_layer(
 ) -> list[str]:
     """What USD's validators, those that usdchecker runs, say of a layer: over its shot, less what they say of the shot
     alone, or by itself. Each entry names the error and the place.
+
+    Raises LayerError if this build of USD has no validators: usd-core from 26 on has them.
 
     That a node of MaterialX is not known is left out in a build of USD that knows none of them.
     """
@@ -30,12 +34,17 @@ def check_layer(
 
 
 def _complaints(stage: Usd.Stage) -> set[str]:
+    try:
+        from pxr import UsdValidation
+
+        validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    except (ImportError, Tf.ErrorException) as error:
+        raise LayerError(f"the validators of USD {'.'.join(map(str, Usd.GetVersion()))} cannot be loaded") from error
     # Kept while the validators run: what they say besides is about paths that are checked below.
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
-    registry = UsdValidation.ValidationRegistry()
     knows_materialx = any(name.startswith("ND_") for name in Sdr.Registry().GetShaderNodeIdentifiers())
     found = set()
-    for error in UsdValidation.ValidationContext(registry.GetOrLoadAllValidators()).Validate(stage):
+    for error in UsdValidation.ValidationContext(validators).Validate(stage):
         text = error.GetMessage()
         if error.GetName() == "MissingShaderIdInRegistry" and "'ND_" in text and not knows_materialx:
             continue
@@ -45,7 +54,7 @@ def _complaints(stage: Usd.Stage) -> set[str]:
     return found
 
 
-def _place(site: UsdValidation.ValidationErrorSite) -> str:
+def _place(site: Any) -> str:
     """A prim's or property's path; layers in memory have no name worth telling."""
     if site.IsPrim():
         return str(site.GetPrim().GetPath())
