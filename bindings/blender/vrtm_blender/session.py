@@ -50,6 +50,8 @@ class State:
     asset: vrtm.Asset | None = None
     counts: tuple[int, int, int] = (0, 0, 0)
     stamps: dict[str, Any] = field(default_factory=dict)
+    # The rigidity images that were set, by UDIM number.
+    painted: dict[int, np.ndarray] = field(default_factory=dict)
     # What has to be read again before the next solve.
     mesh_changed: bool = True
     maps_changed: bool = True
@@ -75,6 +77,7 @@ class State:
         self.end_job()
         asset, self.asset = self.asset, None
         self.stamps.clear()
+        self.painted.clear()
         self.shown = b""
         if asset is not None:
             asset.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bpy
+import numpy as np
 
 from . import geometry, maps, session
 from .messages import Problem
@@ -58,25 +59,45 @@ def _prepare_maps(obj: bpy.types.Object, state: State) -> None:
         if which == "grid":
             for tile in state.asset.tiles:
                 tile.set_settings(grid_width=new, grid_height=new)
+        elif which == "rigidity":
+            _set_rigidity(state, new)
         else:
-            _set_map(state, which, new)
+            _set_mask(state, new)
         state.stamps[which] = stamp
     state.maps_changed = False
 
 
-def _set_map(state: State, which: str, new: maps.Map) -> None:
-    asset = state.asset
-    for_vertices = asset.set_vertex_rigidity if which == "rigidity" else asset.set_vertex_mask
-    for_vertices(new.vertices)
+def _set_mask(state: State, new: maps.Map) -> None:
+    state.asset.set_vertex_mask(new.vertices)
+    if new.vertices is None:
+        for tile in state.asset.tiles:
+            image = new.of(tile.udim)
+            tile.set_mask(image, **_origin(image))
+
+
+def _set_rigidity(state: State, new: maps.Map) -> None:
+    # Kept again at the end: after a failure all of it is set anew.
+    before, state.painted = state.painted, {}
+    if new.vertices is not None or not before:
+        state.asset.set_vertex_rigidity(new.vertices)
     if new.vertices is not None:
         return
-    for tile in asset.tiles:
-        image = new.of(tile.udim)
-        set_image = tile.set_rigidity if which == "rigidity" else tile.set_mask
-        if image is None:
-            set_image(None)
-        else:
-            set_image(image, origin=maps.ORIGIN)
+    for tile in state.asset.tiles:
+        image, old = new.of(tile.udim), before.get(tile.udim)
+        if image is None or old is None or image.shape != old.shape:
+            tile.set_rigidity(image, **_origin(image))
+            continue
+        # A stroke of a brush: what has changed is prepared anew, and nothing else.
+        changed = image != old
+        rows, columns = np.flatnonzero(changed.any(1)), np.flatnonzero(changed.any(0))
+        if len(rows):
+            x, y, width, height = columns[0], rows[0], np.ptp(columns) + 1, np.ptp(rows) + 1
+            tile.update_rigidity(image, int(x), int(y), int(width), int(height), origin=maps.ORIGIN)
+    state.painted = {tile.udim: image for tile in state.asset.tiles if (image := new.of(tile.udim)) is not None}
+
+
+def _origin(image: np.ndarray | None) -> dict[str, str]:
+    return {} if image is None else {"origin": maps.ORIGIN}
 
 
 def options_of(obj: bpy.types.Object) -> dict[str, object]:
