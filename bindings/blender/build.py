@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Makes the add-on's archive, which Blender installs as an extension: the add-on, the licences, and the Python package `vrtm`
-as a wheel, since an extension must not need the network.
+"""Makes the add-on's archive, which Blender installs as an extension: the add-on, the licences, and the Python
+package `vrtm` as a wheel, since an extension must not need the network.
 
     python3 build.py                        # builds the wheel out of ../python with pip, which takes Rust
     python3 build.py --wheel vrtm-*.whl     # takes wheels that are there, one per platform
@@ -45,13 +45,18 @@ class Refused(Exception):
 
 
 def platforms_of(wheel: Path) -> list[str]:
-    """The platforms of a wheel, by its name: name-version-python-abi-platform.whl, where a dot parts several platforms."""
+    """The platforms of a wheel, by its name: name-version-python-abi-platform.whl, where a dot parts several
+    platforms."""
     parts = wheel.name.removesuffix(".whl").split("-")
     if wheel.suffix != ".whl" or len(parts) not in (5, 6):
         raise Refused(f"{wheel}: its name is not that of a wheel")
     if parts[-3] != "py3" or parts[-2] != "none":
-        raise Refused(f"{wheel}: it is for one version of Python only; one for all of Blender's is named ...-py3-none-...")
-    found = {p for tag in parts[-1].split(".") for pattern, names in PLATFORMS if re.fullmatch(pattern, tag) for p in names}
+        raise Refused(
+            f"{wheel}: it is for one version of Python only; one for all of Blender's is named ...-py3-none-..."
+        )
+    found = {
+        p for tag in parts[-1].split(".") for pattern, names in PLATFORMS if re.fullmatch(pattern, tag) for p in names
+    }
     if not found:
         raise Refused(f"{wheel}: {parts[-1]} is none of Blender's platforms")
     return sorted(found)
@@ -96,7 +101,17 @@ def toml_list(values) -> str:
 
 def check_manifest(found: dict, wheels: list[str], platforms: list[str]) -> None:
     """What Blender asks of a manifest."""
-    for key in ("schema_version", "id", "version", "name", "tagline", "maintainer", "type", "blender_version_min", "license"):
+    for key in (
+        "schema_version",
+        "id",
+        "version",
+        "name",
+        "tagline",
+        "maintainer",
+        "type",
+        "blender_version_min",
+        "license",
+    ):
         if not found.get(key):
             raise Refused(f"blender_manifest.toml: {key} is missing")
     if found["schema_version"] != "1.0.0" or found["type"] != "add-on":
@@ -154,7 +169,9 @@ def build_wheel(folder: Path) -> Path:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="Makes the archive that Blender installs as an extension.")
-    parser.add_argument("--wheel", type=Path, nargs="+", help="wheels of the Python package vrtm; built with pip if left out")
+    parser.add_argument(
+        "--wheel", type=Path, nargs="+", help="wheels of the Python package vrtm; built with pip if left out"
+    )
     parser.add_argument("--out", type=Path, default=HERE / "dist", help="where to write the archives (%(default)s)")
     arguments = parser.parse_args()
     try:

@@ -1,5 +1,5 @@
-"""The live path: handlers, jobs and the timer's function, which these checks call by hand, as Blender has no event loop in
-background mode."""
+"""The live path: handlers, jobs and the timer's function, which these checks call by hand, as Blender has no event
+loop in background mode."""
 
 import unittest
 

@@ -1,4 +1,5 @@
-"""Results of the add-on against the Python package, bit for bit: frames, sources of rigidity and masks, rest shapes, tiles."""
+"""Results of the add-on against the Python package, bit for bit: frames, sources of rigidity and masks, rest shapes,
+tiles."""
 
 import os
 import tempfile

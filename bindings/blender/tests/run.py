@@ -3,9 +3,9 @@
 
     python bindings/blender/tests/run.py [--wheel vrtm-...whl | --zip vrtm-...zip] [--seconds 150] [NAME ...]
 
-Prints a line per check, or "skipped: why" where bpy cannot be imported, and at the end how many there were. The exit code is 0
-if none failed. Without --wheel and --zip the wheel is built with pip (VRTM_LIBRARY names a library that is built already). With
-VRTM_REQUIRE_BLENDER=1, what would be skipped fails.
+Prints a line per check, or "skipped: why" where bpy cannot be imported, and at the end how many there were. The exit
+code is 0 if none failed. Without --wheel and --zip the wheel is built with pip (VRTM_LIBRARY names a library that is
+built already). With VRTM_REQUIRE_BLENDER=1, what would be skipped fails.
 """
 
 from __future__ import annotations
@@ -90,13 +90,21 @@ def run_file(file: Path, name: str, environment: dict[str, str], seconds: float)
     command = [sys.executable, "-m", "unittest", "-v", file.stem]
     try:
         ran = subprocess.run(
-            command, env=environment, cwd=HERE, capture_output=True, text=True, timeout=max(seconds, 1), errors="replace"
+            command,
+            env=environment,
+            cwd=HERE,
+            capture_output=True,
+            text=True,
+            timeout=max(seconds, 1),
+            errors="replace",
         )
         code, text = ran.returncode, ran.stderr + ran.stdout
     except subprocess.TimeoutExpired as expired:
         code, text = "none: out of time", (expired.stderr or b"").decode(errors="replace")
     # A line of unittest: "test_name (module.Class.test_name)", perhaps a docstring, and "... ok".
-    results = re.findall(r"^(test_\w+) \([\w.]+\)(?:\n.*?)? \.\.\. (?:.*\n)*?.*?(ok|FAIL|ERROR|skipped '[^']*')$", text, re.M)
+    results = re.findall(
+        r"^(test_\w+) \([\w.]+\)(?:\n.*?)? \.\.\. (?:.*\n)*?.*?(ok|FAIL|ERROR|skipped '[^']*')$", text, re.M
+    )
     words = {"ok": "ok", "FAIL": "FAILED", "ERROR": "FAILED"}
     for test, result in results:
         word = words.get(result)

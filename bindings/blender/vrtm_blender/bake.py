@@ -19,7 +19,9 @@ def folder_of(scene: bpy.types.Scene) -> Path:
     """The folder to write to, made if it is not there."""
     directory = scene.vrtm_bake.directory
     if directory.startswith("//") and not bpy.data.filepath:
-        raise Problem(f"the folder {directory!r} lies beside the file, which was never saved: save it, or choose another")
+        raise Problem(
+            f"the folder {directory!r} lies beside the file, which was never saved: save it, or choose another"
+        )
     folder = Path(bpy.path.abspath(directory))
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -97,8 +99,8 @@ class Bake:
 
 
 def save(pixels: np.ndarray, path: Path) -> None:
-    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR by Blender's own means: to a name beside
-    the file's, which then takes its place, so that no file is ever half written."""
+    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR by Blender's own means: to a
+    name beside the file's, which then takes its place, so that no file is ever half written."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.new("vrtm bake", width, height, alpha=True, float_buffer=True, is_data=True)
     partial = path.with_name(f".{path.stem}.part.exr")

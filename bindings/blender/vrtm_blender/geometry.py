@@ -1,5 +1,5 @@
-"""Reads meshes into arrays: topology, UVs, the rest shape and the pose. All of it on the main thread, none of it changes
-anything."""
+"""Reads meshes into arrays: topology, UVs, the rest shape and the pose. All of it on the main thread, none of it
+changes anything."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ REST_FRAME_NAME = "vrtm_rest_frame"
 
 # Modifiers that make other vertices than the mesh has, for messages. What counts is the evaluated mesh itself.
 TOPOLOGY_MODIFIERS = frozenset(
-    "ARRAY BEVEL BOOLEAN BUILD DECIMATE EDGE_SPLIT EXPLODE MASK MIRROR MULTIRES NODES OCEAN PARTICLE_INSTANCE REMESH SCREW "
-    "SKIN SOLIDIFY SUBSURF TRIANGULATE VOLUME_TO_MESH WELD WIREFRAME".split()
+    "ARRAY BEVEL BOOLEAN BUILD DECIMATE EDGE_SPLIT EXPLODE MASK MIRROR MULTIRES NODES OCEAN PARTICLE_INSTANCE REMESH "
+    "SCREW SKIN SOLIDIFY SUBSURF TRIANGULATE VOLUME_TO_MESH WELD WIREFRAME".split()
 )
 
 DEFORMING_MODIFIERS = frozenset(
@@ -135,9 +135,9 @@ def store_rest(obj: bpy.types.Object, positions: np.ndarray, frame: int) -> None
 def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     """The evaluated shape of all vertices of the mesh, (vertices, 3) float32 in the object's own space.
 
-    Modifiers must not be switched off and on in a handler. So where the evaluated mesh has other vertices than the mesh,
-    the pose is what the Pose modifier of this add-on stored as an attribute in front of the modifier that changes them:
-    most such modifiers keep the mesh's own vertices first, with their attributes as they are.
+    Modifiers must not be switched off and on in a handler. So where the evaluated mesh has other vertices than the
+    mesh, the pose is what the Pose modifier of this add-on stored as an attribute in front of the modifier that
+    changes them: most such modifiers keep the mesh's own vertices first, with their attributes as they are.
     """
     mesh = mesh_of(obj)
     evaluated = obj.evaluated_get(depsgraph).data

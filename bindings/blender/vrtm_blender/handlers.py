@@ -1,4 +1,5 @@
-"""Blender's handlers: when an object's pose, mesh or maps may have changed, and what a render, an undo or a file needs."""
+"""Blender's handlers: when an object's pose, mesh or maps may have changed, and what a render, an undo or a file
+needs."""
 
 from __future__ import annotations
 
@@ -45,10 +46,12 @@ def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
     """Solves within a handler: what is wrong is told, and the frame goes on without it."""
     try:
         solve.run(obj, depsgraph)
-    except Exception as error:  # noqa: BLE001: a render must not end here.
+    except Exception as error:  # a render must not end here.
         session.state_of(obj).say(text_of(error), error=True)
         # Blender shows neither panel nor status bar while it renders on a farm: its log does.
-        session.log.error("frame %d of %s keeps its last redirection: %s", frame_of(depsgraph), obj.name, text_of(error))
+        session.log.error(
+            "frame %d of %s keeps its last redirection: %s", frame_of(depsgraph), obj.name, text_of(error)
+        )
 
 
 def frame_of(depsgraph: bpy.types.Depsgraph) -> int:
@@ -73,7 +76,8 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def painted(obj: bpy.types.Object) -> bool:
-    """Whether an image may be painted on the object at present. Strokes change images without an update of the image."""
+    """Whether an image may be painted on the object at present. Strokes change images without an update of the
+    image."""
     return obj.mode == "TEXTURE_PAINT" and "IMAGE" in (obj.vrtm.rigidity_source, obj.vrtm.mask_source)
 
 
@@ -88,6 +92,9 @@ def render_begins(scene: bpy.types.Scene, *_) -> None:
 @persistent
 def render_ends(scene: bpy.types.Scene, *_) -> None:
     session.rendering = False
+    for obj in scene.objects:
+        if in_renders(obj):
+            obj.data.update_tag()
 
 
 @persistent
@@ -116,8 +123,8 @@ def file_loaded(*_) -> None:
 
 @persistent
 def file_saves(*_) -> None:
-    """save_pre: the images of results exist in memory only. Packed, they are there again when the file is opened, with or
-    without this add-on."""
+    """save_pre: the images of results exist in memory only. Packed, they are there again when the file is opened,
+    with or without this add-on."""
     session.forget_gone()
     for obj in bpy.data.objects:
         image = obj.vrtm.image

@@ -1,6 +1,6 @@
-"""The live update: handlers say that an object's pose may have changed; a timer, on the main thread, collects the pose,
-hands it to a job beside Blender's work, and writes the result when the job is done. The newest pose wins: a job for an older
-one is cancelled."""
+"""The live update: handlers say that an object's pose may have changed; a timer, on the main thread, collects the
+pose, hands it to a job beside Blender's work, and writes the result when the job is done. The newest pose wins: a job
+for an older one is cancelled."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from .session import State
 
 # Seconds between two looks at jobs that are under way, and until a pose is collected.
 INTERVAL = 0.02
-# A job that has run for so many seconds while nothing was shown is not cancelled any more: else a steady scrub over a heavy
-# mesh would never show anything.
+# A job that has run for so many seconds while nothing was shown is not cancelled any more: else a steady scrub over a
+# heavy mesh would never show anything.
 PATIENCE = 0.4
 
 
@@ -78,7 +78,7 @@ def step(state: State) -> None:
             take(obj, state)
         if state.wanted:
             collect(obj, state)
-    except Exception as error:  # noqa: BLE001: a timer that raises is never called again, and the artist has to be told.
+    except Exception as error:  # a timer that raises is never called again, and the artist has to be told.
         state.wanted = False
         tell(state, text_of(error), error=True)
         if not isinstance(error, Problem):

@@ -141,8 +141,8 @@ def group_values(obj: bpy.types.Object, name: str) -> np.ndarray:
 
 
 def attribute_values(obj: bpy.types.Object, name: str) -> np.ndarray:
-    """A colour or float attribute per vertex, (vertices,) float32: of colours the largest channel, and of what is kept per
-    corner the mean over the vertex's corners."""
+    """A colour or float attribute per vertex, (vertices,) float32: of colours the largest channel, and of what is
+    kept per corner the mean over the vertex's corners."""
     mesh = mesh_of(obj)
     attribute = mesh.attributes.get(name)
     if attribute is None:

@@ -37,7 +37,8 @@ def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
 
 
 def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
-    """Redirected UV out, by the object's result UV map. Its input is left alone: so both groups can stand in the same place."""
+    """Redirected UV out, by the object's result UV map. Its input is left alone: so both groups can stand in the same
+    place."""
     name = obj.vrtm.uv_name
     if name not in obj.data.uv_layers:
         raise Problem(f"{obj.name} has no result UV map yet: press Update Now with the UV Map output on")
@@ -62,9 +63,9 @@ def _image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
 def build_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
     """The nodes of a group by image: the UV's place in the image, what is to be added there, and the sum.
 
-    The image holds differences, so that where there is nothing yet, and outside of all tiles, the UV stays what it is. It is
-    looked up with Linear and Extend. Where tiles lie side by side, a lookup stays half a texel away from its tile's
-    sides, which is what Extend does for one tile.
+    The image holds differences, so that where there is nothing yet, and outside of all tiles, the UV stays what it
+    is. It is looked up with Linear and Extend. Where tiles lie side by side, a lookup stays half a texel away from
+    its tile's sides, which is what Extend does for one tile.
     """
     tree.nodes.clear()
     first_u, first_v, columns, rows, size = image[results.LAYOUT]
@@ -114,7 +115,9 @@ def _place(tree, uv, first, counts, margin):
 def own_material(obj: bpy.types.Object, slot: bpy.types.MaterialSlot) -> bpy.types.Material:
     """The slot's material, for this object alone: a redirection belongs to one object's pose."""
     material = slot.material
-    others = [other for other in bpy.data.objects if other != obj and material in [s.material for s in other.material_slots]]
+    others = [
+        other for other in bpy.data.objects if other != obj and material in [s.material for s in other.material_slots]
+    ]
     if others:
         copy = material.copy()
         copy.name = f"{material.name} {obj.name}"
@@ -126,10 +129,11 @@ def own_material(obj: bpy.types.Object, slot: bpy.types.MaterialSlot) -> bpy.typ
 
 
 def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer, by: str) -> int:
-    """Puts the object's group behind the UVs that the material's Image Texture nodes read; returns for how many of them.
+    """Puts the object's group behind the UVs that the material's Image Texture nodes read; returns for how many of
+    them.
 
-    The group goes directly behind the node that hands out the mesh's UVs, in front of Mapping nodes: a redirection is one of
-    the mesh's UVs. What else is linked there, and textures with other coordinates, stay as they are.
+    The group goes directly behind the node that hands out the mesh's UVs, in front of Mapping nodes: a redirection is
+    one of the mesh's UVs. What else is linked there, and textures with other coordinates, stay as they are.
     """
     tree = material.node_tree
     if tree is None:
@@ -195,7 +199,7 @@ def _instance(tree, group, source, instances):
     """The output of the group's node behind a socket: one for all that is linked to that socket."""
     node = instances.get(source)
     if node is None:
-        node = next((l.to_node for l in source.links if is_ours(l.to_node)), None)
+        node = next((link.to_node for link in source.links if is_ours(link.to_node)), None)
     if node is None:
         node = tree.nodes.new("ShaderNodeGroup")
         node.node_tree = group

@@ -29,7 +29,7 @@ class _OnObject:
         obj = context.object
         try:
             text = self.work(context, obj)
-        except Exception as error:  # noqa: BLE001: told to the artist, and not as a traceback.
+        except Exception as error:  # told to the artist, and not as a traceback.
             session.state_of(obj).say(text_of(error), error=True)
             if not isinstance(error, Problem) and not hasattr(error, "status_name"):
                 session.log.exception("%s", obj.name)
@@ -62,8 +62,8 @@ class VRTM_OT_update(_OnObject, bpy.types.Operator):
 
 
 class VRTM_OT_capture_rest(_OnObject, bpy.types.Operator):
-    """Keep the evaluated shape as the rest shape: that of the chosen frame if the rest is a frame, and the present one else.
-    It is stored in the mesh, and saved with the file"""
+    """Keep the evaluated shape as the rest shape: that of the chosen frame if the rest is a frame, and the present
+    one else. It is stored in the mesh, and saved with the file"""
 
     bl_idname = "vrtm.capture_rest"
     bl_label = "Capture Rest"
@@ -208,7 +208,7 @@ class VRTM_OT_bake(bpy.types.Operator):
         try:
             while self.step():
                 pass
-        except Exception as error:  # noqa: BLE001: told to the artist.
+        except Exception as error:  # told to the artist.
             return self.fail(error)
         finally:
             self._steps.close()
@@ -240,7 +240,7 @@ class VRTM_OT_bake(bpy.types.Operator):
                 number = len(self._bake.frames)
                 messages.status(f"vrtm: baked frame {self._frames} of {number}; Esc ends the bake")
                 return {"RUNNING_MODAL"}
-        except Exception as error:  # noqa: BLE001: told to the artist.
+        except Exception as error:  # told to the artist.
             self.end(context)
             return self.fail(error)
         self.end(context)

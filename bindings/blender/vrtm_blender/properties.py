@@ -13,6 +13,9 @@ SOURCES = [
 ]
 CHANNELS = [(name, name, f"The {word} channel") for name, word in zip("RGBA", ("red", "green", "blue", "alpha"))]
 
+# From Blender 5.0 on a property says that it takes paths beside the file; without that a warning is printed.
+PATH_OPTIONS = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}} if bpy.app.version >= (5, 0, 0) else {}
+
 
 def _changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
     """A setting that a solve depends on was changed by hand: if the object is live, its result follows."""
@@ -133,7 +136,13 @@ class VrtmSettings(bpy.types.PropertyGroup):
 class VrtmBakeSettings(bpy.types.PropertyGroup):
     """Scene.vrtm_bake"""
 
-    directory: StringProperty(name="Folder", subtype="DIR_PATH", default="//vrtm/")
+    directory: StringProperty(
+        name="Folder",
+        description="Where to write; // is the folder of the file",
+        subtype="DIR_PATH",
+        default="//vrtm/",
+        **PATH_OPTIONS,
+    )
     frame_start: IntProperty(name="Start", default=1)
     frame_end: IntProperty(name="End", default=250)
     frame_step: IntProperty(name="Step", default=1, min=1)

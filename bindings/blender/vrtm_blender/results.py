@@ -63,8 +63,8 @@ def layout_of(obj: bpy.types.Object, state: State) -> Layout:
 
 
 def redirection(state: State, layout: Layout) -> np.ndarray:
-    """The image of the last result: (height, width, 4) float32, bottom row first; what to add to u and v in the first two
-    channels, and 1 in the last one, so that no alpha mode changes the others."""
+    """The image of the last result: (height, width, 4) float32, bottom row first; what to add to u and v in the first
+    two channels, and 1 in the last one, so that no alpha mode changes the others."""
     image = np.zeros((layout.height, layout.width, 4), np.float32)
     image[..., 3] = 1
     for tile in state.asset.tiles:
@@ -98,7 +98,9 @@ def publish(obj: bpy.types.Object, state: State, request: Request) -> None:
     state.figures = figures(state)
     behind = geometry.deforms_after_tap(obj)
     if behind is not None and geometry.has_tap(obj):
-        state.say(f"modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose", True)
+        state.say(
+            f"modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose", True
+        )
     elif not settings.write_image and not settings.write_uvs:
         state.say("Solved, but no output is switched on", True)
     else:
@@ -114,8 +116,8 @@ def write_image(obj: bpy.types.Object, layout: Layout, pixels: np.ndarray) -> No
 
 
 def own_image(obj: bpy.types.Object, layout: Layout) -> bpy.types.Image:
-    """The object's result image in the layout's size. A duplicate of an object begins with the original's: it gets one of
-    its own."""
+    """The object's result image in the layout's size. A duplicate of an object begins with the original's: it gets
+    one of its own."""
     settings = obj.vrtm
     image = settings.image
     uid = session.uid_of(obj)
@@ -146,7 +148,11 @@ def write_uvs(obj: bpy.types.Object, uvs: np.ndarray) -> None:
     if np.array_equal(geometry.read(layer.uv, "vector", 2), uvs):
         return
     layer.uv.foreach_set("vector", np.ascontiguousarray(uvs, np.float32).ravel())
-    mesh.update_tag()
+    if not session.rendering:
+        mesh.update_tag()
+    # In a render a tag would have the mesh evaluated again with the shape keys' values of the frame that the viewport
+    # is at. The render engine copies the mesh after this in any case; the viewport gets its tag when the render is
+    # over.
 
 
 def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
@@ -154,7 +160,10 @@ def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
     mesh, settings = obj.data, obj.vrtm
     uid = session.uid_of(obj)
     if any(
-        other.data == mesh and other.vrtm.uv_name == settings.uv_name and session.uid_of(other) < uid and is_set_up(other)
+        other.data == mesh
+        and other.vrtm.uv_name == settings.uv_name
+        and session.uid_of(other) < uid
+        and is_set_up(other)
         for other in bpy.data.objects
         if other != obj
     ):

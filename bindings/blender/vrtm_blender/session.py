@@ -1,4 +1,5 @@
-"""What lives as long as Blender's session: devices, and for each object its asset, its job and what was last heard of it.
+"""What lives as long as Blender's session: devices, and for each object its asset, its job and what was last heard of
+it.
 
 All of it is a cache. Nothing here refers to Blender's data: objects are known by their session_uid, which survives
 renaming and undo, so that an undo, a deletion or another file cannot leave a dead pointer behind.
@@ -27,8 +28,8 @@ writing = False
 # Set from the beginning of a render to its end, and while files are baked.
 rendering = False
 baking = False
-# In background mode there is no event loop that would call a timer, so frames are solved at once. Tests of the live path
-# set this, and call the timer's function themselves.
+# In background mode there is no event loop that would call a timer, so frames are solved at once. Tests of the live
+# path set this, and call the timer's function themselves.
 live_in_background = False
 
 
