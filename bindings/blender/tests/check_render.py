@@ -67,8 +67,8 @@ class Render(Case):
         obj.data.materials.append(material)
         return material, texture, shader.inputs["Color"]
 
-    def arm(self, live=False):
-        arm = Arm()
+    def arm(self, live=False, tiles=1):
+        arm = Arm(tiles=tiles)
         arm.paint_image()
         self.material(arm.object)
         self.camera((1.0, 0.5), 2.2)
@@ -108,6 +108,33 @@ class Render(Case):
                         self.assertSame(animated[frame], render())
                         self.assertGreater(np.abs(animated[frame] - plain[frame]).max(), 0.3)
                     self.assertGreater(np.abs(animated[3] - animated[5]).max(), 0.3)
+
+    def test_baked_files_render_as_the_live_result_does(self):
+        for tiles in (1, 2):
+            with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
+                self.setUp()
+                arm = self.arm(tiles=tiles)
+                obj, scene = arm.object, bpy.context.scene
+                scene.frame_set(3)
+                bpy.ops.vrtm.set_up_material()
+                render(os.path.join(folder, "live."), animation=True)
+                settings = scene.vrtm_bake
+                settings.directory, settings.frame_start, settings.frame_end = folder, 3, 5
+                with self.assertRaisesRegex(RuntimeError, "bake first"):
+                    bpy.ops.vrtm.use_baked()
+                bpy.ops.vrtm.bake()
+                bpy.ops.vrtm.use_baked()
+                # What is in the result image does not matter any more.
+                obj.vrtm.image.pixels.foreach_set(np.zeros(len(obj.vrtm.image.pixels), np.float32))
+                render(os.path.join(folder, "baked."), animation=True)
+                for frame in (3, 4, 5):
+                    live, baked = (load(os.path.join(folder, f"{word}.{frame:04d}.exr")) for word in ("live", "baked"))
+                    self.assertSame(live, baked)
+                self.assertEqual(np.abs(pixels(obj.vrtm.image)).max(), 0)
+                bpy.ops.vrtm.use_live()
+                scene.frame_set(5)
+                self.assertSame(render(), baked)
+                self.assertGreater(np.abs(pixels(obj.vrtm.image)[..., :2]).max(), 0.001)
 
     def test_a_still_with_a_stale_result(self):
         arm = self.arm()

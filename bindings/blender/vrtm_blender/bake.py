@@ -43,6 +43,27 @@ def file_name(obj: bpy.types.Object, part: int | str, frame: int) -> str:
     return f"{bpy.path.clean_name(obj.name)}.redirect.{part}.{frame:04d}.exr"
 
 
+def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[str, int, int]:
+    """What the node group reads of a bake with the scene's settings: the first file, its frame, and how many there
+    are."""
+    settings, frames = scene.vrtm_bake, frames_of(scene)
+    if settings.form != "delta":
+        raise Problem("the node group reads bakes of the form Delta")
+    if settings.frame_step != 1:
+        raise Problem("Blender plays sequences without gaps only: bake with Step 1")
+    image = obj.vrtm.image
+    if image is None:
+        raise Problem(f"{obj.name} has no result image: press Update Now with the Image output on")
+    layout = list(image[results.LAYOUT])
+    part = "tiles" if layout[2:4] != [1, 1] else 1001 + layout[0] + 10 * layout[1]
+    folder = Path(bpy.path.abspath(settings.directory))
+    for frame in frames:
+        path = folder / file_name(obj, part, frame)
+        if not path.is_file():
+            raise Problem(f"{path} is not there: bake first")
+    return str(folder / file_name(obj, part, frames[0])), frames[0], len(frames)
+
+
 class Bake:
     """The baking of some objects' frames: a step, and its file names, at a time."""
 

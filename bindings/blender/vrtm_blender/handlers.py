@@ -39,7 +39,9 @@ def look_again(obj: bpy.types.Object) -> None:
 
 
 def in_renders(obj: bpy.types.Object) -> bool:
-    return results.is_set_up(obj) and (obj.vrtm.live or obj.vrtm.in_renders) and not obj.hide_render
+    settings = obj.vrtm
+    wanted = results.is_set_up(obj) and (settings.live or settings.in_renders)
+    return wanted and not settings.shows_baked and not obj.hide_render
 
 
 def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:

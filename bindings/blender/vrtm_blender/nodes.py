@@ -10,11 +10,15 @@ from .messages import Problem
 # Custom properties that tell this add-on's node groups: the kind of the group.
 KIND = "vrtm_kind"
 BY_IMAGE, BY_UV_MAP = "image", "uv_map"
+# A group's custom property: the result image that it is for.
+RESULT = "vrtm_result"
 
 
 def update_groups(obj: bpy.types.Object) -> None:
     """Builds the object's group by image anew, if there is one: after a change of the image's layout."""
     image = obj.vrtm.image
+    if obj.vrtm.shows_baked:
+        return
     for tree in bpy.data.node_groups:
         if tree.get(KIND) == BY_IMAGE and _image_of(tree) == image and tree.library is None:
             build_by_image(tree, image)
@@ -29,7 +33,7 @@ def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
         if tree.get(KIND) == BY_IMAGE and _image_of(tree) == image:
             return tree
     tree = bpy.data.node_groups.new(f"vrtm redirection {obj.name}", "ShaderNodeTree")
-    tree[KIND] = BY_IMAGE
+    tree[KIND], tree[RESULT] = BY_IMAGE, image
     tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
     tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
     build_by_image(tree, image)
@@ -57,7 +61,36 @@ def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
 
 
 def _image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
-    return next((node.image for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage"), None)
+    """The result image that a group is for, also while it shows baked files."""
+    return tree.get(RESULT)
+
+
+def show_baked(obj: bpy.types.Object, path: str, first: int, number: int) -> None:
+    """Has the object's group read a sequence of baked files, from the file of frame `first` on, in the place of the
+    result image."""
+    tree = group_by_image(obj)
+    image = bpy.data.images.load(path)
+    image.source = "SEQUENCE"
+    image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+    image.name = f"{obj.vrtm.image.name} baked"
+    user = _lookup(tree).image_user
+    _lookup(tree).image = image
+    # So that each frame shows the file with its number.
+    user.frame_start, user.frame_offset, user.frame_duration = first, first - 1, number
+    user.use_cyclic, user.use_auto_refresh = False, True
+
+
+def show_live(obj: bpy.types.Object) -> None:
+    """Has the object's group read the result image again."""
+    tree = group_by_image(obj)
+    baked = _lookup(tree).image
+    build_by_image(tree, obj.vrtm.image)
+    if baked is not None and baked != obj.vrtm.image and not baked.users:
+        bpy.data.images.remove(baked)
+
+
+def _lookup(tree: bpy.types.NodeTree) -> bpy.types.Node:
+    return next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
 
 
 def build_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:

@@ -156,6 +156,32 @@ class VRTM_OT_clear_material(_OnObject, bpy.types.Operator):
         return f"{obj.name}: {sum(map(nodes.remove, materials))} node groups removed"
 
 
+class VRTM_OT_use_baked(_OnObject, bpy.types.Operator):
+    """Have the material read the baked files, so that it renders without this add-on; nothing is solved in renders
+    then"""
+
+    bl_idname = "vrtm.use_baked"
+    bl_label = "Use Baked Files"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        path, first, number = bake.sequence(obj, context.scene)
+        nodes.show_baked(obj, path, first, number)
+        obj.vrtm.shows_baked = True
+        return f"{obj.name}: the material reads {number} baked files, from frame {first} on"
+
+
+class VRTM_OT_use_live(_OnObject, bpy.types.Operator):
+    """Have the material read the result image again, which follows the pose"""
+
+    bl_idname = "vrtm.use_live"
+    bl_label = "Use Live Result"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        nodes.show_live(obj)
+        obj.vrtm.shows_baked = False
+        return f"{obj.name}: the material reads the result image"
+
+
 class VRTM_OT_bake(bpy.types.Operator):
     """Write the redirections of a range of frames of all selected objects that are set up, as EXR files. Esc ends it"""
 
@@ -272,6 +298,8 @@ CLASSES = (
     VRTM_OT_set_up_material,
     VRTM_OT_clear_material,
     VRTM_OT_bake,
+    VRTM_OT_use_baked,
+    VRTM_OT_use_live,
 )
 
 

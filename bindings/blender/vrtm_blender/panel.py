@@ -94,6 +94,8 @@ class VRTM_PT_bake(_Panel, bpy.types.Panel):
             column.prop(settings, name)
         layout.prop(settings, "form")
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
+        baked = context.object.vrtm.shows_baked
+        layout.operator("vrtm.use_live" if baked else "vrtm.use_baked")
 
 
 def draw_map(layout: bpy.types.UILayout, obj: bpy.types.Object, which: str) -> None:

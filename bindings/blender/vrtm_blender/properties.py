@@ -131,6 +131,8 @@ class VrtmSettings(bpy.types.PropertyGroup):
     # The outputs. A pointer follows renaming, undo and saving; a UV map has no pointer, so its name is kept.
     image: PointerProperty(name="Redirection", type=bpy.types.Image)
     uv_name: StringProperty(name="Redirected UV Map", default="vrtm")
+    # Set by the operators that switch between the result image and baked files.
+    shows_baked: BoolProperty(name="Shows Baked Files")
 
 
 class VrtmBakeSettings(bpy.types.PropertyGroup):
