@@ -57,9 +57,33 @@ class Solve(Case):
             names = set(bpy.data.images.keys())
             bpy.ops.vrtm.update()
             self.check(arm, arm.asset())
-            self.assertEqual((image.is_dirty, image.file_format), (True, "PNG"))
+            path = os.path.join(folder, "rigidity.<UDIM>.png")
+            self.assertEqual((image.is_dirty, image.file_format, image.filepath), (True, "PNG", path))
             self.assertEqual(set(bpy.data.images.keys()), names)
             self.assertEqual(sorted(os.listdir(folder)), ["rigidity.1001.png", "rigidity.1002.png"])
+
+    def test_unsaved_tiles_of_floats(self):
+        """Tiles that were never saved, with numbers that 8 bits cannot hold."""
+        image = bpy.data.images.new("floats", 16, 16, float_buffer=True, tiled=True, is_data=True)
+        values = np.random.default_rng(0).uniform(-1, 2, (16, 16, 4)).astype(np.float32)
+        values[..., 3] = 1
+        image.pixels.foreach_set(values.ravel())
+        image.tiles.new(1002)
+        image.tiles.active_index = 1
+        window = bpy.context.window_manager.windows[0]
+        area = window.screen.areas[0]
+        kind, area.type = area.type, "IMAGE_EDITOR"
+        area.spaces[0].image = image
+        colour = (0.123456, 1.5, 0, 1)
+        with bpy.context.temp_override(window=window, area=area, region=area.regions[-1]):
+            bpy.ops.image.tile_fill(color=colour, width=8, height=4, float=True)
+        area.type = kind
+        for _ in range(2):
+            found = part("maps").read_image(image)
+            self.assertEqual(sorted(found), [1001, 1002])
+            self.assertSame(found[1001], values)
+            self.assertSame(found[1002], np.broadcast_to(np.float32(colour), (4, 8, 4)).copy())
+            self.assertEqual((image.is_dirty, image.filepath, len(image.tiles)), (True, "", 2))
 
     def test_one_image_is_repeated_on_all_tiles(self):
         arm = Arm(tiles=2)

@@ -161,7 +161,7 @@ def image(name: str, tiles: dict[int, np.ndarray], folder: str) -> bpy.types.Ima
         one = bpy.data.images.new(name, SIZE, SIZE, float_buffer=deep, is_data=deep)
         one.pixels.foreach_set(pixels.ravel())
         one.file_format = "OPEN_EXR" if deep else "PNG"
-        one.save(filepath=f"{folder}/{name}.{udim}.{suffix}", save_copy=True)
+        one.save(filepath=f"{folder}/{name}.{udim}.{suffix}")
         bpy.data.images.remove(one)
     found = bpy.data.images.load(f"{folder}/{name}.1001.{suffix}")
     if len(tiles) > 1:

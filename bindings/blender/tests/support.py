@@ -138,7 +138,7 @@ class Arm:
             one = bpy.data.images.new(f"{name} {udim}", self.size, self.size, float_buffer=False)
             one.pixels.foreach_set(rgba(values).ravel())
             one.file_format = "PNG"
-            one.save(filepath=os.path.join(folder, f"{name}.{udim}.png"), save_copy=True)
+            one.save(filepath=os.path.join(folder, f"{name}.{udim}.png"))
             bpy.data.images.remove(one)
         image = bpy.data.images.load(os.path.join(folder, f"{name}.1001.png"))
         image.source, image.filepath = "TILED", os.path.join(folder, f"{name}.<UDIM>.png")

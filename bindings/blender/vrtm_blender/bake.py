@@ -129,7 +129,7 @@ def save(pixels: np.ndarray, path: Path) -> None:
         image.alpha_mode, image.file_format = "CHANNEL_PACKED", "OPEN_EXR"
         image.pixels.foreach_set(np.ascontiguousarray(pixels).ravel())
         try:
-            image.save(filepath=str(partial), save_copy=True)
+            image.save(filepath=str(partial))
             os.replace(partial, path)
         except (RuntimeError, OSError) as error:
             raise Problem(f"{path} cannot be written: {' '.join(str(error).split())}") from error

@@ -105,7 +105,7 @@ def _unsaved_tiles(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
         image.file_format = "OPEN_EXR" if image.is_float else "PNG"
         suffix = ".exr" if image.is_float else ".png"
         try:
-            image.save(filepath=os.path.join(folder, "tile.<UDIM>" + suffix), save_copy=True)
+            _save_copy(image, os.path.join(folder, "tile.<UDIM>" + suffix))
         except RuntimeError as error:
             raise Problem(
                 f"image {image.name!r}: the painted tiles cannot be read ({' '.join(str(error).split())}): "
@@ -127,6 +127,20 @@ def _unsaved_tiles(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
             finally:
                 bpy.data.images.remove(loaded)
         return found
+
+
+def _save_copy(image: bpy.types.Image, path: str) -> None:
+    """Saves an image to another file; the image stays unsaved, and that of its own file."""
+    if "save_copy" in bpy.types.Image.bl_rna.functions["save"].parameters:
+        image.save(filepath=path, save_copy=True)
+        return
+    # Blender 4.2 has an operator alone that does so, which moves the path of tiled images on.
+    kept = image.filepath_raw
+    try:
+        with bpy.context.temp_override(edit_image=image):
+            bpy.ops.image.save_as("EXEC_DEFAULT", filepath=path, copy=True, save_as_render=False)
+    finally:
+        image.filepath_raw = kept
 
 
 def group_values(obj: bpy.types.Object, name: str) -> np.ndarray:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import time
-import zlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -102,8 +101,7 @@ def library():
 
 
 def uid_of(obj: bpy.types.Object) -> int:
-    # Where Blender has no session_uid, an object that is renamed counts as another one.
-    return getattr(obj, "session_uid", None) or zlib.crc32(obj.name_full.encode())
+    return obj.session_uid
 
 
 def state_of(obj: bpy.types.Object) -> State:
