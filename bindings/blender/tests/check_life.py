@@ -73,6 +73,25 @@ class Life(Case):
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         self.check(arm)
 
+    def test_undo_to_before_a_result_was_written(self):
+        arm = self.solved()
+        session = part("session")
+        session.live_in_background = True
+        arm.object.vrtm.live = True
+        bpy.context.scene.frame_set(3)
+        # The result of this pose is written after the undo step, as it is beside an artist's work.
+        bpy.ops.ed.undo_push(message="posed")
+        states = session.states
+        poll_until(lambda: not any(state.wanted or state.job for state in states.values()))
+        self.check(arm)
+        arm.rig.name = "renamed"
+        bpy.ops.ed.undo_push(message="something else")
+        bpy.ops.ed.undo()
+        arm.object, arm.rig = bpy.data.objects["arm"], bpy.data.objects["arm rig"]
+        arm.mesh = arm.object.data
+        poll_until(lambda: not any(state.wanted or state.job for state in states.values()))
+        self.check(arm)
+
     def test_save_and_load(self):
         arm = self.solved(tiles=2)
         expected, settings = pixels(arm.object.vrtm.image), arm.object.vrtm
@@ -178,6 +197,20 @@ class Life(Case):
         arm.mesh.update()
         bpy.ops.vrtm.update()
         self.assertIsNot(state.asset, before)
+
+    def test_another_number_of_vertices_is_noticed_in_any_case(self):
+        arm = self.solved()
+        arm.object.shape_key_clear()
+        bpy.ops.vrtm.update()
+        state = part("session").find_state(arm.object)
+        before = state.asset
+        arm.mesh.vertices.add(1)
+        arm.mesh.update()
+        # As if no handler had heard of it.
+        state.mesh_changed = False
+        part("solve").run(arm.object, bpy.context.evaluated_depsgraph_get())
+        self.assertIsNot(state.asset, before)
+        self.assertEqual(state.asset.info.vertices, len(arm.mesh.vertices))
 
     def test_modifiers_that_change_the_topology(self):
         arm = self.solved()
@@ -287,11 +320,12 @@ class Life(Case):
             bpy.context.scene.frame_set(4)
             addon_utils.enable(EXTENSION)
             self.assertEqual(arm.object.vrtm.rigidity_image.name, "rigidity")
-        # Reload Scripts, with the add-on's modules loaded anew.
-        before = part("live")
-        bpy.ops.script.reload()
-        self.assertEqual(len(ours()), 10)
-        self.assertIs(part("live"), before)
+        if bpy.app.version >= (5, 0, 0):
+            # Reload Scripts, with the add-on's modules loaded anew. (As a module, Blender 4.2 crashes at its end after
+            # this, without any add-on, too.)
+            bpy.ops.script.reload()
+            self.assertEqual(len(ours()), 10)
+            self.assertIsNot(part("session").State, type(state))
         part("session").live_in_background = False
         bpy.context.scene.frame_set(3)
         self.check(arm)

@@ -89,7 +89,7 @@ def rig(obj: bpy.types.Object) -> None:
     side = 0.5 + 0.5 * np.sin(np.arctan2(rest[:, 1], rest[:, 2]) + 0.25)
     bulge = np.exp(-(((rest[:, 0] - 0.9) / 0.5) ** 2)) * side**2
     moved = rest.copy()
-    moved[:, 1:] *= 1 + 0.85 * bulge[:, None]
+    moved[:, 1:] *= 1 + 0.7 * bulge[:, None]
     key.data.foreach_set("co", moved.astype(np.float32).ravel())
     bone = holder.pose.bones["lower"]
     bone.rotation_mode = "XYZ"
@@ -137,7 +137,7 @@ def paint(tiles: int) -> dict[str, dict[int, np.ndarray]]:
                 distance = np.hypot(u[across, near] - centre[0], (v[across, near] - centre[1]) * wide) / scale
                 nearest[across, near] = np.minimum(nearest[across, near], distance)
         inside = np.clip(1 - (nearest / 0.092) ** 2, 0, 1)
-        height = 0.5 * np.sqrt(inside) + 0.02 * grain
+        height = 0.5 * np.sqrt(inside) + 0.008 * grain
         edge = np.clip((0.092 - nearest) * 90 + 0.5, 0, 1)
         ring = np.exp(-(((nearest - 0.1) / 0.014) ** 2))
         base, stud = np.array([0.16, 0.27, 0.17]), np.array([0.78, 0.62, 0.33])
@@ -148,7 +148,7 @@ def paint(tiles: int) -> dict[str, dict[int, np.ndarray]]:
         made["height"][1001 + tile] = rgba(np.clip(height + 0.2, 0, 1))
         alpha = np.ones((SIZE, SIZE, 1))
         made["colour"][1001 + tile] = np.concatenate([np.clip(colour, 0, 1), alpha], -1).astype(np.float32)
-        made["rigidity"][1001 + tile] = rgba(np.clip((0.115 - nearest) * 60 + 0.5, 0, 1))
+        made["rigidity"][1001 + tile] = rgba(np.clip((0.104 - nearest) * 90 + 0.5, 0, 1))
     return made
 
 

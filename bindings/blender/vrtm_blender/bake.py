@@ -102,8 +102,6 @@ class Bake:
         state.end_job()
         solve.prepare(obj, state)
         state.asset.solve(geometry.pose(obj, depsgraph), **solve.options_of(obj))
-        # What the object shows is of another pose.
-        state.shown = b""
         layout = results.layout_of(obj, state)
         size = (layout.size, layout.size)
         written = []
