@@ -2,9 +2,9 @@
 
     python generate.py [--header vrtm.h] [--out src/vrtm]
 
-`_abi.py` gets the constants, the layouts of all structs and the signatures of all functions, for ctypes; `_records.py` gets
-a dataclass for each struct that the library fills, with the header's comments as its documentation. So nothing about the
-C API is written by hand, and a new field in the header appears here by itself.
+`_abi.py` gets the constants, the layouts of all structs and the signatures of all functions, for ctypes; `_records.py`
+gets a dataclass for each struct that the library fills, with the header's comments as its documentation. So nothing
+about the C API is written by hand, and a new field in the header appears here by itself.
 
 The header is plain C without conditions that matter here, so no preprocessor is needed: comments and directives are
 cut out, and pycparser reads the rest.
@@ -83,6 +83,8 @@ class Header:
                     self.typedefs[node.name] = node.type
             elif isinstance(node, c_ast.Decl) and isinstance(node.type, c_ast.FuncDecl):
                 self.functions[node.name] = node.type
+        # What Python calls the constants: "VRTM_QUALITY_DRAFT" is 'draft'.
+        self.names = {p + n.upper(): n for typedef in self.typedefs for p, n in self._prefixed(typedef)}
         _check_known(self)
 
     def scalar(self, name: str) -> str | None:
@@ -118,14 +120,18 @@ class Header:
         parameters = [p for p in node.args.params if self.type(p.type) != "None"] if node.args else []
         return form.format(", ".join([self.type(node.type), *(self.type(p.type) for p in parameters)]))
 
-    def values(self, typedef: str) -> dict[str, int]:
-        """The named values of a type such as vrtm_quality: {"normal": 0, ...}."""
+    def _prefixed(self, typedef: str) -> list[tuple[str, str]]:
+        """The prefix and the name of each constant of a type such as vrtm_quality: ("VRTM_QUALITY_", "normal"), ..."""
         words = typedef.removeprefix("vrtm_").upper()
         for prefix in (f"VRTM_{words}_", f"VRTM_{words.split('_')[0]}_"):
-            found = {n.removeprefix(prefix).lower(): int(v) for n, v in self.constants.items() if n.startswith(prefix)}
+            found = [name for name in self.constants if name.startswith(prefix)]
             if found:
-                return found
-        return {}
+                return [(prefix, name.removeprefix(prefix).lower()) for name in found]
+        return []
+
+    def values(self, typedef: str) -> dict[str, int]:
+        """The named values of a type such as vrtm_quality: {"normal": 0, ...}."""
+        return {name: int(self.constants[prefix + name.upper()]) for prefix, name in self._prefixed(typedef)}
 
 
 def _plain(text: str) -> str:
@@ -188,7 +194,7 @@ def abi(header: Header) -> str:
         fields = [f'        ("{d.name}", {header.type(d.type)}),' for d in decls]
         lines += ["", "", f"class {name}(Structure):", "    _fields_ = [", *fields, "    ]"]
     lines += ["", "", "# Result and arguments of each function."]
-    lines += ["functions = {"]
+    lines += ["functions: dict[str, list] = {"]
     lines += [f'    "{name}": {header.signature(node, "[{}]")},' for name, node in header.functions.items()]
     lines += ["}", ""]
     return "\n".join(lines)
@@ -201,8 +207,8 @@ def _constant(value: str) -> str:
 def records(header: Header) -> str:
     """The text of _records.py."""
     lines = [
-        '"""What the library tells, and some of what it is told, as dataclasses: written by generate.py from vrtm.h; do not',
-        'edit."""',
+        '"""What the library tells, and some of what it is told, as dataclasses: written by generate.py from vrtm.h;',
+        'do not edit."""',
         "",
         "from __future__ import annotations",
         "",
@@ -240,11 +246,8 @@ def _hint(header: Header, struct: str, decl: c_ast.Decl) -> str:
 def _doc(header: Header, text: str) -> list[str]:
     """A comment of the header as the documentation of a class or a field, with the names that it has in Python."""
     text = re.sub(r" ?Start from vrtm_\w+\(\)[^.]*\.", "", text)
-    for typedef in header.typedefs:
-        for name, value in header.values(typedef).items():
-            for constant in [c for c, v in header.constants.items() if c.endswith(f"_{name.upper()}") and v == str(value)]:
-                if constant.startswith(f"VRTM_{typedef.split('_')[1].upper()}_"):
-                    text = re.sub(rf"\b{constant}\b", f"'{name}'", text)
+    for constant, name in header.names.items():
+        text = re.sub(rf"\b{constant}\b", f"'{name}'", text)
     text = re.sub(r"\bVRTM_OFF\b", "OFF", text).replace("\\", "\\\\").strip()
     return textwrap.wrap(f'"""{text}"""', 120, initial_indent="    ", subsequent_indent="    ")
 

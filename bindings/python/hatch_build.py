@@ -45,7 +45,9 @@ class BuildHook(BuildHookInterface):
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if self.target_name != "wheel":
-            raise SystemExit("vrtm: the Rust sources lie outside of this folder: build a wheel (pip wheel, build --wheel)")
+            raise SystemExit(
+                "vrtm: the Rust sources lie outside of this folder: build a wheel (pip wheel, build --wheel)"
+            )
         sys.path.insert(0, str(HERE))
         from generate import generate
 
@@ -89,7 +91,12 @@ def _cargo() -> Path:
             "already in the variable VRTM_LIBRARY"
         )
     command = [cargo, "rustc", "--lib", "--crate-type", "cdylib", "--message-format", "json-render-diagnostics"]
-    command += ["--profile", os.environ.get("VRTM_CARGO_PROFILE", "dist"), "--manifest-path", str(PROJECT / "Cargo.toml")]
+    command += [
+        "--profile",
+        os.environ.get("VRTM_CARGO_PROFILE", "dist"),
+        "--manifest-path",
+        str(PROJECT / "Cargo.toml"),
+    ]
     if features := os.environ.get("VRTM_CARGO_FEATURES"):
         command += ["--no-default-features", "--features", features]
     result = subprocess.run(command, stdout=subprocess.PIPE, check=False)

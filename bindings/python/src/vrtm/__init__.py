@@ -10,10 +10,10 @@
         for pose in poses:                                      # every frame: positions in, map out
             [redirection] = asset.redirect(pose, [tile])
 
-A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture, within the tile,
-with v up. Arrays go in and out as numpy arrays, as views wherever their layout allows it, in float32 or float64. Exceptions
-carry the library's status and message. The GIL is released in every call, and any thread may call; a call that solves or
-changes an asset while another does raises BusyError.
+A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture, within the
+tile, with v up. Arrays go in and out as numpy arrays, as views wherever their layout allows it, in float32 or float64.
+Exceptions carry the library's status and message. The GIL is released in every call, and any thread may call; a call
+that solves or changes an asset while another does raises BusyError.
 """
 
 from ._asset import Asset

@@ -35,7 +35,8 @@ class Asset:
     face_counts     corners of each face, (faces,); None = triangles
     face_offsets    in its place, the first corner of each face and at the end the number of corners, (faces + 1,)
     uvs             UVs, (count, 2), v up, in UDIM tiles; or a pair of arrays (u, v)
-    uv_indices      the UV of each corner, (corners,), -1 at all corners of a face without texture; None = one per corner
+    uv_indices      the UV of each corner, (corners,), -1 at all corners of a face without texture; None = one per
+                    corner
     uv_sets         further UV sets, from set 1 on: UVs, or pairs (uvs, uv_indices)
     seams           edges at which charts end, (count, 2) vertices
     textured_faces  the faces that carry the texture; None = all
@@ -108,14 +109,16 @@ class Asset:
         return self._tiles
 
     def tile(self, udim: int, uv_set: int = 0) -> Tile:
-        """The tile with a UDIM number, 1001 + U + 10 V. Raises InvalidArgumentError if the mesh has no triangle there."""
+        """The tile with a UDIM number, 1001 + U + 10 V. Raises InvalidArgumentError if the mesh has no triangle
+        there."""
         handle = _abi.vrtm_tile()
         udim, uv_set = natural("udim", udim, 32), natural("uv_set", uv_set, 32)
         check(library.vrtm_asset_find_tile_of_set(self._handle, uv_set, udim, ctypes.byref(handle)))
         return next(tile for tile in self._tiles if tile._handle.id == handle.id)
 
     def set_vertex_rigidity(self, values: Any | None) -> None:
-        """The rigidity of all tiles by values per vertex, (vertices,) of 0 (elastic) to 1 (rigid); None takes it away."""
+        """The rigidity of all tiles by values per vertex, (vertices,) of 0 (elastic) to 1 (rigid); None takes it
+        away."""
         self._set_vertices(library.vrtm_asset_set_vertex_rigidity, values)
 
     def set_vertex_mask(self, values: Any | None) -> None:
@@ -137,8 +140,8 @@ class Asset:
     def redirect(
         self, positions: Any, fetches: Sequence[Fetch | Tile], **options: Unpack[SolveOptions]
     ) -> list[np.ndarray]:
-        """Solves for a pose and returns an image for each of `fetches`, in one call: as solve and Tile.fetch, but nothing
-        else can use the asset in between. A Tile alone stands for its redirection map at the grid's size."""
+        """Solves for a pose and returns an image for each of `fetches`, in one call: as solve and Tile.fetch, but
+        nothing else can use the asset in between. A Tile alone stands for its redirection map at the grid's size."""
         return self._run(positions, [f if isinstance(f, Fetch) else Fetch(f) for f in fetches], options)
 
     def _run(self, positions: Any, fetches: list[Fetch], options: SolveOptions) -> list[np.ndarray]:
@@ -162,8 +165,8 @@ class Asset:
         return [target.done() for target in targets]
 
     def submit(self, positions: Any, **options: Unpack[SolveOptions]) -> Job:
-        """Begins to solve for a pose and returns at once: a job is a future, and can be awaited. Until it is done, calls
-        that solve or change the asset raise BusyError, and results are those of the last solve."""
+        """Begins to solve for a pose and returns at once: a job is a future, and can be awaited. Until it is done,
+        calls that solve or change the asset raise BusyError, and results are those of the last solve."""
         return Job(self, positions, options)
 
     def cancel(self) -> None:
@@ -182,16 +185,15 @@ class Asset:
         array = output("out", out, (self._corners, 2))
         written = np.ascontiguousarray(array)
         uv_set = natural("uv_set", uv_set, 32)
-        check(
-            library.vrtm_asset_fetch_corner_uvs_of_set(self._handle, uv_set, written.ctypes.data, self._corners)
-        )
+        check(library.vrtm_asset_fetch_corner_uvs_of_set(self._handle, uv_set, written.ctypes.data, self._corners))
         if written is not array:
             array[...] = written
         return array
 
     def refine(self, uv_set: int = 0, *, tolerance: float = 0.0, max_triangles: int = 0) -> Refinement:
         """The mesh with its triangles split where linear interpolation of the last result's UVs would err by more than
-        `tolerance`, in UV of a tile (0 = 1/2048), into at most `max_triangles` (0 = a million more than the mesh has)."""
+        `tolerance`, in UV of a tile (0 = 1/2048), into at most `max_triangles` (0 = a million more than the mesh
+        has)."""
         return Refinement(self, uv_set, tolerance, max_triangles)
 
     def close(self) -> None:

@@ -8,10 +8,6 @@ import concurrent.futures
 from . import _abi
 
 
-# Up to Python 3.10 these are two.
-_TIMEOUTS = tuple(dict.fromkeys((builtins.TimeoutError, concurrent.futures.TimeoutError)))
-
-
 class Error(Exception):
     """A call of the library failed. What was there before it, is there still."""
 
@@ -65,7 +61,7 @@ class CancelledError(Error, concurrent.futures.CancelledError):
     """The solve was cancelled; the asset keeps its last result."""
 
 
-class TimeoutError(Error, *_TIMEOUTS):  # noqa: A001
+class TimeoutError(Error, builtins.TimeoutError):
     """The job was not done in time; wait again."""
 
 

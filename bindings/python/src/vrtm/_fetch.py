@@ -35,13 +35,13 @@ class Fetch:
         self.tile, self.kind = tile, kind
         self._kind = value_of("fetch_kind", kind, "kind")
         self._size = None if size is None else image_size(size)
-        self._more = {
-            "dtype": dtype, "channels": channels, "origin": origin, "one_to_one": one_to_one, "out": out
-        }  # fmt: skip
+        self._more: dict[str, Any] = {"dtype": dtype, "channels": channels, "origin": origin}
+        self._more |= {"one_to_one": one_to_one, "out": out}
 
     def target(self, pinned: Pinned) -> Target:
         """Where it is written."""
-        return Target(pinned, self.kind, self.tile._size(self.kind, self._size, self._more["out"]), **self._more)
+        size = self.tile._size(self.kind, self._size, self._more["out"], next=True)
+        return Target(pinned, self.kind, size, **self._more)
 
     def fill(self, struct: _abi.vrtm_fetch, target: Target) -> None:
         """The library's struct."""

@@ -35,7 +35,9 @@ class Job(concurrent.futures.Future):
         points = pinned.vectors("positions", positions, 3, more=1)
         struct, self._progress = _options.build(pinned, options)
         handle = _abi.vrtm_job()
-        check(library.vrtm_asset_submit(asset._handle, ctypes.byref(points), ctypes.byref(struct), ctypes.byref(handle)))
+        check(
+            library.vrtm_asset_submit(asset._handle, ctypes.byref(points), ctypes.byref(struct), ctypes.byref(handle))
+        )
         self._asset = asset
         self._handle = handle
         # Handles are numbers that are never given out again: to cancel a job that has ended does nothing.

@@ -6,9 +6,12 @@ import ctypes
 import os
 import sys
 from pathlib import Path
+from typing import TypeVar
 
 from . import _abi
 from ._errors import error_of
+
+Struct = TypeVar("Struct", bound=ctypes.Structure)
 
 FILE = {"win32": "vrtm.dll", "darwin": "libvrtm.dylib"}.get(sys.platform, "libvrtm.so")
 
@@ -54,8 +57,8 @@ def check(status: int) -> None:
         raise error_of(status, name, library.vrtm_last_error().decode(errors="replace"))
 
 
-def new(struct: type) -> ctypes.Structure:
+def new(struct: type[Struct]) -> Struct:
     """A struct as its _init() function makes it: zeros, and its size."""
     value = struct()
-    value.struct_size = ctypes.sizeof(struct)
+    value.struct_size = ctypes.sizeof(struct)  # type: ignore[attr-defined]
     return value

@@ -50,9 +50,10 @@ def mesh(
     if uv_sets := list(uv_sets):
         sets = pinned.keep((_abi.vrtm_uv_set * len(uv_sets))())
         for k, (struct, given) in enumerate(zip(sets, uv_sets)):
-            # A pair (uvs, uv_indices), or the UVs alone.
-            pair = given if isinstance(given, (tuple, list)) and len(given) == 2 and np.ndim(given[0]) != 1 else (given, None)
-            _uvs(pinned, struct, f"uv_sets[{k}]", pair[0], f"uv_sets[{k}] indices", pair[1])
+            # A pair (uvs, uv_indices), or the UVs alone, which may be a pair (u, v).
+            paired = isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 2
+            of_set, corners_of_set = given if paired else (given, None)
+            _uvs(pinned, struct, f"uv_sets[{k}]", of_set, f"uv_sets[{k}] indices", corners_of_set)
         desc.uv_sets, desc.uv_set_count = sets, len(uv_sets)
     desc.weld = value_of("weld", weld)
     desc.weld_position_tolerance = weld_position_tolerance
@@ -71,7 +72,7 @@ def _list(pinned: Pinned, struct: ctypes.Structure, name: str, value: Any, count
 def _uvs(pinned: Pinned, struct: ctypes.Structure, name: str, uvs: Any, indices_name: str, indices: Any) -> None:
     if uvs is None:
         raise ValueError(f"{name}: a mesh without UVs has no texture")
-    if isinstance(uvs, (tuple, list)) and len(uvs) == 2 and np.ndim(uvs[0]) == 1 and len(uvs[0]) != 2:
+    if isinstance(uvs, tuple) and len(uvs) == 2 and np.ndim(uvs[0]) == 1:
         # u and v in arrays of their own.
         struct.u = ctypes.pointer(pinned.vectors(f"{name}[0]", uvs[0], 1))
         struct.v = ctypes.pointer(pinned.vectors(f"{name}[1]", uvs[1], 1))

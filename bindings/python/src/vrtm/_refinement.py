@@ -44,8 +44,8 @@ class Pattern:
 
 
 class Refinement:
-    """The mesh of an asset, its triangles split where interpolated UVs would err; made by Asset.refine. It keeps what it
-    needs, and may be used when the asset is closed."""
+    """The mesh of an asset, its triangles split where interpolated UVs would err; made by Asset.refine. It keeps what
+    it needs, and may be used when the asset is closed."""
 
     def __init__(self, asset: Asset, uv_set: int, tolerance: float, max_triangles: int) -> None:
         desc = new(_abi.vrtm_refinement_desc)
@@ -65,8 +65,8 @@ class Refinement:
         return record(RefinementInfo, struct)
 
     def extend(self) -> None:
-        """Splits further, for the asset's last result. What was split stays split: extended for each frame of a shot, it
-        has one topology for all of them."""
+        """Splits further, for the asset's last result. What was split stays split: extended for each frame of a shot,
+        it has one topology for all of them."""
         check(library.vrtm_refinement_extend(self._handle))
 
     def pattern(self) -> Pattern:

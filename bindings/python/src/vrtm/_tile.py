@@ -43,16 +43,16 @@ class Tile:
         return record(TileInfo, struct)
 
     def set_rigidity(self, rigidity: Any | None, *, channel: int = 0, origin: str = "top") -> None:
-        """Sets what is rigid: an image (height, width) or (height, width, channels) of uint8, uint16, float16 or float32,
-        0 (elastic) to 1 (rigid; for integers their largest value), of any size. `origin`: "top" if the first row is at
-        v = 1, as in image files, or "bottom". None takes it away: then nothing in the tile moves."""
+        """Sets what is rigid: an image (height, width) or (height, width, channels) of uint8, uint16, float16 or
+        float32, 0 (elastic) to 1 (rigid; for integers their largest value), of any size. `origin`: "top" if the first
+        row is at v = 1, as in image files, or "bottom". None takes it away: then nothing in the tile moves."""
         self._set(library.vrtm_tile_set_rigidity, "rigidity", rigidity, channel, origin)
 
     def update_rigidity(
         self, rigidity: Any, x: int, y: int, width: int, height: int, *, channel: int = 0, origin: str = "top"
     ) -> None:
-        """Takes a part of the rigidity map anew, after a stroke of a brush: `width` x `height` texels from column `x` and
-        row `y` of the array. `rigidity` is the whole map, with the size and format of the one that was set."""
+        """Takes a part of the rigidity map anew, after a stroke of a brush: `width` x `height` texels from column `x`
+        and row `y` of the array. `rigidity` is the whole map, with the size and format of the one that was set."""
         pinned = Pinned()
         part = (natural(name, value, 32) for name, value in zip(("x", "y", "width", "height"), (x, y, width, height)))
         struct = image(pinned, "rigidity", rigidity, channel, origin)
@@ -127,7 +127,8 @@ class Tile:
                     "redirection_delta": the same less the texel's own UV; "redirection_udim": plus the tile's place;
                     "warp": the redirection's inverse, texels on nodes; "jacobian": du'/du, du'/dv, dv'/du, dv'/dv;
                     "filter_scale": its largest singular value
-        size        (width, height) or one number for both; None = that of `out`, or the grid's (a warp's has one node more)
+        size        (width, height) or one number for both; None = that of `out`, or the grid's (a warp's has one node
+                    more)
         dtype       float32 or float16
         channels    0 = as many as the kind has; 3 = a third that is 0; 4 = a fourth that is 1 where charts are
         origin      "top": the first row is at v = 1; or "bottom"
@@ -174,8 +175,8 @@ class Tile:
         dtype: Any = np.float32,
         one_to_one: bool = False,
     ) -> MapInfo:
-        """What a redirection map of this kind, size and format gives when a renderer interpolates in it: where it folds,
-        how far it is from the redirection itself (lengths in UV), and which size suffices."""
+        """What a redirection map of this kind, size and format gives when a renderer interpolates in it: where it
+        folds, how far it is from the redirection itself (lengths in UV), and which size suffices."""
         desc = new(_abi.vrtm_map_desc)
         desc.kind = value_of("fetch_kind", kind, "kind")
         desc.format = PIXELS[pixel_type(dtype)]
@@ -191,17 +192,14 @@ class Tile:
         check(library.vrtm_tile_report(self._handle, ctypes.byref(struct)))
         return record(TileReport, struct)
 
-    def _size(self, kind: str, size: tuple[int, int] | None, out: Any) -> tuple[int, int]:
-        """(width, height) of an output: as asked for, or that of `out`, or one texel per cell of the last result."""
+    def _size(self, kind: str, size: tuple[int, int] | None, out: Any, *, next: bool = False) -> tuple[int, int]:
+        """(width, height) of an output: as asked for, or that of `out`, or one texel per cell of the last result's
+        grid; `next`: of the grid that the next solve will have."""
         if size is not None:
             return size
         if isinstance(out, np.ndarray) and out.ndim == 3:
             return out.shape[1], out.shape[0]
-        # The last result's grid, which needs nobody's leave; before the first solve, the one that it will have.
-        try:
-            of: TileReport | TileInfo = self.report()
-        except Exception:
-            of = self.info
+        of: TileReport | TileInfo = self.info if next else self.report()
         nodes = 1 if kind == "warp" else 0
         return of.grid_width + nodes, of.grid_height + nodes
 
