@@ -4,7 +4,7 @@ add-on.
 
     python scene.py BEFORE.png AFTER.png [--tiles 2] [--samples 48] [--width 900]
 
-run.py's checks render it small; with the extension installed, this makes the pictures for the documentation. The skin
+A test renders it small; with the extension installed, this makes the pictures for the documentation. The skin
 is two UDIM tiles, the studs are in a bump map and in the colour, and the rigidity is the same studs a little larger.
 """
 
@@ -13,9 +13,9 @@ from __future__ import annotations
 import argparse
 import math
 
-import bpy
 import numpy as np
-from support import rgba, start
+
+from support import bpy, rgba, start
 
 SIZE = 1024
 # The arm's length and the place of its elbow, along x.

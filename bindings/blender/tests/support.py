@@ -1,4 +1,4 @@
-"""What the checks share: Blender as a Python module with the installed extension, and a model, an arm that bends."""
+"""What the tests share: Blender as a Python module with the installed extension, and a model, an arm that bends."""
 
 from __future__ import annotations
 
@@ -7,24 +7,21 @@ import sys
 import unittest
 
 import numpy as np
+import pytest
 
-try:
-    import bpy
-except ImportError as error:
-    print(f"skipped: bpy cannot be imported: {error}")
-    sys.exit(0)
+bpy = pytest.importorskip("bpy", reason="skipped: bpy cannot be imported", exc_type=ImportError)
 
 EXTENSION = "bl_ext.user_default.vrtm"
 
 
 def start() -> None:
-    """An empty scene, with the extension as run.py installed it."""
+    """An empty scene, with the extension as conftest.py installed it."""
     import addon_utils
 
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     if EXTENSION not in bpy.context.preferences.addons:
         if addon_utils.enable(EXTENSION, default_set=True) is None:
-            raise RuntimeError(f"{EXTENSION} cannot be enabled: run these checks by run.py, which installs it")
+            raise RuntimeError(f"{EXTENSION} cannot be enabled: these checks are run by pytest, which installs it")
 
 
 def part(name: str):
@@ -33,7 +30,7 @@ def part(name: str):
 
 
 class Case(unittest.TestCase):
-    """Each check begins with an empty scene, and leaves nothing of the live path behind."""
+    """Each test begins with an empty scene, and leaves nothing of the live path behind."""
 
     def setUp(self) -> None:
         start()

@@ -179,6 +179,9 @@ class VRTM_OT_use_live(_OnObject, bpy.types.Operator):
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         nodes.show_live(obj)
         obj.vrtm.shows_baked = False
+        # Whatever became of the image meanwhile.
+        session.state_of(obj).shown = b""
+        live.touch(obj)
         return f"{obj.name}: the material reads the result image"
 
 

@@ -1,11 +1,9 @@
-"""The live path: handlers, jobs and the timer's function, which these checks call by hand, as Blender has no event
+"""The live path: handlers, jobs and the timer's function, which these tests call by hand, as Blender has no event
 loop in background mode."""
 
-import unittest
-
-import bpy
 import numpy as np
-from support import Arm, Case, part, pixels, poll_until, rgba, uv_layer
+
+from support import Arm, Case, bpy, part, pixels, poll_until, rgba, uv_layer
 
 
 class Live(Case):
@@ -195,7 +193,3 @@ class Live(Case):
         self.idle()
         self.assertFalse(state.error, state.message)
         self.check(arm)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -2,10 +2,8 @@
 operator, collection and icon that they name has to be there, and drawing must not change anything."""
 
 import types
-import unittest
 
-import bpy
-from support import Arm, Case, part
+from support import Arm, Case, bpy, part
 
 ICONS = set(bpy.types.UILayout.bl_rna.functions["prop"].parameters["icon"].enum_items.keys())
 PANELS = ("VRTM_PT_main", "VRTM_PT_quality", "VRTM_PT_material", "VRTM_PT_bake")
@@ -105,7 +103,3 @@ class Panel(Case):
         for obj in (arm.rig, None):
             context = types.SimpleNamespace(object=obj)
             self.assertFalse(any(getattr(bpy.types, name).poll(context) for name in PANELS))
-
-
-if __name__ == "__main__":
-    unittest.main()

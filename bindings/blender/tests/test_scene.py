@@ -2,12 +2,11 @@
 are less strained, and the picture changes where studs are only."""
 
 import tempfile
-import unittest
 
-import bpy
 import numpy as np
+
 import scene
-from support import Case, part
+from support import Case, bpy, part
 
 
 class Scene(Case):
@@ -33,7 +32,3 @@ class Scene(Case):
             for tile in tiles:
                 self.assertLess(tile.after.rms, 0.5 * tile.before.rms)
                 self.assertEqual(tile.folds, 0)
-
-
-if __name__ == "__main__":
-    unittest.main()

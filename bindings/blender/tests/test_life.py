@@ -3,11 +3,10 @@ the extension being switched off and on."""
 
 import os
 import tempfile
-import unittest
 
-import bpy
 import numpy as np
-from support import EXTENSION, Arm, Case, part, pixels, poll_until, uv_layer
+
+from support import EXTENSION, Arm, Case, bpy, part, pixels, poll_until, uv_layer
 
 
 class Life(Case):
@@ -329,7 +328,3 @@ class Life(Case):
         part("session").live_in_background = False
         bpy.context.scene.frame_set(3)
         self.check(arm)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -2,11 +2,10 @@
 
 import os
 import tempfile
-import unittest
 
-import bpy
 import numpy as np
-from support import Arm, Case, part, pixels
+
+from support import Arm, Case, bpy, part, pixels
 
 
 def load(path):
@@ -147,7 +146,3 @@ class Bake(Case):
             self.assertEqual(os.listdir(folder), ["file"])
         arm.object.vrtm.rigidity_source = "NONE"
         self.assertFalse(bpy.ops.vrtm.bake.poll())
-
-
-if __name__ == "__main__":
-    unittest.main()

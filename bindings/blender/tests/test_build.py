@@ -13,7 +13,7 @@ from pathlib import Path
 from support import EXTENSION, start
 
 HERE = Path(__file__).resolve().parent
-ARCHIVE = Path(os.environ["VRTM_CHECK_ZIP"])
+ARCHIVE = Path(os.environ.get("VRTM_ARCHIVE", ""))
 
 
 def build():
@@ -108,13 +108,11 @@ class Build(unittest.TestCase):
             with self.assertRaisesRegex(tool.Refused, "not a zip"):
                 tool.pack(broken)
 
-    def test_the_library_is_the_wheels_own(self):
+    def test_the_wheel_is_installed_with_it(self):
         start()
-        import vrtm
-
-        self.assertIn(os.environ["BLENDER_USER_RESOURCES"], vrtm.__file__)
-        self.assertIn(os.environ["BLENDER_USER_RESOURCES"], sys.modules[EXTENSION].__file__)
-
-
-if __name__ == "__main__":
-    unittest.main()
+        user = Path(os.environ["BLENDER_USER_RESOURCES"])
+        self.assertTrue(Path(sys.modules[EXTENSION].__file__).is_relative_to(user))
+        packages = list((user / "extensions" / ".local").rglob("site-packages/vrtm/__init__.py"))
+        self.assertEqual(len(packages), 1)
+        self.assertIn(str(packages[0].parents[1]), sys.path)
+        self.assertTrue([file for file in packages[0].parent.iterdir() if build().LIBRARY.search(file.name)])

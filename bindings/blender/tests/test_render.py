@@ -3,11 +3,10 @@ are set up without breaking what is there."""
 
 import os
 import tempfile
-import unittest
 
-import bpy
 import numpy as np
-from support import Arm, Case, part, pixels, rgba, studs
+
+from support import Arm, Case, bpy, part, pixels, rgba, studs
 
 
 def render(path=None, animation=False):
@@ -279,7 +278,3 @@ def lookup(values, layout, u, v):
             weight = np.abs(1 - dx - part_[..., 0]) * np.abs(1 - dy - part_[..., 1])
             result += weight[..., None] * values[cell[..., 1] + dy, cell[..., 0] + dx, :2]
     return result
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -3,11 +3,10 @@ tiles."""
 
 import os
 import tempfile
-import unittest
 
-import bpy
 import numpy as np
-from support import Arm, Case, eight_bits, part, pixels, rgba, uv_layer
+
+from support import Arm, Case, bpy, eight_bits, part, pixels, rgba, uv_layer
 
 
 class Solve(Case):
@@ -197,7 +196,3 @@ class Solve(Case):
         self.assertEqual(image.colorspace_settings.name, "sRGB")
         found = part("maps").read_image(image)
         self.assertSame(found[None][..., 0], eight_bits(arm.painted[1001]))
-
-
-if __name__ == "__main__":
-    unittest.main()
