@@ -160,6 +160,29 @@ class Live(Case):
         bpy.ops.object.mode_set(mode="OBJECT")
         self.check(arm)
 
+    def test_weights_that_are_painted_are_followed(self):
+        arm = Arm()
+        obj, settings = arm.object, arm.object.vrtm
+        group, number = obj.vertex_groups.new(name="stiff"), len(arm.mesh.vertices)
+        group.add(list(range(0, number, 3)), 1.0, "REPLACE")
+        settings.rigidity_source, settings.rigidity_name, settings.live = "VERTEX_GROUP", "stiff", True
+        bpy.context.scene.frame_set(5)
+        self.idle()
+        asset, weights = arm.asset(), np.zeros(number, np.float32)
+        weights[::3] = 1
+        asset.set_vertex_rigidity(weights)
+        self.check(arm, asset)
+        bpy.context.view_layer.objects.active = obj
+        bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+        group.add(list(range(1, number, 3)), 1.0, "REPLACE")
+        arm.mesh.update_tag()
+        bpy.context.view_layer.update()
+        self.idle()
+        weights[1::3] = 1
+        asset.set_vertex_rigidity(weights)
+        self.check(arm, asset)
+        bpy.ops.object.mode_set(mode="OBJECT")
+
     def test_settings_are_followed_and_live_can_be_switched_off(self):
         arm = Arm()
         arm.paint_image()
@@ -180,7 +203,10 @@ class Live(Case):
         self.assertIsNone(self.live.poll())
 
     def test_problems_are_told_and_do_not_end_the_timer(self):
-        arm = Arm()
+        arm, shown = Arm(), []
+        messages = part("messages")
+        self.addCleanup(setattr, messages, "status", messages.status)
+        messages.status = shown.append
         arm.paint_image()
         settings = arm.object.vrtm
         settings.rigidity_source, settings.rigidity_name = "VERTEX_GROUP", "nobody"
@@ -189,7 +215,9 @@ class Live(Case):
         state = self.session.find_state(arm.object)
         self.assertTrue(state.error)
         self.assertIn("no vertex group 'nobody'", state.message)
+        self.assertEqual(shown, [f"vrtm: {state.message}"])
         settings.rigidity_source = "IMAGE"
         self.idle()
         self.assertFalse(state.error, state.message)
+        self.assertEqual(shown[-1], None)
         self.check(arm)

@@ -57,6 +57,9 @@ def stop_timer() -> None:
 
 def poll() -> float | None:
     """The timer's function: returns the seconds until it wants to be called again, or None for never."""
+    if session.rendering and not bpy.app.background and not bpy.app.is_job_running("RENDER"):
+        # A render that ended without a word.
+        session.rendering = False
     if session.synchronous():
         return INTERVAL if session.rendering or session.baking else None
     for state in list(session.states.values()):
@@ -80,6 +83,7 @@ def step(state: State) -> None:
             collect(obj, state)
     except Exception as error:  # a timer that raises is never called again, and the artist has to be told.
         state.wanted = False
+        state.end_job()
         tell(state, text_of(error), error=True)
         if not isinstance(error, Problem):
             session.log.warning("%s: %s", obj.name, text_of(error), exc_info=not hasattr(error, "status_name"))
@@ -134,12 +138,8 @@ def collect(obj: bpy.types.Object, state: State) -> None:
 
 def tell(state: State, message: str, error: bool = False) -> None:
     """Shows a message in the panel, and problems in the status bar, too."""
-    was_error = state.error
     state.say(message, error)
-    if error:
-        messages.status(f"vrtm: {message}")
-    elif was_error:
-        messages.status(None)
+    messages.status(f"vrtm: {message}" if error else None)
     redraw()
 
 

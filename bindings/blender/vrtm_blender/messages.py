@@ -18,9 +18,15 @@ def text_of(error: BaseException) -> str:
     return f"{type(error).__name__}: {line}"
 
 
+# Whether the status bar shows a line of this add-on.
+_shown = False
+
+
 def status(text: str | None) -> None:
-    """Shows a line in the status bar of every window's workspace; None gives the bar back to Blender."""
-    if bpy.app.background:
+    """Shows a line in the status bar of every window; None gives the bar back to Blender, if a line is shown."""
+    global _shown
+    if bpy.app.background or (text is None and not _shown):
         return
+    _shown = text is not None
     for window in bpy.context.window_manager.windows:
         window.workspace.status_text_set(text)
