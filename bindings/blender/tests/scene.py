@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from support import bpy, rgba, start
+from support import bpy, nodes_of, rgba, start
 
 SIZE = 1024
 # The arm's length and the place of its elbow, along x.
@@ -173,8 +173,7 @@ def image(name: str, tiles: dict[int, np.ndarray], folder: str) -> bpy.types.Ima
 
 def material(obj: bpy.types.Object, colour: bpy.types.Image, height: bpy.types.Image) -> None:
     made = bpy.data.materials.new("skin")
-    made.use_nodes = True
-    tree = made.node_tree
+    tree = nodes_of(made)
     shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
     bump = tree.nodes.new("ShaderNodeBump")
     bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 0.9, 0.09
@@ -213,8 +212,7 @@ def stage(width: int, samples: int) -> None:
         aim(bpy.data.objects.new(name, light), place, centre)
     world = bpy.data.worlds.new("world")
     scene.world = world
-    world.use_nodes = True
-    background = next(node for node in world.node_tree.nodes if node.bl_idname == "ShaderNodeBackground")
+    background = next(node for node in nodes_of(world).nodes if node.bl_idname == "ShaderNodeBackground")
     background.inputs["Color"].default_value = (0.045, 0.05, 0.06, 1)
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", samples

@@ -197,6 +197,13 @@ def rgba(values: np.ndarray) -> np.ndarray:
     return np.stack([values, values, values, np.ones_like(values)], -1).astype(np.float32)
 
 
+def nodes_of(data: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
+    """The node tree of a new material or world, which has to be asked for before Blender 5."""
+    if bpy.app.version < (5, 0, 0):
+        data.use_nodes = True
+    return data.node_tree
+
+
 def pixels(image: bpy.types.Image) -> np.ndarray:
     values = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(values)

@@ -5,7 +5,7 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, part, pixels
+from support import Arm, Case, bpy, nodes_of, part, pixels
 
 
 def load(path):
@@ -69,8 +69,7 @@ class Bake(Case):
             bpy.data.objects.remove(arm.object)
             bpy.ops.mesh.primitive_plane_add(size=1)
             material = bpy.data.materials.new("map")
-            material.use_nodes = True
-            tree = material.node_tree
+            tree = nodes_of(material)
             tree.nodes.clear()
             shader, out = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
             node = tree.nodes.new("ShaderNodeTexImage")

@@ -6,7 +6,7 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, part, pixels, rgba, studs
+from support import Arm, Case, bpy, nodes_of, part, pixels, rgba, studs
 
 
 def render(path=None, animation=False):
@@ -52,8 +52,7 @@ class Render(Case):
     def material(self, obj, textured=True):
         """Shows an image of the studs as it is, without light; returns the material and the texture's node."""
         material = bpy.data.materials.new("skin")
-        material.use_nodes = True
-        tree = material.node_tree
+        tree = nodes_of(material)
         tree.nodes.clear()
         shader, out = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
         tree.links.new(shader.outputs[0], out.inputs["Surface"])
