@@ -99,7 +99,7 @@ class Live(Case):
         bpy.context.scene.frame_set(3)
         state = self.session.find_state(arm.object)
         poll_until(lambda: state.job is not None)
-        third, job = state.request.stamp, state.job
+        third, job = state.job.request.stamp, state.job
         bpy.context.scene.frame_set(4)
         poll_until(lambda: state.shown == third)
         self.assertFalse(job.cancelled())

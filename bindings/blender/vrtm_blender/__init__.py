@@ -13,6 +13,7 @@ NAMES = (
     "maps",
     "results",
     "solve",
+    "work",
     "live",
     "properties",
     "nodes",

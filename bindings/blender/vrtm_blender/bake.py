@@ -102,7 +102,7 @@ class Bake:
         state.end_job()
         solve.prepare(obj, state)
         state.asset.solve(geometry.pose(obj, depsgraph), **solve.options_of(obj))
-        layout = results.layout_of(obj, state)
+        layout = results.layout_of(state.asset, obj.name, obj.vrtm.map_size)
         size = (layout.size, layout.size)
         written = []
         for tile in state.asset.tiles:
@@ -113,7 +113,7 @@ class Bake:
             save(pixels, written[-1])
         if self.form == "delta" and (layout.columns, layout.rows) != (1, 1):
             written.append(self.folder / file_name(obj, "tiles", frame))
-            save(results.redirection(state, layout), written[-1])
+            save(results.redirection(state.asset, layout), written[-1])
         return written
 
 

@@ -11,6 +11,7 @@ import bpy
 from . import messages, results, session, solve
 from .messages import Problem, text_of
 from .session import State
+from .work import Work
 
 # Seconds between two looks at jobs that are under way, and until a pose is collected.
 INTERVAL = 0.02
@@ -91,17 +92,16 @@ def step(state: State) -> None:
 
 def take(obj: bpy.types.Object, state: State) -> None:
     """A job is over: writes its result, if it has one."""
-    job, request = state.job, state.request
-    state.job = state.request = None
+    job, state.job = state.job, None
     try:
-        job.result(0)
+        outputs = job.result()
     except concurrent.futures.CancelledError:
         return
     finally:
         job.close()
     if obj.mode == "EDIT":
         return
-    results.publish(obj, state, request)
+    results.publish(obj, state, job.request, outputs)
     state.waiting_since = 0.0
     tell(state, state.message, state.error)
 
@@ -121,7 +121,7 @@ def collect(obj: bpy.types.Object, state: State) -> None:
     solve.prepare(obj, state)
     request = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())
     if state.job is not None:
-        if request.stamp == state.request.stamp:
+        if request.stamp == state.job.request.stamp:
             state.wanted = False
         elif session.now() - state.waiting_since < PATIENCE:
             # It ends within milliseconds; the pose, or a newer one, is submitted at the timer's next call.
@@ -130,8 +130,7 @@ def collect(obj: bpy.types.Object, state: State) -> None:
     state.wanted = False
     if request.stamp == state.shown and results.are_there(obj):
         return
-    state.job = state.asset.submit(request.positions, **request.options)
-    state.request = request
+    state.job = Work(state.asset, request)
     state.waiting_since = state.waiting_since or session.now()
     tell(state, "Solving ...")
 

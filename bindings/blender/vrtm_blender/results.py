@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -10,6 +11,9 @@ import numpy as np
 from . import geometry, session
 from .messages import Problem
 from .session import Request, State
+
+if TYPE_CHECKING:
+    import vrtm
 
 # Where the layout of a result's image is kept: in the image, for the node group and for bakes.
 LAYOUT = "vrtm_layout"
@@ -51,23 +55,40 @@ class Layout:
         return [self.first_u, self.first_v, self.columns, self.rows, self.size]
 
 
-def layout_of(obj: bpy.types.Object, state: State) -> Layout:
-    tiles = state.asset.tiles
+@dataclass(frozen=True)
+class Outputs:
+    """What is written of a result; None for what was not asked for."""
+
+    layout: Layout | None
+    image: np.ndarray | None  # (height, width, 4) float32
+    uvs: np.ndarray | None  # (corners, 2) float32
+
+
+def fetch(asset: vrtm.Asset, request: Request) -> Outputs:
+    """Fetches the asset's last result. It may be called on any thread, while no solve is under way."""
+    layout = layout_of(asset, request.name, request.map_size) if request.write_image else None
+    image = redirection(asset, layout) if layout is not None else None
+    return Outputs(layout, image, asset.corner_uvs() if request.write_uvs else None)
+
+
+def layout_of(asset: vrtm.Asset, name: str, map_size: int) -> Layout:
+    """The layout of an object's image; `map_size` 0 is as many texels as the largest grid has cells."""
+    tiles = asset.tiles
     if not tiles:
-        raise Problem(f"{obj.name} has no faces in any UDIM tile (u from 0 to 10, v from 0)")
-    size = obj.vrtm.map_size or max(max(tile.info.grid_width, tile.info.grid_height) for tile in tiles)
+        raise Problem(f"{name} has no faces in any UDIM tile (u from 0 to 10, v from 0)")
+    size = map_size or max(max(tile.info.grid_width, tile.info.grid_height) for tile in tiles)
     layout = Layout.of([tile.udim for tile in tiles], size)
     if max(layout.width, layout.height) > 65536:
-        raise Problem(f"{obj.name}: an image of {layout.width} x {layout.height} texels is too large: lower Map Size")
+        raise Problem(f"{name}: an image of {layout.width} x {layout.height} texels is too large: lower Map Size")
     return layout
 
 
-def redirection(state: State, layout: Layout) -> np.ndarray:
+def redirection(asset: vrtm.Asset, layout: Layout) -> np.ndarray:
     """The image of the last result: (height, width, 4) float32, bottom row first; what to add to u and v in the first
     two channels, and 1 in the last one, so that no alpha mode changes the others."""
     image = np.zeros((layout.height, layout.width, 4), np.float32)
     image[..., 3] = 1
-    for tile in state.asset.tiles:
+    for tile in asset.tiles:
         rows, columns = layout.place(tile.udim)
         part = tile.fetch("redirection_delta", (layout.size, layout.size), channels=2, origin="bottom")
         image[rows, columns, :2] = part
@@ -82,16 +103,14 @@ def are_there(obj: bpy.types.Object) -> bool:
     return not settings.write_uvs or settings.uv_name in obj.data.uv_layers
 
 
-def publish(obj: bpy.types.Object, state: State, request: Request) -> None:
-    """Writes the asset's last result, which is that of `request`."""
-    settings = obj.vrtm
+def publish(obj: bpy.types.Object, state: State, request: Request, outputs: Outputs) -> None:
+    """Writes what was fetched of the asset's last result, which is that of `request`."""
     before, session.writing = session.writing, True
     try:
-        if settings.write_image:
-            layout = layout_of(obj, state)
-            write_image(obj, layout, redirection(state, layout))
-        if settings.write_uvs:
-            write_uvs(obj, state.asset.corner_uvs())
+        if outputs.image is not None:
+            write_image(obj, outputs.layout, outputs.image)
+        if outputs.uvs is not None:
+            write_uvs(obj, outputs.uvs)
     finally:
         session.writing = before
     state.shown = request.stamp
@@ -101,7 +120,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request) -> None:
         state.say(
             f"modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose", True
         )
-    elif not settings.write_image and not settings.write_uvs:
+    elif outputs.image is None and outputs.uvs is None:
         state.say("Solved, but no output is switched on", True)
     else:
         state.say("Up to date")

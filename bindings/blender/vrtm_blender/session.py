@@ -20,6 +20,8 @@ from .messages import Problem
 if TYPE_CHECKING:
     import vrtm
 
+    from .work import Work
+
 log = logging.getLogger("vrtm.blender")
 
 # Set while results are written, so that the updates which that causes are not taken for the artist's.
@@ -39,6 +41,11 @@ class Request:
     positions: np.ndarray  # (vertices, 3) float32
     options: dict[str, Any]
     stamp: bytes  # of all that the result depends on
+    # What is to be fetched of the result; the object's name is for messages.
+    name: str
+    map_size: int
+    write_image: bool
+    write_uvs: bool
 
 
 @dataclass
@@ -57,8 +64,7 @@ class State:
     maps_changed: bool = True
     # A pose is to be collected by the timer.
     wanted: bool = False
-    job: vrtm.Job | None = None
-    request: Request | None = None
+    job: Work | None = None
     # The request whose result was written.
     shown: bytes = b""
     waiting_since: float = 0.0
@@ -69,7 +75,6 @@ class State:
     def end_job(self) -> None:
         """Cancels the job, if there is one, and waits for its end: milliseconds."""
         job, self.job = self.job, None
-        self.request = None
         if job is not None:
             job.close()
 

@@ -108,9 +108,10 @@ def options_of(obj: bpy.types.Object) -> dict[str, object]:
 def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph) -> Request:
     """The object's pose now. Call prepare() before."""
     positions, options = geometry.pose(obj, depsgraph), options_of(obj)
-    outputs = (obj.vrtm.map_size, obj.vrtm.write_image, obj.vrtm.write_uvs)
+    settings = obj.vrtm
+    outputs = (settings.map_size, settings.write_image, settings.write_uvs)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
-    return Request(positions, options, geometry.stamp_of(positions) + inputs)
+    return Request(positions, options, geometry.stamp_of(positions) + inputs, obj.name, *outputs)
 
 
 def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
@@ -125,5 +126,5 @@ def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
     if wanted.stamp == state.shown and results.are_there(obj):
         return state
     state.asset.solve(wanted.positions, **wanted.options)
-    results.publish(obj, state, wanted)
+    results.publish(obj, state, wanted, results.fetch(state.asset, wanted))
     return state
