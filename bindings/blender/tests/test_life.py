@@ -223,6 +223,8 @@ class Life(Case):
             ("SOLIDIFY", True),
             ("ARRAY", True),
             ("TRIANGULATE", True),
+            ("SCREW", True),
+            ("EDGE_SPLIT", True),
             ("BEVEL", False),
             ("REMESH", False),
         ):
@@ -252,6 +254,20 @@ class Life(Case):
         bpy.ops.vrtm.update()
         self.assertIn("'late' deforms behind", part("session").find_state(obj).message)
         self.assertEqual(len([tree for tree in bpy.data.node_groups if "vrtm" in tree.name]), 1)
+
+    def test_multiresolution_has_to_be_hidden(self):
+        arm = Arm(along=10, around=8)
+        arm.paint_image()
+        arm.object.shape_key_clear()
+        bpy.context.view_layer.objects.active = arm.object
+        modifier = arm.object.modifiers.new("it", "MULTIRES")
+        bpy.ops.object.multires_subdivide(modifier="it")
+        self.refused("'it' changes the topology")
+        self.refused("nothing can stand in front of 'it'", bpy.ops.vrtm.insert_tap)
+        self.assertEqual(sorted(m.name for m in arm.object.modifiers), ["Armature", "it"])
+        modifier.show_viewport = False
+        bpy.context.scene.frame_set(5)
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
 
     def test_what_is_wrong_is_said(self):
         arm = Arm()

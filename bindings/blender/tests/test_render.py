@@ -246,6 +246,20 @@ class Render(Case):
         self.assertEqual(source(mapping), coordinates)
         self.assertFalse([node for node in tree.nodes if part("nodes").is_ours(node)])
 
+    def test_an_undo_takes_the_nodes_away(self):
+        self.arm()
+        bpy.ops.vrtm.update()
+        bpy.ops.ed.undo_push(message="before")
+        bpy.ops.vrtm.set_up_material()
+        bpy.ops.ed.undo_push(message="set up")
+        for step, expected in ((bpy.ops.ed.undo, 0), (bpy.ops.ed.redo, 1)):
+            step()
+            nodes = bpy.data.materials["skin"].node_tree.nodes
+            self.assertEqual(len([node for node in nodes if part("nodes").is_ours(node)]), expected)
+        # The group still reads the object's image.
+        obj = bpy.data.objects["arm"]
+        self.assertEqual(part("nodes").group_by_image(obj)["vrtm_result"], obj.vrtm.image)
+
     def test_a_material_that_others_use_is_copied(self):
         arm = self.arm()
         material = arm.object.data.materials[0]
@@ -256,7 +270,6 @@ class Render(Case):
         self.assertEqual(arm.object.material_slots[0].material, material)
         self.assertNotEqual(copy.material_slots[0].material, material)
         self.assertFalse([node for node in material.node_tree.nodes if part("nodes").is_ours(node)])
-        bpy.ops.ed.undo_push(message="set up")
 
 
 def source_uv(group):

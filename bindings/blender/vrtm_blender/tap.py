@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import bpy
 
+from .messages import Problem
+
 POSE_NAME = ".vrtm_pose"
 INDEX_NAME = ".vrtm_index"
 GROUP_NAME = "vrtm pose"
@@ -54,11 +56,17 @@ def tap_of(obj: bpy.types.Object) -> bpy.types.Modifier | None:
 
 def insert(obj: bpy.types.Object, before: bpy.types.Modifier) -> bpy.types.Modifier:
     """Puts the Pose modifier in front of another one."""
-    tap = tap_of(obj)
+    tap, new = tap_of(obj), False
     if tap is None:
-        tap = obj.modifiers.new("vrtm pose", "NODES")
+        tap, new = obj.modifiers.new("vrtm pose", "NODES"), True
         tap.node_group = group()
     tap.show_in_editmode = False
     source, target = obj.modifiers.find(tap.name), obj.modifiers.find(before.name)
-    obj.modifiers.move(source, target if source > target else target - 1)
+    try:
+        obj.modifiers.move(source, target if source > target else target - 1)
+    except RuntimeError as error:
+        # Multiresolution works on the mesh's own data, so that nothing may stand in front of it.
+        if new:
+            obj.modifiers.remove(tap)
+        raise Problem(f"{obj.name}: nothing can stand in front of {before.name!r}: hide it, or apply it") from error
     return tap
