@@ -103,9 +103,9 @@ def test_a_ring_of_creases_and_a_sharp_corner(tmp_path: Path) -> None:
 def test_a_flat_grid_with_sharp_corners_fills_its_square(tmp_path: Path) -> None:
     shape = refined(tmp_path, 3, grid=True)
     assert shape.rest.min(axis=0).tolist() == [0, 0, 0] and shape.rest.max(axis=0).tolist() == [3, 3, 0]
-    assert shape.uvs[shape.uv_indices] == pytest.approx(
-        shape.rest[shape.indices][:, :2]
-    ), "vertex UVs follow the points"
+    assert shape.uvs[shape.uv_indices] == pytest.approx(shape.rest[shape.indices][:, :2]), (
+        "vertex UVs follow the points"
+    )
     soft = refined(tmp_path, 1, lambda mesh: mesh.CreateInterpolateBoundaryAttr("edgeOnly"), grid=True)
     assert at_cage(soft, 0) == pytest.approx([0.125, 0.125, 0])
     assert soft.uvs[soft.uv_indices] == pytest.approx(soft.rest[soft.indices][:, :2])
@@ -171,9 +171,9 @@ def test_poses_values_and_faces_without_uvs_are_refined_alike(tmp_path: Path) ->
         shape = Scene(tmp_path / "a.usda", SceneOptions(subdivide=2)).shapes[0]
         shown = shape.uv_indices >= 0
         assert shown.sum() == 16 * 32
-        assert shape.uvs[shape.uv_indices[shown]] == pytest.approx(
-            shape.rest[shape.indices[shown]][:, :2]
-        ), interpolation
+        assert shape.uvs[shape.uv_indices[shown]] == pytest.approx(shape.rest[shape.indices[shown]][:, :2]), (
+            interpolation
+        )
     plain = Scene(tmp_path / "a.usda").shapes[0]
     assert len(plain.rest) == 16 and plain.cage_corners is None, "the cage, unless it is asked for"
 
