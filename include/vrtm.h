@@ -828,6 +828,12 @@ typedef struct vrtm_tile_settings {
     float orientation_density;
 } vrtm_tile_settings;
 
+// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info it prepares
+// nothing. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `udim` is null.
+VRTM_API vrtm_status vrtm_tile_udim(vrtm_tile tile, uint32_t *udim, uint32_t *uv_set);
+
 // Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.
 //

@@ -725,6 +725,18 @@ public:
     friend bool operator==(Tile a, Tile b) noexcept { return a.handle_.id == b.handle_.id; }
     friend bool operator!=(Tile a, Tile b) noexcept { return a.handle_.id != b.handle_.id; }
 
+    Result<std::uint32_t> try_udim() const noexcept
+    {
+        std::uint32_t udim = 0;
+        const vrtm_status status = vrtm_tile_udim(handle_, &udim, nullptr);
+        return {udim, status};
+    }
+    Result<std::uint32_t> try_uv_set() const noexcept
+    {
+        std::uint32_t udim = 0, uv_set = 0;
+        const vrtm_status status = vrtm_tile_udim(handle_, &udim, &uv_set);
+        return {uv_set, status};
+    }
     Result<vrtm_tile_data> try_info() const noexcept
     {
         vrtm_tile_data data = vrtm_tile_data_init();
@@ -828,6 +840,8 @@ public:
     }
 
 #if VRTM_EXCEPTIONS
+    std::uint32_t udim() const { return try_udim().value(); }
+    std::uint32_t uv_set() const { return try_uv_set().value(); }
     vrtm_tile_data info() const { return try_info().value(); }
     void set_rigidity(const Image &map) const { try_set_rigidity(map).value(); }
     void set_rigidity(std::nullptr_t) const { try_set_rigidity(nullptr).value(); }

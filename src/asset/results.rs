@@ -72,6 +72,13 @@ impl Results {
         self.0.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
     }
 
+    /// UDIM number and UV set of the tile at `index`; no such tile panics.
+    #[must_use]
+    pub fn tile_udim(&self, index: usize) -> (u32, u32) {
+        let tile = &self.0.mesh.tiles[index];
+        (tile.udim, tile.uv_set)
+    }
+
     pub(super) fn device(&self) -> &Device {
         &self.0.device
     }

@@ -2,7 +2,7 @@
 
 use std::mem::offset_of;
 
-use super::desc::{self, Out, Sized32};
+use super::desc::{self, Out, Place, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
@@ -139,6 +139,24 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
         room: or_default("room", from.room, default.room)?,
         room_threshold: or_default("room_threshold", from.room_threshold, default.room_threshold)?,
         overlap,
+    })
+}
+
+/// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info it prepares
+/// nothing. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `udim` is null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_udim(tile: vrtm_tile, udim: *mut u32, uv_set: *mut u32) -> vrtm_status {
+    guard("vrtm_tile_udim", || {
+        let udim_out = Place::new(udim, "udim")?;
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let (udim, set) = asset.results.tile_udim(tile);
+        udim_out.write(udim);
+        if !uv_set.is_null() {
+            Place::new(uv_set, "uv_set")?.write(set);
+        }
+        Ok(())
     })
 }
 

@@ -105,6 +105,13 @@ static void two_uv_sets(void)
     succeeds("tile 1002 of set 1", vrtm_asset_find_tile_of_set(asset, 1, 1002, &found));
     check_that(found.id == tiles[1].id, "is tile 1", "");
     fails("tile 1002 of set 0", vrtm_asset_find_tile(asset, 1002, &found), VRTM_ERROR_INVALID_ARGUMENT, "udim");
+    uint32_t udim = 0, uv_set = 77;
+    succeeds("the place of tile 0", vrtm_tile_udim(tiles[0], &udim, &uv_set));
+    check_that(udim == 1001 && uv_set == 0, "is 1001 of set 0", "");
+    succeeds("the place of tile 1", vrtm_tile_udim(tiles[1], &udim, &uv_set));
+    check_that(udim == 1002 && uv_set == 1, "is 1002 of set 1", "");
+    succeeds("its number alone", vrtm_tile_udim(tiles[0], &udim, NULL));
+    check_that(udim == 1001, "is 1001", "");
     vrtm_tile_data data = vrtm_tile_data_init();
     succeeds("tile_info", vrtm_tile_info(tiles[1], &data));
     check_that(data.uv_set == 1 && data.udim == 1002 && data.border_edges == 4 * SIDE, "says so", "");

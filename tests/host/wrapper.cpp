@@ -158,6 +158,8 @@ void images(const vrtm::Device &device)
 {
     vrtm::Asset asset = ready(device);
     const vrtm::Tile tile = *asset.try_find_tile(1001);
+    check_that(*tile.try_udim() == 1001 && *tile.try_uv_set() == 0, "is 1001 of set 0", "");
+    refuses("no tile has no number", vrtm::Tile().try_udim(), vrtm::Code::invalid_handle, "vrtm_tile_udim");
     const Map expected = redirection(asset, {pose, VERTICES});
     const auto gives_the_same = [&](const char *what, const vrtm::Image &image) {
         const Map none(2 * MAP * MAP);

@@ -44,6 +44,7 @@ void everything_works()
     const vrtm::Asset asset = vrtm::Asset::create(device, mesh);
     const vrtm::Tile tile = asset.find_tile(1001);
     check_that(asset.tile_count() == 1 && asset.tiles().at(0) == tile && asset.tile(0) == tile, "its tiles", "");
+    check_that(tile.udim() == 1001 && tile.uv_set() == 0, "their place", "");
     tile.set_rigidity(rigidity());
     tile.update_rigidity(rigidity(), 3, 4, 5, 6);
     tile.set_mask(rigidity());
@@ -158,6 +159,8 @@ void everything_throws()
     NONE(set_settings(nullptr))
     NONE(set_settings(vrtm::TileSettings()))
     NONE(settings())
+    NONE(udim())
+    NONE(uv_set())
     NONE(freeze(true))
     NONE(estimate())
     NONE(save())

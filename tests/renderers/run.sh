@@ -4,13 +4,13 @@
 #
 #     tests/renderers/run.sh
 #
-# Variables: VRTM_RENDERERS, the folder of the virtual environment (target/renderers/venv), which setup.sh makes;
-# VRTM_BAKE, the bake program (built if it is not given); VRTM_REQUIRE_RENDERERS=1: what would be skipped fails.
+# Variables: VRTM_VENV, the folder of the virtual environment (target/venv), which tests/python/setup.sh makes; VRTM_BAKE, the
+# bake program (built if it is not given); VRTM_REQUIRE_RENDERERS=1: what would be skipped fails.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 repository=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$repository/target}
-venv=${VRTM_RENDERERS:-$target/renderers/venv}
+venv=${VRTM_VENV:-$target/venv}
 work=$target/renderers/work
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
@@ -35,7 +35,7 @@ say() {
     echo "$1" | tee -a "$log"
 }
 
-why=$(sh "$here/setup.sh" "$venv") || {
+why=$(sh "$here/../python/setup.sh" "$venv") || {
     say "renderers skipped: $why"
     finish
 }

@@ -1,8 +1,8 @@
 #!/bin/sh
-# Makes the virtual environment that the recipes of docs/rendering.md run in: Blender as a Python module, OpenImageIO,
-# MaterialX and USD; about 400 MB to load and 1.3 GB on disk.
+# Makes the virtual environment that tests in Python run in: Blender as a Python module, OpenImageIO, MaterialX, USD and
+# what is small beside these; about 450 MB to load and 1.5 GB on disk.
 #
-#     tests/renderers/setup.sh FOLDER
+#     tests/python/setup.sh FOLDER
 #
 # Prints nothing if it is there. Where it cannot be made, prints one line that says why, and ends with exit code 3.
 set -eu

@@ -1,0 +1,269 @@
+#!/usr/bin/env python3
+"""Renders the arm of a creature with studs before and after: the same frame with its own UVs, and redirected by the
+add-on.
+
+    python scene.py BEFORE.png AFTER.png [--tiles 2] [--samples 48] [--width 900]
+
+A test renders it small; with the extension installed, this makes the pictures for the documentation. The skin
+is two UDIM tiles, the studs are in a bump map and in the colour, and the rigidity is the same studs a little larger.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+import numpy as np
+
+from support import bpy, nodes_of, rgba, start
+
+SIZE = 1024
+# The arm's length and the place of its elbow, along x.
+LENGTH, ELBOW = 4.0, 1.75
+
+
+def radius(x: np.ndarray) -> np.ndarray:
+    """A shoulder, an upper arm, an elbow, a forearm and a wrist."""
+    stations = [0.0, 0.5, 1.1, 1.75, 2.3, 3.0, 3.7, 4.0]
+    radii = [0.56, 0.60, 0.55, 0.44, 0.50, 0.42, 0.28, 0.27]
+    # Smooth between the stations: a cubic through them.
+    fine = np.interp(x, stations, radii)
+    kernel = np.exp(-((np.arange(-40, 41) / 16.0) ** 2))
+    kernel /= kernel.sum()
+    padded = np.concatenate([np.repeat(fine[:1], 40), fine, np.repeat(fine[-1:], 40)])
+    return np.convolve(padded, kernel, "valid")
+
+
+def radius_at(x: float) -> float:
+    at = np.linspace(0, LENGTH, 241)
+    return float(np.interp(x, at, radius(at)))
+
+
+def skin(tiles: int, along: int = 240, around: int = 96) -> bpy.types.Object:
+    """The arm at rest, along x; u runs along it, over all tiles, and v around it, with the seam underneath."""
+    x = np.linspace(0, LENGTH, along + 1)
+    angle = np.linspace(-np.pi, np.pi, around + 1)[:-1]
+    r = radius(x)[:, None]
+    # Muscles: wider at the side of the bend.
+    swell = 1 + 0.12 * np.exp(-(((x[:, None] - 1.0) / 0.55) ** 2)) * np.cos(angle[None] - 0.6)
+    points = np.stack(
+        [np.broadcast_to(x[:, None], (along + 1, around)), r * swell * np.sin(angle), r * swell * np.cos(angle)], -1
+    )
+    first = (np.arange(along)[:, None] * around + np.arange(around)).ravel()
+    after = (np.arange(along)[:, None] * around + (np.arange(around) + 1) % around).ravel()
+    faces = np.stack([first, first + around, after + around, after], -1)
+    i, j = np.divmod(np.arange(along * around), around)
+    u, v = np.stack([i, i + 1, i + 1, i], -1) / along * tiles, np.stack([j, j, j + 1, j + 1], -1) / around
+    uvs = np.stack([u, 0.03 + 0.94 * v], -1)
+    mesh = bpy.data.meshes.new("skin")
+    mesh.from_pydata(points.reshape(-1, 3).tolist(), [], faces.tolist())
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
+    mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
+    obj = bpy.data.objects.new("skin", mesh)
+    bpy.context.collection.objects.link(obj)
+    return obj
+
+
+def rig(obj: bpy.types.Object) -> None:
+    """Two bones with soft weights, and a biceps that swells; frame 1 at rest, frame 20 bent."""
+    armature = bpy.data.armatures.new("rig")
+    holder = bpy.data.objects.new("rig", armature)
+    bpy.context.collection.objects.link(holder)
+    bpy.context.view_layer.objects.active = holder
+    bpy.ops.object.mode_set(mode="EDIT")
+    upper, lower = armature.edit_bones.new("upper"), armature.edit_bones.new("lower")
+    upper.head, upper.tail, lower.head, lower.tail = (0, 0, 0), (ELBOW, 0, 0), (ELBOW, 0, 0), (LENGTH, 0, 0)
+    lower.parent = upper
+    bpy.ops.object.mode_set(mode="OBJECT")
+    rest = np.array([vertex.co[:] for vertex in obj.data.vertices])
+    t = np.clip((rest[:, 0] - ELBOW + 0.75) / 1.5, 0, 1)
+    weight = t * t * (3 - 2 * t)
+    for bone, weights in (("upper", 1 - weight), ("lower", weight)):
+        group = obj.vertex_groups.new(name=bone)
+        for index, value in enumerate(weights.tolist()):
+            group.add([index], value, "REPLACE")
+    obj.modifiers.new("Armature", "ARMATURE").object = holder
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name="biceps")
+    # On the inner side of the bend, and smooth all around.
+    side = 0.5 + 0.5 * np.sin(np.arctan2(rest[:, 1], rest[:, 2]) + 0.25)
+    bulge = np.exp(-(((rest[:, 0] - 0.9) / 0.5) ** 2)) * side**2
+    moved = rest.copy()
+    moved[:, 1:] *= 1 + 0.7 * bulge[:, None]
+    key.data.foreach_set("co", moved.astype(np.float32).ravel())
+    bone = holder.pose.bones["lower"]
+    bone.rotation_mode = "XYZ"
+    # The bone's own z is across the bend.
+    for frame, degrees, value in ((1, 0, 0), (20, 88, 1)):
+        bone.rotation_euler[0] = 0
+        bone.rotation_euler[2] = math.radians(degrees)
+        bone.keyframe_insert("rotation_euler", frame=frame)
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+
+
+def paint(tiles: int) -> dict[str, dict[int, np.ndarray]]:
+    """Height, colour and rigidity of the skin, per UDIM number: rows of round studs, bottom row first."""
+    # What is painted is round on the arm at rest: v is as wide as the arm is there.
+    circumference = 2 * np.pi * 0.45
+    length_per_tile = LENGTH / tiles
+    made: dict[str, dict[int, np.ndarray]] = {"height": {}, "colour": {}, "rigidity": {}}
+    rng = np.random.default_rng(3)
+    rows, columns = 12, round(12 * LENGTH / circumference)
+    jitter = rng.uniform(-0.1, 0.1, (columns + 2, rows, 2))
+    size = rng.uniform(0.85, 1.15, (columns + 2, rows))
+    grain = rng.normal(size=(SIZE // 4, SIZE // 4))
+    grain = np.kron(grain, np.ones((4, 4)))
+    for _ in range(6):
+        grain = (grain + np.roll(grain, 3, 0) + np.roll(grain, 3, 1) + np.roll(grain, (-2, 2), (0, 1))) / 4
+    for tile in range(tiles):
+        at = (np.arange(SIZE) + 0.5) / SIZE
+        u, v = np.meshgrid((at + tile) * length_per_tile, (at - 0.03) / 0.94 * circumference)
+        nearest = np.full((SIZE, SIZE), 9.0)
+        for i in range(columns):
+            for j in range(rows):
+                centre = (
+                    (i + 0.5 + jitter[i, j, 0]) * LENGTH / columns,
+                    (j + 0.5 + 0.5 * (i % 2) + jitter[i, j, 1]) % rows * circumference / rows,
+                )
+                # A stud keeps away from the seam, where nothing can move.
+                if not 0.2 < centre[1] < circumference - 0.2:
+                    continue
+                near = slice(*np.clip(np.searchsorted(u[0], [centre[0] - 0.25, centre[0] + 0.25]), 0, SIZE))
+                across = slice(*np.clip(np.searchsorted(v[:, 0], [centre[1] - 0.3, centre[1] + 0.3]), 0, SIZE))
+                wide = radius_at(centre[0]) / 0.45
+                # Smaller where the arm is thin, or they would touch.
+                scale = size[i, j] * min(wide, 1.1)
+                distance = np.hypot(u[across, near] - centre[0], (v[across, near] - centre[1]) * wide) / scale
+                nearest[across, near] = np.minimum(nearest[across, near], distance)
+        inside = np.clip(1 - (nearest / 0.092) ** 2, 0, 1)
+        height = 0.5 * np.sqrt(inside) + 0.008 * grain
+        edge = np.clip((0.092 - nearest) * 90 + 0.5, 0, 1)
+        ring = np.exp(-(((nearest - 0.1) / 0.014) ** 2))
+        base, stud = np.array([0.16, 0.27, 0.17]), np.array([0.78, 0.62, 0.33])
+        stripes = 0.5 + 0.5 * np.sin(v * 2 * np.pi / circumference * 3 + np.sin(u * 2.4) * 0.6)
+        base = base[None, None] * (0.75 + 0.5 * stripes[..., None]) * (1 + 0.06 * grain[..., None])
+        colour = base * (1 - edge[..., None]) + stud * edge[..., None] * (0.8 + 0.3 * inside[..., None])
+        colour *= 1 - 0.55 * ring[..., None]
+        made["height"][1001 + tile] = rgba(np.clip(height + 0.2, 0, 1))
+        alpha = np.ones((SIZE, SIZE, 1))
+        made["colour"][1001 + tile] = np.concatenate([np.clip(colour, 0, 1), alpha], -1).astype(np.float32)
+        made["rigidity"][1001 + tile] = rgba(np.clip((0.104 - nearest) * 90 + 0.5, 0, 1))
+    return made
+
+
+def image(name: str, tiles: dict[int, np.ndarray], folder: str) -> bpy.types.Image:
+    """A tiled image out of files, as an artist has it: heights as floats, since a bump map shows the steps of 8
+    bits."""
+    deep = name == "height"
+    suffix = "exr" if deep else "png"
+    for udim, pixels in tiles.items():
+        one = bpy.data.images.new(name, SIZE, SIZE, float_buffer=deep, is_data=deep)
+        one.pixels.foreach_set(pixels.ravel())
+        one.file_format = "OPEN_EXR" if deep else "PNG"
+        one.save(filepath=f"{folder}/{name}.{udim}.{suffix}")
+        bpy.data.images.remove(one)
+    found = bpy.data.images.load(f"{folder}/{name}.1001.{suffix}")
+    if len(tiles) > 1:
+        found.source, found.filepath = "TILED", f"{folder}/{name}.<UDIM>.{suffix}"
+    if name != "colour":
+        found.colorspace_settings.name = "Non-Color"
+    return found
+
+
+def material(obj: bpy.types.Object, colour: bpy.types.Image, height: bpy.types.Image) -> None:
+    made = bpy.data.materials.new("skin")
+    tree = nodes_of(made)
+    shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+    bump = tree.nodes.new("ShaderNodeBump")
+    bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 0.9, 0.09
+    shader.inputs["Roughness"].default_value = 0.42
+    for picture, socket in ((colour, shader.inputs["Base Color"]), (height, bump.inputs["Height"])):
+        texture = tree.nodes.new("ShaderNodeTexImage")
+        texture.image, texture.extension = picture, "EXTEND"
+        tree.links.new(texture.outputs["Color"], socket)
+    tree.links.new(bump.outputs["Normal"], shader.inputs["Normal"])
+    obj.data.materials.append(made)
+
+
+def stage(width: int, samples: int) -> None:
+    """Camera, three lights and a floor."""
+    from mathutils import Vector
+
+    scene = bpy.context.scene
+
+    def aim(obj, place, target):
+        obj.location = place
+        obj.rotation_euler = (Vector(target) - Vector(place)).to_track_quat("-Z", "Y").to_euler()
+        bpy.context.collection.objects.link(obj)
+
+    centre = (1.2, 0.72, 0.0)
+    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    camera.data.lens = 82
+    aim(camera, (3.4, -2.6, 7.2), centre)
+    scene.camera = camera
+    for name, place, energy, size, colour in (
+        ("key", (-2.5, -3.0, 5.0), 650, 2.0, (1.0, 0.95, 0.88)),
+        ("fill", (6.0, 1.0, 4.0), 160, 4.0, (0.8, 0.9, 1.0)),
+        ("rim", (0.5, 5.5, 2.5), 420, 2.0, (1.0, 0.9, 0.8)),
+    ):
+        light = bpy.data.lights.new(name, "AREA")
+        light.energy, light.size, light.color = energy, size, colour
+        aim(bpy.data.objects.new(name, light), place, centre)
+    world = bpy.data.worlds.new("world")
+    scene.world = world
+    background = next(node for node in nodes_of(world).nodes if node.bl_idname == "ShaderNodeBackground")
+    background.inputs["Color"].default_value = (0.045, 0.05, 0.06, 1)
+    scene.render.engine = "CYCLES"
+    scene.cycles.device, scene.cycles.samples = "CPU", samples
+    scene.cycles.use_denoising = False
+    scene.cycles.max_bounces = 3
+    scene.render.resolution_x, scene.render.resolution_y = width, width * 3 // 4
+    scene.render.image_settings.file_format = "PNG"
+
+
+def make(folder: str, tiles: int, width: int, samples: int) -> bpy.types.Object:
+    """The scene, before the add-on is used."""
+    start()
+    obj = skin(tiles)
+    rig(obj)
+    painted = paint(tiles)
+    material(obj, image("colour", painted["colour"], folder), image("height", painted["height"], folder))
+    stage(width, samples)
+    bpy.context.view_layer.objects.active = obj
+    settings = obj.vrtm
+    settings.rigidity_source, settings.device = "IMAGE", "cpu"
+    settings.rigidity_image = image("rigidity", painted["rigidity"], folder)
+    settings.grid = 512
+    return obj
+
+
+def render(path: str) -> None:
+    bpy.context.scene.render.filepath = path
+    bpy.ops.render.render(write_still=True)
+
+
+def main() -> None:
+    import tempfile
+
+    parser = argparse.ArgumentParser(description="Renders an arm with studs before and after.")
+    parser.add_argument("before")
+    parser.add_argument("after")
+    parser.add_argument("--tiles", type=int, default=2)
+    parser.add_argument("--samples", type=int, default=48)
+    parser.add_argument("--width", type=int, default=900)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        obj = make(folder, arguments.tiles, arguments.width, arguments.samples)
+        obj.vrtm.measure = True
+        bpy.context.scene.frame_set(20)
+        obj.vrtm.in_renders = False
+        render(arguments.before)
+        obj.vrtm.in_renders = True
+        bpy.ops.vrtm.set_up_material()
+        render(arguments.after)
+        bpy.ops.vrtm.update()
+
+
+if __name__ == "__main__":
+    main()

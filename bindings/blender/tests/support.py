@@ -1,0 +1,228 @@
+"""What the tests share: Blender as a Python module with the installed extension, and a model, an arm that bends."""
+
+from __future__ import annotations
+
+import os
+import sys
+import unittest
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="skipped: bpy cannot be imported", exc_type=ImportError)
+
+EXTENSION = "bl_ext.user_default.vrtm"
+
+
+def start() -> None:
+    """An empty scene, with the extension as conftest.py installed it."""
+    import addon_utils
+
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    if EXTENSION not in bpy.context.preferences.addons:
+        if addon_utils.enable(EXTENSION, default_set=True) is None:
+            raise RuntimeError(f"{EXTENSION} cannot be enabled: these checks are run by pytest, which installs it")
+
+
+def part(name: str):
+    """A module of the add-on."""
+    return sys.modules[f"{EXTENSION}.{name}"]
+
+
+class Case(unittest.TestCase):
+    """Each test begins with an empty scene, and leaves nothing of the live path behind."""
+
+    def setUp(self) -> None:
+        start()
+        part("session").live_in_background = False
+
+    def tearDown(self) -> None:
+        part("session").live_in_background = False
+        part("live").stop_timer()
+        part("session").clear()
+
+    def assertSame(self, one: np.ndarray, other: np.ndarray) -> None:
+        """The same bits."""
+        self.assertEqual((one.shape, one.dtype), (other.shape, other.dtype))
+        self.assertEqual(one.tobytes(), other.tobytes(), f"they differ by {np.abs(one - other).max()} at most")
+
+
+class Arm:
+    """A tube along x from 0 to 2, bent by an armature at x = 0.8 and with a shape key that swells it; frames 1 to 5.
+
+    One tile: u runs along the arm. Two tiles: the second begins at x = 1.
+    """
+
+    def __init__(self, name: str = "arm", tiles: int = 1, along: int = 40, around: int = 24, size: int = 128) -> None:
+        self.tiles, self.size = tiles, size
+        x, angle = np.linspace(0, 2, along + 1), np.linspace(0, 2 * np.pi, around + 1)[:-1]
+        radius = 0.3 - 0.05 * x
+        ring = np.stack([np.zeros_like(angle), np.cos(angle), np.sin(angle)], -1)
+        points = ring[None] * radius[:, None, None]
+        points[..., 0] = x[:, None]
+        points = points.reshape(-1, 3).astype(np.float32)
+        faces, uvs = [], []
+        for i in range(along):
+            for j in range(around):
+                k = (j + 1) % around
+                faces.append([i * around + j, i * around + k, (i + 1) * around + k, (i + 1) * around + j])
+                low, high = i / along * tiles, (i + 1) / along * tiles
+                v, w = 0.04 + 0.92 * j / around, 0.04 + 0.92 * (j + 1) / around
+                uvs += [(low, v), (low, w), (high, w), (high, v)]
+        self.faces, self.uvs = np.array(faces, np.uint32), np.array(uvs, np.float32)
+        mesh = bpy.data.meshes.new(name)
+        mesh.from_pydata(points.tolist(), [], self.faces.tolist())
+        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", self.uvs.ravel())
+        mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
+        self.mesh = mesh
+        self.object = bpy.data.objects.new(name, mesh)
+        bpy.context.collection.objects.link(self.object)
+        self.rig = self._rig(name)
+        self._keys(points)
+        bpy.context.view_layer.objects.active = self.object
+        self.object.select_set(True)
+        settings = self.object.vrtm
+        settings.device, settings.grid = "cpu", size
+        # UDIM numbers and what is painted on them.
+        self.painted = {1001 + tile: studs(size, tile) for tile in range(tiles)}
+
+    def _rig(self, name: str) -> bpy.types.Object:
+        armature = bpy.data.armatures.new(f"{name} rig")
+        rig = bpy.data.objects.new(f"{name} rig", armature)
+        bpy.context.collection.objects.link(rig)
+        bpy.context.view_layer.objects.active = rig
+        bpy.ops.object.mode_set(mode="EDIT")
+        upper, lower = armature.edit_bones.new("upper"), armature.edit_bones.new("lower")
+        upper.head, upper.tail, lower.head, lower.tail = (0, 0, 0), (0.8, 0, 0), (0.8, 0, 0), (2, 0, 0)
+        lower.parent = upper
+        bpy.ops.object.mode_set(mode="OBJECT")
+        x = np.array([vertex.co.x for vertex in self.mesh.vertices])
+        weight = np.clip((x - 0.55) / 0.5, 0, 1)
+        for bone, weights in (("upper", 1 - weight), ("lower", weight)):
+            group = self.object.vertex_groups.new(name=bone)
+            for index, value in enumerate(weights.tolist()):
+                group.add([index], value, "REPLACE")
+        modifier = self.object.modifiers.new("Armature", "ARMATURE")
+        modifier.object = rig
+        bone = rig.pose.bones["lower"]
+        bone.rotation_mode = "XYZ"
+        for frame, degrees in ((1, 0), (5, 80)):
+            bone.rotation_euler[2] = np.radians(degrees)
+            bone.keyframe_insert("rotation_euler", frame=frame)
+        return rig
+
+    def _keys(self, points: np.ndarray) -> None:
+        self.object.shape_key_add(name="Basis")
+        swell = self.object.shape_key_add(name="swell")
+        moved = points.copy()
+        moved[:, 1:] *= 1 + 0.4 * np.exp(-(((points[:, :1] - 1.4) / 0.25) ** 2))
+        swell.data.foreach_set("co", moved.ravel())
+        for frame, value in ((1, 0.0), (5, 1.0)):
+            swell.value = value
+            swell.keyframe_insert("value", frame=frame)
+
+    def paint_image(self, name: str = "rigidity") -> bpy.types.Image:
+        """The studs as an image of one tile, painted in memory only."""
+        image = bpy.data.images.new(name, self.size, self.size, float_buffer=False)
+        image.pixels.foreach_set(rgba(self.painted[1001]).ravel())
+        settings = self.object.vrtm
+        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+        return image
+
+    def paint_tiles(self, folder: str, name: str = "rigidity") -> bpy.types.Image:
+        """The studs as a tiled image, from files."""
+        for udim, values in self.painted.items():
+            one = bpy.data.images.new(f"{name} {udim}", self.size, self.size, float_buffer=False)
+            one.pixels.foreach_set(rgba(values).ravel())
+            one.file_format = "PNG"
+            one.save(filepath=os.path.join(folder, f"{name}.{udim}.png"))
+            bpy.data.images.remove(one)
+        image = bpy.data.images.load(os.path.join(folder, f"{name}.1001.png"))
+        image.source, image.filepath = "TILED", os.path.join(folder, f"{name}.<UDIM>.png")
+        image.colorspace_settings.name = "Non-Color"
+        settings = self.object.vrtm
+        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+        return image
+
+    def rest(self) -> np.ndarray:
+        return np.array([vertex.co[:] for vertex in self.mesh.vertices], np.float32)
+
+    def pose(self, obj: bpy.types.Object | None = None) -> np.ndarray:
+        """The evaluated vertices, read in a plain loop."""
+        obj = obj or self.object
+        evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        return np.array([vertex.co[:] for vertex in evaluated.data.vertices], np.float32)
+
+    def asset(self, rest: np.ndarray | None = None):
+        """The same by the Python package alone, with the rigidity as the image of 8 bits has it."""
+        import vrtm
+
+        asset = vrtm.Asset(
+            vrtm.Device("cpu"),
+            self.rest() if rest is None else rest,
+            self.faces.ravel(),
+            face_counts=np.full(len(self.faces), 4),
+            uvs=self.uvs,
+        )
+        for tile in asset.tiles:
+            tile.set_settings(grid_width=self.size, grid_height=self.size)
+            tile.set_rigidity(eight_bits(self.painted[tile.udim]), origin="bottom")
+        return asset
+
+    def delta(self, asset) -> np.ndarray:
+        """What the result image should hold: the tiles side by side, (height, width, 2)."""
+        return np.concatenate(
+            [tile.fetch("redirection_delta", self.size, channels=2, origin="bottom") for tile in asset.tiles], 1
+        )
+
+
+def studs(size: int, tile: int = 0) -> np.ndarray:
+    """Discs, (size, size) float32 with the bottom row first; softened over a texel."""
+    at = (np.arange(size) + 0.5) / size
+    u, v = np.meshgrid(at, at)
+    value = np.zeros((size, size))
+    for i in range(6):
+        for j in range(4):
+            x, y = (i + 0.5 + 0.15 * tile) / 6.2, (j + 0.5 + 0.25 * (i % 2)) / 4.5
+            value = np.maximum(value, np.clip((0.055 - np.hypot(u - x, v - y)) * size + 0.5, 0, 1))
+    return value.astype(np.float32)
+
+
+def eight_bits(values: np.ndarray) -> np.ndarray:
+    """As an image of 8 bits keeps them, and as Blender makes floats of them: times 1/255."""
+    return np.floor(values * np.float32(255) + np.float32(0.5)).astype(np.float32) * np.float32(1 / 255)
+
+
+def rgba(values: np.ndarray) -> np.ndarray:
+    return np.stack([values, values, values, np.ones_like(values)], -1).astype(np.float32)
+
+
+def nodes_of(data: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
+    """The node tree of a new material or world, which has to be asked for before Blender 5."""
+    if bpy.app.version < (5, 0, 0):
+        data.use_nodes = True
+    return data.node_tree
+
+
+def pixels(image: bpy.types.Image) -> np.ndarray:
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], -1)
+
+
+def uv_layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
+    values = np.empty(len(mesh.loops) * 2, np.float32)
+    mesh.uv_layers[name].uv.foreach_get("vector", values)
+    return values.reshape(-1, 2)
+
+
+def poll_until(condition, seconds: float = 20.0) -> None:
+    """Calls the timer's function by hand, which nothing else does in background mode."""
+    import time
+
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError("the live update did not come to an end")
+        part("live").poll()
+        time.sleep(0.002)

@@ -1,0 +1,135 @@
+"""The archive: Blender's own tool finds it valid, the same inputs make the same bytes, and wrong wheels are refused."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import tempfile
+import tomllib
+import unittest
+import zipfile
+from pathlib import Path
+
+from support import EXTENSION, start
+
+HERE = Path(__file__).resolve().parent
+ARCHIVE = Path(os.environ.get("VRTM_ARCHIVE", ""))
+
+
+def build():
+    spec = importlib.util.spec_from_file_location("build", HERE.parent / "build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Build(unittest.TestCase):
+    def wheel(self, folder):
+        with zipfile.ZipFile(ARCHIVE) as archive:
+            name = next(name for name in archive.namelist() if name.endswith(".whl"))
+            path = Path(folder) / Path(name).name
+            path.write_bytes(archive.read(name))
+        return path
+
+    def test_blender_finds_it_valid(self):
+        import bpy
+
+        tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+        found = subprocess.run([sys.executable, str(tool), "validate", str(ARCHIVE)], capture_output=True, text=True)
+        self.assertEqual(found.returncode, 0, found.stdout + found.stderr)
+
+    def test_the_same_inputs_make_the_same_bytes(self):
+        with tempfile.TemporaryDirectory() as folder:
+            wheel = self.wheel(folder)
+            first = build().pack(wheel)
+            os.utime(wheel, (0, 0))
+            self.assertEqual(first, build().pack(wheel))
+            self.assertEqual(first[1], ARCHIVE.read_bytes())
+
+    def test_the_manifest_names_wheel_and_platform(self):
+        with zipfile.ZipFile(ARCHIVE) as archive:
+            found = tomllib.loads(archive.read("blender_manifest.toml").decode())
+            names = set(archive.namelist())
+        self.assertEqual(len(found["wheels"]), 1)
+        self.assertIn(found["wheels"][0].removeprefix("./"), names)
+        self.assertTrue(found["platforms"])
+        self.assertLessEqual({"LICENSE-MIT", "LICENSE-APACHE", "README.md", "__init__.py"}, names)
+        self.assertEqual(list(found["permissions"]), ["files"])
+
+    def test_wrong_manifests_are_refused(self):
+        tool = build()
+        with zipfile.ZipFile(ARCHIVE) as archive:
+            good = tomllib.loads(archive.read("blender_manifest.toml").decode())
+        wheels = [name.removeprefix("./wheels/") for name in good["wheels"]]
+        tool.check_manifest(good, wheels, good["platforms"])
+        for changes, word in (
+            ({"maintainer": ""}, "maintainer is missing"),
+            ({"license": ["MIT"]}, "SPDX"),
+            ({"tagline": "It ends with a full stop."}, "full stop"),
+            ({"permissions": {"network": "To look around"}}, "no network"),
+            ({"wheels": []}, "this script's to write"),
+            ({"schema_version": "2.0.0"}, "schema 1.0.0"),
+        ):
+            with self.assertRaisesRegex(tool.Refused, word):
+                tool.check_manifest({**good, **changes}, wheels, good["platforms"])
+
+    def test_platforms(self):
+        platforms_of = build().platforms_of
+        for tag, expected in (
+            ("manylinux_2_35_x86_64", ["linux-x64"]),
+            ("manylinux2014_x86_64.manylinux_2_17_x86_64", ["linux-x64"]),
+            ("win_amd64", ["windows-x64"]),
+            ("macosx_11_0_arm64", ["macos-arm64"]),
+            ("macosx_11_0_universal2", ["macos-arm64", "macos-x64"]),
+        ):
+            self.assertEqual(platforms_of(Path(f"vrtm-0.1.0-py3-none-{tag}.whl")), expected)
+
+    def test_wrong_wheels_are_refused(self):
+        tool = build()
+        with tempfile.TemporaryDirectory() as folder:
+            wheel = self.wheel(folder)
+            for name, word in (
+                ("vrtm-0.1.0-cp311-cp311-linux_x86_64.whl", "one version of Python only"),
+                ("vrtm-0.1.0-py3-none-any.whl", "none of Blender's platforms"),
+                ("vrtm.whl", "not that of a wheel"),
+            ):
+                other = Path(folder) / name
+                other.write_bytes(wheel.read_bytes())
+                with self.assertRaisesRegex(tool.Refused, word):
+                    tool.pack(other)
+
+            def edited(change):
+                """The wheel with some files changed or left out."""
+                path = Path(folder) / "edited" / wheel.name
+                path.parent.mkdir(exist_ok=True)
+                with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(path, "w") as new:
+                    for name in old.namelist():
+                        data = change(name, old.read(name))
+                        if data is not None:
+                            new.writestr(name, data)
+                return path
+
+            def metadata(old, new):
+                return lambda name, data: data.replace(old, new) if name.endswith("METADATA") else data
+
+            for change, word in (
+                (metadata(b"Version: ", b"Version: 9"), "takes vrtm"),
+                (metadata(b"Requires-Dist: numpy", b"Requires-Dist: scipy"), "it needs scipy"),
+                (lambda name, data: None if "libvrtm" in name or "vrtm.dll" in name else data, "no library in it"),
+            ):
+                with self.assertRaisesRegex(tool.Refused, word):
+                    tool.pack(edited(change))
+            broken = Path(folder) / "broken" / wheel.name
+            broken.parent.mkdir()
+            broken.write_bytes(b"no archive")
+            with self.assertRaisesRegex(tool.Refused, "not a zip"):
+                tool.pack(broken)
+
+    def test_the_wheel_is_installed_with_it(self):
+        start()
+        user = Path(os.environ["BLENDER_USER_RESOURCES"])
+        self.assertTrue(Path(sys.modules[EXTENSION].__file__).is_relative_to(user))
+        packages = list((user / "extensions" / ".local").rglob("site-packages/vrtm/__init__.py"))
+        self.assertEqual(len(packages), 1)
+        self.assertIn(str(packages[0].parents[1]), sys.path)
+        self.assertTrue([file for file in packages[0].parent.iterdir() if build().LIBRARY.search(file.name)])

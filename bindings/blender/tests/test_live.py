@@ -1,0 +1,223 @@
+"""The live path: handlers, jobs and the timer's function, which these tests call by hand, as Blender has no event
+loop in background mode."""
+
+import numpy as np
+
+from support import Arm, Case, bpy, part, pixels, poll_until, rgba, uv_layer
+
+
+class Live(Case):
+    def setUp(self):
+        super().setUp()
+        self.live, self.session = part("live"), part("session")
+        self.session.live_in_background = True
+
+    def idle(self):
+        """Until nothing is wanted and no job is under way."""
+        states = self.session.states.values()
+        poll_until(lambda: not any(state.wanted or state.job for state in states))
+
+    def check(self, arm, asset=None):
+        asset = asset or arm.asset()
+        asset.solve(arm.pose(), quality=arm.object.vrtm.quality)
+        delta = np.ascontiguousarray(pixels(arm.object.vrtm.image)[..., :2])
+        self.assertSame(delta, arm.delta(asset))
+        self.assertSame(uv_layer(arm.mesh, arm.object.vrtm.uv_name), asset.corner_uvs())
+
+    def heavy(self):
+        """An arm whose solve takes some tenths of a second."""
+        arm = Arm(size=640)
+        arm.paint_image()
+        arm.object.vrtm.quality = "high"
+        return arm
+
+    def test_frames_and_poses_are_followed(self):
+        arm = Arm()
+        arm.paint_image()
+        arm.object.vrtm.live = True
+        self.assertTrue(bpy.app.timers.is_registered(self.live.poll))
+        asset = arm.asset()
+        for frame in (2, 5):
+            bpy.context.scene.frame_set(frame)
+            # Nothing is written by the handler itself.
+            self.assertTrue(self.session.find_state(arm.object).wanted)
+            self.idle()
+            self.check(arm, asset)
+        # A pose that is edited, without a key.
+        arm.rig.pose.bones["lower"].rotation_euler[2] = 0.7
+        bpy.context.view_layer.update()
+        self.assertTrue(self.session.find_state(arm.object).wanted)
+        self.idle()
+        self.check(arm, asset)
+
+    def test_own_writes_are_not_followed(self):
+        arm = Arm()
+        arm.paint_image()
+        arm.object.vrtm.live = True
+        bpy.context.scene.frame_set(3)
+        self.idle()
+        state = self.session.find_state(arm.object)
+        written, self.solved = state.shown, 0
+        submit = type(state.asset).submit
+        type(state.asset).submit = lambda *a, **k: setattr(self, "solved", self.solved + 1) or submit(*a, **k)
+        try:
+            for _ in range(5):
+                # The update that the write of the UV map causes.
+                bpy.context.view_layer.update()
+                self.idle()
+            arm.mesh.update_tag()
+            bpy.context.view_layer.update()
+            self.idle()
+        finally:
+            type(state.asset).submit = submit
+        self.assertEqual((self.solved, state.shown), (0, written))
+
+    def test_a_newer_pose_cancels_the_job(self):
+        arm = self.heavy()
+        arm.object.vrtm.live = True
+        bpy.context.scene.frame_set(2)
+        self.idle()
+        jobs = []
+        patience, self.live.PATIENCE = self.live.PATIENCE, 1e9
+        self.addCleanup(setattr, self.live, "PATIENCE", patience)
+        for frame in (3, 4, 5):
+            bpy.context.scene.frame_set(frame)
+            state = self.session.find_state(arm.object)
+            poll_until(lambda state=state: not state.wanted)
+            jobs.append(state.job)
+        self.idle()
+        self.assertEqual([job.cancelled() for job in jobs], [True, True, False])
+        self.check(arm)
+
+    def test_a_steady_scrub_shows_something(self):
+        arm = self.heavy()
+        arm.object.vrtm.live = True
+        bpy.context.scene.frame_set(2)
+        self.idle()
+        patience, self.live.PATIENCE = self.live.PATIENCE, -1.0
+        self.addCleanup(setattr, self.live, "PATIENCE", patience)
+        bpy.context.scene.frame_set(3)
+        state = self.session.find_state(arm.object)
+        poll_until(lambda: state.job is not None)
+        third, job = state.job.request.stamp, state.job
+        bpy.context.scene.frame_set(4)
+        poll_until(lambda: state.shown == third)
+        self.assertFalse(job.cancelled())
+        self.idle()
+        self.check(arm)
+
+    def test_the_handlers_return_at_once(self):
+        import time
+
+        arm = self.heavy()
+        arm.object.vrtm.live = True
+        bpy.context.scene.frame_set(2)
+        self.idle()
+        begun = time.perf_counter()
+        bpy.context.scene.frame_set(5)
+        self.live.poll()
+        handed = time.perf_counter() - begun
+        state = self.session.find_state(arm.object)
+        self.assertIsNotNone(state.job)
+        poll_until(lambda: state.job is None)
+        # A tenth of what the solve itself takes, and a frame's evaluation.
+        self.assertLess(handed, max(0.05, 0.1 * (time.perf_counter() - begun)) + 0.05)
+
+    def test_two_objects_at_once(self):
+        one, two = Arm("one"), Arm("two")
+        for arm in (one, two):
+            arm.paint_image(arm.object.name)
+            arm.object.vrtm.live = True
+        two.rig.animation_data_clear()
+        two.rig.pose.bones["lower"].rotation_euler[2] = 0.4
+        bpy.context.scene.frame_set(5)
+        self.idle()
+        self.check(one)
+        self.check(two)
+        self.assertNotEqual(one.object.vrtm.image, two.object.vrtm.image)
+
+    def test_paint_is_followed(self):
+        arm = Arm()
+        image = arm.paint_image()
+        arm.object.vrtm.live = True
+        bpy.context.scene.frame_set(5)
+        self.idle()
+        arm.painted[1001][40:70, 30:90] = 1
+        image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+        image.update_tag()
+        bpy.context.view_layer.update()
+        self.idle()
+        self.check(arm)
+        # Strokes in Texture Paint mode come as updates of the object.
+        bpy.context.view_layer.objects.active = arm.object
+        bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+        arm.painted[1001][:] = 0
+        arm.painted[1001][20:50, 30:90] = 1
+        image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+        arm.object.update_tag()
+        bpy.context.view_layer.update()
+        self.idle()
+        bpy.ops.object.mode_set(mode="OBJECT")
+        self.check(arm)
+
+    def test_weights_that_are_painted_are_followed(self):
+        arm = Arm()
+        obj, settings = arm.object, arm.object.vrtm
+        group, number = obj.vertex_groups.new(name="stiff"), len(arm.mesh.vertices)
+        group.add(list(range(0, number, 3)), 1.0, "REPLACE")
+        settings.rigidity_source, settings.rigidity_name, settings.live = "VERTEX_GROUP", "stiff", True
+        bpy.context.scene.frame_set(5)
+        self.idle()
+        asset, weights = arm.asset(), np.zeros(number, np.float32)
+        weights[::3] = 1
+        asset.set_vertex_rigidity(weights)
+        self.check(arm, asset)
+        bpy.context.view_layer.objects.active = obj
+        bpy.ops.object.mode_set(mode="WEIGHT_PAINT")
+        group.add(list(range(1, number, 3)), 1.0, "REPLACE")
+        arm.mesh.update_tag()
+        bpy.context.view_layer.update()
+        self.idle()
+        weights[1::3] = 1
+        asset.set_vertex_rigidity(weights)
+        self.check(arm, asset)
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+    def test_settings_are_followed_and_live_can_be_switched_off(self):
+        arm = Arm()
+        arm.paint_image()
+        settings = arm.object.vrtm
+        settings.live = True
+        bpy.context.scene.frame_set(5)
+        self.idle()
+        settings.grid = 64
+        self.idle()
+        asset = arm.asset()
+        asset.tiles[0].set_settings(grid_width=64, grid_height=64)
+        asset.solve(arm.pose())
+        found = np.ascontiguousarray(pixels(settings.image)[..., :2])
+        self.assertSame(found, asset.tiles[0].fetch("redirection_delta", channels=2, origin="bottom"))
+        settings.live = False
+        bpy.context.scene.frame_set(2)
+        self.assertFalse(any(state.wanted for state in self.session.states.values()))
+        self.assertIsNone(self.live.poll())
+
+    def test_problems_are_told_and_do_not_end_the_timer(self):
+        arm, shown = Arm(), []
+        messages = part("messages")
+        self.addCleanup(setattr, messages, "status", messages.status)
+        messages.status = shown.append
+        arm.paint_image()
+        settings = arm.object.vrtm
+        settings.rigidity_source, settings.rigidity_name = "VERTEX_GROUP", "nobody"
+        settings.live = True
+        self.idle()
+        state = self.session.find_state(arm.object)
+        self.assertTrue(state.error)
+        self.assertIn("no vertex group 'nobody'", state.message)
+        self.assertEqual(shown, [f"vrtm: {state.message}"])
+        settings.rigidity_source = "IMAGE"
+        self.idle()
+        self.assertFalse(state.error, state.message)
+        self.assertEqual(shown[-1], None)
+        self.check(arm)

@@ -1,0 +1,292 @@
+"""Renders with Cycles: every frame has its own redirection, the node groups look it up as they should, and materials
+are set up without breaking what is there."""
+
+import os
+import tempfile
+
+import numpy as np
+
+from support import Arm, Case, bpy, nodes_of, part, pixels, rgba, studs
+
+
+def render(path=None, animation=False):
+    """Renders, and returns the picture of a still, (height, width, 4)."""
+    scene = bpy.context.scene
+    with tempfile.TemporaryDirectory() as folder:
+        scene.render.filepath = path or os.path.join(folder, "still.exr")
+        bpy.ops.render.render(write_still=not animation, animation=animation)
+        return None if animation else load(scene.render.filepath)
+
+
+def load(path):
+    image = bpy.data.images.load(path)
+    image.colorspace_settings.name = "Non-Color"
+    found = pixels(image)
+    bpy.data.images.remove(image)
+    return found
+
+
+class Render(Case):
+    def setUp(self):
+        super().setUp()
+        scene = bpy.context.scene
+        scene.render.engine = "CYCLES"
+        scene.cycles.device, scene.cycles.samples = "CPU", 1
+        scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+        scene.cycles.pixel_filter_type = "BOX"
+        scene.cycles.filter_width = 0.01
+        scene.render.resolution_x, scene.render.resolution_y = 96, 64
+        scene.render.image_settings.file_format = "OPEN_EXR"
+        scene.render.image_settings.color_depth = "32"
+        scene.view_settings.view_transform = "Raw"
+        scene.frame_start, scene.frame_end = 3, 5
+
+    def camera(self, centre, width):
+        data = bpy.data.cameras.new("camera")
+        data.type, data.ortho_scale = "ORTHO", width
+        camera = bpy.data.objects.new("camera", data)
+        camera.location = (*centre, 5)
+        bpy.context.collection.objects.link(camera)
+        bpy.context.scene.camera = camera
+
+    def material(self, obj, textured=True):
+        """Shows an image of the studs as it is, without light; returns the material and the texture's node."""
+        material = bpy.data.materials.new("skin")
+        tree = nodes_of(material)
+        tree.nodes.clear()
+        shader, out = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+        tree.links.new(shader.outputs[0], out.inputs["Surface"])
+        texture = tree.nodes.new("ShaderNodeTexImage")
+        texture.image = bpy.data.images.new("albedo", 128, 128)
+        texture.image.colorspace_settings.name = "Non-Color"
+        texture.image.pixels.foreach_set(rgba(studs(128)).ravel())
+        if textured:
+            tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+        obj.data.materials.append(material)
+        return material, texture, shader.inputs["Color"]
+
+    def arm(self, live=False, tiles=1):
+        arm = Arm(tiles=tiles)
+        arm.paint_image()
+        self.material(arm.object)
+        self.camera((1.0, 0.5), 2.2)
+        arm.object.vrtm.live = live
+        return arm
+
+    def test_an_animation_has_each_frames_own_redirection(self):
+        for by in ("image", "uv_map"):
+            for persistent in (False, True):
+                with self.subTest(by=by, persistent=persistent), tempfile.TemporaryDirectory() as folder:
+                    self.setUp()
+                    bpy.context.scene.render.use_persistent_data = persistent
+                    arm = self.arm()
+                    scene, settings = bpy.context.scene, arm.object.vrtm
+                    plain = {}
+                    for frame in (3, 4, 5):
+                        scene.frame_set(frame)
+                        settings.in_renders = False
+                        plain[frame] = render()
+                    settings.in_renders = True
+                    scene.frame_set(1)
+                    bpy.ops.vrtm.set_up_material(by=by)
+                    render(os.path.join(folder, "frame."), animation=True)
+                    animated = {f: load(os.path.join(folder, f"frame.{f:04d}.exr")) for f in (3, 4, 5)}
+                    # Single frames with the package's own result written by hand, and the add-on out of the way.
+                    settings.in_renders = False
+                    asset = arm.asset()
+                    for frame in (3, 4, 5):
+                        scene.frame_set(frame)
+                        asset.solve(arm.pose())
+                        image = np.zeros((*arm.delta(asset).shape[:2], 4), np.float32)
+                        image[..., :2], image[..., 3] = arm.delta(asset), 1
+                        settings.image.pixels.foreach_set(image.ravel())
+                        settings.image.update_tag()
+                        arm.mesh.uv_layers["vrtm"].uv.foreach_set("vector", asset.corner_uvs().ravel())
+                        arm.mesh.update_tag()
+                        self.assertSame(animated[frame], render())
+                        self.assertGreater(np.abs(animated[frame] - plain[frame]).max(), 0.3)
+                    self.assertGreater(np.abs(animated[3] - animated[5]).max(), 0.3)
+
+    def test_baked_files_render_as_the_live_result_does(self):
+        for tiles in (1, 2):
+            with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
+                self.setUp()
+                arm = self.arm(tiles=tiles)
+                obj, scene = arm.object, bpy.context.scene
+                scene.frame_set(3)
+                bpy.ops.vrtm.set_up_material()
+                render(os.path.join(folder, "live."), animation=True)
+                settings = scene.vrtm_bake
+                settings.directory, settings.frame_start, settings.frame_end = folder, 3, 5
+                with self.assertRaisesRegex(RuntimeError, "bake first"):
+                    bpy.ops.vrtm.use_baked()
+                bpy.ops.vrtm.bake()
+                bpy.ops.vrtm.use_baked()
+                # What is in the result image does not matter any more.
+                obj.vrtm.image.pixels.foreach_set(np.zeros(len(obj.vrtm.image.pixels), np.float32))
+                render(os.path.join(folder, "baked."), animation=True)
+                for frame in (3, 4, 5):
+                    live, baked = (load(os.path.join(folder, f"{word}.{frame:04d}.exr")) for word in ("live", "baked"))
+                    self.assertSame(live, baked)
+                self.assertEqual(np.abs(pixels(obj.vrtm.image)).max(), 0)
+                bpy.ops.vrtm.use_live()
+                scene.frame_set(5)
+                self.assertSame(render(), baked)
+                self.assertGreater(np.abs(pixels(obj.vrtm.image)[..., :2]).max(), 0.001)
+
+    def test_a_still_with_a_stale_result(self):
+        arm = self.arm()
+        scene = bpy.context.scene
+        scene.frame_set(1)
+        bpy.ops.vrtm.set_up_material()
+        scene.frame_set(5)
+        # Live is off: the result is that of frame 1 until it is rendered.
+        self.assertEqual(np.abs(pixels(arm.object.vrtm.image)[..., :2]).max(), 0)
+        found = render()
+        asset = arm.asset()
+        asset.solve(arm.pose())
+        self.assertSame(np.ascontiguousarray(pixels(arm.object.vrtm.image)[..., :2]), arm.delta(asset))
+        self.assertSame(found, render())
+        self.assertFalse(part("session").rendering)
+
+    def test_a_render_goes_on_when_there_is_something_wrong(self):
+        arm = self.arm()
+        bpy.ops.vrtm.set_up_material()
+        arm.object.vrtm.mask_source = "VERTEX_GROUP"
+        with self.assertLogs("vrtm.blender", "ERROR") as logged:
+            render()
+        self.assertIn("keeps its last redirection: arm has no vertex group ''", logged.output[0])
+
+    def test_the_group_looks_tiles_up_with_linear_and_extend(self):
+        """The redirected UV as a colour, on a plane over UDIM tiles, against the same interpolation in numpy."""
+        rng = np.random.default_rng(1)
+        for udims, first, columns, rows in (([1001], (0, 0), 1, 1), ([1002, 1013], (1, 0), 2, 2)):
+            with self.subTest(udims=udims):
+                self.setUp()
+                size = 8
+                low, high = np.array(first, float), np.array(first, float) + np.array([columns, rows], float)
+                mesh = bpy.data.meshes.new("plane")
+                corners = [low, (high[0], low[1]), high, (low[0], high[1])]
+                mesh.from_pydata([(*map(float, c), 0.0) for c in corners], [], [(0, 1, 2, 3)])
+                mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.ravel(corners).astype(np.float32))
+                obj = bpy.data.objects.new("plane", mesh)
+                bpy.context.collection.objects.link(obj)
+                layout = part("results").Layout.of(udims, size)
+                self.assertEqual(layout.numbers(), [*first, columns, rows, size])
+                values = np.zeros((layout.height, layout.width, 4), np.float32)
+                for udim in udims:
+                    values[layout.place(udim)] = rng.uniform(-0.1, 0.1, (size, size, 4))
+                values[..., 3] = 1
+                part("results").write_image(obj, layout, values)
+                material, _, colour = self.material(obj, textured=False)
+                tree = material.node_tree
+                group, source = tree.nodes.new("ShaderNodeGroup"), tree.nodes.new("ShaderNodeUVMap")
+                source.uv_map = "UVMap"
+                group.node_tree = part("nodes").group_by_image(obj)
+                tree.links.new(source.outputs["UV"], group.inputs["UV"])
+                tree.links.new(group.outputs["UV"], colour)
+                scene = bpy.context.scene
+                side = 40 * max(columns, rows)
+                scene.render.resolution_x = scene.render.resolution_y = side
+                self.camera(tuple((low + high) / 2), float(max(columns, rows)))
+                found = render()[..., :2]
+                at = (np.arange(side) + 0.5) / 40
+                u, v = np.meshgrid(at + low[0], at + low[1])
+                expected = np.stack([u, v], -1) + lookup(values, layout, u, v)
+                # Half a pixel's hundredth of jitter, and single precision.
+                self.assertLess(np.abs(found - expected).max(), 3e-4)
+
+    def test_materials_are_set_up_and_taken_back(self):
+        arm = self.arm()
+        obj = arm.object
+        material = obj.data.materials[0]
+        tree = material.node_tree
+        texture = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+        new = tree.nodes.new
+
+        def image_node(source=None, through=None):
+            node = new("ShaderNodeTexImage")
+            node.image = texture.image
+            if through is not None:
+                tree.links.new(source, through.inputs["Vector"])
+                source = through.outputs["Vector"]
+            if source is not None:
+                tree.links.new(source, node.inputs["Vector"])
+            return node
+
+        obj.data.uv_layers.new(name="detail")
+        coordinates, detail, mapping = new("ShaderNodeTexCoord"), new("ShaderNodeUVMap"), new("ShaderNodeMapping")
+        detail.uv_map = "detail"
+        mapped = image_node(coordinates.outputs["UV"], mapping)
+        direct = image_node(coordinates.outputs["UV"])
+        generated = image_node(coordinates.outputs["Generated"])
+        other = image_node(detail.outputs["UV"])
+
+        def source(node):
+            return node.inputs["Vector"].links[0].from_node
+
+        self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
+        self.assertEqual(obj.data.materials[0], material)
+        group = source(texture)
+        self.assertEqual((group.bl_idname, source_uv(group).uv_map), ("ShaderNodeGroup", "UVMap"))
+        # In front of the mapping, and once for both that begin at the same socket.
+        self.assertEqual(source(mapped), mapping)
+        self.assertEqual(source(mapping), source(direct))
+        self.assertEqual(source(direct).node_tree, group.node_tree)
+        self.assertEqual(source_uv(source(direct)), coordinates)
+        self.assertEqual((source(generated), source(other)), (coordinates, detail))
+        number = len(tree.nodes)
+        # Again: nothing is inserted twice; by UV map, the group is exchanged.
+        bpy.ops.vrtm.set_up_material()
+        self.assertEqual(len(tree.nodes), number)
+        bpy.ops.vrtm.set_up_material(by="uv_map")
+        self.assertEqual(len(tree.nodes), number)
+        self.assertEqual(source(texture).node_tree["vrtm_kind"], "uv_map")
+        bpy.ops.vrtm.clear_material()
+        self.assertEqual(source(mapping), coordinates)
+        self.assertFalse([node for node in tree.nodes if part("nodes").is_ours(node)])
+
+    def test_an_undo_takes_the_nodes_away(self):
+        self.arm()
+        bpy.ops.vrtm.update()
+        bpy.ops.ed.undo_push(message="before")
+        bpy.ops.vrtm.set_up_material()
+        bpy.ops.ed.undo_push(message="set up")
+        for step, expected in ((bpy.ops.ed.undo, 0), (bpy.ops.ed.redo, 1)):
+            step()
+            nodes = bpy.data.materials["skin"].node_tree.nodes
+            self.assertEqual(len([node for node in nodes if part("nodes").is_ours(node)]), expected)
+        # The group still reads the object's image.
+        obj = bpy.data.objects["arm"]
+        self.assertEqual(part("nodes").group_by_image(obj)["vrtm_result"], obj.vrtm.image)
+
+    def test_a_material_that_others_use_is_copied(self):
+        arm = self.arm()
+        material = arm.object.data.materials[0]
+        copy = arm.object.copy()
+        bpy.context.collection.objects.link(copy)
+        bpy.context.view_layer.objects.active = copy
+        bpy.ops.vrtm.set_up_material()
+        self.assertEqual(arm.object.material_slots[0].material, material)
+        self.assertNotEqual(copy.material_slots[0].material, material)
+        self.assertFalse([node for node in material.node_tree.nodes if part("nodes").is_ours(node)])
+
+
+def source_uv(group):
+    return group.inputs["UV"].links[0].from_node
+
+
+def lookup(values, layout, u, v):
+    """Bilinear, within the tile of each point, with the tile's outermost texels going on to its sides."""
+    result = np.zeros((*u.shape, 2))
+    local = np.stack([u - layout.first_u, v - layout.first_v], -1)
+    tile = np.clip(np.floor(local), 0, (layout.columns - 1, layout.rows - 1))
+    at = np.clip((local - tile) * layout.size - 0.5, 0, layout.size - 1)
+    cell = np.minimum(np.floor(at), layout.size - 2)
+    part_ = at - cell
+    cell = (cell + tile * layout.size).astype(int)
+    for dx in (0, 1):
+        for dy in (0, 1):
+            weight = np.abs(1 - dx - part_[..., 0]) * np.abs(1 - dy - part_[..., 1])
+            result += weight[..., None] * values[cell[..., 1] + dy, cell[..., 0] + dx, :2]
+    return result

@@ -1,0 +1,198 @@
+"""Results of the add-on against the Python package, bit for bit: frames, sources of rigidity and masks, rest shapes,
+tiles."""
+
+import os
+import tempfile
+
+import numpy as np
+
+from support import Arm, Case, bpy, eight_bits, part, pixels, rgba, uv_layer
+
+
+class Solve(Case):
+    def check(self, arm, asset, pose=None):
+        """The object's result is that of the package's asset for the object's pose."""
+        report = asset.solve(arm.pose() if pose is None else pose)
+        self.assertEqual(report.folds, 0)
+        image = pixels(arm.object.vrtm.image)
+        delta = arm.delta(asset)
+        self.assertSame(np.ascontiguousarray(image[..., :2]), delta)
+        self.assertEqual((image[..., 2].max(), image[..., 3].min()), (0, 1))
+        self.assertSame(uv_layer(arm.mesh, "vrtm"), asset.corner_uvs())
+        return np.abs(delta).max()
+
+    def test_scrubbed_frames(self):
+        arm = Arm()
+        arm.paint_image()
+        arm.object.vrtm.live = True
+        asset, moved = arm.asset(), []
+        for frame in (1, 3, 5, 2):
+            bpy.context.scene.frame_set(frame)
+            moved.append(self.check(arm, asset))
+        # At rest nothing moves; bent, texels move by half a texel or more.
+        self.assertEqual(moved[0], 0)
+        self.assertGreater(min(moved[1:]), 0.5 / arm.size)
+
+    def test_update_now_without_live(self):
+        arm = Arm()
+        arm.paint_image()
+        bpy.context.scene.frame_set(4)
+        self.assertIsNone(arm.object.vrtm.image)
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.check(arm, arm.asset())
+
+    def test_two_tiles_painted_in_files_and_in_memory(self):
+        arm = Arm(tiles=2)
+        with tempfile.TemporaryDirectory() as folder:
+            image = arm.paint_tiles(folder)
+            bpy.context.scene.frame_set(5)
+            bpy.ops.vrtm.update()
+            self.check(arm, arm.asset())
+            # A stroke on the first tile that is not saved; the second tile is read as well.
+            arm.painted[1001] = arm.painted[1001] * 0
+            arm.painted[1001][20:60, 20:100] = 0.6
+            image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+            self.assertTrue(image.is_dirty)
+            names = set(bpy.data.images.keys())
+            bpy.ops.vrtm.update()
+            self.check(arm, arm.asset())
+            path = os.path.join(folder, "rigidity.<UDIM>.png")
+            self.assertEqual((image.is_dirty, image.file_format, image.filepath), (True, "PNG", path))
+            self.assertEqual(set(bpy.data.images.keys()), names)
+            self.assertEqual(sorted(os.listdir(folder)), ["rigidity.1001.png", "rigidity.1002.png"])
+
+    def test_unsaved_tiles_of_floats(self):
+        """Tiles that were never saved, with numbers that 8 bits cannot hold."""
+        image = bpy.data.images.new("floats", 16, 16, float_buffer=True, tiled=True, is_data=True)
+        values = np.random.default_rng(0).uniform(-1, 2, (16, 16, 4)).astype(np.float32)
+        values[..., 3] = 1
+        image.pixels.foreach_set(values.ravel())
+        image.tiles.new(1002)
+        image.tiles.active_index = 1
+        window = bpy.context.window_manager.windows[0]
+        area = window.screen.areas[0]
+        kind, area.type = area.type, "IMAGE_EDITOR"
+        area.spaces[0].image = image
+        colour = (0.123456, 1.5, 0, 1)
+        with bpy.context.temp_override(window=window, area=area, region=area.regions[-1]):
+            bpy.ops.image.tile_fill(color=colour, width=8, height=4, float=True)
+        area.type = kind
+        for _ in range(2):
+            found = part("maps").read_image(image)
+            self.assertEqual(sorted(found), [1001, 1002])
+            self.assertSame(found[1001], values)
+            self.assertSame(found[1002], np.broadcast_to(np.float32(colour), (4, 8, 4)).copy())
+            self.assertEqual((image.is_dirty, image.filepath, len(image.tiles)), (True, "", 2))
+
+    def test_one_image_is_repeated_on_all_tiles(self):
+        arm = Arm(tiles=2)
+        arm.paint_image()
+        arm.painted[1002] = arm.painted[1001]
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.update()
+        self.check(arm, arm.asset())
+
+    def test_vertex_group_attribute_and_mask(self):
+        arm = Arm()
+        obj, number = arm.object, len(arm.mesh.vertices)
+        weights = (np.arange(number) % 7 < 2).astype(np.float32)
+        group = obj.vertex_groups.new(name="stiff")
+        group.add(np.flatnonzero(weights).tolist(), 1.0, "REPLACE")
+        colours = arm.mesh.attributes.new("colour", "FLOAT_COLOR", "CORNER")
+        by_corner = weights[arm.faces.ravel()]
+        colours.data.foreach_set("color", rgba(by_corner).ravel())
+        mask = (arm.rest()[:, 0] < 1.2).astype(np.float32)
+        arm.mesh.attributes.new("mask", "FLOAT", "POINT").data.foreach_set("value", mask)
+        bpy.context.scene.frame_set(5)
+        asset = arm.asset()
+        asset.set_vertex_rigidity(weights)
+        settings = obj.vrtm
+        for source, name in (("VERTEX_GROUP", "stiff"), ("ATTRIBUTE", "colour")):
+            settings.rigidity_source, settings.rigidity_name = source, name
+            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            self.assertGreater(self.check(arm, asset), 0)
+        settings.mask_source, settings.mask_name = "ATTRIBUTE", "mask"
+        bpy.ops.vrtm.update()
+        before = pixels(settings.image).copy()
+        asset.set_vertex_mask(mask)
+        self.check(arm, asset)
+        settings.mask_source = "NONE"
+        bpy.ops.vrtm.update()
+        self.assertFalse(np.array_equal(before, pixels(settings.image)))
+
+    def test_rest_shapes(self):
+        arm = Arm()
+        arm.paint_image()
+        scene, settings = bpy.context.scene, arm.object.vrtm
+        scene.frame_set(3)
+        third = arm.pose()
+        key = np.array([point.co[:] for point in arm.mesh.shape_keys.key_blocks["swell"].data], np.float32)
+        scene.frame_set(5)
+        settings.rest_source, settings.rest_key = "SHAPE_KEY", "swell"
+        bpy.ops.vrtm.update()
+        self.check(arm, arm.asset(key))
+        settings.rest_source, settings.rest_frame = "FRAME", 3
+        bpy.ops.vrtm.update()
+        self.assertEqual(scene.frame_current, 5)
+        self.check(arm, arm.asset(third))
+        scene.frame_set(3)
+        bpy.ops.vrtm.update()
+        self.assertEqual(np.abs(pixels(settings.image)[..., :2]).max(), 0)
+        # Captured at another pose, one without keys.
+        settings.rest_source = "MESH"
+        arm.rig.pose.bones["lower"].rotation_euler[2] = 0.3
+        bpy.context.view_layer.update()
+        bpy.ops.vrtm.capture_rest()
+        captured = arm.pose()
+        self.assertEqual(settings.rest_source, "CAPTURED")
+        scene.frame_set(5)
+        bpy.ops.vrtm.update()
+        self.check(arm, arm.asset(captured))
+
+    def test_map_size_quality_and_figures(self):
+        arm = Arm()
+        arm.paint_image()
+        settings = arm.object.vrtm
+        settings.map_size, settings.quality, settings.measure = 64, "high", True
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.update()
+        asset = arm.asset()
+        asset.solve(arm.pose(), quality="high", measure=True)
+        delta = asset.tiles[0].fetch("redirection_delta", 64, channels=2, origin="bottom")
+        self.assertSame(np.ascontiguousarray(pixels(settings.image)[..., :2]), delta)
+        figures = dict(part("session").find_state(arm.object).figures)
+        strain = asset.tiles[0].report()
+        self.assertLess(strain.after.rms, 0.5 * strain.before.rms)
+        self.assertEqual(figures["Strain"], f"{strain.before.rms:.3f} before, {strain.after.rms:.3f} after")
+        self.assertEqual(figures["Folds"], "0")
+
+    def test_a_stroke_of_a_brush(self):
+        arm = Arm()
+        image = arm.paint_image()
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.update()
+        asset = arm.asset()
+        self.check(arm, asset)
+        state = part("session").find_state(arm.object)
+        kept, parts = state.asset, []
+        update = type(kept.tiles[0]).update_rigidity
+        type(kept.tiles[0]).update_rigidity = lambda tile, *at, **how: parts.append(at[1:]) or update(tile, *at, **how)
+        try:
+            arm.painted[1001][30:50, 60:70] = 1
+            arm.painted[1001][55, 64] = 0.5
+            image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+            bpy.ops.vrtm.update()
+        finally:
+            type(kept.tiles[0]).update_rigidity = update
+        # The rectangle that has changed, and the same result as that of a map which is set as a whole.
+        self.assertEqual(len(parts), 1)
+        self.assertLessEqual((parts[0][2], parts[0][3]), (10, 26))
+        self.assertIs(state.asset, kept)
+        self.check(arm, arm.asset())
+
+    def test_painted_pixels_are_read_as_they_are(self):
+        arm = Arm()
+        image = arm.paint_image()
+        self.assertEqual(image.colorspace_settings.name, "sRGB")
+        found = part("maps").read_image(image)
+        self.assertSame(found[None][..., 0], eight_bits(arm.painted[1001]))

@@ -1,0 +1,190 @@
+"""Reads meshes into arrays: topology, UVs, the rest shape and the pose. All of it on the main thread, none of it
+changes anything."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from .messages import Problem
+from .tap import INDEX_NAME, POSE_NAME, is_tap, tap_of
+
+# Where a captured rest shape is kept: an attribute of the mesh, which is saved with the file.
+REST_NAME = "vrtm_rest"
+# Of which frame it is: a custom property of the mesh.
+REST_FRAME_NAME = "vrtm_rest_frame"
+
+# Modifiers that make other vertices than the mesh has, for messages. What counts is the evaluated mesh itself.
+TOPOLOGY_MODIFIERS = frozenset(
+    "ARRAY BEVEL BOOLEAN BUILD DECIMATE EDGE_SPLIT EXPLODE MASK MIRROR MULTIRES NODES OCEAN PARTICLE_INSTANCE REMESH "
+    "SCREW SKIN SOLIDIFY SUBSURF TRIANGULATE VOLUME_TO_MESH WELD WIREFRAME".split()
+)
+
+DEFORMING_MODIFIERS = frozenset(
+    "ARMATURE CAST CLOTH CORRECTIVE_SMOOTH CURVE DISPLACE HOOK LAPLACIANDEFORM LAPLACIANSMOOTH LATTICE MESH_CACHE "
+    "MESH_DEFORM MESH_SEQUENCE_CACHE SHRINKWRAP SIMPLE_DEFORM SMOOTH SOFT_BODY SURFACE_DEFORM WARP WAVE".split()
+)
+
+
+@dataclass(frozen=True)
+class Topology:
+    """A mesh's faces and the UVs of one UV map."""
+
+    corner_vertices: np.ndarray  # (corners,) uint32
+    face_counts: np.ndarray  # (faces,) uint32: corners of each face
+    uvs: np.ndarray  # (corners, 2) float32
+    vertices: int
+    stamp: bytes
+
+
+def stamp_of(*arrays: np.ndarray) -> bytes:
+    """A hash of the arrays' bits and shapes: what is compared to know whether anything has changed."""
+    hashed = hashlib.blake2b(digest_size=16)
+    for array in arrays:
+        hashed.update(repr((array.shape, array.dtype.str)).encode())
+        hashed.update(np.ascontiguousarray(array).data)
+    return hashed.digest()
+
+
+def read(collection, name: str, width: int, dtype=np.float32) -> np.ndarray:
+    """A property of all elements of a Blender collection: (n, width), or (n,) for width 1."""
+    values = np.empty(len(collection) * width, dtype)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, width) if width > 1 else values
+
+
+def mesh_of(obj: bpy.types.Object) -> bpy.types.Mesh:
+    if obj.type != "MESH":
+        raise Problem(f"{obj.name} is no mesh")
+    return obj.data
+
+
+def source_uv_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
+    """The UV map of the texture: the one that is named, or else the one that renders, but never a result."""
+    mesh, settings = mesh_of(obj), obj.vrtm
+    if settings.uv_map:
+        layer = mesh.uv_layers.get(settings.uv_map)
+        if layer is None:
+            raise Problem(f"{obj.name} has no UV map {settings.uv_map!r}: choose another in the panel")
+        if layer.name == settings.uv_name:
+            raise Problem(f"{obj.name}: {layer.name!r} is the result; choose the UV map of the texture")
+        return layer
+    layers = [layer for layer in mesh.uv_layers if layer.name not in result_names(mesh)]
+    if not layers:
+        raise Problem(f"{obj.name} has no UV map: unwrap it first")
+    return next((layer for layer in layers if layer.active_render), layers[0])
+
+
+def result_names(mesh: bpy.types.Mesh) -> set[str]:
+    """Names of the UV maps that results of the objects with this mesh are written to."""
+    return {obj.vrtm.uv_name for obj in bpy.data.objects if obj.data == mesh}
+
+
+def counts(mesh: bpy.types.Mesh) -> tuple[int, int, int]:
+    return len(mesh.vertices), len(mesh.loops), len(mesh.polygons)
+
+
+def topology(obj: bpy.types.Object) -> Topology:
+    mesh = mesh_of(obj)
+    if not len(mesh.polygons):
+        raise Problem(f"{obj.name} has no faces")
+    corners = read(mesh.loops, "vertex_index", 1, np.int32).view(np.uint32)
+    faces = read(mesh.polygons, "loop_total", 1, np.int32).view(np.uint32)
+    uvs = read(source_uv_layer(obj).uv, "vector", 2)
+    return Topology(corners, faces, uvs, len(mesh.vertices), stamp_of(corners, faces, uvs))
+
+
+def rest_positions(obj: bpy.types.Object) -> np.ndarray:
+    """The rest shape, (vertices, 3) float32 in the object's own space."""
+    mesh, settings = mesh_of(obj), obj.vrtm
+    if settings.rest_source == "MESH":
+        return read(mesh.vertices, "co", 3)
+    if settings.rest_source == "SHAPE_KEY":
+        keys = mesh.shape_keys.key_blocks if mesh.shape_keys else {}
+        key = keys.get(settings.rest_key)
+        if key is None:
+            raise Problem(f"{obj.name} has no shape key {settings.rest_key!r}: choose another as rest")
+        return read(key.data, "co", 3)
+    if settings.rest_source == "FRAME" and mesh.get(REST_FRAME_NAME) != settings.rest_frame:
+        raise Problem(f"{obj.name}: the shape at frame {settings.rest_frame} is not captured yet: press Capture Rest")
+    attribute = mesh.attributes.get(REST_NAME)
+    if attribute is None or attribute.domain != "POINT" or attribute.data_type != "FLOAT_VECTOR":
+        raise Problem(f"{obj.name} has no captured rest shape: press Capture Rest")
+    positions = read(attribute.data, "vector", 3)
+    if len(positions) != len(mesh.vertices):
+        raise Problem(f"{obj.name}: its captured rest shape has another number of vertices: press Capture Rest")
+    return positions
+
+
+def store_rest(obj: bpy.types.Object, positions: np.ndarray, frame: int) -> None:
+    """Keeps a rest shape, the evaluated one of a frame, in the mesh."""
+    mesh = mesh_of(obj)
+    attribute = mesh.attributes.get(REST_NAME)
+    if attribute is not None and (attribute.domain != "POINT" or attribute.data_type != "FLOAT_VECTOR"):
+        mesh.attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.attributes.new(REST_NAME, "FLOAT_VECTOR", "POINT")
+    attribute.data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())
+    mesh[REST_FRAME_NAME] = frame
+
+
+def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
+    """The evaluated shape of all vertices of the mesh, (vertices, 3) float32 in the object's own space.
+
+    Modifiers must not be switched off and on in a handler. So where the evaluated mesh has other vertices than the
+    mesh, the pose is what the Pose modifier of this add-on stored as an attribute in front of the modifier that
+    changes them: most such modifiers keep the mesh's own vertices first, with their attributes as they are.
+    """
+    mesh = mesh_of(obj)
+    evaluated = obj.evaluated_get(depsgraph).data
+    number = len(mesh.vertices)
+    if counts(evaluated) == counts(mesh) and same_faces(obj, evaluated):
+        return read(evaluated.vertices, "co", 3)
+    stored, index = evaluated.attributes.get(POSE_NAME), evaluated.attributes.get(INDEX_NAME)
+    if stored is None or index is None:
+        if has_tap(obj):
+            raise Problem(f"{obj.name}: {culprit(obj)} keeps no attributes of the vertices: hide it, or apply it")
+        raise Problem(f"{obj.name}: {culprit(obj)} changes the topology: press Read Pose Before It, or hide it")
+    indices = read(index.data, "value", 1, np.int32)
+    if len(indices) < number or not np.array_equal(indices[:number], np.arange(number, dtype=np.int32)):
+        raise Problem(f"{obj.name}: {culprit(obj)} does not keep the mesh's vertices: hide it, or apply it")
+    return read(stored.data, "vector", 3)[:number].copy()
+
+
+def has_tap(obj: bpy.types.Object) -> bool:
+    tap = tap_of(obj)
+    return tap is not None and tap.show_viewport
+
+
+def same_faces(obj: bpy.types.Object, evaluated: bpy.types.Mesh) -> bool:
+    """Whether a mesh with as many vertices and corners has the same faces. Deforming modifiers are trusted."""
+    if not any(modifier.type in TOPOLOGY_MODIFIERS for modifier in obj.modifiers):
+        return True
+    own = read(obj.data.loops, "vertex_index", 1, np.int32)
+    return np.array_equal(own, read(evaluated.loops, "vertex_index", 1, np.int32))
+
+
+def culprit(obj: bpy.types.Object) -> str:
+    """The modifier that most likely changes the topology, as an artist knows it."""
+    found = first_topology_modifier(obj)
+    return f"modifier {found.name!r}" if found else "a modifier"
+
+
+def first_topology_modifier(obj: bpy.types.Object) -> bpy.types.Modifier | None:
+    for modifier in obj.modifiers:
+        if modifier.type in TOPOLOGY_MODIFIERS and not is_tap(modifier) and modifier.show_viewport:
+            return modifier
+    return None
+
+
+def deforms_after_tap(obj: bpy.types.Object) -> bpy.types.Modifier | None:
+    """The first modifier behind the topology-changing one that deforms: what it does is not in the pose."""
+    first = first_topology_modifier(obj)
+    if first is None:
+        return None
+    behind = list(obj.modifiers)[obj.modifiers.find(first.name) + 1 :]
+    return next((m for m in behind if m.type in DEFORMING_MODIFIERS and m.show_viewport), None)

@@ -1,0 +1,171 @@
+"""Blender's handlers: when an object's pose, mesh or maps may have changed, and what a render, an undo or a file
+needs."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import live, results, session, solve
+from .messages import text_of
+
+PAINT_MODES = frozenset({"TEXTURE_PAINT", "VERTEX_PAINT", "WEIGHT_PAINT"})
+
+
+@persistent
+def frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
+    """frame_change_post. In a render this comes before the render engine looks at the scene, so that what is written
+    here is what it draws."""
+    if session.writing or session.baking or depsgraph is None:
+        return
+    for obj in scene.objects:
+        if session.rendering:
+            if in_renders(obj):
+                solve_now(obj, depsgraph)
+        elif live.is_live(obj):
+            if session.synchronous():
+                # Scripts that paint or edit may not tell Blender of it.
+                look_again(obj)
+                solve_now(obj, depsgraph)
+            else:
+                live.want(obj)
+
+
+def look_again(obj: bpy.types.Object) -> None:
+    """Has mesh and maps read again before the next solve; what has not changed stays prepared."""
+    state = session.find_state(obj)
+    if state is not None:
+        state.mesh_changed = state.maps_changed = True
+
+
+def in_renders(obj: bpy.types.Object) -> bool:
+    settings = obj.vrtm
+    wanted = results.is_set_up(obj) and (settings.live or settings.in_renders)
+    return wanted and not settings.shows_baked and not obj.hide_render
+
+
+def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
+    """Solves within a handler: what is wrong is told, and the frame goes on without it."""
+    try:
+        solve.run(obj, depsgraph)
+    except Exception as error:  # a render must not end here.
+        session.state_of(obj).say(text_of(error), error=True)
+        # Blender shows neither panel nor status bar while it renders on a farm: its log does.
+        session.log.error(
+            "frame %d of %s keeps its last redirection: %s", frame_of(depsgraph), obj.name, text_of(error)
+        )
+
+
+def frame_of(depsgraph: bpy.types.Depsgraph) -> int:
+    return depsgraph.scene.frame_current
+
+
+@persistent
+def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """depsgraph_update_post: a pose or a mesh was edited, or something painted."""
+    if session.writing or session.synchronous():
+        return
+    ids = [(update.id.original, update.is_updated_geometry) for update in depsgraph.updates]
+    meshes = {changed for changed, _ in ids if isinstance(changed, bpy.types.Mesh)}
+    images = {changed for changed, _ in ids if isinstance(changed, bpy.types.Image)}
+    for changed, geometry in ids:
+        if isinstance(changed, bpy.types.Object) and geometry and live.is_live(changed):
+            live.touch(changed, mesh=changed.data in meshes, maps=changed.mode in PAINT_MODES)
+    if images or bpy.context.mode == "PAINT_TEXTURE":
+        for obj in scene.objects:
+            if live.is_live(obj) and (painted(obj) or {obj.vrtm.rigidity_image, obj.vrtm.mask_image} & images):
+                live.touch(obj, mesh=False, maps=True)
+
+
+def painted(obj: bpy.types.Object) -> bool:
+    """Whether an image may be painted on the object at present. Strokes change images without an update of the
+    image."""
+    return obj.mode == "TEXTURE_PAINT" and "IMAGE" in (obj.vrtm.rigidity_source, obj.vrtm.mask_source)
+
+
+@persistent
+def render_begins(scene: bpy.types.Scene, *_) -> None:
+    session.rendering = True
+    for obj in scene.objects:
+        if in_renders(obj):
+            look_again(obj)
+
+
+@persistent
+def render_ends(scene: bpy.types.Scene, *_) -> None:
+    session.rendering = False
+    for obj in scene.objects:
+        if in_renders(obj):
+            obj.data.update_tag()
+
+
+@persistent
+def undone(*_) -> None:
+    """undo_post and redo_post: the file's data is another now. Objects are found again by their session_uid; what was
+    written last may not be there any more."""
+    session.forget_gone()
+    for state in session.states.values():
+        state.mesh_changed = state.maps_changed = True
+        state.shown = b""
+    want_all()
+
+
+@persistent
+def file_closes(*_) -> None:
+    """load_pre: nothing of the old file is needed any more."""
+    live.stop_timer()
+    session.rendering = False
+    session.clear()
+
+
+@persistent
+def file_loaded(*_) -> None:
+    want_all()
+
+
+@persistent
+def file_saves(*_) -> None:
+    """save_pre: the images of results exist in memory only. Packed, they are there again when the file is opened,
+    with or without this add-on."""
+    session.forget_gone()
+    for obj in bpy.data.objects:
+        image = obj.vrtm.image
+        if image is not None and image.is_dirty and image.library is None:
+            image.pack()
+
+
+def want_all() -> None:
+    if session.synchronous():
+        return
+    for obj in bpy.data.objects:
+        if live.is_live(obj):
+            live.want(obj)
+
+
+HANDLERS = {
+    "frame_change_post": frame_changed,
+    "depsgraph_update_post": updated,
+    "render_init": render_begins,
+    "render_complete": render_ends,
+    "render_cancel": render_ends,
+    "undo_post": undone,
+    "redo_post": undone,
+    "load_pre": file_closes,
+    "load_post": file_loaded,
+    "save_pre": file_saves,
+}
+
+
+def register() -> None:
+    for name, handler in HANDLERS.items():
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister() -> None:
+    for name, handler in HANDLERS.items():
+        handlers = getattr(bpy.app.handlers, name)
+        if handler in handlers:
+            handlers.remove(handler)
+    live.stop_timer()
+    session.rendering = session.baking = session.writing = False
+    session.clear()

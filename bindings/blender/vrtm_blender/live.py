@@ -1,0 +1,151 @@
+"""The live update: handlers say that an object's pose may have changed; a timer, on the main thread, collects the
+pose, hands it to a job beside Blender's work, and writes the result when the job is done. The newest pose wins: a job
+for an older one is cancelled."""
+
+from __future__ import annotations
+
+import concurrent.futures
+
+import bpy
+
+from . import messages, results, session, solve
+from .messages import Problem, text_of
+from .session import State
+from .work import Work
+
+# Seconds between two looks at jobs that are under way, and until a pose is collected.
+INTERVAL = 0.02
+# A job that has run for so many seconds while nothing was shown is not cancelled any more: else a steady scrub over a
+# heavy mesh would never show anything.
+PATIENCE = 0.4
+
+
+def touch(obj: bpy.types.Object, mesh: bool = True, maps: bool = True) -> None:
+    """Something that the object's result depends on may have changed."""
+    if session.writing:
+        return
+    state = session.find_state(obj)
+    if state is not None:
+        state.mesh_changed |= mesh
+        state.maps_changed |= maps
+    if is_live(obj) and not session.synchronous():
+        want(obj)
+
+
+def is_live(obj: bpy.types.Object) -> bool:
+    return obj.type == "MESH" and obj.vrtm.live
+
+
+def want(obj: bpy.types.Object) -> None:
+    """Has the object's pose collected by the timer."""
+    session.state_of(obj).wanted = True
+    if not bpy.app.timers.is_registered(poll):
+        bpy.app.timers.register(poll, first_interval=INTERVAL)
+
+
+def stop(obj: bpy.types.Object) -> None:
+    state = session.find_state(obj)
+    if state is not None:
+        state.end_job()
+        state.wanted = False
+        state.say("")
+
+
+def stop_timer() -> None:
+    if bpy.app.timers.is_registered(poll):
+        bpy.app.timers.unregister(poll)
+
+
+def poll() -> float | None:
+    """The timer's function: returns the seconds until it wants to be called again, or None for never."""
+    if session.rendering and not bpy.app.background and not bpy.app.is_job_running("RENDER"):
+        # A render that ended without a word.
+        session.rendering = False
+    if session.synchronous():
+        return INTERVAL if session.rendering or session.baking else None
+    for state in list(session.states.values()):
+        step(state)
+    busy = [state for state in session.states.values() if state.wanted or state.job is not None]
+    return INTERVAL if busy else None
+
+
+def step(state: State) -> None:
+    """What there is to do for one object now."""
+    if not state.wanted and state.job is None:
+        return
+    obj = session.object_of(state)
+    if obj is None:
+        session.drop(state.uid)
+        return
+    try:
+        if state.job is not None and state.job.done():
+            take(obj, state)
+        if state.wanted:
+            collect(obj, state)
+    except Exception as error:  # a timer that raises is never called again, and the artist has to be told.
+        state.wanted = False
+        state.end_job()
+        tell(state, text_of(error), error=True)
+        if not isinstance(error, Problem):
+            session.log.warning("%s: %s", obj.name, text_of(error), exc_info=not hasattr(error, "status_name"))
+
+
+def take(obj: bpy.types.Object, state: State) -> None:
+    """A job is over: writes its result, if it has one."""
+    job, state.job = state.job, None
+    try:
+        outputs = job.result()
+    except concurrent.futures.CancelledError:
+        return
+    finally:
+        job.close()
+    if obj.mode == "EDIT":
+        return
+    results.publish(obj, state, job.request, outputs)
+    state.waiting_since = 0.0
+    tell(state, state.message, state.error)
+
+
+def collect(obj: bpy.types.Object, state: State) -> None:
+    """Submits the object's present pose, if it is another than the one that is shown or under way."""
+    if obj.mode == "EDIT":
+        # Leaving Edit Mode is an update of the mesh, which asks again.
+        state.end_job()
+        state.wanted = False
+        tell(state, "In Edit Mode: results are computed when you leave it")
+        return
+    layer = bpy.context.view_layer
+    if layer is None or obj.name not in layer.objects:
+        state.wanted = False
+        return
+    solve.prepare(obj, state)
+    request = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())
+    if state.job is not None:
+        if request.stamp == state.job.request.stamp:
+            state.wanted = False
+        elif session.now() - state.waiting_since < PATIENCE:
+            # It ends within milliseconds; the pose, or a newer one, is submitted at the timer's next call.
+            state.job.cancel()
+        return
+    state.wanted = False
+    if request.stamp == state.shown and results.are_there(obj):
+        return
+    state.job = Work(state.asset, request)
+    state.waiting_since = state.waiting_since or session.now()
+    tell(state, "Solving ...")
+
+
+def tell(state: State, message: str, error: bool = False) -> None:
+    """Shows a message in the panel, and problems in the status bar, too."""
+    state.say(message, error)
+    messages.status(f"vrtm: {message}" if error else None)
+    redraw()
+
+
+def redraw() -> None:
+    if bpy.app.background:
+        return
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in {"PROPERTIES", "VIEW_3D", "IMAGE_EDITOR"}:
+                area.tag_redraw()

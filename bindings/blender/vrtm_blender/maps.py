@@ -1,0 +1,182 @@
+"""Reads rigidity and masks: images as they are painted at present, vertex groups and attributes."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from .geometry import mesh_of, stamp_of
+from .messages import Problem
+
+# The pixels of Blender's images begin with the bottom row.
+ORIGIN = "bottom"
+
+
+@dataclass(frozen=True)
+class Map:
+    """A map as it was read: an image per UDIM tile, or one for all tiles (None), or values per vertex, or nothing."""
+
+    tiles: dict[int | None, np.ndarray]  # each (height, width) float32, bottom row first
+    vertices: np.ndarray | None  # (vertices,) float32
+    stamp: bytes
+
+    def of(self, udim: int) -> np.ndarray | None:
+        """The image of a tile. An image without tiles is repeated on all of them, as Blender shows it."""
+        return self.tiles.get(udim, self.tiles.get(None))
+
+
+NOTHING = Map({}, None, b"")
+
+
+def read_map(obj: bpy.types.Object, which: str) -> Map:
+    """The object's map `which`, "rigidity" or "mask"."""
+    settings = obj.vrtm
+    source = getattr(settings, f"{which}_source")
+    if source == "NONE":
+        return NOTHING
+    if source == "IMAGE":
+        image = getattr(settings, f"{which}_image")
+        if image is None:
+            raise Problem(f"{obj.name}: choose the {which} image")
+        channel = "RGBA".index(getattr(settings, f"{which}_channel"))
+        tiles = {udim: np.ascontiguousarray(pixels[..., channel]) for udim, pixels in read_image(image).items()}
+        return Map(tiles, None, stamp_of(*(array for _, array in sorted(tiles.items(), key=lambda t: t[0] or 0))))
+    name = getattr(settings, f"{which}_name")
+    values = group_values(obj, name) if source == "VERTEX_GROUP" else attribute_values(obj, name)
+    return Map({}, values, stamp_of(values))
+
+
+def read_image(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
+    """The pixels of an image as they are in memory: (height, width, channels) float32 per UDIM tile, bottom row first;
+    the only key is None for an image without tiles."""
+    if image.source in ("SEQUENCE", "MOVIE", "VIEWER"):
+        raise Problem(f"image {image.name!r} is a sequence, a movie or a viewer: a map is one picture")
+    if image.source != "TILED":
+        return {None: _pixels(image)}
+    # A script sees the pixels of an image's first tile only. So tiles are read from a copy of the image, whose first
+    # tile is taken away again and again. A copy has what is on disk or packed; what is painted and not saved goes
+    # through a folder.
+    only_in_memory = not image.filepath and not image.packed_files
+    found = _unsaved_tiles(image) if image.is_dirty or only_in_memory else _tiles_of_copy(image)
+    if not found:
+        raise Problem(f"image {image.name!r} has no pixels in any of its tiles: are its files missing?")
+    return found
+
+
+def _pixels(image: bpy.types.Image) -> np.ndarray:
+    width, height = image.size
+    if not width or not height or len(image.pixels) != width * height * image.channels:
+        raise Problem(f"image {image.name!r} has no pixels: is its file missing?")
+    pixels = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(height, width, image.channels)
+    # An image of fewer channels is grey, or grey and alpha: any colour channel is the first one.
+    if image.channels < 3:
+        alpha = pixels[..., 1] if image.channels == 2 else np.ones_like(pixels[..., 0])
+        pixels = np.stack([pixels[..., 0]] * 3 + [alpha], -1)
+    elif image.channels == 3:
+        pixels = np.concatenate([pixels, np.ones_like(pixels[..., :1])], -1)
+    return pixels
+
+
+def _tiles_of_copy(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
+    copy = image.copy()
+    try:
+        found = {}
+        while True:
+            # A tile without a file counts as not painted.
+            if len(copy.pixels):
+                found[copy.tiles[0].number] = _pixels(copy)
+            if len(copy.tiles) == 1:
+                return found
+            copy.tiles.remove(copy.tiles[0])
+    finally:
+        bpy.data.images.remove(copy)
+
+
+def _unsaved_tiles(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
+    with tempfile.TemporaryDirectory(prefix="vrtm-") as folder:
+        # As the file format that keeps what is painted, whatever the image's own is.
+        kept = image.file_format
+        image.file_format = "OPEN_EXR" if image.is_float else "PNG"
+        suffix = ".exr" if image.is_float else ".png"
+        try:
+            _save_copy(image, os.path.join(folder, "tile.<UDIM>" + suffix))
+        except RuntimeError as error:
+            raise Problem(
+                f"image {image.name!r}: the painted tiles cannot be read ({' '.join(str(error).split())}): "
+                "fill all of its tiles, or save it"
+            ) from error
+        finally:
+            image.file_format = kept
+        found: dict[int | None, np.ndarray] = {}
+        for tile in image.tiles:
+            path = os.path.join(folder, f"tile.{tile.number}{suffix}")
+            if not os.path.exists(path):
+                continue
+            loaded = bpy.data.images.load(path)
+            try:
+                # No conversion: the numbers are those of the image's buffer.
+                loaded.colorspace_settings.name = image.colorspace_settings.name
+                loaded.alpha_mode = image.alpha_mode
+                found[tile.number] = _pixels(loaded)
+            finally:
+                bpy.data.images.remove(loaded)
+        return found
+
+
+def _save_copy(image: bpy.types.Image, path: str) -> None:
+    """Saves an image to another file; the image stays unsaved, and that of its own file."""
+    if "save_copy" in bpy.types.Image.bl_rna.functions["save"].parameters:
+        image.save(filepath=path, save_copy=True)
+        return
+    # Blender 4.2 has an operator alone that does so, which moves the path of tiled images on.
+    kept = image.filepath_raw
+    try:
+        with bpy.context.temp_override(edit_image=image):
+            bpy.ops.image.save_as("EXEC_DEFAULT", filepath=path, copy=True, save_as_render=False)
+    finally:
+        image.filepath_raw = kept
+
+
+def group_values(obj: bpy.types.Object, name: str) -> np.ndarray:
+    """The weights of a vertex group, (vertices,) float32; 0 where a vertex is not in the group."""
+    group = obj.vertex_groups.get(name)
+    if group is None:
+        raise Problem(f"{obj.name} has no vertex group {name!r}: choose another in the panel")
+    mesh, index = mesh_of(obj), group.index
+    # Blender has no way to read the weights of all vertices at once; a generator keeps this loop short.
+    weights = (next((g.weight for g in vertex.groups if g.group == index), 0.0) for vertex in mesh.vertices)
+    return np.fromiter(weights, np.float32, len(mesh.vertices))
+
+
+def attribute_values(obj: bpy.types.Object, name: str) -> np.ndarray:
+    """A colour or float attribute per vertex, (vertices,) float32: of colours the largest channel, and of what is
+    kept per corner the mean over the vertex's corners."""
+    mesh = mesh_of(obj)
+    attribute = mesh.attributes.get(name)
+    if attribute is None:
+        raise Problem(f"{obj.name} has no attribute {name!r}: choose another in the panel")
+    if attribute.data_type == "FLOAT":
+        values = np.empty(len(attribute.data), np.float32)
+        attribute.data.foreach_get("value", values)
+    elif attribute.data_type in ("FLOAT_COLOR", "BYTE_COLOR"):
+        colours = np.empty(len(attribute.data) * 4, np.float32)
+        # As they were painted: byte colours are kept with sRGB's curve, and read without it.
+        attribute.data.foreach_get("color_srgb" if attribute.data_type == "BYTE_COLOR" else "color", colours)
+        values = colours.reshape(-1, 4)[:, :3].max(1)
+    else:
+        raise Problem(f"{obj.name}: attribute {name!r} holds neither colours nor single numbers")
+    if attribute.domain == "POINT":
+        return values
+    if attribute.domain != "CORNER":
+        raise Problem(f"{obj.name}: attribute {name!r} is neither of vertices nor of face corners")
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    number = np.bincount(corners, minlength=len(mesh.vertices))
+    total = np.bincount(corners, values, minlength=len(mesh.vertices))
+    return (total / np.maximum(number, 1)).astype(np.float32)

@@ -1,0 +1,173 @@
+"""The settings of an object. They are Blender properties, so that they are saved with the file, undone and animated."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
+
+SOURCES = [
+    ("NONE", "None", "No map"),
+    ("IMAGE", "Image", "An image over the UV map, UDIM tiles too, as it is painted at present, saved or not"),
+    ("VERTEX_GROUP", "Vertex Group", "The weights of a vertex group"),
+    ("ATTRIBUTE", "Color Attribute", "A colour attribute or a float attribute of the mesh"),
+]
+CHANNELS = [(name, name, f"The {word} channel") for name, word in zip("RGBA", ("red", "green", "blue", "alpha"))]
+
+# From Blender 5.0 on a property says that it takes paths beside the file; without that a warning is printed.
+PATH_OPTIONS = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}} if bpy.app.version >= (5, 0, 0) else {}
+
+
+def _changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
+    """A setting that a solve depends on was changed by hand: if the object is live, its result follows."""
+    from . import live
+
+    live.touch(settings.id_data)
+
+
+def _live_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
+    from . import live
+
+    if settings.live:
+        live.touch(settings.id_data)
+    else:
+        live.stop(settings.id_data)
+
+
+class VrtmSettings(bpy.types.PropertyGroup):
+    """Object.vrtm"""
+
+    live: BoolProperty(
+        name="Live", description="Follow the pose while frames are scrubbed and poses are edited", update=_live_changed
+    )
+    in_renders: BoolProperty(
+        name="In Renders", description="Solve each frame that is rendered, also while Live is off", default=True
+    )
+    rigidity_source: EnumProperty(
+        name="Rigidity", description="Where it is painted what keeps its shape", items=SOURCES, update=_changed
+    )
+    rigidity_image: PointerProperty(
+        name="Image", description="White keeps its shape, black is elastic", type=bpy.types.Image, update=_changed
+    )
+    rigidity_channel: EnumProperty(name="Channel", items=CHANNELS, update=_changed)
+    rigidity_name: StringProperty(
+        name="Name", description="The vertex group or attribute: 1 keeps its shape, 0 is elastic", update=_changed
+    )
+    mask_source: EnumProperty(
+        name="Mask", description="Where it is painted what must not move in the UVs", items=SOURCES, update=_changed
+    )
+    mask_image: PointerProperty(
+        name="Image", description="What is darker than half does not move", type=bpy.types.Image, update=_changed
+    )
+    mask_channel: EnumProperty(name="Channel", items=CHANNELS, update=_changed)
+    mask_name: StringProperty(
+        name="Name", description="The vertex group or attribute: what is under 0.5 does not move", update=_changed
+    )
+    uv_map: StringProperty(
+        name="UV Map", description="The UV map of the texture; empty: the one that renders", update=_changed
+    )
+    rest_source: EnumProperty(
+        name="Rest",
+        description="The shape on which the texture looks as it was painted",
+        items=[
+            ("MESH", "Mesh", "The mesh as it is in Edit Mode, without modifiers (the Basis of its shape keys)"),
+            ("SHAPE_KEY", "Shape Key", "One of the mesh's shape keys, at its full value"),
+            ("FRAME", "Frame", "The evaluated shape at a frame; it is captured when Update Now or Capture is pressed"),
+            ("CAPTURED", "Captured", "The evaluated shape at the moment when Capture was pressed"),
+        ],
+        update=_changed,
+    )
+    rest_key: StringProperty(name="Shape Key", description="The shape key that is the rest shape", update=_changed)
+    rest_frame: IntProperty(name="Frame", description="The frame whose shape is the rest shape", default=1)
+    quality: EnumProperty(
+        name="Quality",
+        items=[
+            ("draft", "Draft", "A preview"),
+            ("normal", "Normal", "For nearly everything"),
+            ("high", "High", "For crowded features: twice the time"),
+        ],
+        default="normal",
+        update=_changed,
+    )
+    grid: IntProperty(
+        name="Grid",
+        description="Cells per side of a tile; 0: the rigidity image's size, or 1024 without an image",
+        min=0,
+        max=16384,
+        default=0,
+        update=_changed,
+    )
+    map_size: IntProperty(
+        name="Map Size",
+        description="Texels per side of a tile in the resulting image; 0: as many as the grid has cells. "
+        "A quarter of the texture's size does for most",
+        min=0,
+        max=16384,
+        default=0,
+        update=_changed,
+    )
+    device: EnumProperty(
+        name="Device",
+        items=[
+            ("auto", "Automatic", "A GPU if there is one, and the CPU otherwise"),
+            ("cpu", "CPU", "The processor"),
+            ("gpu", "GPU", "The first GPU; an error if there is none"),
+        ],
+        default="auto",
+        update=_changed,
+    )
+    measure: BoolProperty(
+        name="Measure Strain", description="Also measure how much the features are strained. Slow", update=_changed
+    )
+    write_image: BoolProperty(
+        name="Image", description="Write an image of what to add to each UV", default=True, update=_changed
+    )
+    write_uvs: BoolProperty(
+        name="UV Map",
+        description="Write the redirected UVs of the face corners to a UV map. They recover less than the image where "
+        "faces are larger than features",
+        default=True,
+        update=_changed,
+    )
+    # The outputs. A pointer follows renaming, undo and saving; a UV map has no pointer, so its name is kept.
+    image: PointerProperty(name="Redirection", type=bpy.types.Image)
+    uv_name: StringProperty(name="Redirected UV Map", default="vrtm")
+    # Set by the operators that switch between the result image and baked files.
+    shows_baked: BoolProperty(name="Shows Baked Files")
+
+
+class VrtmBakeSettings(bpy.types.PropertyGroup):
+    """Scene.vrtm_bake"""
+
+    directory: StringProperty(
+        name="Folder",
+        description="Where to write; // is the folder of the file",
+        subtype="DIR_PATH",
+        default="//vrtm/",
+        **PATH_OPTIONS,
+    )
+    frame_start: IntProperty(name="Start", default=1)
+    frame_end: IntProperty(name="End", default=250)
+    frame_step: IntProperty(name="Step", default=1, min=1)
+    form: EnumProperty(
+        name="Form",
+        items=[
+            ("delta", "Delta", "What to add to the UV; what the node group reads"),
+            ("udim", "UDIM", "The UV among all tiles, for a lookup that goes straight into a texture's Vector"),
+            ("tile", "Tile", "The UV within the tile, for programs with one texture per tile"),
+        ],
+        default="delta",
+    )
+
+
+def register() -> None:
+    bpy.utils.register_class(VrtmSettings)
+    bpy.utils.register_class(VrtmBakeSettings)
+    bpy.types.Object.vrtm = PointerProperty(type=VrtmSettings)
+    bpy.types.Scene.vrtm_bake = PointerProperty(type=VrtmBakeSettings)
+
+
+def unregister() -> None:
+    del bpy.types.Scene.vrtm_bake
+    del bpy.types.Object.vrtm
+    bpy.utils.unregister_class(VrtmBakeSettings)
+    bpy.utils.unregister_class(VrtmSettings)

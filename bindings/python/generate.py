@@ -1,0 +1,277 @@
+"""Writes what the package knows of the C API, from the C header.
+
+    python generate.py [--header vrtm.h] [--out src/vrtm]
+
+`_abi.py` gets the constants, the layouts of all structs and the signatures of all functions, for ctypes; `_records.py`
+gets a dataclass for each struct that the library fills, with the header's comments as its documentation. So nothing
+about the C API is written by hand, and a new field in the header appears here by itself.
+
+The header is plain C without conditions that matter here, so no preprocessor is needed: comments and directives are
+cut out, and pycparser reads the rest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import textwrap
+from pathlib import Path
+
+from pycparser import c_ast, c_parser
+
+HERE = Path(__file__).resolve().parent
+HEADER = HERE.parents[1] / "include" / "vrtm.h"
+
+# What the C types of the header are in ctypes.
+SCALARS = {
+    "int8_t": "c_int8",
+    "uint8_t": "c_uint8",
+    "int16_t": "c_int16",
+    "uint16_t": "c_uint16",
+    "int32_t": "c_int32",
+    "uint32_t": "c_uint32",
+    "int64_t": "c_int64",
+    "uint64_t": "c_uint64",
+    "size_t": "c_size_t",
+    "float": "c_float",
+    "double": "c_double",
+    "char": "c_char",
+}
+
+# The structs that become dataclasses, and their names.
+RECORDS = {
+    "vrtm_strain": "Strain",
+    "vrtm_device_data": "DeviceInfo",
+    "vrtm_adapter_data": "Adapter",
+    "vrtm_asset_data": "AssetInfo",
+    "vrtm_tile_data": "TileInfo",
+    "vrtm_tile_settings": "TileSettings",
+    "vrtm_tile_needs": "TileNeeds",
+    "vrtm_map_data": "MapInfo",
+    "vrtm_pbd_settings": "PbdSettings",
+    "vrtm_tile_report_data": "TileReport",
+    "vrtm_asset_report_data": "AssetReport",
+    "vrtm_refinement_data": "RefinementInfo",
+}
+
+# Of these the caller sets fields, so that all of them have a default: zero.
+SETTINGS = {"vrtm_tile_settings", "vrtm_pbd_settings"}
+
+# Integers that say yes or no.
+FLAGS = {"software", "truncated", "measured", "kept", "reached"}
+
+
+class Header:
+    """The declarations of the header, in its order."""
+
+    def __init__(self, text: str) -> None:
+        self.constants = dict(re.findall(r"^#define (VRTM_\w+) (.+)$", text, re.M))
+        for guard in ("VRTM_H", "VRTM_API"):
+            self.constants.pop(guard, None)
+        self.field_docs = _field_docs(text)
+        self.typedefs: dict[str, c_ast.Node] = {}
+        self.structs: dict[str, list[c_ast.Decl]] = {}
+        self.functions: dict[str, c_ast.FuncDecl] = {}
+        for node in c_parser.CParser().parse(_plain(text)).ext:
+            if isinstance(node, c_ast.Typedef):
+                if node.name in SCALARS:
+                    continue
+                kind = node.type.type if isinstance(node.type, c_ast.TypeDecl) else None
+                if isinstance(kind, c_ast.Struct):
+                    self.structs[node.name] = kind.decls
+                else:
+                    self.typedefs[node.name] = node.type
+            elif isinstance(node, c_ast.Decl) and isinstance(node.type, c_ast.FuncDecl):
+                self.functions[node.name] = node.type
+        # What Python calls the constants: "VRTM_QUALITY_DRAFT" is 'draft'.
+        self.names = {p + n.upper(): n for typedef in self.typedefs for p, n in self._prefixed(typedef)}
+        _check_known(self)
+
+    def scalar(self, name: str) -> str | None:
+        """The ctypes name of a number's type; None for a struct."""
+        while name in self.typedefs:
+            node = self.typedefs[name]
+            if not isinstance(node, c_ast.TypeDecl):
+                return name
+            name = node.type.names[0]
+        return SCALARS.get(name)
+
+    def type(self, node: c_ast.Node) -> str:
+        """A type as an expression of ctypes. Pointers to numbers are plain addresses."""
+        if isinstance(node, c_ast.PtrDecl):
+            inner = node.type
+            if isinstance(inner, c_ast.FuncDecl):
+                return self.signature(inner, "CFUNCTYPE({})")
+            if isinstance(inner, c_ast.PtrDecl):
+                return "c_void_p"
+            name = inner.type.names[0]
+            if name in self.structs:
+                return f"POINTER({name})"
+            return "c_char_p" if name == "char" else "c_void_p"
+        if isinstance(node, c_ast.ArrayDecl):
+            return f"{self.type(node.type)} * {node.dim.value}"
+        name = node.type.names[0]
+        if name == "void":
+            return "None"
+        return self.scalar(name) or name
+
+    def signature(self, node: c_ast.FuncDecl, form: str) -> str:
+        """A function's result and then its arguments, within `form`."""
+        parameters = [p for p in node.args.params if self.type(p.type) != "None"] if node.args else []
+        return form.format(", ".join([self.type(node.type), *(self.type(p.type) for p in parameters)]))
+
+    def _prefixed(self, typedef: str) -> list[tuple[str, str]]:
+        """The prefix and the name of each constant of a type such as vrtm_quality: ("VRTM_QUALITY_", "normal"), ..."""
+        words = typedef.removeprefix("vrtm_").upper()
+        for prefix in (f"VRTM_{words}_", f"VRTM_{words.split('_')[0]}_"):
+            found = [name for name in self.constants if name.startswith(prefix)]
+            if found:
+                return [(prefix, name.removeprefix(prefix).lower()) for name in found]
+        return []
+
+    def values(self, typedef: str) -> dict[str, int]:
+        """The named values of a type such as vrtm_quality: {"normal": 0, ...}."""
+        return {name: int(self.constants[prefix + name.upper()]) for prefix, name in self._prefixed(typedef)}
+
+
+def _plain(text: str) -> str:
+    """The header's declarations alone, as pycparser reads them."""
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    text = re.sub(r"//[^\n]*", "", text)
+    text = re.sub(r"^#(?:[^\n]*\\\n)*[^\n]*$", "", text, flags=re.M)
+    text = re.sub(r"^VRTM_DEFINE_INIT_.*$|^extern \"C\" \{$|^\}\s*$|\bVRTM_API\b", "", text, flags=re.M)
+    return "".join(f"typedef int {name};\n" for name in SCALARS if name.endswith("_t")) + text
+
+
+def _field_docs(text: str) -> dict[tuple[str, str], str]:
+    """The comment over each struct ("vrtm_array", "") and over each of its fields ("vrtm_array", "data")."""
+    docs: dict[tuple[str, str], str] = {}
+    struct, comment = "", []
+    for line in text.splitlines():
+        stripped = line.strip()
+        if stripped.startswith("// "):
+            comment.append(stripped[3:])
+            continue
+        if match := re.match(r"typedef struct (\w+) \{", stripped):
+            struct = match[1]
+            docs[struct, ""] = " ".join(comment)
+        elif struct and (match := re.search(r"(\w+)(?:\[\d+\])?;$", stripped)):
+            docs[struct, match[1]] = " ".join(comment)
+        if stripped.startswith("}"):
+            struct = ""
+        comment = []
+    return docs
+
+
+def _check_known(header: Header) -> None:
+    """What is named above has to be in the header: a table that names something else is out of date."""
+    unknown = (set(RECORDS) | SETTINGS) - set(header.structs)
+    fields = {field.name for struct in RECORDS for field in header.structs.get(struct, [])}
+    if unknown or FLAGS - fields:
+        raise SystemExit(f"generate.py: not in the header: {sorted(unknown | (FLAGS - fields))}")
+
+
+def abi(header: Header) -> str:
+    """The text of _abi.py."""
+    used = sorted({*SCALARS.values(), "c_char_p", "c_void_p", "CFUNCTYPE", "POINTER", "Structure"})
+    lines = [
+        '"""The C API for ctypes: written by generate.py from vrtm.h; do not edit."""',
+        "",
+        "from __future__ import annotations",
+        "",
+        "from ctypes import (",
+        *(f"    {name}," for name in used),
+        ")",
+        "",
+    ]
+    lines += [f"{name} = {_constant(value)}" for name, value in header.constants.items()]
+    for name, node in header.typedefs.items():
+        if isinstance(node, c_ast.PtrDecl):
+            lines += [f"{name} = {header.type(node)}"]
+        elif values := header.values(name):
+            lines += [f"{name}_values = {values!r}"]
+    for name, decls in header.structs.items():
+        fields = [f'        ("{d.name}", {header.type(d.type)}),' for d in decls]
+        lines += ["", "", f"class {name}(Structure):", "    _fields_ = [", *fields, "    ]"]
+    lines += ["", "", "# Result and arguments of each function."]
+    lines += ["functions: dict[str, list] = {"]
+    lines += [f'    "{name}": {header.signature(node, "[{}]")},' for name, node in header.functions.items()]
+    lines += ["}", ""]
+    return "\n".join(lines)
+
+
+def _constant(value: str) -> str:
+    return value.replace("UINT32_MAX", "0xFFFFFFFF")
+
+
+def records(header: Header) -> str:
+    """The text of _records.py."""
+    lines = [
+        '"""What the library tells, and some of what it is told, as dataclasses: written by generate.py from vrtm.h;',
+        'do not edit."""',
+        "",
+        "from __future__ import annotations",
+        "",
+        "from dataclasses import dataclass",
+    ]
+    # A record stands after those that it holds.
+    for struct, name in RECORDS.items():
+        frozen = "" if struct in SETTINGS else "(frozen=True)"
+        lines += ["", "", f"@dataclass{frozen}", f"class {name}:", *_doc(header, header.field_docs[struct, ""])]
+        for decl in header.structs[struct]:
+            if decl.name == "struct_size" or "reserved" in decl.name:
+                continue
+            lines += ["", f"    {decl.name}: {_hint(header, struct, decl)}"]
+            lines += _doc(header, header.field_docs[struct, decl.name])
+    lines += ["", "", "# Which struct each of them is in the header."]
+    lines += ["structs = {", *(f'    {name}: "{struct}",' for struct, name in RECORDS.items()), "}", ""]
+    return "\n".join(lines)
+
+
+def _hint(header: Header, struct: str, decl: c_ast.Decl) -> str:
+    if isinstance(decl.type, c_ast.ArrayDecl):
+        return "str"
+    name = decl.type.type.names[0]
+    if name in RECORDS:
+        return RECORDS[name]
+    if name in header.typedefs and header.values(name):
+        # Its first value is zero: the default.
+        return f'str = "{next(iter(header.values(name)))}"' if struct in SETTINGS else "str"
+    if decl.name in FLAGS:
+        return "bool"
+    kind = "float" if header.scalar(name) in ("c_float", "c_double") else "int"
+    return f"{kind} = 0" if struct in SETTINGS else kind
+
+
+def _doc(header: Header, text: str) -> list[str]:
+    """A comment of the header as the documentation of a class or a field, with the names that it has in Python."""
+    text = re.sub(r" ?Start from vrtm_\w+\(\)[^.]*\.", "", text)
+    for constant, name in header.names.items():
+        text = re.sub(rf"\b{constant}\b", f"'{name}'", text)
+    text = re.sub(r"\bVRTM_OFF\b", "OFF", text).replace("\\", "\\\\").strip()
+    return textwrap.wrap(f'"""{text}"""', 120, initial_indent="    ", subsequent_indent="    ")
+
+
+def generate(header: Path, out: Path) -> list[Path]:
+    """Writes both files into the folder `out`; returns their paths."""
+    parsed = Header(header.read_text(encoding="utf-8"))
+    written = []
+    for name, text in (("_abi.py", abi(parsed)), ("_records.py", records(parsed))):
+        path = out / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8", newline="\n")
+        written.append(path)
+    return written
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="writes vrtm/_abi.py and vrtm/_records.py from the C header")
+    parser.add_argument("--header", type=Path, default=HEADER)
+    parser.add_argument("--out", type=Path, default=HERE / "src" / "vrtm")
+    arguments = parser.parse_args()
+    for path in generate(arguments.header, arguments.out):
+        print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""Builds the shared library with cargo and takes it into the wheel, with what generate.py makes of the header.
+
+Variables:
+    VRTM_LIBRARY          a library that is built already: cargo is not called
+    VRTM_CARGO_PROFILE    cargo's profile: "dist" (the default), or "release", which builds in a third of the time and
+                          costs some milliseconds per frame of a GPU
+    VRTM_CARGO_FEATURES   cargo features, separated by commas, in place of the defaults: "allocator" leaves the GPU out
+    VRTM_WHEEL_PLATFORM   the wheel's platform tag, such as manylinux_2_35_x86_64, for those who publish wheels
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+from hatchling.metadata.plugin.interface import MetadataHookInterface
+
+try:
+    import tomllib
+except ModuleNotFoundError:  # Python 3.10, where hatchling brings the same from outside.
+    import tomli as tomllib
+
+HERE = Path(__file__).resolve().parent
+PROJECT = HERE.parents[1]
+FILE = {"win32": "vrtm.dll", "darwin": "libvrtm.dylib"}.get(sys.platform, "libvrtm.so")
+
+
+class MetadataHook(MetadataHookInterface):
+    """The package has the library's version."""
+
+    def update(self, metadata: dict[str, Any]) -> None:
+        with _project_file("Cargo.toml").open("rb") as file:
+            metadata["version"] = tomllib.load(file)["workspace"]["package"]["version"]
+
+
+class BuildHook(BuildHookInterface):
+    """Puts the library and the generated modules into a wheel."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        if self.target_name != "wheel":
+            raise SystemExit(
+                "vrtm: the Rust sources lie outside of this folder: build a wheel (pip wheel, build --wheel)"
+            )
+        sys.path.insert(0, str(HERE))
+        from generate import generate
+
+        package = HERE / "src" / "vrtm"
+        generate(_project_file("include/vrtm.h"), package)
+        prebuilt = os.environ.get("VRTM_LIBRARY")
+        library = Path(prebuilt).resolve() if prebuilt else _cargo()
+        if not library.is_file():
+            raise SystemExit(f"vrtm: VRTM_LIBRARY: {library} is not there")
+        if version == "editable":
+            # An editable install runs from the sources.
+            shutil.copy2(library, package / FILE)
+        else:
+            build_data["force_include"][str(library)] = f"vrtm/{FILE}"
+            for licence in ("LICENSE-MIT", "LICENSE-APACHE"):
+                build_data["force_include"][str(_project_file(licence))] = f"vrtm/{licence}"
+        # It is for any Python 3, since ctypes calls the library, and for one platform.
+        build_data["pure_python"] = False
+        build_data["tag"] = f"py3-none-{_platform()}"
+
+
+def _project_file(name: str) -> Path:
+    path = PROJECT / name
+    if not path.is_file():
+        raise SystemExit(f"vrtm: {path} is not there: this package is built inside of vrtm's repository")
+    return path
+
+
+def _platform() -> str:
+    tag = os.environ.get("VRTM_WHEEL_PLATFORM") or sysconfig.get_platform()
+    return tag.replace("-", "_").replace(".", "_")
+
+
+def _cargo() -> Path:
+    """Builds the library; returns its path."""
+    path = os.environ.get("PATH", "") + os.pathsep + str(Path.home() / ".cargo" / "bin")
+    cargo = shutil.which("cargo", path=path)
+    if cargo is None:
+        raise SystemExit(
+            "vrtm: cargo is not there: install Rust 1.89 or newer (https://rustup.rs), or name a library that is built "
+            "already in the variable VRTM_LIBRARY"
+        )
+    command = [cargo, "rustc", "--lib", "--crate-type", "cdylib", "--message-format", "json-render-diagnostics"]
+    command += [
+        "--profile",
+        os.environ.get("VRTM_CARGO_PROFILE", "dist"),
+        "--manifest-path",
+        str(PROJECT / "Cargo.toml"),
+    ]
+    if features := os.environ.get("VRTM_CARGO_FEATURES"):
+        command += ["--no-default-features", "--features", features]
+    result = subprocess.run(command, stdout=subprocess.PIPE, check=False)
+    if result.returncode != 0:
+        raise SystemExit("vrtm: cargo could not build the library; its messages stand above")
+    for line in result.stdout.splitlines():
+        message = json.loads(line)
+        if message.get("reason") == "compiler-artifact" and message["target"]["name"] == "vrtm":
+            for file in message["filenames"]:
+                if Path(file).suffix in (".so", ".dylib", ".dll"):
+                    return Path(file)
+    raise SystemExit("vrtm: cargo built no shared library")

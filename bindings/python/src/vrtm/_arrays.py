@@ -1,0 +1,82 @@
+"""numpy arrays as the library's arrays: as views where their layout allows it, as copies otherwise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from . import _abi
+from ._library import new
+
+FLOATS = {np.dtype(np.float32): _abi.VRTM_SCALAR_F32, np.dtype(np.float64): _abi.VRTM_SCALAR_F64}
+
+
+class Pinned:
+    """Structs for one call, and what they point to, which must live as long."""
+
+    def __init__(self) -> None:
+        self._kept: list[Any] = []
+
+    def keep(self, value: Any) -> Any:
+        self._kept.append(value)
+        return value
+
+    def vectors(self, name: str, value: Any, components: int, *, more: int = 0) -> _abi.vrtm_array:
+        """An array of vectors, (count, components), or of numbers, (count,). `more`: so many further components are
+        allowed and left out."""
+        array = floats(name, value)
+        if components == 1 and array.ndim == 1:
+            array = array[:, None]
+        if array.ndim != 2 or not components <= array.shape[1] <= components + more:
+            wanted = "(count,)" if components == 1 else f"(count, {components})"
+            raise ValueError(f"{name}: has the shape {np.shape(value)}, not {wanted}")
+        array = array[:, :components]
+        packed = components * array.itemsize
+        if (components > 1 and array.strides[1] != array.itemsize) or array.strides[0] < packed:
+            array = np.ascontiguousarray(array)
+        struct = new(_abi.vrtm_array)
+        struct.format = FLOATS[array.dtype]
+        struct.data = self.keep(array).ctypes.data
+        struct.count = len(array)
+        struct.stride = array.strides[0] if len(array) > 1 else 0
+        return self.keep(struct)
+
+    def indices(self, name: str, value: Any, *, none: bool = False) -> np.ndarray:
+        """Numbers of 32 bits without sign, in one dimension. `none`: -1 is allowed, for "none"."""
+        array = np.asarray(value)
+        if array.dtype.kind not in "iu" and array.size:
+            raise TypeError(f"{name}: holds {array.dtype}, not integers")
+        array = array.reshape(-1)
+        # Of 32 bits without sign there is nothing to check, and -1 has the bits that mean "none".
+        if array.dtype.newbyteorder("=") != np.uint32 and array.size:
+            least, most = int(array.min()), int(array.max())
+            if least < (-1 if none else 0) or most > 0xFFFFFFFF:
+                bad = least if least < 0 else most
+                raise ValueError(f"{name}: {bad} at {int(np.flatnonzero(array == bad)[0])} is out of range")
+        if array.dtype == np.int32:
+            array = array.view(np.uint32)
+        return self.keep(np.ascontiguousarray(array.astype(np.uint32, copy=False)))
+
+
+def floats(name: str, value: Any) -> np.ndarray:
+    """An array of f32 or f64: itself if it is one, else converted."""
+    array = np.asarray(value)
+    if array.dtype in FLOATS and array.dtype.isnative:
+        return array
+    if array.dtype.kind not in "fiub":
+        raise TypeError(f"{name}: holds {array.dtype}, not numbers")
+    # What has no more bits than f32 holds fits into it.
+    return array.astype(np.float32 if array.dtype.itemsize <= 2 or array.dtype.str[1:] == "f4" else np.float64)
+
+
+def output(name: str, out: Any, shape: tuple[int, ...], dtype: Any = np.float32) -> np.ndarray:
+    """A contiguous array to be filled: the caller's if it is fit, or a new one."""
+    if out is None:
+        return np.empty(shape, dtype)
+    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != dtype:
+        found = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise ValueError(f"{name}: is {found}, not an array of {np.dtype(dtype)} {shape}")
+    if not out.flags.writeable:
+        raise ValueError(f"{name}: is read-only")
+    return out

@@ -1,0 +1,222 @@
+"""Assets: one mesh with its tiles, their maps and results."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _abi, _mesh, _options
+from ._arrays import Pinned, output
+from ._call import interruptible
+from ._device import Device, natural
+from ._fetch import Fetch
+from ._job import Job
+from ._library import check, library, new
+from ._names import record
+from ._records import AssetInfo, AssetReport
+from ._refinement import Refinement
+from ._tile import Tile
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._options import SolveOptions
+
+
+class Asset:
+    """A mesh at rest, and all that is computed for it.
+
+    positions       rest positions, (vertices, 3) or (vertices, 4) of float32 or float64, any unit of length
+    indices         the vertex of each face corner, (corners,) of integers; or (faces, n), a row per face
+    face_counts     corners of each face, (faces,); None = triangles
+    face_offsets    in its place, the first corner of each face and at the end the number of corners, (faces + 1,)
+    uvs             UVs, (count, 2), v up, in UDIM tiles; or a pair of arrays (u, v)
+    uv_indices      the UV of each corner, (corners,), -1 at all corners of a face without texture; None = one per
+                    corner
+    uv_sets         further UV sets, from set 1 on: UVs, or pairs (uvs, uv_indices)
+    seams           edges at which charts end, (count, 2) vertices
+    textured_faces  the faces that carry the texture; None = all
+    weld            by what faces hang together: "index" (the default), "position" for meshes out of games, "off"
+
+    Arrays are copied; of their own layout only what numpy cannot show the library as it is, is copied twice. Raises
+    InvalidArgumentError, which names the array and the index. May be used with `with`, which closes the asset.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        positions: Any,
+        indices: Any,
+        *,
+        face_counts: Any = None,
+        face_offsets: Any = None,
+        uvs: Any = None,
+        uv_indices: Any = None,
+        uv_sets: Sequence[Any] = (),
+        seams: Any = None,
+        textured_faces: Any = None,
+        weld: str = "index",
+        weld_position_tolerance: float = 0.0,
+        weld_uv_tolerance: float = 0.0,
+    ) -> None:
+        if not isinstance(device, Device):
+            raise TypeError(f"device: {device!r} is no vrtm.Device")
+        pinned = Pinned()
+        desc = _mesh.mesh(
+            pinned,
+            positions,
+            indices,
+            face_counts=face_counts,
+            face_offsets=face_offsets,
+            uvs=uvs,
+            uv_indices=uv_indices,
+            uv_sets=uv_sets,
+            seams=seams,
+            textured_faces=textured_faces,
+            weld=weld,
+            weld_position_tolerance=weld_position_tolerance,
+            weld_uv_tolerance=weld_uv_tolerance,
+        )
+        handle = _abi.vrtm_asset()
+        check(library.vrtm_asset_create(device._handle, ctypes.byref(desc), ctypes.byref(handle)))
+        self._handle = handle
+        self._log = device._log
+        self._end = weakref.finalize(self, _destroy, handle, device._log)
+        self._corners = self.info.corners
+        count = ctypes.c_uint32()
+        check(library.vrtm_asset_tile_count(handle, ctypes.byref(count)))
+        self._tiles = tuple(Tile(self, self._tile_handle(index)) for index in range(count.value))
+
+    def _tile_handle(self, index: int) -> _abi.vrtm_tile:
+        handle = _abi.vrtm_tile()
+        check(library.vrtm_asset_tile(self._handle, index, ctypes.byref(handle)))
+        return handle
+
+    @property
+    def info(self) -> AssetInfo:
+        """Counts of what the mesh has, and of what is wrong with it."""
+        struct = new(_abi.vrtm_asset_data)
+        check(library.vrtm_asset_info(self._handle, ctypes.byref(struct)))
+        return record(AssetInfo, struct)
+
+    @property
+    def tiles(self) -> tuple[Tile, ...]:
+        """The tiles with at least one triangle: those of UV set 0 by their UDIM numbers, then those of set 1."""
+        return self._tiles
+
+    def tile(self, udim: int, uv_set: int = 0) -> Tile:
+        """The tile with a UDIM number, 1001 + U + 10 V. Raises InvalidArgumentError if the mesh has no triangle
+        there."""
+        handle = _abi.vrtm_tile()
+        udim, uv_set = natural("udim", udim, 32), natural("uv_set", uv_set, 32)
+        check(library.vrtm_asset_find_tile_of_set(self._handle, uv_set, udim, ctypes.byref(handle)))
+        return next(tile for tile in self._tiles if tile._handle.id == handle.id)
+
+    def set_vertex_rigidity(self, values: Any | None) -> None:
+        """The rigidity of all tiles by values per vertex, (vertices,) of 0 (elastic) to 1 (rigid); None takes it
+        away."""
+        self._set_vertices(library.vrtm_asset_set_vertex_rigidity, values)
+
+    def set_vertex_mask(self, values: Any | None) -> None:
+        """The warp mask of all tiles by values per vertex, (vertices,): under 0.5 nothing moves. None: all may move."""
+        self._set_vertices(library.vrtm_asset_set_vertex_mask, values)
+
+    def _set_vertices(self, function: Any, values: Any | None) -> None:
+        pinned = Pinned()
+        check(function(self._handle, None if values is None else ctypes.byref(pinned.vectors("values", values, 1))))
+
+    def solve(self, positions: Any, **options: Unpack[SolveOptions]) -> AssetReport:
+        """Solves all tiles for a pose: positions (vertices, 3) in the order of the rest positions. Returns a report.
+
+        Ctrl-C ends it: the last result stays. The options are those of SolveOptions.
+        """
+        self._run(positions, [], options)
+        return self.report()
+
+    def redirect(
+        self, positions: Any, fetches: Sequence[Fetch | Tile], **options: Unpack[SolveOptions]
+    ) -> list[np.ndarray]:
+        """Solves for a pose and returns an image for each of `fetches`, in one call: as solve and Tile.fetch, but
+        nothing else can use the asset in between. A Tile alone stands for its redirection map at the grid's size."""
+        return self._run(positions, [f if isinstance(f, Fetch) else Fetch(f) for f in fetches], options)
+
+    def _run(self, positions: Any, fetches: list[Fetch], options: SolveOptions) -> list[np.ndarray]:
+        pinned = Pinned()
+        points = pinned.vectors("positions", positions, 3, more=1)
+        struct, progress = _options.build(pinned, options)
+        targets = [fetch.target(pinned) for fetch in fetches]
+        structs = (_abi.vrtm_fetch * max(len(fetches), 1))()
+        for element, fetch, target in zip(structs, fetches, targets):
+            fetch.fill(element, target)
+
+        def call() -> None:
+            status = library.vrtm_asset_redirect(
+                self._handle, ctypes.byref(points), ctypes.byref(struct), structs, len(fetches)
+            )
+            if progress is not None and progress.error is not None:
+                raise progress.error
+            check(status)
+
+        interruptible(call, self.cancel)
+        return [target.done() for target in targets]
+
+    def submit(self, positions: Any, **options: Unpack[SolveOptions]) -> Job:
+        """Begins to solve for a pose and returns at once: a job is a future, and can be awaited. Until it is done,
+        calls that solve or change the asset raise BusyError, and results are those of the last solve."""
+        return Job(self, positions, options)
+
+    def cancel(self) -> None:
+        """Cancels the solve that is under way, on another thread or as a job. Without one it does nothing."""
+        check(library.vrtm_asset_cancel(self._handle))
+
+    def report(self) -> AssetReport:
+        """What the last solve came to, over all tiles. Raises NotSolvedError before the first."""
+        struct = new(_abi.vrtm_asset_report_data)
+        check(library.vrtm_asset_report(self._handle, ctypes.byref(struct)))
+        return record(AssetReport, struct)
+
+    def corner_uvs(self, uv_set: int = 0, *, out: np.ndarray | None = None) -> np.ndarray:
+        """The redirected UV of each face corner, (corners, 2) of float32, with the tile's place added as in the mesh's
+        own UVs. They recover less than the map where the mesh is coarser than what is painted on it: see refine."""
+        array = output("out", out, (self._corners, 2))
+        written = np.ascontiguousarray(array)
+        uv_set = natural("uv_set", uv_set, 32)
+        check(library.vrtm_asset_fetch_corner_uvs_of_set(self._handle, uv_set, written.ctypes.data, self._corners))
+        if written is not array:
+            array[...] = written
+        return array
+
+    def refine(self, uv_set: int = 0, *, tolerance: float = 0.0, max_triangles: int = 0) -> Refinement:
+        """The mesh with its triangles split where linear interpolation of the last result's UVs would err by more than
+        `tolerance`, in UV of a tile (0 = 1/2048), into at most `max_triangles` (0 = a million more than the mesh
+        has)."""
+        return Refinement(self, uv_set, tolerance, max_triangles)
+
+    def close(self) -> None:
+        """Ends the asset and all of its tiles; what is being solved is cancelled. Refinements go on working."""
+        self._end()
+
+    @property
+    def closed(self) -> bool:
+        """Whether close() was called."""
+        return not self._end.alive
+
+    def __enter__(self) -> Asset:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        if self.closed:
+            return "<vrtm.Asset, closed>"
+        info = self.info
+        return f"<vrtm.Asset of {info.faces} faces, tiles {', '.join(str(tile.udim) for tile in self._tiles)}>"
+
+
+def _destroy(handle: _abi.vrtm_asset, _log: object) -> None:
+    library.vrtm_asset_destroy(handle)

@@ -1,0 +1,113 @@
+"""Devices: where assets are solved."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+from . import _abi
+from ._library import check, library, new
+from ._names import name_of, record, value_of
+from ._records import Adapter, DeviceInfo
+
+Log = Callable[[str, str], Any]
+_LEVELS = {"warning": logging.WARNING, "info": logging.INFO}
+
+
+def _to_logging(level: str, message: str) -> None:
+    logging.getLogger("vrtm").log(_LEVELS.get(level, logging.INFO), "%s", message)
+
+
+def adapters() -> list[Adapter]:
+    """The GPUs that a device can be made on, hardware first; a device takes the place in this list as `adapter`. Empty
+    without a GPU or a driver. This loads drivers, which takes tens of milliseconds."""
+    count = ctypes.c_uint32()
+    check(library.vrtm_adapter_count(ctypes.byref(count)))
+    found = []
+    for index in range(count.value):
+        struct = new(_abi.vrtm_adapter_data)
+        check(library.vrtm_adapter_info(index, ctypes.byref(struct)))
+        found.append(record(Adapter, struct))
+    return found
+
+
+class Device:
+    """Where assets are solved: a GPU or the CPU. Make one and keep it.
+
+    backend         "auto" (a hardware GPU if there is one, else the CPU), "cpu" or "gpu"
+    adapter         which GPU: its place in adapters()
+    threads         CPU threads that one solve uses; 0 = one per core. Results do not depend on it
+    memory_budget   most bytes that all assets of the device may hold; 0 = no limit
+    log             called with "warning" or "info" and a line of text, on the thread of the call (a job has a thread of
+                    its own); None = Python's logger "vrtm"
+
+    Raises UnsupportedError if there is no such GPU. Assets keep what they need of a device and may outlive it. May be
+    used with `with`, which closes it.
+    """
+
+    def __init__(
+        self,
+        backend: str = "auto",
+        *,
+        adapter: int = 0,
+        threads: int = 0,
+        memory_budget: int = 0,
+        log: Log | None = None,
+    ) -> None:
+        desc = new(_abi.vrtm_device_desc)
+        desc.backend = value_of("backend", backend)
+        desc.adapter = natural("adapter", adapter, 32)
+        desc.threads = natural("threads", threads, 32)
+        desc.memory_budget = natural("memory_budget", memory_budget, 64)
+        if log is not None and not callable(log):
+            raise TypeError(f"log: {log!r} cannot be called")
+        tell = log or _to_logging
+
+        def line(_user: int, level: int, message: bytes) -> None:
+            tell(name_of("log_level", level), message.decode(errors="replace"))
+
+        # The assets keep it, too: the library calls it as long as one of them lives.
+        self._log = desc.log = _abi.vrtm_log_fn(line)
+        handle = _abi.vrtm_device()
+        check(library.vrtm_device_create(ctypes.byref(desc), ctypes.byref(handle)))
+        self._handle = handle
+        self._end = weakref.finalize(self, library.vrtm_device_destroy, handle)
+
+    @property
+    def info(self) -> DeviceInfo:
+        """What was chosen and why, and how much memory its assets hold."""
+        struct = new(_abi.vrtm_device_data)
+        check(library.vrtm_device_info(self._handle, ctypes.byref(struct)))
+        return record(DeviceInfo, struct)
+
+    def close(self) -> None:
+        """Ends the device. Assets that were made on it go on working."""
+        self._end()
+
+    @property
+    def closed(self) -> bool:
+        """Whether close() was called."""
+        return not self._end.alive
+
+    def __enter__(self) -> Device:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return "<vrtm.Device, closed>" if self.closed else f"<vrtm.Device {self.info.backend}: {self.info.name}>"
+
+
+def natural(name: str, value: Any, bits: int) -> int:
+    """A number without sign, which ctypes would cut to so many bits without a word."""
+    try:
+        number = value.__index__()
+    except AttributeError:
+        raise TypeError(f"{name}: {value!r} is no whole number") from None
+    if not 0 <= number < 1 << bits:
+        raise ValueError(f"{name}: {number} is not in 0..{(1 << bits) - 1}")
+    return number

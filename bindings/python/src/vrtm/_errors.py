@@ -1,0 +1,84 @@
+"""Exceptions: one for each status of the library."""
+
+from __future__ import annotations
+
+import builtins
+import concurrent.futures
+
+from . import _abi
+
+
+class Error(Exception):
+    """A call of the library failed. What was there before it, is there still."""
+
+    def __init__(self, status: int, status_name: str, message: str) -> None:
+        super().__init__(message or status_name)
+        #: The library's status: one of VRTM_ERROR_.
+        self.status = status
+        #: Its name, such as "VRTM_ERROR_BUSY".
+        self.status_name = status_name
+        #: The library's message, which names the function and the argument.
+        self.message = message
+
+    def __reduce__(self) -> tuple:
+        # With all three, so that the exception can cross from one process to another.
+        return type(self), (self.status, self.status_name, self.message)
+
+
+class InvalidArgumentError(Error, ValueError):
+    """An argument is out of its range, of a wrong size, or holds a NaN or an infinity."""
+
+
+class InvalidHandleError(Error, ValueError):
+    """The object was closed."""
+
+
+class UnsupportedError(Error):
+    """The backend or the combination is not available in this build or on this machine."""
+
+
+class OutOfMemoryError(Error, MemoryError):
+    """The memory, or the device's memory budget, does not suffice."""
+
+
+class NotSolvedError(Error):
+    """There is no result to read: solve first."""
+
+
+class BusyError(Error):
+    """Another call, or a job, is using the asset; try again when it is done."""
+
+
+class DeviceLostError(Error):
+    """The GPU went away. Close the assets and the device, and make new ones."""
+
+
+class InternalError(Error):
+    """A defect of the library; please report the message."""
+
+
+class CancelledError(Error, concurrent.futures.CancelledError):
+    """The solve was cancelled; the asset keeps its last result."""
+
+
+class TimeoutError(Error, builtins.TimeoutError):
+    """The job was not done in time; wait again."""
+
+
+_CLASSES = {
+    _abi.VRTM_ERROR_INVALID_ARGUMENT: InvalidArgumentError,
+    _abi.VRTM_ERROR_INVALID_HANDLE: InvalidHandleError,
+    _abi.VRTM_ERROR_UNSUPPORTED: UnsupportedError,
+    _abi.VRTM_ERROR_OUT_OF_MEMORY: OutOfMemoryError,
+    _abi.VRTM_ERROR_NOT_SOLVED: NotSolvedError,
+    _abi.VRTM_ERROR_BUSY: BusyError,
+    _abi.VRTM_ERROR_DEVICE_LOST: DeviceLostError,
+    _abi.VRTM_ERROR_INTERNAL: InternalError,
+    _abi.VRTM_ERROR_CANCELLED: CancelledError,
+    _abi.VRTM_ERROR_TIMEOUT: TimeoutError,
+}
+
+
+def error_of(status: int, status_name: str, message: str) -> Error:
+    """The exception for a status."""
+    return _CLASSES.get(status, Error)(status, status_name, message)

@@ -1,0 +1,51 @@
+"""What Asset.redirect is asked for."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from . import _abi
+from ._arrays import Pinned
+from ._images import Target, image_size
+from ._library import new
+from ._names import value_of
+from ._tile import Tile
+
+
+class Fetch:
+    """One image of a tile, for Asset.redirect; the arguments are those of Tile.fetch."""
+
+    def __init__(
+        self,
+        tile: Tile,
+        kind: str = "redirection",
+        size: int | tuple[int, int] | None = None,
+        *,
+        dtype: Any = np.float32,
+        channels: int = 0,
+        origin: str = "top",
+        one_to_one: bool = False,
+        out: np.ndarray | None = None,
+    ) -> None:
+        if not isinstance(tile, Tile):
+            raise TypeError(f"tile: {tile!r} is no vrtm.Tile")
+        self.tile, self.kind = tile, kind
+        self._kind = value_of("fetch_kind", kind, "kind")
+        self._size = None if size is None else image_size(size)
+        self._more: dict[str, Any] = {"dtype": dtype, "channels": channels, "origin": origin}
+        self._more |= {"one_to_one": one_to_one, "out": out}
+
+    def target(self, pinned: Pinned) -> Target:
+        """Where it is written."""
+        size = self.tile._size(self.kind, self._size, self._more["out"], next=True)
+        return Target(pinned, self.kind, size, **self._more)
+
+    def fill(self, struct: _abi.vrtm_fetch, target: Target) -> None:
+        """The library's struct."""
+        struct.struct_size = new(_abi.vrtm_fetch).struct_size
+        struct.kind = self._kind
+        struct.tile = self.tile._handle
+        struct.image = ctypes.pointer(target.struct)

@@ -1,0 +1,140 @@
+"""Jobs: solves that run beside the caller's own work."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import concurrent.futures
+import ctypes
+import threading
+import weakref
+from collections.abc import Generator
+from typing import TYPE_CHECKING, Any
+
+from . import _abi, _options
+from ._arrays import Pinned
+from ._errors import CancelledError, TimeoutError
+from ._library import check, library, new
+
+if TYPE_CHECKING:
+    from ._asset import Asset
+    from ._options import SolveOptions
+    from ._records import AssetReport
+
+
+class Job(concurrent.futures.Future):
+    """A solve under way, made by Asset.submit: a future whose result is the asset's report. It can also be awaited.
+
+    result() and exception() wait with the GIL released, and take a timeout in seconds. cancel() ends the solve within
+    milliseconds; result() then raises CancelledError. Callbacks run on a thread of the job.
+    """
+
+    def __init__(self, asset: Asset, positions: Any, options: SolveOptions) -> None:
+        super().__init__()
+        pinned = Pinned()
+        points = pinned.vectors("positions", positions, 3, more=1)
+        struct, self._progress = _options.build(pinned, options)
+        handle = _abi.vrtm_job()
+        check(
+            library.vrtm_asset_submit(asset._handle, ctypes.byref(points), ctypes.byref(struct), ctypes.byref(handle))
+        )
+        self._asset = asset
+        self._handle = handle
+        # Handles are numbers that are never given out again: to cancel a job that has ended does nothing.
+        self._final_progress: float | None = None
+        _running.add(self)
+        # It keeps the job, and so the asset and the progress function, alive until the end.
+        self._thread = threading.Thread(target=self._wait, name="vrtm job", daemon=True)
+        self._thread.start()
+
+    def _wait(self) -> None:
+        try:
+            status = library.vrtm_job_wait(self._handle, _abi.VRTM_FOREVER)
+            error: BaseException | None = None
+            report = None
+            try:
+                check(status)
+                report = self._asset.report()
+            except Exception as raised:
+                error = raised
+            self._final_progress = self.progress
+            # After this the library uses nothing of the job any more, and no handle is left.
+            library.vrtm_job_destroy(self._handle)
+        finally:
+            _running.discard(self)
+        if self._progress is not None and self._progress.error is not None:
+            error = self._progress.error
+        if isinstance(error, CancelledError):
+            super().cancel()
+            self.set_running_or_notify_cancel()
+            return
+        self.set_running_or_notify_cancel()
+        if error is not None:
+            self.set_exception(error)
+        else:
+            self.set_result(report)
+
+    @property
+    def progress(self) -> float:
+        """The fraction (0..1) that is done, by prediction. It never falls."""
+        if self._final_progress is not None:
+            return self._final_progress
+        struct = new(_abi.vrtm_job_data)
+        if library.vrtm_job_progress(self._handle, ctypes.byref(struct)) != _abi.VRTM_OK:
+            # It ended in between.
+            return self._final_progress if self._final_progress is not None else 1.0
+        return struct.progress
+
+    def cancel(self) -> bool:
+        """Cancels the solve; returns at once, False if it was done already. A solve that has its result by then ends as
+        it would have."""
+        if self.done():
+            return self.cancelled()
+        library.vrtm_job_cancel(self._handle)
+        return True
+
+    def running(self) -> bool:
+        """Whether it is not done yet."""
+        return not self.done()
+
+    def result(self, timeout: float | None = None) -> AssetReport:
+        """Waits for the end, for at most so many seconds; returns the asset's report or raises what went wrong."""
+        with _translated():
+            return super().result(timeout)
+
+    def exception(self, timeout: float | None = None) -> BaseException | None:
+        """Waits for the end; returns what went wrong, or None."""
+        with _translated():
+            return super().exception(timeout)
+
+    def close(self) -> None:
+        """Cancels it and waits for its end."""
+        self.cancel()
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+
+    def __await__(self) -> Generator[Any, None, AssetReport]:
+        return asyncio.wrap_future(self).__await__()
+
+
+class _translated:
+    """Turns the exceptions of futures into those of this package, which are kinds of them."""
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        if isinstance(error, concurrent.futures.CancelledError) and not isinstance(error, CancelledError):
+            raise CancelledError(_abi.VRTM_ERROR_CANCELLED, "VRTM_ERROR_CANCELLED", "the job was cancelled") from None
+        if type(error) is concurrent.futures.TimeoutError:
+            raise TimeoutError(_abi.VRTM_ERROR_TIMEOUT, "VRTM_ERROR_TIMEOUT", "the job is not done yet") from None
+
+
+# Jobs that run: at the end of the process they are cancelled and waited for, since they may call Python functions.
+_running: weakref.WeakSet[Job] = weakref.WeakSet()
+
+
+@atexit.register
+def _end_all() -> None:
+    for job in list(_running):
+        job.close()

@@ -1,0 +1,64 @@
+"""The shared library: finding it, loading it, calling it."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from pathlib import Path
+from typing import TypeVar
+
+from . import _abi
+from ._errors import error_of
+
+Struct = TypeVar("Struct", bound=ctypes.Structure)
+
+FILE = {"win32": "vrtm.dll", "darwin": "libvrtm.dylib"}.get(sys.platform, "libvrtm.so")
+
+
+def path() -> Path:
+    """The library's file: that of the package, unless the environment variable VRTM_LIBRARY names another."""
+    return Path(os.environ.get("VRTM_LIBRARY") or Path(__file__).parent / FILE)
+
+
+def _load() -> ctypes.CDLL:
+    file = path()
+    if not file.is_file():
+        raise ImportError(f"vrtm: the shared library {file} is not there: install the package with pip")
+    library = ctypes.CDLL(str(file.resolve()))
+    for name, (result, *arguments) in _abi.functions.items():
+        try:
+            function = getattr(library, name)
+        except AttributeError:
+            raise ImportError(f"vrtm: {file} is older than this package: it has no {name}") from None
+        function.restype, function.argtypes = result, arguments
+    found, wanted = library.vrtm_version(), _abi.VRTM_VERSION
+    if found // 1_000_000 != wanted // 1_000_000 or found < wanted:
+        raise ImportError(f"vrtm: {file} is version {_text(found)}, and this package wants {_text(wanted)}")
+    return library
+
+
+def _text(version: int) -> str:
+    return f"{version // 1_000_000}.{version // 1000 % 1000}.{version % 1000}"
+
+
+library = _load()
+
+
+def version() -> str:
+    """The version of the loaded library, such as "0.1.0"."""
+    return _text(library.vrtm_version())
+
+
+def check(status: int) -> None:
+    """Raises the exception for a status, unless it is VRTM_OK. On the thread of the call, whose message it takes."""
+    if status != _abi.VRTM_OK:
+        name = library.vrtm_status_string(status).decode()
+        raise error_of(status, name, library.vrtm_last_error().decode(errors="replace"))
+
+
+def new(struct: type[Struct]) -> Struct:
+    """A struct as its _init() function makes it: zeros, and its size."""
+    value = struct()
+    value.struct_size = ctypes.sizeof(struct)  # type: ignore[attr-defined]
+    return value

@@ -1,0 +1,61 @@
+"""Names in place of the header's constants, and the library's structs as dataclasses."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, TypeVar
+
+from . import _abi, _records
+
+Record = TypeVar("Record")
+
+
+def values(argument: str) -> dict[str, int]:
+    """The names that an argument such as "quality" may have, and their values."""
+    return getattr(_abi, f"vrtm_{argument}_values")
+
+
+def value_of(argument: str, name: Any, shown: str | None = None) -> int:
+    """The value of a name: 1 for `value_of("quality", "draft")`."""
+    try:
+        return values(argument)[name]
+    except (KeyError, TypeError):
+        names = ", ".join(repr(n) for n in values(argument))
+        raise ValueError(f"{shown or argument}: {name!r} is none of {names}") from None
+
+
+def name_of(argument: str, value: int) -> str:
+    """The name of a value; of one that a newer library has, the number."""
+    return next((n for n, v in values(argument).items() if v == value), str(value))
+
+
+# The fields whose numbers have names.
+_NAMED = {"backend", "overlap"}
+
+
+def record(cls: type[Record], struct: ctypes.Structure) -> Record:
+    """A struct that the library has filled, as its dataclass."""
+    fields = {}
+    for name, hint in cls.__annotations__.items():
+        value = getattr(struct, name)
+        if isinstance(value, bytes):
+            value = value.decode(errors="replace")
+        elif isinstance(value, ctypes.Structure):
+            value = record(getattr(_records, hint), value)
+        elif name in _NAMED and isinstance(value, int):
+            value = name_of(name, value)
+        elif hint == "bool":
+            value = bool(value)
+        fields[name] = value
+    return cls(**fields)
+
+
+def fill(struct: ctypes.Structure, settings: Any) -> None:
+    """The other way round: the fields of a dataclass of settings into its struct."""
+    for name in type(settings).__annotations__:
+        value = getattr(settings, name)
+        value = value_of(name, value) if name in _NAMED else value
+        try:
+            setattr(struct, name, value)
+        except TypeError:
+            raise TypeError(f"{name}: {value!r} is no number") from None

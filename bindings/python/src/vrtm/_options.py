@@ -1,0 +1,105 @@
+"""The options of a solve."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypedDict
+
+from . import _abi
+from ._arrays import Pinned
+from ._device import natural
+from ._library import new
+from ._names import fill, value_of
+from ._records import PbdSettings
+
+if TYPE_CHECKING:
+    from ._tile import Tile
+
+
+class SolveOptions(TypedDict, total=False):
+    """Keyword arguments of Asset.solve, redirect and submit; what is left out has the library's default."""
+
+    quality: str
+    """"normal" (the default), "draft" or "high"."""
+    warm: bool
+    """Start from the last result: faster on small changes, but the result depends on the order of the frames."""
+    temporal_weight: float
+    """With `warm`, how strongly the warp is held to the last result; 0.03 to 0.3 is a useful range."""
+    max_corrections: int
+    """Most corrections per level, 0..64; 0 = the quality's own."""
+    tolerance: float
+    """A chart is done when a correction gains less than this fraction of its energy; 0 = the quality's own."""
+    time_budget_ms: float
+    """Milliseconds that the solve may take; 0 = no limit."""
+    measure: bool
+    """Also measure the strain on the mesh, for the tiles' reports. Slow."""
+    solver: str
+    """"descent" (the default) or "pbd", the paper's own, for comparison."""
+    pbd: PbdSettings | None
+    """Settings of the latter."""
+    threads: int
+    """CPU threads of this solve; 0 = the device's."""
+    release_last: bool
+    """Drop the last results before solving, which saves their memory."""
+    tiles: Sequence[Tile] | None
+    """The tiles to solve; None = all. The others keep their results."""
+    dirty_vertices: Any
+    """The vertices that have moved since the last solve, as integers; None = any may have."""
+    progress: Callable[[float], Any] | None
+    """Called with 0..1, at most 500 times per second, on the thread that does the work. If it returns True or raises
+    an exception, the solve is cancelled; the exception is raised again by the call, or by the job's result."""
+
+
+class Progress:
+    """A progress function for the library: it holds on to what the caller's function raised."""
+
+    def __init__(self, function: Callable[[float], Any]) -> None:
+        if not callable(function):
+            raise TypeError(f"progress: {function!r} cannot be called")
+        self.error: BaseException | None = None
+
+        def tell(_user: int, fraction: float) -> int:
+            if self.error is not None:
+                return 1
+            try:
+                return 1 if function(fraction) is True else 0
+            except BaseException as error:
+                self.error = error
+                return 1
+
+        self.function = _abi.vrtm_progress_fn(tell)
+
+
+def build(pinned: Pinned, options: SolveOptions) -> tuple[Any, Progress | None]:
+    """The library's struct, and the progress function if there is one."""
+    unknown = set(options) - set(SolveOptions.__annotations__)
+    if unknown:
+        raise TypeError(f"{sorted(unknown)[0]}: there is no such option of a solve")
+    struct = pinned.keep(new(_abi.vrtm_solve_options))
+    struct.quality = value_of("quality", options.get("quality", "normal"))
+    struct.solver = value_of("solver", options.get("solver", "descent"))
+    for name in ("warm", "measure", "release_last"):
+        setattr(struct, name, int(bool(options.get(name))))
+    for name in ("max_corrections", "threads"):
+        setattr(struct, name, natural(name, options.get(name, 0), 32))
+    for name in ("temporal_weight", "tolerance", "time_budget_ms"):
+        try:
+            setattr(struct, name, options.get(name, 0.0))
+        except TypeError:
+            raise TypeError(f"{name}: {options.get(name)!r} is no number") from None
+    if (pbd := options.get("pbd")) is not None:
+        if not isinstance(pbd, PbdSettings):
+            raise TypeError(f"pbd: {pbd!r} is no vrtm.PbdSettings")
+        fill(struct.pbd, pbd)
+    if (tiles := options.get("tiles")) is not None:
+        handles = pinned.keep((_abi.vrtm_tile * max(len(tiles), 1))(*(tile._handle for tile in tiles)))
+        struct.tiles, struct.tile_count = ctypes.cast(handles, ctypes.POINTER(_abi.vrtm_tile)), len(tiles)
+    if (dirty := options.get("dirty_vertices")) is not None:
+        vertices = pinned.indices("dirty_vertices", dirty)
+        struct.dirty_vertices, struct.dirty_vertex_count = vertices.ctypes.data, len(vertices)
+    progress = None
+    if (function := options.get("progress")) is not None:
+        progress = pinned.keep(Progress(function))
+        struct.progress = progress.function
+    return struct, progress

@@ -1,0 +1,107 @@
+"""Refinements: meshes split for hosts that know UV sets only."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import _abi
+from ._arrays import output
+from ._device import natural
+from ._library import check, library, new
+from ._names import record
+from ._records import RefinementInfo
+
+if TYPE_CHECKING:
+    from ._asset import Asset
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """How the refined mesh follows from the mesh. Sources come in threes, with weights that add up to 1: positions of
+    the refined mesh are (positions[vertex_sources] * vertex_weights[..., None]).sum(1)."""
+
+    vertex_sources: np.ndarray
+    """(vertices, 3) of uint32: vertices of the mesh. The mesh's own vertices come first."""
+    vertex_weights: np.ndarray
+    """(vertices, 3) of float32."""
+    face_sources: np.ndarray
+    """(faces,) of uint32: the face of the mesh that each lies in."""
+    face_corners: np.ndarray
+    """(faces,) of uint32: the number of corners."""
+    corner_vertices: np.ndarray
+    """(corners,) of uint32: the vertex of each corner."""
+    corner_sources: np.ndarray
+    """(corners, 3) of uint32: corners of the mesh."""
+    corner_weights: np.ndarray
+    """(corners, 3) of float32."""
+    corner_uvs: np.ndarray
+    """(corners, 2) of float32: the original UVs, with the tile's place added."""
+
+
+class Refinement:
+    """The mesh of an asset, its triangles split where interpolated UVs would err; made by Asset.refine. It keeps what
+    it needs, and may be used when the asset is closed."""
+
+    def __init__(self, asset: Asset, uv_set: int, tolerance: float, max_triangles: int) -> None:
+        desc = new(_abi.vrtm_refinement_desc)
+        desc.uv_set = natural("uv_set", uv_set, 32)
+        desc.tolerance = tolerance
+        desc.max_triangles = natural("max_triangles", max_triangles, 64)
+        handle = _abi.vrtm_refinement()
+        check(library.vrtm_refinement_create(asset._handle, ctypes.byref(desc), ctypes.byref(handle)))
+        self._handle = handle
+        self._end = weakref.finalize(self, library.vrtm_refinement_destroy, handle)
+
+    @property
+    def info(self) -> RefinementInfo:
+        """Its sizes, and what it came to."""
+        struct = new(_abi.vrtm_refinement_data)
+        check(library.vrtm_refinement_info(self._handle, ctypes.byref(struct)))
+        return record(RefinementInfo, struct)
+
+    def extend(self) -> None:
+        """Splits further, for the asset's last result. What was split stays split: extended for each frame of a shot,
+        it has one topology for all of them."""
+        check(library.vrtm_refinement_extend(self._handle))
+
+    def pattern(self) -> Pattern:
+        """How it follows from the mesh. It changes only when the refinement is extended."""
+        info = self.info
+        counts = {"vertex": info.vertices, "face": info.faces, "corner": info.corners}
+        struct = new(_abi.vrtm_refinement_pattern)
+        struct.vertex_count, struct.face_count, struct.corner_count = counts.values()
+        arrays = {}
+        for name in Pattern.__annotations__:
+            rows = counts[name.split("_")[0]]
+            floats = name.endswith(("weights", "uvs"))
+            columns = (2,) if name == "corner_uvs" else (3,) if name.endswith(("sources", "weights")) else ()
+            shape = (rows,) if name == "face_sources" else (rows, *columns)
+            arrays[name] = np.empty(shape, np.float32 if floats else np.uint32)
+            setattr(struct, name, arrays[name].ctypes.data)
+        check(library.vrtm_refinement_fetch_pattern(self._handle, ctypes.byref(struct)))
+        return Pattern(**arrays)
+
+    def corner_uvs(self, *, out: np.ndarray | None = None) -> np.ndarray:
+        """The redirected UV of each corner in the asset's last result, (corners, 2) of float32."""
+        count = self.info.corners
+        array = output("out", out, (count, 2))
+        written = np.ascontiguousarray(array)
+        check(library.vrtm_refinement_fetch_corner_uvs(self._handle, written.ctypes.data, count))
+        if written is not array:
+            array[...] = written
+        return array
+
+    def close(self) -> None:
+        """Ends it."""
+        self._end()
+
+    def __enter__(self) -> Refinement:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

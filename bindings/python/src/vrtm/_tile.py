@@ -1,0 +1,207 @@
+"""Tiles: one UDIM unit square of an asset."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _abi
+from ._arrays import Pinned
+from ._device import natural
+from ._images import PIXELS, Target, image, image_size, pixel_type
+from ._library import check, library, new
+from ._names import fill, record, value_of
+from ._records import MapInfo, TileInfo, TileNeeds, TileReport, TileSettings
+
+if TYPE_CHECKING:
+    from ._asset import Asset
+
+
+class Tile:
+    """A tile of an asset: its maps, settings and results. Asset.tiles and Asset.tile hand them out."""
+
+    def __init__(self, asset: Asset, handle: _abi.vrtm_tile) -> None:
+        self._handle = handle
+        #: The asset that it belongs to.
+        self.asset = asset
+        udim, uv_set = ctypes.c_uint32(), ctypes.c_uint32()
+        check(library.vrtm_tile_udim(handle, ctypes.byref(udim), ctypes.byref(uv_set)))
+        #: UDIM number, 1001 + U + 10 V.
+        self.udim: int = udim.value
+        #: The UV set that it belongs to.
+        self.uv_set: int = uv_set.value
+
+    @property
+    def info(self) -> TileInfo:
+        """Facts that need no solve. The first call, and the first after a change of maps or settings, prepares the
+        tile's grid, which takes time."""
+        struct = new(_abi.vrtm_tile_data)
+        check(library.vrtm_tile_info(self._handle, ctypes.byref(struct)))
+        return record(TileInfo, struct)
+
+    def set_rigidity(self, rigidity: Any | None, *, channel: int = 0, origin: str = "top") -> None:
+        """Sets what is rigid: an image (height, width) or (height, width, channels) of uint8, uint16, float16 or
+        float32, 0 (elastic) to 1 (rigid; for integers their largest value), of any size. `origin`: "top" if the first
+        row is at v = 1, as in image files, or "bottom". None takes it away: then nothing in the tile moves."""
+        self._set(library.vrtm_tile_set_rigidity, "rigidity", rigidity, channel, origin)
+
+    def update_rigidity(
+        self, rigidity: Any, x: int, y: int, width: int, height: int, *, channel: int = 0, origin: str = "top"
+    ) -> None:
+        """Takes a part of the rigidity map anew, after a stroke of a brush: `width` x `height` texels from column `x`
+        and row `y` of the array. `rigidity` is the whole map, with the size and format of the one that was set."""
+        pinned = Pinned()
+        part = (natural(name, value, 32) for name, value in zip(("x", "y", "width", "height"), (x, y, width, height)))
+        struct = image(pinned, "rigidity", rigidity, channel, origin)
+        check(library.vrtm_tile_update_rigidity(self._handle, ctypes.byref(struct), *part))
+
+    def set_mask(self, mask: Any | None, *, channel: int = 0, origin: str = "top") -> None:
+        """Sets the warp mask: what lies under a texel of less than 0.5 does not move. None: all may move."""
+        self._set(library.vrtm_tile_set_mask, "mask", mask, channel, origin)
+
+    def _set(self, function: Any, name: str, value: Any | None, channel: int, origin: str) -> None:
+        pinned = Pinned()
+        struct = None if value is None else ctypes.byref(image(pinned, name, value, channel, origin))
+        check(function(self._handle, struct))
+
+    @property
+    def settings(self) -> TileSettings:
+        """The settings, with the defaults filled in."""
+        struct = new(_abi.vrtm_tile_settings)
+        check(library.vrtm_tile_get_settings(self._handle, ctypes.byref(struct)))
+        return record(TileSettings, struct)
+
+    def set_settings(self, settings: TileSettings | None = None, **fields: Any) -> None:
+        """Sets all settings: those given, with `fields` changed; without either, the defaults. To change one and keep
+        the others: tile.set_settings(tile.settings, smoothness=0.05)."""
+        unknown = sorted(set(fields) - set(TileSettings.__annotations__))
+        if unknown:
+            raise TypeError(f"{unknown[0]}: there is no such setting of a tile")
+        settings = dataclasses.replace(settings or TileSettings(), **fields)
+        for name in ("grid_width", "grid_height"):
+            natural(name, getattr(settings, name), 32)
+        struct = new(_abi.vrtm_tile_settings)
+        fill(struct, settings)
+        check(library.vrtm_tile_set_settings(self._handle, ctypes.byref(struct)))
+
+    def freeze(self, frozen: bool = True) -> None:
+        """Freezes the tile, or lets it go: solves leave a frozen tile alone, so that it keeps its result."""
+        check(library.vrtm_tile_freeze(self._handle, int(bool(frozen))))
+
+    def estimate(self) -> TileNeeds:
+        """What memory preparing and solving the tile would take, to about a tenth."""
+        struct = new(_abi.vrtm_tile_needs)
+        check(library.vrtm_tile_estimate(self._handle, ctypes.byref(struct)))
+        return record(TileNeeds, struct)
+
+    def save(self) -> bytes:
+        """The prepared tile as bytes, for load on another machine or in a later session."""
+        size = ctypes.c_size_t()
+        check(library.vrtm_tile_save(self._handle, None, 0, ctypes.byref(size)))
+        data = ctypes.create_string_buffer(size.value)
+        check(library.vrtm_tile_save(self._handle, data, size.value, ctypes.byref(size)))
+        return data.raw[: size.value]
+
+    def load(self, data: bytes) -> None:
+        """Takes a tile that save made; mesh, maps and settings have to be the same. What is not one is refused."""
+        block = np.frombuffer(data, np.uint8)
+        check(library.vrtm_tile_load(self._handle, block.ctypes.data, len(block)))
+
+    def fetch(
+        self,
+        kind: str = "redirection",
+        size: int | tuple[int, int] | None = None,
+        *,
+        dtype: Any = np.float32,
+        channels: int = 0,
+        origin: str = "top",
+        one_to_one: bool = False,
+        out: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """An output of the last solve as an image, (height, width, channels).
+
+        kind        "redirection": the UV at which to sample the texture, within the tile, v up;
+                    "redirection_delta": the same less the texel's own UV; "redirection_udim": plus the tile's place;
+                    "warp": the redirection's inverse, texels on nodes; "jacobian": du'/du, du'/dv, dv'/du, dv'/dv;
+                    "filter_scale": its largest singular value
+        size        (width, height) or one number for both; None = that of `out`, or the grid's (a warp's has one node
+                    more)
+        dtype       float32 or float16
+        channels    0 = as many as the kind has; 3 = a third that is 0; 4 = a fourth that is 1 where charts are
+        origin      "top": the first row is at v = 1; or "bottom"
+        one_to_one  the redirection is one-to-one also when it is interpolated between its texels
+        out         an array to write into, of the right shape, of any strides
+
+        Never waits for a solve. Raises NotSolvedError before the first.
+        """
+        number = value_of("fetch_kind", kind, "kind")
+        size = self._size(kind, None if size is None else image_size(size), out)
+        target = Target(
+            Pinned(), kind, size, dtype=dtype, channels=channels, origin=origin, one_to_one=one_to_one, out=out
+        )
+        check(library.vrtm_tile_fetch(self._handle, number, ctypes.byref(target.struct)))
+        return target.done()
+
+    def fetch_part(
+        self,
+        kind: str,
+        whole: int | tuple[int, int],
+        part: tuple[int, int, int, int],
+        *,
+        dtype: Any = np.float32,
+        channels: int = 0,
+        origin: str = "top",
+        out: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """A part of an output, for images that are too large to be held at once: of an image of `whole` texels (width,
+        height), those of `part`: (x, y, width, height), rows counted in the order of `origin`."""
+        number = value_of("fetch_kind", kind, "kind")
+        x, y, width, height = part
+        target = Target(
+            Pinned(), kind, image_size((width, height)), dtype=dtype, channels=channels, origin=origin, out=out
+        )
+        place = (natural("part", x, 32), natural("part", y, 32), *image_size(whole))
+        check(library.vrtm_tile_fetch_part(self._handle, number, ctypes.byref(target.struct), *place))
+        return target.done()
+
+    def inspect_map(
+        self,
+        kind: str = "redirection",
+        size: int | tuple[int, int] | None = None,
+        *,
+        dtype: Any = np.float32,
+        one_to_one: bool = False,
+    ) -> MapInfo:
+        """What a redirection map of this kind, size and format gives when a renderer interpolates in it: where it
+        folds, how far it is from the redirection itself (lengths in UV), and which size suffices."""
+        desc = new(_abi.vrtm_map_desc)
+        desc.kind = value_of("fetch_kind", kind, "kind")
+        desc.format = PIXELS[pixel_type(dtype)]
+        desc.width, desc.height = self._size(kind, None if size is None else image_size(size), None)
+        desc.one_to_one = int(one_to_one)
+        struct = new(_abi.vrtm_map_data)
+        check(library.vrtm_tile_inspect_map(self._handle, ctypes.byref(desc), ctypes.byref(struct)))
+        return record(MapInfo, struct)
+
+    def report(self) -> TileReport:
+        """What the tile's last solve came to. Raises NotSolvedError before the first."""
+        struct = new(_abi.vrtm_tile_report_data)
+        check(library.vrtm_tile_report(self._handle, ctypes.byref(struct)))
+        return record(TileReport, struct)
+
+    def _size(self, kind: str, size: tuple[int, int] | None, out: Any, *, next: bool = False) -> tuple[int, int]:
+        """(width, height) of an output: as asked for, or that of `out`, or one texel per cell of the last result's
+        grid; `next`: of the grid that the next solve will have."""
+        if size is not None:
+            return size
+        if isinstance(out, np.ndarray) and out.ndim == 3:
+            return out.shape[1], out.shape[0]
+        of: TileReport | TileInfo = self.info if next else self.report()
+        nodes = 1 if kind == "warp" else 0
+        return of.grid_width + nodes, of.grid_height + nodes
+
+    def __repr__(self) -> str:
+        return f"<vrtm.Tile {self.udim} of UV set {self.uv_set}>"

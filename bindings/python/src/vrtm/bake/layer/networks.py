@@ -1,0 +1,248 @@
+"""Texture lookups in a material's network, and how they are redirected.
+
+UsdPreviewSurface has no node that makes a texture coordinate of a texture's colour: there the texture is replaced by
+warped copies, or the UVs by the primvar. MaterialX looks a map up in an image node, whose result is the next one's
+coordinate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pxr import Sdf, Usd, UsdShade
+
+from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
+from vrtm.bake.scene.types import Shape
+
+FLOAT2 = Sdf.ValueTypeNames.Float2
+READERS = ("UsdPrimvarReader_float2",)
+# Nodes of MaterialX that hand out the mesh's UVs, and the input that names the set.
+MTLX_READERS = {
+    "ND_geompropvalue_vector2": "geomprop",
+    "ND_UsdPrimvarReader_vector2": "varname",
+    "ND_texcoord_vector2": None,
+}
+MTLX_IMAGES = ("ND_image_", "ND_tiledimage_", "ND_gltf_image_", "ND_gltf_colorimage", "ND_UsdUVTexture", "ND_hextiled")
+MTLX_COORDINATES = ("texcoord", "st")
+
+
+class Redirector:
+    """Redirects the lookups of one material, of which the edited layer may hold opinions, for one shape."""
+
+    def __init__(self, material: UsdShade.Material, shape: Shape, plan: LayerPlan, warnings: list[str]) -> None:
+        self._material = material
+        self._shape = shape
+        self._plan = plan
+        self._warnings = warnings
+        self._inserted: dict[tuple[str, str], UsdShade.Output] = {}
+        self._reached: set[str] = set()
+
+    def redirect(self) -> int:
+        """Rewires all lookups by the shape's UVs. Returns how many textures are redirected now."""
+        count = 0
+        # A list: prims are added on the way.
+        for prim in list(Usd.PrimRange(self._material.GetPrim())):
+            shader = UsdShade.Shader(prim)
+            name = shader.GetIdAttr().Get() if shader else None
+            if not name:
+                continue
+            if name == "UsdUVTexture":
+                count += self._preview(shader)
+            elif name.startswith(MTLX_IMAGES):
+                count += self._materialx(shader)
+            elif name.startswith("ND_normalmap") or (name == "UsdPreviewSurface" and _is_plugged(shader, "normal")):
+                # Warped normal maps are turned by whoever warps them.
+                if not (name == "UsdPreviewSurface" and self._plan.warped_path and self._plan.mode != "primvar"):
+                    self._warnings.append(
+                        f"{self._shape.path}: {prim.GetPath()} takes a normal map, which the layer looks up "
+                        "redirected, but does not turn"
+                    )
+        return count
+
+    # UsdPreviewSurface
+
+    def _preview(self, texture: UsdShade.Shader) -> bool:
+        if self._plan.mode != "primvar" and self._plan.warped_path and self._warped(texture):
+            return True
+        if self._plan.corner_path is None:
+            self._warn(texture, "has neither a warped copy nor redirected corner UVs: it stays as it is")
+            return False
+        found = False
+        for reader in self._readers(texture.GetInput("st")):
+            value = _producer(reader.GetInput("varname"))
+            if value is None or value.Get() not in (self._shape.uv_name, PRIMVAR):
+                continue
+            if not self._inside(value.GetPrim()):
+                self._warn(texture, f"takes its UVs by {value.GetPath()}, outside of the material: it stays as it is")
+                continue
+            value.Set(PRIMVAR)
+            found = True
+        if not found:
+            self._warn(texture, f"is not looked up by the UVs '{self._shape.uv_name}': it stays as it is")
+        return found
+
+    def _warped(self, texture: UsdShade.Shader) -> bool:
+        file = _producer(texture.GetInput("file"))
+        asset = file.Get() if file else None
+        if not asset:
+            return False
+        source = _resolved(file, asset)
+        paths = [
+            (frame, self._plan.warped_path(self._shape.name, frame, source)) for frame in sorted(self._plan.frames)
+        ]
+        if any(path is None for _, path in paths):
+            return False
+        if not self._inside(file.GetPrim()):
+            self._warn(texture, f"is named by {file.GetPath()}, outside of the material: it stays as it is")
+            return False
+        if any(r.GetIdAttr().Get() == "UsdTransform2d" for r in self._upstream(texture.GetInput("st"))):
+            self._warn(texture, "is looked up by transformed UVs, which a warped copy is not made for")
+        for frame, path in paths:
+            file.Set(Sdf.AssetPath(path), frame)
+        return True
+
+    def _readers(self, coordinate: UsdShade.Input) -> list[UsdShade.Shader]:
+        return [shader for shader in self._upstream(coordinate) if shader.GetIdAttr().Get() in READERS]
+
+    def _upstream(self, plug: UsdShade.Input | UsdShade.Output | None) -> Iterator[UsdShade.Shader]:
+        """All shaders that a plug hangs on."""
+        if not plug:
+            return
+        for value in UsdShade.Utils.GetValueProducingAttributes(plug):
+            shader = UsdShade.Shader(value.GetPrim())
+            if UsdShade.Utils.GetType(value.GetName()) != UsdShade.AttributeType.Output or not shader:
+                continue
+            yield shader
+            for further in shader.GetInputs():
+                yield from self._upstream(further)
+
+    # MaterialX
+
+    def _materialx(self, image: UsdShade.Shader) -> bool:
+        if (self._plan.mode != "primvar" and self._plan.map_path is None) or not self._can_take_primvar():
+            self._warn(image, "has no redirection maps: it stays as it is")
+            return False
+        coordinates = [image.GetInput(name) for name in MTLX_COORDINATES if image.GetInput(name)]
+        plug = coordinates[0] if coordinates else None
+        if plug is None or (not plug.HasConnectedSource() and plug.Get() is None):
+            # MaterialX takes the mesh's default UVs then.
+            name = "st" if image.GetIdAttr().Get().startswith("ND_UsdUVTexture") else "texcoord"
+            plug = image.CreateInput(name, FLOAT2)
+            plug.ConnectToSource(self._insert(image.GetPrim().GetParent(), None))
+            return True
+        if self._rewire(plug):
+            return True
+        self._warn(image, f"is not looked up by the UVs '{self._shape.uv_name}': it stays as it is")
+        return False
+
+    def _can_take_primvar(self) -> bool:
+        return self._plan.mode != "primvar" or self._plan.corner_path is not None
+
+    def _rewire(self, plug: UsdShade.Input | UsdShade.Output) -> bool:
+        """Puts the lookup of the map between the mesh's UVs and what they are first plugged into, so that transforms of
+        UVs keep their place behind it. True if the UVs of the shape come this way."""
+        if str(plug.GetAttr().GetPath()) in self._reached:
+            return True
+        found = False
+        for source in plug.GetConnectedSources()[0]:
+            node = UsdShade.Shader(source.source.GetPrim())
+            name = node.GetIdAttr().Get() if node else None
+            if name in MTLX_READERS:
+                if not self._is_uv(node, MTLX_READERS[name]):
+                    continue
+                prim = plug.GetPrim()
+                inside = isinstance(plug, UsdShade.Output)
+                container = prim if inside else prim.GetParent()
+                plug.ConnectToSource(self._insert(container, node.GetOutput(source.sourceName)))
+                found = True
+            elif node:
+                # A list, since rewiring one input must not keep the others from it.
+                found = any([self._rewire(further) for further in node.GetInputs()]) or found
+            else:
+                interface = source.source
+                kind = source.sourceType == UsdShade.AttributeType.Input
+                further = interface.GetInput(source.sourceName) if kind else interface.GetOutput(source.sourceName)
+                found = self._rewire(further) or found
+        if found:
+            self._reached.add(str(plug.GetAttr().GetPath()))
+        return found
+
+    def _is_uv(self, node: UsdShade.Shader, named_by: str | None) -> bool:
+        if named_by is None:
+            index = node.GetInput("index")
+            return not index or not index.Get()
+        value = _producer(node.GetInput(named_by))
+        return value is not None and value.Get() == self._shape.uv_name
+
+    def _insert(self, container: Usd.Prim, uvs: UsdShade.Output | None) -> UsdShade.Output:
+        """The redirected UVs inside of a material or node graph; `uvs` are the mesh's, None those by default."""
+        key = (str(container.GetPath()), str(uvs.GetAttr().GetPath()) if uvs else "")
+        if key not in self._inserted:
+            number = len(self._inserted)
+            name = "vrtm_redirected" + (f"_{number}" if number else "")
+            path = container.GetPath().AppendChild(name)
+            insert = self._insert_primvar if self._plan.mode == "primvar" else self._insert_map
+            self._inserted[key] = insert(container.GetStage(), path, uvs)
+        return self._inserted[key]
+
+    def _insert_primvar(self, stage: Usd.Stage, path: Sdf.Path, uvs: UsdShade.Output | None) -> UsdShade.Output:
+        reader = _node(stage, path, "ND_geompropvalue_vector2")
+        reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set(PRIMVAR)
+        return reader.CreateOutput("out", FLOAT2)
+
+    def _insert_map(self, stage: Usd.Stage, path: Sdf.Path, uvs: UsdShade.Output | None) -> UsdShade.Output:
+        image = _node(stage, path, "ND_image_vector2")
+        file = image.CreateInput("file", Sdf.ValueTypeNames.Asset)
+        for frame in sorted(self._plan.frames):
+            file.Set(Sdf.AssetPath(self._plan.map_of(self._shape.name, frame)), frame)
+        # UVs are data, which must not be converted as colours.
+        file.GetAttr().SetColorSpace("raw")
+        for name, value in (("uaddressmode", "clamp"), ("vaddressmode", "clamp"), ("filtertype", "linear")):
+            image.CreateInput(name, Sdf.ValueTypeNames.String).Set(value)
+        if uvs is None and self._plan.form == "delta":
+            uvs = _node(stage, Sdf.Path(f"{path}_uv"), "ND_texcoord_vector2").CreateOutput("out", FLOAT2)
+        if uvs is not None:
+            image.CreateInput("texcoord", FLOAT2).ConnectToSource(uvs)
+        found = image.CreateOutput("out", FLOAT2)
+        if self._plan.form != "delta":
+            return found
+        total = _node(stage, Sdf.Path(f"{path}_sum"), "ND_add_vector2")
+        total.CreateInput("in1", FLOAT2).ConnectToSource(uvs)
+        total.CreateInput("in2", FLOAT2).ConnectToSource(found)
+        return total.CreateOutput("out", FLOAT2)
+
+    # Both
+
+    def _inside(self, prim: Usd.Prim) -> bool:
+        return prim.GetPath().HasPrefix(self._material.GetPath())
+
+    def _warn(self, shader: UsdShade.Shader, what: str) -> None:
+        self._warnings.append(f"{self._shape.path}: the texture {shader.GetPath()} {what}")
+
+
+def _node(stage: Usd.Stage, path: Sdf.Path, name: str) -> UsdShade.Shader:
+    shader = UsdShade.Shader.Define(stage, path)
+    shader.CreateIdAttr(name)
+    return shader
+
+
+def _is_plugged(shader: UsdShade.Shader, name: str) -> bool:
+    plug = shader.GetInput(name)
+    return bool(plug) and plug.HasConnectedSource()
+
+
+def _producer(plug: UsdShade.Input | None) -> Usd.Attribute | None:
+    """The attribute that an input takes its value from, through interfaces of materials and node graphs."""
+    found = UsdShade.Utils.GetValueProducingAttributes(plug) if plug else ()
+    return found[0] if found else None
+
+
+def _resolved(attribute: Usd.Attribute, asset: Sdf.AssetPath) -> str:
+    """Where a texture is: that file, or with <UDIM> where the files of its tiles are; as it is named if there is
+    none."""
+    if asset.resolvedPath:
+        return asset.resolvedPath
+    layers = [spec.layer for spec in attribute.GetPropertyStack(Usd.TimeCode.Default())]
+    if UsdShade.UdimUtils.IsUdimIdentifier(asset.path) and layers:
+        return UsdShade.UdimUtils.ResolveUdimPath(asset.path, layers[0]) or asset.path
+    return asset.path

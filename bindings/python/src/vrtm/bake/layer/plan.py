@@ -1,0 +1,65 @@
+"""What a layer is to say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+PRIMVAR = "st_redirected"
+"""Name of the primvar with redirected corner UVs."""
+
+UDIM = "<UDIM>"
+"""What renderers replace by the number of a tile."""
+
+
+class LayerError(Exception):
+    """A plan that no layer can say."""
+
+
+@dataclass(frozen=True)
+class LayerPlan:
+    """What was baked, and how the shot's materials are to use it. All paths are relative to the layer, or absolute."""
+
+    frames: tuple[int, ...]
+    """Frames that were baked, as time codes."""
+    shapes: tuple[str, ...]
+    """Names of the shapes that were baked."""
+    mode: str = "texture"
+    """`texture`: networks look the redirection map up where they can, else they take warped textures, else the primvar.
+    `primvar`: all networks take the primvar. `both`: as `texture`, and the primvar is there in any case."""
+    tiles: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    """UDIM numbers of the tiles of each shape."""
+    map_path: Callable[[str, int, int | str], str] | None = None
+    """The redirection map of (shape, frame, UDIM number or "<UDIM>"). None: there are no maps."""
+    form: str = "udim"
+    """What the maps hold: `udim`, `tile` or `delta`."""
+    warped_path: Callable[[str, int, str], str | None] | None = None
+    """The warped copy of (shape, frame, texture as the material names it, resolved where it is one file); in the path
+    `<UDIM>` stands for the number if the texture's name has it. None: this texture was not warped."""
+    corner_path: Callable[[str, int], str] | None = None
+    """The file that `write_corner_uvs` wrote for (shape, frame). None: there are no corner UVs."""
+    sublayer: str | None = None
+    """The shot, to be sublayered below; None: the layer holds overs only, to be sublayered over the shot."""
+
+    def check(self) -> None:
+        """Raises LayerError for what cannot be."""
+        if self.mode not in ("texture", "primvar", "both"):
+            raise LayerError(f"mode '{self.mode}' is none of texture, primvar, both")
+        if self.form not in ("udim", "tile", "delta"):
+            raise LayerError(f"form '{self.form}' is none of udim, tile, delta")
+        if not self.frames:
+            raise LayerError("no frames were baked")
+        if self.mode in ("primvar", "both") and self.corner_path is None:
+            raise LayerError(f"mode '{self.mode}' needs the corner UVs of each frame (corner_path)")
+        if self.mode != "primvar" and self.form == "tile":
+            for name in self.shapes:
+                if tuple(self.tiles.get(name, (1001,))) != (1001,):
+                    raise LayerError(
+                        f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"
+                    )
+
+    def map_of(self, shape: str, frame: int) -> str:
+        """The map of a frame as a renderer takes it: with <UDIM>, unless there is the tile 1001 alone."""
+        assert self.map_path is not None
+        only = tuple(self.tiles.get(shape, (1001,))) == (1001,)
+        return self.map_path(shape, frame, 1001 if only else UDIM)

@@ -1,0 +1,163 @@
+"""Writes the layer over a shot."""
+
+from __future__ import annotations
+
+import os
+
+from pxr import Sdf, Usd, UsdShade
+
+from vrtm.bake.layer.clips import author_clips, export, write_manifest
+from vrtm.bake.layer.networks import Redirector
+from vrtm.bake.layer.plan import LayerError, LayerPlan
+from vrtm.bake.scene import Scene, SceneOptions, Shape
+
+# What a root layer says of a whole stage. Layers with other time codes per second would be scaled in time.
+STAGE_FIELDS = (
+    "defaultPrim",
+    "endTimeCode",
+    "framesPerSecond",
+    "kilogramsPerUnit",
+    "metersPerUnit",
+    "startTimeCode",
+    "timeCodesPerSecond",
+    "upAxis",
+)
+
+
+def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan) -> list[str]:
+    """Writes the layer of a plan over a scene from a USD file, and beside it the clips' manifest if there are corner
+    UVs.
+
+    Every mesh gets materials of its own, which specialize the shot's: other meshes with the same material stay as they
+    are. Returns warnings. Raises LayerError for a wrong plan, OSError.
+    """
+    plan.check()
+    if not Sdf.FileFormat.FindByExtension(scene.path):
+        raise LayerError(f"{scene.path}: only a USD scene can have a layer over it")
+    out_path = os.fspath(out_path)
+    warnings: list[str] = []
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    stage = compose(layer, scene.path, scene.options, muted=out_path)
+    with Usd.EditContext(stage, layer):
+        made: dict[tuple[str, str], UsdShade.Material | None] = {}
+        for name in plan.shapes:
+            shape = scene.shape(name)
+            for path in shape.instances:
+                _author(stage, path, shape, plan, made, warnings)
+    del stage
+    if plan.corner_path is not None:
+        # Without a stage, which would look for the clips beside a layer that has no place yet.
+        manifest = f"{os.path.splitext(os.path.basename(out_path))[0]}.manifest.usda"
+        for name in plan.shapes:
+            for path in scene.shape(name).instances:
+                author_clips(Sdf.CreatePrimInLayer(layer, path), scene.shape(name), plan, f"./{manifest}")
+        write_manifest(os.path.join(os.path.dirname(out_path), manifest))
+    if plan.sublayer is not None:
+        layer.subLayerPaths = [plan.sublayer]
+    export(layer, out_path)
+    return warnings
+
+
+def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | None = None) -> Usd.Stage:
+    """A stage of a layer over a shot, which is told to the layer, too: units, time, and the variants of the options."""
+    below = Sdf.Layer.FindOrOpen(shot)
+    root = Sdf.Layer.CreateAnonymous(".usda")
+    for target in (layer, root):
+        for name in STAGE_FIELDS:
+            if below.pseudoRoot.HasInfo(name):
+                target.pseudoRoot.SetInfo(name, below.pseudoRoot.GetInfo(name))
+    for prim_path, name, variant in options.variants:
+        Sdf.CreatePrimInLayer(layer, prim_path).variantSelections[name] = variant
+    root.subLayerPaths = [layer.identifier, below.identifier]
+    if options.population_mask:
+        stage = Usd.Stage.OpenMasked(root, Usd.StagePopulationMask(list(options.population_mask)))
+        stage.ExpandPopulationMask()
+    else:
+        stage = Usd.Stage.Open(root)
+    # A shot that has the layer of an earlier bake below it is taken without.
+    earlier = muted and Sdf.Layer.Find(os.path.abspath(muted))
+    if earlier:
+        stage.MuteLayer(earlier.identifier)
+    return stage
+
+
+def _author(
+    stage: Usd.Stage,
+    path: str,
+    shape: Shape,
+    plan: LayerPlan,
+    made: dict[tuple[str, str], UsdShade.Material | None],
+    warnings: list[str],
+) -> None:
+    _split_instances(stage, Sdf.Path(path), warnings)
+    mesh = stage.OverridePrim(path)
+    prims = [mesh, *(subset.GetPrim() for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets())]
+    bound = [(prim, *binding) for prim in prims for binding in _bindings(prim)]
+    if not bound:
+        warnings.append(f"{path}: no material is bound to it")
+    for prim, purpose, original in bound:
+        material = _material(stage, original, shape, plan, made, warnings)
+        if material is None:
+            continue
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(
+            material, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose
+        )
+        now = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)[0]
+        if now.GetPath() != material.GetPath():
+            warnings.append(
+                f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} in the place of {material.GetPath()}"
+            )
+
+
+def _bindings(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:
+    """(purpose, material) of all bindings that a renderer may take. A subset that says nothing takes those of its
+    mesh."""
+    api, found = UsdShade.MaterialBindingAPI(prim), []
+    for purpose in (UsdShade.Tokens.allPurpose, UsdShade.Tokens.full, UsdShade.Tokens.preview):
+        material, relationship = api.ComputeBoundMaterial(purpose)
+        # A purpose without a binding of its own falls back to the first.
+        if material and (purpose == UsdShade.Tokens.allPurpose or relationship.GetName().endswith(f":{purpose}")):
+            found.append((purpose, material))
+    return found
+
+
+def _material(
+    stage: Usd.Stage,
+    original: UsdShade.Material,
+    shape: Shape,
+    plan: LayerPlan,
+    made: dict[tuple[str, str], UsdShade.Material | None],
+    warnings: list[str],
+) -> UsdShade.Material | None:
+    """The material of a shape that specializes another one; None if nothing in it could be redirected."""
+    key = (str(original.GetPath()), shape.name)
+    if key in made:
+        return made[key]
+    if any(material and material.GetPath() == original.GetPath() for material in made.values()):
+        return original
+    _split_instances(stage, original.GetPath().GetParentPath(), warnings)
+    path = (
+        original.GetPath()
+        .GetParentPath()
+        .AppendChild(f"{original.GetPrim().GetName()}_{shape.name}_redirected".replace("-", "_"))
+    )
+    material = UsdShade.Material.Define(stage, path)
+    material.SetBaseMaterial(UsdShade.Material(stage.GetPrimAtPath(original.GetPath())))
+    if material.GetPrim().IsInstanceable():
+        material.GetPrim().SetInstanceable(False)
+    if Redirector(material, shape, plan, warnings).redirect() == 0:
+        warnings.append(f"{shape.path}: no texture of {original.GetPath()} could be redirected")
+        layer = stage.GetEditTarget().GetLayer()
+        del layer.GetPrimAtPath(path.GetParentPath()).nameChildren[path.name]
+        material = None
+    made[key] = material
+    return material
+
+
+def _split_instances(stage: Usd.Stage, path: Sdf.Path, warnings: list[str]) -> None:
+    """Makes plain prims of the instances above a prim: an instance's parts cannot be changed one by one."""
+    for prefix in path.GetPrefixes():
+        prim = stage.GetPrimAtPath(prefix)
+        if prim and prim.IsInstanceable():
+            stage.OverridePrim(prefix).SetInstanceable(False)
+            warnings.append(f"{prefix}: is no instance any more, since what is inside is redirected")

@@ -1,0 +1,94 @@
+"""Scenes as numpy arrays: meshes with UVs, and their positions frame by frame, from USD, Alembic or OBJ files."""
+
+from __future__ import annotations
+
+import os
+from types import TracebackType
+
+import numpy as np
+
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source
+
+__all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
+
+
+class Scene:
+    """An open scene file. A context manager; not for several threads at once.
+
+    Raises SceneError, here and in `positions`, for input that cannot be used.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], options: SceneOptions | None = None) -> None:
+        self.path = os.fspath(path)
+        self.options = options or SceneOptions()
+        if not os.path.isfile(self.path):
+            raise SceneError(f"{self.path}: no such file")
+        self._source = _open(self.path, self.options)
+        self._at_rest = {shape.name: shape for shape in self._source.shapes}
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """The meshes, in the order of the file."""
+        return self._source.shapes
+
+    @property
+    def frames(self) -> tuple[int, ...]:
+        """The whole frames that the scene has, ascending."""
+        return self._source.frames
+
+    @property
+    def warnings(self) -> list[str]:
+        """What was noticed while reading, each as a sentence that names file and prim."""
+        return self._source.warnings
+
+    @property
+    def source(self) -> Source:
+        """The reader of this kind of file."""
+        return self._source
+
+    def shape(self, name: str) -> Shape:
+        """The shape of that name. Raises KeyError."""
+        return self._at_rest[name]
+
+    def positions(self, shape: Shape | str, frame: float) -> np.ndarray:
+        """(vertices, 3), f32 or f64, of a shape at a frame: in the space of the mesh (that of its skeleton, if it has
+        one), which is the space of `shape.rest`; without the transforms above the mesh."""
+        shape = self._at_rest[shape] if isinstance(shape, str) else shape
+        positions = np.ascontiguousarray(self._source.positions(shape, frame))
+        if positions.shape != shape.rest.shape:
+            raise SceneError(
+                f"{self.path} {shape.path}: frame {frame:g} has {len(positions)} vertices, "
+                f"the rest has {len(shape.rest)}"
+            )
+        return positions
+
+    def close(self) -> None:
+        """Lets go of the file."""
+        self._source.close()
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _open(path: str, options: SceneOptions) -> Source:
+    kind = os.path.splitext(path)[1].lower()
+    if kind == ".obj":
+        from vrtm.bake.scene.obj import ObjSource
+
+        return ObjSource(path, options)
+    if options.poses:
+        raise SceneError(f"{path}: files of poses go with a mesh from an OBJ file only")
+    if kind == ".abc":
+        from vrtm.bake.scene.alembic import AlembicSource
+
+        return AlembicSource(path, options)
+    if kind in (".usd", ".usda", ".usdc", ".usdz"):
+        from vrtm.bake.scene.usd import UsdSource
+
+        return UsdSource(path, options)
+    raise SceneError(f"{path}: '{kind}' is none of .usd, .usda, .usdc, .usdz, .abc, .obj")

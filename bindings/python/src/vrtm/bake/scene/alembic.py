@@ -1,0 +1,327 @@
+"""Alembic: polygon meshes and subdivision surfaces, through the wheel alembic3d.
+
+Frame N is at N / fps seconds; between two samples, positions are interpolated.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from vrtm.bake.scene.obj import frame_number
+from vrtm.bake.scene.refine import Cage, Refined
+from vrtm.bake.scene.rest import rest_from_file
+from vrtm.bake.scene.topology import (
+    check_faces,
+    check_mesh,
+    corner_elements,
+    is_exact,
+    matches,
+    per_vertex,
+    unique_names,
+    without_uvs,
+)
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+
+try:
+    from alembic3d import Abc, AbcGeom
+except ImportError as error:
+    raise SceneError("Alembic files need the package alembic3d: pip install 'vrtm[alembic]'") from error
+
+SCOPES = {
+    "kFacevaryingScope": "faceVarying",
+    "kVertexScope": "vertex",
+    "kVaryingScope": "varying",
+    "kUniformScope": "uniform",
+    "kConstantScope": "constant",
+}
+# Seconds within which a sample counts as the one of a frame.
+CLOSE = 1e-5
+HIDDEN = 0
+
+
+class AlembicFile:
+    """An open archive."""
+
+    def __init__(self, path: str) -> None:
+        if not os.path.isfile(path):
+            raise SceneError(f"{path}: no such file")
+        try:
+            self._archive = Abc.IArchive(path)
+        except RuntimeError as error:
+            raise SceneError(f"{path}: not an Alembic file ({error})") from error
+        self.path = path
+
+    def meshes(self) -> Iterator[AlembicMesh]:
+        """All meshes but hidden ones, in the order of the file."""
+        yield from self._below(self._archive.getTop())
+
+    def _below(self, parent: Any) -> Iterator[AlembicMesh]:
+        for number in range(parent.getNumChildren()):
+            child = parent.getChild(number)
+            if _hidden(child):
+                continue
+            for kind in (AbcGeom.IPolyMesh, AbcGeom.ISubD):
+                if kind.matches(child.getHeader()):
+                    yield AlembicMesh(self.path, child.getFullName(), kind(parent, child.getName()).getSchema())
+            yield from self._below(child)
+
+    def meshes_at_first_frame(self) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+        """(path, positions, face counts, indices) of all meshes at their first sample."""
+        return [(mesh.path, mesh.sample(0), *mesh.faces(0)) for mesh in self.meshes()]
+
+
+class AlembicMesh:
+    """One mesh of an archive."""
+
+    def __init__(self, file: str, path: str, schema: Any) -> None:
+        self.path, self.where = path, f"{file} {path}"
+        self.schema = schema
+        self._positions = schema.getPositionsProperty()
+        self.samples = self._positions.getNumSamples()
+        self._sampling = self._positions.getTimeSampling()
+
+    def times(self) -> tuple[float, float]:
+        """Seconds of the first and the last sample."""
+        return self._sampling.getSampleTime(0), self._sampling.getSampleTime(max(self.samples - 1, 0))
+
+    def sample(self, index: int) -> np.ndarray:
+        """(vertices, 3) f32 of a sample."""
+        return _array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
+
+    def _selector(self, index: int) -> Any:
+        """Selects by time: a whole number, too, would be taken for one."""
+        return Abc.ISampleSelector(self._sampling.getSampleTime(index), Abc.ISampleSelector.TimeIndexType.kNearIndex)
+
+    def faces(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+        """Face counts and indices of a sample."""
+        properties = self.schema.getFaceCountsProperty(), self.schema.getFaceIndicesProperty()
+        counts, indices = (_array(found.getValue(self._selector(index)), np.int32) for found in properties)
+        return counts, indices
+
+    def at(self, seconds: float, expected: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
+        """(vertices, 3) f32 at a time. Raises SceneError where faces are not the expected ones."""
+        before = self._sampling.getFloorIndex(seconds, self.samples)
+        after = self._sampling.getCeilIndex(seconds, self.samples)
+        start, end = self._sampling.getSampleTime(before), self._sampling.getSampleTime(after)
+        share = 0.0 if end - start < CLOSE else min(max((seconds - start) / (end - start), 0), 1)
+        if share * (end - start) < CLOSE:
+            after, share = before, 0.0
+        elif (1 - share) * (end - start) < CLOSE:
+            before, share = after, 0.0
+        if expected is not None and str(self.schema.getTopologyVariance()) == "kHeterogenousTopology":
+            for index in {before, after}:
+                where = (
+                    f"{self.where}: sample {index} ({self._sampling.getSampleTime(index):.4f} s): the topology changes"
+                )
+                check_faces(where, *self.faces(index), *expected)
+        first = self.sample(before)
+        if share == 0:
+            return first
+        return first + np.float32(share) * (self.sample(after) - first)
+
+    def param(self, name: str, kinds: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, str] | None:
+        """(values, elements, interpolation) of a geometry parameter at the first sample: value of entry k is
+        values[elements[k]]. None if there is none of these types."""
+        group = self.schema.getArbGeomParams()
+        header = group.getPropertyHeader(name) if group.valid() else None
+        for kind in kinds if header else ():
+            made = getattr(AbcGeom, f"I{kind}GeomParam")
+            if made.matches(header):
+                return _param(made(group, name))
+        return None
+
+    def uvs(self, name: str | None) -> tuple[np.ndarray, np.ndarray, str, str] | None:
+        """(values, elements, interpolation, name) of a UV set, None for the mesh's own; None if it has none."""
+        own = self.schema.getUVsParam()
+        if own.valid() and name in (None, own.getName()):
+            return (*_param(own), own.getName())
+        found = name is not None and self.param(name, ("V2f", "V2d", "P2f"))
+        return (*found, name) if found else None
+
+
+class AlembicSource:
+    """The meshes of an archive. See `vrtm.bake.scene.Scene`."""
+
+    def __init__(self, path: str, options: SceneOptions) -> None:
+        self.warnings: list[str] = []
+        if not options.fps > 0:
+            raise SceneError(f"{path}: {options.fps} frames per second")
+        self._path, self._options = path, options
+        self._file = AlembicFile(path)
+        chosen = self._chosen()
+        spans = [mesh.times() for mesh, _ in chosen if mesh.samples > 1]
+        first, last = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (1 / options.fps,) * 2
+        # Times are stored as whole numbers of 1 / fps only nearly.
+        ends = math.ceil(first * options.fps - 1e-3), math.floor(last * options.fps + 1e-3)
+        self.frames = tuple(range(ends[0], ends[1] + 1)) or (round(first * options.fps),)
+        names = unique_names([mesh.path for mesh, _ in chosen])
+        self._meshes = {name: _Posed(mesh, uvs, options, self.frames[0]) for name, (mesh, uvs) in zip(names, chosen)}
+        self.shapes = tuple(mesh.shape(name) for name, mesh in self._meshes.items())
+        for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
+            values = [getattr(shape, f"vertex_{what}") for shape in self.shapes]
+            if name is not None and all(value is None for value in values):
+                raise SceneError(f"{path}: no mesh has the parameter '{name}' for the {what}")
+
+    def _chosen(self) -> list[tuple[AlembicMesh, Any]]:
+        options, met, chosen, bare = self._options, set(), [], []
+        for mesh in self._file.meshes():
+            patterns = [pattern for pattern in options.meshes if matches(pattern, mesh.path)]
+            if options.meshes and not patterns:
+                continue
+            met.update(patterns)
+            uvs = mesh.uvs(options.uv)
+            if uvs is None:
+                bare.append(mesh.path)
+                if any(is_exact(pattern) for pattern in patterns):
+                    raise SceneError(f"{mesh.where}: has no UVs{f' {options.uv!r}' if options.uv else ''}")
+            else:
+                chosen.append((mesh, uvs))
+        for pattern in options.meshes:
+            if pattern not in met:
+                raise SceneError(f"{self._path}: '{pattern}' is no mesh of the scene")
+        if not chosen:
+            raise SceneError(f"{self._path}: no mesh to bake ({', '.join(bare[:5]) or 'the file'} has no UVs)")
+        return chosen
+
+    def positions(self, shape: Shape, frame: float) -> np.ndarray:
+        """(vertices, 3) f32 of the shape at a frame."""
+        return self._meshes[shape.name].positions(frame)
+
+    def close(self) -> None:
+        """Lets go of the archive."""
+        self._meshes.clear()
+        self._file = None
+
+
+class _Posed:
+    def __init__(self, mesh: AlembicMesh, uvs: Any, options: SceneOptions, first: int) -> None:
+        self._mesh, self._options, self._first = mesh, options, first
+        self._faces = mesh.faces(0)
+        self._points = len(mesh.sample(0))
+        self._refined: Refined | None = None
+        check_mesh(mesh.where, *self._faces, self._points)
+        values, elements, self._interpolation, self._uv_name = uvs
+        try:
+            corners = corner_elements(self._interpolation, *self._faces, self._points, elements)
+        except ValueError as error:
+            raise SceneError(f"{mesh.where}: the UV set {self._uv_name} has {error}") from error
+        if corners.max(initial=-1) >= len(values):
+            raise SceneError(f"{mesh.where}: the UV set {self._uv_name} names a UV that it does not have")
+        holes = self._subd("Holes", np.int64)
+        if ((holes < 0) | (holes >= len(self._faces[0]))).any():
+            raise SceneError(f"{mesh.where}: a hole names a face that the mesh does not have")
+        self._uvs, self._uv_indices = values.reshape(-1, 2), without_uvs(self._faces[0], corners, holes)
+        self._holes, self._with_holes = holes, without_uvs(self._faces[0], corners)
+
+    def shape(self, name: str) -> Shape:
+        counts, indices = self._faces
+        rigidity, mask = (self._values(n) for n in (self._options.rigidity_primvar, self._options.mask_primvar))
+        rest, uvs, uv_indices, corners = self._rest(), self._uvs, self._uv_indices, None
+        if self._options.subdivide and hasattr(self._mesh.schema, "getCreaseIndicesProperty"):
+            refined = Refined(self._cage(), uvs, self._with_holes, self._options.subdivide, self._holes)
+            counts, indices, uvs, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
+            corners, rest = refined.cage_corners, refined.points(rest)
+            rigidity, mask = (None if values is None else refined.points(values) for values in (rigidity, mask))
+            self._refined = refined
+        path = self._mesh.path
+        return Shape(
+            name, path, rest, counts, indices, uvs, uv_indices, self._uv_name, rigidity, mask, (path,), corners
+        )
+
+    def positions(self, frame: float) -> np.ndarray:
+        cage = self._posed(frame)
+        return self._refined.points(cage) if self._refined else cage
+
+    def _posed(self, frame: float) -> np.ndarray:
+        points = self._mesh.at(frame / self._options.fps, self._faces)
+        if len(points) != self._points:
+            raise SceneError(
+                f"{self._mesh.where}: frame {frame:g} has {len(points)} vertices, the first {self._points}"
+            )
+        return points
+
+    def _rest(self) -> np.ndarray:
+        wanted = self._options.rest
+        if wanted in (None, "pref"):
+            found = self._mesh.param("Pref", ("P3f", "V3f", "P3d", "V3d"))
+            if found is not None and len(found[1]) == self._points:
+                return found[0][found[1]]
+            if wanted == "pref":
+                raise SceneError(f"{self._mesh.where}: no parameter Pref holds a rest position per vertex")
+        if wanted == "bind":
+            raise SceneError(f"{self._mesh.where}: Alembic has no skeletons, so that there is no bind pose")
+        if wanted in (None, "first"):
+            return self._posed(self._first)
+        if wanted.startswith("frame:"):
+            return self._posed(frame_number(wanted))
+        return rest_from_file(wanted, self._mesh.path, *self._faces, self._points)
+
+    def _values(self, name: str | None) -> np.ndarray | None:
+        found = name and self._mesh.param(name, ("Float", "Half", "Double", "C3f", "C4f", "V3f"))
+        if not found:
+            return None
+        values, elements, interpolation = found
+        try:
+            return per_vertex(values[elements], interpolation, *self._faces, self._points)
+        except ValueError as error:
+            raise SceneError(f"{self._mesh.where}: {name} has {error}") from error
+
+    def _subd(self, what: str, kind: type) -> np.ndarray:
+        """Values of a property that subdivision surfaces alone have; empty where it is absent."""
+        get = getattr(self._mesh.schema, f"get{what}Property", None)
+        found = get() if get else None
+        return _array(found.getValue(), kind) if found is not None and found.valid() else np.zeros(0, kind)
+
+    def _cage(self) -> Cage:
+        def number(what: str) -> int:
+            found = getattr(self._mesh.schema, f"get{what}Property")()
+            return int(found.getValue()) if found.valid() and found.getNumSamples() else 1
+
+        scheme = self._mesh.schema.getSubdivisionSchemeProperty()
+        name = str(scheme.getValue()) if scheme.valid() and scheme.getNumSamples() else "catmull-clark"
+        counts, indices = self._faces
+        return Cage(
+            where=self._mesh.where,
+            scheme={"catmull-clark": "catmullClark"}.get(name, name),
+            counts=counts,
+            indices=indices,
+            points=self._points,
+            boundary={0: "none", 2: "edgeOnly"}.get(number("InterpolateBoundary"), "edgeAndCorner"),
+            face_varying={0: "all", 2: "none", 3: "boundaries"}.get(
+                number("FaceVaryingInterpolateBoundary"), "cornersPlus1"
+            ),
+            crease_lengths=self._subd("CreaseLengths", np.int64),
+            crease_indices=self._subd("CreaseIndices", np.int64),
+            crease_sharpnesses=self._subd("CreaseSharpnesses", np.float64),
+            corner_indices=self._subd("CornerIndices", np.int64),
+            corner_sharpnesses=self._subd("CornerSharpnesses", np.float64),
+            uv_per_vertex=self._interpolation == "vertex",
+        )
+
+
+def _hidden(item: Any) -> bool:
+    """True if an object and all below it are hidden in the first sample."""
+    properties = item.getProperties()
+    if properties.getPropertyHeader("visible") is None:
+        return False
+    value = Abc.ICharProperty(properties, "visible").getValue()
+    return (ord(value) if isinstance(value, str) else int(value)) == HIDDEN
+
+
+def _param(param: Any) -> tuple[np.ndarray, np.ndarray, str]:
+    sample = param.getIndexedValue()
+    values = _array(sample.getVals())
+    elements = _array(sample.getIndices(), np.int64) if param.isIndexed() else np.arange(len(values))
+    scope = str(sample.getScope())
+    if scope == "kUnknownScope":
+        scope = str(param.getScope())
+    return values, elements, SCOPES.get(scope, scope)
+
+
+def _array(values: Any, kind: type | None = None) -> np.ndarray:
+    return np.array(values, kind)

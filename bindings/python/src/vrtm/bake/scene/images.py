@@ -1,0 +1,103 @@
+"""Rigidity and mask maps from image files, through OpenImageIO."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from vrtm.bake.scene.topology import luminance
+from vrtm.bake.scene.types import SceneError
+
+try:
+    import OpenImageIO as oiio
+except ImportError as error:
+    raise SceneError("images need the package OpenImageIO: pip install 'vrtm[bake]'") from error
+
+# What vrtm takes as it is; all others become f32.
+KEPT = {"uint8": np.uint8, "uint16": np.uint16, "half": np.float16, "float": np.float32}
+
+
+def find_maps(pattern: str, mesh: str = "", udims: Sequence[int] = (1001,)) -> dict[int, str]:
+    """The existing files of a pattern by UDIM number, `<UDIM>` standing for the number and `<mesh>` for the shape's
+    name.
+
+    A pattern without `<UDIM>` is the map of a shape with one tile. A pattern with `<mesh>` may have no file for some
+    shapes: then nothing is found. Raises SceneError if no file of another pattern exists, or if the shape has several
+    tiles and the pattern no `<UDIM>`.
+    """
+    named = pattern.replace("<mesh>", mesh)
+    if re.search("<UDIM>", named, re.IGNORECASE) is None:
+        if len(udims) != 1:
+            tiles = ", ".join(str(udim) for udim in sorted(udims))
+            raise SceneError(
+                f"{pattern}: the shape {mesh} has {len(udims)} tiles ({tiles}): write <UDIM> for the number"
+            )
+        found = {udims[0]: named} if os.path.isfile(named) else {}
+    else:
+        paths = {udim: re.sub("<UDIM>", str(udim), named, flags=re.IGNORECASE) for udim in udims}
+        found = {udim: path for udim, path in sorted(paths.items()) if os.path.isfile(path)}
+    if not found and "<mesh>" not in pattern:
+        there = sorted(glob.glob(re.sub("<UDIM>", "[0-9]" * 4, glob.escape(named), flags=re.IGNORECASE)))
+        beside = f"; there is {there[0]}" if there else ""
+        tiles = ", ".join(str(udim) for udim in sorted(udims))
+        raise SceneError(f"{pattern}: no such file{f' for the tiles {tiles} of {mesh}' if mesh else ''}{beside}")
+    return found
+
+
+def read_map(path: str) -> np.ndarray:
+    """(height, width) of an image's first part, first row at the top: uint8, uint16, float16 or float32.
+
+    Of several channels it is the one named Y, else the luminance of R, G and B (as f32 unless the image is
+    grey all over), else R, else the first. Alpha does not count, values are not converted as colours, and what lies
+    outside of the data window is 0. Raises SceneError.
+    """
+    # Colours are wanted as painted, not multiplied by their alpha.
+    config = oiio.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    image = oiio.ImageInput.open(path, config)
+    if image is None:
+        raise SceneError(f"{path}: {oiio.geterror().strip() or 'no such image'}")
+    try:
+        spec = image.spec()
+        if spec.deep:
+            raise SceneError(f"{path}: a deep image")
+        kept = KEPT.get(str(spec.format))
+        texels = image.read_image(0, 0, 0, spec.nchannels, spec.format if kept else oiio.FLOAT)
+        if texels is None:
+            raise SceneError(f"{path}: {image.geterror().strip() or 'cannot be read'}")
+    finally:
+        image.close()
+    texels = np.asarray(texels).reshape(spec.height, spec.width, spec.nchannels)
+    return _whole(spec, _one_channel(list(spec.channelnames), texels))
+
+
+def _one_channel(names: list[str], texels: np.ndarray) -> np.ndarray:
+    # The last part of a name such as `rigidity.R`.
+    short = [name.rsplit(".", 1)[-1] for name in names]
+    if len(names) == 1 or "Y" in short:
+        return texels[..., short.index("Y") if "Y" in short else 0]
+    if all(letter in short for letter in "RGB"):
+        colours = texels[..., [short.index(letter) for letter in "RGB"]]
+        red = colours[..., 0]
+        if all(np.array_equal(red, colours[..., other], equal_nan=red.dtype.kind == "f") for other in (1, 2)):
+            return red
+        scale = np.iinfo(red.dtype).max if red.dtype.kind == "u" else 1
+        return (luminance(colours.astype(np.float64)) / scale).astype(np.float32)
+    return texels[..., short.index("R") if "R" in short else 0]
+
+
+def _whole(spec: oiio.ImageSpec, texels: np.ndarray) -> np.ndarray:
+    """The display window, of which the data window may cover a part, or more than all."""
+    x, y = spec.x - spec.full_x, spec.y - spec.full_y
+    if (x, y, spec.width, spec.height) == (0, 0, spec.full_width, spec.full_height):
+        return np.ascontiguousarray(texels)
+    whole = np.zeros((spec.full_height, spec.full_width), texels.dtype)
+    to = np.s_[max(y, 0) : max(y + spec.height, 0), max(x, 0) : max(x + spec.width, 0)]
+    part = texels[max(-y, 0) :, max(-x, 0) :]
+    rows, columns = whole[to].shape
+    whole[to] = part[:rows, :columns]
+    return whole

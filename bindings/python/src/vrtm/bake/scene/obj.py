@@ -1,0 +1,204 @@
+"""Wavefront OBJ: polygons stay polygons, vertices and UVs keep their order in the file.
+
+Only `v`, `vt` and `f` are read, here: readers at hand either merge vertices and UVs or turn a number that cannot be
+read into 0, and none tells a vertex without a colour from a white one.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+
+
+@dataclass(frozen=True)
+class ObjFile:
+    """Arrays of an OBJ file; indices count from 0, and -1 stands for a corner without UV."""
+
+    positions: np.ndarray
+    colours: np.ndarray | None
+    uvs: np.ndarray
+    counts: np.ndarray
+    indices: np.ndarray
+    uv_indices: np.ndarray
+
+
+def read_obj(path: str) -> ObjFile:
+    """Reads a file. Raises SceneError that names the line where it cannot be understood."""
+    try:
+        text = Path(path).read_text("utf-8", errors="replace")
+    except OSError as error:
+        raise SceneError(f"{path}: {error.strerror or error}") from error
+    rows: dict[str, list[tuple[int, str]]] = {"v": [], "vt": [], "f": []}
+    seen: list[tuple[int, int]] = []  # vertices and UVs before each face, which negative indices count back from
+    lines = text.replace("\\\r\n", " ").replace("\\\n", " ").split("\n")
+    for number, line in enumerate(lines, 1):
+        word, _, rest = line.strip().partition(" ")
+        if "\t" in word:
+            word, _, rest = line.strip().partition("\t")
+        if word in rows:
+            rows[word].append((number, rest.partition("#")[0]))
+            if word == "f":
+                seen.append((len(rows["v"]), len(rows["vt"])))
+    vertices = _numbers(path, rows["v"], 3, (3, 4, 6, 7))
+    uvs = _numbers(path, rows["vt"], 2, (1, 2, 3))
+    counts, corners = _faces(path, rows["f"], seen)
+    indices, uv_indices = corners[:, 0], corners[:, 1]
+    if len(counts):
+        check_mesh(path, counts, indices, len(vertices))
+    outside = np.flatnonzero(uv_indices >= len(uvs))
+    if len(outside):
+        raise SceneError(f"{path}: a face names the vt {int(uv_indices[outside[0]]) + 1}, but there are {len(uvs)}")
+    colours = vertices[:, 3:6] if vertices.shape[1] >= 6 else None
+    return ObjFile(vertices[:, :3], colours, uvs[:, :2], counts, indices, without_uvs(counts, uv_indices))
+
+
+def _numbers(path: str, rows: list[tuple[int, str]], least: int, widths: tuple[int, ...]) -> np.ndarray:
+    """(rows, numbers) f64; a `v` may have a weight and a colour after its place, a `vt` one or three numbers."""
+    split = [row.split() for _, row in rows]
+    width = max(map(len, split), default=least)
+    try:
+        if all(len(row) == width for row in split):
+            table = np.array(split, np.float64).reshape(-1, width)
+        else:
+            # Vertices of which only some have colours count as having none; a missing v is 0.
+            width = max(least, min(map(len, split)))
+            table = np.array([(row + ["0"] * least)[:width] for row in split], np.float64)
+    except ValueError:
+        table = None
+    for (number, text), row in zip(rows, split):
+        if len(row) not in widths or (table is None and not all(map(_is_number, row))):
+            raise SceneError(f"{path}: line {number}: '{text.strip()[:60]}' is not {least} numbers")
+    if table is None:
+        raise SceneError(f"{path}: numbers that cannot be read")
+    if table.shape[1] == 1:
+        table = np.column_stack([table, np.zeros(len(table))])
+    if table.shape[1] == 7:  # x y z w r g b
+        table = np.delete(table, 3, axis=1)
+    return table
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+CORNER = re.compile(r"(-?[1-9]\d*)(?:/(-?[1-9]\d*)?(?:/-?[1-9]\d*)?)?")
+
+
+def _faces(path: str, rows: list[tuple[int, str]], seen: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    counts = np.zeros(len(rows), np.int32)
+    corners: list[tuple[int, int]] = []
+    for face, ((number, text), (vertices, uvs)) in enumerate(zip(rows, seen)):
+        words = text.split()
+        counts[face] = len(words)
+        if len(words) < 3:
+            raise SceneError(f"{path}: line {number}: face {face + 1} has {len(words)} corners")
+        for word in words:
+            found = CORNER.fullmatch(word)
+            if not found:
+                raise SceneError(f"{path}: line {number}: '{word}' is not the corner of a face")
+            vertex, uv = int(found[1]), int(found[2] or 0)
+            corner = (vertex - 1 if vertex > 0 else vertices + vertex, uv - 1 if uv >= 0 else uvs + uv)
+            if corner[0] < 0 or corner[1] < -1 or (uv < 0 and corner[1] < 0):
+                raise SceneError(f"{path}: line {number}: '{word}' names what stands before the file's first")
+            corners.append(corner)
+    return counts, np.array(corners, np.int32).reshape(-1, 2)
+
+
+class ObjSource:
+    """A mesh at rest from one file, and a file for each pose. One shape."""
+
+    def __init__(self, path: str, options: SceneOptions) -> None:
+        from vrtm.bake.scene.poses import find_poses
+        from vrtm.bake.scene.rest import rest_from_file
+
+        self.warnings: list[str] = []
+        self._mesh = read_obj(path)
+        if len(self._mesh.counts) == 0:
+            raise SceneError(f"{path}: no faces")
+        for name in options.meshes:
+            self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --mesh says ({name})")
+        if options.uv is not None:
+            raise SceneError(
+                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv}' cannot be chosen"
+            )
+        if (self._mesh.uv_indices < 0).all():
+            raise SceneError(f"{path}: no faces with UVs (vt)")
+        if options.subdivide:
+            raise SceneError(
+                f"{path}: an OBJ file does not say that it is a subdivision surface: it cannot be subdivided"
+            )
+        self._poses = find_poses(options.poses) if options.poses else {1: path}
+        self.frames = tuple(sorted(self._poses))
+        self._path = path
+        name = unique_names([Path(path).stem])[0]
+        rest = self._mesh.positions
+        if options.rest == "first":
+            rest = self._read(self.frames[0])
+        elif options.rest is not None and options.rest.startswith("frame:"):
+            rest = self._read(frame_number(options.rest))
+        elif options.rest in ("bind", "pref"):
+            raise SceneError(f"{path}: an OBJ file has no rest pose of the kind '{options.rest}'")
+        elif options.rest is not None:
+            rest = rest_from_file(options.rest, path, self._mesh.counts, self._mesh.indices, len(rest))
+        self.shapes = (
+            Shape(
+                name=name,
+                path=path,
+                rest=rest,
+                face_counts=self._mesh.counts,
+                indices=self._mesh.indices,
+                uvs=self._mesh.uvs,
+                uv_indices=self._mesh.uv_indices,
+                uv_name="vt",
+                vertex_rigidity=self._colours(options.rigidity_primvar),
+                vertex_mask=self._colours(options.mask_primvar),
+                instances=(path,),
+            ),
+        )
+
+    def _colours(self, name: str | None) -> np.ndarray | None:
+        if name is None:
+            return None
+        if name != "colors":
+            raise SceneError(f"{self._path}: an OBJ file has no values per vertex but 'colors', not '{name}'")
+        if self._mesh.colours is None:
+            raise SceneError(f"{self._path}: not all vertices have a colour (v x y z r g b)")
+        return luminance(self._mesh.colours).astype(np.float32)
+
+    def _read(self, frame: float) -> np.ndarray:
+        if frame not in self._poses:
+            raise SceneError(f"{self._path}: there is no pose {frame:g}, only {self.frames[0]} to {self.frames[-1]}")
+        path = self._poses[int(frame)]
+        pose = self._mesh if path == self._path else read_obj(path)
+        if len(pose.positions) != len(self._mesh.positions):
+            raise SceneError(
+                f"{path}: {len(pose.positions)} vertices, but the rest mesh has {len(self._mesh.positions)}"
+            )
+        if len(pose.counts):
+            check_faces(path, pose.counts, pose.indices, self._mesh.counts, self._mesh.indices)
+        return pose.positions
+
+    def positions(self, shape: Shape, frame: float) -> np.ndarray:
+        """(vertices, 3) f64 of the pose's file; its faces, where it has some, must be those of the rest mesh."""
+        return self._read(frame)
+
+    def close(self) -> None:
+        """Nothing stays open."""
+
+
+def frame_number(rest: str) -> float:
+    """N of `frame:N`. Raises SceneError."""
+    try:
+        return float(rest.removeprefix("frame:"))
+    except ValueError:
+        raise SceneError(f"rest '{rest}': what follows 'frame:' is not a number") from None

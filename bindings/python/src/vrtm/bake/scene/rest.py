@@ -1,0 +1,36 @@
+"""The rest positions of a mesh from another file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vrtm.bake.scene.topology import check_faces
+from vrtm.bake.scene.types import SceneError
+
+
+def rest_from_file(file: str, path: str, counts: np.ndarray, indices: np.ndarray, points: int) -> np.ndarray:
+    """(vertices, 3) of the mesh of `file` that has the same path, else the same name, else is its only one; at the
+    file's first frame. Raises SceneError if there is none, or its faces are not those of the mesh."""
+    from vrtm.bake.scene.obj import read_obj
+
+    if file.lower().endswith(".obj"):
+        mesh = read_obj(file)
+        found = [("", mesh.positions, mesh.counts, mesh.indices)]
+    elif file.lower().endswith(".abc"):
+        from vrtm.bake.scene.alembic import AlembicFile
+
+        found = AlembicFile(file).meshes_at_first_frame()
+    else:
+        from vrtm.bake.scene.usd import meshes_at_first_frame
+
+        found = meshes_at_first_frame(file)
+    same = [mesh for mesh in found if mesh[0] == path]
+    same = same or [mesh for mesh in found if mesh[0].rsplit("/", 1)[-1] == path.rsplit("/", 1)[-1]]
+    same = same or (found if len(found) == 1 else [])
+    if len(same) != 1:
+        raise SceneError(f"{file}: {len(same) or 'no'} meshes have the name of {path}, whose rest is asked for")
+    where, positions, its_counts, its_indices = same[0]
+    check_faces(f"{file}{where and ' ' + where}", its_counts, its_indices, counts, indices)
+    if len(positions) != points:
+        raise SceneError(f"{file}{where and ' ' + where}: {len(positions)} vertices, but {path} has {points}")
+    return positions

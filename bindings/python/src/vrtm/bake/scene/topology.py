@@ -1,0 +1,153 @@
+"""Faces, names and values per vertex: what does not depend on the kind of file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from fnmatch import fnmatchcase
+
+import numpy as np
+
+from vrtm.bake.scene.types import SceneError
+
+
+def check_faces(
+    where: str, counts: np.ndarray, indices: np.ndarray, expected_counts: np.ndarray, expected_indices: np.ndarray
+) -> None:
+    """Raises SceneError unless faces are the expected ones; a face may start at another of its corners.
+
+    `where` begins the message; it names the file and the prim. Faces are counted from 1 in it.
+    """
+    if np.array_equal(counts, expected_counts) and np.array_equal(indices, expected_indices):
+        return
+    if int(counts.sum()) != len(indices):
+        raise SceneError(f"{where}: the faces have {int(counts.sum())} corners, but {len(indices)} vertices are listed")
+    starts, expected_starts = corner_starts(counts), corner_starts(expected_counts)
+    for face in range(min(len(counts), len(expected_counts))):
+        got = indices[starts[face] : starts[face] + counts[face]]
+        want = expected_indices[expected_starts[face] : expected_starts[face] + expected_counts[face]]
+        turns = range(max(len(want), 1))
+        if len(got) != len(want) or not any(np.array_equal(np.roll(got, turn), want) for turn in turns):
+            raise SceneError(
+                f"{where}: face {face + 1} has the vertices {_listed(got)}, but that of the rest mesh has "
+                f"{_listed(want)} (counted from 0): faces and the order of vertices must be the same"
+            )
+    if len(counts) != len(expected_counts):
+        raise SceneError(f"{where}: {len(counts)} faces, but the rest mesh has {len(expected_counts)}")
+
+
+def _listed(vertices: np.ndarray) -> str:
+    return " ".join(str(int(vertex)) for vertex in vertices[:12]) + (" ..." if len(vertices) > 12 else "")
+
+
+def corner_starts(counts: np.ndarray) -> np.ndarray:
+    """(faces,): the first corner of each face."""
+    return np.cumsum(counts, dtype=np.int64) - counts
+
+
+def check_mesh(where: str, counts: np.ndarray, indices: np.ndarray, points: int) -> None:
+    """Raises SceneError for faces that no mesh of so many points can have."""
+    if len(counts) == 0:
+        raise SceneError(f"{where}: no faces")
+    if (counts < 0).any() or int(counts.sum(dtype=np.int64)) != len(indices):
+        total = int(counts.sum(dtype=np.int64))
+        raise SceneError(f"{where}: the faces have {total} corners, but {len(indices)} vertices are listed")
+    outside = np.flatnonzero((indices < 0) | (indices >= points))
+    if len(outside):
+        corner = int(outside[0])
+        raise SceneError(f"{where}: corner {corner} names the vertex {int(indices[corner])}, but there are {points}")
+
+
+def without_uvs(counts: np.ndarray, uv_indices: np.ndarray, faces: Iterable[int] = ()) -> np.ndarray:
+    """UV indices with -1 at all corners of `faces`, and of faces that have a corner with -1."""
+    face_of_corner = np.repeat(np.arange(len(counts)), counts)
+    bare = np.zeros(len(counts), bool)
+    bare[np.asarray(list(faces), np.int64)] = True
+    bare[face_of_corner[uv_indices < 0]] = True
+    return np.where(bare[face_of_corner], -1, uv_indices).astype(np.int32)
+
+
+def per_vertex(
+    values: np.ndarray, interpolation: str, counts: np.ndarray, indices: np.ndarray, points: int
+) -> np.ndarray:
+    """(points,) f32 of values that are constant, uniform (per face), per vertex or faceVarying (per corner).
+
+    A vertex gets the mean of its faces or corners; one without faces gets 0. Raises ValueError on a wrong count.
+    """
+    wanted = {"constant": 1, "uniform": len(counts), "vertex": points, "varying": points, "faceVarying": len(indices)}
+    if interpolation not in wanted:
+        raise ValueError(f"the interpolation {interpolation!r} is not known")
+    if len(values) != wanted[interpolation]:
+        raise ValueError(f"{len(values)} values of interpolation {interpolation}, not {wanted[interpolation]}")
+    values = np.asarray(values, np.float64)
+    if values.ndim == 2:
+        values = luminance(values)
+    if interpolation == "constant":
+        return np.full(points, values[0], np.float32)
+    if interpolation in ("vertex", "varying"):
+        return values.astype(np.float32)
+    if interpolation == "uniform":
+        values = np.repeat(values, counts)
+    share = np.maximum(np.bincount(indices, minlength=points), 1)
+    return (np.bincount(indices, weights=values, minlength=points) / share).astype(np.float32)
+
+
+def corner_elements(
+    interpolation: str, counts: np.ndarray, indices: np.ndarray, points: int, elements: np.ndarray
+) -> np.ndarray:
+    """(corners,) int32: which of the values each corner has; `elements` has one entry per corner, vertex, face or mesh,
+    as the interpolation says. Raises ValueError on a wrong count."""
+    of_corner = {
+        "faceVarying": (len(indices), np.arange(len(indices))),
+        "vertex": (points, indices),
+        "varying": (points, indices),
+        "uniform": (len(counts), np.repeat(np.arange(len(counts)), counts)),
+        "constant": (1, np.zeros(len(indices), np.int64)),
+    }
+    if interpolation not in of_corner:
+        raise ValueError(f"the interpolation {interpolation!r}, which is not known")
+    wanted, order = of_corner[interpolation]
+    if len(elements) != wanted:
+        raise ValueError(f"{len(elements)} values of interpolation {interpolation}, not {wanted}")
+    return elements[order].astype(np.int32)
+
+
+def luminance(colours: np.ndarray) -> np.ndarray:
+    """(..., ) of linear colours (..., 3 or more); exactly the value of grey ones."""
+    red, green, blue = colours[..., 0], colours[..., 1], colours[..., 2]
+    grey = (red == green) & (green == blue)
+    return np.where(grey, red, 0.2126 * red + 0.7152 * green + 0.0722 * blue)
+
+
+def unique_names(paths: Sequence[str]) -> list[str]:
+    """A name per path that is safe in file names and unique whatever the case of its letters: the last part of the path
+    where that is enough, else all parts."""
+    short = [_safe(path.rsplit("/", 1)[-1]) for path in paths]
+    often = {name.lower() for name in short if [other.lower() for other in short].count(name.lower()) > 1}
+    names: list[str] = []
+    taken: set[str] = set()
+    for path, name in zip(paths, short):
+        if name.lower() in often:
+            name = _safe(path.strip("/").replace("/", "_"))
+        unique, number = name, 2
+        while unique.lower() in taken:
+            unique, number = f"{name}_{number}", number + 1
+        taken.add(unique.lower())
+        names.append(unique)
+    return names
+
+
+def _safe(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]", "_", name) or "mesh"
+
+
+def matches(pattern: str, path: str) -> bool:
+    """True if a pattern means the mesh at a path: by its name, its path, or a path above it."""
+    parts = path.split("/")
+    above = ["/".join(parts[:end]) for end in range(2, len(parts) + 1)]
+    return fnmatchcase(parts[-1], pattern) or any(fnmatchcase(prefix, pattern.rstrip("/")) for prefix in above)
+
+
+def is_exact(pattern: str) -> bool:
+    """True if a pattern has no wildcards."""
+    return not any(letter in pattern for letter in "*?[")

@@ -1,0 +1,86 @@
+"""What all readers of scenes share: options, shapes, the error, and the interface of a reader."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+
+class SceneError(Exception):
+    """Bad input. The message names the file and the prim, and says what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """What to read of a scene, and how. Picklable: worker processes open the scene again with the same options."""
+
+    meshes: tuple[str, ...] = ()
+    """Names or paths of meshes, or paths of what they lie below; `*`, `?` and `[...]` are wildcards. Empty: all meshes
+    that have UVs."""
+    uv: str | None = None
+    """Name of the UV set. None: the scene's default (`st` in USD, the only one in Alembic and OBJ)."""
+    rest: str | None = None
+    """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref
+    where there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
+    rigidity_primvar: str | None = None
+    """Primvar with the rigidity of vertices; `colors` in OBJ."""
+    mask_primvar: str | None = None
+    """Primvar with the mask of vertices; `colors` in OBJ."""
+    subdivide: int = 0
+    """Levels of refinement of subdivision meshes; 0: the control cage."""
+    population_mask: tuple[str, ...] = ()
+    """USD: prim paths outside of which nothing is loaded, but for what is bound or targeted from inside."""
+    variants: tuple[tuple[str, str, str], ...] = ()
+    """USD: (prim path, variant set, variant) to select."""
+    poses: tuple[str, ...] = ()
+    """OBJ: files of the poses, or patterns of them with `####`, `%04d` or wildcards."""
+    fps: float = 24.0
+    """Alembic: frames per second; frame N is at N / fps seconds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A mesh as the library takes it. Corners stand in the order of the file; faces without UVs have -1."""
+
+    name: str
+    """Unique in the scene, and safe in file names."""
+    path: str
+    """Prim path, or file."""
+    rest: np.ndarray
+    """(vertices, 3), f32 or f64."""
+    face_counts: np.ndarray
+    """(faces,) int32: corners of each face."""
+    indices: np.ndarray
+    """(corners,) int32: vertex of each corner."""
+    uvs: np.ndarray
+    """(uvs, 2) f32 or f64, v up."""
+    uv_indices: np.ndarray
+    """(corners,) int32: UV of each corner, -1 in faces without UVs."""
+    uv_name: str
+    """Name of the UV set."""
+    vertex_rigidity: np.ndarray | None = None
+    """(vertices,) f32, 0 elastic to 1 rigid."""
+    vertex_mask: np.ndarray | None = None
+    """(vertices,) f32; where it is dark nothing moves."""
+    instances: tuple[str, ...] = ()
+    """Paths of all prims that this shape stands for, `path` first: instances in the same pose are one shape."""
+    cage_corners: np.ndarray | None = None
+    """(corners of the control cage,) int32: the refined corner that lies at each; None where nothing was refined."""
+
+
+class Source(Protocol):
+    """A reader of one kind of file. `Scene` is built on it."""
+
+    shapes: tuple[Shape, ...]
+    frames: tuple[int, ...]
+    warnings: list[str]
+
+    def positions(self, shape: Shape, frame: float) -> np.ndarray:
+        """(vertices, 3) of the shape at a frame, in the shape's own topology."""
+        ...
+
+    def close(self) -> None:
+        """Lets go of the file."""
+        ...

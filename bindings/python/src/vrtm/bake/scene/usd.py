@@ -1,0 +1,175 @@
+"""USD: the stage, which of its meshes are shapes, and where they are frame by frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from vrtm.bake.scene.topology import is_exact, matches, unique_names
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+
+try:
+    from pxr import Sdf, Tf, Usd, UsdGeom
+except ImportError as error:
+    raise SceneError("USD files need the package usd-core: pip install 'vrtm[bake]'") from error
+
+from vrtm.bake.scene.usd_mesh import UsdMesh
+from vrtm.bake.scene.usd_skel import Skeletons
+
+
+class UsdSource:
+    """The meshes of a stage. See `vrtm.bake.scene.Scene`."""
+
+    def __init__(self, path: str, options: SceneOptions) -> None:
+        self.warnings: list[str] = []
+        self._path = path
+        self.stage = open_stage(path, options)
+        self.frames = stage_frames(self.stage)
+        self._skeletons = Skeletons(self.stage)
+        prims = self._chosen(options)
+        self._meshes: dict[str, UsdMesh] = {}
+        shapes = []
+        for name, (prims_of_one, mesh) in zip(unique_names([str(p[0][0].GetPath()) for p in prims]), prims):
+            shapes.append(mesh.shape(name, tuple(str(prim.GetPath()) for prim in prims_of_one)))
+            self._meshes[name] = mesh
+        self.shapes: tuple[Shape, ...] = tuple(shapes)
+        self._warn_of_missing("rigidity", options.rigidity_primvar, [shape.vertex_rigidity for shape in shapes])
+        self._warn_of_missing("mask", options.mask_primvar, [shape.vertex_mask for shape in shapes])
+
+    def positions(self, shape: Shape, frame: float) -> np.ndarray:
+        """(vertices, 3) of the shape at a time code."""
+        return self._meshes[shape.name].positions(frame)
+
+    def close(self) -> None:
+        """Lets go of the stage."""
+        self._meshes.clear()
+        self._skeletons = None
+        self.stage = None
+
+    def _chosen(self, options: SceneOptions) -> list[tuple[list[Any], UsdMesh]]:
+        """Meshes to take; instances in the same pose stand together."""
+        left_out: dict[str, str] = {}  # path -> why
+        taken: dict[Any, tuple[list[Any], UsdMesh]] = {}
+        met: set[str] = set()
+        for prim in meshes_of(self.stage):
+            path = str(prim.GetPath())
+            patterns = [pattern for pattern in options.meshes if matches(pattern, path)]
+            if options.meshes and not patterns:
+                continue
+            met.update(patterns)
+            reason = hidden(prim, self.frames)
+            if reason is None:
+                mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, options, self.warnings)
+                reason = None if mesh.uv is not None else "has no UVs" + (f" '{options.uv}'" if options.uv else "")
+            if reason is not None:
+                left_out[path] = reason
+                if any(is_exact(pattern) and pattern in (path, path.rsplit("/", 1)[-1]) for pattern in patterns):
+                    raise SceneError(f"{self._path} {path}: {reason}")
+                continue
+            taken.setdefault(mesh.identity(), ([], mesh))[0].append(prim)
+        for pattern in options.meshes:
+            if pattern not in met:
+                prim = self.stage.GetPrimAtPath(pattern) if Sdf.Path.IsValidPathString(pattern) else None
+                what = f"a {prim.GetTypeName() or 'prim without type'}, not a mesh" if prim else "no mesh of the scene"
+                raise SceneError(f"{self._path}: '{pattern}' is {what}")
+        if not taken:
+            why = "; ".join(f"{path} {reason}" for path, reason in list(left_out.items())[:5])
+            raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
+        if options.meshes:
+            self.warnings += [f"{self._path} {path} is left out: it {reason}" for path, reason in left_out.items()]
+        return list(taken.values())
+
+    def _warn_of_missing(self, what: str, name: str | None, values: list[np.ndarray | None]) -> None:
+        if name is None:
+            return
+        if all(value is None for value in values):
+            raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}")
+        for shape, value in zip(self.shapes, values):
+            if value is None:
+                self.warnings.append(f"{self._path} {shape.path} has no primvar '{name}' for the {what}")
+
+
+def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
+    """Opens a stage, with variants selected in its session layer. Raises SceneError."""
+    try:
+        if options.population_mask:
+            stage = Usd.Stage.OpenMasked(path, Usd.StagePopulationMask(list(options.population_mask)))
+            stage.ExpandPopulationMask()
+        else:
+            stage = Usd.Stage.Open(path)
+    except Tf.ErrorException as error:
+        raise SceneError(f"{path}: {first_line(error)}") from error
+    if stage is None:
+        raise SceneError(f"{path}: cannot be opened as a USD stage")
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        for prim_path, name, variant in options.variants:
+            prim = stage.GetPrimAtPath(prim_path) if Sdf.Path.IsValidPathString(prim_path) else None
+            if not prim:
+                raise SceneError(f"{path}: variant {name}={variant}: there is no prim {prim_path}")
+            sets = prim.GetVariantSets()
+            if not sets.HasVariantSet(name):
+                raise SceneError(f"{path} {prim_path}: no variant set '{name}' among {sets.GetNames()}")
+            chosen = sets.GetVariantSet(name)
+            if variant not in chosen.GetVariantNames():
+                raise SceneError(
+                    f"{path} {prim_path}: no variant '{variant}' of '{name}' among {chosen.GetVariantNames()}"
+                )
+            chosen.SetVariantSelection(variant)
+    return stage
+
+
+def first_line(error: Exception) -> str:
+    """What a Tf.ErrorException says, without where in USD's sources it was raised."""
+    text = str(error).strip().splitlines()
+    return (text[-1] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()
+
+
+def stage_frames(stage: Usd.Stage) -> tuple[int, ...]:
+    """Whole time codes from the stage's start to its end; of a stage without them, of all time samples of its meshes
+    and animations; (1,) where nothing moves."""
+    if stage.HasAuthoredTimeCodeRange():
+        first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    else:
+        times = [
+            time
+            for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
+            if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation"
+            for attribute in prim.GetAuthoredAttributes()
+            for time in attribute.GetTimeSamples()
+        ]
+        first, last = (min(times), max(times)) if times else (1.0, 1.0)
+    # A range without a whole number in it still has its first time code, rounded.
+    return tuple(range(math.ceil(first), math.floor(last) + 1)) or (round(first),)
+
+
+def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """All meshes that are active, loaded and defined, those of instances as proxies."""
+    return (prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh))
+
+
+def hidden(prim: Usd.Prim, frames: tuple[int, ...]) -> str | None:
+    """Why a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
+    imageable = UsdGeom.Imageable(prim)
+    purpose = imageable.ComputePurpose()
+    if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
+        return f"has the purpose '{purpose}'"
+    if all(imageable.ComputeVisibility(frame) == UsdGeom.Tokens.invisible for frame in frames):
+        return "is invisible in all frames"
+    return None
+
+
+def meshes_at_first_frame(file: str) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+    """(path, positions, face counts, indices) of all meshes of a file, at rest: skinned ones in their bind pose,
+    others at their first time sample. Raises SceneError."""
+    stage = open_stage(file, SceneOptions())
+    found = []
+    for prim in meshes_of(stage):
+        mesh = UsdGeom.Mesh(prim)
+        time = Usd.TimeCode.EarliestTime()
+        arrays = [mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()]
+        points, counts, indices = (np.array(attribute.Get(time) or ()) for attribute in arrays)
+        found.append((str(prim.GetPath()), points.reshape(-1, 3), counts.astype(np.int32), indices.astype(np.int32)))
+    return found

@@ -1,0 +1,251 @@
+"""One mesh of a USD stage: faces, UVs, rest, poses, and values per vertex."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from vrtm.bake.scene.obj import frame_number
+from vrtm.bake.scene.refine import Cage, Refined
+from vrtm.bake.scene.rest import rest_from_file
+from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.scene.usd_skel import Skeletons
+
+UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
+PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
+# The primvar that a bake writes.
+REDIRECTED = "st_redirected"
+REST_NAMES = ("primvars:Pref", "primvars:pref", "primvars:rest", "Pref", "rest")
+
+
+class UsdMesh:
+    """A mesh, or the proxy of one in an instance."""
+
+    def __init__(
+        self,
+        file: str,
+        prim: Usd.Prim,
+        skeletons: Skeletons,
+        frames: tuple[int, ...],
+        options: SceneOptions,
+        warnings: list[str],
+    ) -> None:
+        self.where = f"{file} {prim.GetPath()}"
+        self._prim = prim
+        self._mesh = UsdGeom.Mesh(prim)
+        self._skin = skeletons.skin(prim, self.where)
+        self._frames = frames
+        self._options = options
+        self._warnings = warnings
+        self._refined: Refined | None = None
+        self.uv = find_uv(prim, options.uv, self.where)
+
+    def identity(self) -> tuple[Any, ...]:
+        """Equal for proxies of one mesh that are in the same pose in all frames and have the same UVs."""
+        if not self._prim.IsInstanceProxy():
+            return (str(self._prim.GetPath()),)
+        uv_prim = self.uv.GetAttr().GetPrim()
+        uv_prim = uv_prim.GetPrimInPrototype() if uv_prim.IsInstanceProxy() else uv_prim
+        moved_by = self._skin.identity() if self._skin else ""
+        return (str(self._prim.GetPrimInPrototype().GetPath()), str(uv_prim.GetPath()), moved_by)
+
+    def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
+        """Reads all that does not change with time. Raises SceneError."""
+        first = Usd.TimeCode(self._frames[0])
+        self._counts, self._indices = self._faces(first)
+        self._points = len(self._read(self._mesh.GetPointsAttr(), first, "points"))
+        check_mesh(self.where, self._counts, self._indices, self._points)
+        uvs, uv_indices = self._uvs(first)
+        holes = np.array(self._mesh.GetHoleIndicesAttr().Get(first) or (), np.int64)
+        if ((holes < 0) | (holes >= len(self._counts))).any():
+            raise SceneError(f"{self.where}: holeIndices names a face that the mesh does not have")
+        with_holes = without_uvs(self._counts, uv_indices)
+        uv_indices = without_uvs(self._counts, uv_indices, holes)
+        if (uv_indices < 0).all():
+            raise SceneError(f"{self.where}: no face has UVs")
+        rigidity, mask = (
+            self._values(primvar, first) for primvar in (self._options.rigidity_primvar, self._options.mask_primvar)
+        )
+        rest = self._rest(first)
+        counts, indices, corners = self._counts, self._indices, None
+        if self._options.subdivide and self._mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none:
+            refined = Refined(self._cage(first), uvs, with_holes, self._options.subdivide, holes)
+            counts, indices, uvs, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
+            corners, rest = refined.cage_corners, refined.points(rest)
+            rigidity, mask = (None if values is None else refined.points(values) for values in (rigidity, mask))
+            self._refined = refined
+        return Shape(
+            name=name,
+            path=str(self._prim.GetPath()),
+            rest=rest,
+            face_counts=counts,
+            indices=indices,
+            uvs=uvs,
+            uv_indices=uv_indices,
+            uv_name=self.uv.GetPrimvarName(),
+            vertex_rigidity=rigidity,
+            vertex_mask=mask,
+            instances=instances,
+            cage_corners=corners,
+        )
+
+    def positions(self, frame: float) -> np.ndarray:
+        """(vertices, 3) f32 at a time code. Raises SceneError where the topology is another than at first."""
+        cage = self._posed(Usd.TimeCode(frame))
+        return self._refined.points(cage) if self._refined else cage
+
+    def _posed(self, time: Usd.TimeCode) -> np.ndarray:
+        if any(attribute.ValueMightBeTimeVarying() for attribute in self._topology()):
+            check_faces(
+                f"{self.where}: time code {time.GetValue():g}: the topology changes",
+                *self._faces(time),
+                *self._faces_first(),
+            )
+        points = self._read(self._mesh.GetPointsAttr(), time, "points")
+        if len(points) != self._points:
+            raise SceneError(
+                f"{self.where}: time code {time.GetValue():g} has {len(points)} points, "
+                f"but the first frame has {self._points}"
+            )
+        return self._skin.posed(points, time) if self._skin else points
+
+    def _topology(self) -> tuple[Usd.Attribute, Usd.Attribute]:
+        return self._mesh.GetFaceVertexCountsAttr(), self._mesh.GetFaceVertexIndicesAttr()
+
+    def _faces_first(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._counts, self._indices
+
+    def _faces(self, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
+        counts, indices = self._topology()
+        return (
+            self._read(counts, time, "faceVertexCounts").astype(np.int32),
+            self._read(indices, time, "faceVertexIndices").astype(np.int32),
+        )
+
+    def _read(self, attribute: Usd.Attribute, time: Usd.TimeCode, what: str) -> np.ndarray:
+        value = attribute.Get(time) if attribute else None
+        if value is None or len(value) == 0:
+            raise SceneError(f"{self.where}: no {what} at time code {time}")
+        return np.array(value)
+
+    def _uvs(self, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
+        name = self.uv.GetName()
+        if self.uv.ValueMightBeTimeVarying():
+            self._warnings.append(
+                f"{self.where}: {name} changes over time; it is read at time code {time.GetValue():g}"
+            )
+        values = np.array(self.uv.Get(time) or (), np.float64 if "2d" in str(self.uv.GetTypeName()) else np.float32)
+        values = values.reshape(-1, 2)
+        if self.uv.GetElementSize() != 1:
+            raise SceneError(f"{self.where}: {name} has the elementSize {self.uv.GetElementSize()}, not 1")
+        elements = np.array(self.uv.GetIndices(time) or (), np.int64) if self.uv.IsIndexed() else np.arange(len(values))
+        # A value that an index says was not authored stands for no UV.
+        elements = np.where(elements == self.uv.GetUnauthoredValuesIndex(), -1, elements)
+        if len(elements) and (elements.max() >= len(values) or elements.min() < -1):
+            wrong = elements.max() if elements.max() >= len(values) else elements.min()
+            raise SceneError(f"{self.where}: {name}:indices has {wrong}, but there are {len(values)} values")
+        try:
+            interpolation = str(self.uv.GetInterpolation())
+            return values, corner_elements(interpolation, self._counts, self._indices, self._points, elements)
+        except ValueError as error:
+            raise SceneError(f"{self.where}: {name} has {error}") from error
+
+    def _values(self, name: str | None, time: Usd.TimeCode) -> np.ndarray | None:
+        """(vertices,) of a primvar, the mean of its values where it is not one per vertex; None if there is none."""
+        if name is None:
+            return None
+        primvar = UsdGeom.PrimvarsAPI(self._prim).FindPrimvarWithInheritance(name.removeprefix("primvars:"))
+        if not primvar or not primvar.HasAuthoredValue():
+            return None
+        flat = primvar.ComputeFlattened(time)
+        values = np.array([flat] if primvar.GetTypeName().isArray is False else flat if flat is not None else ())
+        if values.dtype.kind not in "fiub" or values.ndim > 2 or (values.ndim == 2 and values.shape[1] < 3):
+            raise SceneError(f"{self.where}: {primvar.GetName()} is a {primvar.GetTypeName()}, not numbers or colours")
+        try:
+            return per_vertex(values, str(primvar.GetInterpolation()), self._counts, self._indices, self._points)
+        except ValueError as error:
+            raise SceneError(f"{self.where}: {primvar.GetName()} has {error}") from error
+
+    def _rest(self, first: Usd.TimeCode) -> np.ndarray:
+        """(points, 3) of the cage at rest, in the space of the poses."""
+        wanted = self._options.rest
+        if wanted in (None, "pref"):
+            pref = self._pref(first)
+            if pref is not None:
+                return self._skin.bound(pref) if self._skin else pref
+            if wanted == "pref":
+                raise SceneError(f"{self.where}: none of {', '.join(REST_NAMES)} holds a rest position per vertex")
+        if wanted == "bind" and not self._skin:
+            raise SceneError(f"{self.where}: not bound to a skeleton, so that it has no bind pose")
+        if wanted == "bind" or (wanted is None and self._skin):
+            return self._skin.bound(self._read(self._mesh.GetPointsAttr(), first, "points"))
+        if wanted in (None, "first"):
+            return self._posed(first)
+        if wanted.startswith("frame:"):
+            return self._posed(Usd.TimeCode(frame_number(wanted)))
+        return rest_from_file(wanted, str(self._prim.GetPath()), self._counts, self._indices, self._points)
+
+    def _pref(self, time: Usd.TimeCode) -> np.ndarray | None:
+        for name in REST_NAMES:
+            attribute = self._prim.GetAttribute(name)
+            if not attribute or not attribute.HasAuthoredValue():
+                continue
+            primvar = UsdGeom.Primvar(attribute)
+            value = primvar.ComputeFlattened(time) if UsdGeom.Primvar.IsPrimvar(attribute) else attribute.Get(time)
+            values = np.array(value if value is not None else ())
+            if values.shape != (self._points, 3):
+                raise SceneError(f"{self.where}: {name} has the shape {values.shape}, not ({self._points}, 3)")
+            return values
+        return None
+
+    def _cage(self, time: Usd.TimeCode) -> Cage:
+        def read(attribute: Usd.Attribute, kind: type) -> np.ndarray:
+            return np.array(attribute.Get(time) or (), kind)
+
+        mesh = self._mesh
+        return Cage(
+            where=self.where,
+            scheme=str(mesh.GetSubdivisionSchemeAttr().Get()),
+            counts=self._counts,
+            indices=self._indices,
+            points=self._points,
+            boundary=str(mesh.GetInterpolateBoundaryAttr().Get()),
+            face_varying=str(mesh.GetFaceVaryingLinearInterpolationAttr().Get()),
+            crease_lengths=read(mesh.GetCreaseLengthsAttr(), np.int64),
+            crease_indices=read(mesh.GetCreaseIndicesAttr(), np.int64),
+            crease_sharpnesses=read(mesh.GetCreaseSharpnessesAttr(), np.float64),
+            corner_indices=read(mesh.GetCornerIndicesAttr(), np.int64),
+            corner_sharpnesses=read(mesh.GetCornerSharpnessesAttr(), np.float64),
+            uv_per_vertex=str(self.uv.GetInterpolation()) == "vertex",
+        )
+
+
+def find_uv(prim: Usd.Prim, name: str | None, where: str) -> UsdGeom.Primvar | None:
+    """The primvar of a mesh's UVs, inherited ones included; None if it has none. Raises SceneError if there are several
+    and none of them is `st`, or the named one does not hold pairs."""
+    api = UsdGeom.PrimvarsAPI(prim)
+    if name is not None:
+        primvar = api.FindPrimvarWithInheritance(name.removeprefix("primvars:"))
+        if not primvar or not primvar.HasAuthoredValue():
+            return None
+        if str(primvar.GetTypeName()) not in UV_TYPES + PLAIN_UV_TYPES:
+            raise SceneError(f"{where}: {primvar.GetName()} is a {primvar.GetTypeName()}, not a texCoord2f[]")
+        return primvar
+    found = {kind: [] for kind in UV_TYPES + PLAIN_UV_TYPES}
+    for primvar in api.FindPrimvarsWithInheritance():
+        name_there = primvar.GetPrimvarName()
+        # What an earlier bake wrote is no UV set of the artist's.
+        if name_there != REDIRECTED and primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
+            found[str(primvar.GetTypeName())].append(primvar)
+    for kinds in (UV_TYPES, PLAIN_UV_TYPES):
+        candidates = [primvar for kind in kinds for primvar in found[kind]]
+        default = [primvar for primvar in candidates if primvar.GetPrimvarName() == "st"]
+        if default or len(candidates) == 1:
+            return (default or candidates)[0]
+        if candidates:
+            names = ", ".join(sorted(primvar.GetPrimvarName() for primvar in candidates))
+            raise SceneError(f"{where}: several UV sets ({names}), none of them 'st': name one")
+    return None

@@ -1,0 +1,86 @@
+"""UsdSkel: where blend shapes and joints put the points of a mesh."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdSkel, Vt
+
+from vrtm.bake.scene.types import SceneError
+
+
+class Skeletons:
+    """The skeletons of a stage, each read once."""
+
+    def __init__(self, stage: Usd.Stage) -> None:
+        self._cache = UsdSkel.Cache()
+        self._bound: dict[str, tuple[Any, Any]] = {}
+        for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
+            if prim.IsA(UsdSkel.Root):
+                self._populate(UsdSkel.Root(prim))
+
+    def _populate(self, root: UsdSkel.Root) -> None:
+        self._cache.Populate(root, Usd.TraverseInstanceProxies())
+        for binding in self._cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies()):
+            skeleton = self._cache.GetSkelQuery(binding.GetSkeleton())
+            for target in binding.GetSkinningTargets():
+                self._bound[str(target.GetPrim().GetPath())] = (skeleton, target)
+
+    def skin(self, prim: Usd.Prim, where: str) -> Skin | None:
+        """The skinning of a mesh; None if it has none."""
+        bound = self._bound.get(str(prim.GetPath()))
+        return Skin(prim, *bound, where) if bound else None
+
+
+class Skin:
+    """One skinned mesh. Positions are in the space of its skeleton, or, without joints, of the mesh."""
+
+    def __init__(self, prim: Usd.Prim, skeleton: Any, target: Any, where: str) -> None:
+        self._where = where
+        self._skeleton = skeleton
+        self._target = target
+        self._animation = skeleton.GetAnimQuery()
+        self._shapes = None
+        if target.HasBlendShapes() and self._animation:
+            self._shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(prim))
+            self._point_indices = self._shapes.ComputeBlendShapePointIndices()
+            self._offsets = self._shapes.ComputeSubShapePointOffsets()
+        self._jointed = bool(target.HasJointInfluences())
+
+    def identity(self) -> str:
+        """The same for instances that the same animation moves."""
+        animation = self._animation.GetPrim() if self._animation else None
+        skeleton = self._skeleton.GetPrim()
+        parts = [
+            prim and (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim) for prim in (animation, skeleton)
+        ]
+        return " ".join(str(prim.GetPath()) if prim else "" for prim in parts)
+
+    def bound(self, points: np.ndarray) -> np.ndarray:
+        """Points of the mesh in the bind pose: moved to the skeleton's space."""
+        if not self._jointed:
+            return points
+        matrix = np.array(self._target.GetGeomBindTransform())
+        return points @ matrix[:3, :3] + matrix[3, :3]
+
+    def posed(self, points: np.ndarray, time: Usd.TimeCode) -> np.ndarray:
+        """(points, 3) at a time code: blend shapes, then joints. Raises SceneError."""
+        values = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, np.float32))
+        if self._shapes is not None:
+            self._blend(values, time)
+        if self._jointed:
+            # A skeleton without an animation stays in its rest pose, which need not be its bind pose.
+            transforms = self._skeleton.ComputeSkinningTransforms(time)
+            if not transforms or not self._target.ComputeSkinnedPoints(transforms, values, time):
+                raise SceneError(f"{self._where}: its skeleton cannot pose it at time code {time}")
+        return np.array(values)
+
+    def _blend(self, points: Vt.Vec3fArray, time: Usd.TimeCode) -> None:
+        weights = self._animation.ComputeBlendShapeWeights(time)
+        mapper = self._target.GetBlendShapeMapper()
+        if mapper is not None and not mapper.IsIdentity():
+            weights = mapper.Remap(weights, Vt.FloatArray())
+        parts = self._shapes.ComputeSubShapeWeights(weights)
+        if not parts or not self._shapes.ComputeDeformedPoints(*parts, self._point_indices, self._offsets, points):
+            raise SceneError(f"{self._where}: its blend shapes cannot pose it at time code {time}")

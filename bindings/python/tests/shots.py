@@ -1,0 +1,87 @@
+"""A shot, a bake's layer over it, and what a renderer would resolve of both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdShade
+
+import scenes
+from vrtm.bake.layer import LayerPlan, check_layer, write_corner_uvs, write_layer
+from vrtm.bake.scene import Scene, SceneOptions
+
+FRAMES = (1, 2, 4)
+OPEN: list[Usd.Stage] = []  # a stage that nothing holds takes its prims along
+
+
+def shot(folder: Path, fps: float = 24, file: str = "shot.usda") -> Usd.Stage:
+    """Two meshes that share a material, and a third one with another material."""
+    stage = scenes.stage(folder / file, 1, 4, fps)
+    world = UsdGeom.Xform.Define(stage, "/world").GetPrim()
+    stage.SetDefaultPrim(world)
+    Usd.ModelAPI(world).SetKind("component")
+    UsdGeom.Scope.Define(stage, "/world/looks")
+    skin = scenes.preview_material(stage, "/world/looks/skin")
+    for name in ("one", "two", "three"):
+        scenes.bind(scenes.mesh(stage, f"/world/{name}"), skin)
+    return stage
+
+
+def bake(folder: Path, scene: Scene, shapes=("one",), files: bool = True, **plan) -> tuple[Path, list[str]]:
+    """Writes a layer, and stand-ins for what it names."""
+    if plan.pop("corners", True):
+        plan["corner_path"] = lambda shape, frame: f"./st/{shape}.{frame}.usdc"
+        for name in shapes:
+            for frame in FRAMES:
+                shape = scene.shape(name)
+                write_corner_uvs(folder / f"st/{name}.{frame}.usdc", shape, frame, corner_uvs(shape, frame))
+    if plan.pop("maps", True):
+        plan["map_path"] = lambda shape, frame, udim: f"./redirect.{shape}.{frame:04}.{udim}.exr"
+    for name in shapes if files else ():
+        for frame in FRAMES:
+            for udim in plan.get("tiles", {}).get(name, (1001,)):
+                (folder / f"redirect.{name}.{frame:04}.{udim}.exr").touch()
+    plan = LayerPlan(frames=FRAMES, shapes=shapes, **plan)
+    return folder / "over.usda", write_layer(folder / "over.usda", scene, plan)
+
+
+def corner_uvs(shape, frame: float) -> np.ndarray:
+    """What a bake might find: each corner's own UV, and what a frame adds to it."""
+    return shape.uvs[shape.uv_indices] + np.arange(2 * len(shape.indices)).reshape(-1, 2) * 0.001 * frame
+
+
+def composed(folder: Path, file: str = "shot.usda") -> Usd.Stage:
+    """The shot with the layer sublayered over it, as a user would do it."""
+    OPEN.clear()
+    root = Sdf.Layer.CreateNew(str(folder / "final.usda"))
+    below = Sdf.Layer.FindOrOpen(str(folder / file))
+    for name in ("timeCodesPerSecond", "framesPerSecond"):
+        root.pseudoRoot.SetInfo(name, below.pseudoRoot.GetInfo(name))
+    root.subLayerPaths = ["./over.usda", f"./{file}"]
+    root.Save()
+    OPEN.append(Usd.Stage.Open(root))
+    return OPEN[-1]
+
+
+def bound(stage: Usd.Stage, path: str, purpose: str = "") -> UsdShade.Material:
+    return UsdShade.MaterialBindingAPI(stage.GetPrimAtPath(path)).ComputeBoundMaterial(purpose)[0]
+
+
+def source(plug: UsdShade.Input | UsdShade.Output) -> UsdShade.Shader:
+    """The shader whose output reaches a plug, through node graphs."""
+    (found,) = UsdShade.Utils.GetValueProducingAttributes(plug)
+    return UsdShade.Shader(found.GetPrim())
+
+
+def texture(material: UsdShade.Material) -> UsdShade.Shader:
+    return source(material.ComputeSurfaceSource()[0].GetInput("diffuseColor"))
+
+
+def varname(shader: UsdShade.Shader) -> str:
+    return UsdShade.Utils.GetValueProducingAttributes(source(shader.GetInput("st")).GetInput("varname"))[0].Get()
+
+
+def checked(folder: Path, file: str = "shot.usda", options: SceneOptions | None = None) -> list[str]:
+    """What validators say that they do not say of the shot, or of the layer by itself."""
+    return check_layer(folder / "over.usda", folder / file, options) + check_layer(folder / "over.usda")

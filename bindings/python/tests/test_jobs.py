@@ -1,0 +1,250 @@
+"""Jobs as futures, cancelling, progress, threads, Ctrl-C, and what happens at the end of a process."""
+
+import asyncio
+import concurrent.futures
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import vrtm
+from conftest import sheet, studs
+
+
+@pytest.fixture
+def slow(device):
+    """An asset whose solves take long enough to be cancelled."""
+    model = sheet(33)
+    with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
+        asset.tile(1001).set_settings(grid_width=2048, grid_height=2048)
+        asset.tile(1001).set_rigidity(studs(1024, 64))
+        asset.pose = model.pose
+        yield asset
+
+
+def test_result(asset, model):
+    job = asset.submit(model.pose)
+    assert isinstance(job, concurrent.futures.Future)
+    report = job.result(60)
+    assert report == asset.report() and job.progress == 1.0 and job.done() and not job.running()
+    assert job.exception() is None and not job.cancelled() and not job.cancel()
+    result = asset.tile(1001).fetch()
+    asset.solve(model.rest)
+    asset.solve(model.pose)
+    assert np.array_equal(asset.tile(1001).fetch(), result)
+
+
+def test_busy_and_cancel(slow):
+    job = slow.submit(slow.pose)
+    with pytest.raises(vrtm.BusyError):
+        slow.solve(slow.pose)
+    with pytest.raises(TimeoutError) as caught:
+        job.result(0.001)
+    assert isinstance(caught.value, vrtm.Error)
+    start = time.perf_counter()
+    assert job.cancel()
+    with pytest.raises(vrtm.CancelledError) as cancelled:
+        job.result(60)
+    assert isinstance(cancelled.value, concurrent.futures.CancelledError)
+    assert time.perf_counter() - start < 1.0
+    assert job.cancelled() and job.cancel()
+    with pytest.raises(vrtm.NotSolvedError):
+        slow.report()
+    # It is free again.
+    slow.tile(1001).set_settings(grid_width=64, grid_height=64)
+    slow.solve(slow.pose)
+
+
+def test_callbacks_and_wait(asset, model):
+    called = []
+    job = asset.submit(model.pose)
+    job.add_done_callback(called.append)
+    done, _ = concurrent.futures.wait([job], timeout=60)
+    assert done == {job}
+    job.close()
+    assert called == [job]
+
+
+def test_await(device, model):
+    poses = [model.rest + (model.pose - model.rest) * k for k in (0.3, 0.6, 1.0)]
+
+    async def all_of_them(assets):
+        return await asyncio.gather(*(asset.submit(pose) for asset, pose in zip(assets, poses)))
+
+    async def given_up(asset, pose):
+        with pytest.raises(asyncio.TimeoutError):
+            await asyncio.wait_for(asset.submit(pose), 0.001)
+
+    assets = []
+    for _ in poses:
+        asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
+        asset.tile(1001).set_rigidity(studs())
+        assets.append(asset)
+    reports = asyncio.run(all_of_them(assets))
+    for asset, pose, report in zip(assets, poses, reports):
+        assert report.ms_total > 0
+        result = asset.tile(1001).fetch()
+        asset.solve(pose)
+        assert np.array_equal(asset.tile(1001).fetch(), result)
+    assets[0].tile(1001).set_settings(grid_width=2048, grid_height=2048)
+    asyncio.run(given_up(assets[0], poses[2]))
+    for asset in assets:
+        asset.close()
+
+
+def test_progress(slow):
+    seen = []
+    slow.tile(1001).set_settings(grid_width=1024, grid_height=1024)
+    slow.solve(slow.pose, progress=seen.append)
+    assert len(seen) > 3 and seen == sorted(seen) and 0 <= seen[0] and seen[-1] <= 1
+    with pytest.raises(vrtm.CancelledError):
+        slow.solve(slow.pose * 1.1, progress=lambda fraction: True)
+    with pytest.raises(ZeroDivisionError):
+        slow.solve(slow.pose * 1.1, progress=lambda fraction: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        slow.submit(slow.pose * 1.1, progress=lambda fraction: 1 / 0).result(60)
+    # Whatever else a function returns is no wish to cancel.
+    slow.solve(slow.pose * 1.1, progress=lambda fraction: np.float64(1))
+
+
+def test_the_gil_is_released(slow):
+    counted = 0
+    job = slow.submit(slow.pose)
+    thread = threading.Thread(target=job.result)
+    thread.start()
+    while not job.done():
+        counted += 1
+    thread.join()
+    assert counted > 1000
+
+
+def test_threads(device):
+    """Assets of their own on threads of their own, and one asset's results read while it solves."""
+    model = sheet()
+    poses = [model.rest + (model.pose - model.rest) * k / 4 for k in range(1, 5)]
+
+    def bake(pose):
+        with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
+            asset.tile(1001).set_rigidity(studs())
+            return [asset.redirect(pose, asset.tiles)[0] for _ in range(3)][-1]
+
+    alone = [bake(pose) for pose in poses]
+    with concurrent.futures.ThreadPoolExecutor(4) as pool:
+        for result, expected in zip(pool.map(bake, poses * 3), alone * 3):
+            assert np.array_equal(result, expected)
+    with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
+        asset.tile(1001).set_rigidity(studs())
+        asset.solve(poses[0])
+        wrong = []
+        stop = threading.Event()
+
+        def read():
+            while not stop.is_set():
+                found = asset.tile(1001).fetch()
+                if not any(np.array_equal(found, expected) for expected in alone):
+                    wrong.append(found)
+
+        readers = [threading.Thread(target=read) for _ in range(2)]
+        for reader in readers:
+            reader.start()
+        for pose in poses * 5:
+            asset.solve(pose)
+        stop.set()
+        for reader in readers:
+            reader.join()
+        assert not wrong
+
+
+PRELUDE = """
+    import sys, signal, threading, time
+    sys.path.insert(0, {tests!r})
+    import numpy as np, vrtm
+    from conftest import sheet, studs
+    model = sheet(33)
+    device = vrtm.Device("cpu")
+    asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
+    asset.tile(1001).set_settings(grid_width=4096, grid_height=4096)
+    asset.tile(1001).set_rigidity(studs(1024, 64))
+"""
+
+
+def run(code, **how):
+    from pathlib import Path
+
+    text = textwrap.dedent(PRELUDE.format(tests=str(Path(__file__).parent))) + textwrap.dedent(code)
+    return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=100, **how)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are sent otherwise there")
+def test_ctrl_c():
+    """Ctrl-C in the middle of a solve ends it, and the asset goes on."""
+    done = run("""
+        threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT)).start()
+        start = time.perf_counter()
+        try:
+            asset.solve(model.pose, quality="high")
+            print("not interrupted")
+        except KeyboardInterrupt:
+            print("interrupted" if time.perf_counter() - start < 2 else "late")
+        asset.tile(1001).set_settings(grid_width=64, grid_height=64)
+        print(asset.solve(model.pose).charts_active)
+    """)
+    assert done.stdout.split() == ["interrupted", "1"], done.stderr[-500:]
+
+
+def test_the_end_of_a_process():
+    """A process may end while jobs run that call Python functions, and with everything left open."""
+    done = run("""
+        other = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
+        job = asset.submit(model.pose, quality="high", progress=lambda fraction: None)
+        time.sleep(0.1)
+        print(job.running())
+    """)
+    assert done.returncode == 0 and done.stdout.split() == ["True"], done.stderr[-500:]
+    assert done.stderr == ""
+
+
+def test_nothing_is_left(model):
+    """Objects that nobody holds any more give their memory back."""
+    import gc
+
+    with vrtm.Device("cpu") as device:
+        for _ in range(3):
+            asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
+            asset.tile(1001).set_rigidity(studs())
+            asset.submit(model.pose).result()
+            assert device.info.bytes_held > 0
+            del asset
+            gc.collect()
+            # The job's thread holds on to it for a moment longer.
+            end = time.monotonic() + 10
+            while device.info.bytes_held and time.monotonic() < end:
+                time.sleep(0.01)
+            assert device.info.bytes_held == 0
+
+
+def test_log(model):
+    lines = []
+    with vrtm.Device("cpu", log=lambda level, text: lines.append((level, text))) as device:
+        asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
+    # The asset outlives the device, and so does the log.
+    asset.solve(model.pose * 100)
+    assert ("info", "warning") == (lines[0][0], lines[-1][0])
+    assert "100" in lines[-1][1] or "units" in lines[-1][1]
+    asset.close()
+
+
+def test_default_log(model, caplog):
+    with vrtm.Device("cpu") as device:
+        with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
+            asset.solve(model.pose * 100)
+    assert any(record.name == "vrtm" and record.levelname == "WARNING" for record in caplog.records)
+
+
+def test_signal_is_python_s_own():
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

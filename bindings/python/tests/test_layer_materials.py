@@ -1,0 +1,197 @@
+"""Materials under a layer: which textures are looked up where, and what cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("pxr")
+
+from pxr import UsdGeom, UsdShade
+
+import scenes
+from shots import bake, bound, checked, composed, shot, source, texture, varname
+from vrtm.bake.scene import Scene
+
+
+def test_a_preview_surface_takes_warped_textures(tmp_path: Path) -> None:
+    shot(tmp_path).Save()
+    (tmp_path / "colour.1001.png").touch()
+    asked = set()
+
+    def warped(shape: str, frame: int, name: str) -> str:
+        asked.add((shape, name))
+        (tmp_path / f"warped.{shape}.{frame}.1001.png").touch()
+        return f"./warped.{shape}.{frame}.<UDIM>.png"
+
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"), corners=False, warped_path=warped)
+    assert warnings == [] and checked(tmp_path) == []
+    assert asked == {("one", str(tmp_path / "colour.<UDIM>.png"))}
+    stage = composed(tmp_path)
+    file = texture(bound(stage, "/world/one")).GetInput("file")
+    for time, frame in ((0, 1), (1, 1), (1.5, 1), (2, 2), (3.9, 2), (4, 4), (9, 4)):
+        assert file.Get(time).path == f"./warped.one.{frame}.<UDIM>.png", time
+    assert varname(texture(bound(stage, "/world/one"))) == "st"
+    assert texture(bound(stage, "/world/two")).GetInput("file").Get(2).path == "colour.<UDIM>.png"
+
+
+def test_what_cannot_be_redirected_is_said_and_left(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    scenes.bind(stage.GetPrimAtPath("/world/two"), scenes.preview_material(stage, "/world/looks/other", uv="second"))
+    UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/world/three")).UnbindAllBindings()
+    stage.Save()
+    scene = Scene(tmp_path / "shot.usda")
+    _, warnings = bake(tmp_path, scene, ("one",), corners=False, warped_path=lambda *_: None)
+    assert "has neither a warped copy nor redirected corner UVs" in warnings[0]
+    assert warnings[1] == "/world/one: no texture of /world/looks/skin could be redirected"
+    final = composed(tmp_path)
+    assert bound(final, "/world/one").GetPath() == "/world/looks/skin"
+    assert not final.GetPrimAtPath("/world/looks/skin_one_redirected")
+    _, warnings = bake(tmp_path, scene, ("two", "three"))
+    assert (
+        "/world/two: the texture /world/looks/other_two_redirected/colour is not looked up by the UVs 'st'"
+        in warnings[0]
+    )
+    assert warnings[-1] == "/world/three: no material is bound to it"
+
+
+@pytest.mark.parametrize("graph", [True, False])
+def test_materialx_looks_the_map_up_before_a_transform(tmp_path: Path, graph: bool) -> None:
+    stage = shot(tmp_path)
+    scenes.bind(stage.GetPrimAtPath("/world/one"), scenes.materialx_material(stage, "/world/looks/mx", True, graph))
+    stage.Save()
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"), corners=False, tiles={"one": (1001, 1002)})
+    assert warnings == [] and checked(tmp_path) == []
+    image = source(bound(composed(tmp_path), "/world/one").ComputeSurfaceSource("mtlx")[0].GetInput("emission_color"))
+    assert image.GetIdAttr().Get() == "ND_image_color3" and image.GetInput("file").Get().path == "colour.<UDIM>.exr"
+    scale = source(image.GetInput("texcoord"))
+    assert scale.GetIdAttr().Get() == "ND_multiply_vector2FA" and scale.GetInput("in2").Get() == 2
+    lookup = source(scale.GetInput("in1"))
+    assert (
+        lookup.GetIdAttr().Get() == "ND_image_vector2" and lookup.GetPrim().GetParent() == scale.GetPrim().GetParent()
+    )
+    values = {name: lookup.GetInput(name).Get() for name in ("uaddressmode", "vaddressmode", "filtertype")}
+    assert values == {"uaddressmode": "clamp", "vaddressmode": "clamp", "filtertype": "linear"}
+    file = lookup.GetInput("file")
+    assert file.GetAttr().GetColorSpace() == "raw"
+    for time, frame in ((0, 1), (1, 1), (1.9, 1), (2, 2), (3, 2), (4, 4), (5, 4)):
+        assert file.Get(time).path == f"./redirect.one.{frame:04}.<UDIM>.exr", time
+    reader = source(lookup.GetInput("texcoord"))
+    assert reader.GetIdAttr().Get() == "ND_geompropvalue_vector2" and reader.GetInput("geomprop").Get() == "st"
+
+
+def test_materialx_with_the_uvs_by_default(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    scenes.bind(stage.GetPrimAtPath("/world/one"), scenes.materialx_material(stage, "/world/looks/mx", False))
+    stage.Save()
+    scene = Scene(tmp_path / "shot.usda")
+
+    def coordinate() -> UsdShade.Shader:
+        surface = bound(composed(tmp_path), "/world/one").ComputeSurfaceSource("mtlx")[0]
+        return source(source(surface.GetInput("emission_color")).GetInput("texcoord"))
+
+    _, warnings = bake(tmp_path, scene, form="tile")
+    assert warnings == [] and checked(tmp_path) == []
+    assert coordinate().GetInput("file").Get(2).path == "./redirect.one.0002.1001.exr" and not coordinate().GetInput(
+        "texcoord"
+    )
+    bake(tmp_path, scene, form="delta")
+    assert checked(tmp_path) == []
+    total = coordinate()
+    assert total.GetIdAttr().Get() == "ND_add_vector2"
+    assert source(total.GetInput("in1")).GetIdAttr().Get() == "ND_texcoord_vector2"
+    assert source(total.GetInput("in2")).GetInput("file").Get(1).path == "./redirect.one.0001.1001.exr"
+    assert source(source(total.GetInput("in2")).GetInput("texcoord")).GetIdAttr().Get() == "ND_texcoord_vector2"
+    bake(tmp_path, scene, mode="primvar")
+    assert checked(tmp_path) == []
+    assert coordinate().GetIdAttr().Get() == "ND_geompropvalue_vector2"
+    assert coordinate().GetInput("geomprop").Get() == "st_redirected"
+
+
+def test_materialx_of_another_uv_set_stays(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    scenes.bind(stage.GetPrimAtPath("/world/one"), scenes.materialx_material(stage, "/world/looks/mx"))
+    UsdShade.Shader(stage.GetPrimAtPath("/world/looks/mx/graph/uv")).GetInput("geomprop").Set("second")
+    stage.Save()
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"))
+    assert "mx_one_redirected/graph/colour is not looked up by the UVs 'st'" in warnings[0]
+
+
+def test_a_coordinate_that_comes_through_the_interface_of_a_graph(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    material = scenes.materialx_material(stage, "/world/looks/mx", False)
+    reader = scenes.shader(stage, "/world/looks/mx/uv", "ND_texcoord_vector2")
+    graph = UsdShade.NodeGraph(stage.GetPrimAtPath("/world/looks/mx/graph"))
+    port = graph.CreateInput("uv", scenes.TYPES.Float2)
+    port.ConnectToSource(reader.CreateOutput("out", scenes.TYPES.Float2))
+    image = UsdShade.Shader(stage.GetPrimAtPath("/world/looks/mx/graph/colour"))
+    image.CreateInput("texcoord", scenes.TYPES.Float2).ConnectToSource(port)
+    scenes.bind(stage.GetPrimAtPath("/world/one"), material)
+    stage.Save()
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"))
+    assert warnings == [] and checked(tmp_path) == [], "nodes are plugged to nodes of the same graph alone"
+    made = bound(composed(tmp_path), "/world/one")
+    lookup = source(UsdShade.Shader(made.GetPrim().GetChild("graph").GetChild("colour")).GetInput("texcoord"))
+    assert lookup.GetPrim().GetParent() == made.GetPrim() and lookup.GetIdAttr().Get() == "ND_image_vector2"
+    assert source(lookup.GetInput("texcoord")).GetPrim().GetName() == "uv"
+
+
+def test_purposes_and_subsets_keep_their_materials(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/world/one"))
+    full = scenes.preview_material(stage, "/world/looks/full", "full.png")
+    nail = scenes.preview_material(stage, "/world/looks/nail", "nail.png")
+    group = stage.GetPrimAtPath("/world")
+    UsdShade.MaterialBindingAPI.Apply(group).Bind(full, materialPurpose="full")
+    api = UsdShade.MaterialBindingAPI(mesh)
+    subset = api.CreateMaterialBindSubset("nail", [1])
+    api.SetMaterialBindSubsetsFamilyType("nonOverlapping")
+    UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(nail)
+    stage.Save()
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"))
+    assert warnings == [] and checked(tmp_path) == []
+    final = composed(tmp_path)
+    for path, purpose, base in (
+        ("/world/one", "", "skin"),
+        ("/world/one", "preview", "skin"),
+        ("/world/one", "full", "full"),
+        ("/world/one/nail", "", "nail"),
+        ("/world/one/nail", "full", "full"),
+    ):
+        made = bound(final, path, purpose)
+        assert made.GetBaseMaterialPath() == f"/world/looks/{base}", (path, purpose)
+        assert varname(texture(made)) == "st_redirected"
+    assert bound(final, "/world/two", "full").GetPath() == "/world/looks/full"
+
+
+def test_a_binding_that_is_stronger_is_said(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    other = scenes.preview_material(stage, "/world/looks/other")
+    UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath("/world")).Bind(other, "strongerThanDescendants")
+    stage.Save()
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"))
+    assert warnings == [
+        "/world/one: a stronger binding keeps /world/looks/other in the place of /world/looks/other_one_redirected"
+    ]
+
+
+def test_instanceable_materials(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    stage.GetPrimAtPath("/world/looks/skin").SetInstanceable(True)
+    stage.Save()
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"))
+    assert warnings == [] and varname(texture(bound(composed(tmp_path), "/world/one"))) == "st_redirected"
+
+
+def test_normal_maps_are_said_to_need_more(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    surface = UsdShade.Shader(stage.GetPrimAtPath("/world/looks/skin/surface"))
+    colour = UsdShade.Shader(stage.GetPrimAtPath("/world/looks/skin/colour"))
+    surface.CreateInput("normal", scenes.TYPES.Normal3f).ConnectToSource(colour.GetOutput("rgb"))
+    stage.Save()
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"))
+    assert warnings == [
+        "/world/one: /world/looks/skin_one_redirected/surface takes a normal map, which the layer looks up redirected, "
+        "but does not turn"
+    ]

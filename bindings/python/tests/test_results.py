@@ -1,0 +1,110 @@
+"""Reports, corner UVs and refinements against what they must be."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import vrtm
+from conftest import studs
+
+
+def test_reports(asset, model):
+    report = asset.solve(model.pose, measure=True)
+    tile = asset.tile(1001).report()
+    assert dataclasses.is_dataclass(report) and dataclasses.asdict(tile)["before"]["rms"] == tile.before.rms
+    assert report.tiles == 1 and report.folds == 0 and report.min_jacobian == tile.min_jacobian > 0
+    assert tile.udim == 1001 and tile.grid_width == 128 and tile.measured is True and tile.truncated is False
+    # The stretched half's studs lose most of their strain.
+    assert tile.before.rms > 0.1 and tile.after.rms < 0.2 * tile.before.rms
+    assert tile.energy < tile.energy_before
+
+
+def test_options_reach_the_library(asset, model):
+    energies = {q: energy(asset, model, quality=q) for q in ("draft", "normal", "high")}
+    assert energies["high"] <= energies["normal"] < energies["draft"]
+    pbd = vrtm.PbdSettings(iterations=2)
+    assert energy(asset, model, solver="pbd", pbd=pbd) != energy(asset, model, solver="pbd")
+    asset.solve(model.pose, time_budget_ms=1e-3)
+    assert asset.report().truncated
+    asset.solve(model.pose)
+    asset.solve(model.pose, dirty_vertices=[])
+    assert asset.report().tiles_kept == 1
+    asset.solve(model.pose * 2, tiles=[])
+    assert asset.report().tiles_kept == 1
+    asset.tile(1001).freeze()
+    asset.solve(model.pose)
+    assert asset.report().tiles_kept == 1
+    asset.tile(1001).freeze(False)
+
+
+def energy(asset, model, **options):
+    asset.solve(model.pose, **options)
+    return asset.tile(1001).report().energy
+
+
+def test_order_and_threads_do_not_matter(asset, model):
+    first = asset.redirect(model.pose, asset.tiles, threads=1)[0]
+    asset.solve(model.rest)
+    assert np.array_equal(asset.redirect(model.pose, asset.tiles, threads=3)[0], first)
+
+
+def test_redirect_is_solve_and_fetch(asset, model):
+    tile = asset.tile(1001)
+    out = np.empty((64, 64, 4), np.float16)
+    kinds = [vrtm.Fetch(tile, "jacobian", out=out), vrtm.Fetch(tile, "warp"), vrtm.Fetch(tile, size=8, one_to_one=True)]
+    jacobian, warp, small = asset.redirect(model.pose, kinds)
+    assert jacobian is out and warp.shape == (129, 129, 2) and small.shape == (8, 8, 2)
+    assert np.array_equal(jacobian, tile.fetch("jacobian", 64, dtype=np.float16))
+    assert np.array_equal(warp, tile.fetch("warp"))
+
+
+def test_corner_uvs(asset, model):
+    asset.solve(model.rest)
+    assert np.array_equal(asset.corner_uvs(), model.uvs[model.faces.reshape(-1)].astype(np.float32))
+    asset.solve(model.pose)
+    uvs = asset.corner_uvs()
+    # A corner's UV is the redirection at the corner, which a large map comes close to.
+    size = 512
+    redirection = asset.tile(1001).fetch(size=size, origin="bottom")
+    at = np.clip((model.uvs[model.faces.reshape(-1)] * size).astype(int), 0, size - 1)
+    assert np.abs(redirection[at[:, 1], at[:, 0]] - uvs).max() < 3 / size
+    spaced = np.zeros((len(uvs), 4), np.float32)[:, ::2]
+    assert asset.corner_uvs(out=spaced) is spaced and np.array_equal(spaced, uvs)
+    with pytest.raises(vrtm.InvalidArgumentError, match="uv_set"):
+        asset.corner_uvs(3)
+
+
+def test_refinement(asset, model):
+    with pytest.raises(vrtm.NotSolvedError):
+        asset.refine()
+    asset.solve(model.pose)
+    with asset.refine(tolerance=1 / 512) as refinement:
+        info, pattern = refinement.info, refinement.pattern()
+        assert info.reached is True and info.error <= info.tolerance and info.triangles > 512
+        positions = (model.pose[pattern.vertex_sources] * pattern.vertex_weights[..., None]).sum(1)
+        assert positions.shape == (info.vertices, 3) and np.array_equal(positions[: len(model.pose)], model.pose)
+        assert pattern.face_corners.sum() == info.corners == len(refinement.corner_uvs())
+        own = model.uvs[model.faces.reshape(-1)]
+        assert np.allclose((own[pattern.corner_sources] * pattern.corner_weights[..., None]).sum(1), pattern.corner_uvs)
+        before = info.triangles
+        asset.solve(model.rest + 2 * (model.pose - model.rest))
+        refinement.extend()
+        assert refinement.info.triangles >= before
+        asset.close()
+        assert len(refinement.corner_uvs()) == refinement.info.corners
+
+
+def test_gpu_agrees(model):
+    """On any GPU, software or not; the CPU's result up to what f32 leaves open."""
+    try:
+        device = vrtm.Device("gpu")
+    except vrtm.UnsupportedError as why:
+        pytest.skip(f"no GPU: {why}")
+    results = []
+    for on in (device, vrtm.Device("cpu")):
+        with on, vrtm.Asset(on, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
+            asset.tile(1001).set_rigidity(studs())
+            results.append(asset.redirect(model.pose, asset.tiles)[0])
+    assert device.closed
+    assert np.abs(results[0] - results[1]).max() < 1e-3

@@ -1,0 +1,173 @@
+"""Alembic archives, written by the same wheel that reads them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+abc = pytest.importorskip("alembic3d.Abc")
+
+import imath  # noqa: E402
+from alembic3d import AbcCoreAbstract, AbcGeom  # noqa: E402
+
+from vrtm.bake.scene import Scene, SceneError, SceneOptions  # noqa: E402
+
+POINTS = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
+UVS = [(0, 0), (0.5, 0), (1, 0), (0, 1), (0.5, 1), (1, 1)]
+FACES = [0, 3, 4, 1, 1, 4, 5, 2]
+FACE_VARYING = AbcGeom.GeometryScope.kFacevaryingScope
+VERTEX = AbcGeom.GeometryScope.kVertexScope
+
+
+def array(kind, values):
+    made = kind(len(values))
+    for index, value in enumerate(values):
+        made[index] = value
+    return made
+
+
+def v3f(points):
+    return array(imath.V3fArray, [imath.V3f(*point) for point in points])
+
+
+def ints(values):
+    return array(imath.IntArray, values)
+
+
+def write(
+    path: Path, subd=False, samples=3, start=1.0, uvs=UVS, indices=FACES, scope=FACE_VARYING, then=None, extra=None
+) -> str:
+    """A mesh /group/mesh whose right edge moves by 0.1 per frame, at 24 frames per second."""
+    archive = abc.OArchive(str(path))
+    times = archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / 24, start / 24))
+    group = AbcGeom.OXform(archive.getTop(), "group")
+    kind, made = (
+        (AbcGeom.OSubD, AbcGeom.OSubDSchemaSample) if subd else (AbcGeom.OPolyMesh, AbcGeom.OPolyMeshSchemaSample)
+    )
+    mesh = kind(group, "mesh", times)
+    schema = mesh.getSchema()
+    for number in range(samples):
+        points = v3f([(x + 0.1 * number * (x == 2), y, z) for x, y, z in POINTS])
+        sample = made(points, ints(FACES), ints([4, 4]))
+        if number == 0 and uvs is not None:
+            values = array(imath.V2fArray, [imath.V2f(*uv) for uv in uvs])
+            chosen = (array(imath.UnsignedIntArray, indices),) if indices else ()
+            sample.setUVs(AbcGeom.OV2fGeomParamSample(values, *chosen, scope))
+        if then and number:
+            sample = made(points, ints(then), ints([4, 4]))
+        schema.set(sample)
+    if extra:
+        extra(schema)
+    return str(path)
+
+
+@pytest.mark.parametrize("subd", [False, True])
+def test_faces_uvs_and_frames(tmp_path: Path, subd: bool) -> None:
+    scene = Scene(write(tmp_path / "a.abc", subd))
+    (shape,) = scene.shapes
+    assert (shape.name, shape.path, shape.uv_name) == ("mesh", "/group/mesh", "uv")
+    assert shape.indices.tolist() == shape.uv_indices.tolist() == FACES and shape.face_counts.tolist() == [4, 4]
+    assert shape.uvs.tolist() == [list(uv) for uv in UVS] and shape.rest.tolist() == [list(p) for p in POINTS]
+    assert scene.frames == (1, 2, 3)
+    for frame, x in ((0, 2), (1, 2), (2, 2.1), (2.5, 2.15), (3, 2.2), (9, 2.2)):
+        assert scene.positions(shape, frame)[2, 0] == pytest.approx(x)
+
+
+def test_frames_per_second(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.abc", samples=5, start=24)
+    scene = Scene(path, SceneOptions(fps=48))
+    assert scene.frames == tuple(range(48, 57)) and scene.positions("mesh", 49)[2, 0] == pytest.approx(2.05)
+    assert Scene(path, SceneOptions(fps=12)).frames == (12, 13, 14)
+    with pytest.raises(SceneError, match="0 frames per second"):
+        Scene(path, SceneOptions(fps=0))
+
+
+def test_uvs_per_vertex_and_per_corner(tmp_path: Path) -> None:
+    shape = Scene(write(tmp_path / "a.abc", indices=None, scope=VERTEX)).shapes[0]
+    assert shape.uv_indices.tolist() == FACES
+    corners = [UVS[vertex] for vertex in FACES]
+    shape = Scene(write(tmp_path / "b.abc", uvs=corners, indices=None)).shapes[0]
+    assert shape.uvs[shape.uv_indices].tolist() == [list(uv) for uv in corners]
+    with pytest.raises(
+        SceneError, match=r"c\.abc /group/mesh: the UV set uv has 6 values of interpolation faceVarying, not 8"
+    ):
+        Scene(write(tmp_path / "c.abc", indices=None))
+    with pytest.raises(SceneError, match=r"d\.abc: no mesh to bake \(/group/mesh has no UVs\)"):
+        Scene(write(tmp_path / "d.abc", uvs=None))
+
+
+def test_parameters_are_rest_rigidity_and_uvs(tmp_path: Path) -> None:
+    def extra(schema) -> None:
+        group = schema.getArbGeomParams()
+        rest = AbcGeom.OP3fGeomParam(group, "Pref", False, VERTEX, 1)
+        rest.set(AbcGeom.OP3fGeomParamSample(v3f([(3 * x, y, z) for x, y, z in POINTS]), VERTEX))
+        stiff = AbcGeom.OFloatGeomParam(group, "stiff", False, VERTEX, 1)
+        stiff.set(AbcGeom.OFloatGeomParamSample(array(imath.FloatArray, [0, 0.5, 1, 0, 0.5, 1]), VERTEX))
+        uvs = AbcGeom.OV2fGeomParam(group, "map2", False, VERTEX, 1)
+        uvs.set(AbcGeom.OV2fGeomParamSample(array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS]), VERTEX))
+
+    path = write(tmp_path / "a.abc", extra=extra)
+    shape = Scene(path, SceneOptions(rigidity_primvar="stiff", uv="map2")).shapes[0]
+    assert shape.rest[5].tolist() == [6, 1, 0] and shape.vertex_rigidity.tolist() == [0, 0.5, 1, 0, 0.5, 1]
+    assert shape.uv_name == "map2" and shape.uvs[2].tolist() == [0, 1] and shape.vertex_mask is None
+    assert Scene(path, SceneOptions(rest="frame:3")).shapes[0].rest[2, 0] == pytest.approx(2.2)
+    for options, message in (
+        (SceneOptions(rest="bind"), "/group/mesh: Alembic has no skeletons"),
+        (SceneOptions(mask_primvar="none"), "no mesh has the parameter 'none' for the mask"),
+        (SceneOptions(uv="none", meshes=("mesh",)), "/group/mesh: has no UVs 'none'"),
+        (SceneOptions(meshes=("hat",)), "'hat' is no mesh of the scene"),
+    ):
+        with pytest.raises(SceneError, match=message):
+            Scene(path, options)
+
+
+def test_rest_from_a_file(tmp_path: Path) -> None:
+    rest = write(tmp_path / "rest.abc", subd=True)
+    (tmp_path / "wide.obj").write_text("".join(f"v {4 * x} {y} {z}\n" for x, y, z in POINTS) + "f 1 4 5 2\nf 2 5 6 3\n")
+    path = write(tmp_path / "a.abc")
+    assert Scene(path, SceneOptions(rest=str(tmp_path / "wide.obj"))).shapes[0].rest[2, 0] == 8
+    assert Scene(path, SceneOptions(rest=rest)).shapes[0].rest[2, 0] == 2
+
+
+def test_topology_that_changes(tmp_path: Path) -> None:
+    scene = Scene(write(tmp_path / "a.abc", then=[0, 3, 4, 1, 4, 1, 5, 2]))
+    assert len(scene.positions("mesh", 1)) == 6
+    with pytest.raises(SceneError, match=r"/group/mesh: sample 1 \(0\.0833 s\): the topology changes: face 2"):
+        scene.positions("mesh", 2)
+
+
+def test_hidden_objects_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "a.abc"
+    archive = abc.OArchive(str(path))
+    for name, visible in (("on", 1), ("off", 0), ("inherits", -1)):
+        mesh = AbcGeom.OPolyMesh(archive.getTop(), name)
+        sample = AbcGeom.OPolyMeshSchemaSample(v3f(POINTS), ints(FACES), ints([4, 4]))
+        values = array(imath.V2fArray, [imath.V2f(*uv) for uv in UVS])
+        sample.setUVs(AbcGeom.OV2fGeomParamSample(values, VERTEX))
+        mesh.getSchema().set(sample)
+        abc.OCharProperty(mesh.getProperties(), "visible").setValue(visible)
+    del mesh, archive
+    assert [shape.name for shape in Scene(path).shapes] == ["on", "inherits"]
+
+
+def test_subdivision_surfaces_are_refined(tmp_path: Path) -> None:
+    shape = Scene(write(tmp_path / "a.abc", subd=True), SceneOptions(subdivide=2)).shapes[0]
+    assert len(shape.face_counts) == 32 and np.array_equal(shape.rest.max(axis=0), [2, 1, 0])
+    assert len(Scene(write(tmp_path / "b.abc"), SceneOptions(subdivide=2)).shapes[0].face_counts) == 2
+
+
+def test_files_that_are_no_archives(tmp_path: Path) -> None:
+    (tmp_path / "a.abc").write_text("nothing")
+    with pytest.raises(SceneError, match=r"a\.abc: not an Alembic file"):
+        Scene(tmp_path / "a.abc")
+
+
+def test_without_the_wheel_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "alembic3d", None)
+    monkeypatch.delitem(sys.modules, "vrtm.bake.scene.alembic", raising=False)
+    with pytest.raises(SceneError, match=r"alembic3d: pip install 'vrtm\[alembic\]'"):
+        Scene(write(tmp_path / "a.abc"))

@@ -1,0 +1,150 @@
+"""OBJ files: a mesh at rest, and a file for each pose."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from vrtm.bake.scene import Scene, SceneError, SceneOptions
+from vrtm.bake.scene.poses import find_poses
+
+ASSETS = Path(os.environ.get("VRTM_ASSETS", Path(__file__).parents[3].parent / "shared" / "assets"))
+VERTICES = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\n"
+UVS = "vt 0 0\nvt 0.5 0\nvt 1 0\nvt 0 1\nvt 0.5 1\nvt 1 1\n"
+FACES = "f 1/1 2/2 5/5 4/4\nf 2/2/1 3/3/1 6/6/1 5/5/1\n"
+
+
+def write(path: Path, text: str) -> str:
+    path.write_text(text)
+    return str(path)
+
+
+def pose(path: Path, width: float, faces: str = FACES) -> str:
+    return write(path, VERTICES.replace("v 2 ", f"v {width} ") + UVS + faces)
+
+
+def test_vertices_uvs_and_polygons_keep_their_order(tmp_path: Path) -> None:
+    head, more = "# made by hand\r\nmtllib none.mtl\no part\n", "g more\nf -6 -4 -2 # end\n"
+    text = f"{head}{VERTICES}{UVS}vn 0 0 1\ns 1\nusemtl a\n{FACES}{more}"
+    shape = Scene(write(tmp_path / "my mesh.obj", text)).shapes[0]
+    assert shape.name == "my_mesh" and shape.face_counts.tolist() == [4, 4, 3]
+    assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4, 0, 2, 4]
+    assert shape.uv_indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4, -1, -1, -1]
+    assert shape.rest[5].tolist() == [2, 1, 0] and shape.uvs[5].tolist() == [1, 1]
+    assert shape.rest.dtype == np.float64
+
+
+def test_negative_indices_and_continued_lines(tmp_path: Path) -> None:
+    text = f"{VERTICES}{UVS}f -6/-6 -5/-5 \\\n -2/-2 -3/-3\nv 9 9 9\nvt 0.25 1\nf 2/2 3/3 -2/-2 -3/-1\n"
+    shape = Scene(write(tmp_path / "a.obj", text)).shapes[0]
+    assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4] and shape.uv_indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 6]
+
+
+def test_colours_are_rigidity(tmp_path: Path) -> None:
+    coloured = "".join(f"{line} {c} {c} {c}\n" for line, c in zip(VERTICES.splitlines(), (0, 0.1, 0.25, 0.5, 1, 1)))
+    path = write(tmp_path / "a.obj", coloured.replace("1 0 0 0.1 0.1 0.1", "1 0 0 0 1 0") + UVS + FACES)
+    shape = Scene(path, SceneOptions(rigidity_primvar="colors")).shapes[0]
+    assert shape.vertex_rigidity.tolist() == pytest.approx([0, 0.7152, 0.25, 0.5, 1, 1]) and shape.vertex_mask is None
+    assert shape.rest[5].tolist() == [2, 1, 0]
+    bare = write(tmp_path / "b.obj", VERTICES + UVS + FACES)
+    with pytest.raises(SceneError, match=r"b\.obj: not all vertices have a colour"):
+        Scene(bare, SceneOptions(mask_primvar="colors"))
+    with pytest.raises(SceneError, match="'colors', not 'weights'"):
+        Scene(bare, SceneOptions(mask_primvar="weights"))
+
+
+def test_poses(tmp_path: Path) -> None:
+    rest = pose(tmp_path / "rest.obj", 2)
+    for frame in (1, 2, 10):
+        pose(tmp_path / f"pose.{frame:04}.obj", 2 + frame)
+    scene = Scene(rest, SceneOptions(poses=(str(tmp_path / "pose.####.obj"),)))
+    assert scene.frames == (1, 2, 10) and scene.positions("rest", 10)[2, 0] == 12
+    assert scene.shapes[0].rest[2, 0] == 2
+    with pytest.raises(SceneError, match="no pose 3, only 1 to 10"):
+        scene.positions("rest", 3)
+    options = SceneOptions(poses=(str(tmp_path / "pose.%04d.obj"),), rest="first")
+    assert Scene(rest, options).shapes[0].rest[2, 0] == 3
+    # Vertices alone are a pose, too, and a face may begin at another corner.
+    write(tmp_path / "pose.0002.obj", VERTICES.replace("v 2 ", "v 7 "))
+    pose(tmp_path / "pose.0010.obj", 8, "f 2 5 4 1\nf 2 3 6 5\n")
+    assert scene.positions("rest", 2)[2, 0] == 7 and scene.positions("rest", 10)[2, 0] == 8
+
+
+def test_which_file_is_which_frame(tmp_path: Path) -> None:
+    for name in ("a.0001.obj", "a.0020.obj", "a.10000.obj", "a.00003.obj", "a.x.obj", "b7.obj", "b12.obj", "c.obj"):
+        (tmp_path / name).touch()
+    at = str(tmp_path) + "/"
+    assert find_poses((f"{at}a.####.obj",)) == {1: f"{at}a.0001.obj", 20: f"{at}a.0020.obj", 10000: f"{at}a.10000.obj"}
+    assert find_poses((f"{at}b%d.obj",)) == find_poses((f"{at}b*.obj",)) == {7: f"{at}b7.obj", 12: f"{at}b12.obj"}
+    assert find_poses((f"{at}c.obj", f"{at}b7.obj")) == {1: f"{at}c.obj", 2: f"{at}b7.obj"}, "not all have numbers"
+    for wrong, message in {
+        (f"{at}d.####.obj",): r"d\.####\.obj: no such files",
+        (f"{at}d.obj",): r"d\.obj: no such file",
+        (f"{at}b%d.obj", f"{at}c.obj"): "cannot be mixed",
+    }.items():
+        with pytest.raises(SceneError, match=message):
+            find_poses(wrong)
+
+
+def test_poses_of_other_faces_are_named(tmp_path: Path) -> None:
+    rest = pose(tmp_path / "rest.obj", 2)
+    wrongs = {
+        "f 1 2 5 4\nf 2 3 5 6\n": "face 2 has the vertices 1 2 4 5, but that of the rest mesh has 1 2 5 4",
+        "f 1 2 5 4\n": "1 faces, but the rest mesh has 2",
+        "f 1 2 5 4\nf 2 3 6 5\nf 1 2 3\n": "3 faces, but the rest mesh has 2",
+        "f 1 2 5\nf 2 3 6 5\n": "face 1 has the vertices 0 1 4, ",
+    }
+    for number, (faces, message) in enumerate(wrongs.items()):
+        scene = Scene(rest, SceneOptions(poses=(pose(tmp_path / f"wrong{number}.obj", 2, faces),)))
+        with pytest.raises(SceneError, match=rf"wrong{number}\.obj: {message}"):
+            scene.positions("rest", scene.frames[0])
+    scene = Scene(rest, SceneOptions(poses=(write(tmp_path / "few.obj", "v 0 0 0\n"),)))
+    with pytest.raises(SceneError, match=r"few\.obj: 1 vertices, but the rest mesh has 6"):
+        scene.positions("rest", 1)
+
+
+def test_bad_files_are_named_with_their_line(tmp_path: Path) -> None:
+    wrongs = {
+        "v 0 0 0\nv 1 x 0\n": "line 2: '1 x 0' is not 3 numbers",
+        "v 0 0 0\nv 1 0\n": "line 2: '1 0' is not 3 numbers",
+        VERTICES + UVS + "f 1/1 2/2 9/3\n": "corner 2 names the vertex 8, but there are 6",
+        VERTICES + UVS + "f 1/1 2/2 3/7\n": "a face names the vt 7, but there are 6",
+        VERTICES + UVS + "f 1/1 2/2 -7/3\n": "line 13: '-7/3' names what stands before the file's first",
+        VERTICES + UVS + "f 1/1 2/2 0/3\n": "line 13: '0/3' is not the corner of a face",
+        VERTICES + UVS + "f 1/1 2/2\n": "line 13: face 1 has 2 corners",
+        VERTICES + "f 1 2 3\n": r"no faces with UVs \(vt\)",
+        VERTICES: "no faces",
+    }
+    for number, (text, message) in enumerate(wrongs.items()):
+        with pytest.raises(SceneError, match=rf"bad{number}\.obj: {message}"):
+            Scene(write(tmp_path / f"bad{number}.obj", text))
+
+
+def test_options_that_obj_does_not_have(tmp_path: Path) -> None:
+    path = pose(tmp_path / "a.obj", 2)
+    for options in (SceneOptions(uv="st"), SceneOptions(subdivide=1), SceneOptions(rest="bind")):
+        with pytest.raises(SceneError, match=r"a\.obj: an OBJ file"):
+            Scene(path, options)
+
+
+def test_nan_is_left_to_the_library(tmp_path: Path) -> None:
+    assert np.isnan(Scene(pose(tmp_path / "a.obj", float("nan"))).shapes[0].rest[2, 0])
+
+
+@pytest.mark.parametrize("name", ["mh_face", "ict_inner", "spot"])
+def test_real_meshes(name: str) -> None:
+    path = ASSETS / name / "rest.obj"
+    if not path.exists():
+        assert not os.environ.get("VRTM_REQUIRE_ASSETS"), f"{path} is missing"
+        pytest.skip(f"{path} is missing")
+    shape = Scene(path).shapes[0]
+    text = path.read_text().splitlines()
+    assert len(shape.rest) == sum(line.startswith("v ") for line in text)
+    assert len(shape.uvs) == sum(line.startswith("vt ") for line in text)
+    assert len(shape.face_counts) == sum(line.startswith("f ") for line in text)
+    last = [corner.split("/") for corner in [line for line in text if line.startswith("f ")][-1].split()[1:]]
+    assert shape.indices[-len(last) :].tolist() == [int(corner[0]) - 1 for corner in last]
+    assert shape.uv_indices[-len(last) :].tolist() == [int(corner[1]) - 1 for corner in last]

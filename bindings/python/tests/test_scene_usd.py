@@ -1,0 +1,357 @@
+"""Meshes of USD stages, as vrtm takes them."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pxr")
+
+from pxr import Sdf, Usd, UsdGeom
+
+import scenes
+from vrtm.bake.scene import Scene, SceneError, SceneOptions
+from vrtm.bake.scene.topology import unique_names
+
+FACE_VARYING = [scenes.UVS[vertex] for vertex in scenes.INDICES]
+
+
+def saved(stage: Usd.Stage) -> str:
+    stage.Save()
+    return stage.GetRootLayer().realPath
+
+
+def corner_uvs(shape) -> np.ndarray:
+    """(corners, 2), NaN at corners without UVs."""
+    found = np.full((len(shape.indices), 2), np.nan)
+    found[shape.uv_indices >= 0] = shape.uvs[shape.uv_indices[shape.uv_indices >= 0]]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("values", "interpolation", "indices"),
+    [
+        (scenes.UVS, "vertex", None),
+        (scenes.UVS, "varying", None),
+        (scenes.UVS[::-1], "vertex", [5, 4, 3, 2, 1, 0]),
+        (FACE_VARYING, "faceVarying", None),
+        (scenes.UVS, "faceVarying", scenes.INDICES),
+    ],
+)
+def test_uvs_of_any_interpolation_are_those_of_corners(tmp_path: Path, values, interpolation, indices) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    scenes.mesh(stage, "/mesh", uvs=values, interpolation=interpolation, indices=indices)
+    with Scene(saved(stage)) as scene:
+        (shape,) = scene.shapes
+        assert np.array_equal(corner_uvs(shape), np.array(FACE_VARYING))
+        assert np.array_equal(shape.indices, scenes.INDICES) and np.array_equal(shape.face_counts, scenes.COUNTS)
+        assert np.array_equal(shape.rest, scenes.POINTS)
+        assert shape.uv_indices.dtype == shape.indices.dtype == shape.face_counts.dtype == np.int32
+
+
+@pytest.mark.parametrize(("interpolation", "values"), [("uniform", [(0, 1), (0.5, 0.5)]), ("constant", [(0.5, 0.5)])])
+def test_uvs_per_face_and_per_mesh(tmp_path: Path, interpolation: str, values) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    scenes.mesh(stage, "/mesh", uvs=values, interpolation=interpolation)
+    uvs = corner_uvs(Scene(saved(stage)).shapes[0])
+    assert np.array_equal(uvs, np.repeat(values, 8 // len(values), axis=0))
+
+
+def test_inherited_uvs(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    group = UsdGeom.Xform.Define(stage, "/group").GetPrim()
+    # Only constant primvars are inherited.
+    scenes.primvar(group, "st", scenes.TYPES.TexCoord2fArray, [(0.25, 0.75)], "constant")
+    scenes.mesh(stage, "/group/mesh", uvs=None)
+    assert np.array_equal(corner_uvs(Scene(saved(stage)).shapes[0]), np.full((8, 2), (0.25, 0.75)))
+
+
+def test_values_that_were_not_authored_leave_a_face_without_uvs(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    mesh = scenes.mesh(
+        stage, "/mesh", uvs=[(9, 9), *scenes.UVS], interpolation="faceVarying", indices=[1, 2, 5, 4, 0, 3, 6, 5]
+    )
+    UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").SetUnauthoredValuesIndex(0)
+    shape = Scene(saved(stage)).shapes[0]
+    assert shape.uv_indices.tolist() == [1, 2, 5, 4, -1, -1, -1, -1]
+
+
+def test_holes_have_no_uvs(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    scenes.mesh(stage, "/mesh").CreateHoleIndicesAttr([0])
+    assert Scene(saved(stage)).shapes[0].uv_indices.tolist() == [-1, -1, -1, -1, 1, 2, 5, 4]
+
+
+def test_which_uv_set(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    mesh = scenes.mesh(stage, "/mesh", name="map1")
+    assert Scene(saved(stage)).shapes[0].uv_name == "map1"
+    scenes.primvar(mesh.GetPrim(), "st_redirected", scenes.TYPES.TexCoord2fArray, FACE_VARYING, "faceVarying")
+    assert Scene(saved(stage)).shapes[0].uv_name == "map1", "an earlier bake's primvar is no UV set of the artist's"
+    other = [(u / 2, v) for u, v in scenes.UVS]
+    scenes.primvar(mesh.GetPrim(), "map2", scenes.TYPES.Float2Array, other, "vertex")
+    assert Scene(saved(stage)).shapes[0].uv_name == "map1", "a primvar whose role is a texture coordinate comes first"
+    shape = Scene(saved(stage), SceneOptions(uv="map2")).shapes[0]
+    assert shape.uv_name == "map2" and shape.uvs[2].tolist() == [0.5, 0]
+    scenes.primvar(mesh.GetPrim(), "map3", scenes.TYPES.TexCoord2fArray, other, "vertex")
+    with pytest.raises(SceneError, match=r"a\.usda /mesh: several UV sets \(map1, map3\)"):
+        Scene(saved(stage))
+    scenes.primvar(mesh.GetPrim(), "st", scenes.TYPES.TexCoord2fArray, other, "vertex")
+    assert Scene(saved(stage)).shapes[0].uv_name == "st"
+    with pytest.raises(SceneError, match=r"no mesh to bake.*/mesh has no UVs 'none'"):
+        Scene(saved(stage), SceneOptions(uv="none"))
+
+
+def test_time_samples_and_frames(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda", 1.5, 4.2)
+    scenes.stretch(scenes.mesh(stage, "/mesh"), [1, 3])
+    scene = Scene(saved(stage))
+    assert scene.frames == (2, 3, 4)
+    assert scene.positions("mesh", 2)[2].tolist() == pytest.approx([2.1, 0, 0])
+    assert scene.positions("mesh", 4)[2].tolist() == pytest.approx([2.2, 0, 0])
+    assert scene.shapes[0].rest[2].tolist() == pytest.approx([2.1, 0, 0]), "the first frame"
+    bare = scenes.stage(tmp_path / "b.usda", None)
+    scenes.stretch(scenes.mesh(bare, "/mesh"), [3, 7])
+    assert Scene(saved(bare)).frames == (3, 4, 5, 6, 7)
+    still = scenes.stage(tmp_path / "c.usda", None)
+    scenes.mesh(still, "/mesh")
+    assert Scene(saved(still)).frames == (1,)
+
+
+def test_left_handed_meshes_keep_the_order_of_their_corners(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    scenes.mesh(stage, "/mesh", uvs=FACE_VARYING, interpolation="faceVarying").CreateOrientationAttr("leftHanded")
+    shape = Scene(saved(stage)).shapes[0]
+    assert shape.indices.tolist() == scenes.INDICES and np.array_equal(corner_uvs(shape), np.array(FACE_VARYING))
+
+
+def test_hidden_meshes_are_left_out(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    scenes.mesh(stage, "/shown")
+    scenes.mesh(stage, "/group/guide").CreatePurposeAttr("guide")
+    UsdGeom.Xform.Define(stage, "/proxies").CreatePurposeAttr("proxy")
+    scenes.mesh(stage, "/proxies/proxy")
+    UsdGeom.Xform.Define(stage, "/off").MakeInvisible()
+    scenes.mesh(stage, "/off/hidden")
+    blinking = scenes.mesh(stage, "/blinking").CreateVisibilityAttr()
+    blinking.Set("invisible", 1)
+    blinking.Set("inherited", 3)
+    scenes.mesh(stage, "/inactive").GetPrim().SetActive(False)
+    stage.CreateClassPrim("/_class")
+    scenes.mesh(stage, "/_class/abstract")
+    scenes.mesh(stage, "/render").CreatePurposeAttr("render")
+    path = saved(stage)
+    assert [shape.name for shape in Scene(path).shapes] == ["shown", "blinking", "render"]
+    with pytest.raises(SceneError, match="/off/hidden: is invisible in all frames"):
+        Scene(path, SceneOptions(meshes=("/off/hidden",)))
+    with pytest.raises(SceneError, match=r"no mesh to bake.*has the purpose 'guide'"):
+        Scene(path, SceneOptions(meshes=("/group/*",)))
+
+
+def test_choice_of_meshes_and_names(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    for path in ("/a/body", "/b/body", "/b/Hat", "/b/hat", "/b/bald"):
+        scenes.mesh(stage, path, uvs=None if path == "/b/bald" else scenes.UVS)
+    path = saved(stage)
+    assert [shape.name for shape in Scene(path).shapes] == ["a_body", "b_body", "b_Hat", "b_hat_2"]
+    for wanted, found in {
+        "/b": ["/b/body", "/b/Hat", "/b/hat"],
+        "body": ["/a/body", "/b/body"],
+        "/*/h*": ["/b/hat"],
+    }.items():
+        assert [shape.path for shape in Scene(path, SceneOptions(meshes=(wanted,))).shapes] == found
+    for wanted, message in {
+        "/b/bald": "/b/bald: has no UVs",
+        "/c": "'/c' is no mesh of the scene",
+    }.items():
+        with pytest.raises(SceneError, match=message):
+            Scene(path, SceneOptions(meshes=("body", wanted)))
+    stage.DefinePrim("/light", "SphereLight")
+    with pytest.raises(SceneError, match="'/light' is a SphereLight, not a mesh"):
+        Scene(saved(stage), SceneOptions(meshes=("/light",)))
+    assert Scene(path, SceneOptions(meshes=("/b",))).warnings == [f"{path} /b/bald is left out: it has no UVs"]
+
+
+def test_names_differ_in_more_than_the_case_of_letters() -> None:
+    assert unique_names(["/a/hat", "/b/coat"]) == ["hat", "coat"]
+    assert unique_names(["/a/hat", "/A/Hat", "/a_hat", "/b/sk\u00f6n:x"]) == ["a_hat", "A_Hat_2", "a_hat_3", "sk_n_x"]
+
+
+def test_instances_in_the_same_pose_are_one_shape(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    scenes.stretch(scenes.mesh(stage, "/asset/mesh"), [1, 5])
+    for name in ("one", "two"):
+        prim = stage.DefinePrim(f"/{name}")
+        prim.GetReferences().AddInternalReference("/asset")
+        prim.SetInstanceable(True)
+    stage.GetPrimAtPath("/asset").SetSpecifier(Sdf.SpecifierClass)
+    scene = Scene(saved(stage))
+    assert [(shape.path, shape.instances) for shape in scene.shapes] == [("/one/mesh", ("/one/mesh", "/two/mesh"))]
+    assert scene.positions("mesh", 5)[2].tolist() == pytest.approx([2.4, 0, 0])
+
+
+def test_prototypes_of_point_instancers_are_shapes(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    instancer = UsdGeom.PointInstancer.Define(stage, "/many")
+    scenes.mesh(stage, "/many/prototypes/stud")
+    instancer.CreatePrototypesRel().SetTargets(["/many/prototypes/stud"])
+    instancer.CreateProtoIndicesAttr([0, 0, 0])
+    instancer.CreatePositionsAttr([(0, 0, 0), (3, 0, 0), (6, 0, 0)])
+    assert [shape.path for shape in Scene(saved(stage)).shapes] == ["/many/prototypes/stud"]
+
+
+def test_variants(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    model = UsdGeom.Xform.Define(stage, "/model").GetPrim()
+    shapes = model.GetVariantSets().AddVariantSet("shape")
+    for name, width in (("slim", 1), ("wide", 3)):
+        shapes.AddVariant(name)
+        shapes.SetVariantSelection(name)
+        with shapes.GetVariantEditContext():
+            scenes.mesh(stage, "/model/mesh", [(x * width, y, z) for x, y, z in scenes.POINTS])
+    shapes.SetVariantSelection("slim")
+    path = saved(stage)
+    before = Path(path).read_bytes()
+    for name, width in (("slim", 2), ("wide", 6)):
+        options = SceneOptions(variants=(("/model", "shape", name),))
+        assert Scene(path, pickle.loads(pickle.dumps(options))).shapes[0].rest[2, 0] == width
+    assert Scene(path).shapes[0].rest[2, 0] == 2 and Path(path).read_bytes() == before
+    for wrong, message in {
+        ("/model", "shape", "tall"): r"no variant 'tall' of 'shape' among \['slim', 'wide'\]",
+        ("/model", "look", "x"): r"no variant set 'look' among \['shape'\]",
+        ("/none", "shape", "slim"): "there is no prim /none",
+    }.items():
+        with pytest.raises(SceneError, match=message):
+            Scene(path, SceneOptions(variants=(wrong,)))
+
+
+def test_population_mask(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    for path in ("/a/mesh", "/b/mesh"):
+        scenes.mesh(stage, path)
+    assert [s.path for s in Scene(saved(stage), SceneOptions(population_mask=("/b",))).shapes] == ["/b/mesh"]
+
+
+def test_rest(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    mesh = scenes.mesh(stage, "/mesh")
+    scenes.stretch(mesh, [1, 5])
+    path = saved(stage)
+
+    def right(rest: str | None) -> float:
+        return Scene(path, SceneOptions(rest=rest)).shapes[0].rest[2, 0]
+
+    assert right(None) == right("first") == 2
+    assert right("frame:3") == pytest.approx(2.2) and right("frame:2.5") == pytest.approx(2.15)
+    other = scenes.stage(tmp_path / "rest.usda")
+    scenes.mesh(other, "/group/mesh", [(x * 5, y, z) for x, y, z in scenes.POINTS])
+    scenes.mesh(other, "/group/more")
+    assert right(saved(other)) == 10, "by the name of the mesh"
+    (tmp_path / "rest.obj").write_text(
+        "".join(f"v {x * 7} {y} {z}\n" for x, y, z in scenes.POINTS) + "f 1 2 5 4\nf 3 6 5 2\n"
+    )
+    assert right(str(tmp_path / "rest.obj")) == 14
+    (tmp_path / "wrong.obj").write_text("v 0 0 0\n" * 6 + "f 1 2 5 4\nf 2 3 5 6\n")
+    for rest, message in {
+        "bind": "/mesh: not bound to a skeleton",
+        "pref": "/mesh: none of primvars:Pref",
+        "frame:x": "'frame:x'",
+        str(
+            tmp_path / "wrong.obj"
+        ): r"wrong\.obj: face 2 has the vertices 1 2 4 5, but that of the rest mesh has 1 2 5 4",
+        str(tmp_path / "none.obj"): r"none\.obj: No such file",
+        str(tmp_path / "none.usd"): r"none\.usd",
+    }.items():
+        with pytest.raises(SceneError, match=message):
+            right(rest)
+    pref = [(x * 3, y, z) for x, y, z in scenes.POINTS]
+    scenes.primvar(mesh.GetPrim(), "Pref", scenes.TYPES.Point3fArray, pref, "vertex")
+    saved(stage)
+    assert right(None) == right("pref") == 6 and right("first") == 2
+
+
+def test_values_per_vertex(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    prim = scenes.mesh(stage, "/mesh").GetPrim()
+    plain, colour = scenes.TYPES.FloatArray, scenes.TYPES.Color3fArray
+    scenes.primvar(prim, "vertices", plain, [0, 0.5, 1], "vertex", [0, 1, 2, 2, 1, 0])
+    scenes.primvar(prim, "all", plain, [0.25], "constant")
+    scenes.primvar(prim, "faces", plain, [0, 1], "uniform")
+    scenes.primvar(prim, "corners", plain, [0, 0, 0, 0, 1, 1, 1, 0], "faceVarying")
+    scenes.primvar(prim, "displayColor", colour, [(0.5, 0.5, 0.5), (1, 0, 0), *[(1, 1, 1)] * 4], "vertex")
+    scenes.primvar(prim, "few", plain, [1, 2], "vertex")
+    scenes.primvar(prim, "words", scenes.TYPES.StringArray, ["a"] * 6, "vertex")
+    path = saved(stage)
+    for name, expected in {
+        "vertices": [0, 0.5, 1, 1, 0.5, 0],
+        "primvars:all": [0.25] * 6,
+        "faces": [0, 0.5, 1, 0, 0.5, 1],
+        "corners": [0, 0.5, 1, 0, 0, 1],
+        "displayColor": [0.5, 0.2126, 1, 1, 1, 1],
+    }.items():
+        shape = Scene(path, SceneOptions(rigidity_primvar=name, mask_primvar="vertices")).shapes[0]
+        assert shape.vertex_rigidity.tolist() == pytest.approx(expected), name
+        assert shape.vertex_rigidity.dtype == np.float32 and shape.vertex_mask[2] == 1
+    for name, message in {
+        "few": "primvars:few has 2 values of interpolation vertex, not 6",
+        "words": r"primvars:words is a string\[\], not numbers",
+        "none": "no mesh has the primvar 'none' for the rigidity",
+    }.items():
+        with pytest.raises(SceneError, match=message):
+            Scene(path, SceneOptions(rigidity_primvar=name))
+
+
+def test_bad_input_is_named(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"none\.usda: no such file"):
+        Scene(tmp_path / "none.usda")
+    (tmp_path / "broken.usda").write_text("#usda 1.0\nnonsense")
+    with pytest.raises(SceneError, match=r"broken\.usda"):
+        Scene(tmp_path / "broken.usda")
+    (tmp_path / "a.fbx").write_text("")
+    with pytest.raises(SceneError, match=r"a\.fbx: '\.fbx' is none of"):
+        Scene(tmp_path / "a.fbx")
+    empty = saved(scenes.stage(tmp_path / "empty.usda"))
+    with pytest.raises(SceneError, match=r"empty\.usda: no mesh to bake \(the scene has none\)"):
+        Scene(empty)
+    stage = scenes.stage(tmp_path / "a.usda")
+    scenes.mesh(stage, "/bald", uvs=None)
+    with pytest.raises(SceneError, match=r"no mesh to bake.*/bald has no UVs"):
+        Scene(saved(stage))
+    wrongs = {
+        "few_uvs": ({"uvs": scenes.UVS[:3]}, "primvars:st has 3 values of interpolation vertex, not 6"),
+        "few_corners": ({"faces": scenes.INDICES[:7]}, "the faces have 8 corners, but 7 vertices are listed"),
+        "no_vertex": ({"faces": [*scenes.INDICES[:7], 6]}, "corner 7 names the vertex 6, but there are 6"),
+        "no_uv": (
+            {"interpolation": "faceVarying", "indices": [0, 1, 2, 3, 4, 5, 6, 0]},
+            "has 6, but there are 6 values",
+        ),
+    }
+    for name, (change, message) in wrongs.items():
+        stage = scenes.stage(tmp_path / f"{name}.usda")
+        scenes.mesh(stage, "/mesh", **change)
+        with pytest.raises(SceneError, match=f"{name}.usda /mesh: .*{message}"):
+            Scene(saved(stage))
+
+
+def test_topology_that_changes_is_named_with_its_time_code(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    mesh = scenes.mesh(stage, "/mesh")
+    faces = mesh.GetFaceVertexIndicesAttr()
+    faces.Set(scenes.INDICES, 1)
+    faces.Set([1, 4, 3, 0, 1, 2, 5, 4], 2)  # the first face begins elsewhere
+    faces.Set([0, 1, 4, 3, 2, 5, 1, 4], 3)
+    scene = Scene(saved(stage))
+    assert len(scene.positions("mesh", 2)) == 6
+    with pytest.raises(
+        SceneError, match=r"a\.usda /mesh: time code 3: the topology changes: face 2 has the vertices 2 5 1 4"
+    ):
+        scene.positions("mesh", 3)
+    stage = scenes.stage(tmp_path / "b.usda")
+    points = scenes.mesh(stage, "/mesh").GetPointsAttr()
+    points.Set(scenes.POINTS, 1)
+    points.Set([*scenes.POINTS, (9, 9, 9)], 2)
+    with pytest.raises(SceneError, match=r"b\.usda /mesh: time code 2 has 7 points, but the first frame has 6"):
+        Scene(saved(stage)).positions("mesh", 2)

@@ -1,0 +1,92 @@
+#!/bin/sh
+# Installs the Python package with pip, as a user would, and runs its tests and those of the Blender add-on; ends with how
+# many passed, as cargo's tests do. The exit code is 0 if none failed.
+#
+#     tests/python/run.sh [PYTEST OPTION...]
+#
+# Variables: VRTM_VENV, the folder of the virtual environment (target/venv), which setup.sh makes; VRTM_LIBRARY, a shared
+# library that is built already (else cargo builds one with the tests' profile); VRTM_REQUIRE_PYTHON=1: what would be
+# skipped because there is no environment fails.
+set -u
+here=$(cd "$(dirname "$0")" && pwd)
+repository=$(cd "$here/../.." && pwd)
+target=${CARGO_TARGET_DIR:-$repository/target}
+venv=${VRTM_VENV:-$target/venv}
+# The longest that all tests of one folder may take, in seconds.
+seconds=${VRTM_PYTHON_SECONDS:-420}
+
+end() { # PASSED FAILED SKIPPED
+    result=ok
+    [ "$2" = 0 ] || result=FAILED
+    echo "test result: $result. $1 passed; $2 failed; $3 ignored"
+    [ "$2" = 0 ]
+    exit
+}
+
+why=$(sh "$here/setup.sh" "$venv") || {
+    if [ "${VRTM_REQUIRE_PYTHON:-0}" = 1 ]; then
+        echo "FAILED python: $why"
+        end 0 1 0
+    fi
+    echo "skipped: the tests in Python: $why"
+    end 0 0 1
+}
+if [ -z "${VRTM_LIBRARY:-}" ]; then
+    (cd "$repository" && cargo build --quiet --lib) || {
+        echo "FAILED python: the library does not build"
+        end 0 1 0
+    }
+    VRTM_LIBRARY=$(ls "$target"/debug/libvrtm.so "$target"/debug/libvrtm.dylib 2>/dev/null | head -n 1)
+fi
+export VRTM_LIBRARY PYTHONDONTWRITEBYTECODE=1
+# A wheel, built without looking for anything outside of the environment.
+wheels=$target/python
+rm -rf "$wheels"
+"$venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$wheels" \
+    "$repository/bindings/python" &&
+    "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --no-index --force-reinstall "$wheels"/*.whl || {
+    echo "FAILED python: the package cannot be installed"
+    end 0 1 0
+}
+# The tests are of what is installed, with the library that is in it.
+unset VRTM_LIBRARY
+
+passed=0 failed=0 skipped=0
+# Style and likely mistakes; the settings stand in bindings/ruff.toml.
+if (cd "$repository/bindings" && "$venv/bin/ruff" check --quiet --no-cache . &&
+    "$venv/bin/ruff" format --check --quiet --no-cache .); then
+    passed=1
+else
+    echo "FAILED ruff: see above (ruff check --fix, ruff format)"
+    failed=1
+fi
+for folder in bindings/python bindings/blender; do
+    report=$target/python/$(basename $folder).xml
+    (
+        cd "$repository/$folder" || exit 1
+        limit=
+        ! command -v timeout >/dev/null || limit="timeout $seconds"
+        $limit "$venv/bin/python" -m pytest -q -p no:cacheprovider --color=no --junit-xml "$report" "$@"
+    )
+    code=$?
+    # What pytest counted; a run that ended without a report counts as one failure.
+    # shellcheck disable=SC2046
+    set_counts() {
+        passed=$((passed + $1)) failed=$((failed + $2)) skipped=$((skipped + $3))
+    }
+    set_counts $("$venv/bin/python" - "$report" "$code" <<'END'
+import sys
+import xml.etree.ElementTree as tree
+
+try:
+    suite = tree.parse(sys.argv[1]).getroot()[0].attrib
+    bad = int(suite["failures"]) + int(suite["errors"])
+    left = int(suite["skipped"])
+    good = int(suite["tests"]) - bad - left
+except (OSError, tree.ParseError, IndexError):
+    good = bad = left = 0
+print(good, max(bad, int(sys.argv[2] != "0")), left)
+END
+    )
+done
+end $passed $failed $skipped
