@@ -41,6 +41,8 @@ mod report;
 mod scenes;
 #[path = "bake/sheet.rs"]
 mod sheet;
+#[path = "bake/signals.rs"]
+mod signals;
 #[path = "bake/source.rs"]
 mod source;
 #[path = "bake/strain.rs"]
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<()> {
+    let unfinished = signals::watch()?;
     let source = Source::load(args)?;
     let settings = DeviceSettings {
         backend: args.device.into(),
@@ -97,7 +100,7 @@ fn run(args: &Args) -> Result<()> {
     document["tiles"] = Value::Array(bake.describe()?);
     let mut frames = Vec::new();
     let mut table = report::Table::new();
-    let mut staging = Staging::new(&args.out)?;
+    let mut staging = Staging::new(&args.out, unfinished)?;
     for frame in source.chosen.iter().map(|&index| &source.frames[index]) {
         let number = format!("{:04}", frame.number);
         bar.set_message(format!("solving {number}"));

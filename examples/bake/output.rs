@@ -14,6 +14,7 @@ use vrtm::PixelFormat;
 
 use crate::failure::{Failure, Result};
 use crate::outputs::{Image, Output};
+use crate::signals::Unfinished;
 
 /// What a file tells of itself.
 #[derive(Debug)]
@@ -54,18 +55,18 @@ impl Facts {
     }
 }
 
-/// Files to be renamed. If it is dropped without [`Staging::commit`], they are removed.
+/// Files to be renamed. If it is dropped without [`Staging::commit`], or a signal ends the program, they are removed.
 #[derive(Debug)]
 pub struct Staging {
     folder: PathBuf,
-    waiting: Vec<(PathBuf, PathBuf)>,
+    waiting: Unfinished,
 }
 
 impl Staging {
     /// Makes the folder if it does not exist.
-    pub fn new(folder: &Path) -> Result<Staging> {
+    pub fn new(folder: &Path, waiting: Unfinished) -> Result<Staging> {
         fs::create_dir_all(folder).map_err(|e| Failure::file(folder, e))?;
-        Ok(Staging { folder: folder.into(), waiting: Vec::new() })
+        Ok(Staging { folder: folder.into(), waiting })
     }
 
     fn write(
@@ -78,8 +79,11 @@ impl Staging {
         let (folder, file) = (path.parent().unwrap_or(&self.folder), path.file_name().unwrap_or_default());
         fs::create_dir_all(folder).map_err(|e| Failure::file(folder, e))?;
         let temporary = folder.join(format!(".{}.{}.part", file.to_string_lossy(), std::process::id()));
-        self.waiting.push((temporary.clone(), path.clone()));
+        // Both under one lock: a signal finds the file in the list, or it is not made at all.
+        let mut waiting = self.waiting.lock();
+        waiting.push((temporary.clone(), path.clone()));
         let file = File::create(&temporary).map_err(|e| Failure::file(&path, e))?;
+        drop(waiting);
         let mut writer = BufWriter::new(file);
         body(&mut writer).map_err(|e| Failure::file(&path, e))?;
         writer.flush().map_err(|e| Failure::file(&path, e))
@@ -100,22 +104,20 @@ impl Staging {
         self.write(name, |writer| writer.write_all(bytes).map_err(|e| e.to_string()))
     }
 
-    /// Renames the files to their final names.
+    /// Renames the files to their final names; a signal waits until all have theirs.
     pub fn commit(&mut self) -> Result<()> {
-        for (temporary, path) in &self.waiting {
+        let mut waiting = self.waiting.lock();
+        for (temporary, path) in waiting.iter() {
             fs::rename(temporary, path).map_err(|e| Failure::file(path, e))?;
         }
-        self.waiting.clear();
+        waiting.clear();
         Ok(())
     }
 }
 
 impl Drop for Staging {
     fn drop(&mut self) {
-        for (temporary, _) in &self.waiting {
-            // Errors are ignored: the program already ends for another reason.
-            let _ = fs::remove_file(temporary);
-        }
+        Unfinished::remove(&mut self.waiting.lock());
     }
 }
 

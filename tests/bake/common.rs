@@ -10,19 +10,22 @@ use serde_json::Value;
 
 /// The bake program. Cargo builds examples before it runs tests, in a folder beside that of the test's executable.
 pub fn bake(arguments: &[&str]) -> Output {
+    command().args(arguments).output().expect("bake runs")
+}
+
+/// The program, without arguments.
+pub fn command() -> Command {
     let test = std::env::current_exe().expect("a path to this test");
     let profile = test.ancestors().nth(2).expect("target/<profile>/deps/<test>");
     let program = profile.join("examples").join(format!("bake{}", std::env::consts::EXE_SUFFIX));
     assert!(program.exists(), "{} is missing: cargo build --example bake", program.display());
-    Command::new(program)
-        .args(arguments)
-        .env_remove("VRTM_DEVICE")
-        .env_remove("VRTM_THREADS")
-        .env_remove("VRTM_GPU_LIMITS")
-        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
-        .env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))
-        .output()
-        .expect("bake runs")
+    let mut command = Command::new(program);
+    for variable in ["VRTM_DEVICE", "VRTM_THREADS", "VRTM_GPU_LIMITS"] {
+        command.env_remove(variable);
+    }
+    // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
+    command.env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"));
+    command
 }
 
 /// An empty folder for one test.

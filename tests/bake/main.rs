@@ -7,3 +7,4 @@ mod maps;
 mod outputs;
 mod poses;
 mod refusals;
+mod signals;

@@ -1,0 +1,259 @@
+"""The options of `vrtm bake`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from typing import Any
+
+from vrtm.bake import frames
+from vrtm.bake.scene import SceneOptions
+from vrtm.bake.settings import Settings
+
+DESCRIPTION = """\
+Bakes redirection maps: where to sample the texture, per frame and tile, so that painted features keep their shape
+while the mesh under them deforms. Reads USD, Alembic and OBJ. A file that is up to date is left alone, so that a bake
+which was ended goes on where it stopped."""
+
+EPILOG = """\
+exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain or --max-error was exceeded; 4 the
+device is missing or lost, or memory is short; 128 + the signal's number if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an
+error of vrtm itself."""
+
+LARGEST = 65536
+
+
+def add_to(commands: Any) -> argparse.ArgumentParser:
+    """Adds the subcommand `bake`."""
+    parser = commands.add_parser("bake", help="bake redirection maps", description=DESCRIPTION, epilog=EPILOG)
+    _scene(parser.add_argument_group("scene"))
+    _maps(parser.add_argument_group("what is rigid"))
+    _files(parser.add_argument_group("files"))
+    _content(parser.add_argument_group("content"))
+    _layer(parser.add_argument_group("USD layer"))
+    _work(parser.add_argument_group("work"))
+    _messages(parser.add_argument_group("messages"))
+    return parser
+
+
+def _scene(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("scene", metavar="SCENE", help="a USD, Alembic or OBJ file")
+    group.add_argument(
+        "--poses",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="FILE",
+        help="OBJ: the poses, as files or patterns (pose.####.obj, pose.%%04d.obj, pose.*.obj)",
+    )
+    group.add_argument(
+        "--meshes",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME",
+        help="names or prim paths, with * wildcards (default: all meshes that have UVs)",
+    )
+    group.add_argument("--uv", metavar="NAME", help="the UV set (default: st, or the only one)")
+    group.add_argument(
+        "--rest",
+        metavar="WHERE",
+        help="the rest shape: bind, pref, first, frame:N, or a file with the same faces (default: the scene's own)",
+    )
+    group.add_argument("--subdivide", type=_whole(0, 8), default=0, metavar="N", help="levels of subdivision (0)")
+    group.add_argument(
+        "--population-mask", nargs="+", action="extend", default=[], metavar="PRIM", help="USD: load these prims only"
+    )
+    group.add_argument(
+        "--variant",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("PRIM", "SET", "SELECTION"),
+        help="USD: select a variant; may be given several times",
+    )
+    group.add_argument("--fps", type=_positive, default=24.0, metavar="X", help="Alembic: frames per second (24)")
+
+
+def _maps(group: argparse._ArgumentGroup) -> None:
+    where = "<UDIM> stands for the tile, <mesh> for the mesh's name"
+    group.add_argument("--rigidity", metavar="PATTERN", help=f"images, white = rigid; {where}")
+    group.add_argument("--mask", metavar="PATTERN", help="images; what is dark does not move")
+    group.add_argument("--rigidity-primvar", metavar="NAME", help="a primvar in place of images ('colors' in OBJ)")
+    group.add_argument("--mask-primvar", metavar="NAME", help="a primvar in place of images")
+
+
+def _files(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--out", default="out", metavar="DIR", help="where to write (out)")
+    group.add_argument(
+        "--name",
+        metavar="PATTERN",
+        help="names below --out, with <mesh>, <kind>, <frame> and <UDIM> (default: <kind>.<frame>.<UDIM>.exr, and "
+        "<mesh>. before it if there are several)",
+    )
+    group.add_argument("--frames", type=_numbers, metavar="LIST", help="such as 1-10x2,15 (default: all)")
+    group.add_argument("--tiles", type=_numbers, metavar="LIST", help="such as 1001,1011-1013 (default: all)")
+    group.add_argument("--force", action="store_true", help="also write files that are up to date")
+
+
+def _content(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--size",
+        type=_whole(1, LARGEST),
+        metavar="N",
+        help="cells of the grid per side (default: the rigidity map's; 1024 with a primvar)",
+    )
+    group.add_argument("--map-size", type=_whole(1, LARGEST), metavar="N", help="texels per side (the grid's)")
+    group.add_argument(
+        "--form",
+        choices=("tile", "udim", "delta"),
+        help="the UVs in the map: within the tile, among all UDIM tiles, or what to add to the mesh's own "
+        "(tile; with --layer, udim)",
+    )
+    group.add_argument("--half", action="store_true", help="numbers of 16 bits; best with --form delta")
+    group.add_argument("--alpha", action="store_true", help="RGBA, with 1 in A where a chart covers the texel")
+    group.add_argument("--exact", action="store_true", help="do not move values next to folds")
+    group.add_argument("--warp", action="store_true", help="also write the warp, the redirection's inverse")
+    group.add_argument("--jacobian", action="store_true", help="also write the redirection's derivatives")
+    group.add_argument("--filter-scale", action="store_true", help="also write how much wider a filter has to be")
+    group.add_argument(
+        "--texture",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="PATTERN",
+        dest="textures",
+        help="also write warped copies of these textures, for renderers without dependent lookups",
+    )
+    group.add_argument(
+        "--normal-map",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="PATTERN",
+        dest="normal_maps",
+        help="the same for normal maps in tangent space, whose normals are turned along",
+    )
+    group.add_argument(
+        "--normal-y",
+        choices=("up", "down"),
+        default="up",
+        help="whether green grows with v in these (up, as in OpenGL) or against it (down, as in DirectX)",
+    )
+
+
+def _layer(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--layer", metavar="FILE", help="write a USD layer to be sublayered over the shot; '' for none")
+    group.add_argument(
+        "--layer-mode",
+        choices=("texture", "primvar", "both"),
+        default="texture",
+        help="redirect the materials' texture lookups (default), author a primvar st_redirected, or both",
+    )
+    group.add_argument("--only-layer", action="store_true", help="write nothing but the layer")
+
+
+def _work(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--quality", choices=("draft", "normal", "high"), default="normal")
+    group.add_argument(
+        "--weld", choices=("index", "position", "off"), default="index", help="by what faces hang together (index)"
+    )
+    group.add_argument("--device", choices=("auto", "cpu", "gpu"), default="auto", help="where to compute (auto)")
+    group.add_argument("--adapter", type=_whole(0, 255), default=0, metavar="N", help="which GPU; see vrtm devices")
+    group.add_argument(
+        "--jobs", type=_whole(0, 1024), default=0, metavar="N", help="frames at a time (0: by the cores)"
+    )
+    group.add_argument("--threads", type=_whole(0, 1024), default=0, metavar="N", help="threads per job (0: the rest)")
+    group.add_argument(
+        "--measure", action="store_true", help="measure strain and the maps' errors, for the report (takes longer)"
+    )
+    group.add_argument("--max-strain", type=_positive, metavar="X", help="exit code 3 if a tile's RMS strain is larger")
+    group.add_argument(
+        "--max-error",
+        type=_positive,
+        metavar="TEXELS",
+        help="exit code 3 if 1 %% of a map is further off than that, in texels of the texture",
+    )
+    group.add_argument(
+        "--texture-size",
+        type=_whole(1, 1 << 20),
+        default=4096,
+        metavar="N",
+        help="texels of the texture per side (4096)",
+    )
+
+
+def _messages(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--report", metavar="FILE.json", help="write all figures")
+    group.add_argument("--no-progress", action="store_true", help="neither a progress bar nor lines")
+    group.add_argument("--quiet", action="store_true", help="nothing but warnings and errors")
+    group.add_argument("--openjd", action="store_true", help="progress and status lines of OpenJobDescription")
+    group.add_argument(
+        "--more",
+        metavar="OPTIONS",
+        default="",
+        help="further options in one argument, quoted as in a shell: --more='--half'",
+    )
+
+
+def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> Settings:
+    """The settings of a command line. What cannot go together ends the program with exit code 2."""
+    given = vars(arguments)
+    a = arguments
+    if not (a.rigidity or a.rigidity_primvar):
+        parser.error("one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape")
+    for pattern, primvar in (("rigidity", "rigidity_primvar"), ("mask", "mask_primvar")):
+        if given[pattern] and given[primvar]:
+            parser.error(f"--{pattern} and --{primvar.replace('_', '-')} exclude each other")
+    if a.only_layer and a.layer is None:
+        parser.error("--only-layer needs --layer")
+    if a.layer and a.layer_mode != "texture" and a.tiles:
+        parser.error(f"--layer-mode {a.layer_mode} takes all tiles of a mesh, so that --tiles cannot go with it")
+    options = SceneOptions(
+        meshes=tuple(a.meshes),
+        uv=a.uv,
+        rest=a.rest,
+        rigidity_primvar=a.rigidity_primvar,
+        mask_primvar=a.mask_primvar,
+        subdivide=a.subdivide,
+        population_mask=tuple(a.population_mask),
+        variants=tuple(tuple(v) for v in a.variant),
+        poses=tuple(a.poses),
+        fps=a.fps,
+    )
+    measure = a.measure or a.max_strain is not None or a.max_error is not None
+    own = Settings.__dataclass_fields__
+    same = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if name in own}
+    form = a.form or ("udim" if a.layer else "tile")
+    return Settings(**same | {"options": options, "measure": measure, "form": form})
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    try:
+        return frames.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _whole(first: int, last: int) -> Callable[[str], int]:
+    def parse(text: str) -> int:
+        try:
+            number = int(text)
+        except ValueError:
+            number = first - 1
+        if not first <= number <= last:
+            raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from {first} to {last}")
+        return number
+
+    return parse
+
+
+def _positive(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
+    return number

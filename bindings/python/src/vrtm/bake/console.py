@@ -1,0 +1,112 @@
+"""What the program says: a bar on a terminal, lines elsewhere, and lines for OpenJobDescription. Nothing that happens
+to the streams ends the bake: they may be closed, or full."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from typing import TextIO
+
+
+def keep_streams_open() -> None:
+    """Puts the null device where a standard stream is closed: else the first file that is opened would take its place,
+    and get what is printed."""
+    for descriptor in range(3):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            opened = os.open(os.devnull, os.O_RDWR)
+            if opened != descriptor:
+                os.dup2(opened, descriptor)
+                os.close(opened)
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None and hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def leave_streams() -> None:
+    """Writes out what is left; what cannot be written is dropped, so that Python does not complain at its end."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream is not None:
+                stream.flush()
+        except (OSError, ValueError):
+            with contextlib.suppress(OSError, ValueError):
+                null = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(null, stream.fileno())
+                os.close(null)
+
+
+class Console:
+    """Progress and messages."""
+
+    def __init__(self, quiet: bool, progress: bool, openjd: bool) -> None:
+        self.quiet = quiet
+        self.openjd = openjd
+        self._progress = progress and not quiet
+        self._bar = None
+        self._total = self._done = 0
+
+    def start(self, total: int, message: str) -> None:
+        """Begins to count tasks up to `total`."""
+        self._total = total
+        self.status(message)
+        if self._progress and not self.openjd and sys.stderr is not None and sys.stderr.isatty():
+            from tqdm import tqdm
+
+            self._bar = tqdm(total=total, unit="frame", file=sys.stderr, dynamic_ncols=True, leave=False)
+        self._say_progress()
+
+    def done(self, message: str) -> None:
+        """One task more is done."""
+        self._done += 1
+        if self._bar is not None:
+            with contextlib.suppress(OSError, ValueError):
+                self._bar.set_postfix_str(message, refresh=False)
+                self._bar.update()
+        elif self._progress:
+            self._put(sys.stdout, f"[{self._done}/{self._total}] {message}")
+        self._say_progress()
+
+    def status(self, message: str) -> None:
+        """What is going on."""
+        if self.openjd:
+            self._put(sys.stdout, f"openjd_status: {message}")
+
+    def info(self, message: str) -> None:
+        """A line of text on stdout."""
+        if not self.quiet:
+            self._put(sys.stdout, message)
+
+    def warning(self, message: str) -> None:
+        """A line of text on stderr."""
+        self._put(sys.stderr, f"vrtm: warning: {message}")
+
+    def error(self, message: str) -> None:
+        """Why the program fails."""
+        self._put(sys.stderr, f"vrtm: {message}")
+        if self.openjd:
+            self._put(sys.stdout, f"openjd_fail: {message.splitlines()[-1]}")
+
+    def close(self) -> None:
+        """Takes the bar away."""
+        if self._bar is not None:
+            with contextlib.suppress(OSError, ValueError):
+                self._bar.close()
+            self._bar = None
+
+    def _say_progress(self) -> None:
+        if self.openjd:
+            self._put(sys.stdout, f"openjd_progress: {100 * self._done / max(self._total, 1):.1f}")
+
+    def _put(self, stream: TextIO | None, line: str) -> None:
+        if stream is None:
+            return
+        try:
+            if self._bar is not None:
+                self._bar.write(line, file=stream)
+            else:
+                print(line, file=stream, flush=True)
+        except (OSError, ValueError):
+            pass

@@ -1,0 +1,350 @@
+"""A mesh of the scene as the library has it, and the files that are written of it."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import vrtm
+from vrtm.bake import image_file, outputs, warped
+from vrtm.bake.corners import CornerFile, corner_name
+from vrtm.bake.failure import INPUT, Failure, describe
+from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.image_file import Target
+from vrtm.bake.names import Pattern
+from vrtm.bake.scene import Shape
+from vrtm.bake.scene.images import find_maps, read_map
+from vrtm.bake.settings import Settings
+
+LARGEST_GRID = 16384
+SIZE_WITHOUT_MAP = 512
+SIZE_OF_PRIMVAR = 1024
+
+
+@dataclass(eq=False)
+class TileWork:
+    """A tile with its maps."""
+
+    tile: vrtm.Tile
+    udim: int
+    cells: tuple[int, int]
+    size: tuple[int, int]
+    """Of the redirection, in texels."""
+    inputs: Fingerprint
+    """Of all that the tile's files depend on, poses excepted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A file to be written of a frame."""
+
+    tile: TileWork
+    target: Target
+    output: outputs.Output | None = None
+    copy: warped.Copy | None = None
+    texture: str = ""
+    """The file that `copy` is made of."""
+
+    @property
+    def is_redirection(self) -> bool:
+        """Whether it is the file that keeps the tile's figures."""
+        return self.target.facts["vrtm:kind"] == "redirect"
+
+
+@dataclass
+class FrameResult:
+    """What became of a mesh in one frame, for the report."""
+
+    mesh: str
+    frame: int
+    milliseconds: float = 0.0
+    tiles: list[dict] = field(default_factory=list)
+    files: list[dict] = field(default_factory=list)
+    """Those of no single tile."""
+    warnings: list[str] = field(default_factory=list)
+
+    def count(self, state: str) -> int:
+        """Files that were `written`, or `skipped` since they were up to date."""
+        return sum(
+            file["state"] == state for part in [self.files, *(tile["files"] for tile in self.tiles)] for file in part
+        )
+
+
+class MeshWork:
+    """A mesh with its asset. Not for several threads at once."""
+
+    def __init__(self, settings: Settings, shape: Shape, device: vrtm.Device, copies: Sequence[warped.Copy]) -> None:
+        self.settings = settings
+        self.shape = shape
+        self.copies = tuple(copies)
+        self.listed = outputs.listed(settings)
+        self.asset = vrtm.Asset(
+            device,
+            shape.rest,
+            shape.indices,
+            face_counts=shape.face_counts,
+            uvs=shape.uvs,
+            uv_indices=shape.uv_indices,
+            weld=settings.weld,
+        )
+        common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
+        if device.info.backend == "gpu":
+            # The CPU gives the same bits on every machine.
+            common.text(device.info.name)
+        for array in (shape.rest, shape.face_counts, shape.indices, shape.uvs, shape.uv_indices):
+            common.array(array)
+        if shape.vertex_rigidity is not None:
+            self.asset.set_vertex_rigidity(shape.vertex_rigidity)
+        if shape.vertex_mask is not None:
+            self.asset.set_vertex_mask(shape.vertex_mask)
+        common.array(shape.vertex_rigidity).array(shape.vertex_mask)
+        self.all_udims = tuple(tile.udim for tile in self.asset.tiles)
+        self.tiles = self._tiles(common)
+        self.common = common.copy()
+        for tile in self.tiles:
+            self.common.text(tile.inputs.hex())
+        self.textures = [(copy, find_maps(copy.pattern, shape.name, self.all_udims)) for copy in self.copies]
+
+    def _tiles(self, common: Fingerprint) -> list[TileWork]:
+        settings = self.settings
+        rigid = {udim: read_map(path) for udim, path in self._found("rigidity").items()}
+        masks = {udim: read_map(path) for udim, path in self._found("mask").items()}
+        # A tile without a map is the identity, and gets the size of the others.
+        alone = SIZE_OF_PRIMVAR if self.shape.vertex_rigidity is not None else SIZE_WITHOUT_MAP
+        other = max(((m.shape[1], m.shape[0]) for m in rigid.values()), default=(alone, alone))
+        tiles = []
+        for tile in self.asset.tiles:
+            rigidity, mask = rigid.get(tile.udim), masks.get(tile.udim)
+            if rigidity is not None:
+                tile.set_rigidity(rigidity)
+            if mask is not None:
+                tile.set_mask(mask)
+            own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
+            cells = own if settings.size is None else (settings.size, settings.size)
+            grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
+            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1])
+            size = cells if settings.map_size is None else (settings.map_size, settings.map_size)
+            inputs = common.copy().text(tile.udim, dataclasses.astuple(tile.settings)).array(rigidity).array(mask)
+            if settings.tiles is None or tile.udim in settings.tiles:
+                tiles.append(TileWork(tile, tile.udim, grid, size, inputs))
+        return tiles
+
+    def _found(self, option: str) -> dict[int, str]:
+        pattern = getattr(self.settings, option)
+        return {} if pattern is None else find_maps(pattern, self.shape.name, self.all_udims)
+
+    def pieces(self, frame: int, positions: np.ndarray | None, pattern: Pattern) -> list[Piece]:
+        """The files of a frame. Without positions, they have no hash of their inputs, and are good for their names
+        alone."""
+        pose = "" if positions is None else Fingerprint().array(positions).hex()
+        pieces = []
+        for tile in self.tiles:
+            pieces += [self._map(frame, tile, output, pose, pattern) for output in self.listed]
+            for copy, paths in self.textures:
+                if tile.udim in paths:
+                    pieces.append(self._copy(frame, tile, copy, paths[tile.udim], pose, pattern))
+        return pieces
+
+    def _map(self, frame: int, tile: TileWork, output: outputs.Output, pose: str, pattern: Pattern) -> Piece:
+        size = (tile.cells[0] + 1, tile.cells[1] + 1) if output.kind == "warp" else tile.size
+        inputs = tile.inputs.copy().text(pose, dataclasses.astuple(output), size)
+        facts = self._facts(output.kind, frame, tile, inputs)
+        if output.form is not None:
+            facts["vrtm:form"] = output.form
+        name = pattern.name(self.shape.name, output.kind, frame, tile.udim)
+        # Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those
+        # converts what it takes for a colour. Edges are clamped where the wrap mode is read.
+        said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
+        said["Software"] = f"vrtm {vrtm.version()}"
+        attributes = {name: ("string", value) for name, value in said.items()}
+        alpha = 3 if output.kind == "redirect" and len(output.channels) == 4 else -1
+        path = os.path.join(self.settings.out, name)
+        target = Target(path, *size, output.channels, output.dtype, facts, attributes, alpha=alpha)
+        return Piece(tile, target, output=output)
+
+    def _copy(self, frame: int, tile: TileWork, copy: warped.Copy, path: str, pose: str, pattern: Pattern) -> Piece:
+        texture = warped.read(path)
+        height, width, _ = texture.pixels.shape
+        inputs = tile.inputs.copy().text(pose, texture.inputs, copy.is_normal, copy.down)
+        name = pattern.name(self.shape.name, copy.kind, frame, tile.udim, texture.extension)
+        target = Target(
+            os.path.join(self.settings.out, name),
+            width,
+            height,
+            texture.channels,
+            str(texture.pixels.dtype),
+            self._facts(copy.kind, frame, tile, inputs),
+            texture.attributes,
+            texture.format,
+            texture.alpha,
+        )
+        return Piece(tile, target, copy=copy, texture=path)
+
+    def _facts(self, kind: str, frame: int, tile: TileWork, inputs: Fingerprint) -> dict[str, str | int]:
+        return {
+            "vrtm:kind": kind,
+            "vrtm:mesh": self.shape.name,
+            "vrtm:udim": tile.udim,
+            "vrtm:frame": frame,
+            "vrtm:version": vrtm.version(),
+            "vrtm:inputs": inputs.hex(),
+        }
+
+    def corners(self, frame: int, positions: np.ndarray | None, pattern: Pattern) -> CornerFile:
+        """The file of a frame's corner UVs."""
+        pose = "" if positions is None else Fingerprint().array(positions).hex()
+        path = os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame))
+        return CornerFile(path, self.common.copy().text(pose).hex())
+
+    def check(self, pieces: Sequence[Piece]) -> list[dict | None]:
+        """What each file records if it is up to date, and None if it has to be written."""
+        if self.settings.force:
+            return [None] * len(pieces)
+        found = [image_file.up_to_date(piece.target) for piece in pieces]
+        measured = "strain" if self.settings.measure else "energy"
+        return [
+            None if figures is not None and piece.is_redirection and measured not in figures else figures
+            for piece, figures in zip(pieces, found)
+        ]
+
+    def bake(
+        self, frame: int, positions: np.ndarray, pattern: Pattern, stop: Callable[[], None], write: bool = True
+    ) -> FrameResult | None:
+        """Writes what is not up to date of a frame; None if there is something, and it is not to be written. `stop` is
+        called often, and raises to cancel."""
+        start = time.perf_counter()
+        result = FrameResult(self.shape.name, frame)
+        pieces = self.pieces(frame, positions, pattern)
+        records = self.check(pieces)
+        stale = [piece for piece, figures in zip(pieces, records) if figures is None]
+        figures: dict[int, dict] = {}
+        corners = self.corners(frame, positions, pattern) if self.settings.corner_uvs else None
+        whole = corners is not None and (self.settings.force or not corners.up_to_date())
+        if (stale or whole) and not write:
+            return None
+        if stale or whole:
+            # Corner UVs are those of all tiles together.
+            tiles = [tile for tile in self.tiles if whole or any(piece.tile is tile for piece in stale)]
+            self._solve(frame, positions, tiles, stop)
+            figures = {tile.udim: self._figures(tile) for tile in tiles}
+            result.warnings += self._doubts(frame)
+            for piece in stale:
+                stop()
+                pixels = self._pixels(piece, stop)
+                stop()
+                image_file.write(piece.target, pixels, figures[piece.tile.udim] if piece.is_redirection else None)
+        if corners is not None:
+            if whole:
+                stop()
+                corners.write(self.shape, frame, self.asset.corner_uvs())
+            result.files.append(_file(corners.path, "written" if whole else "skipped", self.settings))
+        for tile in self.tiles:
+            own = [(piece, record) for piece, record in zip(pieces, records) if piece.tile is tile]
+            kept = next((record for piece, record in own if piece.is_redirection), None)
+            result.tiles.append(row(tile, own, figures.get(tile.udim) or kept or {}, self.settings))
+        result.milliseconds = 1e3 * (time.perf_counter() - start)
+        return result
+
+    def _solve(self, frame: int, positions: np.ndarray, tiles: list[TileWork], stop: Callable[[], None]) -> None:
+        def progress(_fraction: float) -> None:
+            stop()
+
+        try:
+            self.asset.solve(
+                positions,
+                quality=self.settings.quality,
+                measure=self.settings.measure,
+                tiles=[tile.tile for tile in tiles],
+                progress=progress,
+            )
+        except vrtm.Error as error:
+            raise describe(error, f"{self.shape.path}, frame {frame}") from error
+
+    def _figures(self, tile: TileWork) -> dict:
+        """What a file keeps of its solve: nothing that changes from run to run, such as times."""
+        report = tile.tile.report()
+        names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement", "charts", "charts_fallback")
+        figures: dict = {name: getattr(report, name) for name in names}
+        if self.settings.measure:
+            output = self.listed[0]
+            info = tile.tile.inspect_map(
+                output.fetch, tile.size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
+            )
+            figures["strain"] = {
+                "before": dataclasses.asdict(report.before),
+                "after": dataclasses.asdict(report.after),
+                "edges": report.edges,
+                "harm": report.harm,
+                "help": report.help,
+            }
+            figures["map"] = dataclasses.asdict(info)
+        return figures
+
+    def _pixels(self, piece: Piece, stop: Callable[[], None]) -> np.ndarray:
+        tile = piece.tile.tile
+        if piece.output is not None:
+            return piece.output.image(tile, (piece.target.width, piece.target.height))
+        assert piece.copy is not None
+
+        def fetch(kind: str, width: int, height: int, first: int, rows: int) -> np.ndarray:
+            return tile.fetch_part(kind, (width, height), (0, first, width, rows))
+
+        return warped.warp(warped.read(piece.texture), piece.copy, fetch, stop)
+
+    def _doubts(self, frame: int) -> list[str]:
+        """What nobody can have meant."""
+        report = self.asset.report()
+        if not 1 / 3 <= report.median_stretch <= 3:
+            return [
+                f"{self.shape.path}, frame {frame}: edges are {report.median_stretch:.3f} times as long as at rest "
+                "(median): is it in other units, or are the vertices in another order?"
+            ]
+        if report.stretched_share > 0.05:
+            return [
+                f"{self.shape.path}, frame {frame}: {report.stretched_share:.1%} of the edges are more than 3 times as "
+                "long as at rest: are the vertices in the order of the rest mesh?"
+            ]
+        return []
+
+
+def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, settings: Settings) -> dict:
+    """A tile's row of the report."""
+    states = [(piece.target.path, "written" if record is None else "skipped") for piece, record in own]
+    files = [_file(path, state, settings) for path, state in states]
+    written = any(file["state"] == "written" for file in files)
+    found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
+    line: dict = {"udim": tile.udim, "state": "written" if written else "skipped", "grid": list(tile.cells)} | found
+    line["strain"] = figures.get("strain")
+    line["map"] = None
+    if "map" in figures:
+        found = figures["map"]
+        texels = {part: found[f"error_{part}"] * settings.texture_size for part in ("rms", "p99", "max")}
+        line["map"] = {
+            "size": list(tile.size),
+            "folds": found["folds"],
+            "min_jacobian": found["min_jacobian"],
+            "error_texels": {"texture_size": settings.texture_size} | texels,
+            "sufficient_size": [found["sufficient_width"], found["sufficient_height"]],
+        }
+    line["files"] = files
+    return line
+
+
+def _file(path: str, state: str, settings: Settings) -> dict:
+    return {"path": os.path.relpath(path, settings.out).replace(os.sep, "/"), "state": state}
+
+
+def unknown_tiles(settings: Settings, meshes: Sequence[MeshWork]) -> list[int]:
+    """Tiles that were asked for and that no mesh has. Raises Failure if that leaves none."""
+    if settings.tiles is None:
+        return []
+    present = {udim for mesh in meshes for udim in mesh.all_udims}
+    if not present & set(settings.tiles):
+        there = ", ".join(map(str, sorted(present)))
+        raise Failure(INPUT, f"--tiles: the scene has none of these; it has {there}")
+    return sorted(set(settings.tiles) - present)

@@ -1,0 +1,47 @@
+"""Names of the files that are written: a pattern with placeholders."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+
+from vrtm.bake.failure import INPUT, Failure
+
+ONE_MESH = "<kind>.<frame>.<UDIM>.exr"
+"""The pattern of a single mesh: renderers and painting programs want the tile's number last."""
+SEVERAL = "<mesh>." + ONE_MESH
+"""The pattern of several meshes."""
+
+_PLACEHOLDERS = ("<mesh>", "<kind>", "<frame>", "<UDIM>")
+
+
+class Pattern:
+    """A path below the output folder; `<mesh>`, `<kind>`, `<frame>` and `<UDIM>` stand for what a file holds."""
+
+    def __init__(self, text: str, counts: Mapping[str, int]) -> None:
+        """`counts`: how many different values each placeholder takes, those of more than one being needed. Raises
+        Failure."""
+        self.text = text
+
+        def bad(reason: str) -> Failure:
+            return Failure(INPUT, f"--name {text}: {reason}")
+
+        parts = text.split("/")
+        if "\\" in text or os.path.isabs(text) or any(part in ("", ".", "..") for part in parts):
+            raise bad("it must stay inside of the output folder: no '..', no '\\', no '/' at either end")
+        if not parts[-1].endswith(".exr") or parts[-1] == ".exr":
+            raise bad("it must end in .exr, with a name before that")
+        for found in re.findall(r"<[^>]*>?", text):
+            if found not in _PLACEHOLDERS:
+                raise bad(f"'{found}' is none of {', '.join(_PLACEHOLDERS)}")
+        for placeholder, count in counts.items():
+            if count > 1 and placeholder not in text:
+                raise bad(f"{count} values of {placeholder} are written, and it must keep them apart")
+
+    def name(self, mesh: str, kind: str, frame: int | str, udim: int | str, extension: str = ".exr") -> str:
+        """The path of a file below the output folder. Frames get at least four digits."""
+        number = f"{frame:04d}" if isinstance(frame, int) else frame
+        values = {"<mesh>": mesh, "<kind>": kind, "<frame>": number, "<UDIM>": str(udim)}
+        filled = re.sub("|".join(_PLACEHOLDERS), lambda match: values[match[0]], self.text)
+        return filled[: -len(".exr")] + extension

@@ -1,0 +1,147 @@
+"""Frames side by side: one job in a thread of this process, several in processes of their own.
+
+Processes, since reading a pose and turning it into arrays holds Python's lock; and each has a device of its own. They
+are spawned, not forked: a fork copies locks that other threads hold. They leave signals to the main process, which
+tells them through a pipe to stop, and they end by themselves when it is gone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+
+from vrtm.bake.failure import Failure, describe
+from vrtm.bake.mesh_work import FrameResult
+from vrtm.bake.settings import Settings
+from vrtm.bake.stopping import ENDING, Stop
+from vrtm.bake.work import Work
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a job hands back: a result, or what went wrong."""
+
+    result: FrameResult | None = None
+    failure: Failure | None = None
+
+
+class Jobs:
+    """Bakes frames. A context manager: at its end nothing runs any more."""
+
+    def __init__(self, settings: Settings, work: Work, jobs: int, threads: int, stop: Stop) -> None:
+        """`work` is used by a single job; several open the scene anew, with so many `threads` each."""
+        self.stop = stop
+        self._work = work
+        self._sender: Connection | None = None
+        self._executor: Executor
+        if jobs == 1:
+            self._executor = ThreadPoolExecutor(1, "bake")
+        else:
+            context = multiprocessing.get_context("spawn")
+            receiver, self._sender = context.Pipe(duplex=False)
+            self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver))
+
+    def submit(self, tasks: list[tuple[str, int]]) -> dict[Future, tuple[str, int]]:
+        """Begins all tasks, each a mesh and a frame; a future each, whose result is an Outcome."""
+        if self._sender is None:
+            return {self._executor.submit(_outcome, self._work, *task, self.stop): task for task in tasks}
+        with _blocked():
+            return {self._executor.submit(_in_process, *task): task for task in tasks}
+
+    def cancel(self) -> None:
+        """Ends what is under way within milliseconds, and what has not begun at once."""
+        self.stop.event.set()
+        if self._sender is not None:
+            self._sender.close()
+        self._executor.shutdown(wait=False, cancel_futures=True)
+
+    def __enter__(self) -> Jobs:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._sender is not None:
+            self._sender.close()
+        self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def _blocked() -> Iterator[None]:
+    """Processes that are started in the block never see the signals that ask to end; this one sees them after it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _outcome(work: Work, mesh: str, frame: int, stop: Stop) -> Outcome:
+    try:
+        stop.check()
+        return Outcome(result=work.bake(mesh, frame, stop.check))
+    except Exception as error:
+        return Outcome(failure=describe(error, f"{mesh}, frame {frame}"))
+
+
+class _Worker:
+    """A worker process: its scene, once there is something to do, and whether it is to stop."""
+
+    def __init__(self, settings: Settings, threads: int, receiver: Connection) -> None:
+        self.settings, self.threads, self.receiver = settings, threads, receiver
+        self.stop = Stop()
+        self.busy = threading.Lock()
+        self.work: Work | None = None
+        for watch in (self._watch_parent, self._watch_signals):
+            threading.Thread(target=watch, name="watch", daemon=True).start()
+
+    def _watch_parent(self) -> None:
+        parent = multiprocessing.parent_process()
+        assert parent is not None
+        # The pipe ends when the parent closes its side, or is gone.
+        wait([self.receiver, parent.sentinel])
+        self.stop.event.set()
+        wait([parent.sentinel])
+        self._end()
+
+    def _watch_signals(self) -> None:
+        """SIGTERM is blocked, so that it does not interrupt anything: it comes here."""
+        if hasattr(signal, "sigwait"):
+            signal.sigwait({signal.SIGTERM})
+            self._end()
+
+    def _end(self) -> None:
+        """Ends the process when the task, which is cancelled, has taken its temporary file away."""
+        self.stop.event.set()
+        with self.busy:
+            os._exit(1)
+
+
+_worker: _Worker | None = None
+
+
+def _begin(settings: Settings, threads: int, receiver: Connection) -> None:
+    global _worker
+    if not hasattr(signal, "pthread_sigmask"):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _worker = _Worker(settings, threads, receiver)
+
+
+def _in_process(mesh: str, frame: int) -> Outcome:
+    worker = _worker
+    assert worker is not None
+    with worker.busy:
+        if worker.work is None:
+            try:
+                worker.work = Work(worker.settings, worker.threads)
+            except Exception as error:
+                return Outcome(failure=describe(error))
+        return _outcome(worker.work, mesh, frame, worker.stop)

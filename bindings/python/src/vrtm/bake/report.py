@@ -1,0 +1,81 @@
+"""The JSON report of a bake; docs/farm.md describes it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+
+import vrtm
+from vrtm.bake import staging
+from vrtm.bake.failure import DONE, INPUT, TOLERANCE, Failure, one_line
+from vrtm.bake.mesh_work import FrameResult
+from vrtm.bake.settings import Settings
+from vrtm.bake.work import Work
+
+
+def document(
+    work: Work, results: Sequence[FrameResult], seconds: float, failure: Failure | None, warnings: Sequence[str]
+) -> dict:
+    """All figures, frames and meshes in order."""
+    settings = work.settings
+    info = work.device.info
+    return {
+        "program": {"name": "vrtm bake", "version": vrtm.version()},
+        "scene": settings.scene,
+        "out": settings.out,
+        "layer": settings.layer,
+        "settings": dataclasses.asdict(settings),
+        "device": {"backend": info.backend, "name": info.name, "reason": info.reason},
+        "meshes": [
+            {"name": mesh.shape.name, "path": mesh.shape.path, "tiles": [tile.udim for tile in mesh.tiles]}
+            for mesh in work.meshes.values()
+        ],
+        "frames": [
+            {
+                "frame": result.frame,
+                "mesh": result.mesh,
+                "milliseconds": round(result.milliseconds, 3),
+                "tiles": result.tiles,
+                "files": result.files,
+                "warnings": result.warnings,
+            }
+            for result in sorted(results, key=lambda result: (result.frame, result.mesh))
+        ],
+        "written": sum(result.count("written") for result in results),
+        "skipped": sum(result.count("skipped") for result in results),
+        "seconds": round(seconds, 3),
+        "warnings": list(warnings),
+        "exit_code": failure.code if failure else DONE,
+        "message": failure.message if failure else "done",
+    }
+
+
+def write(path: str, content: dict) -> None:
+    """Writes it whole. Raises Failure."""
+    try:
+        staging.write_bytes(path, (json.dumps(content, indent=1) + "\n").encode())
+    except OSError as error:
+        raise Failure(INPUT, f"--report {path}: {one_line(error.strerror or error)}") from error
+
+
+def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | None:
+    """What is worse than asked for: the worst tile."""
+    rows = [(result, tile) for result in results for tile in result.tiles]
+    beyond = []
+    if settings.max_strain is not None:
+        found = [(t["strain"]["after"]["rms"], r, t) for r, t in rows if t["strain"]]
+        beyond.append(("--max-strain", settings.max_strain, "RMS strain of", found))
+    if settings.max_error is not None:
+        found = [(t["map"]["error_texels"]["p99"], r, t) for r, t in rows if t["map"]]
+        beyond.append(("--max-error", settings.max_error, "texels that 1 % of the map is off by:", found))
+    for option, limit, name, found in beyond:
+        over = [entry for entry in found if entry[0] > limit]
+        if over:
+            value, result, tile = max(over, key=lambda entry: entry[0])
+            place = f"{result.mesh}, frame {result.frame}, tile {tile['udim']}"
+            return Failure(
+                TOLERANCE,
+                f"{option} {limit:g} was exceeded in {len(over)} of {len(found)}: {place}: {name} {value:.4g}",
+            )
+    return None

@@ -1,0 +1,102 @@
+"""The console command `vrtm`."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+
+import vrtm
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command line and returns its exit code: 0 done, 2 bad input, 3 not within tolerance, 4 device, 128 + a
+    signal's number if it was ended by one."""
+    from vrtm.bake import console
+
+    console.keep_streams_open()
+    try:
+        return _run(sys.argv[1:] if arguments is None else list(arguments))
+    except KeyboardInterrupt:
+        # Before or after a bake, which has a handler of its own.
+        return 130
+    finally:
+        console.leave_streams()
+
+
+def _run(given: list[str]) -> int:
+    from vrtm.bake import arguments
+
+    parser = argparse.ArgumentParser(prog="vrtm", description=(vrtm.__doc__ or "").splitlines()[0])
+    parser.add_argument("--version", action="version", version=f"vrtm {vrtm.version()}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    bake = arguments.add_to(commands)
+    template = commands.add_parser(
+        "farm-template",
+        help="write a job template for a render farm",
+        description="Writes an OpenJobDescription template.",
+    )
+    template.add_argument("--out", metavar="FILE", help="where to write (default: to stdout)")
+    template.add_argument("--no-layer", action="store_true", help="without the step that writes a USD layer")
+    commands.add_parser("devices", help="list what can compute", description="Lists the CPU and all GPUs.")
+    parsed = parser.parse_args(given)
+    if parsed.command == "bake" and parsed.more:
+        try:
+            parsed = parser.parse_args([*given, *shlex.split(parsed.more)])
+        except ValueError as error:
+            bake.error(f"--more: {error}")
+    if parsed.command == "farm-template":
+        return _template(parsed.out, not parsed.no_layer)
+    if parsed.command == "devices":
+        return _devices()
+    return _bake(arguments.settings(bake, parsed), parsed)
+
+
+def _bake(settings, parsed: argparse.Namespace) -> int:
+    from vrtm.bake.console import Console
+    from vrtm.bake.failure import describe
+
+    console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd)
+    try:
+        from vrtm.bake.run import bake
+    except ModuleNotFoundError as error:
+        failure = describe(error)
+        console.error(failure.message)
+        return failure.code
+    return bake(settings, console)
+
+
+def _template(path: str | None, layer: bool) -> int:
+    from vrtm.bake import staging
+    from vrtm.bake.console import Console
+    from vrtm.bake.failure import describe
+    from vrtm.farm import template
+
+    try:
+        if path is None:
+            sys.stdout.write(template(layer))
+        else:
+            staging.write_bytes(path, template(layer).encode())
+    except OSError as error:
+        failure = describe(error, path or "stdout")
+        Console(False, False, False).error(failure.message)
+        return failure.code
+    return 0
+
+
+def _devices() -> int:
+    from vrtm.bake import cores
+    from vrtm.bake.console import Console
+
+    console = Console(False, False, False)
+    with vrtm.Device("cpu") as device:
+        console.info(f"cpu    {device.info.name or 'CPU'}, {cores.available()} cores")
+    for index, adapter in enumerate(vrtm.adapters()):
+        kind = ", software" if adapter.software else ""
+        console.info(f"gpu {index}  {adapter.name}, {adapter.api}, {adapter.driver}{kind}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

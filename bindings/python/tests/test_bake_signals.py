@@ -1,0 +1,134 @@
+"""Bakes that are ended at any moment: nothing half-written stays, nobody is left behind, and the next run goes on."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from bake_scenes import files, run, sheet, sheet_arguments, vrtm_command
+
+FRAMES = 24
+OPTIONS = ("--size", 256, "--warp", "--jacobian")
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return sheet(tmp_path_factory.mktemp("sheet"), frames=FRAMES)
+
+
+@pytest.fixture(scope="module")
+def reference(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    out = tmp_path_factory.mktemp("reference")
+    run(*sheet_arguments(scene, out, *OPTIONS))
+    return files(out)
+
+
+def begin(scene: Path, out: Path, jobs: int) -> subprocess.Popen[str]:
+    """A bake in a session of its own, so that its processes can be found."""
+    command, variables = vrtm_command(*sheet_arguments(scene, out, *OPTIONS, "--jobs", jobs))
+    return subprocess.Popen(
+        command, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def left(session: int) -> list[int]:
+    """Processes of a session that are alive; /proc tells."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                fields = (entry / "stat").read_text().rsplit(")", 1)[1].split()
+            except OSError:
+                continue
+            if int(fields[3]) == session and fields[0] != "Z":
+                found.append(int(entry.name))
+    return found
+
+
+def gone(session: int, seconds: float) -> bool:
+    """Whether all processes of a session end within some time."""
+    limit = time.monotonic() + seconds
+    while left(session):
+        if time.monotonic() > limit:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def await_files(out: Path, process: subprocess.Popen[str], count: int) -> None:
+    """Waits until so many files are there."""
+    while process.poll() is None and (not out.is_dir() or len(os.listdir(out)) < count):
+        time.sleep(0.005)
+
+
+@pytest.mark.parametrize("group", [False, True])
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_signal_leaves_whole_files_alone(
+    scene: Path, reference: dict[str, bytes], tmp_path: Path, jobs: int, group: bool
+) -> None:
+    chance = random.Random(jobs + 10 * group)
+    for number, code in ((signal.SIGTERM, 143), (signal.SIGINT, 130)):
+        for count in (0, 1, 4, 30):
+            out = tmp_path / f"{code}.{count}"
+            process = begin(scene, out, jobs)
+            time.sleep(0.6)
+            if count:
+                await_files(out, process, count)
+            time.sleep(chance.random() * 0.08)
+            # As a terminal does with Ctrl-C, and schedulers with SIGTERM: to all processes, or to the first.
+            asked = time.monotonic()
+            (os.killpg if group else os.kill)(process.pid, number)
+            _, told = process.communicate(timeout=30)
+            assert process.returncode == code, told
+            assert "Traceback" not in told and f"ended by {number.name}" in told
+            assert time.monotonic() - asked < 3
+            assert gone(process.pid, 2), "processes are left"
+            found = files(out) if out.is_dir() else {}
+            assert len(found) < len(reference)
+            assert found.items() <= reference.items(), sorted(set(found) - set(reference))
+    run(*sheet_arguments(scene, out, *OPTIONS, "--jobs", jobs))
+    assert files(out) == reference
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_kill_is_made_good_by_the_next_run(
+    scene: Path, reference: dict[str, bytes], tmp_path: Path, jobs: int
+) -> None:
+    chance = random.Random(jobs)
+    for _ in range(6):
+        process = begin(scene, tmp_path, jobs)
+        time.sleep(0.7 + chance.random() * 0.6)
+        process.kill()
+        process.communicate()
+        # The workers notice that they are alone, and end.
+        assert gone(process.pid, 5), "processes are left"
+        whole = {name: content for name, content in files(tmp_path).items() if not name.startswith(".")}
+        assert whole.items() <= reference.items()
+    # As a kill in the middle of a file leaves it.
+    (tmp_path / ".redirect.0001.1001.exr.0123456789abcdef.part").write_bytes(b"v/1")
+    run(*sheet_arguments(scene, tmp_path, *OPTIONS))
+    assert files(tmp_path) == reference
+
+
+def test_a_worker_that_is_killed_is_told(scene: Path, reference: dict[str, bytes], tmp_path: Path) -> None:
+    for number in (signal.SIGKILL, signal.SIGTERM):
+        out = tmp_path / number.name
+        process = begin(scene, out, 2)
+        await_files(out, process, 2)
+        for worker in left(process.pid):
+            command = Path(f"/proc/{worker}/cmdline").read_bytes()
+            if b"spawn_main" in command:
+                os.kill(worker, number)
+                break
+        _, told = process.communicate(timeout=30)
+        assert process.returncode == 4, told
+        assert "--jobs" in told and gone(process.pid, 2)
+        assert len(files(out)) < len(reference)
+    run(*sheet_arguments(scene, out, *OPTIONS))
+    assert files(out) == reference

@@ -1,0 +1,204 @@
+"""Warped copies of textures, against a reference in f64 that takes many samples of a texture given in closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bake_scenes import attributes, image, pixels, run, sheet, sheet_arguments
+from vrtm.bake.failure import Failure
+from vrtm.bake.warped import Copy, Texture, listed, read, warp
+
+SIZE = 256
+SAMPLES = 8
+Plane = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def painted(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Studs with soft edges, and fine waves."""
+    distance = np.hypot((u * 8) % 1 - 0.5, (v * 8) % 1 - 0.5) / 8
+    stud = 1 / (1 + np.exp(np.clip((distance - 0.036) * SIZE * 8 / 3, -60, 60)))
+    waves = 0.5 + 0.5 * np.sin(2 * np.pi * u * 35) * np.sin(2 * np.pi * v * 28)
+    return np.stack([stud, waves, 0.5 + 0.5 * np.sin(2 * np.pi * (20 * u + 17 * v))], axis=-1)
+
+
+def moved(amount: float) -> Plane:
+    """A redirection that keeps the tile's border."""
+
+    def at(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        inside = amount * (np.sin(np.pi * u) * np.sin(np.pi * v)) ** 2
+        return u + inside * np.sin(7 * u + 3) * np.cos(9 * v), v + inside * np.sin(6 * u) * np.cos(8 * v + 1)
+
+    return at
+
+
+def centres(count: int) -> tuple[np.ndarray, np.ndarray]:
+    along = (np.arange(count) + 0.5) / count
+    u, v = np.meshgrid(along, 1 - along)
+    return u, v
+
+
+def averaged(fine: np.ndarray) -> np.ndarray:
+    return fine.reshape(SIZE, SAMPLES, SIZE, SAMPLES, -1).mean(axis=(1, 3))
+
+
+def fetched(at: Plane) -> Callable[[str, int, int, int, int], np.ndarray]:
+    """What the library hands out, for a redirection in closed form."""
+    u, v = centres(SIZE)
+    step = 1e-6
+    du = [(a - b) / (2 * step) for a, b in zip(at(u + step, v), at(u - step, v))]
+    dv = [(a - b) / (2 * step) for a, b in zip(at(u, v + step), at(u, v - step))]
+    there = at(u, v)
+    kinds = {
+        "redirection_delta": np.stack([there[0] - u, there[1] - v], axis=-1),
+        "jacobian": np.stack([du[0], dv[0], du[1], dv[1]], axis=-1),
+    }
+    return lambda kind, width, height, first, rows: kinds[kind].astype(np.float32)[first : first + rows]
+
+
+def texture(values: np.ndarray) -> Texture:
+    return Texture("a.exr", values, ("R", "G", "B"), -1, {}, "openexr", "")
+
+
+@pytest.mark.parametrize("amount", [0.03, 0.09])
+def test_a_warped_texture_is_near_the_truth(amount: float) -> None:
+    import OpenImageIO as oiio
+
+    at = moved(amount)
+    source = averaged(painted(*centres(SIZE * SAMPLES))).astype(np.float32)
+    truth = averaged(painted(*at(*centres(SIZE * SAMPLES))))
+    found = warp(texture(source), Copy("a.exr", "a", False, False), fetched(at))
+    # What one lookup per texel comes to, bilinear.
+    there = oiio.ImageBuf(np.stack(at(*centres(SIZE)), axis=-1).astype(np.float32))
+    plain = oiio.ImageBuf(oiio.ImageSpec(SIZE, SIZE, 3, "float"))
+    assert oiio.ImageBufAlgo.st_warp(plain, oiio.ImageBuf(source), there, "triangle", flip_t=True)
+    rms = {
+        name: 255 * float(np.sqrt(np.mean((np.asarray(values) - truth) ** 2)))
+        for name, values in {"moved": found, "bilinear": plain.get_pixels("float"), "as it is": source}.items()
+    }
+    print({name: round(value, 3) for name, value in rms.items()})
+    assert rms["moved"] < 2.0
+    assert rms["moved"] < 0.4 * rms["bilinear"]
+    assert rms["as it is"] > 30
+
+
+def test_where_nothing_moves_the_copy_is_the_texture() -> None:
+    chance = np.random.default_rng(1)
+    for dtype in (np.uint8, np.uint16, np.float16, np.float32):
+        values = (chance.random((SIZE, SIZE, 3)) * (1 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max)).astype(
+            dtype
+        )
+        for is_normal in (False, True):
+            found = warp(texture(values), Copy("a", "a", is_normal, False), fetched(moved(0.0)))
+            assert found.dtype == dtype and np.array_equal(found, values)
+
+
+def test_the_squeezed_is_filtered() -> None:
+    """Waves that a map squeezes to less than two texels must become grey, not a pattern."""
+
+    def at(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return 0.5 + (u - 0.5) * 0.98, 0.5 + (v - 0.5) * 0.98 + 0.0 * u
+
+    def narrow(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.clip(0.5 + (u - 0.5) * 3.3, 0, 1), v
+
+    u, _ = centres(SIZE)
+    waves = np.repeat((0.5 + 0.5 * np.sin(2 * np.pi * u * 80))[..., None], 3, axis=-1).astype(np.float32)
+    middle = np.s_[20:-20, SIZE // 2 - 30 : SIZE // 2 + 30]
+    assert warp(texture(waves), Copy("a", "a", False, False), fetched(narrow))[middle].std() < 0.05
+    assert warp(texture(waves), Copy("a", "a", False, False), fetched(at))[middle].std() > 0.25
+
+
+@pytest.mark.parametrize("down", [False, True])
+def test_normals_turn_with_their_features(down: bool) -> None:
+    """Bumps that a redirection turns: the normals of the turned heights are known."""
+    angle = 0.5
+
+    def at(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        # A point at `angle` shows what is at 0: the feature is turned forwards.
+        x, y = u - 0.5, v - 0.5
+        cosine, sine = np.cos(angle), np.sin(angle)
+        return 0.5 + cosine * x + sine * y, 0.5 + cosine * y - sine * x
+
+    def normals(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        slope_u = 1.2 * np.cos(2 * np.pi * 6 * u) * np.sin(2 * np.pi * 4 * v)
+        slope_v = 0.8 * np.sin(2 * np.pi * 6 * u) * np.cos(2 * np.pi * 4 * v)
+        found = np.stack([-slope_u, -slope_v, np.ones_like(u)], axis=-1)
+        return found / np.linalg.norm(found, axis=-1, keepdims=True)
+
+    flip = np.array([1, -1 if down else 1, 1])
+    u, v = centres(SIZE)
+    stored = (normals(u, v) * flip / 2 + 0.5).astype(np.float32)
+    truth = normals(*at(u, v))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    truth = truth @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
+    found = (warp(texture(stored), Copy("a", "a", True, down), fetched(at)) * 2.0 - 1) * flip
+    inside = (np.hypot(u - 0.5, v - 0.5) < 0.45)[..., None]
+    assert np.allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-5)
+    degrees = np.degrees(np.arccos(np.clip((found * truth).sum(axis=-1, keepdims=True), -1, 1)))[inside]
+    print(f"mean {degrees.mean():.3f}, p99 {np.percentile(degrees, 99):.3f} degrees")
+    assert degrees.mean() < 0.1 and np.percentile(degrees, 99) < 0.5
+    unturned = (warp(texture(stored), Copy("a", "a", False, down), fetched(at)) * 2.0 - 1) * flip
+    assert np.degrees(np.arccos(np.clip((unturned * truth).sum(axis=-1, keepdims=True), -1, 1)))[inside].mean() > 10
+
+
+def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
+    scene = sheet(tmp_path, frames=1)
+    chance = np.random.default_rng(3)
+    cases = {
+        "grey8": ("png", np.uint8, 1, {}, "png"),
+        "srgb8": ("png", np.uint8, 3, {"oiio:ColorSpace": "srgb_rec709_scene"}, "png"),
+        "packed8": ("png", np.uint8, 4, {}, "png"),
+        "grey16": ("png", np.uint16, 1, {}, "png"),
+        "layers16": ("tif", np.uint16, 6, {}, "tif"),
+        "float": ("tif", np.float32, 3, {}, "exr"),
+        "acescg": ("exr", np.float16, 3, {"colorInteropID": "lin_ap1_scene"}, "exr"),
+        "deepcolour": ("exr", np.float32, 5, {}, "exr"),
+        "photo": ("jpg", np.uint8, 3, {}, "png"),
+    }
+    for name, (ending, dtype, channels, told, _) in cases.items():
+        for udim in (1001, 1002):
+            values = chance.random((40, 72, channels)).repeat(2, axis=0)
+            values = (values * (1 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max)).astype(dtype)
+            image(tmp_path / f"{name}.{udim}.{ending}", values, **told)
+    patterns = [tmp_path / f"{name}.<UDIM>.{case[0]}" for name, case in cases.items()]
+    out = tmp_path / "out"
+    run(*sheet_arguments(scene, out, "--texture", *patterns))
+    before = {p.name: p.read_bytes() for p in out.iterdir()}
+    for name, (ending, dtype, channels, told, kept) in cases.items():
+        for udim in (1001, 1002):
+            source = pixels(tmp_path / f"{name}.{udim}.{ending}")
+            found = pixels(out / f"{name}.0001.{udim}.{kept}")
+            assert found.dtype == dtype and found.shape == (80, 72, channels)
+            assert not np.array_equal(found, source)
+            # What is outside of the charts does not move.
+            assert np.array_equal(found[0], source[0])
+            assert found.min() >= source.min() and found.max() <= source.max()
+            for attribute, value in told.items():
+                assert attributes(out / f"{name}.0001.{udim}.{kept}")[attribute] == value
+    # Up to date, also in formats that have no attributes of one's own.
+    ended = run(*sheet_arguments(scene, out, "--texture", *patterns))
+    assert ended.stdout.splitlines()[-1].startswith(f"0 files written, {len(before)} up to date"), ended.stdout
+    image(tmp_path / "grey8.1001.png", np.zeros((80, 72, 1), np.uint8))
+    ended = run(*sheet_arguments(scene, out, "--texture", *patterns))
+    assert ended.stdout.splitlines()[-1].startswith("1 files written"), ended.stdout
+    assert {p.name for p in out.iterdir() if p.read_bytes() != before[p.name]} == {"grey8.0001.1001.png"}
+
+
+def test_wrong_textures(tmp_path: Path) -> None:
+    with pytest.raises(Failure, match="redirect"):
+        listed(("a/redirect.<UDIM>.png",), (), False)
+    with pytest.raises(Failure, match="skin"):
+        listed(("a/skin.<UDIM>.png",), ("b/skin.<UDIM>.exr",), False)
+    kinds = [copy.kind for copy in listed(("a/<mesh>_skin_<UDIM>.png", "b.png"), ("c.<UDIM>.x.tif",), False)]
+    assert kinds == ["skin", "b", "c.x"]
+    two = image(tmp_path / "two.png", np.zeros((SIZE, SIZE, 2), np.uint8))
+    with pytest.raises(Failure, match="three channels"):
+        warp(read(str(two)), Copy("", "", True, False), fetched(moved(0.1)))
+    broken = tmp_path / "broken.png"
+    broken.write_bytes(two.read_bytes()[:60])
+    with pytest.raises(Failure, match=r"broken\.png"):
+        read(str(broken))

@@ -1,0 +1,167 @@
+"""The farm's template in OpenJobDescription's own programs: checked, run, killed and run again."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from bake_scenes import PACKAGE, files, run, sheet, sheet_arguments
+from vrtm.farm import template
+
+FRAMES = 12
+OPTIONS = "--size 256 --jacobian"
+
+
+@pytest.fixture(scope="module")
+def openjd() -> str:
+    """The program; skips the test where it is not installed."""
+    beside = Path(sys.executable).parent / "openjd"
+    found = str(beside) if beside.exists() else shutil.which("openjd")
+    if not found:
+        assert not os.environ.get("VRTM_REQUIRE_OPENJD"), "openjd is missing"
+        pytest.skip("skipped: no openjd")
+    return found
+
+
+class Farm:
+    """A folder with a scene, a template, and a program `vrtm` to be found by the farm's tasks."""
+
+    def __init__(self, openjd: str, folder: Path) -> None:
+        self.openjd, self.folder = openjd, folder
+        self.scene = sheet(folder / "scene", frames=FRAMES)
+        self.template = folder / "job.yaml"
+        assert run("farm-template", "--out", self.template).returncode == 0
+        program = folder / "bin" / "vrtm"
+        program.parent.mkdir()
+        program.write_text(f'#!/bin/sh\nPYTHONPATH="{PACKAGE / "src"}" exec "{sys.executable}" -m vrtm.cli "$@"\n')
+        program.chmod(0o755)
+        self.environment = dict(os.environ) | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
+
+    def command(self, verb: str, out: Path, *more: str) -> list[str]:
+        """A command line with all parameters of the job."""
+        values = {
+            "Scene": self.scene,
+            "MapDir": self.scene.parent,
+            "Rigidity": "rigid.<UDIM>.png",
+            "OutDir": out,
+            "Frames": f"1-{FRAMES}",
+            "ChunkSize": 5,
+            "Tiles": "1001-1002",
+            "Options": OPTIONS,
+        }
+        given = [word for name, value in values.items() for word in ("-p", f"{name}={value}")]
+        return [self.openjd, verb, str(self.template), *given, *more]
+
+    def start(self, out: Path, *more: str) -> subprocess.Popen[str]:
+        """Begins to run the job, in a process group of its own."""
+        return subprocess.Popen(
+            self.command("run", out, *more),
+            env=self.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+
+
+@pytest.fixture(scope="module")
+def farm(openjd: str, tmp_path_factory: pytest.TempPathFactory) -> Farm:
+    return Farm(openjd, tmp_path_factory.mktemp("farm"))
+
+
+@pytest.fixture(scope="module")
+def local(farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """What a run without a farm writes."""
+    out = tmp_path_factory.mktemp("local")
+    layer = ("--layer", out / "redirect.usda")
+    run(*sheet_arguments(farm.scene, out, "--form", "udim", *OPTIONS.split(), *layer))
+    return files(out)
+
+
+def test_the_template_is_valid(farm: Farm, tmp_path: Path) -> None:
+    for words in (farm.command("summary", tmp_path), [farm.openjd, "check", str(farm.template)]):
+        ended = subprocess.run(words, capture_output=True, text=True, timeout=100)
+        assert ended.returncode == 0, ended.stdout
+    assert "Layer" in farm.template.read_text() and "begin layer" not in farm.template.read_text()
+    short = run("farm-template", "--no-layer").stdout
+    assert short == template(layer=False) and "redirect.usda" not in short
+    (tmp_path / "short.yaml").write_text(short)
+    ended = subprocess.run([farm.openjd, "check", str(tmp_path / "short.yaml")], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stdout
+
+
+def test_a_job_writes_what_a_local_run_does(farm: Farm, local: dict[str, bytes], tmp_path: Path) -> None:
+    ended = farm.start(tmp_path / "out")
+    told, _ = ended.communicate(timeout=280)
+    assert ended.returncode == 0, told[-3000:]
+    assert files(tmp_path / "out") == local
+    assert "openjd_progress: 100.0" in told and "openjd_status: writing" in told
+    # Three chunks of two tiles, and the layer.
+    assert told.count("Running Task") == 7
+
+
+@pytest.mark.parametrize("way", ["SIGTERM", "SIGKILL to all"])
+def test_a_job_that_is_killed_and_run_again(farm: Farm, local: dict[str, bytes], tmp_path: Path, way: str) -> None:
+    out = tmp_path / "out"
+    process = farm.start(out)
+    while process.poll() is None and (not out.is_dir() or len(os.listdir(out)) < 3):
+        time.sleep(0.005)
+    time.sleep(0.02)
+    if way == "SIGTERM":
+        process.terminate()
+    else:
+        # Also what is in sessions of its own: openjd starts each task in one.
+        for found in tree(process.pid):
+            os.kill(found, signal.SIGKILL)
+    told, _ = process.communicate(timeout=60)
+    assert process.returncode != 0
+    time.sleep(0.5)
+    found = {name: content for name, content in files(out).items() if not name.startswith(".")}
+    if way == "SIGTERM":
+        assert "exited with code: 143" in told, told[-2000:]
+        assert found == files(out)
+    assert 0 < len(found) < len(local) and found.items() <= local.items()
+    again = farm.start(out)
+    told, _ = again.communicate(timeout=280)
+    assert again.returncode == 0, told[-3000:]
+    assert files(out) == local
+    assert "files up to date" in told
+
+
+def tree(root: int) -> list[int]:
+    """A process and all that descend from it."""
+    parents: dict[int, int] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                parents[int(entry.name)] = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            except OSError:
+                continue
+    found = [root]
+    for process in found:
+        found += [child for child, parent in parents.items() if parent == process]
+    return found
+
+
+def test_paths_are_mapped(farm: Farm, local: dict[str, bytes], tmp_path: Path) -> None:
+    """Where the farm mounts the files elsewhere than the artist does."""
+    rule = {"source_path_format": "POSIX", "source_path": "/artist", "destination_path": str(tmp_path / "there")}
+    rules = tmp_path / "rules.json"
+    rules.write_text(json.dumps({"version": "pathmapping-1.0", "path_mapping_rules": [rule]}))
+    shutil.copytree(farm.scene.parent, tmp_path / "there" / "scene")
+    command = farm.command("run", Path("/artist/out"), "--path-mapping-rules", f"file://{rules}")
+    command = [word.replace(str(farm.scene.parent), "/artist/scene") for word in command]
+    ended = subprocess.run(command, env=farm.environment, capture_output=True, text=True, timeout=280)
+    assert ended.returncode == 0, ended.stdout[-3000:]
+    found = files(tmp_path / "there" / "out")
+    assert {name: found[name] for name in found if name.endswith(".exr")} == {
+        name: local[name] for name in local if name.endswith(".exr")
+    }
