@@ -13,14 +13,18 @@ import OpenImageIO as oiio
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+import vrtm
+
 PACKAGE = Path(__file__).resolve().parents[1]
 REPOSITORY = PACKAGE.parents[1]
+# Where the package is that these tests are of: among the installed ones, or the sources.
+INSTALLED = Path(vrtm.__file__).resolve().parents[1]
 
 
 def vrtm_command(*arguments: object, **environment: str) -> tuple[list[str], dict[str, str]]:
     """The console command as a subprocess has to be called, and its environment."""
     kept = {name: value for name, value in os.environ.items() if name not in ("VRTM_DEVICE", "VRTM_THREADS")}
-    path = os.pathsep.join(filter(None, [str(PACKAGE / "src"), os.environ.get("PYTHONPATH")]))
+    path = os.pathsep.join(filter(None, [str(INSTALLED), os.environ.get("PYTHONPATH")]))
     return [sys.executable, "-m", "vrtm.cli", *map(str, arguments)], kept | {"PYTHONPATH": path} | environment
 
 

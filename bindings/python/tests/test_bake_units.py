@@ -192,7 +192,7 @@ def test_closed_streams_get_no_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
 def test_a_full_stream_does_not_change_the_exit_code(stream: str) -> None:
-    program = "import sys; from vrtm.bake import console\n" f"sys.{stream}.write('lost')\n" "console.leave_streams()"
+    program = f"import sys; from vrtm.bake import console\nsys.{stream}.write('lost')\nconsole.leave_streams()"
     buffered = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     with open("/dev/full", "w") as full:
         ended = subprocess.run([sys.executable, "-c", program], env=buffered, **{stream: full})

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from bake_scenes import PACKAGE, files, run, sheet, sheet_arguments
+from bake_scenes import INSTALLED, files, run, sheet, sheet_arguments
 from vrtm.farm import template
 
 FRAMES = 12
@@ -41,7 +41,7 @@ class Farm:
         assert run("farm-template", "--out", self.template).returncode == 0
         program = folder / "bin" / "vrtm"
         program.parent.mkdir()
-        program.write_text(f'#!/bin/sh\nPYTHONPATH="{PACKAGE / "src"}" exec "{sys.executable}" -m vrtm.cli "$@"\n')
+        program.write_text(f'#!/bin/sh\nPYTHONPATH="{INSTALLED}" exec "{sys.executable}" -m vrtm.cli "$@"\n')
         program.chmod(0o755)
         self.environment = dict(os.environ) | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
 
