@@ -132,6 +132,10 @@ fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> 
     u[b as usize].each_ref().map(|plane| f64::from(plane[s])).into()
 }
 
+/// Most rounds of Newton's method, and its longest step in cells: a squeezed triangle leads far beyond what it speaks for.
+const ROUNDS: usize = 24;
+const LONGEST_STEP: f64 = 8.0;
+
 /// W⁻¹ at the point `c` of a chart, in cells; `None` if the four nodes around `c` have no displacement, or if the
 /// search finds no triangle.
 ///
@@ -153,15 +157,30 @@ pub(crate) fn point(
     if unmoved {
         return None;
     }
-    // Eight rounds of p = c - u(p) lead near the cell. From there, the cells are searched in growing rings.
+    // Newton's method: W is affine on each triangle, so the inverse of the present one's map leads on, mostly right into
+    // the triangle of c. Where it does not get there, the cells around its end are searched in growing rings.
     let mut guess = c;
-    for _ in 0..8 {
+    for _ in 0..ROUNDS {
         let [i, j] = cell(guess);
-        let DVec2 { x: s, y: t } = guess - DVec2::new(i as f64, j as f64);
-        let (u00, u10, u01, u11) = (at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
-        let low = u00 + s * (u10 - u00);
-        let high = u01 + s * (u11 - u01);
-        guess = c - (low + t * (high - low));
+        if let Some(p) = in_cell(&at, i, j, c) {
+            return Some(p.into());
+        }
+        let part = guess - DVec2::new(i as f64, j as f64);
+        let (u00, u11) = (at(i, j), at(i + 1, j + 1));
+        // The columns of the derivative of u.
+        let (du, dv) = if part.x >= part.y {
+            let u10 = at(i + 1, j);
+            (u10 - u00, u11 - u10)
+        } else {
+            let u01 = at(i, j + 1);
+            (u11 - u01, u01 - u00)
+        };
+        let left = c - (guess + u00 + part.x * du + part.y * dv);
+        let (a, b) = (DVec2::X + du, DVec2::Y + dv);
+        let area = a.perp_dot(b);
+        // Without area, which only the paper's solver leaves, the displacement's fixed point has to do.
+        let step = if area > 0.0 { DVec2::new(left.perp_dot(b), a.perp_dot(left)) / area } else { left };
+        guess += step.clamp_length_max(LONGEST_STEP);
     }
     let [gi, gj] = cell(guess);
     // The right cell is no farther from c than the largest displacement; the guess may be farther from it by its
