@@ -106,8 +106,8 @@ class _Worker:
     def _watch_parent(self) -> None:
         parent = multiprocessing.parent_process()
         assert parent is not None
-        # The pipe ends when the parent closes its side, or is gone. To wait for the executor's queue to say so would not
-        # do: another worker that was killed may hold the queue's lock for ever.
+        # The pipe ends when the parent closes its side, or is gone. To wait for the executor's queue to say so would
+        # not do: another worker that was killed may hold the queue's lock for ever.
         wait([self.receiver, parent.sentinel])
         self._end()
 
