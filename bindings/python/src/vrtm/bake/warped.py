@@ -9,7 +9,6 @@ that, and averaged. The more the texture is squeezed, the more samples.
 from __future__ import annotations
 
 import functools
-import math
 import os
 import re
 from collections.abc import Callable
@@ -36,9 +35,10 @@ _FILE_ONLY = re.compile(
     r"|jpeg:.*|Exif:.*|planarconfig|thumbnail.*|fullscreenuv|.*[Ss]ubimage.*|vrtm:.*|Orientation|ImageDescription|capDate)"
 )
 _ROWS = 128
-_COLUMNS = 128
 _MOST_SAMPLES = 8
-_MARGIN = 8
+_MARGIN = 2
+_AT_ONCE = 1 << 15
+"""Texels that are interpolated at a time: what that takes fits into a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = 
     # What overshoots beside an edge must not leave the range that the texture has.
     low, high = source.min(axis=(0, 1)), source.max(axis=(0, 1))
     # A margin, since there is nothing to interpolate with beyond an image's edge.
-    padded = oiio.ImageBuf(np.pad(source, ((_MARGIN, _MARGIN), (_MARGIN, _MARGIN), (0, 0)), mode="edge"))
+    padded = np.pad(source, ((_MARGIN, _MARGIN), (_MARGIN, _MARGIN), (0, 0)), mode="edge")
     out = np.empty_like(texture.pixels)
     across = (np.arange(width) + 0.5) / width
     for first in range(0, height, _ROWS):
@@ -146,9 +146,13 @@ def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = 
         delta = fetch("redirection_delta", width, height, first, count)[..., :2].astype(np.float64)
         jacobian = fetch("jacobian", width, height, first, count)
         still = (delta == 0).all(axis=-1) & (jacobian == np.float32([1, 0, 0, 1])).all(axis=-1)
-        delta[..., 0] += across
-        delta[..., 1] += 1 - (np.arange(first, part.stop)[:, None] + 0.5) / height
-        strip = _sampled(padded, delta, _footprint(jacobian, width, height), source.shape)
+        # In texels of the texture, from its upper left corner.
+        x = (delta[..., 0] + across) * width
+        y = np.arange(first, part.stop)[:, None] + 0.5 - delta[..., 1] * height
+        strip = np.empty((count, width, channels), np.float32)
+        moves = ~still
+        strip[still] = 0
+        strip[moves] = _sampled(padded, x[moves], y[moves], _footprint(jacobian[moves], width, height))
         strip = np.clip(strip, low, high)
         if copy.is_normal:
             strip[..., :3] = _turned(strip[..., :3], jacobian, copy.down)
@@ -158,51 +162,80 @@ def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = 
 
 
 def _footprint(jacobian: np.ndarray, width: int, height: int) -> np.ndarray:
-    """(rows, width, 3): the symmetric matrix (xx, xy, yy), in UVs, whose product with points of the unit square around
-    0 spreads samples as far as the redirection widens a texel."""
+    """(texels, 4): two axes (x, y), in texels and y down, over which samples are spread: what the redirection widens a
+    texel by beyond the texel itself. The first is the longer one."""
     ratio = width / height
-    a, b = jacobian[..., 0].astype(np.float64), jacobian[..., 1].astype(np.float64) * ratio
-    c, d = jacobian[..., 2].astype(np.float64) / ratio, jacobian[..., 3].astype(np.float64)
+    a, b = jacobian[:, 0].astype(np.float64), jacobian[:, 1].astype(np.float64) * ratio
+    c, d = jacobian[:, 2].astype(np.float64) / ratio, jacobian[:, 3].astype(np.float64)
+    # The eigenvalues of J Jt, and of each what exceeds 1, as a root. Roots are the same on all machines, and angles are
+    # not.
     xx, xy, yy = a * a + b * b, a * c + b * d, c * c + d * d
-    # The eigenvalues of J Jt, and of each what exceeds 1, as a root: a function of the matrix.
-    mean, half = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-    large, small = np.sqrt(np.maximum(mean + half - 1, 0)), np.sqrt(np.maximum(mean - half - 1, 0))
-    share = np.divide(large - small, 2 * half, out=np.zeros_like(half), where=half > 1e-12)
-    base = small - share * (mean - half)
-    # It has the eigenvectors of J Jt and the eigenvalues `small` and `large`.
-    return np.stack([(base + share * xx) / width, share * xy, (base + share * yy) / height], axis=-1)
+    mean, difference = (xx + yy) / 2, (xx - yy) / 2
+    half = np.sqrt(difference * difference + xy * xy)
+    long, short = np.sqrt(np.maximum(mean + half - 1, 0)), np.sqrt(np.maximum(mean - half - 1, 0))
+    share = np.divide(difference, half, out=np.ones_like(half), where=half > 1e-12)
+    cosine = np.sqrt(np.maximum(1 + share, 0) / 2)
+    sine = np.copysign(np.sqrt(np.maximum(1 - share, 0) / 2), xy)
+    return np.stack([long * cosine, -long * sine, short * sine, short * cosine], axis=-1)
 
 
-def _sampled(padded: oiio.ImageBuf, at: np.ndarray, spread: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """(rows, width, channels) f32: the texture around `at`, averaged over the footprint."""
-    height, width, _ = shape
-    scale = np.array([width, height]) / (np.array([width, height]) + 2 * _MARGIN)
-    shift = _MARGIN / (np.array([width, height]) + 2 * _MARGIN)
-    texels = np.stack([spread[..., 0] * width, spread[..., 2] * height], axis=-1).max(axis=-1)
-    widest = np.maximum.reduceat(texels.max(axis=0), np.arange(0, texels.shape[1], _COLUMNS))
-    out = np.empty((*at.shape[:2], shape[2]), np.float32)
-    # Side by side columns with as many samples as the widest footprint in them needs.
-    for index, most in enumerate(widest):
-        part = np.s_[:, index * _COLUMNS : (index + 1) * _COLUMNS]
-        total = np.zeros(out[part].shape, np.float64)
-        count = 1 if most < 0.3 else min(_MOST_SAMPLES, 1 + math.ceil(most))
-        steps = (np.arange(count) + 0.5) / count - 0.5
-        for x in steps:
-            for y in steps:
-                s = at[part][..., 0] + spread[part][..., 0] * x + spread[part][..., 1] * y / height
-                t = at[part][..., 1] + spread[part][..., 1] * x / width + spread[part][..., 2] * y
-                places = np.stack([np.clip(s, 0, 1), np.clip(t, 0, 1)], axis=-1) * scale + shift
-                total += _interpolated(padded, places.astype(np.float32))
-        out[part] = total / (count * count)
+def _sampled(padded: np.ndarray, x: np.ndarray, y: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """(texels, channels) f32: the texture around (x, y), averaged over the footprint."""
+    out = np.empty((len(x), padded.shape[2]), np.float32)
+    counts = [_samples(np.sqrt(axes[:, k] ** 2 + axes[:, k + 1] ** 2)) for k in (0, 2)]
+    # Texels with as many samples along both axes are averaged together.
+    kinds = counts[0] * (_MOST_SAMPLES + 1) + counts[1]
+    for kind in np.unique(kinds):
+        chosen = np.flatnonzero(kinds == kind)
+        n, m = divmod(int(kind), _MOST_SAMPLES + 1)
+        for start in range(0, len(chosen), _AT_ONCE):
+            texels = chosen[start : start + _AT_ONCE]
+            px, py, spread = x[texels], y[texels], axes[texels]
+            total = np.zeros((len(texels), out.shape[1]), np.float32)
+            for along in (np.arange(n) + 0.5) / n - 0.5:
+                for across in (np.arange(m) + 0.5) / m - 0.5:
+                    shift_x = along * spread[:, 0] + across * spread[:, 2]
+                    shift_y = along * spread[:, 1] + across * spread[:, 3]
+                    total += _interpolated(padded, px + shift_x, py + shift_y)
+            out[texels] = total / np.float32(n * m)
     return out
 
 
-def _interpolated(padded: oiio.ImageBuf, places: np.ndarray) -> np.ndarray:
-    rows, columns, _ = places.shape
-    out = oiio.ImageBuf(oiio.ImageSpec(columns, rows, padded.nchannels, "float"))
-    if not oiio.ImageBufAlgo.st_warp(out, padded, oiio.ImageBuf(places), "catmull-rom", flip_t=True):
-        raise RuntimeError(out.geterror())
-    return np.asarray(out.get_pixels("float")).reshape(rows, columns, padded.nchannels)
+def _samples(length: np.ndarray) -> np.ndarray:
+    """How many samples a footprint of so many texels takes."""
+    return np.where(length < 0.3, 1, np.minimum(_MOST_SAMPLES, 1 + np.ceil(length))).astype(np.int64)
+
+
+def _interpolated(padded: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(texels, channels) f32: Catmull-Rom interpolation at places in texels of the image inside of the margin."""
+    height, width, channels = padded.shape
+    # In the margin's texels, from the centre of the first one; what lies outside of the image is at its edge.
+    x = np.clip(x, 0, width - 2 * _MARGIN) + (_MARGIN - 0.5)
+    y = np.clip(y, 0, height - 2 * _MARGIN) + (_MARGIN - 0.5)
+    column, row = x.astype(np.int64), y.astype(np.int64)
+    across, down = _catmull_rom(x - column), _catmull_rom(y - row)
+    texels = padded.reshape(-1, channels)
+    corner = (row - 1) * width + (column - 1)
+    total = np.zeros((len(x), channels), np.float32)
+    found = np.empty_like(total)
+    for j in range(4):
+        for i in range(4):
+            np.take(texels, corner + (j * width + i), axis=0, out=found, mode="clip")
+            found *= (across[i] * down[j])[:, None]
+            total += found
+    return total
+
+
+def _catmull_rom(t: np.ndarray) -> list[np.ndarray]:
+    """The weights of the four texels around a place, which lies the fraction t from the second to the third."""
+    t = t.astype(np.float32)
+    half = np.float32(0.5)
+    return [
+        half * t * (t * (2 - t) - 1),
+        half * (t * t * (3 * t - 5) + 2),
+        half * t * (t * (4 - 3 * t) + 1),
+        half * t * t * (t - 1),
+    ]
 
 
 def _turned(encoded: np.ndarray, jacobian: np.ndarray, down: bool) -> np.ndarray:
@@ -210,7 +243,7 @@ def _turned(encoded: np.ndarray, jacobian: np.ndarray, down: bool) -> np.ndarray
     normals = encoded.astype(np.float64) * 2 - 1
     sign = -1.0 if down else 1.0
     du, dv = jacobian[..., 0].astype(np.float64), jacobian[..., 2].astype(np.float64)
-    length = np.hypot(du, dv)
+    length = np.sqrt(du * du + dv * dv)
     cosine = np.divide(du, length, out=np.ones_like(du), where=length > 0)
     sine = np.divide(dv, length, out=np.zeros_like(dv), where=length > 0)
     x, y = normals[..., 0], normals[..., 1] * sign
