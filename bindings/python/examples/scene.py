@@ -79,7 +79,7 @@ def main() -> None:
     UsdGeom.Boundable(mesh).CreateExtentAttr(
         UsdGeom.PointBased.ComputeExtent(Vt.Vec3fArray.FromNumpy(rest.astype("f4")))
     )
-    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(write_material(stage, "colour.<UDIM>.png"))
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(write_material(stage, "./colour.<UDIM>.png"))
     stage.Save()
     print(f"{folder / 'arm.usda'}: {len(faces)} faces, {FRAMES} frames")
 

@@ -1,7 +1,15 @@
 """The README's examples run as they stand there."""
 
+import os
 import re
+import shlex
+import subprocess
+import sys
 from pathlib import Path
+
+import pytest
+
+import vrtm
 
 README = Path(__file__).resolve().parents[1] / "README.md"
 
@@ -16,3 +24,30 @@ def test_examples(capsys):
     (u, _v), jacobian = names["redirection"][32, 16], float(capsys.readouterr().out.split()[-1])
     assert abs(u - 16.5 / 64) > 0.005 and jacobian > 0
     assert names["report"].tiles == 1
+
+
+def test_the_bake_to_try(tmp_path):
+    """The README's lines for those without a scene: the second of them, given again, writes nothing."""
+    pytest.importorskip("OpenImageIO")
+    usd = pytest.importorskip("pxr.Usd")
+    text = README.read_text(encoding="utf-8").replace("\\\n", " ")
+    made, baked = (
+        next(shlex.split(line, comments=True) for line in text.splitlines() if line.startswith(f"    {start}"))
+        for start in ("python bindings/python/examples/scene.py", "vrtm bake shot/arm.usda")
+    )
+    environment = os.environ | {"PYTHONPATH": str(Path(vrtm.__file__).parents[1]), "PYTHONDONTWRITEBYTECODE": "1"}
+    script = [sys.executable, str(README.parents[2] / made[1]), *made[2:]]
+    command = [sys.executable, "-m", "vrtm.cli", *baked[1:]]
+    told = []
+    for line in (script, command, command):
+        done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=200)
+        assert done.returncode == 0, done.stderr[-500:]
+        told.append(done.stdout)
+    frames = (1, 7, 13, 19, 24)
+    names = [
+        f"{kind}.{frame:04}.1001.{end}" for kind, end in (("colour", "png"), ("redirect", "exr")) for frame in frames
+    ]
+    assert sorted(os.listdir(tmp_path / "shot" / "maps")) == sorted(names)
+    assert "10 files written" in told[1] and "0 files written, 10 up to date" in told[2]
+    layer = usd.Stage.Open(str(tmp_path / "shot" / "arm_vrtm.usda"))
+    assert layer.GetEndTimeCode() == 24
