@@ -32,10 +32,17 @@ def leave_streams() -> None:
             if stream is not None:
                 stream.flush()
         except (OSError, ValueError):
-            with contextlib.suppress(OSError, ValueError):
-                null = os.open(os.devnull, os.O_WRONLY)
-                os.dup2(null, stream.fileno())
-                os.close(null)
+            _drop(stream)
+
+
+def _drop(stream: TextIO) -> None:
+    """Lets a stream that cannot be written end in the null device. What is left in its buffer would else be tried again
+    by whoever flushes it, such as Python before it starts a process, and fail there."""
+    with contextlib.suppress(OSError, ValueError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, stream.fileno())
+        os.close(null)
+        stream.flush()
 
 
 class Console:
@@ -109,4 +116,4 @@ class Console:
             else:
                 print(line, file=stream, flush=True)
         except (OSError, ValueError):
-            pass
+            _drop(stream)

@@ -44,10 +44,8 @@ def sweep(folder: str) -> list[str]:
     removed = []
     with contextlib.suppress(OSError):
         for entry in os.scandir(folder):
-            if _TEMPORARY.fullmatch(entry.name) and _abandoned(entry.path):
-                with contextlib.suppress(OSError):
-                    os.remove(entry.path)
-                    removed.append(entry.path)
+            if _TEMPORARY.fullmatch(entry.name) and _remove_abandoned(entry.path):
+                removed.append(entry.path)
     return removed
 
 
@@ -92,20 +90,27 @@ def _is(descriptor: int, path: str) -> bool:
         return False
 
 
-def _abandoned(path: str) -> bool:
-    old = time.time() - os.stat(path).st_mtime > _STALE_SECONDS
-    if os.name != "posix":
-        return old
+def _remove_abandoned(path: str) -> bool:
+    """Removes a file if nobody holds its lock; tells whether it did."""
+    descriptor = None
     try:
-        descriptor = os.open(path, os.O_WRONLY)
+        old = time.time() - os.stat(path).st_mtime > _STALE_SECONDS
+        if os.name == "posix":
+            descriptor = os.open(path, os.O_WRONLY)
+            try:
+                # Held until the file is gone: a writer that has just made it sees that, and makes another.
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                old = True
+            except BlockingIOError:
+                return False
+            except OSError:
+                # Only age tells where there are no locks.
+                pass
+        if old:
+            os.remove(path)
+        return old
     except OSError:
         return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return True
-    except BlockingIOError:
-        return False
-    except OSError:
-        return old
     finally:
-        os.close(descriptor)
+        if descriptor is not None:
+            os.close(descriptor)
