@@ -2,8 +2,8 @@
 
 Variables:
     VRTM_LIBRARY          a library that is built already: cargo is not called
-    VRTM_CARGO_PROFILE    cargo's profile: "dist" (the default), or "release", which builds in a third of the time and
-                          costs some milliseconds per frame of a GPU
+    VRTM_CARGO_PROFILE    cargo's profile: "dist" (the default), or "release", which builds in less time and costs some
+                          milliseconds per frame of a GPU
     VRTM_CARGO_FEATURES   cargo features, separated by commas, in place of the defaults: "allocator" leaves the GPU out
     VRTM_WHEEL_PLATFORM   the wheel's platform tag, such as manylinux_2_35_x86_64, for those who publish wheels
 """

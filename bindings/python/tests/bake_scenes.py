@@ -14,6 +14,8 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 import vrtm
+from vrtm.bake.scene import Scene
+from vrtm.bake.scene.images import read_map
 
 PACKAGE = Path(__file__).resolve().parents[1]
 REPOSITORY = PACKAGE.parents[1]
@@ -124,6 +126,28 @@ def sheet_arguments(scene: Path, out: Path, *more: object) -> list[object]:
     return ["bake", scene, "--rigidity", scene.parent / "rigid.<UDIM>.png", "--device", "cpu", "--out", out, *more]
 
 
+def solved_alone(scene: Path, frame: int, maps: Path, cells: int) -> vrtm.Asset:
+    """A frame of a scene's only mesh, solved by the library without the command. `maps`: the rigidity images, with
+    <UDIM> in their name; `cells` of the grid per side."""
+    with Scene(scene) as opened:
+        (shape,) = opened.shapes
+        positions = opened.positions(shape, frame)
+    made = vrtm.Asset(
+        vrtm.Device("cpu"),
+        shape.rest,
+        shape.indices,
+        face_counts=shape.face_counts,
+        uvs=shape.uvs,
+        uv_indices=shape.uv_indices,
+    )
+    for tile in made.tiles:
+        path = Path(str(maps).replace("<UDIM>", str(tile.udim)))
+        tile.set_rigidity(read_map(str(path)) if path.exists() else None)
+        tile.set_settings(tile.settings, grid_width=cells, grid_height=cells)
+    made.solve(positions)
+    return made
+
+
 def asset(name: str) -> Path:
     """The folder of a real mesh; skips the test where there is none."""
     folder = Path(os.environ.get("VRTM_ASSETS") or REPOSITORY.parent / "shared" / "assets") / name
@@ -135,8 +159,6 @@ def asset(name: str) -> Path:
 
 def asset_scene(name: str, folder: Path, repeats: int = 1) -> Path:
     """A real mesh and its frames as a USD file, the frames over and over again, a little further each time."""
-    from vrtm.bake.scene import Scene
-
     source = asset(name)
     told = json.loads((source / "asset.json").read_text())
     with Scene(source / "rest.obj") as scene:

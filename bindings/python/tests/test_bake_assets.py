@@ -9,11 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import vrtm
-from bake_scenes import REPOSITORY, asset, asset_scene, files, image, pixels, run
+from bake_scenes import REPOSITORY, asset, asset_scene, files, image, pixels, run, solved_alone
 from test_bake_command import written
-from vrtm.bake.scene import Scene
-from vrtm.bake.scene.images import read_map
 
 
 @pytest.mark.parametrize("name", ["mh_face", "ict_inner"])
@@ -25,27 +22,11 @@ def test_real_meshes(name: str, tmp_path: Path) -> None:
     arguments += ["--size", 256, "--frames", "1-3"]
     run(*arguments, "--jobs", 2)
     before = files(out)
-    with Scene(scene) as opened:
-        (shape,) = opened.shapes
-        positions = opened.positions(shape, 2)
-    with vrtm.Device("cpu") as device:
-        mesh = vrtm.Asset(
-            device,
-            shape.rest,
-            shape.indices,
-            face_counts=shape.face_counts,
-            uvs=shape.uvs,
-            uv_indices=shape.uv_indices,
-        )
-        for tile in mesh.tiles:
-            path = source / f"rigidity.{tile.udim}.png"
-            tile.set_rigidity(read_map(str(path)) if path.exists() else None)
-            tile.set_settings(tile.settings, grid_width=256, grid_height=256)
-        mesh.solve(positions)
-        assert len(before) == 3 * len(mesh.tiles)
-        for tile in mesh.tiles:
-            expected = tile.fetch("redirection", (256, 256), channels=3, one_to_one=True)
-            assert np.array_equal(pixels(out / f"redirect.0002.{tile.udim}.exr"), expected)
+    mesh = solved_alone(scene, 2, source / "rigidity.<UDIM>.png", 256)
+    assert len(before) == 3 * len(mesh.tiles)
+    for tile in mesh.tiles:
+        expected = tile.fetch("redirection", (256, 256), channels=3, one_to_one=True)
+        assert np.array_equal(pixels(out / f"redirect.0002.{tile.udim}.exr"), expected)
     assert written(run(*arguments)) == (0, len(before))
     (out / sorted(before)[1]).write_bytes(b"damaged")
     assert written(run(*arguments)) == (1, len(before) - 1)

@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 
 import vrtm
-from bake_scenes import attributes, files, image, pixels, run, sheet, sheet_arguments, vrtm_command
-from vrtm.bake.scene import Scene
-from vrtm.bake.scene.images import read_map
+from bake_scenes import attributes, files, image, pixels, run, sheet, sheet_arguments, solved_alone, vrtm_command
 
 
 @pytest.fixture(scope="module")
@@ -25,22 +23,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def solved(scene: Path) -> vrtm.Asset:
     """The sheet's third frame, solved without the command."""
-    with Scene(scene) as opened:
-        (shape,) = opened.shapes
-        positions = opened.positions(shape, 3)
-    asset = vrtm.Asset(
-        vrtm.Device("cpu"),
-        shape.rest,
-        shape.indices,
-        face_counts=shape.face_counts,
-        uvs=shape.uvs,
-        uv_indices=shape.uv_indices,
-    )
-    for tile in asset.tiles:
-        tile.set_rigidity(read_map(str(scene.parent / f"rigid.{tile.udim}.png")))
-        tile.set_settings(tile.settings, grid_width=64, grid_height=64)
-    asset.solve(positions)
-    return asset
+    return solved_alone(scene, 3, scene.parent / "rigid.<UDIM>.png", 64)
 
 
 def test_the_files_hold_what_the_library_hands_out(scene: Path, solved: vrtm.Asset, tmp_path: Path) -> None:

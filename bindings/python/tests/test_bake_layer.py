@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom
 
-import vrtm
-from bake_scenes import files, run, sheet, sheet_arguments
+from bake_scenes import files, run, sheet, sheet_arguments, solved_alone
 from scenes import bind, preview_material
 from test_bake_command import written
 from vrtm.bake.layer import check_layer
-from vrtm.bake.scene import Scene
-from vrtm.bake.scene.images import read_map
 
 
 @pytest.fixture(scope="module")
@@ -28,23 +25,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def corner_uvs(scene: Path, frame: int) -> np.ndarray:
     """A frame's redirected UVs, computed without the command."""
-    with Scene(scene) as opened:
-        (shape,) = opened.shapes
-        positions = opened.positions(shape, frame)
-    with vrtm.Device("cpu") as device:
-        asset = vrtm.Asset(
-            device,
-            shape.rest,
-            shape.indices,
-            face_counts=shape.face_counts,
-            uvs=shape.uvs,
-            uv_indices=shape.uv_indices,
-        )
-        for tile in asset.tiles:
-            tile.set_rigidity(read_map(str(scene.parent / f"rigid.{tile.udim}.png")))
-            tile.set_settings(tile.settings, grid_width=64, grid_height=64)
-        asset.solve(positions)
-        return asset.corner_uvs()
+    return solved_alone(scene, frame, scene.parent / "rigid.<UDIM>.png", 64).corner_uvs()
 
 
 @pytest.mark.parametrize("mode", ["texture", "primvar", "both"])

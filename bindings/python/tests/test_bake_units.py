@@ -14,6 +14,7 @@ import pytest
 
 import vrtm
 from vrtm.bake import frames, staging
+from vrtm.bake.console import Console
 from vrtm.bake.failure import BUG, DEVICE, INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
@@ -197,3 +198,15 @@ def test_a_full_stream_does_not_change_the_exit_code(stream: str) -> None:
     with open("/dev/full", "w") as full:
         ended = subprocess.run([sys.executable, "-c", program], env=buffered, **{stream: full})
     assert ended.returncode == 0
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
+def test_a_full_stream_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it could not take must not fail whoever flushes it next."""
+    with open("/dev/full", "w") as full:
+        monkeypatch.setattr(sys, "stdout", full)
+        console = Console(quiet=False, progress=True, openjd=False)
+        console.info("x" * 100)
+        full.flush()
+        console.info("more")
+        full.flush()

@@ -10,7 +10,7 @@ import pytest
 
 from bake_scenes import attributes, image, pixels, run, sheet, sheet_arguments
 from vrtm.bake.failure import Failure
-from vrtm.bake.warped import Copy, Texture, listed, read, warp
+from vrtm.bake.warped import Copy, Texture, _footprint, listed, read, warp
 
 SIZE = 256
 SAMPLES = 8
@@ -202,3 +202,20 @@ def test_wrong_textures(tmp_path: Path) -> None:
     broken.write_bytes(two.read_bytes()[:60])
     with pytest.raises(Failure, match=r"broken\.png"):
         read(str(broken))
+
+
+def test_the_footprint_has_the_covariance_that_is_missing() -> None:
+    """J Jt - 1, less what is negative of it, in texels with y down; by numpy's eigenvectors."""
+    random = np.random.default_rng(7)
+    jacobians = np.eye(2) + random.normal(scale=0.6, size=(200, 2, 2))
+    width, height = 512, 256
+    axes = _footprint(jacobians.reshape(-1, 4).astype(np.float32), width, height).reshape(-1, 2, 2)
+    assert (np.linalg.norm(axes[:, 0], axis=1) >= np.linalg.norm(axes[:, 1], axis=1)).all()
+    # UVs to texels with y up, and that turned over.
+    to_texels = np.diag([width, height])
+    flip = np.diag([1, -1])
+    for found, jacobian in zip(axes, jacobians):
+        in_texels = to_texels @ jacobian @ np.linalg.inv(to_texels)
+        values, vectors = np.linalg.eigh(in_texels @ in_texels.T - np.eye(2))
+        wanted = flip @ (vectors * np.maximum(values, 0)) @ vectors.T @ flip
+        assert np.allclose(found.T @ found, wanted, atol=1e-5)

@@ -42,8 +42,8 @@ class Asset:
     textured_faces  the faces that carry the texture; None = all
     weld            by what faces hang together: "index" (the default), "position" for meshes out of games, "off"
 
-    Arrays are copied; of their own layout only what numpy cannot show the library as it is, is copied twice. Raises
-    InvalidArgumentError, which names the array and the index. May be used with `with`, which closes the asset.
+    The asset keeps copies: the arrays may be changed afterwards. Raises InvalidArgumentError, which names the array and
+    the index. May be used with `with`, which closes the asset.
     """
 
     def __init__(
