@@ -12,7 +12,8 @@
 /// Constants, per block: rigidity (sign bit: fixed), four rest lengths, triangle under the node (level 0) or coverage
 /// (coarser levels), density of rigid material.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
-/// State, per block: displacement (2), position (level 0) or metric (coarser levels) at W (3), triangle under W.
+/// State, per block: displacement (2) and, on level 0, triangle under W. The position or metric at W follows from these
+/// and is computed where it is read (`value_at`). A fixed node has a displacement of 0, and its triangle is that at rest.
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
 /// Rows of the linear system, per block: diagonal (3), pairs of the owned edges (two words each, see `encode`), and,
 /// uploaded once per grid, the weight ω of the lower neighbour in the interpolation from the next coarser level (method
@@ -31,7 +32,7 @@ fn node_index(b: u32, plane: u32, s: u32) -> u32 {
     return (b * NODE_PLANES + plane) * NODES + s;
 }
 fn state_index(b: u32, plane: u32, s: u32) -> u32 {
-    return (b * STATE_PLANES + plane) * NODES + s;
+    return (b * params.state_planes + plane) * NODES + s;
 }
 fn row_index(b: u32, plane: u32, s: u32) -> u32 {
     return ((params.base + b) * ROW_PLANES + plane) * NODES + s;
@@ -119,7 +120,14 @@ fn is_fixed(b: u32, s: u32) -> bool {
 }
 
 fn displacement(b: u32, s: u32) -> vec2f {
-    return vec2f(bitcast<f32>(state[state_index(b, U, s)]), bitcast<f32>(state[state_index(b, U + 1u, s)]));
+    let at = state_index(b, U, s);
+    return bitcast<vec2f>(vec2u(state[at], state[at + NODES]));
+}
+
+fn set_displacement(b: u32, s: u32, u: vec2f) {
+    let at = state_index(b, U, s);
+    state[at] = bitcast<u32>(u.x);
+    state[at + NODES] = bitcast<u32>(u.y);
 }
 
 /// Slot of the node of colour k on which thread t works.
@@ -137,7 +145,10 @@ fn block_holding(b: u32, i: i32, j: i32) -> u32 {
     let at = vec2i(i >> 4u, j >> 4u);
     let d = at - vec2i(i32(blocks[b].x), i32(blocks[b].y));
     if all(abs(d) <= vec2i(1)) {
-        return blocks[b].neighbours[(d.y + 1) * 3 + d.x + 1];
+        let near = blocks[b].neighbours[(d.y + 1) * 3 + d.x + 1];
+        if near != NONE || blocks[b].continues == 0u {
+            return near;
+        }
     }
     let found = find_block(b, at);
     if found == NONE && blocks[b].continues != 0u {

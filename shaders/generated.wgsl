@@ -99,15 +99,17 @@ const LENGTH: u32 = 1u;
 const TRIANGLE_OR_COVERAGE: u32 = 5u;
 /// Plane of the density.
 const DENSITY: u32 = 6u;
-/// Planes per block of a level's state: displacement (2), position (level 0) or metric (coarser levels) at W
-/// (3), triangle under W.
-const STATE_PLANES: u32 = 6u;
+/// Planes per block of the state of a coarser level: displacement (2).
+const COARSE_STATE_PLANES: u32 = 2u;
+/// Planes per block of the state of level 0: displacement (2), triangle under W.
+const FINEST_STATE_PLANES: u32 = 3u;
 /// First of the two planes of the displacement.
 const U: u32 = 0u;
-/// First of the three planes of the position or metric.
-const VALUE: u32 = 2u;
-/// Plane of the triangle under W.
-const TRIANGLE: u32 = 5u;
+/// Plane of the triangle under W, on level 0.
+const TRIANGLE: u32 = 2u;
+/// Planes per block of what the state implies: position (level 0) or metric (coarser levels) at W (3), triangle
+/// under W. Only inspection stores these.
+const SAMPLE_PLANES: u32 = 4u;
 /// Planes per block of a level's linear system: diagonal (3), pairs of the owned edges (two words each),
 /// weights of the interpolation.
 const ROW_PLANES: u32 = 12u;
@@ -231,6 +233,8 @@ struct Params {
     smoothing: f32,
     /// Weight theta of the pull towards the previous result; 0 where there is none.
     pull: f32,
+    /// Planes per block of this level's state.
+    state_planes: u32,
 }
 
 /// A chart, and the decisions about it during a solve.

@@ -21,18 +21,19 @@ fn load_patch(b: u32, t: u32) {
             patch_length[k] = vec4f();
             patch_tag[k] = NONE;
         } else {
-            let at = state_index(holder, 0u, source.y);
             let fixed_at = node_index(holder, 0u, source.y);
             let rigidity = nodes[fixed_at];
-            patch_u[k] = bitcast<vec2f>(vec2u(state[at], state[at + NODES]));
-            patch_value[k] = bitcast<vec4f>(
-                vec4u(state[at + 2u * NODES], state[at + 3u * NODES], state[at + 4u * NODES], rigidity & 0x7fffffffu)
-            );
+            let fixed = (rigidity >> 31u) != 0u;
+            let u = displacement(holder, source.y);
+            let triangle = triangle_in_state(holder, source.y, fixed);
+            let value = value_at(holder, source.y, u, triangle, fixed);
+            patch_u[k] = u;
+            patch_value[k] = vec4f(value, bitcast<f32>(rigidity & 0x7fffffffu));
             patch_length[k] = bitcast<vec4f>(
                 vec4u(nodes[fixed_at + NODES], nodes[fixed_at + 2u * NODES], nodes[fixed_at + 3u * NODES],
                     nodes[fixed_at + 4u * NODES])
             );
-            patch_tag[k] = (state[at + 5u * NODES] << 1u) | (rigidity >> 31u);
+            patch_tag[k] = (triangle << 1u) | (rigidity >> 31u);
         }
         if params.orientation_density > 0.0 {
             patch_density[k] = 0.0;

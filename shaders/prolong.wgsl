@@ -12,7 +12,7 @@ fn coarse_u(parent: u32, n: vec2u) -> vec2f {
     if holder == NONE {
         return vec2f();
     }
-    let at = state_index(holder, U, source.y);
+    let at = (holder * COARSE_STATE_PLANES + U) * NODES + source.y;
     return bitcast<vec2f>(vec2u(coarse_state[at], coarse_state[at + NODES]));
 }
 

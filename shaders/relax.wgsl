@@ -84,13 +84,8 @@ fn relax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t
         let s = thread_slot(colour, t);
         let at = place_at(node_at(s), vec2i());
         if !fixed_in_patch(at) {
-            let to = state_index(b, 0u, s);
-            state[to] = bitcast<u32>(patch_u[at].x);
-            state[to + NODES] = bitcast<u32>(patch_u[at].y);
-            for (var c = 0u; c < 3u; c++) {
-                state[to + (VALUE + c) * NODES] = bitcast<u32>(patch_value[at][c]);
-            }
-            state[to + TRIANGLE * NODES] = triangle_of(patch_tag[at]);
+            set_displacement(b, s, patch_u[at]);
+            set_triangle(b, s, triangle_of(patch_tag[at]));
         }
     }
 }

@@ -20,11 +20,11 @@ fn near_node(b: u32, n: vec2i) -> NearNode {
     if holder == NONE {
         return NearNode(vec2f(), vec3f(), NONE);
     }
-    let at = state_index(holder, 0u, slot(m.x % 16u, m.y % 16u));
-    let value = vec3u(state[at + VALUE * NODES], state[at + (VALUE + 1u) * NODES], state[at + (VALUE + 2u) * NODES]);
-    return NearNode(
-        bitcast<vec2f>(vec2u(state[at], state[at + NODES])), bitcast<vec3f>(value), state[at + TRIANGLE * NODES]
-    );
+    let s = slot(m.x % 16u, m.y % 16u);
+    let fixed = is_fixed(holder, s);
+    let u = displacement(holder, s);
+    let triangle = triangle_in_state(holder, s, fixed);
+    return NearNode(u, value_at(holder, s, u, triangle, fixed), triangle);
 }
 
 /// The slopes at node n of block b, a node of its patch from (-1, -1) to (16, 16) that may move, with displacement u on

@@ -33,7 +33,7 @@ use crate::tile::blocks::NODES;
 use context::Context;
 pub(crate) use invert::Output;
 use kernels::Kernel;
-use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, STATE_PLANES, VECTOR_PLANES};
+use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, VECTOR_PLANES, state_planes};
 use lists::{List, MAX_GATES};
 pub(crate) use memory::Memory;
 use memory::PLANE;
@@ -348,7 +348,9 @@ impl<'a> Run<'a> {
         let List { first, count, size_index } = list;
         let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64;
         let size = self.dispatch_size(size_index, count);
-        self.dispatch(kernel, at, extra, &Params { first, count, base, ..params }, size, bytes);
+        let state_planes = state_planes(at[0]) as u32;
+        let params = Params { first, count, base, state_planes, ..params };
+        self.dispatch(kernel, at, extra, &params, size, bytes);
     }
 
     /// Dispatches a kernel over all active blocks of a level, then updates the copies of the buffer that it wrote.
@@ -409,7 +411,7 @@ impl<'a> Run<'a> {
         let buffer = |band: usize| {
             let buffers = &self.memory.buffers[level][band];
             match what {
-                BandBuffer::State => Some((&buffers.state, STATE_PLANES)),
+                BandBuffer::State => Some((&buffers.state, state_planes(level))),
                 BandBuffer::Metric => buffers.metric.as_ref().map(|metric| (metric, METRIC_PLANES)),
                 BandBuffer::Rows => Some((&buffers.rows, ROW_PLANES)),
                 BandBuffer::Vectors => Some((&buffers.vectors, VECTOR_PLANES)),

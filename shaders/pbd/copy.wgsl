@@ -9,7 +9,7 @@ fn copy_state(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
     }
     for (var colour = 0u; colour < 4u; colour++) {
         let s = thread_slot(colour, t);
-        for (var plane = 0u; plane < STATE_PLANES; plane++) {
+        for (var plane = 0u; plane < params.state_planes; plane++) {
             let bits = get_state(b, plane, s);
             put_state(b, plane, s, bits);
             if plane < 2u && (params.mode & PBD_WITHOUT_VELOCITY) == 0u {

@@ -1,23 +1,29 @@
 // pbd: the displacements of a block and its halo, and the writing of new ones (method §10).
 
+/// The triangle under W of a node in the copy that is read.
+fn present_triangle(b: u32, s: u32, fixed: bool) -> u32 {
+    if TANGENTS && !fixed {
+        return get_state(b, TRIANGLE, s);
+    }
+    return rest_triangle(b, s);
+}
+
 /// Writes the state of a node at its new displacement u if it moves and if the surface has a sample there; a node that
 /// would leave its chart stays.
 fn move_to(b: u32, s: u32, u: vec2f, moves: bool) {
     let u_before = get_u(b, s);
-    let start = get_state(b, TRIANGLE, s);
     if moves && any(u != u_before) {
-        let sample = sample_surface(b, node_in_level(b, s), u, start);
+        let sample = sample_surface(b, node_in_level(b, s), u, present_triangle(b, s, false));
         if sample.found {
             put_state(b, U, s, bitcast<u32>(u.x));
             put_state(b, U + 1u, s, bitcast<u32>(u.y));
-            for (var c = 0u; c < 3u; c++) {
-                put_state(b, VALUE + c, s, bitcast<u32>(sample.value[c]));
+            if TANGENTS {
+                put_state(b, TRIANGLE, s, sample.triangle);
             }
-            put_state(b, TRIANGLE, s, sample.triangle);
             return;
         }
     }
-    for (var plane = 0u; plane < STATE_PLANES; plane++) {
+    for (var plane = 0u; plane < params.state_planes; plane++) {
         put_state(b, plane, s, get_state(b, plane, s));
     }
 }

@@ -12,6 +12,7 @@ var<workgroup> patch_length: array<f32, 324>;
 /// Density of rigid material; loaded only if `orientation_density` is not 0.
 var<workgroup> patch_density: array<f32, 324>;
 
+/// After `load_u`, which has set the same thread's displacements.
 fn load_values(b: u32, t: u32) {
     let edge = (params.mode & 7u) >> 1u;
     for (var k = t; k < WINDOW; k += 64u) {
@@ -21,12 +22,11 @@ fn load_values(b: u32, t: u32) {
         patch_rigidity[k] = 0x80000000u;
         patch_length[k] = 0.0;
         if holder != NONE {
-            patch_value[k] = bitcast<vec3f>(vec3u(
-                get_state(holder, VALUE, source.y),
-                get_state(holder, VALUE + 1u, source.y),
-                get_state(holder, VALUE + 2u, source.y)
-            ));
-            patch_rigidity[k] = nodes[node_index(holder, RIGIDITY, source.y)];
+            let rigidity = nodes[node_index(holder, RIGIDITY, source.y)];
+            let fixed = (rigidity >> 31u) != 0u;
+            let triangle = present_triangle(holder, source.y, fixed);
+            patch_value[k] = value_at(holder, source.y, patch_u[k], triangle, fixed);
+            patch_rigidity[k] = rigidity;
             patch_length[k] = bitcast<f32>(nodes[node_index(holder, LENGTH + edge, source.y)]);
         }
         if params.orientation_density > 0.0 {

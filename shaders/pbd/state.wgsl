@@ -1,8 +1,8 @@
 // pbd: access to the two copies of a level's state in the paper's solver (method §10). Each pass reads one copy and
 // writes the other one, so that nothing that a pass reads is written by the same pass. Its twin is `src/cpu/pbd.rs`.
 
-/// The second copy, in the place of the vectors, which this solver does not need: displacement (2), position or metric
-/// at W (3), triangle, displacement at the last integration (2).
+/// The second copy, in the place of the vectors, which this solver does not need: the planes of the state, and the
+/// displacement at the last integration (2).
 @group(0) @binding(10) var<storage, read_write> other_state: array<u32>;
 
 fn get_state(b: u32, plane: u32, s: u32) -> u32 {

@@ -86,16 +86,22 @@ fn nearest(b: u32, node: vec2i, u: vec2f) -> u32 {
     return t;
 }
 
-/// Samples the surface of block b's chart at node + u, walking from triangle `start`.
-fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
-    var t = locate(node, u, start);
+/// Returns the triangle of block b's chart under node + u, found by walking from triangle `start`; NONE if there is none.
+fn locate_in_chart(b: u32, node: vec2i, u: vec2f, start: u32) -> u32 {
+    let t = locate(node, u, start);
     if t == NONE {
         // A border stopped the walk, or it was too long: walk again from the triangle under the node nearest to W(p).
         let nearest_triangle = nearest(b, node, u);
         if nearest_triangle != NONE && nearest_triangle != start {
-            t = locate(node, u, nearest_triangle);
+            return locate(node, u, nearest_triangle);
         }
     }
+    return t;
+}
+
+/// Samples the surface of block b's chart at node + u, walking from triangle `start`.
+fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
+    let t = locate_in_chart(b, node, u, start);
     if t == NONE {
         return Sample(false, vec3f(), NONE);
     }
@@ -114,24 +120,44 @@ fn tangents(t: u32) -> mat2x3f {
     return mat2x3f(vec3f(p[3], p[4], p[5]), vec3f(p[6], p[7], p[8]));
 }
 
-/// Samples the surface anew for a displacement that is set from outside (method §2, Point location). Without a sample
-/// it is the affine continuation from the triangle at which the walk began; fixed nodes take their triangle at rest.
-fn resampled(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
+/// Finds and stores the triangle of a node whose displacement u is set from outside (method §2, Point location), if the
+/// node may move. Where no triangle is found it is the one at which the walk began: the surface is continued affinely
+/// from there.
+fn find_triangle(b: u32, s: u32, u: vec2f) {
+    if is_fixed(b, s) {
+        return;
+    }
     let rest = rest_triangle(b, s);
-    if rest == NONE {
-        return Sample(true, vec3f(), NONE);
+    var t = rest;
+    if rest != NONE {
+        // The triangle under the node nearest to W(p) is a better start than that under p.
+        let node = node_in_level(b, s);
+        let nearest_triangle = nearest(b, node, u);
+        let start = select(rest, nearest_triangle, nearest_triangle != NONE);
+        t = locate_in_chart(b, node, u, start);
+        t = select(t, start, t == NONE);
     }
+    set_triangle(b, s, t);
+}
+
+/// The triangle under W of the node at slot s of block b.
+fn triangle_in_state(b: u32, s: u32, fixed: bool) -> u32 {
     if fixed {
-        return sample_on_triangle(rest, node, vec2f());
+        return rest_triangle(b, s);
     }
-    // The triangle under the node nearest to W(p) is a better start than that under p.
-    let nearest_triangle = nearest(b, node, u);
-    let start = select(rest, nearest_triangle, nearest_triangle != NONE);
-    let sample = sample_surface(b, node, u, start);
-    if sample.found {
-        return sample;
+    return state[state_index(b, TRIANGLE, s)];
+}
+
+fn set_triangle(b: u32, s: u32, t: u32) {
+    state[state_index(b, TRIANGLE, s)] = t;
+}
+
+/// The position at W of the node at slot s of block b with displacement u on triangle t; 0 without a triangle.
+fn value_at(b: u32, s: u32, u: vec2f, t: u32, fixed: bool) -> vec3f {
+    if t == NONE {
+        return vec3f();
     }
-    return sample_on_triangle(start, node, u);
+    return sample_on_triangle(t, node_in_level(b, s), u).value;
 }
 
 /// An edge's chord c (`along`), offset d, length L and 1 / L: what the gradients at both ends have in common.

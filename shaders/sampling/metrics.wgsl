@@ -40,16 +40,29 @@ fn tangents(t: u32) -> mat2x3f {
     return mat2x3f(vec3f(), vec3f());
 }
 
-/// Samples the metric anew for a displacement that is set from outside. Without a sample, and at fixed nodes, it is the
+/// There are no triangles on these levels.
+fn rest_triangle(b: u32, s: u32) -> u32 {
+    return NONE;
+}
+
+fn find_triangle(b: u32, s: u32, u: vec2f) {}
+
+fn triangle_in_state(b: u32, s: u32, fixed: bool) -> u32 {
+    return NONE;
+}
+
+fn set_triangle(b: u32, s: u32, t: u32) {}
+
+/// The metric at W of the node at slot s of block b with displacement u. Without a sample, and at fixed nodes, it is the
 /// metric at the node itself.
-fn resampled(b: u32, node: vec2i, s: u32, u: vec2f, fixed: bool) -> Sample {
+fn value_at(b: u32, s: u32, u: vec2f, t: u32, fixed: bool) -> vec3f {
     if !fixed {
-        let sample = sample_surface(b, node, u, NONE);
+        let sample = sample_surface(b, node_in_level(b, s), u, NONE);
         if sample.found {
-            return sample;
+            return sample.value;
         }
     }
-    return Sample(true, metric_at(b, s), NONE);
+    return metric_at(b, s);
 }
 
 /// For an edge, the product of metric and offset (`along`), d, L and 1 / L: what the gradients at both ends have in

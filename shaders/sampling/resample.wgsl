@@ -7,15 +7,8 @@
 @group(0) @binding(10) var<storage, read> previous_result: array<f32>;
 
 fn resample(b: u32, s: u32, u: vec2f) {
-    let fixed = is_fixed(b, s);
-    let sample = resampled(b, node_in_level(b, s), s, u, fixed);
-    let to = state_index(b, 0u, s);
-    state[to] = bitcast<u32>(u.x);
-    state[to + NODES] = bitcast<u32>(u.y);
-    for (var c = 0u; c < 3u; c++) {
-        state[to + (VALUE + c) * NODES] = bitcast<u32>(sample.value[c]);
-    }
-    state[to + TRIANGLE * NODES] = sample.triangle;
+    set_displacement(b, s, u);
+    find_triangle(b, s, u);
 }
 
 @compute @workgroup_size(64)

@@ -1,15 +1,18 @@
 //! Reading and setting a run's state from outside, for the comparison with the other backend and for switching to it.
 //! Every call submits the commands recorded so far; calls that read wait for them.
 
+use super::bands::Band;
+use super::kernels::Kernel;
 use super::layout::{
-    Chart, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SELECT_ALL, STATE_PLANES, Triangle, VECTOR_PLANES,
+    COARSE_STATE_PLANES, Chart, INSPECTED_PLANES, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SAMPLE_PLANES,
+    SELECT_ALL, Triangle, VECTOR_PLANES, state_planes,
 };
 #[cfg(feature = "oracle")]
 use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
 use super::memory::PLANE;
 use super::{BandBuffer, Run};
 use crate::error::Result;
-use crate::memory::{Collect, Grow};
+use crate::memory::{Collect, Grow, with_capacity};
 use crate::tile::blocks::{NODES, Plane};
 
 impl Run<'_> {
@@ -58,11 +61,52 @@ impl Run<'_> {
 
     /// A level's displacements (2), values (3) and triangles (1) per block.
     pub fn state(&mut self, level: usize) -> Result<Vec<u32>> {
-        self.read(level, BandBuffer::State)
+        let (state, samples) = (self.read(level, BandBuffer::State)?, self.samples(level)?);
+        let mut all = with_capacity(state.len() / state_planes(level) * INSPECTED_PLANES);
+        let samples = samples.chunks(SAMPLE_PLANES * NODES);
+        for (state, samples) in state.chunks(state_planes(level) * NODES).zip(samples) {
+            all.put_all(state[..COARSE_STATE_PLANES * NODES].iter().chain(samples).copied());
+        }
+        Ok(all)
     }
 
+    /// Computes the values (3) and triangles (1) per block that belong to a level's state.
+    fn samples(&mut self, level: usize) -> Result<Vec<u32>> {
+        let kernel = if level == 0 { Kernel::SamplesChords } else { Kernel::SamplesMetrics };
+        let block = SAMPLE_PLANES as u64 * PLANE;
+        let mut all = Vec::new();
+        for n in 0..self.memory.bands[level].len() {
+            let Band { held, owned, .. } = self.memory.bands[level][n].clone();
+            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+            let buffer = self.context.buffer("samples", held.len() as u64 * block, usage)?;
+            let stored = self.memory.lists[level][n].stored;
+            self.dispatch_list(
+                kernel,
+                [level, n],
+                std::slice::from_ref(&buffer),
+                stored,
+                self.at_level(level),
+            );
+            // The buffer is not kept, and so its bind group must not be.
+            self.memory.bind_groups.retain(|(of, ..), _| *of != kernel);
+            self.recorder.flush();
+            let at = |b: usize| (b - held.start) as u64 * block;
+            let bytes = self.context.read(&buffer, at(owned.start)..at(owned.end))?;
+            all.put_all(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
+        }
+        Ok(all)
+    }
+
+    /// Sets a level's displacements and triangles; its values follow from them.
     pub fn set_state(&mut self, level: usize, bits: &[u32]) -> Result<()> {
-        self.write(level, BandBuffer::State, bits)
+        let mut state = with_capacity(bits.len() / INSPECTED_PLANES * state_planes(level));
+        for block in bits.chunks(INSPECTED_PLANES * NODES) {
+            state.put_all(block[..COARSE_STATE_PLANES * NODES].iter().copied());
+            if level == 0 {
+                state.put_all(block[(INSPECTED_PLANES - 1) * NODES..].iter().copied());
+            }
+        }
+        self.write(level, BandBuffer::State, &state)
     }
 
     pub fn set_result(&mut self, result: &[[Plane; 2]]) -> Result<()> {
@@ -141,7 +185,7 @@ impl Run<'_> {
         let buffers = &self.memory.buffers[level][band];
         let base = buffers.base.unwrap_or(0) as usize;
         let (buffer, planes, base) = match what {
-            BandBuffer::State => (&buffers.state, STATE_PLANES, 0),
+            BandBuffer::State => (&buffers.state, state_planes(level), 0),
             BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
             BandBuffer::Rows => (&buffers.rows, ROW_PLANES, base),
             BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES, base),

@@ -88,6 +88,8 @@ pub enum Kernel {
     Gate,
     Certify,
     Finish,
+    SamplesChords,
+    SamplesMetrics,
     Invert,
 }
 
@@ -124,7 +126,7 @@ macro_rules! source {
 
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
-pub const SOURCES: [Source; 41] = [
+pub const SOURCES: [Source; 43] = [
     source!(Surface, "surface", [CHORDS[0], "surface"], [W(SURFACE), R(EXTRA), R(EXTRA + 1)], 0),
     source!(PyramidGather, "pyramid_gather", [CHORDS[0], "pyramid_gather"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)], 52),
@@ -133,17 +135,17 @@ pub const SOURCES: [Source; 41] = [
     source!(IdentityChords, "identity", [CHORDS[0], CHORDS[1], "sampling/resample"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 68),
     source!(IdentityMetrics, "identity", [METRICS, "sampling/resample"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 44),
+        [R(BLOCKS), R(LISTS), W(STATE)], 8),
     source!(Previous, "previous", [CHORDS[0], CHORDS[1], "sampling/resample"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 76),
     source!(ProlongChords, "prolong", [CHORDS[0], CHORDS[1], "sampling/resample", "prolong"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)], 70),
     source!(ProlongMetrics, "prolong", [METRICS, "sampling/resample", "prolong"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)], 46),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), R(EXTRA), R(EXTRA + 1)], 14),
     source!(StepChords, "step", [CHORDS[0], CHORDS[1], "sampling/resample"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)], 88),
     source!(StepMetrics, "step", [METRICS, "sampling/resample"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)], 64),
+        [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 36),
     source!(RelaxChords, "relax", [CHORDS[0], CHORDS[1], "patch", "slopes", "terms", "pull", "relax"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 104),
     source!(RelaxMetrics, "relax", [METRICS, "patch", "slopes", "terms", "pull", "relax"],
@@ -151,13 +153,13 @@ pub const SOURCES: [Source; 41] = [
     source!(EnergyChords, "energy", [CHORDS[0], CHORDS[1], "patch", "terms", "pull", "energy"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)], 80),
     source!(EnergyMetrics, "energy", [METRICS, "patch", "terms", "pull", "energy"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(PARTIALS), R(EXTRA)], 44),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)], 40),
     source!(AssembleChords, "assemble", [CHORDS[0], CHORDS[1], "patch", "slopes", "terms", "correct/assemble"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 132),
     source!(AssembleMetrics, "assemble", [METRICS, "patch", "slopes", "terms", "correct/assemble"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(ROWS), W(VECTORS)], 96),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 92),
     source!(Pull, "pull", [CHORDS[0], CHORDS[1], "patch", "pull", "correct/pull"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(VECTORS), R(EXTRA)], 68),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS), R(EXTRA)], 68),
     source!(Galerkin, "galerkin", ["correct/rows_apart", "correct/galerkin"],
         [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 228),
     source!(GalerkinTogether, "galerkin", ["correct/rows_together", "correct/galerkin"],
@@ -195,7 +197,11 @@ pub const SOURCES: [Source; 41] = [
     source!(Gate, "gate", ["correct/gate"], [R(EXTRA), W(EXTRA + 1), W(EXTRA + 2)], 0),
     source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
     source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)], 16),
-    // Not a stage of a solve: it binds neither parameters nor charts.
+    // Not stages of a solve. `invert` binds neither parameters nor charts.
+    source!(SamplesChords, "samples", [CHORDS[0], CHORDS[1], "sampling/samples"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),
+    source!(SamplesMetrics, "samples", [METRICS, "sampling/samples"],
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),
     Source {
         kernel: Kernel::Invert,
         entry: "invert",
@@ -242,6 +248,7 @@ fn part(name: &str) -> &'static str {
         "sampling/chords",
         "sampling/metrics",
         "sampling/resample",
+        "sampling/samples",
         "prolong",
         "patch",
         "slopes",

@@ -36,15 +36,17 @@ pub mod shared {
         /// Plane of the density.
         DENSITY: usize = 6;
 
-        /// Planes per block of a level's state: displacement (2), position (level 0) or metric (coarser levels) at W
-        /// (3), triangle under W.
-        STATE_PLANES: usize = 6;
+        /// Planes per block of the state of a coarser level: displacement (2).
+        COARSE_STATE_PLANES: usize = 2;
+        /// Planes per block of the state of level 0: displacement (2), triangle under W.
+        FINEST_STATE_PLANES: usize = 3;
         /// First of the two planes of the displacement.
         U: usize = 0;
-        /// First of the three planes of the position or metric.
-        VALUE: usize = 2;
-        /// Plane of the triangle under W.
-        TRIANGLE: usize = 5;
+        /// Plane of the triangle under W, on level 0.
+        TRIANGLE: usize = 2;
+        /// Planes per block of what the state implies: position (level 0) or metric (coarser levels) at W (3), triangle
+        /// under W. Only inspection stores these.
+        SAMPLE_PLANES: usize = 4;
 
         /// Planes per block of a level's linear system: diagonal (3), pairs of the owned edges (two words each),
         /// weights of the interpolation.
@@ -142,6 +144,14 @@ pub const METRIC_PLANES: usize = 3;
 /// Planes per block of a result.
 pub const RESULT_PLANES: usize = 2;
 
+/// Planes per block of a level's state as inspection hands it out: displacement (2), position or metric at W (3), triangle
+/// under W.
+pub const INSPECTED_PLANES: usize = COARSE_STATE_PLANES + SAMPLE_PLANES;
+/// Planes per block of a level's state.
+pub const fn state_planes(level: usize) -> usize {
+    if level == 0 { FINEST_STATE_PLANES } else { COARSE_STATE_PLANES }
+}
+
 structs! {
     /// Parameters of one dispatch.
     #[derive(Default)]
@@ -186,6 +196,8 @@ structs! {
         smoothing: f32,
         /// Weight theta of the pull towards the previous result; 0 where there is none.
         pull: f32,
+        /// Planes per block of this level's state.
+        state_planes: u32,
     }
 
     /// A chart, and the decisions about it during a solve.

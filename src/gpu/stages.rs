@@ -74,8 +74,8 @@ impl Stages for Run<'_> {
         self.recorder.stage(Stage::Prolong as usize);
         let kernel = if level == 0 { Kernel::IdentityChords } else { Kernel::IdentityMetrics };
         for band in 0..self.memory.bands[level].len() {
-            let stored = self.memory.lists[level][band].stored;
-            self.dispatch_list(kernel, [level, band], &[], stored, self.at_level(level));
+            let active = self.memory.lists[level][band].active;
+            self.dispatch_list(kernel, [level, band], &[], active, self.at_level(level));
         }
         self.exchange(level, BandBuffer::State);
         if level == 0 {
@@ -95,8 +95,11 @@ impl Stages for Run<'_> {
     }
 
     fn prolong(&mut self, level: usize) {
-        // This sets the fixed nodes, and on level 0 computes the energy of the identity.
-        self.identity(level);
+        self.recorder.stage(Stage::Prolong as usize);
+        if level == 0 {
+            // For its energy: prolongation then writes all nodes.
+            self.identity(level);
+        }
         let kernel = if level == 0 { Kernel::ProlongChords } else { Kernel::ProlongMetrics };
         for band in 0..self.memory.bands[level].len() {
             let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].coarser];

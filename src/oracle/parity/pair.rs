@@ -2,7 +2,7 @@
 
 use super::{Point, StageDifference};
 use crate::error::{Error, Result};
-use crate::gpu::layout::{METRIC_PLANES, ROW_PLANES, STATE_PLANES};
+use crate::gpu::layout::{INSPECTED_PLANES, METRIC_PLANES, ROW_PLANES};
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::schedule::Stages;
@@ -145,7 +145,7 @@ impl<'a> Pair<'a> {
     /// Compares the state of a level: displacements, samples of the surface and energies.
     fn state(&mut self, at: Point, level: usize) -> Result<()> {
         let (cpu, gpu) = (self.cpu.state(level), self.gpu.state(level)?);
-        let selection = Selection { level, planes: STATE_PLANES, first: 0, count: 2, movable: false };
+        let selection = Selection { level, planes: INSPECTED_PLANES, first: 0, count: 2, movable: false };
         let charts = self.charts;
         self.compare(at, DISPLACEMENT, selection, charts, &cpu, &gpu);
         let selection = Selection { first: 2, count: 3, movable: true, ..selection };
