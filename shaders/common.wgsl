@@ -9,15 +9,13 @@
 @group(0) @binding(1) var<storage, read_write> charts: array<Chart>;
 @group(0) @binding(2) var<storage, read> blocks: array<BlockRecord>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
-/// Constants, per block: rigidity (sign bit: fixed), four rest lengths, triangle under the node (level 0) or coverage
-/// (coarser levels), density of rigid material.
+/// Constants, per block: rigidity (a code of 16 bits; sign bit: fixed), four rest lengths (codes of 16 bits in two words),
+/// triangle under the node (level 0) or coverage (coarser levels) and, on grids that have it, density of rigid material.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
 /// State, per block: displacement (2) and, on level 0, triangle under W. The position or metric at W follows from these
 /// and is computed where it is read (`value_at`). A fixed node has a displacement of 0, and its triangle is that at rest.
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
-/// Rows of the linear system, per block: diagonal (3), pairs of the owned edges (two words each, see `encode`), and,
-/// uploaded once per grid, the weight ω of the lower neighbour in the interpolation from the next coarser level (method
-/// §7.5): the neighbour to the west at nodes in odd columns, to the south at nodes in even columns and odd rows.
+/// Rows of the linear system, per block: diagonal (3), pairs of the owned edges (two words each, see `encode`).
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
 /// Vectors of a correction, per block: r, z, t, x (2 planes each). r is the right-hand side, then the residual; z the
 /// result of the preconditioner, then the direction; t is A z, and the residual inside the V-cycle; x is the step.
@@ -29,7 +27,7 @@
 
 /// Indices of plane `plane` of block b at slot s in `nodes`, `state`, `rows` and `vectors`.
 fn node_index(b: u32, plane: u32, s: u32) -> u32 {
-    return (b * NODE_PLANES + plane) * NODES + s;
+    return (b * params.node_planes + plane) * NODES + s;
 }
 fn state_index(b: u32, plane: u32, s: u32) -> u32 {
     return (b * params.state_planes + plane) * NODES + s;
@@ -60,6 +58,46 @@ fn decode(words: vec2u) -> vec4f {
 fn rounding_loss(a: vec4f) -> vec3f {
     let rest = a - decode(encode(a));
     return vec3f(rest.x, 0.5 * (rest.y + rest.z), rest.w);
+}
+
+/// `code` / 65535, rounded to nearest as on the host (src/tile/codes.rs); WGSL's division need not be. In binary the
+/// digits of the quotient are those of the code again and again, so that rounding never meets a tie.
+fn decode_rigidity(code: u32) -> f32 {
+    let zeros = countLeadingZeros(code) - 16u;
+    let digits = (code * 0x10001u) << zeros;
+    let mantissa = (digits >> 8u) + ((digits >> 7u) & 1u);
+    return bitcast<f32>(select(((125u - zeros) << 23u) + mantissa, 0u, code == 0u));
+}
+
+/// `code` / 254, rounded to nearest as on the host. A tie would need an odd multiple of 127 as twice the remainder, but
+/// the only multiple of 127 among the codes from 128 to 254 is 254, which leaves none.
+fn decode_weight(code: u32) -> f32 {
+    let zeros = countLeadingZeros(code) - 24u;
+    let shifted = code << (zeros + 24u);
+    let quotient = shifted / 254u;
+    let mantissa = quotient + select(0u, 1u, shifted - quotient * 254u > 127u);
+    return bitcast<f32>(select(((125u - zeros) << 23u) + mantissa, 0u, code == 0u));
+}
+
+/// The weight at slot s, where `word` is word s / 4 of a block's weights.
+fn weight_in_word(word: u32, s: u32) -> f32 {
+    return decode_weight((word >> (8u * (s & 3u))) & 0xffu);
+}
+
+/// The weight ω of the lower neighbour of the node at slot s of block b in the interpolation from the next coarser level
+/// (method §7.5).
+fn interpolation_weight_at(b: u32, s: u32) -> f32 {
+    return weight_in_word(blocks[b].weights[s / 4u], s);
+}
+
+/// The length of a code: the leading bits of the f32 (src/tile/codes.rs).
+fn decode_length(code: u32, base: u32, shift: u32) -> f32 {
+    return bitcast<f32>(select((code << shift) + base, 0u, code == 0u));
+}
+
+/// The code of the rest length of owned edge `e` of the node at slot s of block b.
+fn length_code(b: u32, e: u32, s: u32) -> u32 {
+    return (nodes[node_index(b, LENGTH + e / 2u, s)] >> (16u * (e & 1u))) & 0xffffu;
 }
 
 /// Slot of node (i, j) of a block.

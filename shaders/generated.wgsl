@@ -88,17 +88,15 @@ const WINDOW: u32 = 324u;
 const SPREAD: u32 = 65535u;
 /// The energy of an invalid state: more than any other energy.
 const INVALID_ENERGY: f32 = 3e38;
-/// Planes per block of a level's constants: rigidity (sign bit: fixed), four rest lengths, triangle under the
-/// node (level 0) or coverage (coarser levels), density of rigid material.
-const NODE_PLANES: u32 = 7u;
-/// Plane of the rigidity and of the sign bit of fixed nodes.
+/// Plane of the rigidity's code (16 bits) and of the sign bit of fixed nodes.
 const RIGIDITY: u32 = 0u;
-/// First of the four planes of rest lengths, one per owned edge.
+/// First of the two planes of rest lengths: the codes of the owned edges 0 and 1, then of 2 and 3, the first of
+/// a pair in the lower 16 bits.
 const LENGTH: u32 = 1u;
 /// Plane of the triangle under the node, or of the coverage.
-const TRIANGLE_OR_COVERAGE: u32 = 5u;
-/// Plane of the density.
-const DENSITY: u32 = 6u;
+const TRIANGLE_OR_COVERAGE: u32 = 3u;
+/// Plane of the density, on grids that have it.
+const DENSITY: u32 = 4u;
 /// Planes per block of the state of a coarser level: displacement (2).
 const COARSE_STATE_PLANES: u32 = 2u;
 /// Planes per block of the state of level 0: displacement (2), triangle under W.
@@ -110,13 +108,10 @@ const TRIANGLE: u32 = 2u;
 /// Planes per block of what the state implies: position (level 0) or metric (coarser levels) at W (3), triangle
 /// under W. Only inspection stores these.
 const SAMPLE_PLANES: u32 = 4u;
-/// Planes per block of a level's linear system: diagonal (3), pairs of the owned edges (two words each),
-/// weights of the interpolation.
-const ROW_PLANES: u32 = 12u;
+/// Planes per block of a level's linear system: diagonal (3), pairs of the owned edges (two words each).
+const ROW_PLANES: u32 = 11u;
 /// First of the eight planes of the pairs.
 const PAIR: u32 = 3u;
-/// Plane of the interpolation's weights; uploaded once per grid.
-const INTERPOLATION: u32 = 11u;
 /// Planes per block of the vectors of a correction. As on the CPU (`cpu/correct/workspace.rs`), a plane holds
 /// different quantities one after the other.
 const VECTOR_PLANES: u32 = 8u;
@@ -235,6 +230,8 @@ struct Params {
     pull: f32,
     /// Planes per block of this level's state.
     state_planes: u32,
+    /// Planes per block of the constants of all levels' nodes.
+    node_planes: u32,
 }
 
 /// A chart, and the decisions about it during a solve.
@@ -295,6 +292,13 @@ struct BlockRecord {
     chart_count: u32,
     /// Bits: 1 if the chart has blocks before those that the band holds, 2 if it has blocks after them.
     continues: u32,
+    /// The coding of the rest lengths of each of the four owned edges (`codes::Lengths`).
+    length_base: array<u32, 4>,
+    length_shift: array<u32, 4>,
+    /// Per slot the code of the weight of the lower neighbour in the interpolation from the next coarser level, four
+    /// to a word: the neighbour to the west at nodes in odd columns, to the south at nodes in even columns and odd
+    /// rows (method §7.5). 0 on the coarsest level.
+    weights: array<u32, 64>,
 }
 
 /// A triangle: its UVs in cells, and its pose.
@@ -320,6 +324,8 @@ struct CoarseBlock {
     colour: u32,
     /// One bit per slot: 1 if the node is fixed.
     fixed: array<u32, 8>,
+    /// The codes of the interpolation's weights, as in `BlockRecord`.
+    weights: array<u32, 64>,
 }
 
 /// The part of an image that a dispatch of `invert` writes.

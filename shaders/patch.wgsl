@@ -11,7 +11,20 @@ var<workgroup> patch_tag: array<u32, 324>;
 /// Density of rigid material; loaded only if `orientation_density` is not 0.
 var<workgroup> patch_density: array<f32, 324>;
 
+/// The rest lengths of the owned edges of the node at slot s of block b, which is of a chart with these codings.
+fn rest_lengths(b: u32, s: u32, base: array<u32, 4>, shift: array<u32, 4>) -> vec4f {
+    let at = node_index(b, LENGTH, s);
+    let low = nodes[at];
+    let high = nodes[at + NODES];
+    return vec4f(
+        decode_length(low & 0xffffu, base[0], shift[0]), decode_length(low >> 16u, base[1], shift[1]),
+        decode_length(high & 0xffffu, base[2], shift[2]), decode_length(high >> 16u, base[3], shift[3])
+    );
+}
+
 fn load_patch(b: u32, t: u32) {
+    let base = blocks[b].length_base;
+    let shift = blocks[b].length_shift;
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
@@ -21,18 +34,14 @@ fn load_patch(b: u32, t: u32) {
             patch_length[k] = vec4f();
             patch_tag[k] = NONE;
         } else {
-            let fixed_at = node_index(holder, 0u, source.y);
-            let rigidity = nodes[fixed_at];
+            let rigidity = nodes[node_index(holder, RIGIDITY, source.y)];
             let fixed = (rigidity >> 31u) != 0u;
             let u = displacement(holder, source.y);
             let triangle = triangle_in_state(holder, source.y, fixed);
             let value = value_at(holder, source.y, u, triangle, fixed);
             patch_u[k] = u;
-            patch_value[k] = vec4f(value, bitcast<f32>(rigidity & 0x7fffffffu));
-            patch_length[k] = bitcast<vec4f>(
-                vec4u(nodes[fixed_at + NODES], nodes[fixed_at + 2u * NODES], nodes[fixed_at + 3u * NODES],
-                    nodes[fixed_at + 4u * NODES])
-            );
+            patch_value[k] = vec4f(value, decode_rigidity(rigidity & 0xffffu));
+            patch_length[k] = rest_lengths(holder, source.y, base, shift);
             patch_tag[k] = (triangle << 1u) | (rigidity >> 31u);
         }
         if params.orientation_density > 0.0 {

@@ -33,7 +33,7 @@ use crate::tile::blocks::NODES;
 use context::Context;
 pub(crate) use invert::Output;
 use kernels::Kernel;
-use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, VECTOR_PLANES, state_planes};
+use layout::{Chart, METRIC_PLANES, Params, ROW_PLANES, VECTOR_PLANES, node_planes, state_planes};
 use lists::{List, MAX_GATES};
 pub(crate) use memory::Memory;
 use memory::PLANE;
@@ -140,7 +140,12 @@ impl<'a> Run<'a> {
         let params = Params {
             smoothness_floor: settings.smoothness_floor,
             orientation: settings.orientation,
-            orientation_density: settings.orientation_density,
+            // A grid without density counts as one with a density of 0.
+            orientation_density: match grid.levels[0].density.is_empty() {
+                true => 0.0,
+                false => settings.orientation_density,
+            },
+            node_planes: node_planes(grid) as u32,
             room: settings.room,
             room_threshold: settings.room_threshold,
             items: charts.len() as u32,

@@ -16,11 +16,13 @@ fn fine_row(child: u32, f: vec2i) -> u32 {
 
 /// The weight ω of the lower neighbour at the fine node f.
 fn fine_weight(child: u32, f: vec2i) -> f32 {
-    let at = fine_row(child, f);
-    if at == NONE {
+    let shifted = vec2u(f + 16);
+    let holder = fine_blocks[child].active_neighbours[shifted.y / 16u * 3u + shifted.x / 16u];
+    if holder == NONE {
         return 0.0;
     }
-    return bitcast<f32>(fine_row_value(at + INTERPOLATION * NODES));
+    let s = slot(shifted.x % 16u, shifted.y % 16u);
+    return weight_in_word(fine_blocks[holder].weights[s / 4u], s);
 }
 
 /// Entry of P between the fine node f and the coarse node that coincides with the fine node c.

@@ -153,7 +153,7 @@ fn interpolation_weight(b: u32, n: vec2u) -> f32 {
     if holder == NONE {
         return 0.0;
     }
-    return bitcast<f32>(rows[row_index(holder, INTERPOLATION, source.y)]);
+    return weight_in_word(coarse_blocks[holder].weights[source.y / 4u], source.y);
 }
 
 /// Restriction of t in x: the sum over the fine nodes n, n + (1, 0) and n + (2, 0) of the window of block b, the middle
@@ -210,7 +210,7 @@ fn add_level(c: u32, level: u32, t: u32) {
                 let n = node_at(s);
                 var add = interpolate_in_y(b, parent, n.x / 2u, n.y);
                 if n.x % 2u == 1u {
-                    let weight = bitcast<f32>(rows[row_index(b, INTERPOLATION, s)]);
+                    let weight = weight_in_word(coarse_blocks[b].weights[s / 4u], s);
                     add = add * weight + interpolate_in_y(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
                 }
                 set_vector(b, DIRECTION, s, vector(b, DIRECTION, s) + add);

@@ -92,7 +92,7 @@ fn restrict_residual(@builtin(workgroup_id) group: vec3u, @builtin(local_invocat
         let holder = blocks[b].active_neighbours[source.x];
         weights[k] = 0.0;
         if holder != NONE {
-            weights[k] = bitcast<f32>(rows[row_index(holder, INTERPOLATION, source.y)]);
+            weights[k] = interpolation_weight_at(holder, source.y);
         }
     }
     workgroupBarrier();

@@ -22,7 +22,7 @@ fn interpolation_weight(b: u32, n: vec2u) -> f32 {
     if holder == NONE {
         return 0.0;
     }
-    return bitcast<f32>(rows[row_index(holder, INTERPOLATION, source.y)]);
+    return interpolation_weight_at(holder, source.y);
 }
 
 /// z of the coarser level at coarse column `column` (0 to 8) and fine row `row` of block b: interpolated in y alone.
@@ -47,7 +47,7 @@ fn interpolated_z(b: u32, s: u32) -> vec2f {
     if n.x % 2u == 0u {
         return west;
     }
-    let weight = bitcast<f32>(rows[row_index(b, INTERPOLATION, s)]);
+    let weight = interpolation_weight_at(b, s);
     return west * weight + interpolate_in_y(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
 }
 

@@ -15,6 +15,8 @@ var<workgroup> patch_density: array<f32, 324>;
 /// After `load_u`, which has set the same thread's displacements.
 fn load_values(b: u32, t: u32) {
     let edge = (params.mode & 7u) >> 1u;
+    let base = blocks[b].length_base[edge];
+    let shift = blocks[b].length_shift[edge];
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
@@ -26,8 +28,8 @@ fn load_values(b: u32, t: u32) {
             let fixed = (rigidity >> 31u) != 0u;
             let triangle = present_triangle(holder, source.y, fixed);
             patch_value[k] = value_at(holder, source.y, patch_u[k], triangle, fixed);
-            patch_rigidity[k] = rigidity;
-            patch_length[k] = bitcast<f32>(nodes[node_index(holder, LENGTH + edge, source.y)]);
+            patch_rigidity[k] = bitcast<u32>(decode_rigidity(rigidity & 0xffffu)) | (rigidity & 0x80000000u);
+            patch_length[k] = decode_length(length_code(holder, edge, source.y), base, shift);
         }
         if params.orientation_density > 0.0 {
             patch_density[k] = 0.0;

@@ -26,11 +26,11 @@ fn regularise(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
         let s = thread_slot(colour, t);
         let n = node_at(s);
         let u_before = patch_u[place_at(n, vec2i())];
-        let rigidity_bits = nodes[node_index(b, RIGIDITY, s)];
-        let moves = (rigidity_bits >> 31u) == 0u;
+        let word = nodes[node_index(b, RIGIDITY, s)];
+        let moves = (word >> 31u) == 0u;
         // Eq. 4 for movable nodes, and eq. 5. The Gaussian reproduces the grid at rest, so that smoothing displacements
         // is the same as smoothing positions.
-        let rigidity = bitcast<f32>(rigidity_bits & 0x7fffffffu);
+        let rigidity = decode_rigidity(word & 0xffffu);
         let blend = (1.0 - rigidity) + rigidity * params.smoothing;
         let integrated = u_before + blend * (gaussian(n) - u_before);
         var u = integrated;

@@ -1,11 +1,10 @@
 //! The constants of a grid, which do not depend on the pose, in the layout of the shaders: blocks, nodes, triangles.
 
 use super::bands::Band;
-use super::layout::{BlockRecord, NODE_PLANES, Triangle};
+use super::layout::{BlockRecord, Triangle, node_planes};
 use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::{NONE, TileMesh};
 use crate::tile::blocks::NODES;
-use crate::tile::codes::decode_rigidity;
 use crate::tile::{Grid, Level};
 
 /// Records of the blocks that a band of level `k` holds.
@@ -26,6 +25,7 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
                 band.map_or(NONE, |band| band.place(child))
             });
             let chart = level.blocks.of_chart[block.chart as usize].clone();
+            let lengths = level.lengths[block.chart as usize];
             let (first, end) = (chart.start.max(band.held.start), chart.end.min(band.held.end));
             BlockRecord {
                 neighbours: neighbours.map(|b| band.place(b)),
@@ -39,31 +39,36 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
                 chart_first: (first - band.held.start) as u32,
                 chart_count: (end - first) as u32,
                 continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
+                length_base: lengths.map(|of_edge| of_edge.base),
+                length_shift: lengths.map(|of_edge| of_edge.shift),
+                weights: packed_weights(level, b),
             }
         })
         .collected()
 }
 
-/// The constants of the nodes of the blocks that a band holds: `NODE_PLANES` planes per block.
+/// The codes of a block's weights of interpolation, four to a word; 0 on the coarsest level, which has none.
+pub fn packed_weights(level: &Level, b: usize) -> [u32; NODES / 4] {
+    let codes = level.interpolation.get(b).unwrap_or(&[0; NODES]);
+    std::array::from_fn(|k| u32::from_le_bytes(std::array::from_fn(|n| codes[4 * k + n])))
+}
+
+/// The constants of the nodes of the blocks that a band holds: `node_planes` planes per block.
 pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
-    let mut all = with_capacity(band.held.len() * NODE_PLANES * NODES);
+    let mut all = with_capacity(band.held.len() * node_planes(grid) * NODES);
     for b in band.held.clone() {
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
-        all.put_all(
-            rigidity.map(|(&r, &movable)| decode_rigidity(r).to_bits() | u32::from(movable == 0) << 31),
-        );
-        let lengths = level.lengths[level.blocks.list[b].chart as usize];
-        for (plane, lengths) in level.rest_length[b].iter().zip(lengths) {
-            all.put_all(plane.iter().map(|&code| lengths.length(code).to_bits()));
+        all.put_all(rigidity.map(|(&code, &movable)| u32::from(code) | u32::from(movable == 0) << 31));
+        for pair in level.rest_length[b].chunks(2) {
+            all.put_all(pair[0].iter().zip(&pair[1]).map(|(&a, &b)| u32::from(a) | u32::from(b) << 16));
         }
         if k == 0 {
             all.put_all(grid.triangle[b]);
         } else {
             all.put_all(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
         }
-        match level.density.get(b) {
-            Some(plane) => all.put_all(plane.iter().map(|density| density.to_bits())),
-            None => all.put_all([0; NODES]),
+        if let Some(plane) = level.density.get(b) {
+            all.put_all(plane.iter().map(|density| density.to_bits()));
         }
     }
     all
@@ -101,3 +106,6 @@ pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
         .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
         .collected()
 }
+
+#[cfg(test)]
+mod tests;

@@ -131,8 +131,7 @@ impl Run<'_> {
         Ok([self.rows(level)?, vector_planes(&vectors, RESIDUAL)])
     }
 
-    /// A level's system, in planes per block: the diagonal (3), the pairs of the owned edges (8), the interpolation's
-    /// weights (1).
+    /// A level's system, in planes per block: the diagonal (3), the pairs of the owned edges (8).
     #[cfg(feature = "oracle")]
     pub fn rows(&mut self, level: usize) -> Result<Vec<u32>> {
         self.read(level, BandBuffer::Rows)

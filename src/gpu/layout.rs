@@ -6,6 +6,7 @@ use bytemuck::{Pod, Zeroable};
 #[cfg(test)]
 use super::generated::WgslType;
 use super::generated::structs;
+use crate::tile::Grid;
 
 /// Constants of both languages.
 pub mod shared {
@@ -24,17 +25,15 @@ pub mod shared {
         /// The energy of an invalid state: more than any other energy.
         INVALID_ENERGY: f32 = 3e38;
 
-        /// Planes per block of a level's constants: rigidity (sign bit: fixed), four rest lengths, triangle under the
-        /// node (level 0) or coverage (coarser levels), density of rigid material.
-        NODE_PLANES: usize = 7;
-        /// Plane of the rigidity and of the sign bit of fixed nodes.
+        /// Plane of the rigidity's code (16 bits) and of the sign bit of fixed nodes.
         RIGIDITY: usize = 0;
-        /// First of the four planes of rest lengths, one per owned edge.
+        /// First of the two planes of rest lengths: the codes of the owned edges 0 and 1, then of 2 and 3, the first of
+        /// a pair in the lower 16 bits.
         LENGTH: usize = 1;
         /// Plane of the triangle under the node, or of the coverage.
-        TRIANGLE_OR_COVERAGE: usize = 5;
-        /// Plane of the density.
-        DENSITY: usize = 6;
+        TRIANGLE_OR_COVERAGE: usize = 3;
+        /// Plane of the density, on grids that have it.
+        DENSITY: usize = 4;
 
         /// Planes per block of the state of a coarser level: displacement (2).
         COARSE_STATE_PLANES: usize = 2;
@@ -48,13 +47,10 @@ pub mod shared {
         /// under W. Only inspection stores these.
         SAMPLE_PLANES: usize = 4;
 
-        /// Planes per block of a level's linear system: diagonal (3), pairs of the owned edges (two words each),
-        /// weights of the interpolation.
-        ROW_PLANES: usize = 12;
+        /// Planes per block of a level's linear system: diagonal (3), pairs of the owned edges (two words each).
+        ROW_PLANES: usize = 11;
         /// First of the eight planes of the pairs.
         PAIR: usize = 3;
-        /// Plane of the interpolation's weights; uploaded once per grid.
-        INTERPOLATION: usize = 11;
 
         /// Planes per block of the vectors of a correction. As on the CPU (`cpu/correct/workspace.rs`), a plane holds
         /// different quantities one after the other.
@@ -144,6 +140,12 @@ pub const METRIC_PLANES: usize = 3;
 /// Planes per block of a result.
 pub const RESULT_PLANES: usize = 2;
 
+/// Planes per block of the constants of a grid's nodes: rigidity, four rest lengths (two planes), triangle under the node
+/// (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material.
+pub fn node_planes(grid: &Grid) -> usize {
+    if grid.levels[0].density.is_empty() { DENSITY } else { DENSITY + 1 }
+}
+
 /// Planes per block of a level's state as inspection hands it out: displacement (2), position or metric at W (3), triangle
 /// under W.
 pub const INSPECTED_PLANES: usize = COARSE_STATE_PLANES + SAMPLE_PLANES;
@@ -198,6 +200,8 @@ structs! {
         pull: f32,
         /// Planes per block of this level's state.
         state_planes: u32,
+        /// Planes per block of the constants of all levels' nodes.
+        node_planes: u32,
     }
 
     /// A chart, and the decisions about it during a solve.
@@ -259,6 +263,13 @@ structs! {
         chart_count: u32,
         /// Bits: 1 if the chart has blocks before those that the band holds, 2 if it has blocks after them.
         continues: u32,
+        /// The coding of the rest lengths of each of the four owned edges (`codes::Lengths`).
+        length_base: [u32; 4],
+        length_shift: [u32; 4],
+        /// Per slot the code of the weight of the lower neighbour in the interpolation from the next coarser level, four
+        /// to a word: the neighbour to the west at nodes in odd columns, to the south at nodes in even columns and odd
+        /// rows (method §7.5). 0 on the coarsest level.
+        weights: [u32; 64],
     }
 
     /// A triangle: its UVs in cells, and its pose.
@@ -284,6 +295,8 @@ structs! {
         colour: u32,
         /// One bit per slot: 1 if the node is fixed.
         fixed: [u32; 8],
+        /// The codes of the interpolation's weights, as in `BlockRecord`.
+        weights: [u32; 64],
     }
 
     /// The part of an image that a dispatch of `invert` writes.

@@ -8,7 +8,7 @@ use super::constants::{band_blocks, constants, corners, triangles};
 use super::context::Context;
 use super::correct::coarse_levels::CoarseLevels;
 use super::kernels::{Binding, Kernel, slot};
-use super::layout::{INTERPOLATION, Params, ROW_PLANES};
+use super::layout::{Params, ROW_PLANES};
 use super::lists::{Lists, active_blocks, band_lists};
 use super::recorder::RecorderResources;
 use super::results::ResultBuffers;
@@ -19,7 +19,6 @@ use crate::memory::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
-use crate::tile::codes::decode_weight;
 
 /// Bytes of a plane.
 pub const PLANE: u64 = NODES as u64 * 4;
@@ -92,17 +91,6 @@ fn capacity(context: &Context) -> usize {
     context.options.band.map_or(most, |band| band.min(most))
 }
 
-/// Copies the interpolation's weights, one plane per block, into the rows of `count` blocks, the first of which is
-/// block number `base` there.
-fn copy_weights(context: &Context, weights: &wgpu::Buffer, rows: &wgpu::Buffer, base: u32, count: u64) {
-    let mut encoder = context.device.create_command_encoder(&Default::default());
-    for b in 0..count {
-        let to = (u64::from(base) + b) * ROW_PLANES as u64 + INTERPOLATION as u64;
-        encoder.copy_buffer_to_buffer(weights, b * PLANE, rows, to * PLANE, PLANE);
-    }
-    context.queue.submit([encoder.finish()]);
-}
-
 impl Memory {
     /// Allocates the memory for a grid, and uploads its constants.
     pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
@@ -132,13 +120,6 @@ impl Memory {
                 };
                 let rows =
                     sizes.rows.map_or_else(|| Ok(coarse_rows.clone()), |bytes| storage("rows", bytes))?;
-                if let Some(weights) = level.interpolation.get(band.held.clone()) {
-                    let weights: Vec<f32> =
-                        weights.as_flattened().iter().map(|&code| decode_weight(code)).collected();
-                    let bytes: &[u8] = bytemuck::cast_slice(&weights);
-                    let weights = uploader.upload("interpolation", bytes.len() as u64, bytes)?;
-                    copy_weights(context, &weights, &rows, base.unwrap_or(0), band.held.len() as u64);
-                }
                 let vectors = sizes.vectors;
                 let blocks = band_blocks(grid, &bands, k, band);
                 let nodes = constants(grid, level, k, band);

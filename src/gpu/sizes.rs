@@ -4,8 +4,8 @@ use super::bands::Band;
 use super::context::padded;
 use super::correct::coarse_levels::CoarseLevels;
 use super::layout::{
-    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, NODE_PLANES, RESULT_PLANES, ROW_PLANES, Triangle,
-    VECTOR_PLANES, state_planes,
+    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, Triangle, VECTOR_PLANES,
+    node_planes, state_planes,
 };
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::memory::PLANE;
@@ -71,7 +71,7 @@ impl BufferSizes {
             BandBufferSizes {
                 blocks: bytes_of::<BlockRecord>(blocks),
                 lists: list_bytes(blocks as u64),
-                nodes: planes(NODE_PLANES),
+                nodes: planes(node_planes(grid)),
                 state: planes(state_planes(k)),
                 metric: (k > 0).then(|| planes(METRIC_PLANES)),
                 rows: apart.then(|| planes(ROW_PLANES)),

@@ -4,7 +4,6 @@
 use super::super::inspect::flat;
 use super::*;
 use crate::memory::{Collect, Grow};
-use crate::tile::codes::decode_weight;
 
 impl Run<'_> {
     /// Assembles a level's system for its present state. Returns its rows in the layout of [`Run::rows`], and its
@@ -21,16 +20,13 @@ impl Run<'_> {
         [self.rows(level), flat(self.memory.workspace.residual(level))]
     }
 
-    /// A level's system. Planes per block: the diagonal (3), the encoded pairs of the four owned edges (2 each), and
-    /// the interpolation weight (1; 0 on the coarsest level, which has none).
+    /// A level's system. Planes per block: the diagonal (3), and the encoded pairs of the four owned edges (2 each).
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
         let Rows { diagonal, words, .. } = self.memory.workspace.rows(level);
-        for (b, (diagonal, words)) in diagonal.iter().zip(words).enumerate() {
+        for (diagonal, words) in diagonal.iter().zip(words) {
             all.put_all(flat(&[*diagonal]));
             all.put_all(words.as_flattened().as_flattened().iter().copied());
-            let weights = self.grid.levels[level].interpolation.get(b).unwrap_or(&[0; NODES]);
-            all.put_all(weights.map(|code| decode_weight(code).to_bits()));
         }
         all
     }

@@ -2,6 +2,7 @@
 //! levels.
 
 use crate::gpu::bands::Band;
+use crate::gpu::constants::packed_weights;
 use crate::gpu::layout::CoarseBlock;
 use crate::memory::{Grow, with_capacity};
 use crate::mesh::NONE;
@@ -73,6 +74,7 @@ impl CoarseLevels {
                     children: level.children[b].map(|child| place(k - 1, child)),
                     colour: block.y % 2 * 2 + block.x % 2,
                     fixed,
+                    weights: packed_weights(level, b),
                 });
             }
         }

@@ -54,11 +54,11 @@ type Offsets = (&'static str, usize, Vec<(&'static str, usize)>);
 /// The offsets in Rust of some of each struct's fields: WGSL's layout has its own rules of alignment.
 fn structs() -> [Offsets; 6] {
     [
-        fields!(Params: first factor smoothing),
+        fields!(Params: first factor smoothing node_planes),
         fields!(Chart: solved fraction limit_rounds),
-        fields!(BlockRecord: active_neighbours chart children continues),
+        fields!(BlockRecord: active_neighbours chart children continues length_shift weights),
         fields!(Triangle: barycentric neighbours chart pose),
-        fields!(CoarseBlock: parent children fixed),
+        fields!(CoarseBlock: parent children fixed weights),
         fields!(Request: count rows texels_per_step),
     ]
 }

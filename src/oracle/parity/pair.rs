@@ -28,15 +28,15 @@ pub(crate) struct Pair<'a> {
     error: Option<Error>,
 }
 
-/// Planes per block of decoded rows: diagonal blocks (3), pairs (16), weights of interpolation.
-const DECODED_PLANES: usize = 20;
+/// Planes per block of decoded rows: diagonal blocks (3), pairs (16).
+const DECODED_PLANES: usize = 19;
 
 /// Rows with their pairs decoded to f32 (method §7.2).
 fn decoded(rows: &[u32]) -> Vec<u32> {
     let mut all = Vec::with_capacity(rows.len() / ROW_PLANES * DECODED_PLANES);
     for block in rows.chunks(ROW_PLANES * NODES) {
         all.extend_from_slice(&block[..3 * NODES]);
-        for edge in block[3 * NODES..11 * NODES].chunks(2 * NODES) {
+        for edge in block[3 * NODES..].chunks(2 * NODES) {
             let half = |plane: usize, half: usize| {
                 edge[plane * NODES..][..NODES].iter().map(move |&word| unpack_bfloat16(word)[half])
             };
@@ -46,7 +46,6 @@ fn decoded(rows: &[u32]) -> Vec<u32> {
             all.extend(off().map(|(mean, half)| (mean - half).to_bits()));
             all.extend(half(1, 0).map(f32::to_bits));
         }
-        all.extend_from_slice(&block[11 * NODES..]);
     }
     all
 }
