@@ -9,11 +9,13 @@
 @group(0) @binding(1) var<storage, read_write> charts: array<Chart>;
 @group(0) @binding(2) var<storage, read> blocks: array<BlockRecord>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
-/// Constants, per block: rigidity (a code of 16 bits; sign bit: fixed), four rest lengths (codes of 16 bits in two words),
-/// triangle under the node (level 0) or coverage (coarser levels) and, on grids that have it, density of rigid material.
+/// Constants, per block: rigidity (a code of 16 bits; sign bit: fixed), four rest lengths (codes of 16 bits in two
+/// words), triangle under the node (level 0) or coverage (coarser levels) and, on grids that have it, density of rigid
+/// material.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
 /// State, per block: displacement (2) and, on level 0, triangle under W. The position or metric at W follows from these
-/// and is computed where it is read (`value_at`). A fixed node has a displacement of 0, and its triangle is that at rest.
+/// and is computed where it is read (`value_at`). A fixed node has a displacement of 0, and its triangle is that at
+/// rest.
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
 /// Rows of the linear system, per block: diagonal (3), pairs of the owned edges (two words each, see `encode`).
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
@@ -84,8 +86,8 @@ fn weight_in_word(word: u32, s: u32) -> f32 {
     return decode_weight((word >> (8u * (s & 3u))) & 0xffu);
 }
 
-/// The weight ω of the lower neighbour of the node at slot s of block b in the interpolation from the next coarser level
-/// (method §7.5).
+/// The weight ω of the lower neighbour of the node at slot s of block b in the interpolation from the next coarser
+/// level (method §7.5).
 fn interpolation_weight_at(b: u32, s: u32) -> f32 {
     return weight_in_word(blocks[b].weights[s / 4u], s);
 }

@@ -295,9 +295,9 @@ struct BlockRecord {
     /// The coding of the rest lengths of each of the four owned edges (`codes::Lengths`).
     length_base: array<u32, 4>,
     length_shift: array<u32, 4>,
-    /// Per slot the code of the weight of the lower neighbour in the interpolation from the next coarser level, four
-    /// to a word: the neighbour to the west at nodes in odd columns, to the south at nodes in even columns and odd
-    /// rows (method §7.5). 0 on the coarsest level.
+    /// Per slot the code of the weight of the lower neighbour in the interpolation from the next coarser level,
+    /// four to a word: the neighbour to the west at nodes in odd columns, to the south at nodes in even columns and
+    /// odd rows (method §7.5). 0 on the coarsest level.
     weights: array<u32, 64>,
 }
 

@@ -1,7 +1,7 @@
 // prolong: bilinear interpolation of displacements from the next coarser level, then resampling (method §3). A quarter
 // of a bilinear cell has its corner Jacobians within the range of those of the cell, so that prolongation cannot fold.
-// It reads 8 bytes per coarse node, which is 2 per fine node, 8 bytes of constants (4 on coarser levels) and the
-// surface at the node (36 bytes of a triangle on level 0, 12 of metrics elsewhere), and writes 24 bytes per fine node.
+// It reads 8 bytes per coarse node, which is 2 per fine node, 4 bytes of constants (8 on level 0, and 40 per triangle),
+// and writes 8 bytes per fine node (12 on level 0).
 
 @group(0) @binding(10) var<storage, read> coarse_blocks: array<BlockRecord>;
 @group(0) @binding(11) var<storage, read> coarse_state: array<u32>;

@@ -1,5 +1,5 @@
 // pyramid, level 1: metrics as the area-weighted mean of the triangles' metrics over each node's dual cell (method §3).
-// Reads 8 bytes and a triangle's tangents (24) per triangle and node, and 4 per node; writes 12 per node.
+// Reads 8 bytes per triangle and node, 4 per node, and a triangle's tangents (24) per triangle; writes 12 per node.
 
 /// Per node of level 1, the index of its first entry; one more index at the end.
 @group(0) @binding(10) var<storage, read> starts: array<u32>;

@@ -1,9 +1,10 @@
 // relax: relaxation (method §6). Each movable node takes its own 2x2 Gauss-Newton step while its neighbours are fixed,
 // limited so that no corner Jacobian falls under MIN_JACOBIAN, and only if the node's energy does not rise.
 //
-// One dispatch does all sweeps of a pass on the blocks of one block colour, which do not touch one another. Per node it
-// reads 24 bytes of state and 20 of constants (a quarter more for the halo; 4 more constants if `orientation_density`
-// is not 0) and the surface at the node (36 bytes of a triangle on level 0, 12 of metrics elsewhere), and writes 24.
+// One dispatch does all sweeps of a pass on the blocks of one block colour, which do not touch one another. On level 0
+// it reads 12 bytes of state and 12 of constants per node (a quarter more for the halo; 4 more constants if
+// `orientation_density` is not 0) and 72 per triangle, and writes 12 per node. On coarser levels it reads 8 bytes of
+// state, 12 of constants and 12 of metrics per node, and writes 8.
 
 /// -H^-1 gamma, clamped to MAX_NODE_STEP and limited to J >= MIN_JACOBIAN at every corner.
 fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {

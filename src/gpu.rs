@@ -351,11 +351,20 @@ impl<'a> Run<'a> {
     ) {
         let base = self.memory.buffers[at[0]][at[1]].base.unwrap_or(0);
         let List { first, count, size_index } = list;
-        let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64;
+        let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64
+            + self.triangle_bytes(kernel, at[0], count);
         let size = self.dispatch_size(size_index, count);
         let state_planes = state_planes(at[0]) as u32;
         let params = Params { first, count, base, state_planes, ..params };
         self.dispatch(kernel, at, extra, &params, size, bytes);
+    }
+
+    /// Bytes of triangles that a dispatch over `count` blocks of a level reads: those of the same share of the
+    /// triangles as the blocks are of the level's active blocks.
+    fn triangle_bytes(&self, kernel: Kernel, level: usize, count: u32) -> u64 {
+        let active = self.memory.active_blocks[level].max(1);
+        let triangles = self.grid.triangles.len() as u64 * u64::from(count).min(active) / active;
+        u64::from(kernel.bytes_per_triangle()) * triangles
     }
 
     /// Dispatches a kernel over all active blocks of a level, then updates the copies of the buffer that it wrote.

@@ -1,7 +1,7 @@
 // correct: the V-cycle on the way to coarser levels (method §7.4): smoothing from z = 0, one dispatch per block colour,
-// and the restriction of the residual. Restriction reads 48 bytes of rows and 16 of vectors per node (z half more and
-// the others up to a quarter more for the halo of two nodes) and 4 of constants per coarse node, and writes 8 per
-// coarse node.
+// and the restriction of the residual. Restriction reads 44 bytes of rows, 1 of weights and 16 of vectors per node (z
+// half more and the others up to a quarter more for the halo of two nodes) and 4 of constants per coarse node, and
+// writes 8 per coarse node.
 
 /// Loads z of block b and its halo. With `from_zero`, z counts as 0 in the block itself and in blocks of the same or a
 /// later colour, which this pass has not yet written.

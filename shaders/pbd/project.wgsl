@@ -1,8 +1,9 @@
 // pbd: the projection of one of the eight sets of edges (method §10; the paper's section 4.2, figure 8). Each edge is
 // scaled towards its rest length, as far as it is rigid, and turned back towards its rest direction; no end leaves the
-// bounding box of its neighbours. Both ends of an edge compute its projection, each for itself. Per node it reads 24
-// bytes of state and 8 of constants (a quarter more for the halo; 4 more constants if `orientation_density` is not 0)
-// and the surface at the node (36 bytes of a triangle on level 0, 12 of metrics elsewhere), and writes 24.
+// bounding box of its neighbours. Both ends of an edge compute its projection, each for itself. On level 0 it reads 12
+// bytes of state and 8 of constants per node (a quarter more for the halo; 4 more constants if `orientation_density` is
+// not 0) and 72 per triangle, and writes 12 per node. On coarser levels it reads 8 bytes of state, 8 of constants and
+// 12 of metrics per node, and writes 8.
 
 var<workgroup> patch_value: array<vec3f, 324>;
 /// Rigidity; sign bit: fixed.

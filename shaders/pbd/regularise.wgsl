@@ -1,7 +1,6 @@
 // pbd: regularisation (the paper's eq. 4 and 5), integration, and the prediction of the displacements from which the
-// next projections begin (method §10). Per node it reads 32 bytes of state (displacements a quarter more for the halo),
-// 4 of constants and the surface at the node (36 bytes of a triangle on level 0, 12 of metrics elsewhere), and writes
-// 32.
+// next projections begin (method §10). Per node it reads 16 bytes of state (displacements a quarter more for the halo)
+// and 4 of constants, and writes 16; on level 0 it reads and writes 4 more, and reads 36 per triangle.
 
 /// Displacements under the 3x3 Gaussian K at node n.
 fn gaussian(n: vec2u) -> vec2f {

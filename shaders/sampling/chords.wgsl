@@ -86,7 +86,8 @@ fn nearest(b: u32, node: vec2i, u: vec2f) -> u32 {
     return t;
 }
 
-/// Returns the triangle of block b's chart under node + u, found by walking from triangle `start`; NONE if there is none.
+/// Returns the triangle of block b's chart under node + u, found by walking from triangle `start`; NONE if there is
+/// none.
 fn locate_in_chart(b: u32, node: vec2i, u: vec2f, start: u32) -> u32 {
     let t = locate(node, u, start);
     if t == NONE {

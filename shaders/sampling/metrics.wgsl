@@ -53,8 +53,8 @@ fn triangle_in_state(b: u32, s: u32, fixed: bool) -> u32 {
 
 fn set_triangle(b: u32, s: u32, t: u32) {}
 
-/// The metric at W of the node at slot s of block b with displacement u. Without a sample, and at fixed nodes, it is the
-/// metric at the node itself.
+/// The metric at W of the node at slot s of block b with displacement u. Without a sample, and at fixed nodes, it is
+/// the metric at the node itself.
 fn value_at(b: u32, s: u32, u: vec2f, t: u32, fixed: bool) -> vec3f {
     if !fixed {
         let sample = sample_surface(b, node_in_level(b, s), u, NONE);

@@ -1,7 +1,7 @@
-// Sets the displacements of blocks and resamples the surface there (method §2, Point location): to the identity, to the
-// previous result, or to a fraction of a step. Per node `identity` reads 8 bytes of constants (4 on coarser levels) and
-// the surface (36 bytes of a triangle on level 0, 12 of metrics elsewhere), and writes 24. In addition, `previous`
-// reads 8 bytes of the result, and `step` 20 of vectors; in the first trial, `step` also reads 8 and writes 8 more.
+// Sets the displacements of blocks and, on level 0, finds the triangles there (method §2, Point location): to the
+// identity, to the previous result, or to a fraction of a step. Per node `identity` writes 8 bytes; on level 0 it reads
+// 8 of constants and writes 12, and reads 40 per triangle. In addition, `previous` reads 8 bytes of the result, and
+// `step` 20 of vectors; in the first trial, `step` also reads 8 and writes 8 more.
 
 /// Displacements of the previous result: two planes per block.
 @group(0) @binding(10) var<storage, read> previous_result: array<f32>;

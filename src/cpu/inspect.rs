@@ -1,5 +1,5 @@
-//! Reads and sets the state of a run in the layout of the GPU's buffers (`gpu/layout.rs`), for comparing the two
-//! backends and for switching between them.
+//! Reads and sets the state of a run in the layout that the GPU's inspection has (`gpu/inspect.rs`), for comparing the
+//! two backends and for switching between them.
 
 use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::NONE;

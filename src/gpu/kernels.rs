@@ -101,7 +101,7 @@ pub struct Source {
     /// Files of `shaders/` that follow `generated` and `common`.
     pub parts: &'static [&'static str],
     pub bindings: &'static [Binding],
-    /// Least bytes moved per node, each datum counted once.
+    /// Least bytes moved per node, each datum counted once, without what is counted per triangle.
     pub bytes_per_node: u32,
 }
 
@@ -129,47 +129,47 @@ macro_rules! source {
 pub const SOURCES: [Source; 43] = [
     source!(Surface, "surface", [CHORDS[0], "surface"], [W(SURFACE), R(EXTRA), R(EXTRA + 1)], 0),
     source!(PyramidGather, "pyramid_gather", [CHORDS[0], "pyramid_gather"],
-        [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)], 52),
+        [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)], 24),
     source!(PyramidRestrict, "pyramid_restrict", [METRICS, "pyramid_restrict"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)], 76),
     source!(IdentityChords, "identity", [CHORDS[0], CHORDS[1], "sampling/resample"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 68),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 20),
     source!(IdentityMetrics, "identity", [METRICS, "sampling/resample"],
         [R(BLOCKS), R(LISTS), W(STATE)], 8),
     source!(Previous, "previous", [CHORDS[0], CHORDS[1], "sampling/resample"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 76),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 28),
     source!(ProlongChords, "prolong", [CHORDS[0], CHORDS[1], "sampling/resample", "prolong"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)], 70),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)], 22),
     source!(ProlongMetrics, "prolong", [METRICS, "sampling/resample", "prolong"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), R(EXTRA), R(EXTRA + 1)], 14),
     source!(StepChords, "step", [CHORDS[0], CHORDS[1], "sampling/resample"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)], 88),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)], 40),
     source!(StepMetrics, "step", [METRICS, "sampling/resample"],
-        [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 36),
+        [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 28),
     source!(RelaxChords, "relax", [CHORDS[0], CHORDS[1], "patch", "slopes", "terms", "pull", "relax"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 104),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 36),
     source!(RelaxMetrics, "relax", [METRICS, "patch", "slopes", "terms", "pull", "relax"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 80),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 40),
     source!(EnergyChords, "energy", [CHORDS[0], CHORDS[1], "patch", "terms", "pull", "energy"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)], 80),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)], 24),
     source!(EnergyMetrics, "energy", [METRICS, "patch", "terms", "pull", "energy"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)], 40),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)], 32),
     source!(AssembleChords, "assemble", [CHORDS[0], CHORDS[1], "patch", "slopes", "terms", "correct/assemble"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 132),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 76),
     source!(AssembleMetrics, "assemble", [METRICS, "patch", "slopes", "terms", "correct/assemble"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 92),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 84),
     source!(Pull, "pull", [CHORDS[0], CHORDS[1], "patch", "pull", "correct/pull"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS), R(EXTRA)], 68),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS), R(EXTRA)], 48),
     source!(Galerkin, "galerkin", ["correct/rows_apart", "correct/galerkin"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 228),
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 232),
     source!(GalerkinTogether, "galerkin", ["correct/rows_together", "correct/galerkin"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA)], 228),
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA)], 232),
     source!(SmoothDirection, "smooth_direction", ["correct/multigrid", "correct/multigrid_down"],
         [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS)], 68),
     source!(Restrict, "restrict_residual", ["correct/multigrid", "correct/multigrid_down"],
-        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), R(EXTRA), W(EXTRA + 1)], 63),
+        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), R(EXTRA), W(EXTRA + 1)], 64),
     source!(MultigridUp, "multigrid_up", ["correct/multigrid", "correct/multigrid_up"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 70),
+        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 71),
     source!(MultigridCoarse, "multigrid_coarse", ["correct/multigrid_coarse"],
         [W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)], 0),
     source!(ResidualDot, "residual_dot", ["correct/multigrid", "correct/conjugate_gradients"],
@@ -184,14 +184,14 @@ pub const SOURCES: [Source; 43] = [
     source!(MarkCorners, "mark_corners", ["correct/step_limit"], [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 24),
     source!(ShrinkFractions, "shrink_fractions", ["correct/step_limit"], [R(BLOCKS), R(LISTS), W(VECTORS)], 16),
     source!(ProjectChords, "project", [CHORDS[0], CHORDS[1], "pbd/state", "pbd/moves", "pbd/project"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 92),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 32),
     source!(ProjectMetrics, "project", [METRICS, "pbd/state", "pbd/moves", "pbd/project"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 68),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 36),
     source!(RegulariseChords, "regularise", [CHORDS[0], CHORDS[1], "pbd/state", "pbd/moves", "pbd/regularise"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 104),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 44),
     source!(RegulariseMetrics, "regularise", [METRICS, "pbd/state", "pbd/moves", "pbd/regularise"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 80),
-    source!(CopyState, "copy_state", ["pbd/state", "pbd/copy"], [R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)], 48),
+        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 36),
+    source!(CopyState, "copy_state", ["pbd/state", "pbd/copy"], [R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)], 16),
     source!(Decide, "decide", ["correct/control"], [W(PARTIALS), R(EXTRA)], 0),
     source!(SelectCharts, "select_charts", ["correct/control"], [], 0),
     source!(Gate, "gate", ["correct/gate"], [R(EXTRA), W(EXTRA + 1), W(EXTRA + 2)], 0),
@@ -218,6 +218,26 @@ impl Kernel {
         let source = &SOURCES[self as usize];
         debug_assert_eq!(source.kernel, self);
         source
+    }
+
+    /// Bytes of a triangle's record that the kernel reads. All nodes on a triangle share its record, which stays in the
+    /// cache: it counts once per dispatch over all of the triangles' blocks.
+    pub fn bytes_per_triangle(self) -> u32 {
+        /// Corner, rows of the inverse edge matrix, neighbours: what a walk reads.
+        const WALK: u32 = 8 + 16 + 12;
+        /// Position and tangents.
+        const POSE: u32 = 36;
+        match self {
+            Kernel::PyramidGather => 24,
+            // The chart is read, too.
+            Kernel::IdentityChords | Kernel::Previous | Kernel::ProlongChords | Kernel::StepChords => {
+                WALK + 4
+            }
+            Kernel::EnergyChords | Kernel::AssembleChords | Kernel::Pull => 8 + POSE,
+            Kernel::RelaxChords | Kernel::ProjectChords => WALK + POSE,
+            Kernel::RegulariseChords => WALK,
+            _ => 0,
+        }
     }
 }
 

@@ -140,14 +140,14 @@ pub const METRIC_PLANES: usize = 3;
 /// Planes per block of a result.
 pub const RESULT_PLANES: usize = 2;
 
-/// Planes per block of the constants of a grid's nodes: rigidity, four rest lengths (two planes), triangle under the node
-/// (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material.
+/// Planes per block of the constants of a grid's nodes: rigidity, four rest lengths (two planes), triangle under the
+/// node (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material.
 pub fn node_planes(grid: &Grid) -> usize {
     if grid.levels[0].density.is_empty() { DENSITY } else { DENSITY + 1 }
 }
 
-/// Planes per block of a level's state as inspection hands it out: displacement (2), position or metric at W (3), triangle
-/// under W.
+/// Planes per block of a level's state as inspection hands it out: displacement (2), position or metric at W (3),
+/// triangle under W.
 pub const INSPECTED_PLANES: usize = COARSE_STATE_PLANES + SAMPLE_PLANES;
 /// Planes per block of a level's state.
 pub const fn state_planes(level: usize) -> usize {
@@ -266,9 +266,9 @@ structs! {
         /// The coding of the rest lengths of each of the four owned edges (`codes::Lengths`).
         length_base: [u32; 4],
         length_shift: [u32; 4],
-        /// Per slot the code of the weight of the lower neighbour in the interpolation from the next coarser level, four
-        /// to a word: the neighbour to the west at nodes in odd columns, to the south at nodes in even columns and odd
-        /// rows (method §7.5). 0 on the coarsest level.
+        /// Per slot the code of the weight of the lower neighbour in the interpolation from the next coarser level,
+        /// four to a word: the neighbour to the west at nodes in odd columns, to the south at nodes in even columns and
+        /// odd rows (method §7.5). 0 on the coarsest level.
         weights: [u32; 64],
     }
 

@@ -17,8 +17,8 @@ use super::upload::Uploader;
 use crate::error::{Error, Result};
 use crate::memory::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::mesh::TileMesh;
-use crate::tile::Grid;
 use crate::tile::blocks::NODES;
+use crate::tile::{Grid, Level};
 
 /// Bytes of a plane.
 pub const PLANE: u64 = NODES as u64 * 4;
@@ -56,6 +56,8 @@ pub(crate) struct Memory {
     pub bands: Vec<Vec<Band>>,
     pub coarse: Option<Coarse>,
     pub buffers: Vec<Vec<BandBuffers>>,
+    /// Per level, the number of active blocks of all charts.
+    pub active_blocks: Vec<u64>,
     /// Per level and band, for the charts in `listed_charts`.
     pub lists: Vec<Vec<Lists>>,
     listed_charts: Option<Vec<bool>>,
@@ -152,8 +154,10 @@ impl Memory {
         let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
         let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
         let (triangles, corners) = (triangles(grid), corners(grid, tile));
+        let active = |level: &Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;
         let memory = Memory {
             grid: Arc::downgrade(grid),
+            active_blocks: grid.levels.iter().map(active).collected(),
             triangles: uploader.upload("triangles", sizes.triangles, bytemuck::cast_slice(&triangles))?,
             corners: uploader.upload("corners", sizes.corners, bytemuck::cast_slice(&corners))?,
             positions: storage("positions", sizes.positions)?,
