@@ -449,15 +449,32 @@ typedef int32_t vrtm_log_level;
 // the call it was called from give VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
 typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
 
+// How vrtm_device_desc names a GPU.
+typedef int32_t vrtm_adapter_by;
+
+// By its number, vrtm_device_desc.adapter; the default.
+#define VRTM_ADAPTER_BY_NUMBER 0
+
+// By its UUID, 16 bytes: VkPhysicalDeviceIDProperties::deviceUUID of the host's own VkPhysicalDevice.
+#define VRTM_ADAPTER_BY_UUID 1
+
+// By its LUID, 8 bytes: the host's DXGI_ADAPTER_DESC1::AdapterLuid, ID3D12Device::GetAdapterLuid(), or, on Windows,
+// VkPhysicalDeviceIDProperties::deviceLUID. A GPU that is listed through Vulkan and through Direct3D 12 is taken
+// through the one that comes first.
+#define VRTM_ADAPTER_BY_LUID 2
+
+// By its registry ID, 8 bytes: the number MTLDevice.registryID.
+#define VRTM_ADAPTER_BY_REGISTRY_ID 3
+
 // Settings of a new device. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
 // memory budget, no log.
 typedef struct vrtm_device_desc {
     // sizeof(vrtm_device_desc); set by vrtm_device_desc_init().
     uint32_t struct_size;
-    // One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu)
-    // overrides it, for support.
+    // One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu, or
+    // gpu:UUID with the UUID of an adapter) overrides it, for support.
     vrtm_backend backend;
-    // Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU; ignored otherwise.
+    // Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
     uint32_t adapter;
     // CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     // environment variable VRTM_THREADS overrides it.
@@ -475,6 +492,14 @@ typedef struct vrtm_device_desc {
     const vrtm_executor *executor;
     // The host's allocator; null (the default) = the system's. The struct is copied.
     const vrtm_allocator *allocator;
+    // One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the latter three `adapter_id`
+    // takes the place of `adapter`, so that vrtm computes on the GPU that the host draws with. If `backend` is GPU
+    // there must be such an adapter; AUTO takes it if it is a hardware GPU that can be used, and the CPU otherwise.
+    vrtm_adapter_by adapter_by;
+    // Zero.
+    uint32_t reserved;
+    // The identity of the adapter, in memory order; bytes that it does not have are zero.
+    uint8_t adapter_id[16];
 } vrtm_device_desc;
 
 // Description of a device. Start from vrtm_device_data_init().
@@ -508,6 +533,25 @@ typedef struct vrtm_adapter_data {
     char driver[128];
     // The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
     char api[16];
+    // 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
+    uint32_t has_uuid;
+    // 1 if `luid` is known: on Windows. 0 otherwise.
+    uint32_t has_luid;
+    // VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
+    uint8_t uuid[16];
+    // VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) where
+    // both UUIDs are those of its own device.
+    uint8_t driver_uuid[16];
+    // The LUID of Direct3D and DXGI, in memory order.
+    uint8_t luid[8];
+    // The number MTLDevice.registryID, in memory order; zero where there is none.
+    uint8_t registry_id[8];
+    // PCI vendor; 0 where the interface does not tell.
+    uint32_t vendor;
+    // PCI device of that vendor; 0 where the interface does not tell.
+    uint32_t device;
+    // Place on the PCI bus, domain:bus:device.function, hexadecimal; empty where the interface does not tell.
+    char pci_bus[32];
 } vrtm_adapter_data;
 
 // Makes a device. `desc` may be null, which means all defaults. `*device` is the caller's to destroy.
@@ -519,10 +563,11 @@ typedef struct vrtm_adapter_data {
 // The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
 // buffers of 256 MiB) and without optional features, for support.
 //
-// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
-// 1024 threads, an allocator without a function, or an environment variable VRTM_DEVICE, VRTM_THREADS or
-// VRTM_GPU_LIMITS that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be
-// opened, and for an allocator if the library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
+// has (VRTM_BACKEND_GPU; the message lists those that there are), more than 1024 threads, an allocator without a
+// function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
+// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and for an allocator if the
+// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
                                vrtm_device *device);
@@ -1057,6 +1102,73 @@ vrtm_status vrtm_asset_fetch_corner_uvs_of_set(vrtm_asset asset,
                                                uint32_t uv_set,
                                                float *uvs,
                                                size_t count);
+
+// What kind of handle a host has exported its memory as.
+typedef int32_t vrtm_external_kind;
+
+// A file descriptor from vkGetMemoryFdKHR with VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT: on Linux.
+#define VRTM_EXTERNAL_OPAQUE_FD 1
+
+// An NT handle from vkGetMemoryWin32HandleKHR with VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_WIN32_BIT: on Windows.
+// Written and compiled, but never run by the authors of this version.
+#define VRTM_EXTERNAL_OPAQUE_WIN32 2
+
+// An output image in memory of the host's own Vulkan device: rows of texels, two 32-bit floats each, as a buffer holds
+// them that is drawn from or copied to an image (VK_FORMAT_R32G32_SFLOAT). Start from vrtm_external_image_init().
+//
+// The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
+// whose deviceUUID and driverUUID are those of the adapter (vrtm_adapter_data), which is what Vulkan demands of both
+// sides.
+typedef struct vrtm_external_image {
+    // sizeof(vrtm_external_image); set by vrtm_external_image_init().
+    uint32_t struct_size;
+    // One of VRTM_EXTERNAL_. Required.
+    vrtm_external_kind handle_kind;
+    // The file descriptor, or the handle's bits. It stays the caller's: the library imports a duplicate of a
+    // descriptor, so that the same one can be handed over again for the next frame, and the caller closes its own.
+    uint64_t handle;
+    // VkMemoryAllocateInfo::allocationSize of the memory. Required.
+    uint64_t memory_size;
+    // VkMemoryAllocateInfo::memoryTypeIndex of the memory.
+    uint32_t memory_type;
+    // VRTM_PIXEL_F32 (0, the default).
+    vrtm_pixel_format format;
+    // Bytes from the memory's begin to the first texel of the first row, a multiple of 8.
+    uint64_t offset;
+    // Bytes from one row to the next, a multiple of 8; 0 = tightly packed. Bytes between rows are not written.
+    uint64_t row_stride;
+    // Texels in u, at least 1.
+    uint32_t width;
+    // Texels in v, at least 1.
+    uint32_t height;
+    // VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
+    vrtm_origin origin;
+    // Zero.
+    uint32_t reserved;
+} vrtm_external_image;
+
+// Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
+// (vrtm_device_desc.adapter_by), without a way through the CPU. The texels are, bit by bit, those of vrtm_tile_fetch.
+//
+// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. The others are computed on the CPU and not offered
+// here, nor are f16, a third or fourth channel, one_to_one, parts of an image, images in VkImage, memory that is
+// dedicated to a resource, D3D12 resources, and semaphores: take vrtm_tile_fetch.
+//
+// Synchronisation: nothing on the host's device may use the texels while the call lasts. It returns when the GPU has
+// written them, so that the host needs no semaphore; work that the host submits afterwards reads them, once it has
+// acquired its buffer from VK_QUEUE_FAMILY_EXTERNAL as Vulkan has it (as vrtm releases it to that family), if its
+// sharing mode is exclusive. Where bytes of the buffer are to keep their content, the host releases it to that
+// family beforehand.
+//
+// Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
+// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
+// naming the field, for an unknown value, a zero size, an offset or stride that is short or no multiple of 8, memory
+// that is too small, a handle that is no memory, or a memory type that holds no buffers. Nothing is written then.
+// After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
+VRTM_API
+vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
+                                     vrtm_fetch_kind kind,
+                                     const vrtm_external_image *image);
 
 // A redirection map that may be fetched. Start from vrtm_map_desc_init().
 typedef struct vrtm_map_desc {
@@ -1671,6 +1783,7 @@ VRTM_DEFINE_INIT_(vrtm_tile_data)
 VRTM_DEFINE_INIT_(vrtm_tile_needs)
 VRTM_DEFINE_INIT_(vrtm_tile_settings)
 VRTM_DEFINE_INIT_(vrtm_fetch)
+VRTM_DEFINE_INIT_(vrtm_external_image)
 VRTM_DEFINE_INIT_(vrtm_map_desc)
 VRTM_DEFINE_INIT_(vrtm_map_data)
 VRTM_DEFINE_INIT_(vrtm_solve_options)

@@ -343,6 +343,30 @@ public:
     }
 };
 
+// An output image in memory of the host's own Vulkan device: the fields of vrtm_external_image, zero at first.
+struct ExternalImage : vrtm_external_image {
+    ExternalImage() noexcept : vrtm_external_image(vrtm_external_image_init()) {}
+
+    // A file descriptor of the memory, which stays the caller's, with the size and the type that it was allocated with.
+    ExternalImage(int fd, std::uint64_t size_of_memory, std::uint32_t type_of_memory, std::uint32_t texels_in_u,
+                  std::uint32_t texels_in_v) noexcept
+        : ExternalImage()
+    {
+        handle_kind = VRTM_EXTERNAL_OPAQUE_FD;
+        handle = static_cast<std::uint64_t>(fd);
+        memory_size = size_of_memory;
+        memory_type = type_of_memory;
+        width = texels_in_u;
+        height = texels_in_v;
+    }
+
+    ExternalImage &set(Origin wanted) noexcept
+    {
+        origin = vrtm::value(wanted);
+        return *this;
+    }
+};
+
 // A redirection map that may be fetched, to be looked at by Tile::inspect_map().
 class MapDesc {
 public:
@@ -391,6 +415,12 @@ struct DeviceDesc : vrtm_device_desc {
         backend = vrtm::value(wanted);
         return *this;
     }
+
+    // The GPU with these 16 bytes of UUID, or 8 of LUID, in place of the number `adapter`: that which the host draws with.
+    DeviceDesc &set_uuid(const void *uuid) noexcept { return set_id(VRTM_ADAPTER_BY_UUID, uuid, 16); }
+    DeviceDesc &set_luid(const void *luid) noexcept { return set_id(VRTM_ADAPTER_BY_LUID, luid, 8); }
+    // The GPU with this MTLDevice.registryID.
+    DeviceDesc &set_registry_id(std::uint64_t id) noexcept { return set_id(VRTM_ADAPTER_BY_REGISTRY_ID, &id, 8); }
 
     // The device, its assets and their jobs keep the function alive. An exception that leaves it is lost.
     DeviceDesc &set_log(Log function)
@@ -456,6 +486,14 @@ struct DeviceDesc : vrtm_device_desc {
     std::shared_ptr<const void> keep_log, keep_executor, keep_allocator;
 
 private:
+    DeviceDesc &set_id(vrtm_adapter_by by, const void *id, std::size_t size) noexcept
+    {
+        adapter_by = by;
+        std::memset(adapter_id, 0, sizeof adapter_id);
+        std::memcpy(adapter_id, id, size);
+        return *this;
+    }
+
     template <class Pool>
     static auto spawn_of(int) noexcept
         -> decltype(std::declval<Pool &>().spawn(std::declval<Task>()), vrtm_spawn_fn())
@@ -467,7 +505,8 @@ private:
     template <class Pool> static vrtm_spawn_fn spawn_of(...) noexcept { return nullptr; }
 };
 
-// The GPUs that a device can be made on; DeviceDesc::adapter is an index into it.
+// The GPUs that a device can be made on; DeviceDesc::adapter is an index into it, and DeviceDesc::set_uuid() takes one's
+// identity.
 inline Result<std::vector<vrtm_adapter_data>> try_adapters()
 {
     std::uint32_t count = 0;
@@ -824,6 +863,12 @@ public:
         return Result<>(vrtm_tile_fetch_part(handle_, vrtm::value(kind), &image.c(), x, y, width, height));
     }
 
+    // A redirection into memory of the host's own Vulkan device.
+    Result<> try_fetch_external(FetchKind kind, const vrtm_external_image &image) const noexcept
+    {
+        return Result<>(vrtm_tile_fetch_external(handle_, vrtm::value(kind), &image));
+    }
+
     // What the map of a fetch would be when it is read with bilinear interpolation.
     Result<vrtm_map_data> try_inspect_map(const MapDesc &map) const noexcept
     {
@@ -866,6 +911,10 @@ public:
                     std::uint32_t height) const
     {
         try_fetch_part(kind, image, x, y, width, height).value();
+    }
+    void fetch_external(FetchKind kind, const vrtm_external_image &image) const
+    {
+        try_fetch_external(kind, image).value();
     }
     vrtm_map_data inspect_map(const MapDesc &map) const { return try_inspect_map(map).value(); }
     vrtm_tile_report_data report() const { return try_report().value(); }

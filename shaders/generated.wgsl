@@ -1,4 +1,4 @@
-// Written from src/method/law.rs and src/gpu/layout.rs. Change those, then
+// Written from src/method/law.rs, src/gpu/layout.rs and src/gpu/external.rs. Change those, then
 // VRTM_UPDATE_SHADERS=1 cargo test --lib generated
 
 /// ε: every corner Jacobian of a descent's warp is at least this (method §6).
@@ -345,4 +345,24 @@ struct Request {
     rows: u32,
     /// Texels per step of the lattice.
     texels_per_step: vec2f,
+}
+
+/// What the kernel `redirect` writes: a band of texel rows.
+struct RedirectRequest {
+    /// Texels of a row.
+    width: u32,
+    /// The band's first row, from v = 0 upward.
+    row: u32,
+    /// Its rows.
+    rows: u32,
+    /// The place of its first texel in the host's memory, in texels from the begin of the binding.
+    first: u32,
+    /// From there to the texel of the next row, modulo 2^32.
+    step: u32,
+    /// 1 = less the texel's centre.
+    is_delta: u32,
+    /// Cells of the grid.
+    cells: array<u32, 2>,
+    /// What is added to values that are not less the centre: the tile's place.
+    origin: array<u32, 2>,
 }

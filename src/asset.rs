@@ -3,6 +3,7 @@
 mod backend;
 mod canvas;
 mod chart_texels;
+mod external;
 mod fetch;
 mod form;
 mod inspect;
@@ -37,6 +38,7 @@ use std::sync::Arc;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::ImageViewMut;
+use crate::image::external::ExternalImage;
 use crate::memory::Collect;
 use crate::mesh::{Mesh, MeshSource};
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
@@ -171,6 +173,18 @@ impl Asset {
         first: [u32; 2],
     ) -> Result<()> {
         self.results.fetch_part(tile, kind, image, size, first)
+    }
+
+    /// [`Results::fetch_external`] of the asset's results.
+    ///
+    /// # Errors
+    /// Those of that.
+    ///
+    /// # Safety
+    /// That of that.
+    pub unsafe fn fetch_external(&self, tile: usize, kind: FetchKind, image: &ExternalImage) -> Result<()> {
+        // SAFETY: the caller's.
+        unsafe { self.results.fetch_external(tile, kind, image) }
     }
 
     /// [`Results::inspect_map`] of the asset's results.

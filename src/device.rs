@@ -13,7 +13,7 @@ use crate::memory::{self, Current};
 use crate::method::budget::Costs;
 use crate::method::point::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
-use crate::settings::{Backend, DeviceSettings, LogLevel, MAX_THREADS};
+use crate::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
 use crate::team::{Crew, Executor, Team};
 
 /// Where assets are solved. Cloning gives another handle to the same device.
@@ -66,6 +66,7 @@ fn give_memory_back() {
 #[derive(Clone, Copy, Debug, Default)]
 struct Options {
     backend: Option<Backend>,
+    adapter_id: Option<AdapterId>,
     threads: Option<Option<NonZeroU32>>,
     gpu: context::Options,
 }
@@ -74,11 +75,20 @@ impl Options {
     fn read(variable: impl Fn(&str) -> Option<String>) -> Result<Options> {
         let mut options = Options::default();
         if let Some(value) = variable("VRTM_DEVICE") {
-            options.backend = Some(match value.as_str() {
-                "auto" => Backend::Auto,
-                "cpu" => Backend::Cpu,
-                "gpu" => Backend::Gpu,
-                _ => return Err(Error::argument(format!("VRTM_DEVICE: '{value}' is not auto, cpu or gpu"))),
+            options.backend = Some(match (value.as_str(), value.strip_prefix("gpu:")) {
+                ("auto", _) => Backend::Auto,
+                ("cpu", _) => Backend::Cpu,
+                ("gpu", _) => Backend::Gpu,
+                (_, Some(uuid)) => {
+                    let message = || format!("VRTM_DEVICE: '{uuid}' is no UUID of 32 hexadecimal digits");
+                    let id = AdapterId::uuid(uuid).ok_or_else(|| Error::argument(message()))?;
+                    options.adapter_id = Some(id);
+                    Backend::Gpu
+                }
+                _ => {
+                    let message = format!("VRTM_DEVICE: '{value}' is not auto, cpu, gpu or gpu:UUID");
+                    return Err(Error::argument(message));
+                }
             });
         }
         if let Some(value) = variable("VRTM_THREADS") {
@@ -116,7 +126,7 @@ pub fn adapters() -> Vec<AdapterInfo> {
 impl Device {
     /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one holds threads of
     /// its driver, so make one device and keep it. Environment variables override the settings, for support:
-    /// VRTM_DEVICE (auto, cpu, gpu), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default
+    /// VRTM_DEVICE (auto, cpu, gpu, or gpu:UUID for the GPU with this UUID), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default
     /// limits and without optional features.
     ///
     /// To find the stage at which a GPU goes wrong, VRTM_SWITCH=BACKEND:STAGE has assets on a GPU run the stages up to
@@ -127,7 +137,7 @@ impl Device {
     ///
     /// # Errors
     /// For [`Backend::Gpu`], `Unsupported` if there is no GPU or it cannot be opened, and `InvalidArgument` if there is
-    /// none of that number; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
+    /// none of that number or identity; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
     /// `Unsupported` for an allocator without the cargo feature `allocator`; `OutOfMemory`.
     pub fn new(settings: &DeviceSettings) -> Result<Device> {
         Device::with(settings, Options::read(variable)?)
@@ -159,6 +169,7 @@ impl Device {
         let mut settings = settings.clone();
         settings.threads = options.threads.unwrap_or(settings.threads);
         settings.backend = options.backend.unwrap_or(settings.backend);
+        settings.adapter_id = options.adapter_id.or(settings.adapter_id);
         let origin = if options.backend.is_some() { " (VRTM_DEVICE)" } else { "" };
         if let Some(threads) = settings.threads.filter(|threads| threads.get() > MAX_THREADS) {
             return Err(Error::argument(format!("threads: {threads} is over {MAX_THREADS}")));
@@ -166,11 +177,11 @@ impl Device {
         let (gpu, reason) = match settings.backend {
             Backend::Cpu => (None, format!("cpu was asked for{origin}")),
             Backend::Gpu => {
-                let (gpu, which) = open(settings.adapter, origin, options)?;
+                let (gpu, which) = open(&settings, origin, options)?;
                 (Some(gpu), format!("gpu was asked for{origin}: {which}"))
             }
             Backend::Auto => {
-                let (gpu, why) = choose(options);
+                let (gpu, why) = choose(settings.adapter_id, options);
                 (gpu, format!("auto{origin}: {why}"))
             }
         };
@@ -300,13 +311,14 @@ fn in_memory_of<R>(settings: &DeviceSettings, f: impl FnOnce() -> Result<R>) -> 
     memory::caught(f)
 }
 
-/// The GPU that was asked for by its number, and which one that is.
-fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)> {
+/// The GPU that was asked for by its number or identity, and which one that is.
+fn open(settings: &DeviceSettings, origin: &str, options: Options) -> Result<(Context, String)> {
     let unsupported = |why: &str| {
         Error::new(ErrorKind::Unsupported, format!("backend: gpu was asked for{origin}, but {why}"))
     };
     let survey = Survey::new();
-    let count = survey.adapters().len();
+    let adapters = survey.adapters();
+    let count = adapters.len();
     if count == 0 {
         return Err(unsupported(&format!(
             "there is no GPU that runs compute shaders with WebGPU's default limits (looked through {}; found: {})",
@@ -314,19 +326,47 @@ fn open(index: u32, origin: &str, options: Options) -> Result<(Context, String)>
             survey.found()
         )));
     }
-    let gpu = survey.open(index as usize, options.gpu).ok_or_else(|| {
+    let index = match settings.adapter_id {
+        Some(id) => place(&adapters, id).ok_or_else(|| nowhere(&adapters, id))?,
+        None => settings.adapter as usize,
+    };
+    let gpu = survey.open(index, options.gpu).ok_or_else(|| {
         let s = if count == 1 { "" } else { "s" };
         Error::argument(format!("adapter: {index} is out of range, there is {count} adapter{s}"))
     })??;
-    let which = format!("adapter {index} of {count}, {}", through(&gpu));
+    let by = settings.adapter_id.map_or(String::new(), |id| format!(", by its {id}"));
+    let which = format!("adapter {index} of {count}{by}, {}", through(&gpu));
     Ok((gpu, which))
 }
 
-/// The GPU that `auto` takes, or the CPU, and why.
-fn choose(options: Options) -> (Option<Context>, String) {
+/// The number of the adapter that is meant.
+fn place(adapters: &[AdapterInfo], id: AdapterId) -> Option<usize> {
+    adapters.iter().position(|adapter| adapter.has_id(id))
+}
+
+fn nowhere(adapters: &[AdapterInfo], id: AdapterId) -> Error {
+    let mut message = format!("adapter_id: no adapter has the {id}; there are");
+    for (index, adapter) in adapters.iter().enumerate() {
+        let comma = if index == 0 { ":" } else { ";" };
+        message += &format!("{comma} {index}: {} through {}", adapter.name, adapter.api);
+        adapter.ids().for_each(|id| message += &format!(", {id}"));
+    }
+    Error::argument(message)
+}
+
+/// The GPU that `auto` takes, the one that is meant if any is, or the CPU, and why.
+fn choose(id: Option<AdapterId>, options: Options) -> (Option<Context>, String) {
     let survey = Survey::new();
-    let hardware = survey.adapters().first().is_some_and(|adapter| !adapter.software);
-    match hardware.then(|| survey.open(0, options.gpu)).flatten() {
+    let adapters = survey.adapters();
+    let index = match id.map(|id| (id, place(&adapters, id))) {
+        None => 0,
+        Some((_, Some(index))) => index,
+        Some((id, None)) => {
+            return (None, format!("the CPU, as no GPU has the {id} (found: {})", survey.found()));
+        }
+    };
+    let hardware = adapters.get(index).is_some_and(|adapter| !adapter.software);
+    match hardware.then(|| survey.open(index, options.gpu)).flatten() {
         Some(opened) => or_the_cpu(opened),
         None => (None, format!("no hardware GPU (found: {})", survey.found())),
     }

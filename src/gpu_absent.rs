@@ -91,6 +91,33 @@ pub(crate) mod context {
     }
 }
 
+pub(crate) mod external {
+    use super::Displacements;
+    use super::context::Context;
+    use crate::error::Result;
+    use crate::image::external::ExternalTexels;
+
+    #[allow(dead_code)]
+    pub(crate) enum Values {
+        Delta,
+        Absolute([u32; 2]),
+    }
+
+    pub(crate) fn bytes_for(context: &Context, _: &ExternalTexels) -> Result<u64> {
+        context.absent()
+    }
+
+    pub(crate) fn write(
+        context: &Context,
+        _: Option<&Displacements>,
+        _: [usize; 2],
+        _: Values,
+        _: &ExternalTexels,
+    ) -> Result<()> {
+        context.absent()
+    }
+}
+
 use context::Context;
 
 #[derive(Debug)]

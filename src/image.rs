@@ -1,5 +1,6 @@
 //! Views of a host's images: maps on the way in, redirection and warp on the way out.
 
+pub(crate) mod external;
 pub(crate) mod map;
 
 use std::marker::PhantomData;

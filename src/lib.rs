@@ -107,6 +107,7 @@ pub use asset::{
 pub use control::{Control, ProgressFn};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
+pub use image::external::{ExternalHandle, ExternalImage};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
 pub use memory::HostAllocator;
 pub use mesh::{MeshSource, UvSource, Weld, WeldBy};
@@ -117,8 +118,8 @@ pub use report::{
     TileEstimate, TileInfo, TileReport,
 };
 pub use settings::{
-    Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, PbdSettings, Quality, SolveOptions, Solver,
-    TileSettings,
+    AdapterId, Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, PbdSettings, Quality,
+    SolveOptions, Solver, TileSettings,
 };
 pub use team::{Executor, Task};
 pub use view::{Scalar, Strided};

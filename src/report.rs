@@ -1,6 +1,6 @@
 //! Descriptions of a device, an asset and a tile, and the report of each solve.
 
-use crate::settings::Backend;
+use crate::settings::{AdapterId, Backend};
 
 /// Description of a device.
 #[derive(Clone, Debug)]
@@ -30,6 +30,39 @@ pub struct AdapterInfo {
     pub api: &'static str,
     /// True for an adapter that is emulated on the CPU: [`Backend::Auto`] never takes it.
     pub software: bool,
+    /// `VkPhysicalDeviceIDProperties::deviceUUID`; `None` where it is driven through another interface.
+    pub uuid: Option<[u8; 16]>,
+    /// `VkPhysicalDeviceIDProperties::driverUUID`: memory goes from one program to another where this and `uuid` are the
+    /// same for both.
+    pub driver_uuid: Option<[u8; 16]>,
+    /// The LUID of Direct3D and DXGI, in memory order: on Windows, also through Vulkan.
+    pub luid: Option<[u8; 8]>,
+    /// `MTLDevice.registryID`.
+    pub registry_id: Option<u64>,
+    /// PCI vendor; 0 where the interface does not tell.
+    pub vendor: u32,
+    /// PCI device of that vendor; 0 where the interface does not tell.
+    pub device: u32,
+    /// Place on the PCI bus, `domain:bus:device.function`, hexadecimal; empty where the interface does not tell.
+    pub pci_bus: String,
+}
+
+impl AdapterInfo {
+    /// Whether this is the adapter that is meant.
+    #[must_use]
+    pub fn has_id(&self, id: AdapterId) -> bool {
+        match id {
+            AdapterId::Uuid(uuid) => self.uuid == Some(uuid),
+            AdapterId::Luid(luid) => self.luid == Some(luid),
+            AdapterId::Registry(number) => self.registry_id == Some(number),
+        }
+    }
+
+    /// All that it can be asked for by.
+    pub(crate) fn ids(&self) -> impl Iterator<Item = AdapterId> {
+        let registry = self.registry_id.map(AdapterId::Registry);
+        [self.uuid.map(AdapterId::Uuid), self.luid.map(AdapterId::Luid), registry].into_iter().flatten()
+    }
 }
 
 /// Description of a mesh.

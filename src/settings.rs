@@ -39,13 +39,66 @@ pub enum LogLevel {
 /// meanwhile.
 pub type LogFn = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
 
+/// What tells a GPU apart from all others in the machine, in any program: see [`crate::AdapterInfo`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum AdapterId {
+    /// `VkPhysicalDeviceIDProperties::deviceUUID`: of adapters through Vulkan.
+    Uuid([u8; 16]),
+    /// The LUID of Direct3D and DXGI, in memory order, which Vulkan on Windows has as
+    /// `VkPhysicalDeviceIDProperties::deviceLUID`. A GPU that is listed through both is taken through the first of them.
+    Luid([u8; 8]),
+    /// `MTLDevice.registryID`.
+    Registry(u64),
+}
+
+impl AdapterId {
+    /// A UUID from 32 hexadecimal digits, with hyphens anywhere.
+    pub(crate) fn uuid(text: &str) -> Option<AdapterId> {
+        let digits = text.chars().filter(|&c| c != '-');
+        let mut bytes = [0u8; 16];
+        let mut count = 0;
+        for digit in digits {
+            let byte = bytes.get_mut(count / 2)?;
+            *byte = *byte << 4 | digit.to_digit(16)? as u8;
+            count += 1;
+        }
+        (count == 32).then_some(AdapterId::Uuid(bytes))
+    }
+}
+
+impl fmt::Display for AdapterId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let bytes = match self {
+            AdapterId::Uuid(bytes) => {
+                f.write_str("UUID ")?;
+                &bytes[..]
+            }
+            AdapterId::Luid(bytes) => {
+                f.write_str("LUID ")?;
+                &bytes[..]
+            }
+            AdapterId::Registry(number) => return write!(f, "registry ID {number}"),
+        };
+        for (k, byte) in bytes.iter().enumerate() {
+            // As UUIDs are written.
+            let hyphen = if bytes.len() == 16 && [4, 6, 8, 10].contains(&k) { "-" } else { "" };
+            write!(f, "{hyphen}{byte:02x}")?;
+        }
+        Ok(())
+    }
+}
+
 /// Settings of a new device. The default is: choose the backend, all cores, no budget, no log.
 #[derive(Clone, Default)]
 pub struct DeviceSettings {
     /// Which backend.
     pub backend: Backend,
-    /// Which adapter, for [`Backend::Gpu`].
+    /// Which adapter, for [`Backend::Gpu`]: its place in [`crate::adapters`].
     pub adapter: u32,
+    /// Which adapter, in place of its number: the GPU that the host draws with. For [`Backend::Gpu`] there must be one;
+    /// [`Backend::Auto`] takes it if it is hardware that can be used, and the CPU otherwise. `None` = by number.
+    pub adapter_id: Option<AdapterId>,
     /// CPU threads per solve, at most 1024; `None` = one per core.
     pub threads: Option<NonZeroU32>,
     /// Most bytes that the tiles of all assets of the device may hold together, while no call is under way: maps,
@@ -65,6 +118,7 @@ impl fmt::Debug for DeviceSettings {
         f.debug_struct("DeviceSettings")
             .field("backend", &self.backend)
             .field("adapter", &self.adapter)
+            .field("adapter_id", &self.adapter_id)
             .field("threads", &self.threads)
             .field("memory_budget", &self.memory_budget)
             .field("log", &self.log.is_some())

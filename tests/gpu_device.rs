@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use vrtm::{Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, Quality, adapters};
+use vrtm::{AdapterId, Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, Quality, adapters};
 
 mod common;
 use common::{Model, gpu, has_gpu, options};
@@ -111,6 +111,93 @@ fn an_adapter_that_is_not_there_is_named() {
     // Only `Backend::Gpu` demands that the adapter exists.
     for backend in [Backend::Cpu, Backend::Auto] {
         Device::new(&settings(backend, count)).unwrap();
+    }
+}
+
+fn by_id(backend: Backend, id: AdapterId) -> DeviceSettings {
+    DeviceSettings { adapter_id: Some(id), ..settings(backend, 99) }
+}
+
+/// The identity takes the place of the number, in each interface that has one.
+#[test]
+fn an_adapter_is_found_by_its_identity() {
+    if !has_gpu() {
+        return;
+    }
+    let all = adapters();
+    for (index, adapter) in all.iter().enumerate() {
+        let ids = [
+            adapter.uuid.map(AdapterId::Uuid),
+            adapter.luid.map(AdapterId::Luid),
+            adapter.registry_id.map(AdapterId::Registry),
+        ];
+        assert!(ids.iter().any(Option::is_some), "{adapter:?}");
+        for id in ids.into_iter().flatten() {
+            assert!(adapter.has_id(id));
+            let first = all.iter().position(|adapter| adapter.has_id(id)).unwrap();
+            let info = Device::new(&by_id(Backend::Gpu, id)).unwrap().info();
+            assert_eq!(info.name, all[first].name);
+            let start = format!("gpu was asked for: adapter {first} of {}, by its ", all.len());
+            assert!(info.reason.starts_with(&start), "{index}: {}", info.reason);
+            // A software driver is not taken without being asked for.
+            let auto = Device::new(&by_id(Backend::Auto, id)).unwrap().info();
+            assert_eq!(auto.backend == Backend::Gpu, !all[first].software, "{auto:?}");
+        }
+    }
+}
+
+#[test]
+fn an_identity_that_no_adapter_has_is_named_with_those_that_there_are() {
+    if !has_gpu() {
+        return;
+    }
+    let all = adapters();
+    for (id, text) in [
+        (AdapterId::Uuid([0xab; 16]), "UUID abababab-abab-abab-abab-abababababab"),
+        (AdapterId::Luid([1, 2, 3, 4, 5, 6, 7, 8]), "LUID 0102030405060708"),
+        (AdapterId::Registry(12345), "registry ID 12345"),
+    ] {
+        let error = Device::new(&by_id(Backend::Gpu, id)).unwrap_err();
+        assert_eq!(error.kind, ErrorKind::InvalidArgument);
+        let start = format!("adapter_id: no adapter has the {text}; there are: 0: {} through ", all[0].name);
+        assert!(error.message.starts_with(&start), "{error}");
+        if let Some(uuid) = all[0].uuid {
+            let hex: String = uuid.iter().map(|byte| format!("{byte:02x}")).collect();
+            assert!(error.message.replace('-', "").contains(&format!("UUID {hex}")), "{error}");
+        }
+        let auto = Device::new(&by_id(Backend::Auto, id)).unwrap().info();
+        assert_eq!(auto.backend, Backend::Cpu);
+        assert!(auto.reason.starts_with(&format!("auto: the CPU, as no GPU has the {text} ")), "{auto:?}");
+        Device::new(&by_id(Backend::Cpu, id)).unwrap();
+    }
+}
+
+#[test]
+fn the_variable_takes_a_uuid() {
+    let Some(uuid) = adapters().into_iter().find_map(|adapter| adapter.uuid) else {
+        has_gpu();
+        return;
+    };
+    let digits: String = uuid.iter().map(|byte| format!("{byte:02X}")).collect();
+    let name = "the_variable_takes_a_uuid";
+    for value in [format!("gpu:{digits}"), format!("gpu:{}-{}", &digits[..8], &digits[8..])] {
+        if in_a_child(name, &[("VRTM_DEVICE", &value)]) {
+            return match std::env::var("VRTM_DEVICE").unwrap().as_str() {
+                "gpu:12" | "gpu:" | "gpu:no" => {
+                    let error = Device::new(&settings(Backend::Cpu, 0)).unwrap_err();
+                    assert_eq!(error.kind, ErrorKind::InvalidArgument);
+                    assert!(error.message.starts_with("VRTM_DEVICE: '"), "{error}");
+                    assert!(error.message.ends_with("' is no UUID of 32 hexadecimal digits"), "{error}");
+                }
+                _ => {
+                    let info = Device::new(&by_id(Backend::Cpu, AdapterId::Registry(1))).unwrap().info();
+                    assert!(info.reason.starts_with("gpu was asked for (VRTM_DEVICE): adapter "), "{info:?}");
+                }
+            };
+        }
+    }
+    for value in ["gpu:12", "gpu:", "gpu:no"] {
+        in_a_child(name, &[("VRTM_DEVICE", value)]);
     }
 }
 

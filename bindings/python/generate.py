@@ -58,7 +58,7 @@ RECORDS = {
 SETTINGS = {"vrtm_tile_settings", "vrtm_pbd_settings"}
 
 # Integers that say yes or no.
-FLAGS = {"software", "truncated", "measured", "kept", "reached"}
+FLAGS = {"software", "has_uuid", "has_luid", "truncated", "measured", "kept", "reached"}
 
 
 class Header:
@@ -230,7 +230,7 @@ def records(header: Header) -> str:
 
 def _hint(header: Header, struct: str, decl: c_ast.Decl) -> str:
     if isinstance(decl.type, c_ast.ArrayDecl):
-        return "str"
+        return "str" if decl.type.type.type.names[0] == "char" else "bytes"
     name = decl.type.type.names[0]
     if name in RECORDS:
         return RECORDS[name]

@@ -12,7 +12,7 @@ use super::guard::guard;
 use super::handle::{self, vrtm_device};
 use super::status::{Failure, Outcome, chars, vrtm_status};
 use crate::device::{Device, adapters};
-use crate::settings::{Backend, DeviceSettings, LogFn, LogLevel};
+use crate::settings::{AdapterId, Backend, DeviceSettings, LogFn, LogLevel};
 
 /// Where assets are solved.
 pub type vrtm_backend = i32;
@@ -23,6 +23,19 @@ pub const VRTM_BACKEND_AUTO: vrtm_backend = 0;
 pub const VRTM_BACKEND_CPU: vrtm_backend = 1;
 /// The GPU that vrtm_device_desc.adapter names, also if it is a software driver; never falls back to the CPU.
 pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
+
+/// How vrtm_device_desc names a GPU.
+pub type vrtm_adapter_by = i32;
+/// By its number, vrtm_device_desc.adapter; the default.
+pub const VRTM_ADAPTER_BY_NUMBER: vrtm_adapter_by = 0;
+/// By its UUID, 16 bytes: VkPhysicalDeviceIDProperties::deviceUUID of the host's own VkPhysicalDevice.
+pub const VRTM_ADAPTER_BY_UUID: vrtm_adapter_by = 1;
+/// By its LUID, 8 bytes: the host's DXGI_ADAPTER_DESC1::AdapterLuid, ID3D12Device::GetAdapterLuid(), or, on Windows,
+/// VkPhysicalDeviceIDProperties::deviceLUID. A GPU that is listed through Vulkan and through Direct3D 12 is taken
+/// through the one that comes first.
+pub const VRTM_ADAPTER_BY_LUID: vrtm_adapter_by = 2;
+/// By its registry ID, 8 bytes: the number MTLDevice.registryID.
+pub const VRTM_ADAPTER_BY_REGISTRY_ID: vrtm_adapter_by = 3;
 
 /// How important a log line is.
 pub type vrtm_log_level = i32;
@@ -45,10 +58,10 @@ pub type vrtm_log_fn =
 pub struct vrtm_device_desc {
     /// sizeof(vrtm_device_desc); set by vrtm_device_desc_init().
     pub struct_size: u32,
-    /// One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu)
-    /// overrides it, for support.
+    /// One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu, or
+    /// gpu:UUID with the UUID of an adapter) overrides it, for support.
     pub backend: vrtm_backend,
-    /// Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU; ignored otherwise.
+    /// Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
     pub adapter: u32,
     /// CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     /// environment variable VRTM_THREADS overrides it.
@@ -66,6 +79,14 @@ pub struct vrtm_device_desc {
     pub executor: *const vrtm_executor,
     /// The host's allocator; null (the default) = the system's. The struct is copied.
     pub allocator: *const vrtm_allocator,
+    /// One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the latter three `adapter_id`
+    /// takes the place of `adapter`, so that vrtm computes on the GPU that the host draws with. If `backend` is GPU
+    /// there must be such an adapter; AUTO takes it if it is a hardware GPU that can be used, and the CPU otherwise.
+    pub adapter_by: vrtm_adapter_by,
+    /// Zero.
+    pub reserved: u32,
+    /// The identity of the adapter, in memory order; bytes that it does not have are zero.
+    pub adapter_id: [u8; 16],
 }
 
 /// Description of a device. Start from vrtm_device_data_init().
@@ -103,6 +124,25 @@ pub struct vrtm_adapter_data {
     pub driver: [c_char; 128],
     /// The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
     pub api: [c_char; 16],
+    /// 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
+    pub has_uuid: u32,
+    /// 1 if `luid` is known: on Windows. 0 otherwise.
+    pub has_luid: u32,
+    /// VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
+    pub uuid: [u8; 16],
+    /// VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) where
+    /// both UUIDs are those of its own device.
+    pub driver_uuid: [u8; 16],
+    /// The LUID of Direct3D and DXGI, in memory order.
+    pub luid: [u8; 8],
+    /// The number MTLDevice.registryID, in memory order; zero where there is none.
+    pub registry_id: [u8; 8],
+    /// PCI vendor; 0 where the interface does not tell.
+    pub vendor: u32,
+    /// PCI device of that vendor; 0 where the interface does not tell.
+    pub device: u32,
+    /// Place on the PCI bus, domain:bus:device.function, hexadecimal; empty where the interface does not tell.
+    pub pci_bus: [c_char; 32],
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function. So for the other two.
@@ -119,7 +159,7 @@ unsafe impl Sized32 for vrtm_device_data {
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_adapter_data {
-    const FIRST: usize = size_of::<vrtm_adapter_data>();
+    const FIRST: usize = offset_of!(vrtm_adapter_data, has_uuid);
     const NAME: &'static str = "vrtm_adapter_data";
 }
 
@@ -150,6 +190,31 @@ impl HostLog {
     }
 }
 
+fn adapter_id(desc: &vrtm_device_desc) -> Outcome<Option<AdapterId>> {
+    super::types::check_reserved(desc.reserved, "desc")?;
+    let id = desc.adapter_id;
+    let [mut first, mut second] = [[0; 8]; 2];
+    first.copy_from_slice(&id[..8]);
+    second.copy_from_slice(&id[8..]);
+    let (id, rest) = match desc.adapter_by {
+        VRTM_ADAPTER_BY_NUMBER => (None, &id[..]),
+        VRTM_ADAPTER_BY_UUID => (Some(AdapterId::Uuid(id)), &[][..]),
+        VRTM_ADAPTER_BY_LUID => (Some(AdapterId::Luid(first)), &second[..]),
+        VRTM_ADAPTER_BY_REGISTRY_ID => (Some(AdapterId::Registry(u64::from_ne_bytes(first))), &second[..]),
+        other => {
+            return Err(Failure::argument(format!("desc.adapter_by is {other}, no VRTM_ADAPTER_BY_ value")));
+        }
+    };
+    if rest.iter().any(|&byte| byte != 0) {
+        let at = 16 - rest.len();
+        return Err(Failure::argument(format!(
+            "desc.adapter_id: bytes from number {at} on are set, which desc.adapter_by, {}, does not have",
+            desc.adapter_by
+        )));
+    }
+    Ok(id)
+}
+
 unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     let backend = match desc.backend {
         VRTM_BACKEND_AUTO => Backend::Auto,
@@ -166,6 +231,7 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     Ok(DeviceSettings {
         backend,
         adapter: desc.adapter,
+        adapter_id: adapter_id(desc)?,
         threads: NonZeroU32::new(desc.threads),
         memory_budget: (desc.memory_budget != 0).then_some(desc.memory_budget),
         log,
@@ -184,10 +250,11 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
 /// The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
 /// buffers of 256 MiB) and without optional features, for support.
 ///
-/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range (VRTM_BACKEND_GPU), more than
-/// 1024 threads, an allocator without a function, or an environment variable VRTM_DEVICE, VRTM_THREADS or
-/// VRTM_GPU_LIMITS that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be
-/// opened, and for an allocator if the library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
+/// has (VRTM_BACKEND_GPU; the message lists those that there are), more than 1024 threads, an allocator without a
+/// function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
+/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and for an allocator if the
+/// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,
@@ -271,6 +338,15 @@ pub unsafe extern "C" fn vrtm_adapter_info(index: u32, info: *mut vrtm_adapter_d
             name: chars(&adapter.name),
             driver: chars(&adapter.driver),
             api: chars(adapter.api),
+            has_uuid: u32::from(adapter.uuid.is_some()),
+            has_luid: u32::from(adapter.luid.is_some()),
+            uuid: adapter.uuid.unwrap_or_default(),
+            driver_uuid: adapter.driver_uuid.unwrap_or_default(),
+            luid: adapter.luid.unwrap_or_default(),
+            registry_id: adapter.registry_id.unwrap_or_default().to_ne_bytes(),
+            vendor: adapter.vendor,
+            device: adapter.device,
+            pci_bus: chars(&adapter.pci_bus),
         });
         Ok(())
     })

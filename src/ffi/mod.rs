@@ -14,6 +14,7 @@ pub mod asset;
 mod desc;
 pub mod device;
 pub mod executor;
+pub mod external;
 pub mod fetch;
 mod guard;
 pub mod handle;

@@ -213,6 +213,15 @@ pub(super) fn pixel_format(format: vrtm_pixel_format, name: &str) -> Outcome<Pix
     }
 }
 
+/// The origin of a struct called `name`.
+pub(super) fn origin(origin: vrtm_origin, name: &str) -> Outcome<Origin> {
+    match origin {
+        VRTM_ORIGIN_TOP => Ok(Origin::Top),
+        VRTM_ORIGIN_BOTTOM => Ok(Origin::Bottom),
+        other => Err(Failure::argument(format!("{name}.origin is {other}, no VRTM_ORIGIN_ value"))),
+    }
+}
+
 fn layout(
     format: vrtm_pixel_format,
     size: [u32; 2],
@@ -221,11 +230,7 @@ fn layout(
     name: &str,
 ) -> Outcome<ImageLayout> {
     let format = pixel_format(format, name)?;
-    let origin = match origin {
-        VRTM_ORIGIN_TOP => Origin::Top,
-        VRTM_ORIGIN_BOTTOM => Origin::Bottom,
-        other => return Err(Failure::argument(format!("{name}.origin is {other}, no VRTM_ORIGIN_ value"))),
-    };
+    let origin = self::origin(origin, name)?;
     let [width, height] = size;
     // 0 means packed.
     let [pixel_stride, row_stride] = strides.map(|stride| (stride != 0).then_some(stride));

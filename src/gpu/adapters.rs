@@ -2,6 +2,7 @@
 //! threads.
 
 use super::context::{Context, Options};
+use super::identity;
 use crate::error::Result;
 use crate::memory::{Collect, Grow};
 use crate::panics::contain;
@@ -41,7 +42,7 @@ impl Survey {
 
     /// The GPUs that can be used.
     pub fn adapters(&self) -> Vec<AdapterInfo> {
-        self.usable.iter().map(|adapter| describe(&adapter.get_info())).collected()
+        self.usable.iter().map(describe).collected()
     }
 
     /// Opens one of these, `None` if there is none of that number.
@@ -73,13 +74,21 @@ pub(crate) fn interfaces() -> String {
 }
 
 /// Describes an adapter to a host.
-pub(super) fn describe(info: &wgpu::AdapterInfo) -> AdapterInfo {
-    let driver = format!("{} {}", info.driver, info.driver_info);
+pub(super) fn describe(adapter: &wgpu::Adapter) -> AdapterInfo {
+    let info = adapter.get_info();
+    let ids = contain(|| identity::of(adapter)).unwrap_or_default();
     AdapterInfo {
-        name: info.name.clone(),
-        driver: driver.trim().to_owned(),
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
         api: api(info.backend),
-        software: is_software(info),
+        software: is_software(&info),
+        uuid: ids.uuid,
+        driver_uuid: ids.driver_uuid,
+        luid: ids.luid,
+        registry_id: ids.registry_id,
+        vendor: info.vendor,
+        device: info.device,
+        pci_bus: info.device_pci_bus_id,
+        name: info.name,
     }
 }
 

@@ -39,6 +39,8 @@ pub(crate) struct Context {
     /// Dropped by hand: dropping waits for submitted work, and panics if that fails.
     pub queue: ManuallyDrop<wgpu::Queue>,
     pub adapter: wgpu::AdapterInfo,
+    /// What a host is told of the adapter.
+    about: AdapterInfo,
     pub limits: wgpu::Limits,
     pub options: Options,
     /// True if the device can time passes.
@@ -143,12 +145,14 @@ impl Context {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| log.record(&error)));
         let timestamps = features.contains(wgpu::Features::TIMESTAMP_QUERY);
         let queue = ManuallyDrop::new(queue);
+        let about = describe(adapter);
         let (adapter, pipelines) = (adapter.get_info(), Pipelines::default());
         let time_kernels = AtomicBool::new(false);
         Ok(Context {
             device,
             queue,
             adapter,
+            about,
             limits,
             options,
             timestamps,
@@ -160,7 +164,7 @@ impl Context {
 
     /// What a host is told of the adapter.
     pub fn describe(&self) -> AdapterInfo {
-        describe(&self.adapter)
+        self.about.clone()
     }
 
     /// True if each dispatch has a pass of its own, so that each kernel is timed.

@@ -42,7 +42,7 @@ pub use text::{Struct, WgslType};
 mod text {
     use std::fmt::Write;
 
-    use super::super::layout;
+    use super::super::{external, layout};
     use crate::method::constants::Declaration;
     use crate::method::law;
 
@@ -77,13 +77,15 @@ mod text {
 
     /// The text of `shaders/generated.wgsl`.
     pub fn text() -> String {
-        let mut text =
-            String::from("// Written from src/method/law.rs and src/gpu/layout.rs. Change those, then\n");
+        let mut text = String::from(
+            "// Written from src/method/law.rs, src/gpu/layout.rs and src/gpu/external.rs. Change those, then\n",
+        );
         text += "// VRTM_UPDATE_SHADERS=1 cargo test --lib generated\n";
         // Writing to a string does not fail.
         let _ = constants(&mut text, &law::declarations());
         let _ = constants(&mut text, &layout::shared::declarations());
         let _ = structs(&mut text, &layout::struct_declarations());
+        let _ = structs(&mut text, &external::struct_declarations());
         text
     }
 

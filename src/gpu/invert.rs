@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::memory::Collect;
 
 /// Bytes of a texel on the device: two f32.
-const TEXEL_BYTES: u64 = 8;
+pub(super) const TEXEL_BYTES: u64 = 8;
 /// Most bytes of an image that are bound at once: larger bindings would only take memory from other programs.
 const MAX_BINDING: u64 = 1 << 28;
 /// Bytes between two requests: WebGPU's largest alignment of storage bindings.
@@ -33,7 +33,7 @@ pub(crate) struct Output {
     staging: Vec<wgpu::Buffer>,
 }
 
-fn max_binding(context: &Context) -> u64 {
+pub(super) fn max_binding(context: &Context) -> u64 {
     let limits = &context.limits;
     limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(MAX_BINDING)
 }
@@ -107,10 +107,51 @@ impl Output {
     ) -> Result<()> {
         debug_assert!(self.holds(size));
         let context = &self.context;
+        let bands: Vec<_> = bands(self.max_binding, size).collected();
+        let inversion = Inversion::new(context, pipeline, u, size, &bands)?;
+        let mut encoder = context.contain(|| {
+            let label = wgpu::CommandEncoderDescriptor { label: Some("invert") };
+            context.device.create_command_encoder(&label)
+        })?;
+        context.contain(|| {
+            for (k, rows) in bands.iter().enumerate() {
+                let bytes = band_bytes(rows, size);
+                encoder.clear_buffer(&self.image, 0, Some(bytes));
+                inversion.record(&mut encoder, k, &self.image);
+                encoder.copy_buffer_to_buffer(&self.image, 0, &self.staging[k], 0, bytes);
+            }
+        })?;
+        context.submit([encoder])?;
+        for (rows, staging) in bands.iter().zip(&self.staging) {
+            context.mapped(staging, band_bytes(rows, size), |bytes| read(rows.start, bytes))?;
+        }
+        Ok(())
+    }
+}
+
+/// The dispatches that invert a result, band by band of texel rows.
+pub(super) struct Inversion<'a> {
+    context: &'a Context,
+    pipeline: &'a Pipeline,
+    u: &'a Displacements,
+    /// Per band of texel rows, those to the bands of the result.
+    requests: Vec<Vec<Request>>,
+    records: wgpu::Buffer,
+    centres: wgpu::Buffer,
+}
+
+impl<'a> Inversion<'a> {
+    /// For an image of `size` texels in these bands. `pipeline` is that of `Kernel::Invert`.
+    pub fn new(
+        context: &'a Context,
+        pipeline: &'a Pipeline,
+        u: &'a Displacements,
+        size: [usize; 2],
+        bands: &[Range<usize>],
+    ) -> Result<Inversion<'a>> {
         let level = &u.grid.levels[0];
         let cells = [level.nx, level.ny];
-        let bands: Vec<_> = bands(self.max_binding, size).collected();
-        let requests = requests(u, size, &bands);
+        let requests = requests(u, size, bands);
         let bytes: Vec<u8> = requests
             .iter()
             .flatten()
@@ -125,32 +166,22 @@ impl Output {
             (0..2).flat_map(|axis| centres(size[axis], cells[axis], bits(cells))).collected();
         let centres =
             context.filled("centres", bytemuck::cast_slice(&centres), wgpu::BufferUsages::STORAGE)?;
-        let mut encoder = context.contain(|| {
-            let label = wgpu::CommandEncoderDescriptor { label: Some("invert") };
-            context.device.create_command_encoder(&label)
-        })?;
-        context.contain(|| {
-            for (k, rows) in bands.iter().enumerate() {
-                let bytes = band_bytes(rows, size);
-                encoder.clear_buffer(&self.image, 0, Some(bytes));
-                for (n, request) in requests[k].iter().enumerate().filter(|(_, request)| request.count > 0) {
-                    let offset = ((k * requests[k].len() + n) * STRIDE) as u64;
-                    let extra = [&records, &centres, &u.buffers.bands[n].1, &self.image];
-                    let bind_group = bind_group(context, pipeline, &u.buffers.blocks[n], extra, offset);
-                    let workgroups = request.count * request.workgroups_per_block;
-                    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                    pass.set_pipeline(&pipeline.pipeline);
-                    pass.set_bind_group(0, &bind_group, &[]);
-                    pass.dispatch_workgroups(workgroups.min(SPREAD), workgroups.div_ceil(SPREAD), 1);
-                }
-                encoder.copy_buffer_to_buffer(&self.image, 0, &self.staging[k], 0, bytes);
-            }
-        })?;
-        context.submit([encoder])?;
-        for (rows, staging) in bands.iter().zip(&self.staging) {
-            context.mapped(staging, band_bytes(rows, size), |bytes| read(rows.start, bytes))?;
+        Ok(Inversion { context, pipeline, u, requests, records, centres })
+    }
+
+    /// Records the dispatches of band `k` of texel rows, into an image that is 0.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, k: usize, image: &wgpu::Buffer) {
+        let (requests, buffers) = (&self.requests[k], &self.u.buffers);
+        for (n, request) in requests.iter().enumerate().filter(|(_, request)| request.count > 0) {
+            let offset = ((k * requests.len() + n) * STRIDE) as u64;
+            let extra = [&self.records, &self.centres, &buffers.bands[n].1, image];
+            let bind_group = bind_group(self.context, self.pipeline, &buffers.blocks[n], extra, offset);
+            let workgroups = request.count * request.workgroups_per_block;
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&self.pipeline.pipeline);
+            pass.set_bind_group(0, &bind_group, &[]);
+            pass.dispatch_workgroups(workgroups.min(SPREAD), workgroups.div_ceil(SPREAD), 1);
         }
-        Ok(())
     }
 }
 

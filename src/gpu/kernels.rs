@@ -91,6 +91,7 @@ pub enum Kernel {
     SamplesChords,
     SamplesMetrics,
     Invert,
+    Redirect,
 }
 
 /// The source of a kernel.
@@ -126,7 +127,7 @@ macro_rules! source {
 
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
-pub const SOURCES: [Source; 43] = [
+pub const SOURCES: [Source; 44] = [
     source!(Surface, "surface", [CHORDS[0], "surface"], [W(SURFACE), R(EXTRA), R(EXTRA + 1)], 0),
     source!(PyramidGather, "pyramid_gather", [CHORDS[0], "pyramid_gather"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)], 24),
@@ -197,11 +198,12 @@ pub const SOURCES: [Source; 43] = [
     source!(Gate, "gate", ["correct/gate"], [R(EXTRA), W(EXTRA + 1), W(EXTRA + 2)], 0),
     source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
     source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)], 16),
-    // Not stages of a solve. `invert` binds neither parameters nor charts.
+    // Not stages of a solve.
     source!(SamplesChords, "samples", [CHORDS[0], CHORDS[1], "sampling/samples"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),
     source!(SamplesMetrics, "samples", [METRICS, "sampling/samples"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),
+    // Neither of a solve: they bind neither parameters nor charts.
     Source {
         kernel: Kernel::Invert,
         entry: "invert",
@@ -209,12 +211,19 @@ pub const SOURCES: [Source; 43] = [
         bindings: &[R(BLOCKS), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2), W(EXTRA + 3)],
         bytes_per_node: 8,
     },
+    Source {
+        kernel: Kernel::Redirect,
+        entry: "redirect",
+        parts: &["redirect"],
+        bindings: &[R(EXTRA), R(EXTRA + 1), R(EXTRA + 2), W(EXTRA + 3)],
+        bytes_per_node: 0,
+    },
 ];
 
 impl Kernel {
     /// The source of the kernel.
     pub fn source(self) -> &'static Source {
-        const { assert!(SOURCES.len() == Kernel::Invert as usize + 1) };
+        const { assert!(SOURCES.len() == Kernel::Redirect as usize + 1) };
         let source = &SOURCES[self as usize];
         debug_assert_eq!(source.kernel, self);
         source
@@ -295,7 +304,8 @@ fn part(name: &str) -> &'static str {
         "pbd/regularise",
         "pbd/copy",
         "certify",
-        "invert"
+        "invert",
+        "redirect"
     )
 }
 

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 16] = [
+const SECTIONS: [&str; 17] = [
     "status",
     "handle",
     "types",
@@ -16,6 +16,7 @@ const SECTIONS: [&str; 16] = [
     "tile",
     "prepare",
     "fetch",
+    "external",
     "map",
     "solve",
     "job",

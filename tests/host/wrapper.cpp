@@ -213,6 +213,12 @@ void images(const vrtm::Device &device)
     refuses("no map", tile.try_inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
     works("fetch a part",
           tile.try_fetch_part(vrtm::FetchKind::redirection, {texel.data(), 1, 1}, 21, 40, MAP, MAP));
+    refuses("memory of a GPU on the CPU",
+            tile.try_fetch_external(vrtm::FetchKind::redirection,
+                                    vrtm::ExternalImage(0, 8 * MAP * MAP, 0, MAP, MAP).set(vrtm::Origin::bottom)),
+            vrtm::Code::unsupported, "the CPU");
+    refuses("no memory", tile.try_fetch_external(vrtm::FetchKind::redirection, vrtm::ExternalImage()),
+            vrtm::Code::invalid_argument, "image.handle_kind");
     std::vector<std::uint16_t> half_delta(2 * MAP * MAP);
     works("fetch f16", tile.try_fetch(vrtm::FetchKind::redirection_delta,
                                       {vrtm::PixelFormat::f16, half_delta.data(), MAP, MAP}));
@@ -327,6 +333,21 @@ void devices()
     const auto adapters = vrtm::try_adapters();
     std::uint32_t count = 0;
     check_that(adapters && vrtm_adapter_count(&count) == VRTM_OK && adapters->size() == count, "the adapters", "");
+    if (count > 0) {
+        vrtm::DeviceDesc desc;
+        desc.set(vrtm::Backend::gpu);
+        const vrtm_adapter_data &one = adapters->front();
+        if (one.has_uuid) {
+            check_that(vrtm::Device::try_create(desc.set_uuid(one.uuid)).ok(), "a GPU by its UUID", vrtm_last_error());
+        }
+        const unsigned char nobody[16] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16};
+        refuses("no such UUID", vrtm::Device::try_create(desc.set_uuid(nobody)), vrtm::Code::invalid_argument,
+                "no adapter has the UUID 01020304-0506-0708-090a-0b0c0d0e0f10");
+        refuses("no such LUID", vrtm::Device::try_create(desc.set_luid(nobody)), vrtm::Code::invalid_argument,
+                "no adapter has the LUID 0102030405060708;");
+        refuses("no such registry ID", vrtm::Device::try_create(desc.set_registry_id(77)),
+                vrtm::Code::invalid_argument, "no adapter has the registry ID 77;");
+    }
 }
 
 void logs()

@@ -170,6 +170,7 @@ void everything_throws()
     NONE(inspect_map({1, 1}))
     NONE(fetch(vrtm::FetchKind::warp, {pair, 1, 1}))
     NONE(fetch_part(vrtm::FetchKind::warp, {pair, 1, 1}, 0, 0, 2, 2))
+    NONE(fetch_external(vrtm::FetchKind::redirection, vrtm::ExternalImage(0, 8, 0, 1, 1)))
     NONE(report())
 #undef NONE
 

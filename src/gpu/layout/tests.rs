@@ -8,6 +8,7 @@ use wgpu::naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationFlags, Va
 use wgpu::naga::{AddressSpace, ArraySize, Handle, Module, ScalarKind, StorageAccess, Type, TypeInner};
 
 use super::*;
+use crate::gpu::external::RedirectRequest;
 use crate::gpu::kernels::{Binding, Kernel, SOURCES, Source, slot};
 
 /// A kernel's module, validated without optional capabilities.
@@ -52,7 +53,7 @@ macro_rules! fields {
 type Offsets = (&'static str, usize, Vec<(&'static str, usize)>);
 
 /// The offsets in Rust of some of each struct's fields: WGSL's layout has its own rules of alignment.
-fn structs() -> [Offsets; 6] {
+fn structs() -> [Offsets; 7] {
     [
         fields!(Params: first factor smoothing node_planes),
         fields!(Chart: solved fraction limit_rounds),
@@ -60,6 +61,7 @@ fn structs() -> [Offsets; 6] {
         fields!(Triangle: barycentric neighbours chart pose),
         fields!(CoarseBlock: parent children fixed weights),
         fields!(Request: count rows texels_per_step),
+        fields!(RedirectRequest: width first step cells origin is_delta),
     ]
 }
 

@@ -39,6 +39,9 @@ class Device:
 
     backend         "auto" (a hardware GPU if there is one, else the CPU), "cpu" or "gpu"
     adapter         which GPU: its place in adapters()
+    adapter_uuid    which GPU, in place of that: the 16 bytes of its UUID, as Vulkan tells it (Adapter.uuid), so that the
+                    device is on the GPU of another program. "gpu" takes no other, "auto" the CPU if it cannot be used
+    adapter_luid    the same by the 8 bytes of the LUID that Direct3D tells
     threads         CPU threads that one solve uses; 0 = one per core. Results do not depend on it
     memory_budget   most bytes that all assets of the device may hold; 0 = no limit
     log             called with "warning" or "info" and a line of text, on the thread of the call (a job has a thread of
@@ -53,6 +56,8 @@ class Device:
         backend: str = "auto",
         *,
         adapter: int = 0,
+        adapter_uuid: bytes | None = None,
+        adapter_luid: bytes | None = None,
         threads: int = 0,
         memory_budget: int = 0,
         log: Log | None = None,
@@ -60,6 +65,7 @@ class Device:
         desc = new(_abi.vrtm_device_desc)
         desc.backend = value_of("backend", backend)
         desc.adapter = natural("adapter", adapter, 32)
+        _set_id(desc, adapter_uuid, adapter_luid)
         desc.threads = natural("threads", threads, 32)
         desc.memory_budget = natural("memory_budget", memory_budget, 64)
         if log is not None and not callable(log):
@@ -100,6 +106,20 @@ class Device:
 
     def __repr__(self) -> str:
         return "<vrtm.Device, closed>" if self.closed else f"<vrtm.Device {self.info.backend}: {self.info.name}>"
+
+
+def _set_id(desc: ctypes.Structure, uuid: bytes | None, luid: bytes | None) -> None:
+    """Names the adapter by its identity, if one is given."""
+    if uuid is not None and luid is not None:
+        raise ValueError("adapter_luid: adapter_uuid is given, too")
+    for name, by, value, size in (("adapter_uuid", "uuid", uuid, 16), ("adapter_luid", "luid", luid, 8)):
+        if value is None:
+            continue
+        identity = bytes(memoryview(value))
+        if len(identity) != size:
+            raise ValueError(f"{name}: {len(identity)} bytes, not {size}")
+        desc.adapter_by = value_of("adapter_by", by)
+        desc.adapter_id[:size] = identity
 
 
 def natural(name: str, value: Any, bits: int) -> int:

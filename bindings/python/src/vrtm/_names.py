@@ -40,6 +40,8 @@ def record(cls: type[Record], struct: ctypes.Structure) -> Record:
         value = getattr(struct, name)
         if isinstance(value, bytes):
             value = value.decode(errors="replace")
+        elif isinstance(value, ctypes.Array):
+            value = bytes(value)
         elif isinstance(value, ctypes.Structure):
             value = record(getattr(_records, hint), value)
         elif name in _NAMED and isinstance(value, int):

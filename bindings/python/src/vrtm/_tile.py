@@ -167,6 +167,42 @@ class Tile:
         check(library.vrtm_tile_fetch_part(self._handle, number, ctypes.byref(target.struct), *place))
         return target.done()
 
+    def fetch_external(
+        self,
+        kind: str,
+        size: int | tuple[int, int],
+        fd: int,
+        memory_size: int,
+        *,
+        memory_type: int = 0,
+        offset: int = 0,
+        row_stride: int = 0,
+        origin: str = "top",
+    ) -> None:
+        """A redirection into memory of a Vulkan device on the same GPU (Device.info, Adapter.uuid), without a way through
+        the CPU: rows of two float32 per texel, bit by bit those of fetch. When the call returns they are there.
+
+        kind                      "redirection", "redirection_delta" or "redirection_udim"
+        size                      (width, height) or one number for both
+        fd                        of the memory, exported as an opaque file descriptor; it stays the caller's
+        memory_size, memory_type  the allocationSize and memoryTypeIndex that it was allocated with
+        offset, row_stride        where the first texel lies, and from row to row; multiples of 8 bytes, 0 = packed
+        origin                    "top": the first row is at v = 1; or "bottom"
+
+        Nothing may use the memory meanwhile. Raises UnsupportedError on the CPU.
+        """
+        image = new(_abi.vrtm_external_image)
+        image.handle_kind = value_of("external_kind", "opaque_fd")
+        image.handle = natural("fd", fd, 31)
+        image.memory_size = natural("memory_size", memory_size, 64)
+        image.memory_type = natural("memory_type", memory_type, 32)
+        image.offset = natural("offset", offset, 64)
+        image.row_stride = natural("row_stride", row_stride, 64)
+        image.width, image.height = image_size(size)
+        image.origin = value_of("origin", origin)
+        number = value_of("fetch_kind", kind, "kind")
+        check(library.vrtm_tile_fetch_external(self._handle, number, ctypes.byref(image)))
+
     def inspect_map(
         self,
         kind: str = "redirection",

@@ -1,0 +1,202 @@
+// redirect: the values of a redirection from W⁻¹ at texel centres (method §9), into memory of the host. The values are,
+// bit by bit, those that the CPU writes, which computes them in f64 and rounds them to f32 at the end: so this kernel
+// computes them in f64, too, by integers alone, which drivers do not evaluate in different ways.
+//
+// A workgroup works on 64 texels of a band of texel rows. Reads 8 bytes per texel, and 8 per column and row; writes 8 per
+// texel.
+
+@group(0) @binding(10) var<storage, read> redirect_request: RedirectRequest;
+/// Texel centres in UV, as the low and the high word of an f64: u of all columns, then v of all rows.
+@group(0) @binding(11) var<storage, read> redirect_centres: array<vec2u>;
+/// W⁻¹(c) - c in cells, as bits of f32.
+@group(0) @binding(12) var<storage, read> inverse: array<vec2u>;
+/// The host's texels, as bits of f32.
+@group(0) @binding(13) var<storage, read_write> texels: array<vec2u>;
+
+/// A number: mantissa 2^(exponent - 63), where the mantissa has 64 bits, the high word first. If what an operation has lost
+/// is not 0, the last bit is set: rounding afterwards is then exact.
+struct Wide {
+    mantissa: vec2u,
+    exponent: i32,
+    negative: bool,
+}
+
+/// A mantissa divided by 2^n.
+fn shifted(mantissa: vec2u, n: u32) -> vec2u {
+    let high = mantissa.x;
+    let low = mantissa.y;
+    if n == 0u {
+        return mantissa;
+    }
+    if n < 32u {
+        let lost = low << (32u - n);
+        return vec2u(high >> n, (low >> n) | (high << (32u - n)) | u32(lost != 0u));
+    }
+    if n == 32u {
+        return vec2u(0u, high | u32(low != 0u));
+    }
+    if n < 64u {
+        let lost = low | (high << (64u - n));
+        return vec2u(0u, (high >> (n - 32u)) | u32(lost != 0u));
+    }
+    return vec2u(0u, u32((high | low) != 0u));
+}
+
+/// The same number with the first bit of its mantissa set, unless it is 0.
+fn normalised(a: Wide) -> Wide {
+    var r = a;
+    if r.mantissa.x == 0u {
+        r.mantissa = r.mantissa.yx;
+        r.exponent -= 32;
+    }
+    if r.mantissa.x == 0u {
+        return Wide();
+    }
+    let n = countLeadingZeros(r.mantissa.x);
+    if n > 0u {
+        r.mantissa = vec2u((r.mantissa.x << n) | (r.mantissa.y >> (32u - n)), r.mantissa.y << n);
+        r.exponent -= i32(n);
+    }
+    return r;
+}
+
+/// A normalised number rounded to the 53 bits of f64, to the nearest, ties to even.
+fn rounded(a: Wide) -> Wide {
+    var r = a;
+    let rest = a.mantissa.y & 0x7ffu;
+    r.mantissa.y -= rest;
+    if rest > 0x400u || (rest == 0x400u && (a.mantissa.y & 0x800u) != 0u) {
+        r.mantissa.y += 0x800u;
+        if r.mantissa.y == 0u {
+            r.mantissa.x += 1u;
+            if r.mantissa.x == 0u {
+                r.mantissa.x = 0x80000000u;
+                r.exponent += 1;
+            }
+        }
+    }
+    return r;
+}
+
+/// A whole number.
+fn whole(n: u32) -> Wide {
+    return normalised(Wide(vec2u(n, 0u), 31, false));
+}
+
+/// A positive f64, given by its low and its high word.
+fn from_f64(words: vec2u) -> Wide {
+    let exponent = i32((words.y >> 20u) & 0x7ffu) - 1023;
+    let high = 0x80000000u | ((words.y & 0xfffffu) << 11u) | (words.x >> 21u);
+    return Wide(vec2u(high, words.x << 11u), exponent, false);
+}
+
+/// An f32, not 0, given by its bits, divided by 1 <= n < 65536: the quotient of f64.
+fn quotient(bits: u32, n: u32) -> Wide {
+    var mantissa = bits & 0x7fffffu;
+    var exponent = i32((bits >> 23u) & 0xffu) - 127;
+    if exponent == -127 {
+        // Without the bit that f32 does not store.
+        let lead = countLeadingZeros(mantissa) - 8u;
+        mantissa <<= lead;
+        exponent = -126 - i32(lead);
+    } else {
+        mantissa |= 0x800000u;
+    }
+    // A divisor of 16 bits; then the quotient has 8 or 9 bits and, in three digits of 16 bits each, its fraction.
+    let shift = countLeadingZeros(n) - 16u;
+    let divisor = n << shift;
+    let q = mantissa / divisor;
+    var rest = (mantissa % divisor) << 16u;
+    let first = rest / divisor;
+    rest = (rest % divisor) << 16u;
+    let second = rest / divisor;
+    rest = (rest % divisor) << 16u;
+    let third = rest / divisor;
+    let lost = u32(rest % divisor != 0u);
+    let quotient = vec2u((q << 16u) | first, (second << 16u) | third | lost);
+    return rounded(normalised(Wide(quotient, exponent + i32(shift) - 8, (bits >> 31u) != 0u)));
+}
+
+/// True if a has the smaller magnitude; both are normalised.
+fn is_smaller(a: Wide, b: Wide) -> bool {
+    if a.exponent != b.exponent {
+        return a.exponent < b.exponent;
+    }
+    if a.mantissa.x != b.mantissa.x {
+        return a.mantissa.x < b.mantissa.x;
+    }
+    return a.mantissa.y < b.mantissa.y;
+}
+
+/// The sum of f64.
+fn sum(a: Wide, b: Wide) -> Wide {
+    if a.mantissa.x == 0u {
+        return b;
+    }
+    if b.mantissa.x == 0u {
+        return a;
+    }
+    var large = a;
+    var small = b;
+    if is_smaller(a, b) {
+        large = b;
+        small = a;
+    }
+    // One bit for the carry. Mantissas of f64 end in eleven zeros: their difference loses none of its 53 bits.
+    let x = shifted(large.mantissa, 1u);
+    let y = shifted(small.mantissa, u32(large.exponent - small.exponent) + 1u);
+    var r = Wide(vec2u(), large.exponent + 1, large.negative);
+    if large.negative == small.negative {
+        let low = x.y + y.y;
+        r.mantissa = vec2u(x.x + y.x + u32(low < x.y), low);
+    } else {
+        r.mantissa = vec2u(x.x - y.x - u32(x.y < y.y), x.y - y.y);
+    }
+    return rounded(normalised(r));
+}
+
+/// The bits of the nearest f32, ties to even.
+fn to_f32(a: Wide) -> u32 {
+    if a.mantissa.x == 0u {
+        return 0u;
+    }
+    let biased = max(a.exponent + 127, 1);
+    let mantissa = shifted(a.mantissa, u32(biased - a.exponent - 127));
+    let rest = mantissa.x & 0xffu;
+    let top = mantissa.x >> 8u;
+    let beyond = rest > 0x80u || (rest == 0x80u && (mantissa.y != 0u || (top & 1u) != 0u));
+    // A carry out of the mantissa goes into the exponent, as does the bit that f32 does not store.
+    return (u32(a.negative) << 31u) | ((u32(biased - 1) << 23u) + top + u32(beyond));
+}
+
+/// A redirection's value along one axis.
+fn value(bits: u32, centre: vec2u, axis: u32) -> u32 {
+    let still = (bits & 0x7fffffffu) == 0u;
+    let cells = redirect_request.cells[axis];
+    if redirect_request.is_delta != 0u {
+        if still {
+            return bits;
+        }
+        return to_f32(quotient(bits, cells));
+    }
+    var at = from_f64(centre);
+    if !still {
+        at = sum(at, quotient(bits, cells));
+    }
+    return to_f32(sum(at, whole(redirect_request.origin[axis])));
+}
+
+@compute @workgroup_size(64)
+fn redirect(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let i = (group.y * SPREAD + group.x) * 64u + t;
+    let width = redirect_request.width;
+    let x = i % width;
+    let row = i / width;
+    if row >= redirect_request.rows {
+        return;
+    }
+    let bits = inverse[i];
+    let u = value(bits.x, redirect_centres[x], 0u);
+    let v = value(bits.y, redirect_centres[width + redirect_request.row + row], 1u);
+    texels[redirect_request.first + row * redirect_request.step + x] = vec2u(u, v);
+}

@@ -1,0 +1,249 @@
+//! A redirection, computed on the GPU, into memory of the host's own graphics device. All steps that can fail come before
+//! the one submission that writes to it.
+
+use std::num::NonZeroU64;
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::context::Context;
+#[cfg(test)]
+use super::generated::WgslType;
+use super::generated::structs;
+use super::invert::{Inversion, TEXEL_BYTES, max_binding};
+use super::kernels::{Binding, Kernel, Pipeline, slot};
+use super::layout::SPREAD;
+use super::results::Displacements;
+use crate::error::{Error, ErrorKind, Result};
+use crate::image::external::ExternalTexels;
+use crate::memory::{Collect, zeroed};
+
+mod import;
+
+structs! {
+    /// What the kernel `redirect` writes: a band of texel rows.
+    pub struct RedirectRequest {
+        /// Texels of a row.
+        width: u32,
+        /// The band's first row, from v = 0 upward.
+        row: u32,
+        /// Its rows.
+        rows: u32,
+        /// The place of its first texel in the host's memory, in texels from the begin of the binding.
+        first: u32,
+        /// From there to the texel of the next row, modulo 2^32.
+        step: u32,
+        /// 1 = less the texel's centre.
+        is_delta: u32,
+        /// Cells of the grid.
+        cells: [u32; 2],
+        /// What is added to values that are not less the centre: the tile's place.
+        origin: [u32; 2],
+    }
+}
+
+/// What a redirection's values are measured from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Values {
+    /// The texel's centre.
+    Delta,
+    /// The corner (0, 0) of a tile, whose place among the tiles, as seen from there, is held here.
+    Absolute([u32; 2]),
+}
+
+/// Bytes between two requests, and what bindings begin at multiples of: WebGPU's largest alignment of storage bindings.
+const ALIGNMENT: u64 = 256;
+/// Most texels of a side, so that f32 resolves texels.
+const MAX_SIDE: usize = 1 << 20;
+
+/// Texel rows that are written by one dispatch, and the bytes of the host's memory that are bound for them.
+struct Band {
+    rows: Range<usize>,
+    bytes: Range<u64>,
+}
+
+/// Divides the rows into bands whose texels, packed and in the host's memory, fit into a binding.
+fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<Band>> {
+    let &ExternalTexels { size, row_stride, offset, is_top_first, .. } = texels;
+    let row_bytes = size[0] as u64 * TEXEL_BYTES;
+    let room = most.saturating_sub(ALIGNMENT + row_bytes);
+    if size.iter().any(|&side| side > MAX_SIDE) || row_bytes > most.saturating_sub(ALIGNMENT) {
+        let message = format!("image: {}x{} texels are more than a GPU writes at once", size[0], size[1]);
+        return Err(Error::new(ErrorKind::Unsupported, message));
+    }
+    // From the first byte of the first row to the last one of the last row.
+    let rows = (room / row_stride + 1).min(most / row_bytes).clamp(1, size[1] as u64) as usize;
+    let of = |first: usize| {
+        let rows = first..(first + rows).min(size[1]);
+        let at = if is_top_first { size[1] - rows.end } else { rows.start };
+        let start = offset + at as u64 * row_stride;
+        let end = start + (rows.len() as u64 - 1) * row_stride + row_bytes;
+        Band { rows, bytes: start - start % ALIGNMENT..end }
+    };
+    Ok((0..size[1]).step_by(rows).map(of).collected())
+}
+
+fn request(texels: &ExternalTexels, band: &Band, cells: [usize; 2], values: Values) -> RedirectRequest {
+    let &ExternalTexels { size, row_stride, offset, is_top_first, .. } = texels;
+    let step = (row_stride / TEXEL_BYTES) as u32;
+    // The row in memory of the band's first row.
+    let at = if is_top_first { size[1] - 1 - band.rows.start } else { band.rows.start };
+    RedirectRequest {
+        width: size[0] as u32,
+        row: band.rows.start as u32,
+        rows: band.rows.len() as u32,
+        first: ((offset + at as u64 * row_stride - band.bytes.start) / TEXEL_BYTES) as u32,
+        step: if is_top_first { step.wrapping_neg() } else { step },
+        is_delta: u32::from(matches!(values, Values::Delta)),
+        cells: cells.map(|n| n as u32),
+        origin: match values {
+            Values::Delta => [0; 2],
+            Values::Absolute(origin) => origin,
+        },
+    }
+}
+
+/// Bytes of GPU memory that `write` takes beside the host's.
+pub(crate) fn bytes_for(context: &Context, texels: &ExternalTexels) -> Result<u64> {
+    let bands = bands(texels, max_binding(context))?;
+    let rows = bands.iter().map(|band| band.rows.len()).max().unwrap_or_default();
+    Ok((rows * texels.size[0]) as u64 * TEXEL_BYTES)
+}
+
+/// Writes a redirection to the host's memory, and waits until it is there. `u` is `None` for the identity.
+pub(crate) fn write(
+    context: &Context,
+    u: Option<&Displacements>,
+    cells: [usize; 2],
+    values: Values,
+    texels: &ExternalTexels,
+) -> Result<()> {
+    let redirection = Redirection::new(context, cells, values, texels, max_binding(context))?;
+    let inversion = redirection.inversion(u)?;
+    let image = redirection.image()?;
+    // Last of all that can fail for want of something.
+    let imported = import::Imported::new(context, texels)?;
+    let (take, give) = imported.transfers(context)?;
+    let commands = redirection.record(inversion.as_ref(), &image, &imported.buffer)?;
+    context.submit([take, commands, give])?;
+    context.wait()
+}
+
+/// The dispatches that write a redirection.
+struct Redirection<'a> {
+    context: &'a Context,
+    pipeline: &'a Pipeline,
+    size: [usize; 2],
+    bands: Vec<Band>,
+    /// Per band.
+    requests: wgpu::Buffer,
+    centres: wgpu::Buffer,
+}
+
+impl<'a> Redirection<'a> {
+    /// With bindings of at most `most` bytes.
+    fn new(
+        context: &'a Context,
+        cells: [usize; 2],
+        values: Values,
+        texels: &ExternalTexels,
+        most: u64,
+    ) -> Result<Redirection<'a>> {
+        let size = texels.size;
+        let bands = bands(texels, most)?;
+        let pipeline = context.pipelines.get(context, Kernel::Redirect)?;
+        let mut requests = zeroed::<u8>(bands.len() * ALIGNMENT as usize);
+        for (band, record) in bands.iter().zip(requests.chunks_exact_mut(ALIGNMENT as usize)) {
+            let request = request(texels, band, cells, values);
+            record[..size_of::<RedirectRequest>()].copy_from_slice(bytemuck::bytes_of(&request));
+        }
+        let requests = context.filled("requests", &requests, wgpu::BufferUsages::STORAGE)?;
+        // The same as on the CPU. Low words come first on all machines that have such GPUs.
+        let centre = |n: usize| (0..n).map(move |x| ((x as f64 + 0.5) / n as f64).to_bits());
+        let centres: Vec<u64> = centre(size[0]).chain(centre(size[1])).collected();
+        let centres =
+            context.filled("centres", bytemuck::cast_slice(&centres), wgpu::BufferUsages::STORAGE)?;
+        Ok(Redirection { context, pipeline, size, bands, requests, centres })
+    }
+
+    /// The dispatches that invert the displacements for these bands.
+    fn inversion(&self, u: Option<&'a Displacements>) -> Result<Option<Inversion<'a>>> {
+        let rows: Vec<Range<usize>> = self.bands.iter().map(|band| band.rows.clone()).collected();
+        let pipeline = self.context.pipelines.get(self.context, Kernel::Invert)?;
+        u.map(|u| Inversion::new(self.context, pipeline, u, self.size, &rows)).transpose()
+    }
+
+    /// Room for W⁻¹ at the texels of a band.
+    fn image(&self) -> Result<wgpu::Buffer> {
+        let rows = self.bands.iter().map(|band| band.rows.len()).max().unwrap_or_default();
+        let bytes = (rows * self.size[0]) as u64 * TEXEL_BYTES;
+        self.context.buffer("image", bytes, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST)
+    }
+
+    /// Records all bands: W⁻¹ into `image`, and its values into the host's memory.
+    fn record(
+        &self,
+        inversion: Option<&Inversion>,
+        image: &wgpu::Buffer,
+        memory: &wgpu::Buffer,
+    ) -> Result<wgpu::CommandEncoder> {
+        let context = self.context;
+        context.contain(|| {
+            let label = wgpu::CommandEncoderDescriptor { label: Some("redirect") };
+            let mut encoder = context.device.create_command_encoder(&label);
+            for (k, band) in self.bands.iter().enumerate() {
+                let bytes = (band.rows.len() * self.size[0]) as u64 * TEXEL_BYTES;
+                encoder.clear_buffer(image, 0, Some(bytes));
+                if let Some(inversion) = inversion {
+                    inversion.record(&mut encoder, k, image);
+                }
+                self.dispatch(&mut encoder, k, image, memory);
+            }
+            encoder
+        })
+    }
+
+    fn dispatch(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        k: usize,
+        image: &wgpu::Buffer,
+        memory: &wgpu::Buffer,
+    ) {
+        let band = &self.bands[k];
+        let buffers = [
+            range(&self.requests, k as u64 * ALIGNMENT, size_of::<RedirectRequest>() as u64),
+            self.centres.as_entire_binding(),
+            image.as_entire_binding(),
+            range(memory, band.bytes.start, band.bytes.end - band.bytes.start),
+        ];
+        let bind_group = bind_group(self.context, self.pipeline, buffers);
+        let workgroups = (band.rows.len() * self.size[0]).div_ceil(64) as u32;
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&self.pipeline.pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.dispatch_workgroups(workgroups.min(SPREAD), workgroups.div_ceil(SPREAD), 1);
+    }
+}
+
+fn range(buffer: &wgpu::Buffer, offset: u64, size: u64) -> wgpu::BindingResource<'_> {
+    wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset, size: NonZeroU64::new(size) })
+}
+
+fn bind_group(
+    context: &Context,
+    pipeline: &Pipeline,
+    buffers: [wgpu::BindingResource<'_>; 4],
+) -> wgpu::BindGroup {
+    let numbers = Kernel::Redirect.source().bindings.iter().map(|&binding| Binding::number(binding));
+    debug_assert!(numbers.clone().eq(slot::EXTRA..slot::EXTRA + 4));
+    let entries = numbers.zip(buffers).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource });
+    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("redirect"),
+        layout: &pipeline.layout,
+        entries: &entries.collected(),
+    })
+}
+
+#[cfg(test)]
+mod tests;

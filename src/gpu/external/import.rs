@@ -1,0 +1,35 @@
+//! Memory of a host's Vulkan device as a buffer of this library's one.
+
+/// The host's memory. This library's hold on it ends with the buffer.
+pub(super) struct Imported {
+    pub buffer: wgpu::Buffer,
+    #[cfg(any(windows, target_os = "linux", target_os = "android", target_os = "freebsd"))]
+    raw: ash::vk::Buffer,
+}
+
+#[cfg(any(windows, target_os = "linux", target_os = "android", target_os = "freebsd"))]
+mod vulkan;
+
+#[cfg(not(any(windows, target_os = "linux", target_os = "android", target_os = "freebsd")))]
+mod nowhere {
+    use super::Imported;
+    use crate::error::{Error, ErrorKind, Result};
+    use crate::gpu::context::Context;
+    use crate::image::external::ExternalTexels;
+
+    fn refused<T>() -> Result<T> {
+        let message =
+            "image.handle_kind: memory is imported through Vulkan, which is not used on this system";
+        Err(Error::new(ErrorKind::Unsupported, message))
+    }
+
+    impl Imported {
+        pub fn new(_: &Context, _: &ExternalTexels) -> Result<Imported> {
+            refused()
+        }
+
+        pub fn transfers(&self, _: &Context) -> Result<(wgpu::CommandEncoder, wgpu::CommandEncoder)> {
+            refused()
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! What tells a GPU apart from the others, in any program: read from the graphics interface itself, since wgpu does not
+//! hand it on.
+
+/// What the interface tells; `None` where it does not.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Ids {
+    pub uuid: Option<[u8; 16]>,
+    pub driver_uuid: Option<[u8; 16]>,
+    pub luid: Option<[u8; 8]>,
+    pub registry_id: Option<u64>,
+}
+
+/// Reads an adapter's.
+pub(super) fn of(adapter: &wgpu::Adapter) -> Ids {
+    vulkan(adapter).or_else(|| direct3d(adapter)).or_else(|| metal(adapter)).unwrap_or_default()
+}
+
+#[cfg(any(windows, target_os = "linux", target_os = "android", target_os = "freebsd"))]
+fn vulkan(adapter: &wgpu::Adapter) -> Option<Ids> {
+    use ash::vk;
+
+    // SAFETY: nothing of it is destroyed here.
+    let adapter = unsafe { adapter.as_hal::<wgpu::hal::api::Vulkan>() }?;
+    let shared = adapter.shared_instance();
+    let device_version = adapter.physical_device_capabilities().properties().api_version;
+    // The function belongs to Vulkan 1.1.
+    if shared.instance_api_version().min(device_version) < vk::API_VERSION_1_1 {
+        return Some(Ids::default());
+    }
+    let mut ids = vk::PhysicalDeviceIDProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);
+    // SAFETY: the device is this instance's, and both have the function.
+    unsafe {
+        let instance = shared.raw_instance();
+        instance.get_physical_device_properties2(adapter.raw_physical_device(), &mut properties);
+    }
+    Some(Ids {
+        uuid: Some(ids.device_uuid),
+        driver_uuid: Some(ids.driver_uuid),
+        luid: (ids.device_luid_valid != vk::FALSE).then_some(ids.device_luid),
+        registry_id: None,
+    })
+}
+
+#[cfg(not(any(windows, target_os = "linux", target_os = "android", target_os = "freebsd")))]
+fn vulkan(_: &wgpu::Adapter) -> Option<Ids> {
+    None
+}
+
+/// Compiled for Windows, but never run by its author.
+#[cfg(windows)]
+fn direct3d(adapter: &wgpu::Adapter) -> Option<Ids> {
+    // SAFETY: nothing of it is destroyed here.
+    let adapter = unsafe { adapter.as_hal::<wgpu::hal::api::Dx12>() }?;
+    // SAFETY: the adapter lives.
+    let description = unsafe { adapter.as_raw().GetDesc1() }.ok()?;
+    let luid = description.AdapterLuid;
+    let mut bytes = [0; 8];
+    bytes[..4].copy_from_slice(&luid.LowPart.to_ne_bytes());
+    bytes[4..].copy_from_slice(&luid.HighPart.to_ne_bytes());
+    Some(Ids { luid: Some(bytes), ..Ids::default() })
+}
+
+#[cfg(not(windows))]
+fn direct3d(_: &wgpu::Adapter) -> Option<Ids> {
+    None
+}
+
+/// Compiled for macOS, but never run by its author.
+#[cfg(target_vendor = "apple")]
+fn metal(adapter: &wgpu::Adapter) -> Option<Ids> {
+    use objc2_metal::MTLDevice;
+
+    // SAFETY: nothing of it is destroyed here.
+    let adapter = unsafe { adapter.as_hal::<wgpu::hal::api::Metal>() }?;
+    Some(Ids { registry_id: Some(adapter.raw_device().registryID()), ..Ids::default() })
+}
+
+#[cfg(not(target_vendor = "apple"))]
+fn metal(_: &wgpu::Adapter) -> Option<Ids> {
+    None
+}
