@@ -1,0 +1,70 @@
+"""Devices on the GPU of another program, which is known by its UUID."""
+
+import os
+
+import numpy as np
+import pytest
+
+import vrtm
+
+
+def some_adapter():
+    found = [adapter for adapter in vrtm.adapters() if adapter.has_uuid]
+    if not found:
+        assert os.environ.get("VRTM_REQUIRE_GPU") != "1", "VRTM_REQUIRE_GPU is set, but there is no GPU with a UUID"
+        pytest.skip("no GPU adapter with a UUID")
+    return found[0]
+
+
+def test_an_adapter_tells_who_it_is():
+    adapter = some_adapter()
+    assert isinstance(adapter.uuid, bytes) and len(adapter.uuid) == len(adapter.driver_uuid) == 16
+    assert any(adapter.uuid) and len(adapter.luid) == len(adapter.registry_id) == 8
+    assert adapter.has_luid == any(adapter.luid) and isinstance(adapter.pci_bus, str)
+
+
+def test_a_device_is_found_by_its_uuid():
+    adapter = some_adapter()
+    for uuid in (adapter.uuid, bytearray(adapter.uuid), np.frombuffer(adapter.uuid, np.uint8)):
+        with vrtm.Device("gpu", adapter=99, adapter_uuid=uuid) as device:
+            assert device.info.name == adapter.name and "by its UUID" in device.info.reason
+
+
+def test_other_identities_are_refused():
+    with pytest.raises(ValueError, match="adapter_uuid: 15 bytes, not 16"):
+        vrtm.Device("gpu", adapter_uuid=bytes(15))
+    with pytest.raises(ValueError, match="adapter_luid: 16 bytes, not 8"):
+        vrtm.Device("gpu", adapter_luid=bytes(16))
+    with pytest.raises(ValueError, match="adapter_luid: adapter_uuid is given"):
+        vrtm.Device("gpu", adapter_uuid=bytes(16), adapter_luid=bytes(8))
+    with pytest.raises(TypeError):
+        vrtm.Device("gpu", adapter_uuid=5)
+    adapter = some_adapter()
+    with pytest.raises(vrtm.InvalidArgumentError, match="no adapter has the UUID 07070707-0707-"):
+        vrtm.Device("gpu", adapter_uuid=bytes([7]) * 16)
+    with pytest.raises(vrtm.InvalidArgumentError, match="no adapter has the LUID 0909090909090909; there are: 0: "):
+        vrtm.Device("gpu", adapter_luid=bytes([9]) * 8)
+    # "auto" never fails for it.
+    with vrtm.Device(adapter_uuid=bytes([7]) * 16) as device:
+        assert device.info.backend == "cpu" and "no GPU has the UUID" in device.info.reason
+    assert adapter.uuid != bytes([7]) * 16
+
+
+def test_memory_of_a_gpu_is_refused_on_the_cpu(asset, model):
+    """What is written on a GPU is tested where a program has a Vulkan device of its own: tests/gpu_external.rs."""
+    tile = asset.tile(1001)
+    with pytest.raises(vrtm.NotSolvedError):
+        tile.fetch_external("redirection", 8, 0, 512)
+    asset.solve(model.pose)
+    with pytest.raises(vrtm.UnsupportedError, match="tile: its device is the CPU"):
+        tile.fetch_external("redirection", 8, 0, 512)
+    with pytest.raises(vrtm.UnsupportedError, match="kind: Warp"):
+        tile.fetch_external("warp", 8, 0, 512)
+    with pytest.raises(vrtm.InvalidArgumentError, match="image.memory_size is 511"):
+        tile.fetch_external("redirection", 8, 0, 511)
+    with pytest.raises(vrtm.InvalidArgumentError, match="image.offset is 4"):
+        tile.fetch_external("redirection", 8, 0, 516, offset=4)
+    with pytest.raises(ValueError, match="fd: -1 is not"):
+        tile.fetch_external("redirection", 8, -1, 512)
+    with pytest.raises(ValueError, match="origin: 'left'"):
+        tile.fetch_external("redirection", 8, 0, 512, origin="left")
