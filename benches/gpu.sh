@@ -7,6 +7,7 @@
 #     benches/gpu.sh                      # all sizes to 8192, about 10 minutes
 #     benches/gpu.sh --sizes 512,2048
 #     benches/gpu.sh --software           # on a software driver: correct, but its times say nothing
+#     benches/gpu.sh --counts --sizes 512,1024,2048,4096    # dispatches and bytes only, to gpu-counts.md; any driver will do
 #     VRTM_BENCH=path/to/gpu benches/gpu.sh    # with a program built elsewhere
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -14,4 +15,7 @@ if [ -n "${VRTM_BENCH:-}" ]; then
     exec "$VRTM_BENCH" "$@"
 fi
 cargo bench --bench gpu -- "$@"
-cargo bench --bench render
+case " $* " in
+*" --counts "*) ;;
+*) cargo bench --bench render ;;
+esac

@@ -4,7 +4,7 @@
 // the bound may be too small (method §8 has figures); they are covered by the condition that the energy is finite, that
 // is, that all Jacobians are at least CRUSHED_JACOBIAN in f32, which suffices for offsets of up to 100 cells.
 //
-// The entry `certify` reads 8 bytes per node (a quarter more for the halo) and writes 16 per block. The entry `finish`
+// The entry `certify` reads 8 bytes per node (a quarter more for the halo) and writes 12 per block. The entry `finish`
 // then writes the result: it reads and writes 8 bytes per node.
 
 /// Displacements of the result: two planes per block.
@@ -85,7 +85,10 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         workgroupBarrier();
     }
     if t == 0u {
-        partials[params.partial + group.y * SPREAD + group.x] = certificates[0];
+        let at = params.partial + group.y * SPREAD + group.x;
+        partials[sum_index(SUM_LEAST_JACOBIAN, at)] = certificates[0].y;
+        partials[sum_index(SUM_FOLDS, at)] = certificates[0].z;
+        partials[sum_index(SUM_LARGEST, at)] = certificates[0].w;
     }
 }
 

@@ -19,13 +19,15 @@
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
 /// Rows of the linear system, per block: diagonal (3), pairs of the owned edges (two words each, see `encode`).
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
-/// Vectors of a correction, per block: r, z, t, x (2 planes each). r is the right-hand side, then the residual; z the
-/// result of the preconditioner, then the direction; t is A z, and the residual inside the V-cycle; x is the step.
-/// After the system is solved, r holds the step fraction of each node (its two planes are used alternately), and t
-/// first the marks of the step limit, then the displacement before the step.
+/// Vectors of a correction, per block, in pairs of planes that hold different quantities one after the other (layout.rs).
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
-/// Per active block: its contribution to the sum of its chart.
-@group(0) @binding(9) var<storage, read_write> partials: array<vec4f>;
+/// Per quantity and active block: the block's part of the sum of its chart.
+@group(0) @binding(9) var<storage, read_write> partials: array<f32>;
+
+/// Index in `partials` of block number `at` in quantity `quantity`, one of SUM_.
+fn sum_index(quantity: u32, at: u32) -> u32 {
+    return quantity * (arrayLength(&partials) / SUMS) + at;
+}
 
 /// Indices of plane `plane` of block b at slot s in `nodes`, `state`, `rows` and `vectors`.
 fn node_index(b: u32, plane: u32, s: u32) -> u32 {

@@ -41,9 +41,11 @@ const COMPRESSION_STIFFNESS: f32 = 0.5;
 /// Least square of an edge's offset that the stress stiffness is divided by, relative to that at rest.
 const MIN_OFFSET_SQUARE: f32 = 0.1;
 /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
-const SMOOTHER_SWEEPS: u32 = 2u;
-/// Rounds of these sweeps in each direction on the coarsest level, all of which lies in one or a few blocks.
+const SMOOTHER_SWEEPS: u32 = 3u;
+/// Rounds of these sweeps in each direction on the coarsest level, if it has few blocks; else one.
 const COARSEST_ROUNDS: u32 = 4u;
+/// A level has few blocks if no chart has more active ones on it than this: as many as a chart of 64 x 64 cells has.
+const FEW_BLOCKS: u32 = 16u;
 /// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
 /// does, and need more memory (method §7.3).
 const CG_ITERATIONS: u32 = 2u;
@@ -112,24 +114,44 @@ const SAMPLE_PLANES: u32 = 4u;
 const ROW_PLANES: u32 = 11u;
 /// First of the eight planes of the pairs.
 const PAIR: u32 = 3u;
-/// Planes per block of the vectors of a correction. As on the CPU (`cpu/correct/workspace.rs`), a plane holds
-/// different quantities one after the other.
+/// Planes per block of the vectors of a correction. A plane holds different quantities one after the other.
 const VECTOR_PLANES: u32 = 8u;
-/// The residual (2), while the system is solved.
+/// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned residual z1.
 const RESIDUAL: u32 = 0u;
-/// The result of the V-cycle, then the direction of conjugate gradients (2), while the system is solved.
+/// The result of the V-cycle (2); on the corrected level that of the first one, z0.
 const DIRECTION: u32 = 2u;
-/// The product of the matrix and the direction, and the residual inside the V-cycle (2), while the system is
-/// solved.
+/// The product of the matrix and z0 (2), for which the second V-cycle is done; on the levels that one dispatch works
+/// on, scratch memory of the V-cycle.
 const PRODUCT: u32 = 4u;
-/// The step (2), until the correction ends.
-const STEP: u32 = 6u;
-/// The step fraction of each node, in two planes used alternately, while the step is limited and tried.
-const FRACTION: u32 = 0u;
+/// z smoothed on the way to coarser levels (2).
+const SMOOTHED: u32 = 6u;
+/// The step fraction of each node, in two planes used alternately, while the step is limited and tried. The step
+/// itself is a combination of z0 and z1.
+const FRACTION: u32 = 6u;
 /// 1 at nodes with a corner that would fall under the bound, else 0, while the step is limited.
-const MARK: u32 = 2u;
+const MARK: u32 = 4u;
 /// The displacement before the step (2), while the step is tried.
-const U_BEFORE: u32 = 2u;
+const U_BEFORE: u32 = 4u;
+/// Quantities that are summed per block.
+const SUMS: u32 = 8u;
+/// The energy.
+const SUM_ENERGY: u32 = 0u;
+/// The least corner Jacobian, of which not the sum is taken.
+const SUM_LEAST_JACOBIAN: u32 = 1u;
+/// The number of folds.
+const SUM_FOLDS: u32 = 2u;
+/// The largest displacement, of which not the sum is taken.
+const SUM_LARGEST: u32 = 3u;
+/// While the system is solved: r . z0.
+const SUM_RZ: u32 = 1u;
+/// z0 . A z0.
+const SUM_Z_PRODUCT: u32 = 2u;
+/// r1 . z1.
+const SUM_RZ_SECOND: u32 = 4u;
+/// z1 . A z0.
+const SUM_PRODUCT_Z_SECOND: u32 = 5u;
+/// z1 . A z1.
+const SUM_CURVATURE_SECOND: u32 = 6u;
 /// The displacement at the last integration (2). The paper's solver uses the planes of the vectors for the
 /// second copy of the state.
 const U_INTEGRATED: u32 = 6u;
@@ -137,12 +159,10 @@ const U_INTEGRATED: u32 = 6u;
 const DECIDE_IDENTITY: u32 = 0u;
 /// `decide`: the energy before a correction.
 const DECIDE_BEFORE: u32 = 1u;
-/// `decide`: the product of residual and preconditioned residual, in further iterations.
-const DECIDE_DIRECTION: u32 = 2u;
-/// `decide`: the product of residual and preconditioned residual, in the first iteration.
-const DECIDE_FIRST_DIRECTION: u32 = 3u;
-/// `decide`: the curvature, direction times matrix times direction.
-const DECIDE_STEP_LENGTH: u32 = 4u;
+/// `decide`: the energy before a correction, and the length of the first step of conjugate gradients.
+const DECIDE_FIRST_STEP: u32 = 2u;
+/// `decide`: the step, after the second iteration of conjugate gradients.
+const DECIDE_SECOND_STEP: u32 = 3u;
 /// `decide`: the energy after a trial.
 const DECIDE_TRIAL: u32 = 5u;
 /// `decide`: the energy after the last trial, which is always accepted.
@@ -172,10 +192,20 @@ const RELAX_FRACTION: u32 = 1u;
 const ENERGY_VALID: u32 = 0u;
 /// `energy`: a state with any corner Jacobians is valid.
 const ENERGY_ALLOWING_FOLDS: u32 = 1u;
-/// `smooth_direction`, a bit: block colours and node colours run backwards.
-const SMOOTH_BACKWARDS: u32 = 1u;
-/// `smooth_direction`, a bit: the direction counts as 0 before this pass over the block colours.
-const SMOOTH_FROM_ZERO: u32 = 2u;
+/// `multigrid_down`: the residual is there.
+const DOWN_FROM_RESIDUAL: u32 = 0u;
+/// `multigrid_down`: the residual is gathered from what the finer level contributed.
+const DOWN_GATHER: u32 = 1u;
+/// `multigrid_up`: on a level other than the corrected one.
+const UP_COARSE: u32 = 0u;
+/// `multigrid_up`: on the corrected level, in the first V-cycle.
+const UP_FIRST: u32 = 1u;
+/// `multigrid_up`: on the corrected level, in the second V-cycle, which begins with A z0.
+const UP_SECOND: u32 = 2u;
+/// `multigrid_coarse`: a V-cycle for what the finer level contributed.
+const COARSE_CYCLE: u32 = 0u;
+/// `multigrid_coarse`: the system of one of its levels is solved.
+const COARSE_SOLVE: u32 = 1u;
 /// `gate`, a bit: only charts whose step is limited open the gate.
 const GATE_LIMITED: u32 = 1u;
 /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
@@ -254,10 +284,12 @@ struct Chart {
     energy: f32,
     /// Conjugate gradients: product of residual and preconditioned residual.
     rz: f32,
-    /// Conjugate gradients: factor of the direction in the last step.
+    /// Conjugate gradients: product of z0, matrix and z0.
+    curvature: f32,
+    /// Conjugate gradients: length of the first step.
     alpha: f32,
-    /// Conjugate gradients: factor of the last step in the next direction.
-    beta: f32,
+    /// The step is this combination of z0 and z1.
+    step: array<f32, 2>,
     /// Predicted gain: the fall of the quadratic model over the step.
     predicted: f32,
     /// 1 during a level's first correction.
@@ -283,8 +315,11 @@ struct BlockRecord {
     y: u32,
     /// 1 if the block has a movable node.
     is_active: u32,
-    /// The block of the next coarser level that holds the nodes at this block's even nodes.
-    parent: u32,
+    /// The block of the next coarser level that holds the nodes at this block's even nodes; its neighbours on the side of
+    /// the quarter of it that this block is, along x, along y and across the corner; NONE where there is none.
+    parents: array<u32, 4>,
+    /// One bit per parent: 1 if it has a movable node.
+    active_parents: u32,
     /// The blocks of the next finer level at its four quarters.
     children: array<u32, 4>,
     /// First and count of the chart's blocks in this band, sorted by y, then x.
@@ -317,6 +352,7 @@ struct Triangle {
 /// A block of one of the coarse levels that `multigrid_coarse` works on. Blocks are named by their indices in the
 /// common buffers of these levels.
 struct CoarseBlock {
+    neighbours: array<u32, 9>,
     active_neighbours: array<u32, 9>,
     parent: u32,
     children: array<u32, 4>,

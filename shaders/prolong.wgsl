@@ -22,7 +22,7 @@ fn prolong(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     if b == NONE {
         return;
     }
-    let parent = blocks[b].parent;
+    let parent = blocks[b].parents[0];
     for (var colour = 0u; colour < 4u; colour++) {
         let s = thread_slot(colour, t);
         var u = vec2f();

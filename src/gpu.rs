@@ -43,6 +43,7 @@ pub(crate) use recorder::Statistics;
 use recorder::{DispatchSize, Recorder};
 use results::RESULT_BLOCK;
 pub(crate) use results::{Displacements, ResultBuffers};
+use sizes::CONTRIBUTIONS;
 
 /// One solve of one tile.
 pub(crate) struct Run<'a> {
@@ -73,6 +74,10 @@ pub(crate) struct Run<'a> {
     recording: Instant,
     /// Whether the result is the identity for want of time.
     gave_up: bool,
+    /// Whether no chart takes part in further corrections of the present level.
+    settled: bool,
+    /// Of the call, which may be cancelled while the GPU is waited for.
+    control: Option<Arc<Control>>,
     /// The first error. Stages record no dispatches after it, and `finish` returns it.
     error: Option<Error>,
 }
@@ -88,7 +93,6 @@ struct Gate {
 /// Gates that are in use at the same time; each has indirect arguments of its own.
 #[derive(Clone, Copy, Debug)]
 enum GateSet {
-    Correction,
     StepLimit,
     Trial,
 }
@@ -110,6 +114,7 @@ enum BandBuffer {
     Metric,
     Rows,
     Vectors,
+    Contributions,
     Result,
 }
 
@@ -121,6 +126,7 @@ impl<'a> Run<'a> {
         memory: &'a mut Memory,
         last_result: Option<Arc<ResultBuffers>>,
         keep: &[bool],
+        control: Option<&Arc<Control>>,
     ) -> Result<Run<'a>> {
         let start = Instant::now();
         let Input { grid, pose, settings, charts, .. } = *input;
@@ -174,6 +180,8 @@ impl<'a> Run<'a> {
             upload_ms: 0.0,
             recording: start,
             gave_up: false,
+            settled: false,
+            control: control.cloned(),
             error: None,
         };
         run.start_result(keep);
@@ -209,25 +217,21 @@ impl<'a> Run<'a> {
 
     /// Submits the rest, waits for the GPU, and reads the outcome. With a control that is cancelled, it stops waiting: what
     /// was submitted is done before anything that is submitted later.
-    pub fn finish(mut self, control: Option<&Arc<Control>>) -> Result<Solution> {
+    pub fn finish(mut self) -> Result<Solution> {
         if let Some(error) = self.error {
             return Err(error);
-        }
-        let times = self.recorder.finish();
-        let record_ms = milliseconds(self.recording);
-        let waiting = Instant::now();
-        if let Some(control) = control {
-            self.context.wait_for(control)?;
         }
         let charts = self.memory.charts.clone();
         let size = (self.charts.len() * size_of::<Chart>()) as u64;
         let gate_open = self.memory.gate_open.clone();
         let gates = u64::from(self.gates.min(MAX_GATES)) * 4;
-        let wanted: Vec<_> = [(&charts, 0..size), (&gate_open, 0..gates)]
-            .into_iter()
-            .chain(times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes)))
-            .collected();
-        let parts = self.context.read_all(&wanted)?;
+        let readback = self.recorder.read(&[(&charts, 0..size), (&gate_open, 0..gates)], true)?;
+        let record_ms = milliseconds(self.recording);
+        let waiting = Instant::now();
+        if let Some(control) = &self.control {
+            self.context.wait_for(control)?;
+        }
+        let parts = self.context.taken(&readback)?;
         let wait_ms = milliseconds(waiting);
         let gates: Vec<u32> = parts[1].chunks_exact(4).map(bytemuck::pod_read_unaligned).collected();
         let times: Vec<u8> = parts[2..].iter().flatten().copied().collected();
@@ -398,9 +402,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Dispatches a kernel that writes a partial sum per active block, then `decide`, which adds them chart by chart
-    /// and takes the decision `decision`, one of `DECIDE_`.
-    fn reduce(&mut self, kernel: Kernel, level: usize, params: Params, decision: u32) {
+    /// Dispatches a kernel that writes partial sums per active block.
+    fn sums(&mut self, kernel: Kernel, level: usize, params: Params) {
         for band in 0..self.memory.bands[level].len() {
             let (active, partial) =
                 (self.memory.lists[level][band].active, self.memory.lists[level][band].partial);
@@ -412,6 +415,17 @@ impl<'a> Run<'a> {
                 self.dispatch_list(kernel, [level, band], &[], active, params);
             }
         }
+    }
+
+    /// Dispatches a kernel that writes partial sums per active block, then `decide`, which adds them chart by chart and
+    /// takes the decision `decision`, one of `DECIDE_`.
+    fn reduce(&mut self, kernel: Kernel, level: usize, params: Params, decision: u32) {
+        self.sums(kernel, level, params);
+        self.decide(level, params, decision);
+    }
+
+    /// Dispatches `decide`: takes the decision `decision` from the sums of a level's blocks, chart by chart.
+    fn decide(&mut self, level: usize, params: Params, decision: u32) {
         let params = Params { mode: decision, level: level as u32, ..params };
         let extra = [self.memory.ranges.clone()];
         let size = self.dispatch_size(0, params.items);
@@ -420,7 +434,7 @@ impl<'a> Run<'a> {
 
     /// Updates the copies that the bands of a level hold of one another's blocks.
     fn exchange(&mut self, level: usize, what: BandBuffer) {
-        let bands = &self.memory.bands[level];
+        let Some(bands) = self.memory.bands.get(level) else { return };
         if bands.len() == 1 {
             return;
         }
@@ -431,6 +445,7 @@ impl<'a> Run<'a> {
                 BandBuffer::Metric => buffers.metric.as_ref().map(|metric| (metric, METRIC_PLANES)),
                 BandBuffer::Rows => Some((&buffers.rows, ROW_PLANES)),
                 BandBuffer::Vectors => Some((&buffers.vectors, VECTOR_PLANES)),
+                BandBuffer::Contributions => Some((&buffers.contributions, 1)),
                 BandBuffer::Result => Some((&self.result.bands[band].1, layout::RESULT_PLANES)),
             }
         };
@@ -439,7 +454,11 @@ impl<'a> Run<'a> {
                 let (first, end) =
                     (source.owned.start.max(target.held.start), source.owned.end.min(target.held.end));
                 if let (true, Some((from, planes)), Some((to, _))) = (first < end, buffer(a), buffer(b)) {
-                    let at = |b: usize, start: usize| (b - start) as u64 * planes as u64 * PLANE;
+                    let block = match what {
+                        BandBuffer::Contributions => CONTRIBUTIONS,
+                        _ => planes as u64 * PLANE,
+                    };
+                    let at = |b: usize, start: usize| (b - start) as u64 * block;
                     let bytes = at(end, first);
                     self.recorder.copy(
                         from,

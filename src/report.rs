@@ -326,6 +326,8 @@ pub struct GpuWork {
     pub submissions: u64,
     /// Dispatches that turned out empty: corrections and trials that no chart needed.
     pub skipped: u64,
+    /// Dispatches, empty ones included, that had to wait until those before them were done.
+    pub barriers: u64,
     /// The kernels that ran.
     pub kernels: Vec<GpuKernel>,
 }

@@ -5,6 +5,7 @@
 mod ceiling;
 #[path = "../../tests/common/mod.rs"]
 mod common;
+mod counts;
 mod parity;
 mod table;
 
@@ -34,6 +35,9 @@ struct Args {
     /// Measure even on a software driver.
     #[arg(long)]
     software: bool,
+    /// Count instead of measuring, and write to gpu-counts.md: dispatches, barriers and bytes are the same on any driver.
+    #[arg(long)]
+    counts: bool,
     /// Folder for the tables.
     #[arg(long, default_value = "benches/results")]
     out: String,
@@ -55,12 +59,17 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<(), String> {
     let adapters = vrtm::adapters();
     let adapter = adapters.get(args.adapter as usize).ok_or("there is no such GPU adapter here")?;
-    if adapter.software && !args.software {
+    if adapter.software && !args.software && !args.counts {
         return Err(format!("{} is a software driver: --software measures it all the same", adapter.name));
     }
     let settings =
         DeviceSettings { backend: Backend::Gpu, adapter: args.adapter, ..DeviceSettings::default() };
     let device = Device::new(&settings).map_err(|error| error.to_string())?;
+    if args.counts {
+        let path = format!("{}/gpu-counts.md", args.out);
+        let text = counts::table(&device, &args.sizes)?;
+        return std::fs::write(&path, text).map_err(|error| format!("{path}: {error}"));
+    }
     let mut text = String::new();
     let mut say = |part: String| {
         print!("{part}");

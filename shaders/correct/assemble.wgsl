@@ -29,6 +29,8 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     }
     load_patch(b, t);
     let floor = charts[blocks[b].chart].length_floor * params.scale;
+    var energy = 0.0;
+    var worst = 1.0;
     for (var colour = 0u; colour < 4u; colour++) {
         let s = thread_slot(colour, t);
         let n = node_at(s);
@@ -43,7 +45,14 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
             vectors[vector_index(b, RESIDUAL + 1u, s)] = 0.0;
         } else {
             assemble_node(b, n, s, floor);
+            energy += shared_energy(n, node_state(n), floor);
+            worst = worst_corner(n, worst);
         }
+    }
+    // The energy before the correction. Its place holds other quantities only once it has been added up.
+    let sum = energy_of_block(t, energy, worst, false);
+    if t == 0u {
+        vectors[vector_index(b, PRODUCT, 0u)] = sum;
     }
 }
 

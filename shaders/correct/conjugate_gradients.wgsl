@@ -1,106 +1,53 @@
-// correct: the vector operations of conjugate gradients (method §7.3). Their scalars are formed chart by chart and
-// stand in `charts`. A dot product is summed per block here, and per chart in control.wgsl. Per node: `residual_dot`
-// reads 16 bytes; `direction` reads 16 and writes 8; `curvature` reads 44 of rows and 8 of vectors (a quarter more for
-// the halo) and writes 8; `advance` reads 32 (24 in the first iteration) and writes 16.
+// correct: products with the matrix for conjugate gradients (method §7.3). Their scalars are formed chart by chart, from sums
+// per block, and stand in `charts` (control.wgsl). `product` reads 44 bytes of rows, 8 of vectors (a quarter more for the
+// halo) and 1 of weights per node, and writes 16 and 3 of contributions; `curvature` reads 44 and 8.
 
-var<workgroup> sums: array<f32, 64>;
-
-/// A v at the node at slot s, where the window holds v.
-fn product(b: u32, s: u32) -> vec2f {
-    let d = diagonal(b, s);
-    let v = window_z[place_of_slot(s)];
-    return off_diagonal(b, node_at(s)) + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
-}
-
-/// Writes the sum of all threads' values as the block's partial sum.
-fn write_sum(group: vec3u, t: u32, value: f32) {
-    sums[t] = value;
-    workgroupBarrier();
-    for (var half = 32u; half > 0u; half /= 2u) {
-        if t < half {
-            sums[t] += sums[t + half];
-        }
-        workgroupBarrier();
-    }
-    if t == 0u {
-        partials[params.partial + group.y * SPREAD + group.x] = vec4f(sums[0], 0.0, 0.0, 0.0);
-    }
-}
-
-/// Sums r . z per block.
+/// z0 . A z0, and A z0 itself, with which the second V-cycle begins while the rows are there: it is linear, so that what it
+/// makes of the next residual follows from what it makes of A z0, before the length of the first step is known.
 @compute @workgroup_size(64)
-fn residual_dot(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn product(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
+    load_window(b, t, DIRECTION);
+    write_sum(group, t, SUM_Z_PRODUCT, store_product(b, t));
+    storageBarrier();
+    smooth_from_zero(b, t, PRODUCT);
+    for (var k = 0u; k < 4u; k++) {
+        let s = thread_slot(k, t);
+        set_vector(b, SMOOTHED, s, window_z[place_of_slot(s)]);
+    }
+    load_weights(b, t);
+    contribute(b, t, PRODUCT);
+}
+
+/// Stores A z where the window holds z; returns this thread's part of z . A z.
+fn store_product(b: u32, t: u32) -> f32 {
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
-        sum += dot(vector(b, RESIDUAL, s), vector(b, DIRECTION, s));
+        let z = window_z[place_of_slot(s)];
+        let v = off_diagonal(b, vec2i(node_at(s)), false) + diagonal_times(b, s, z);
+        set_vector(b, PRODUCT, s, v);
+        sum += dot(z, v);
     }
-    write_sum(group, t, sum);
+    return sum;
 }
 
-/// z += beta x: the second direction; x is a multiple of the first one.
-@compute @workgroup_size(64)
-fn direction(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = block_of_workgroup(group, t);
-    if b == NONE {
-        return;
-    }
-    let beta = charts[blocks[b].chart].beta;
-    for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        set_vector(b, DIRECTION, s, vector(b, DIRECTION, s) + beta * vector(b, STEP, s));
-    }
-}
-
-/// t = A z, and the sum of z . t per block.
+/// z1 . A z1, where z1 is in the place of r.
 @compute @workgroup_size(64)
 fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
-    for (var k = t; k < WINDOW; k += 64u) {
-        let source = window_source(window_node(k));
-        let holder = blocks[b].active_neighbours[source.x];
-        window_z[k] = vec2f();
-        if holder != NONE {
-            window_z[k] = vector(holder, DIRECTION, source.y);
-        }
-    }
-    workgroupBarrier();
+    load_window(b, t, RESIDUAL);
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
-        let v = product(b, s);
-        set_vector(b, PRODUCT, s, v);
-        sum += dot(vector(b, DIRECTION, s), v);
+        let z = window_z[place_of_slot(s)];
+        sum += dot(z, off_diagonal(b, vec2i(node_at(s)), false) + diagonal_times(b, s, z));
     }
-    write_sum(group, t, sum);
-}
-
-/// x += alpha z, r -= alpha t.
-@compute @workgroup_size(64)
-fn advance(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = block_of_workgroup(group, t);
-    if b == NONE {
-        return;
-    }
-    let alpha = charts[blocks[b].chart].alpha;
-    for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        var x = alpha * vector(b, DIRECTION, s);
-        if params.mode > 0u {
-            x += vector(b, STEP, s);
-        }
-        // A system that f32 cannot solve must not make the state invalid.
-        set_vector(b, STEP, s, select(vec2f(), x, abs(x) < vec2f(MAX_STEP)));
-        // A step of length 0 leaves r as it is, even where t is NaN.
-        if alpha != 0.0 {
-            set_vector(b, RESIDUAL, s, vector(b, RESIDUAL, s) - alpha * vector(b, PRODUCT, s));
-        }
-    }
+    write_sum(group, t, SUM_CURVATURE_SECOND, sum);
 }

@@ -5,28 +5,35 @@
 /// Per level and chart: first and count of its blocks' sums in `partials`.
 @group(0) @binding(10) var<storage, read> ranges: array<vec2u>;
 
-var<workgroup> totals: array<vec4f, 64>;
+var<workgroup> totals: array<vec4f, 256>;
 
-/// Combines the partial sums of chart c: the sums of x and z, the smallest y, the largest w.
-fn total(c: u32, t: u32) -> vec4f {
+/// Combines four quantities of the partial sums of chart c, from `first` on: the sums of all, or, for a certificate, the sum
+/// of x and z, the smallest y, the largest w.
+fn total(c: u32, t: u32, first: u32, certificate: bool) -> vec4f {
     let range = ranges[params.level * params.items + c];
-    var sum = vec4f(0.0, INVALID_ENERGY, 0.0, 0.0);
-    for (var k = t; k < range.y; k += 64u) {
-        sum = add(sum, partials[range.x + k]);
+    let none = select(vec4f(), vec4f(0.0, INVALID_ENERGY, 0.0, 0.0), certificate);
+    var sum = none;
+    for (var k = t; k < range.y; k += 256u) {
+        let at = range.x + k;
+        let part = vec4f(
+            partials[sum_index(first, at)], partials[sum_index(first + 1u, at)], partials[sum_index(first + 2u, at)],
+            partials[sum_index(first + 3u, at)]
+        );
+        sum = add(sum, part, certificate);
     }
     totals[t] = sum;
     workgroupBarrier();
-    for (var half = 32u; half > 0u; half /= 2u) {
+    for (var half = 128u; half > 0u; half /= 2u) {
         if t < half {
-            totals[t] = add(totals[t], totals[t + half]);
+            totals[t] = add(totals[t], totals[t + half], certificate);
         }
         workgroupBarrier();
     }
     return totals[0];
 }
 
-fn add(a: vec4f, b: vec4f) -> vec4f {
-    return vec4f(a.x + b.x, min(a.y, b.y), a.z + b.z, max(a.w, b.w));
+fn add(a: vec4f, b: vec4f, certificate: bool) -> vec4f {
+    return select(a + b, vec4f(a.x + b.x, min(a.y, b.y), a.z + b.z, max(a.w, b.w)), certificate);
 }
 
 /// 0 up to `ends.x`, 1 from `ends.y` on, linear in between.
@@ -58,13 +65,34 @@ fn next_fraction(gain: Gain, tolerance: f32, trusted: bool) -> f32 {
     return select(0.0, min(ramp(gained / unit, GAIN_RAMP), most), gained > 0.0);
 }
 
-@compute @workgroup_size(64)
+/// After the first V-cycle: the length of the first step, and the energy before the correction.
+fn first_step(c: u32, sum: vec4f) {
+    charts[c].before = sum.x;
+    charts[c].rz = sum.y;
+    charts[c].curvature = sum.z;
+    charts[c].alpha = step_length(sum.y, sum.z);
+}
+
+/// After the second one: the step as a combination of z0 and z1, and the predicted gain. The second direction is z1 + beta
+/// z0, and its curvature is that of z1 with what both have in common.
+fn second_step(c: u32, sum: vec4f) {
+    let alpha = charts[c].alpha;
+    let quotient = sum.x / charts[c].rz;
+    let beta = select(0.0, quotient, alpha != 0.0 && is_finite(quotient));
+    let curvature = sum.z + beta * (2.0 * sum.y + beta * charts[c].curvature);
+    let second = step_length(sum.x, curvature);
+    charts[c].step = array<f32, 2>(alpha + second * beta, second);
+    charts[c].predicted = alpha * charts[c].rz + second * sum.x;
+}
+
+@compute @workgroup_size(256)
 fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let c = group.y * SPREAD + group.x;
     if c >= params.items {
         return;
     }
-    let sum = total(c, t);
+    let is_certificate = params.mode == DECIDE_CERTIFICATE || params.mode == DECIDE_ALLOWING_FOLDS;
+    let sum = total(c, t, select(0u, SUM_RZ_SECOND, params.mode == DECIDE_SECOND_STEP), is_certificate);
     if t > 0u || charts[c].working == 0u {
         return;
     }
@@ -75,17 +103,11 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         case DECIDE_BEFORE: {
             charts[c].before = sum.x;
         }
-        case DECIDE_DIRECTION, DECIDE_FIRST_DIRECTION: {
-            // beta multiplies the last step, which is alpha times the last direction.
-            let beta = sum.x / charts[c].rz / charts[c].alpha;
-            charts[c].beta = select(0.0, beta, params.mode == DECIDE_DIRECTION && is_finite(beta));
-            charts[c].rz = sum.x;
+        case DECIDE_FIRST_STEP: {
+            first_step(c, sum);
         }
-        case DECIDE_STEP_LENGTH: {
-            let alpha = charts[c].rz / select(1.0, sum.x, sum.x > 0.0);
-            // No step if the curvature is not positive or if alpha is not finite.
-            charts[c].alpha = select(0.0, alpha, sum.x > 0.0 && is_finite(alpha));
-            charts[c].predicted += charts[c].alpha * charts[c].rz;
+        case DECIDE_SECOND_STEP: {
+            second_step(c, sum);
         }
         case DECIDE_TRIAL, DECIDE_LAST_TRIAL: {
             let identity = select(0.0, charts[c].identity, params.level == 0u);
@@ -103,10 +125,11 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             charts[c].energy = sum.x;
         }
         case DECIDE_CERTIFICATE, DECIDE_ALLOWING_FOLDS: {
+            charts[c].energy = sum.x;
             charts[c].min_jacobian = min(sum.y, 1.0);
             charts[c].folds = u32(sum.z);
             charts[c].max_displacement = sum.w;
-            let energy = charts[c].energy;
+            let energy = sum.x;
             let valid = energy < INVALID_ENERGY && is_finite(energy);
             let better = energy <= charts[c].identity && sum.z == 0.0;
             charts[c].fallback = u32(!(valid && (better || params.mode == DECIDE_ALLOWING_FOLDS)));

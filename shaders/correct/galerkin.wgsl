@@ -102,9 +102,6 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
             }
         }
     }
-    // Restriction does not write all fixed nodes: values that an earlier solve left there must not be read.
-    vectors[vector_index(b, RESIDUAL, s)] = 0.0;
-    vectors[vector_index(b, RESIDUAL + 1u, s)] = 0.0;
     let at = row_index(b, 0u, s);
     var diagonal = vec3f(1.0, 0.0, 1.0);
     if is_movable {

@@ -1,6 +1,6 @@
 // gate: writes the arguments of the indirect dispatches that follow: the workgroups of each list, or 0 if no chart is
-// at work (or, with GATE_LIMITED, if no chart at work has a limited step). A correction that no chart needs then costs
-// next to nothing, and nothing is read back.
+// at work (or, with GATE_LIMITED, if no chart at work has a limited step). A trial or a round of the step limit that no
+// chart needs then costs next to nothing, and nothing is read back for it.
 
 /// Workgroups of each dispatch size: one per chart first, then those of the lists of blocks.
 @group(0) @binding(10) var<storage, read> dispatch_sizes: array<u32>;

@@ -1,16 +1,23 @@
-// correct: the coarse end of the V-cycle (method §7.4). All levels on which no chart has many blocks are done in one
-// dispatch, one workgroup per chart, four blocks at a time: on such levels dispatches of their own would cost more than
-// the work. It computes what smooth_direction, restrict_residual and multigrid_up compute on finer levels. The vectors
-// and rows of these levels stand one after the other in common buffers.
+// correct: the coarse end of the V-cycle (method §7.4), and all of conjugate gradients where the corrected level belongs to
+// it. All levels on which no chart has many blocks are done in one dispatch, one workgroup per chart, four blocks at a time:
+// on such levels dispatches of their own would cost more than the work. The vectors and rows of these levels stand one after
+// the other in common buffers.
 
 @group(0) @binding(10) var<storage, read> coarse_blocks: array<CoarseBlock>;
-/// Per chart, level and block colour: first (an index into this array) and count of the active blocks; then the blocks.
+/// Per chart and level: first (an index into this array) and count of the active blocks; then the blocks.
 @group(0) @binding(11) var<storage, read> coarse_lists: array<u32>;
+/// Contributions to the finest of these levels (restrict.wgsl).
+@group(0) @binding(12) var<storage, read> contributed: array<vec2f>;
 
 const BLOCKS_AT_ONCE: u32 = 4u;
 
 var<workgroup> windows_z: array<vec2f, 1296>;
 var<workgroup> shared_range: vec2u;
+var<workgroup> terms: array<f32, 256>;
+
+fn stored_neighbour(b: u32, k: u32) -> u32 {
+    return coarse_blocks[b].neighbours[k];
+}
 
 fn fixed_node(b: u32, s: u32) -> bool {
     return ((coarse_blocks[b].fixed[s / 32u] >> (s % 32u)) & 1u) != 0u;
@@ -27,18 +34,27 @@ fn set_vector(b: u32, plane: u32, s: u32, v: vec2f) {
     vectors[at + NODES] = v.y;
 }
 
-/// First and count in `coarse_lists` of a chart's active blocks on a level: of one colour, or of all (colour = 4).
-/// Uniform: all threads of the workgroup get the same value.
-fn block_range(c: u32, level: u32, colour: u32, t: u32) -> vec2u {
+/// First and count in `coarse_lists` of a chart's active blocks on a level. Uniform: all threads of the workgroup get the
+/// same value.
+fn block_range(c: u32, level: u32, t: u32) -> vec2u {
     if t == 0u {
-        let at = ((c * params.count + level) * 4u + colour % 4u) * 2u;
+        let at = (c * params.count + level) * 2u;
         shared_range = vec2u(coarse_lists[at], coarse_lists[at + 1u]);
-        if colour == 4u {
-            // The lists of the four colours follow one another.
-            shared_range.y += coarse_lists[at + 3u] + coarse_lists[at + 5u] + coarse_lists[at + 7u];
-        }
     }
     return workgroupUniformLoad(&shared_range);
+}
+
+/// The sum of all threads' values. Uniform.
+fn sum_of_threads(t: u32, value: f32) -> f32 {
+    terms[t] = value;
+    workgroupBarrier();
+    for (var half = 128u; half > 0u; half /= 2u) {
+        if t < half {
+            terms[t] += terms[t + half];
+        }
+        workgroupBarrier();
+    }
+    return workgroupUniformLoad(&terms[0]);
 }
 
 fn off_diagonal(b: u32, n: vec2u, window: u32) -> vec2f {
@@ -64,63 +80,63 @@ fn diagonal(b: u32, s: u32) -> vec3f {
     return bitcast<vec3f>(vec3u(rows[at], rows[at + NODES], rows[at + 2u * NODES]));
 }
 
-fn load_window(b: u32, lane: u32, window: u32, from_zero: bool) {
+fn load_window(b: u32, lane: u32, window: u32, plane: u32) {
     for (var k = lane; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = coarse_blocks[b].active_neighbours[source.x];
         windows_z[window + k] = vec2f();
-        if holder != NONE && (!from_zero || coarse_blocks[holder].colour < coarse_blocks[b].colour) {
-            windows_z[window + k] = vector(holder, DIRECTION, source.y);
+        if plane != NONE && holder != NONE {
+            windows_z[window + k] = vector(holder, plane, source.y);
         }
     }
 }
 
-fn smooth_level(c: u32, level: u32, t: u32, backwards: bool, from_zero: bool) {
+/// A pass of the smoother over a level, from the vector in planes `before` (NONE: from 0) to that in planes `after`.
+fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: bool) {
     let lane = t % 64u;
     let window = t / 64u * WINDOW;
-    for (var q = 0u; q < 4u; q++) {
-        let range = block_range(c, level, select(q, 3u - q, backwards), t);
-        for (var first = 0u; first < range.y; first += BLOCKS_AT_ONCE) {
-            let k = first + t / 64u;
-            let works = k < range.y;
-            let b = coarse_lists[range.x + min(k, range.y - 1u)];
-            if works {
-                load_window(b, lane, window, from_zero);
-            }
-            workgroupBarrier();
-            for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
-                let s = thread_slot(select(sweep & 3u, 3u - (sweep & 3u), backwards), lane);
-                let n = node_at(s);
-                if works {
-                    let d = diagonal(b, s);
-                    let rest = vector(b, RESIDUAL, s) - off_diagonal(b, n, window);
-                    windows_z[window + place(n.x + 1u, n.y + 1u)] =
-                        vec2f(d.z * rest.x - d.y * rest.y, d.x * rest.y - d.y * rest.x) / (d.x * d.z - d.y * d.y);
-                }
-                workgroupBarrier();
-            }
-            for (var colour = 0u; colour < 4u && works; colour++) {
-                let s = thread_slot(colour, lane);
-                let n = node_at(s);
-                set_vector(b, DIRECTION, s, windows_z[window + place(n.x + 1u, n.y + 1u)]);
-            }
-            workgroupBarrier();
-        }
-        storageBarrier();
-    }
-}
-
-/// t = r - A z on a level.
-fn residual_level(c: u32, level: u32, t: u32) {
-    let lane = t % 64u;
-    let window = t / 64u * WINDOW;
-    let range = block_range(c, level, 4u, t);
+    let range = block_range(c, level, t);
     for (var first = 0u; first < range.y; first += BLOCKS_AT_ONCE) {
         let k = first + t / 64u;
         let works = k < range.y;
         let b = coarse_lists[range.x + min(k, range.y - 1u)];
         if works {
-            load_window(b, lane, window, false);
+            load_window(b, lane, window, before);
+        }
+        workgroupBarrier();
+        for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
+            let s = thread_slot(select(sweep & 3u, 3u - (sweep & 3u), backwards), lane);
+            let n = node_at(s);
+            if works {
+                let d = diagonal(b, s);
+                let rest = vector(b, RESIDUAL, s) - off_diagonal(b, n, window);
+                windows_z[window + place(n.x + 1u, n.y + 1u)] =
+                    vec2f(d.z * rest.x - d.y * rest.y, d.x * rest.y - d.y * rest.x) / (d.x * d.z - d.y * d.y);
+            }
+            workgroupBarrier();
+        }
+        for (var colour = 0u; colour < 4u && works; colour++) {
+            let s = thread_slot(colour, lane);
+            let n = node_at(s);
+            set_vector(b, after, s, windows_z[window + place(n.x + 1u, n.y + 1u)]);
+        }
+        workgroupBarrier();
+    }
+    storageBarrier();
+}
+
+/// PRODUCT = A z, or r - A z if `subtracted`, on a level. Returns this thread's part of z . A z.
+fn multiply_level(c: u32, level: u32, t: u32, subtracted: bool) -> f32 {
+    let lane = t % 64u;
+    let window = t / 64u * WINDOW;
+    let range = block_range(c, level, t);
+    var sum = 0.0;
+    for (var first = 0u; first < range.y; first += BLOCKS_AT_ONCE) {
+        let k = first + t / 64u;
+        let works = k < range.y;
+        let b = coarse_lists[range.x + min(k, range.y - 1u)];
+        if works {
+            load_window(b, lane, window, DIRECTION);
         }
         workgroupBarrier();
         for (var colour = 0u; colour < 4u && works; colour++) {
@@ -129,11 +145,13 @@ fn residual_level(c: u32, level: u32, t: u32) {
             let d = diagonal(b, s);
             let v = windows_z[window + place(n.x + 1u, n.y + 1u)];
             let product = off_diagonal(b, n, window) + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
-            set_vector(b, PRODUCT, s, vector(b, RESIDUAL, s) - product);
+            set_vector(b, PRODUCT, s, select(product, vector(b, RESIDUAL, s) - product, subtracted));
+            sum += dot(v, product);
         }
         workgroupBarrier();
     }
     storageBarrier();
+    return sum;
 }
 
 /// The vector in planes `plane` at node n (0 to 17) of the window of block b, which may be of any of these levels.
@@ -178,7 +196,7 @@ fn interpolate_in_y(b: u32, parent: u32, column: u32, row: u32) -> vec2f {
 
 /// r = P' t, with t of the next finer level.
 fn restrict_level(c: u32, level: u32, t: u32) {
-    let range = block_range(c, level, 4u, t);
+    let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
         let b = coarse_lists[range.x + k];
         for (var colour = 0u; colour < 4u; colour++) {
@@ -198,29 +216,163 @@ fn restrict_level(c: u32, level: u32, t: u32) {
     storageBarrier();
 }
 
-/// z += P z, with P z from the next coarser level.
+/// PRODUCT = z + P z, with P z from the next coarser level.
 fn add_level(c: u32, level: u32, t: u32) {
-    let range = block_range(c, level, 4u, t);
+    let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
         let b = coarse_lists[range.x + k];
         let parent = coarse_blocks[b].parent;
         for (var colour = 0u; colour < 4u; colour++) {
             let s = thread_slot(colour, t % 64u);
+            var add = vec2f();
             if parent != NONE && !fixed_node(b, s) {
                 let n = node_at(s);
-                var add = interpolate_in_y(b, parent, n.x / 2u, n.y);
+                add = interpolate_in_y(b, parent, n.x / 2u, n.y);
                 if n.x % 2u == 1u {
                     let weight = weight_in_word(coarse_blocks[b].weights[s / 4u], s);
                     add = add * weight + interpolate_in_y(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
                 }
-                set_vector(b, DIRECTION, s, vector(b, DIRECTION, s) + add);
             }
+            set_vector(b, PRODUCT, s, vector(b, DIRECTION, s) + add);
         }
     }
     storageBarrier();
 }
 
-/// z = M^-1 r: a V-cycle over the `count` coarse levels, from the `mode`-th of them on.
+/// z = M^-1 r: a V-cycle over the coarse levels from the `top`-th one on.
+fn cycle(c: u32, top: u32, t: u32) {
+    let coarsest = params.count - 1u;
+    for (var level = top; level < coarsest; level++) {
+        smooth_level(c, level, t, NONE, DIRECTION, false);
+        multiply_level(c, level, t, true);
+        restrict_level(c, level + 1u, t);
+    }
+    for (var n = 0u; n < 2u * COARSEST_ROUNDS; n++) {
+        // The last pass writes the direction.
+        let odd = (n & 1u) != 0u;
+        let before = select(select(DIRECTION, NONE, n == 0u), PRODUCT, odd);
+        smooth_level(c, coarsest, t, before, select(PRODUCT, DIRECTION, odd), n >= COARSEST_ROUNDS);
+    }
+    for (var below = coarsest; below > top; below--) {
+        add_level(c, below - 1u, t);
+        smooth_level(c, below - 1u, t, PRODUCT, DIRECTION, true);
+    }
+}
+
+/// Sets the right-hand side of a level to what the finer one contributed.
+fn gather_level(c: u32, level: u32, t: u32) {
+    let range = block_range(c, level, t);
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+        let b = coarse_lists[range.x + k];
+        for (var colour = 0u; colour < 4u; colour++) {
+            let s = thread_slot(colour, t % 64u);
+            set_vector(b, RESIDUAL, s, select(arrived(b, vec2i(node_at(s))), vec2f(), fixed_node(b, s)));
+        }
+    }
+    storageBarrier();
+}
+
+/// On the first of these levels: r . z; with z0 put aside for the second V-cycle.
+fn put_aside(c: u32, level: u32, t: u32) -> f32 {
+    let range = block_range(c, level, t);
+    var sum = 0.0;
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+        let b = coarse_lists[range.x + k];
+        for (var colour = 0u; colour < 4u; colour++) {
+            let s = thread_slot(colour, t % 64u);
+            let z = vector(b, DIRECTION, s);
+            sum += dot(vector(b, RESIDUAL, s), z);
+            set_vector(b, SMOOTHED, s, z);
+        }
+    }
+    return sum;
+}
+
+/// r -= alpha A z0.
+fn advance(c: u32, level: u32, t: u32, alpha: f32) {
+    let range = block_range(c, level, t);
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+        let b = coarse_lists[range.x + k];
+        // A step of length 0 leaves r as it is, even where the product is NaN.
+        for (var colour = 0u; colour < 4u && alpha != 0.0; colour++) {
+            let s = thread_slot(colour, t % 64u);
+            set_vector(b, RESIDUAL, s, vector(b, RESIDUAL, s) - alpha * vector(b, PRODUCT, s));
+        }
+    }
+    storageBarrier();
+}
+
+/// r1 . z1.
+fn second_dot(c: u32, level: u32, t: u32) -> f32 {
+    let range = block_range(c, level, t);
+    var sum = 0.0;
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+        let b = coarse_lists[range.x + k];
+        for (var colour = 0u; colour < 4u; colour++) {
+            let s = thread_slot(colour, t % 64u);
+            sum += dot(vector(b, RESIDUAL, s), vector(b, DIRECTION, s));
+        }
+    }
+    return sum;
+}
+
+/// DIRECTION = z1 + beta z0.
+fn second_direction(c: u32, level: u32, t: u32, beta: f32) {
+    let range = block_range(c, level, t);
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+        let b = coarse_lists[range.x + k];
+        for (var colour = 0u; colour < 4u && beta != 0.0; colour++) {
+            let s = thread_slot(colour, t % 64u);
+            set_vector(b, DIRECTION, s, vector(b, DIRECTION, s) + beta * vector(b, SMOOTHED, s));
+        }
+    }
+    storageBarrier();
+}
+
+/// Puts both directions where the step is formed from them.
+fn put_back(c: u32, level: u32, t: u32) {
+    let range = block_range(c, level, t);
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+        let b = coarse_lists[range.x + k];
+        for (var colour = 0u; colour < 4u; colour++) {
+            let s = thread_slot(colour, t % 64u);
+            set_vector(b, RESIDUAL, s, vector(b, DIRECTION, s));
+            set_vector(b, DIRECTION, s, vector(b, SMOOTHED, s));
+        }
+    }
+}
+
+/// The energy before the correction, which assembly left block by block.
+fn energy_before(c: u32, level: u32, t: u32) -> f32 {
+    let range = block_range(c, level, t);
+    var sum = 0.0;
+    for (var k = t; k < range.y; k += 256u) {
+        sum += vectors[vector_index(coarse_lists[range.x + k], PRODUCT, 0u)];
+    }
+    return sum_of_threads(t, sum);
+}
+
+/// Two iterations of conjugate gradients on the `level`-th of these levels (method §7.3).
+fn solve_level(c: u32, level: u32, t: u32) {
+    let before = energy_before(c, level, t);
+    cycle(c, level, t);
+    let rz = sum_of_threads(t, put_aside(c, level, t));
+    let alpha = step_length(rz, sum_of_threads(t, multiply_level(c, level, t, false)));
+    advance(c, level, t, alpha);
+    cycle(c, level, t);
+    let second_rz = sum_of_threads(t, second_dot(c, level, t));
+    let quotient = second_rz / rz;
+    let beta = select(0.0, quotient, alpha != 0.0 && is_finite(quotient));
+    second_direction(c, level, t, beta);
+    let second = step_length(second_rz, sum_of_threads(t, multiply_level(c, level, t, false)));
+    put_back(c, level, t);
+    if t == 0u {
+        charts[c].before = before;
+        charts[c].step = array<f32, 2>(alpha, second);
+        charts[c].predicted = alpha * rz + second * second_rz;
+    }
+}
+
 @compute @workgroup_size(256)
 fn multigrid_coarse(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let c = group.y * SPREAD + group.x;
@@ -233,17 +385,11 @@ fn multigrid_coarse(@builtin(workgroup_id) group: vec3u, @builtin(local_invocati
     if workgroupUniformLoad(&workgroup_block) == 0u {
         return;
     }
-    let coarsest = params.count - 1u;
-    for (var level = params.mode; level < coarsest; level++) {
-        smooth_level(c, level, t, false, true);
-        residual_level(c, level, t);
-        restrict_level(c, level + 1u, t);
+    // `first` is the number of the level among these.
+    if params.mode == COARSE_SOLVE {
+        solve_level(c, params.first, t);
+        return;
     }
-    for (var round = 0u; round < 2u * COARSEST_ROUNDS; round++) {
-        smooth_level(c, coarsest, t, round >= COARSEST_ROUNDS, round == 0u);
-    }
-    for (var below = coarsest; below > params.mode; below--) {
-        add_level(c, below - 1u, t);
-        smooth_level(c, below - 1u, t, true, false);
-    }
+    gather_level(c, params.first, t);
+    cycle(c, params.first, t);
 }

@@ -1,54 +1,51 @@
-// correct: the V-cycle on the way back from a coarser level (method §7.4): z += P z of the coarser level, then
-// smoothing backwards, one dispatch per block colour. P z is added where a block is first read in the pass: blocks of
-// the colours that came before have it already.
+// correct: the V-cycle on the way back from a coarser level (method §7.4): P z of the coarser level is added to the smoothed
+// z at the block and its halo, then come the sweeps backwards. On the corrected level this is also where the preconditioned
+// vector is used: the first time for r . z, the second time, where the right-hand side is A z0, for the second
+// preconditioned residual z1 and its products (method §7.3). It reads 44 bytes of rows, 16 of vectors (32 the second time),
+// 1 of weights and 2 of the coarser level per node, and writes 8.
 
-@group(0) @binding(10) var<storage, read> coarse_blocks: array<BlockRecord>;
-@group(0) @binding(11) var<storage, read> coarse_vectors: array<f32>;
+@group(0) @binding(10) var<storage, read> coarse_vectors: array<f32>;
 
-fn coarse_z(parent: u32, n: vec2u) -> vec2f {
-    let source = window_source(n);
-    let holder = coarse_blocks[parent].active_neighbours[source.x];
-    if holder == NONE {
-        return vec2f();
+/// z of the coarser level at the 10x10 coarse nodes over and around the block.
+var<workgroup> coarse_z: array<vec2f, 100>;
+
+fn load_coarse_z(b: u32, t: u32) {
+    let quarter = vec2i(vec2u(blocks[b].x & 1u, blocks[b].y & 1u)) * 8;
+    for (var k = t; k < 100u; k += 64u) {
+        let n = quarter + vec2i(i32(k % 10u), i32(k / 10u)) - 1;
+        let beyond = vec2u((n < vec2i(0)) | (n > vec2i(15)));
+        let side = beyond.y * 2u + beyond.x;
+        coarse_z[k] = vec2f();
+        // Other blocks have no z: their memory may hold other quantities.
+        if ((blocks[b].active_parents >> side) & 1u) != 0u {
+            let holder = blocks[b].parents[side];
+            let at = ((params.other_base + holder) * VECTOR_PLANES + DIRECTION) * NODES + slot(u32(n.x & 15), u32(n.y & 15));
+            coarse_z[k] = vec2f(coarse_vectors[at], coarse_vectors[at + NODES]);
+        }
     }
-    let at = ((params.other_base + holder) * VECTOR_PLANES + DIRECTION) * NODES + source.y;
-    return vec2f(coarse_vectors[at], coarse_vectors[at + NODES]);
+    workgroupBarrier();
 }
 
-/// The weight ω of the lower neighbour at node n of the window of block b.
-fn interpolation_weight(b: u32, n: vec2u) -> f32 {
-    let source = window_source(n);
-    let holder = blocks[b].active_neighbours[source.x];
-    if holder == NONE {
-        return 0.0;
-    }
-    return interpolation_weight_at(holder, source.y);
+fn coarse_at(n: vec2i) -> vec2f {
+    return coarse_z[u32((n.y + 2) / 2 * 10 + (n.x + 2) / 2)];
 }
 
-/// z of the coarser level at coarse column `column` (0 to 8) and fine row `row` of block b: interpolated in y alone.
-fn interpolate_in_y(b: u32, parent: u32, column: u32, row: u32) -> vec2f {
-    let low = vec2u(blocks[b].x & 1u, blocks[b].y & 1u) * 8u + vec2u(column, row / 2u) + 1u;
-    let own = coarse_z(parent, low);
-    if row % 2u == 0u {
-        return own;
+/// z of the coarser level, interpolated in y, at node n in a coarse column.
+fn interpolated_in_y(n: vec2i) -> vec2f {
+    if (n.y & 1) == 0 {
+        return coarse_at(n);
     }
-    let weight = interpolation_weight(b, vec2u(2u * column + 1u, row + 1u));
-    return own * weight + coarse_z(parent, low + vec2u(0u, 1u)) * (1.0 - weight);
+    let weight = weight_at(n);
+    return coarse_at(n - vec2i(0, 1)) * weight + coarse_at(n + vec2i(0, 1)) * (1.0 - weight);
 }
 
-/// P z of the coarser level at the node at slot s of block b.
-fn interpolated_z(b: u32, s: u32) -> vec2f {
-    let parent = blocks[b].parent;
-    if parent == NONE || is_fixed(b, s) {
-        return vec2f();
+/// P z of the coarser level at node n, from (-1, -1) to (16, 16), which may move.
+fn interpolated(n: vec2i) -> vec2f {
+    if (n.x & 1) == 0 {
+        return interpolated_in_y(n);
     }
-    let n = node_at(s);
-    let west = interpolate_in_y(b, parent, n.x / 2u, n.y);
-    if n.x % 2u == 0u {
-        return west;
-    }
-    let weight = interpolation_weight_at(b, s);
-    return west * weight + interpolate_in_y(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
+    let weight = weight_at(n);
+    return interpolated_in_y(n - vec2i(1, 0)) * weight + interpolated_in_y(n + vec2i(1, 0)) * (1.0 - weight);
 }
 
 @compute @workgroup_size(64)
@@ -57,18 +54,59 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     if b == NONE {
         return;
     }
-    let colour = block_colour(b);
+    load_weights(b, t);
+    load_coarse_z(b, t);
     for (var k = t; k < WINDOW; k += 64u) {
-        let source = window_source(window_node(k));
+        let node = window_node(k);
+        let source = window_source(node);
         let holder = blocks[b].active_neighbours[source.x];
         window_z[k] = vec2f();
-        if holder != NONE {
-            window_z[k] = vector(holder, DIRECTION, source.y);
-            if block_colour(holder) <= colour {
-                window_z[k] += interpolated_z(holder, source.y);
-            }
+        if holder != NONE && !is_fixed(holder, source.y) {
+            window_z[k] = vector(holder, SMOOTHED, source.y) + interpolated(vec2i(node) - 1);
         }
     }
     workgroupBarrier();
-    sweep_block(b, t, true);
+    if params.mode == UP_SECOND {
+        sweep_block(b, t, PRODUCT, true, false);
+        second_residual(b, t, group);
+        return;
+    }
+    sweep_block(b, t, RESIDUAL, true, false);
+    var sum = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let s = thread_slot(k, t);
+        let z = window_z[place_of_slot(s)];
+        set_vector(b, DIRECTION, s, z);
+        sum += dot(vector(b, RESIDUAL, s), z);
+    }
+    if params.mode == UP_FIRST {
+        write_sum(group, t, SUM_RZ, sum);
+        // With a pull, assembly does not have all of the energy.
+        if t == 0u && params.pull == 0.0 {
+            partials[sum_index(SUM_ENERGY, params.partial + group.y * SPREAD + group.x)] =
+                vectors[vector_index(b, PRODUCT, 0u)];
+        }
+    }
+}
+
+/// z1 = z0 - alpha M A z0 takes the place of r; sums r1 . z1 and z1 . A z0, with r1 = r - alpha A z0.
+fn second_residual(b: u32, t: u32, group: vec3u) {
+    let alpha = charts[blocks[b].chart].alpha;
+    var sums = vec2f();
+    for (var k = 0u; k < 4u; k++) {
+        let s = thread_slot(k, t);
+        let product = vector(b, PRODUCT, s);
+        var r = vector(b, RESIDUAL, s);
+        var z = vector(b, DIRECTION, s);
+        // A step of length 0 leaves both as they are, even where the product is NaN.
+        if alpha != 0.0 {
+            r -= alpha * product;
+            z -= alpha * window_z[place_of_slot(s)];
+        }
+        set_vector(b, RESIDUAL, s, z);
+        sums += vec2f(dot(r, z), dot(product, z));
+    }
+    write_sum(group, t, SUM_RZ_SECOND, sums.x);
+    workgroupBarrier();
+    write_sum(group, t, SUM_PRODUCT_Z_SECOND, sums.y);
 }

@@ -26,8 +26,7 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         if holder != NONE {
             window_u[k] = displacement(holder, source.y);
             if blocks[holder].is_active != 0u {
-                let x = vector_index(holder, STEP, source.y);
-                window_step[k] = vec2f(vectors[x], vectors[x + NODES]);
+                window_step[k] = step_vector(holder, source.y);
             }
         }
     }
@@ -99,9 +98,7 @@ fn mark_corners(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
         if holder != NONE {
             window_u[k] = displacement(holder, source.y);
             if blocks[holder].is_active != 0u {
-                let x = vector_index(holder, STEP, source.y);
-                let step = vec2f(vectors[x], vectors[x + NODES]);
-                window_step[k] = vectors[vector_index(holder, plane, source.y)] * step;
+                window_step[k] = vectors[vector_index(holder, plane, source.y)] * step_vector(holder, source.y);
             }
         }
         if params.factor < 0.0 {

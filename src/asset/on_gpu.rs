@@ -33,10 +33,10 @@ fn last_on_gpu(job: &Job) -> Option<Arc<gpu::ResultBuffers>> {
 
 fn run_on_gpu(memory: &mut gpu::Memory, job: &Job) -> Result<TileSolution> {
     let context = memory.context.clone();
-    let mut run = gpu::Run::new(&job.input, memory, last_on_gpu(job), job.keep)?;
+    let mut run = gpu::Run::new(&job.input, memory, last_on_gpu(job), job.keep, job.team.control())?;
     let summary = job.run_schedule(&mut run);
     let blocks_active = run.blocks_active();
-    let done = run.finish(job.team.control())?;
+    let done = run.finish()?;
     let summary = Summary { times: done.statistics.times(), ..summary };
     Ok(solution(context, job, done, summary, blocks_active))
 }
@@ -47,11 +47,11 @@ fn run_on_both(switch: Switch, memory: &mut gpu::Memory, job: &Job) -> Result<Ti
     let mut of_cpu = cpu::Memory::new(job.grid, job.plan.solver());
     let mut u = job.initial_displacements()?;
     let cpu = cpu::Run::new(job.team, &job.input, &mut of_cpu, &mut u, job.anchor()?);
-    let gpu = gpu::Run::new(&job.input, memory, last_on_gpu(job), job.keep)?;
+    let gpu = gpu::Run::new(&job.input, memory, last_on_gpu(job), job.keep, job.team.control())?;
     let mut run = Switched::new(cpu, gpu, switch);
     let summary = job.run_schedule(&mut run);
     let blocks_active = run.gpu.blocks_active();
-    let done = run.finish(job.team.control())?;
+    let done = run.finish()?;
     Ok(solution(context, job, done, summary, blocks_active))
 }
 

@@ -58,7 +58,7 @@ impl Asset {
             let mut u = zeroed(grid.levels[0].blocks.list.len());
             let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u, &[]);
             context.contain(|| {
-                let gpu = gpu::Run::new(&input, &mut of_gpu, None, &filled(false, charts.len()))?;
+                let gpu = gpu::Run::new(&input, &mut of_gpu, None, &filled(false, charts.len()), None)?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
                 schedule::run(&mut pair, &plan, false, &mut Clock::unlimited(), &mut Progress::default());
                 pair.finish()

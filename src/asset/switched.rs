@@ -1,8 +1,5 @@
 //! The schedule on one backend up to a point, on the other from there.
 
-use std::sync::Arc;
-
-use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::memory::Collect;
 use crate::method::acceptance::Correction;
@@ -71,17 +68,17 @@ impl<'a> Switched<'a> {
     }
 
     /// Waits for all of it. The result is on the GPU, whichever backend certified it.
-    pub fn finish(mut self, control: Option<&Arc<Control>>) -> Result<gpu::Solution> {
+    pub fn finish(mut self) -> Result<gpu::Solution> {
         if let Some(error) = self.error {
             return Err(error);
         }
         if self.on_gpu {
-            let mut done = self.gpu.finish(control)?;
+            let mut done = self.gpu.finish()?;
             done.node_updates += self.cpu.node_updates();
             return Ok(done);
         }
         self.gpu.set_result(self.cpu.result())?;
-        let mut done = self.gpu.finish(control)?;
+        let mut done = self.gpu.finish()?;
         done.node_updates += self.cpu.node_updates();
         done.charts = self.cpu.results;
         Ok(done)

@@ -35,17 +35,17 @@ fn row_pair(block: &Block) -> (u32, u32) {
     (block.chart, block.y / 2)
 }
 
-/// Divides all levels into bands that hold at most `capacity` blocks each.
+/// Divides all levels into bands that hold at most `capacity(level)` blocks each.
 ///
 /// # Errors
 /// `Unsupported` if a pair of rows with its neighbours does not fit.
-pub fn bands(levels: &[Level], capacity: usize) -> Result<Vec<Vec<Band>>> {
+pub fn bands(levels: &[Level], capacity: impl Fn(usize) -> usize) -> Result<Vec<Vec<Band>>> {
     let mut all: Vec<Vec<Band>> = filled(Vec::new(), levels.len());
     for k in (0..levels.len()).rev() {
         let level = &levels[k];
         let count = level.blocks.list.len();
         if k + 1 == levels.len() {
-            all[k] = split(level, 0..count, 0, capacity)?;
+            all[k] = split(level, 0..count, 0, capacity(k))?;
             continue;
         }
         // Each coarser band's children are divided by themselves, so that no finer band has parents in two bands.
@@ -62,7 +62,7 @@ pub fn bands(levels: &[Level], capacity: usize) -> Result<Vec<Vec<Band>>> {
             };
             let children = first_child(coarser)..first_child(coarser + 1);
             let first = bands.len();
-            bands.put_all(split(level, children, coarser, capacity)?);
+            bands.put_all(split(level, children, coarser, capacity(k))?);
             all[k + 1][coarser].finer = first..bands.len();
         }
         all[k] = bands;

@@ -4,14 +4,14 @@ use super::bands::Band;
 use super::layout::{BlockRecord, Triangle, node_planes};
 use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::{NONE, TileMesh};
-use crate::tile::blocks::NODES;
+use crate::tile::blocks::{Block, Blocks, NODES};
 use crate::tile::{Grid, Level};
 
 /// Records of the blocks that a band of level `k` holds.
 pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<BlockRecord> {
     let level = &grid.levels[k];
     let list = &level.blocks.list;
-    let coarser = bands.get(k + 1).map(|bands| &bands[band.coarser]);
+    let coarser = bands.get(k + 1).map(|bands| (&grid.levels[k + 1].blocks, &bands[band.coarser]));
     let finer = k.checked_sub(1).map(|k| &bands[k][band.finer.clone()]);
     band.held
         .clone()
@@ -24,6 +24,10 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
                     finer.and_then(|bands| bands.iter().find(|band| band.owned.contains(&(child as usize))));
                 band.map_or(NONE, |band| band.place(child))
             });
+            let (parents, active_parents) = match coarser {
+                Some((blocks, band)) => parents(blocks, band, level.parent[b], block),
+                None => ([NONE; 4], 0),
+            };
             let chart = level.blocks.of_chart[block.chart as usize].clone();
             let lengths = level.lengths[block.chart as usize];
             let (first, end) = (chart.start.max(band.held.start), chart.end.min(band.held.end));
@@ -34,7 +38,8 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
                 x: block.x,
                 y: block.y,
                 is_active: u32::from(block.active),
-                parent: coarser.map_or(NONE, |coarser| coarser.place(level.parent[b])),
+                parents,
+                active_parents,
                 children,
                 chart_first: (first - band.held.start) as u32,
                 chart_count: (end - first) as u32,
@@ -45,6 +50,18 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
             }
         })
         .collected()
+}
+
+/// The block of the coarser level over `block`, number `own`, and its neighbours on the side of the quarter where `block`
+/// is, as `BlockRecord` has them; and which of them are active.
+fn parents(blocks: &Blocks, band: &Band, own: u32, block: &Block) -> ([u32; 4], u32) {
+    let (x, y) = ([3, 5][(block.x % 2) as usize], [1, 7][(block.y % 2) as usize]);
+    let all = match blocks.neighbours.get(own as usize) {
+        Some(neighbours) => [own, neighbours[x], neighbours[y], neighbours[x + y - 4]],
+        None => [NONE; 4],
+    };
+    let active = |k: usize| all[k] != NONE && blocks.list[all[k] as usize].active;
+    (all.map(|b| band.place(b)), (0..4).map(|k| u32::from(active(k)) << k).sum())
 }
 
 /// The codes of a block's weights of interpolation, four to a word; 0 on the coarsest level, which has none.

@@ -6,23 +6,34 @@ mod tests;
 
 use super::kernels::Kernel;
 use super::layout::{
-    DECIDE_BEFORE, DECIDE_DIRECTION, DECIDE_FIRST_DIRECTION, DECIDE_LAST_TRIAL, DECIDE_STEP_LENGTH,
-    DECIDE_TRIAL, GATE_LIMITED, Params, RELAX_FRACTION, SELECT_ALL, SELECT_FIRST_CORRECTION,
-    SELECT_LATER_CORRECTION, SMOOTH_BACKWARDS, SMOOTH_FROM_ZERO, STEP_FIRST_TRIAL, STEP_LATER_TRIAL,
+    COARSE_CYCLE, COARSE_SOLVE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP, DECIDE_LAST_TRIAL,
+    DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, GATE_LIMITED, Params, RELAX_FRACTION,
+    SELECT_ALL, SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL,
+    UP_COARSE, UP_FIRST, UP_SECOND,
 };
+use super::lists::List;
 use super::{BandBuffer, GateSet, Run};
+use crate::error::Result;
+use crate::memory::Collect;
 use crate::method::acceptance::Correction;
 use crate::method::law::{
-    CG_ITERATIONS, COARSEST_ROUNDS, FALLOFF_PASSES, FIRST_FALLOFF_PASSES, LIMIT_ROUNDS, SMOOTHER_SWEEPS,
-    TRIAL_FRACTIONS, kept_margin,
+    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, LIMIT_ROUNDS, SMOOTHER_SWEEPS, TRIAL_FRACTIONS, kept_margin,
 };
 
 impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
+        if correction.first {
+            self.settled = false;
+        } else if self.settled || !self.is_wanted() {
+            self.settled = true;
+            return;
+        }
         self.select(if correction.first { SELECT_FIRST_CORRECTION } else { SELECT_LATER_CORRECTION });
-        self.open_gate(GateSet::Correction, 0);
-        let correction_gate = self.gate;
-        self.energy(self.with_pull(level), level, DECIDE_BEFORE);
+        // Assembly leaves the energy without a pull.
+        let params = self.with_pull(level);
+        if params.pull > 0.0 {
+            self.energy_sums(params, level);
+        }
         self.assemble(level);
         // Further corrections use the coarser systems of the first one: these precondition well enough.
         if correction.first {
@@ -32,7 +43,7 @@ impl Run<'_> {
         }
         self.conjugate_gradients(level);
         self.limit_step(level);
-        self.gate = correction_gate;
+        self.gate = None;
         for (n, factor) in TRIAL_FRACTIONS.into_iter().chain([0.0]).enumerate() {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
             let mode = if n == 0 { STEP_FIRST_TRIAL } else { STEP_LATER_TRIAL };
@@ -52,6 +63,33 @@ impl Run<'_> {
         }
         self.gate = None;
         self.select(SELECT_ALL);
+    }
+
+    /// Whether a chart takes part in a further correction of the level. The records of the charts tell, once the work so far is
+    /// done: waiting for it costs less than the many dispatches of a correction that turn out empty.
+    fn is_wanted(&mut self) -> bool {
+        if self.error.is_some() {
+            return false;
+        }
+        match self.waited_records() {
+            Ok(records) => records.iter().any(|chart| chart.solved == 1 && chart.finished == 0),
+            Err(error) => {
+                self.error = Some(error);
+                false
+            }
+        }
+    }
+
+    /// Submits what is recorded, waits for it, unless the call is cancelled, and reads the records of the charts.
+    fn waited_records(&mut self) -> Result<Vec<Chart>> {
+        let (charts, bytes) = (self.memory.charts.clone(), self.charts.len() * size_of::<Chart>());
+        let readback = self.recorder.read(&[(&charts, 0..bytes as u64)], false)?;
+        if let Some(control) = &self.control {
+            self.context.wait_for(control)?;
+        }
+        let parts = self.context.taken(&readback)?;
+        let records = parts.iter().flat_map(|part| part.chunks_exact(size_of::<Chart>()));
+        Ok(records.map(bytemuck::pod_read_unaligned).collected())
     }
 
     /// Assembles the system of a level from its state.
@@ -89,86 +127,125 @@ impl Run<'_> {
         self.exchange(k, BandBuffer::Rows);
     }
 
+    /// Solves a level's system for the step, a combination of two preconditioned residuals (method §7.3). The step's length
+    /// and the predicted gain are in the records of the charts, and so is the energy before.
     fn conjugate_gradients(&mut self, level: usize) {
-        for mode in 0..CG_ITERATIONS {
-            self.precondition(level);
-            let decision = if mode == 0 { DECIDE_FIRST_DIRECTION } else { DECIDE_DIRECTION };
-            self.reduce(Kernel::ResidualDot, level, self.params, decision);
-            let params = Params { mode, ..self.params };
-            if mode > 0 {
-                self.dispatch_active(Kernel::Direction, level, params, Some(BandBuffer::Vectors));
+        let params = self.with_pull(level);
+        if let Some(top) =
+            self.memory.coarse.as_ref().and_then(|coarse| level.checked_sub(coarse.levels.first))
+        {
+            self.multigrid_coarse(top, COARSE_SOLVE);
+            if params.pull > 0.0 {
+                self.decide(level, params, DECIDE_BEFORE);
             }
-            self.reduce(Kernel::Curvature, level, self.params, DECIDE_STEP_LENGTH);
-            let last = mode + 1 == CG_ITERATIONS;
-            self.dispatch_active(Kernel::Advance, level, params, last.then_some(BandBuffer::Vectors));
+            return;
         }
+        self.multigrid_down(level, DOWN_FROM_RESIDUAL);
+        self.coarse_cycle(level);
+        self.multigrid_up(level, UP_FIRST, params.pull);
+        for band in 0..self.memory.bands[level].len() {
+            let lists = &self.memory.lists[level][band];
+            let (active, partial) = (lists.active, lists.partial);
+            let params = Params { partial, sweeps: SMOOTHER_SWEEPS, ..self.params };
+            self.dispatch_to_coarser(Kernel::Product, level, band, None, active, params);
+        }
+        self.exchange(level, BandBuffer::Vectors);
+        self.exchange(level + 1, BandBuffer::Contributions);
+        self.decide(level, self.params, DECIDE_FIRST_STEP);
+        self.coarse_cycle(level);
+        self.multigrid_up(level, UP_SECOND, params.pull);
+        self.reduce(Kernel::Curvature, level, self.params, DECIDE_SECOND_STEP);
+        self.exchange(level, BandBuffer::Vectors);
     }
 
-    /// Dispatches a V-cycle: direction = M⁻¹ residual on `level` (method §7.4).
-    fn precondition(&mut self, level: usize) {
+    /// The part of a V-cycle on the levels that are coarser than `level` (method §7.4).
+    fn coarse_cycle(&mut self, level: usize) {
         let coarsest = self.grid.levels.len() - 1;
-        let first_coarse = self.memory.coarse.as_ref().map(|coarse| coarse.levels.first);
-        let turn = first_coarse.unwrap_or(coarsest).max(level);
-        for k in level..turn {
-            self.smooth(k, SMOOTH_FROM_ZERO);
-            self.restrict(k);
+        let first = self.memory.coarse.as_ref().map_or(coarsest + 1, |coarse| coarse.levels.first);
+        for k in level + 1..first {
+            self.multigrid_down(k, DOWN_GATHER);
         }
-        match first_coarse {
-            Some(first) => self.coarse_cycle(turn - first),
-            None => {
-                for round in 0..COARSEST_ROUNDS {
-                    self.smooth(coarsest, if round == 0 { SMOOTH_FROM_ZERO } else { 0 });
-                }
-                for _ in 0..COARSEST_ROUNDS {
-                    self.smooth(coarsest, SMOOTH_BACKWARDS);
-                }
-            }
+        if first <= coarsest {
+            self.multigrid_coarse(0, COARSE_CYCLE);
         }
-        for k in (level..turn).rev() {
-            self.multigrid_up(k);
+        for k in (level + 1..first).rev() {
+            self.multigrid_up(k, UP_COARSE, 0.0);
         }
     }
 
-    fn smooth(&mut self, k: usize, mode: u32) {
-        let params = Params { mode, sweeps: SMOOTHER_SWEEPS, ..self.params };
-        self.each_colour(k, mode == SMOOTH_BACKWARDS, BandBuffer::Vectors, |run, band, list| {
-            run.dispatch_list(Kernel::SmoothDirection, [k, band], &[], list, params);
-        });
-    }
-
-    /// Computes the right-hand side of level `k + 1` from the residual of level `k`.
-    fn restrict(&mut self, k: usize) {
+    /// Smooths level `k` from 0, and forms what this contributes to the coarser level.
+    fn multigrid_down(&mut self, k: usize, mode: u32) {
         for band in 0..self.memory.bands[k].len() {
-            let coarse = &self.memory.buffers[k + 1][self.memory.bands[k][band].coarser];
-            let params = Params { other_base: coarse.base.unwrap_or(0), ..self.params };
-            let extra = [coarse.nodes.clone(), coarse.vectors.clone()];
             let active = self.memory.lists[k][band].active;
-            self.dispatch_list(Kernel::Restrict, [k, band], &extra, active, params);
+            let contributed = self.memory.buffers[k][band].contributions.clone();
+            let params = Params { mode, sweeps: SMOOTHER_SWEEPS, ..self.params };
+            self.dispatch_to_coarser(Kernel::MultigridDown, k, band, Some(contributed), active, params);
         }
+        self.exchange(k, BandBuffer::Vectors);
+        self.exchange(k + 1, BandBuffer::Contributions);
+    }
+
+    /// Dispatches a kernel whose blocks contribute to the right-hand side of the next coarser level.
+    fn dispatch_to_coarser(
+        &mut self,
+        kernel: Kernel,
+        k: usize,
+        band: usize,
+        contributed: Option<wgpu::Buffer>,
+        list: List,
+        params: Params,
+    ) {
+        let own = &self.memory.buffers[k][band].contributions;
+        // Blocks of the coarsest level have no parents: they contribute nothing.
+        let (leaving, other_base) = match self.memory.buffers.get(k + 1) {
+            Some(coarser) => {
+                let coarse = &coarser[self.memory.bands[k][band].coarser];
+                (coarse.contributions.clone(), coarse.base.unwrap_or(0))
+            }
+            None => (self.memory.no_contributions.clone(), 0),
+        };
+        let extra = [contributed.unwrap_or_else(|| own.clone()), leaving];
+        self.dispatch_list(kernel, [k, band], &extra, list, Params { other_base, ..params });
     }
 
     /// Adds the interpolated direction of level `k + 1` to that of level `k`, and smooths it.
-    fn multigrid_up(&mut self, k: usize) {
-        self.each_colour(k, true, BandBuffer::Vectors, |run, band, list| {
-            let coarse = &run.memory.buffers[k + 1][run.memory.bands[k][band].coarser];
-            let params =
-                Params { sweeps: SMOOTHER_SWEEPS, other_base: coarse.base.unwrap_or(0), ..run.params };
-            let extra = [coarse.blocks.clone(), coarse.vectors.clone()];
-            run.dispatch_list(Kernel::MultigridUp, [k, band], &extra, list, params);
-        });
+    fn multigrid_up(&mut self, k: usize, mode: u32, pull: f32) {
+        for band in 0..self.memory.bands[k].len() {
+            let lists = &self.memory.lists[k][band];
+            let (active, partial) = (lists.active, lists.partial);
+            let (vectors, other_base) = match self.memory.buffers.get(k + 1) {
+                Some(coarser) => {
+                    let coarse = &coarser[self.memory.bands[k][band].coarser];
+                    (coarse.vectors.clone(), coarse.base.unwrap_or(0))
+                }
+                None => (self.memory.no_contributions.clone(), 0),
+            };
+            let params = Params { mode, partial, sweeps: SMOOTHER_SWEEPS, other_base, pull, ..self.params };
+            self.dispatch_list(Kernel::MultigridUp, [k, band], &[vectors], active, params);
+        }
+        self.exchange(k, BandBuffer::Vectors);
     }
 
-    /// Dispatches the part of the V-cycle on the coarse levels, from the `top`-th of them on.
-    fn coarse_cycle(&mut self, top: usize) {
+    /// Dispatches the work on the coarse levels, from the `top`-th of them on: a V-cycle, or the solution of that level's
+    /// system.
+    fn multigrid_coarse(&mut self, top: usize, mode: u32) {
         let Some(coarse) = &self.memory.coarse else { return };
-        let count = coarse.levels.bases.len() as u32;
-        let params = Params { mode: top as u32, count, sweeps: SMOOTHER_SWEEPS, ..self.params };
-        let bytes = coarse.levels.bytes_moved(self.grid, coarse.levels.first + top);
-        let extra = [coarse.blocks.clone(), coarse.lists.clone()];
+        let (first, bases) = (coarse.levels.first, &coarse.levels.bases);
+        let params = Params {
+            mode,
+            first: top as u32,
+            count: bases.len() as u32,
+            sweeps: SMOOTHER_SWEEPS,
+            base: 0,
+            ..self.params
+        };
+        let cycles = if mode == COARSE_SOLVE { 2 } else { 1 };
+        let bytes = cycles * coarse.levels.bytes_moved(self.grid, first + top);
+        let contributed = self.memory.buffers[first][0].contributions.clone();
+        let extra = [coarse.blocks.clone(), coarse.lists.clone(), contributed];
         // Any of these levels will do: all have the same buffers of rows and vectors.
-        let at = [coarse.levels.first, 0];
         let size = self.dispatch_size(0, params.items);
-        self.dispatch(Kernel::MultigridCoarse, at, &extra, &params, size, bytes);
+        self.dispatch(Kernel::MultigridCoarse, [first, 0], &extra, &params, size, bytes);
     }
 
     /// Computes the step fraction of each node (method §7.6).

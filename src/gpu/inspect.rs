@@ -8,11 +8,13 @@ use super::layout::{
     SELECT_ALL, Triangle, VECTOR_PLANES, state_planes,
 };
 #[cfg(feature = "oracle")]
-use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
+use super::layout::{DECIDE_ENERGY, DIRECTION, FRACTION, INVALID_ENERGY, RESIDUAL};
 use super::memory::PLANE;
 use super::{BandBuffer, Run};
 use crate::error::Result;
 use crate::memory::{Collect, Grow, with_capacity};
+#[cfg(feature = "oracle")]
+use crate::method::law::MAX_STEP;
 use crate::tile::blocks::{NODES, Plane};
 
 impl Run<'_> {
@@ -147,7 +149,20 @@ impl Run<'_> {
         let plane = |b: usize| FRACTION + (records[list[b].chart as usize].limit_rounds & 1) as usize;
         let fraction =
             (0..list.len()).flat_map(|b| &vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES]);
-        Ok([vector_planes(&vectors, STEP), fraction.copied().collected()])
+        // As `step_vector` of the shaders forms it.
+        let mut step: Vec<u32> = Vec::new();
+        for (b, block) in vectors.chunks(VECTOR_PLANES * NODES).enumerate() {
+            let factors = records[list[b].chart as usize].step;
+            for at in 0..2 * NODES {
+                let terms = factors.iter().zip([DIRECTION, RESIDUAL]).map(|(&factor, plane)| {
+                    let z = f32::from_bits(block[plane * NODES + at]);
+                    if factor == 0.0 { 0.0 } else { factor * z }
+                });
+                let x: f32 = terms.sum();
+                step.put(if x.abs() < MAX_STEP { x.to_bits() } else { 0 });
+            }
+        }
+        Ok([step, fraction.copied().collected()])
     }
 
     /// Reads all planes of one of a level's buffers, in the order of its blocks.
@@ -188,6 +203,8 @@ impl Run<'_> {
             BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
             BandBuffer::Rows => (&buffers.rows, ROW_PLANES, base),
             BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES, base),
+            // Not of planes, and of no interest beyond a V-cycle.
+            BandBuffer::Contributions => return None,
             BandBuffer::Result => (&self.result.bands[band].1, RESULT_PLANES, 0),
         };
         Some((buffer.clone(), planes as u64, base))

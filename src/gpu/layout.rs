@@ -52,24 +52,45 @@ pub mod shared {
         /// First of the eight planes of the pairs.
         PAIR: usize = 3;
 
-        /// Planes per block of the vectors of a correction. As on the CPU (`cpu/correct/workspace.rs`), a plane holds
-        /// different quantities one after the other.
+        /// Planes per block of the vectors of a correction. A plane holds different quantities one after the other.
         VECTOR_PLANES: usize = 8;
-        /// The residual (2), while the system is solved.
+        /// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned residual z1.
         RESIDUAL: usize = 0;
-        /// The result of the V-cycle, then the direction of conjugate gradients (2), while the system is solved.
+        /// The result of the V-cycle (2); on the corrected level that of the first one, z0.
         DIRECTION: usize = 2;
-        /// The product of the matrix and the direction, and the residual inside the V-cycle (2), while the system is
-        /// solved.
+        /// The product of the matrix and z0 (2), for which the second V-cycle is done; on the levels that one dispatch works
+        /// on, scratch memory of the V-cycle.
         PRODUCT: usize = 4;
-        /// The step (2), until the correction ends.
-        STEP: usize = 6;
-        /// The step fraction of each node, in two planes used alternately, while the step is limited and tried.
-        FRACTION: usize = 0;
+        /// z smoothed on the way to coarser levels (2).
+        SMOOTHED: usize = 6;
+        /// The step fraction of each node, in two planes used alternately, while the step is limited and tried. The step
+        /// itself is a combination of z0 and z1.
+        FRACTION: usize = 6;
         /// 1 at nodes with a corner that would fall under the bound, else 0, while the step is limited.
-        MARK: usize = 2;
+        MARK: usize = 4;
         /// The displacement before the step (2), while the step is tried.
-        U_BEFORE: usize = 2;
+        U_BEFORE: usize = 4;
+
+        /// Quantities that are summed per block.
+        SUMS: u32 = 8;
+        /// The energy.
+        SUM_ENERGY: u32 = 0;
+        /// The least corner Jacobian, of which not the sum is taken.
+        SUM_LEAST_JACOBIAN: u32 = 1;
+        /// The number of folds.
+        SUM_FOLDS: u32 = 2;
+        /// The largest displacement, of which not the sum is taken.
+        SUM_LARGEST: u32 = 3;
+        /// While the system is solved: r . z0.
+        SUM_RZ: u32 = 1;
+        /// z0 . A z0.
+        SUM_Z_PRODUCT: u32 = 2;
+        /// r1 . z1.
+        SUM_RZ_SECOND: u32 = 4;
+        /// z1 . A z0.
+        SUM_PRODUCT_Z_SECOND: u32 = 5;
+        /// z1 . A z1.
+        SUM_CURVATURE_SECOND: u32 = 6;
 
         /// The displacement at the last integration (2). The paper's solver uses the planes of the vectors for the
         /// second copy of the state.
@@ -79,12 +100,10 @@ pub mod shared {
         DECIDE_IDENTITY: u32 = 0;
         /// `decide`: the energy before a correction.
         DECIDE_BEFORE: u32 = 1;
-        /// `decide`: the product of residual and preconditioned residual, in further iterations.
-        DECIDE_DIRECTION: u32 = 2;
-        /// `decide`: the product of residual and preconditioned residual, in the first iteration.
-        DECIDE_FIRST_DIRECTION: u32 = 3;
-        /// `decide`: the curvature, direction times matrix times direction.
-        DECIDE_STEP_LENGTH: u32 = 4;
+        /// `decide`: the energy before a correction, and the length of the first step of conjugate gradients.
+        DECIDE_FIRST_STEP: u32 = 2;
+        /// `decide`: the step, after the second iteration of conjugate gradients.
+        DECIDE_SECOND_STEP: u32 = 3;
         /// `decide`: the energy after a trial.
         DECIDE_TRIAL: u32 = 5;
         /// `decide`: the energy after the last trial, which is always accepted.
@@ -116,10 +135,20 @@ pub mod shared {
         ENERGY_VALID: u32 = 0;
         /// `energy`: a state with any corner Jacobians is valid.
         ENERGY_ALLOWING_FOLDS: u32 = 1;
-        /// `smooth_direction`, a bit: block colours and node colours run backwards.
-        SMOOTH_BACKWARDS: u32 = 1;
-        /// `smooth_direction`, a bit: the direction counts as 0 before this pass over the block colours.
-        SMOOTH_FROM_ZERO: u32 = 2;
+        /// `multigrid_down`: the residual is there.
+        DOWN_FROM_RESIDUAL: u32 = 0;
+        /// `multigrid_down`: the residual is gathered from what the finer level contributed.
+        DOWN_GATHER: u32 = 1;
+        /// `multigrid_up`: on a level other than the corrected one.
+        UP_COARSE: u32 = 0;
+        /// `multigrid_up`: on the corrected level, in the first V-cycle.
+        UP_FIRST: u32 = 1;
+        /// `multigrid_up`: on the corrected level, in the second V-cycle, which begins with A z0.
+        UP_SECOND: u32 = 2;
+        /// `multigrid_coarse`: a V-cycle for what the finer level contributed.
+        COARSE_CYCLE: u32 = 0;
+        /// `multigrid_coarse`: the system of one of its levels is solved.
+        COARSE_SOLVE: u32 = 1;
         /// `gate`, a bit: only charts whose step is limited open the gate.
         GATE_LIMITED: u32 = 1;
         /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
@@ -225,10 +254,12 @@ structs! {
         energy: f32,
         /// Conjugate gradients: product of residual and preconditioned residual.
         rz: f32,
-        /// Conjugate gradients: factor of the direction in the last step.
+        /// Conjugate gradients: product of z0, matrix and z0.
+        curvature: f32,
+        /// Conjugate gradients: length of the first step.
         alpha: f32,
-        /// Conjugate gradients: factor of the last step in the next direction.
-        beta: f32,
+        /// The step is this combination of z0 and z1.
+        step: [f32; 2],
         /// Predicted gain: the fall of the quadratic model over the step.
         predicted: f32,
         /// 1 during a level's first correction.
@@ -254,8 +285,11 @@ structs! {
         y: u32,
         /// 1 if the block has a movable node.
         is_active: u32,
-        /// The block of the next coarser level that holds the nodes at this block's even nodes.
-        parent: u32,
+        /// The block of the next coarser level that holds the nodes at this block's even nodes; its neighbours on the side of
+        /// the quarter of it that this block is, along x, along y and across the corner; NONE where there is none.
+        parents: [u32; 4],
+        /// One bit per parent: 1 if it has a movable node.
+        active_parents: u32,
         /// The blocks of the next finer level at its four quarters.
         children: [u32; 4],
         /// First and count of the chart's blocks in this band, sorted by y, then x.
@@ -288,6 +322,7 @@ structs! {
     /// A block of one of the coarse levels that `multigrid_coarse` works on. Blocks are named by their indices in the
     /// common buffers of these levels.
     pub struct CoarseBlock {
+        neighbours: [u32; 9],
         active_neighbours: [u32; 9],
         parent: u32,
         children: [u32; 4],

@@ -107,7 +107,7 @@ pub fn band_lists(
 }
 
 /// Number of gates that are in use at the same time.
-pub const GATE_SETS: usize = 3;
+pub const GATE_SETS: usize = 2;
 /// Most gates of a solve whose state is recorded; further ones share the last entry.
 pub const MAX_GATES: u32 = 4096;
 

@@ -10,7 +10,7 @@ use super::correct::coarse_levels::CoarseLevels;
 use super::kernels::{Binding, Kernel, slot};
 use super::layout::{Params, ROW_PLANES};
 use super::lists::{Lists, active_blocks, band_lists};
-use super::recorder::RecorderResources;
+use super::recorder::{Bound, RecorderResources};
 use super::results::ResultBuffers;
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
@@ -34,6 +34,8 @@ pub struct BandBuffers {
     pub metric: Option<wgpu::Buffer>,
     pub rows: wgpu::Buffer,
     pub vectors: wgpu::Buffer,
+    /// What the blocks of the finer level contribute to this level's right-hand side in a V-cycle; coarser levels only.
+    pub contributions: wgpu::Buffer,
     /// Level 1 only: the triangles of the dual cells (method §3), as first entries per node, and entries.
     pub gather: Option<[wgpu::Buffer; 2]>,
     /// Number of the band's first block in `rows` and `vectors` where coarse levels have these in common; else `None`.
@@ -72,13 +74,16 @@ pub(crate) struct Memory {
     pub dispatch_sizes: wgpu::Buffer,
     pub indirect_arguments: wgpu::Buffer,
     pub gate_open: wgpu::Buffer,
+    /// Stands for contributions where there are none: of a level finer than the finest one, and to one coarser than the
+    /// coarsest one.
+    pub no_contributions: wgpu::Buffer,
     /// Number of dispatch sizes.
     pub dispatch_size_count: u32,
     pub recording: RecorderResources,
     /// Two results, the last one and the next; more while older ones are being read.
     results: Vec<Arc<ResultBuffers>>,
     /// Bind groups made so far, by kernel, band (level, index) and the kernel's extra buffers.
-    pub bind_groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), wgpu::BindGroup>,
+    pub bind_groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), Bound>,
 }
 
 /// Most bytes that a block takes in one buffer.
@@ -89,20 +94,31 @@ fn capacity(context: &Context) -> usize {
     let limits = &context.limits;
     // Indices in shaders are 32 bits wide.
     let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(i32::MAX as u64);
-    let most = (bytes / MAX_BYTES_PER_BLOCK) as usize;
-    context.options.band.map_or(most, |band| band.min(most))
+    (bytes / MAX_BYTES_PER_BLOCK) as usize
+}
+
+/// The bands of all levels, and the coarse levels, which are not divided.
+fn divided(context: &Context, grid: &Grid) -> Result<(Vec<Vec<Band>>, Option<CoarseLevels>)> {
+    let capacity = capacity(context);
+    let coarse = CoarseLevels::new(grid, capacity);
+    let first = coarse.as_ref().map_or(grid.levels.len(), |coarse| coarse.first);
+    // Tests may ask for smaller bands.
+    let smaller = context.options.band.map_or(capacity, |band| band.min(capacity));
+    let bands = bands(&grid.levels, |k| if k < first { smaller } else { capacity })?;
+    Ok((bands, coarse))
 }
 
 impl Memory {
     /// Allocates the memory for a grid, and uploads its constants.
     pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
-        let bands = bands(&grid.levels, capacity(context))?;
-        let coarse = CoarseLevels::new(grid, &bands, capacity(context));
+        let (bands, coarse) = divided(context, grid)?;
         let sizes = BufferSizes::new(grid, tile, &bands, coarse.as_ref());
         let uploader = Uploader::new(context);
         let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
         let coarse_rows = storage("rows", sizes.coarse_rows)?;
         let coarse_vectors = storage("vectors", sizes.coarse_vectors)?;
+        let coarse_contributions = storage("contributions", sizes.coarse_contributions)?;
+        let no_contributions = storage("contributions", sizes.no_contributions)?;
         let mut buffers = with_capacity(bands.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let base = coarse.as_ref().and_then(|coarse| coarse.base(k));
@@ -132,6 +148,11 @@ impl Memory {
                     state: storage("state", sizes.state)?,
                     metric: sizes.metric.map(|bytes| storage("metric", bytes)).transpose()?,
                     rows,
+                    contributions: match sizes.contributions {
+                        _ if k == 0 => no_contributions.clone(),
+                        Some(bytes) => storage("contributions", bytes)?,
+                        None => coarse_contributions.clone(),
+                    },
                     vectors: vectors
                         .map_or_else(|| Ok(coarse_vectors.clone()), |bytes| storage("vectors", bytes))?,
                     gather,
@@ -167,6 +188,7 @@ impl Memory {
             dispatch_sizes: storage("sizes", sizes.dispatch_sizes)?,
             indirect_arguments: context.buffer("gates", sizes.indirect_arguments, indirect)?,
             gate_open: storage("gates", sizes.gate_open)?,
+            no_contributions,
             dispatch_size_count: 0,
             recording: RecorderResources::new(context)?,
             results: [result()?, result()?].into_iter().collected(),
@@ -184,8 +206,7 @@ impl Memory {
 
     /// Bytes that `new` allocates for a grid.
     pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
-        let bands = bands(&grid.levels, capacity(context))?;
-        let coarse = CoarseLevels::new(grid, &bands, capacity(context));
+        let (bands, coarse) = divided(context, grid)?;
         Ok(BufferSizes::new(grid, tile, &bands, coarse.as_ref()).total())
     }
 
@@ -257,44 +278,46 @@ impl Memory {
         layout: &wgpu::BindGroupLayout,
         at: [usize; 2],
         extra: &[wgpu::Buffer],
-    ) -> wgpu::BindGroup {
+    ) -> Bound {
         let band = &self.buffers[at[0]][at[1]];
-        let entries: Vec<_> = kernel
-            .source()
-            .bindings
-            .iter()
-            .map(|binding| {
-                let buffer = match binding.number() {
-                    slot::CHARTS => &self.charts,
-                    slot::BLOCKS => &band.blocks,
-                    slot::LISTS => &band.lists,
-                    slot::NODES => &band.nodes,
-                    slot::STATE => &band.state,
-                    // Level 1 of the pyramid gathers from triangles.
-                    slot::SURFACE if kernel == Kernel::PyramidGather => &self.triangles,
-                    slot::SURFACE => band.metric.as_ref().unwrap_or(&self.triangles),
-                    slot::ROWS => &band.rows,
-                    slot::VECTORS => &band.vectors,
-                    slot::PARTIALS => &self.partials,
-                    0 => &self.recording.params,
-                    n => &extra[(n - slot::EXTRA) as usize],
-                };
-                let resource = match binding {
-                    Binding::Params => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                        buffer,
-                        offset: 0,
-                        size: std::num::NonZeroU64::new(size_of::<Params>() as u64),
-                    }),
-                    _ => buffer.as_entire_binding(),
-                };
-                wgpu::BindGroupEntry { binding: binding.number(), resource }
-            })
-            .collected();
-        self.context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        let buffer = |number: u32| match number {
+            slot::CHARTS => &self.charts,
+            slot::BLOCKS => &band.blocks,
+            slot::LISTS => &band.lists,
+            slot::NODES => &band.nodes,
+            slot::STATE => &band.state,
+            // Level 1 of the pyramid gathers from triangles.
+            slot::SURFACE if kernel == Kernel::PyramidGather => &self.triangles,
+            slot::SURFACE => band.metric.as_ref().unwrap_or(&self.triangles),
+            slot::ROWS => &band.rows,
+            slot::VECTORS => &band.vectors,
+            slot::PARTIALS => &self.partials,
+            0 => &self.recording.params,
+            n => &extra[(n - slot::EXTRA) as usize],
+        };
+        let bindings = kernel.source().bindings;
+        let entry = |binding: &Binding| {
+            let buffer = buffer(binding.number());
+            let resource = match binding {
+                Binding::Params => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer,
+                    offset: 0,
+                    size: std::num::NonZeroU64::new(size_of::<Params>() as u64),
+                }),
+                _ => buffer.as_entire_binding(),
+            };
+            wgpu::BindGroupEntry { binding: binding.number(), resource }
+        };
+        let entries: Vec<_> = bindings.iter().map(entry).collected();
+        let group = self.context.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(kernel.source().entry),
             layout,
             entries: &entries,
-        })
+        });
+        let stored = bindings.iter().filter(|binding| **binding != Binding::Params);
+        let uses =
+            stored.map(|binding| (buffer(binding.number()).clone(), matches!(binding, Binding::Write(_))));
+        Bound { group, uses: Arc::new(uses.collected()) }
     }
 
     /// All buffers, each once.
@@ -302,8 +325,9 @@ impl Memory {
     #[allow(clippy::mutable_key_type, reason = "a buffer is compared by its identity")]
     pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {
         let bands = self.buffers.iter().flatten().flat_map(|band| {
-            let always = [&band.blocks, &band.lists, &band.nodes, &band.state, &band.rows, &band.vectors];
-            always.into_iter().chain(&band.metric).chain(band.gather.iter().flatten())
+            let solver = [&band.rows, &band.vectors, &band.contributions];
+            let always = [&band.blocks, &band.lists, &band.nodes, &band.state].into_iter().chain(solver);
+            always.chain(&band.metric).chain(band.gather.iter().flatten())
         });
         let coarse = self.coarse.iter().flat_map(|coarse| [&coarse.blocks, &coarse.lists]);
         let results = self.results.iter().flat_map(|result| result.bands.iter().map(|(_, buffer)| buffer));

@@ -2,12 +2,14 @@
 //! several, so that none exceeds the time limit of a desktop's watchdog.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::clock::Clock;
 use super::context::Context;
 use super::kernels::{Kernel, SOURCES};
 use super::layout::{Params, SPREAD};
+use super::transfer::Readback;
 use crate::error::Result;
 use crate::memory::{Collect, Grow, filled, make_room_in};
 use crate::report::{GpuKernel, GpuWork, StageTimes};
@@ -36,6 +38,13 @@ enum Command {
     },
     /// The commands from here to the next such mark belong to this stage.
     Stage(usize),
+}
+
+/// A bind group of a kernel, and the storage buffers in it, each with whether the kernel may write it.
+#[derive(Clone, Debug)]
+pub struct Bound {
+    pub group: wgpu::BindGroup,
+    pub uses: Arc<Vec<(wgpu::Buffer, bool)>>,
 }
 
 /// The size of a dispatch.
@@ -99,6 +108,9 @@ pub struct Recorder {
     /// Per timed pass: its stage and, if each dispatch has a pass of its own, its kernel.
     timed: Vec<(usize, Option<Kernel>)>,
     submissions: u64,
+    barriers: u64,
+    /// The buffers that dispatches used, and whether the last use may have written.
+    written: HashMap<wgpu::Buffer, bool>,
     /// Statistics per kernel of the dispatches without a gate, then of those under each gate.
     statistics: Vec<Vec<KernelStatistics>>,
 }
@@ -113,6 +125,8 @@ pub(crate) struct Statistics {
     pub submissions: u64,
     /// Dispatches under gates that were closed.
     pub skipped: u64,
+    /// Dispatches that had to wait for those before them.
+    pub barriers: u64,
     /// Per kernel, in the order of `SOURCES`.
     pub kernels: Vec<KernelStatistics>,
     /// Milliseconds per stage; `None` without timestamps.
@@ -145,6 +159,7 @@ impl Statistics {
             gpu_ms: self.stages.map(|stages| stages.iter().sum()),
             submissions: self.submissions,
             skipped: self.skipped,
+            barriers: self.barriers,
             kernels: kernels.collected(),
         }
     }
@@ -184,6 +199,8 @@ impl Recorder {
             stage: 0,
             timed: Vec::new(),
             submissions: 0,
+            barriers: 0,
+            written: HashMap::new(),
             statistics: Vec::new(),
         }
     }
@@ -207,7 +224,7 @@ impl Recorder {
         &mut self,
         kernel: Kernel,
         pipeline: &wgpu::ComputePipeline,
-        group: &wgpu::BindGroup,
+        group: &Bound,
         params: &Params,
         size: DispatchSize,
         bytes: u64,
@@ -232,8 +249,22 @@ impl Recorder {
             bytes,
             ms: 0.0,
         });
-        let (pipeline, group) = (pipeline.clone(), group.clone());
+        self.count_barrier(&group.uses);
+        let (pipeline, group) = (pipeline.clone(), group.group.clone());
         self.commands.put(Command::Dispatch { kernel, pipeline, group, offset, size });
+    }
+
+    /// Counts a barrier if a dispatch that uses these buffers has to wait for earlier ones. As wgpu does, a use that may
+    /// write waits for all earlier uses, and a use that reads waits for those that may have written.
+    fn count_barrier(&mut self, uses: &[(wgpu::Buffer, bool)]) {
+        let mut waits = false;
+        make_room_in(&mut self.written, uses.len());
+        for (buffer, writes) in uses {
+            #[expect(clippy::disallowed_methods, reason = "there is room")]
+            let before = self.written.insert(buffer.clone(), *writes);
+            waits |= before.is_some_and(|written| written || *writes);
+        }
+        self.barriers += u64::from(waits);
     }
 
     /// Records a copy of bytes between buffers.
@@ -258,6 +289,31 @@ impl Recorder {
 
     /// Submits the commands recorded so far.
     pub fn flush(&mut self) {
+        if !self.commands.is_empty() {
+            let encoder = self.encode();
+            self.submit(encoder);
+        }
+    }
+
+    /// Submits the commands recorded so far, and after them, in the same submission, copies of ranges of bytes for the host;
+    /// with `times`, those of the timestamps, too.
+    pub fn read(&mut self, ranges: &[(&wgpu::Buffer, Range<u64>)], times: bool) -> Result<Readback> {
+        let mut encoder = self.encode();
+        let times = if times { self.recording.clock.resolve(&mut encoder) } else { Vec::new() };
+        let times = times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes));
+        let all: Vec<_> = ranges.iter().cloned().chain(times).collected();
+        let readback = self.context.readback(&all, &mut encoder)?;
+        self.submit(encoder);
+        Ok(readback)
+    }
+
+    fn submit(&mut self, encoder: wgpu::CommandEncoder) {
+        self.context.queue.submit([encoder.finish()]);
+        self.submissions += 1;
+    }
+
+    /// Encodes the commands recorded so far.
+    fn encode(&mut self) -> wgpu::CommandEncoder {
         let context = self.context.clone();
         let Context { device, queue, .. } = &*context;
         queue.write_buffer(&self.recording.params, 0, &self.params);
@@ -306,21 +362,10 @@ impl Recorder {
                 }
             }
         }
-        queue.submit([encoder.finish()]);
-        self.submissions += 1;
         self.params.clear();
         self.record_offsets.clear();
         self.bytes_recorded = 0;
-    }
-
-    /// Submits the rest and the resolution of the timestamps; returns their buffers and the bytes in use.
-    pub fn finish(&mut self) -> Vec<(wgpu::Buffer, u64)> {
-        self.flush();
-        let label = wgpu::CommandEncoderDescriptor { label: Some("times") };
-        let mut encoder = self.context.device.create_command_encoder(&label);
-        let times = self.recording.clock.resolve(&mut encoder);
-        self.context.queue.submit([encoder.finish()]);
-        times
+        encoder
     }
 
     /// Returns the statistics, from the gates' states and the bytes of the timestamps, and the resources for the next
@@ -344,7 +389,10 @@ impl Recorder {
                 kernels[*kernel as usize].ms += ms;
             }
         }
-        let submissions = self.submissions;
-        (Statistics { submissions, skipped, kernels, stages, ..Statistics::default() }, self.recording)
+        let (submissions, barriers) = (self.submissions, self.barriers);
+        (
+            Statistics { submissions, barriers, skipped, kernels, stages, ..Statistics::default() },
+            self.recording,
+        )
     }
 }

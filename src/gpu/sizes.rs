@@ -4,7 +4,7 @@ use super::bands::Band;
 use super::context::padded;
 use super::correct::coarse_levels::CoarseLevels;
 use super::layout::{
-    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, Triangle, VECTOR_PLANES,
+    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SUMS, Triangle, VECTOR_PLANES,
     node_planes, state_planes,
 };
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
@@ -13,6 +13,9 @@ use super::recorder::RecorderResources;
 use crate::memory::Collect;
 use crate::mesh::TileMesh;
 use crate::tile::Grid;
+
+/// Bytes of what the blocks of the finer level contribute to one block: 10x10 sums of two components for each quarter.
+pub const CONTRIBUTIONS: u64 = 4 * 100 * 8;
 
 /// Sizes of one band's buffers in bytes.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +30,8 @@ pub struct BandBufferSizes {
     pub rows: Option<u64>,
     /// `None` on the coarse levels that have their vectors in one common buffer.
     pub vectors: Option<u64>,
+    /// Coarser levels only; `None` on those that have their contributions in one common buffer.
+    pub contributions: Option<u64>,
     /// Level 1 only: first entries per node, and entries, of the gather of metrics.
     pub gather: Option<[u64; 2]>,
     /// Each of the two results; level 0 only.
@@ -40,6 +45,8 @@ pub struct BufferSizes {
     pub bands: Vec<Vec<BandBufferSizes>>,
     pub coarse_rows: u64,
     pub coarse_vectors: u64,
+    pub coarse_contributions: u64,
+    pub no_contributions: u64,
     pub coarse_blocks: u64,
     pub coarse_lists: u64,
     pub triangles: u64,
@@ -76,6 +83,7 @@ impl BufferSizes {
                 metric: (k > 0).then(|| planes(METRIC_PLANES)),
                 rows: apart.then(|| planes(ROW_PLANES)),
                 vectors: apart.then(|| planes(VECTOR_PLANES)),
+                contributions: (apart && k > 0).then(|| blocks as u64 * CONTRIBUTIONS),
                 gather: (k == 1).then(|| grid.gather.bytes_of(band.held.clone())),
                 result: if k == 0 { planes(RESULT_PLANES) } else { 0 },
             }
@@ -90,6 +98,8 @@ impl BufferSizes {
                 .collected(),
             coarse_rows: common(ROW_PLANES),
             coarse_vectors: common(VECTOR_PLANES),
+            coarse_contributions: coarse.map_or(0, |coarse| coarse.blocks as u64 * CONTRIBUTIONS),
+            no_contributions: CONTRIBUTIONS,
             coarse_blocks: coarse.map_or(0, |coarse| bytes_of::<CoarseBlock>(coarse.blocks)),
             coarse_lists: coarse.map_or(0, |coarse| bytes_of::<u32>(coarse.list_length(grid))),
             triangles: bytes_of::<Triangle>(tile.triangles.len()),
@@ -97,7 +107,7 @@ impl BufferSizes {
             positions: bytes_of::<[f32; 3]>(vertices),
             charts: bytes_of::<Chart>(tile.charts.len()),
             ranges: bytes_of::<[u32; 2]>(tile.charts.len() * grid.levels.len()),
-            partials: bytes_of::<[f32; 4]>(grid.levels[0].blocks.list.len()),
+            partials: bytes_of::<[f32; SUMS as usize]>(grid.levels[0].blocks.list.len()),
             dispatch_sizes: dispatch_size_bytes(bands),
             indirect_arguments: GATE_SETS as u64 * 4 * dispatch_size_bytes(bands),
             gate_open: bytes_of::<u32>(MAX_GATES as usize),
@@ -109,7 +119,7 @@ impl BufferSizes {
         let band = |band: &BandBufferSizes| {
             let gather = band.gather.unwrap_or_default();
             let always = [band.blocks, band.lists, band.nodes, band.state];
-            let optional = [band.metric, band.rows, band.vectors].into_iter().flatten();
+            let optional = [band.metric, band.rows, band.vectors, band.contributions].into_iter().flatten();
             let gather = gather.into_iter().filter(|_| band.gather.is_some());
             let results = [band.result; 2].into_iter().filter(|&bytes| bytes > 0);
             always.into_iter().chain(optional).chain(gather).chain(results).map(padded).sum::<u64>()
@@ -119,6 +129,8 @@ impl BufferSizes {
         let single = [
             self.coarse_rows,
             self.coarse_vectors,
+            self.coarse_contributions,
+            self.no_contributions,
             self.triangles,
             self.corners,
             self.positions,

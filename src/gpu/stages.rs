@@ -1,9 +1,9 @@
-//! The stages that the schedule calls (method §5). Each records its dispatches; nothing is read back before the end.
+//! The stages that the schedule calls (method §5). Each records its dispatches.
 
 use super::kernels::Kernel;
 use super::layout::{
-    DECIDE_ALLOWING_FOLDS, DECIDE_CERTIFICATE, DECIDE_ENERGY, DECIDE_IDENTITY, ENERGY_ALLOWING_FOLDS,
-    ENERGY_VALID, Params, RELAX_WHOLE, SELECT_ALL, THREADS,
+    DECIDE_ALLOWING_FOLDS, DECIDE_CERTIFICATE, DECIDE_IDENTITY, ENERGY_ALLOWING_FOLDS, ENERGY_VALID, Params,
+    RELAX_WHOLE, SELECT_ALL, THREADS,
 };
 use super::recorder::DispatchSize;
 use super::{BandBuffer, Run};
@@ -136,7 +136,7 @@ impl Stages for Run<'_> {
             mode: if allow_folds { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID },
             ..self.at_level(0)
         };
-        self.reduce(Kernel::EnergyChords, 0, params, DECIDE_ENERGY);
+        self.energy_sums(params, 0);
         let certificate = if allow_folds { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
         for band in 0..self.memory.bands[0].len() {
@@ -193,7 +193,13 @@ impl Run<'_> {
     /// Computes a level's energy chart by chart, and takes the decision `decision`. With the parameters of `with_pull`
     /// the energy is what corrections lower, with those of `at_level` it is that of the state alone.
     pub(super) fn energy(&mut self, params: Params, level: usize, decision: u32) {
+        self.energy_sums(params, level);
+        self.decide(level, params, decision);
+    }
+
+    /// The part of `energy` that is done block by block.
+    pub(super) fn energy_sums(&mut self, params: Params, level: usize) {
         let kernel = if level == 0 { Kernel::EnergyChords } else { Kernel::EnergyMetrics };
-        self.reduce(kernel, level, params, decision);
+        self.sums(kernel, level, params);
     }
 }

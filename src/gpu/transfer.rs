@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::context::Context;
 use crate::error::{Error, ErrorKind, Result};
-use crate::memory::{Collect, caught, copied, filled};
+use crate::memory::{Collect, caught, copied};
 
 /// How long to wait for a callback after the GPU is done: another thread may be about to call it.
 const CALLBACK_TIMEOUT: Duration = Duration::from_secs(10);
@@ -59,29 +59,46 @@ impl Context {
 
     /// Reads ranges of bytes of several buffers as [`Context::read`] does, in one submission and one mapping.
     pub fn read_all(&self, ranges: &[(&wgpu::Buffer, Range<u64>)]) -> Result<Vec<Vec<u8>>> {
-        let size = ranges.iter().map(|(_, range)| range.end - range.start).sum();
-        if size == 0 {
-            return self.check().map(|()| filled(Vec::new(), ranges.len()));
-        }
-        let staging = self.staging("readback", size)?;
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("readback") };
         let mut encoder = self.device.create_command_encoder(&descriptor);
+        let readback = self.readback(ranges, &mut encoder)?;
+        self.submit([encoder])?;
+        self.taken(&readback)
+    }
+
+    /// Encodes the copies of ranges of bytes into a new staging buffer.
+    pub fn readback(
+        &self,
+        ranges: &[(&wgpu::Buffer, Range<u64>)],
+        encoder: &mut wgpu::CommandEncoder,
+    ) -> Result<Readback> {
+        let lengths: Vec<u64> = ranges.iter().map(|(_, range)| range.end - range.start).collected();
+        let staging = self.staging("readback", lengths.iter().sum::<u64>().max(4))?;
         let mut at = 0;
         for (buffer, range) in ranges.iter().filter(|(_, range)| !range.is_empty()) {
             encoder.copy_buffer_to_buffer(buffer, range.start, &staging, at, range.end - range.start);
             at += range.end - range.start;
         }
-        self.submit([encoder])?;
-        self.mapped(&staging, size, |bytes| {
+        Ok(Readback { staging, lengths })
+    }
+
+    /// Waits for all work that was submitted, and returns the bytes of each range.
+    pub fn taken(&self, readback: &Readback) -> Result<Vec<Vec<u8>>> {
+        self.mapped(&readback.staging, readback.lengths.iter().sum(), |bytes| {
             let mut rest = bytes;
-            ranges
-                .iter()
-                .map(|(_, range)| {
-                    let (part, others) = rest.split_at((range.end - range.start) as usize);
-                    rest = others;
-                    copied(part)
-                })
-                .collected()
+            let mut part = |&length: &u64| {
+                let (part, others) = rest.split_at(length as usize);
+                rest = others;
+                copied(part)
+            };
+            readback.lengths.iter().map(&mut part).collected()
         })
     }
+}
+
+/// Bytes that are on their way from the GPU.
+#[derive(Debug)]
+pub struct Readback {
+    staging: wgpu::Buffer,
+    lengths: Vec<u64>,
 }

@@ -50,9 +50,11 @@ constants! {
     MIN_OFFSET_SQUARE: f32 = 0.1;
 
     /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
-    SMOOTHER_SWEEPS: u32 = 2;
-    /// Rounds of these sweeps in each direction on the coarsest level, all of which lies in one or a few blocks.
+    SMOOTHER_SWEEPS: u32 = 3;
+    /// Rounds of these sweeps in each direction on the coarsest level, if it has few blocks; else one.
     COARSEST_ROUNDS: u32 = 4;
+    /// A level has few blocks if no chart has more active ones on it than this: as many as a chart of 64 x 64 cells has.
+    FEW_BLOCKS: usize = 16;
     /// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
     /// does, and need more memory (method §7.3).
     CG_ITERATIONS: u32 = 2;

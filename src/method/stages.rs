@@ -6,7 +6,7 @@ use super::acceptance::Correction;
 use super::pbd;
 
 /// The stages of a backend, for the charts of one tile that are to be solved. No stage returns anything on which the
-/// schedule would have to decide: a GPU runs all of it without a readback.
+/// schedule would have to decide: a GPU records a solve in advance.
 pub(crate) trait Stages {
     /// Levels of the grid; 0 is the finest.
     fn levels(&self) -> usize;

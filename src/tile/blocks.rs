@@ -7,6 +7,7 @@ use std::ops::Range;
 use super::node_set::{NodeSet, NodeWindow};
 use crate::memory::{Grow, filled, with_capacity};
 use crate::mesh::NONE;
+use crate::method::law::FEW_BLOCKS;
 use crate::team::Team;
 
 /// Nodes on a side of a block.
@@ -53,6 +54,15 @@ pub struct Blocks {
     pub neighbours: Vec<[u32; 9]>,
     /// The range of each chart in `list`.
     pub of_chart: Vec<Range<usize>>,
+}
+
+impl Blocks {
+    /// True if no chart has more than `FEW_BLOCKS` active blocks.
+    pub fn are_few(&self) -> bool {
+        let active =
+            |range: &Range<usize>| self.list[range.clone()].iter().filter(|block| block.active).count();
+        self.of_chart.iter().all(|range| active(range) <= FEW_BLOCKS)
+    }
 }
 
 /// The movable nodes of a chart in a square of the grid.

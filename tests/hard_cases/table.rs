@@ -147,7 +147,7 @@ pub fn cases() -> Vec<Case> {
         // The sheet is also stretched by a thousandth, so that it is solved. A coarse level that took the folds for
         // compression would show. A chord over a fold of one cell's width is shorter than at rest, so that the finest
         // level does see some compression.
-        fine("accordion, all but isometric", 32, Near(1.5), |[x, y, _]| {
+        fine("accordion, all but isometric", 32, Near(2.0), |[x, y, _]| {
             let k = (x - MARGIN) / (1.0 - 2.0 * MARGIN) * 32.0;
             let side = (1.0 - 2.0 * MARGIN) / 32.0;
             [

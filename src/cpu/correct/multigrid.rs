@@ -1,15 +1,15 @@
-//! The preconditioner of conjugate gradients: a V(2,2) cycle with a Gauss-Seidel smoother of 2x2 blocks in four node
-//! colours (method §7.4). The smoother runs backwards after the coarse correction, so that the cycle is symmetric, as
-//! conjugate gradients require.
+//! The preconditioner of conjugate gradients: a V(2,2) cycle (method §7.4). The smoother is additive over blocks of
+//! nodes, which are therefore independent of one another; inside a block it is Gauss-Seidel of 2x2 matrices in four node
+//! colours. It runs backwards after the coarse correction, so that the cycle is symmetric, as conjugate gradients
+//! require.
 
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
 use super::super::row::Row;
 use super::rows::{BlockRows, Pairs};
-use super::transfer::{add_coarse, restrict};
+use super::transfer::{active_neighbours, add_coarse, restrict};
 use super::*;
 use crate::memory::zeroed;
-use crate::mesh::NONE;
 use crate::method::law::{COARSEST_ROUNDS, SMOOTHER_SWEEPS};
 use crate::tile::Level;
 use crate::tile::window::{self, Window};
@@ -19,82 +19,76 @@ use crate::tile::window::{self, Window};
 pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec<f64> {
     let coarsest = level + levels.len() - 1;
     let mut dots = zeroed::<f64>(run.grid.levels[level].blocks.list.len());
-    for k in level..=coarsest {
+    for k in level..coarsest {
         let system = &mut levels[k - level];
-        let first = Sweeps { from_zero: true, ..Sweeps::FORWARD };
-        if k == coarsest {
-            for round in 0..COARSEST_ROUNDS {
-                smooth(run, k, system, if round == 0 { first } else { Sweeps::FORWARD }, None);
-            }
-            for round in 0..COARSEST_ROUNDS {
-                let last = k == level && round + 1 == COARSEST_ROUNDS;
-                smooth(run, k, system, Sweeps::BACKWARD, last.then_some(&mut dots));
-            }
-        } else {
-            smooth(run, k, system, first, None);
-            residual(run, k, system);
-            let (finer, coarser) = levels.split_at_mut(k - level + 1);
-            restrict(run, k, finer[k - level].product, coarser[0].residual);
-        }
+        let SolvingLevel { rows, residual: r, direction, .. } = system;
+        smooth(run, k, rows, r, None::<&[[Plane; 2]]>, direction, false, None);
+        residual(run, k, system);
+        let (finer, coarser) = levels.split_at_mut(k - level + 1);
+        restrict(run, k, finer[k - level].product, coarser[0].residual);
     }
+    let dots_of = |k: usize| k == level;
+    smooth_coarsest(run, coarsest, &mut levels[coarsest - level], dots_of(coarsest).then_some(&mut dots));
     for k in (level..coarsest).rev() {
         let (finer, coarser) = levels.split_at_mut(k - level + 1);
-        add_coarse(run, k, finer[k - level].direction, coarser[0].direction);
-        smooth(run, k, &mut levels[k - level], Sweeps::BACKWARD, (k == level).then_some(&mut dots));
+        let SolvingLevel { rows, residual: r, direction, product } = &mut finer[k - level];
+        add_coarse(run, k, direction, coarser[0].direction, product);
+        smooth(run, k, rows, r, Some(product), direction, true, dots_of(k).then_some(&mut dots));
     }
     run.sum_active_per_chart(level, &dots)
 }
 
-/// The order of a pass of smoothing sweeps, and its initial value.
-#[derive(Clone, Copy)]
-struct Sweeps {
+/// Solves the coarsest level nearly: passes forwards, from 0, then as many backwards. Where it has many blocks, one of each
+/// has to do.
+fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, mut dots: Option<&mut Vec<f64>>) {
+    let SolvingLevel { rows, residual: r, direction, product } = system;
+    let rounds = if run.grid.levels[level].blocks.are_few() { COARSEST_ROUNDS } else { 1 };
+    for pass in 0..2 * rounds {
+        let backwards = pass >= rounds;
+        // The last pass writes the direction.
+        if pass % 2 == 0 {
+            let before = (pass > 0).then_some(&**direction);
+            smooth(run, level, rows, r, before, product, backwards, None);
+        } else {
+            let dots = if pass + 1 == 2 * rounds { dots.take() } else { None };
+            smooth(run, level, rows, r, Some(&**product), direction, backwards, dots);
+        }
+    }
+}
+
+/// A pass of the smoother of A z = r over all blocks, from `before` (`None`: from 0) to the first two planes of `after`:
+/// all sweeps of a block are done while it is in the cache, with its halo frozen at `before`. Stores each block's part
+/// of r·z in `dots` if that is given.
+#[expect(
+    clippy::too_many_arguments,
+    reason = "the vectors of a level, which lie in memory of several shapes"
+)]
+fn smooth<const N: usize, const M: usize>(
+    run: &Run,
+    level: usize,
+    rows: &Rows,
+    r: &[[Plane; 2]],
+    before: Option<&[[Plane; N]]>,
+    after: &mut [[Plane; M]],
     backwards: bool,
-    /// The initial value is 0: blocks that the pass has not visited yet are taken as 0, so that z need not be cleared
-    /// first.
-    from_zero: bool,
-}
-
-impl Sweeps {
-    const FORWARD: Sweeps = Sweeps { backwards: false, from_zero: false };
-    const BACKWARD: Sweeps = Sweeps { backwards: true, from_zero: false };
-}
-
-/// Smooths A z = r: all sweeps of a block are done while it is in the cache, with its halo frozen. Stores each block's
-/// part of r·z in `dots` if that is given.
-fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, dots: Option<&mut Vec<f64>>) {
+    dots: Option<&mut Vec<f64>>,
+) {
     let grid = &run.grid.levels[level];
-    let z = SharedSlice::new(system.direction);
+    let after = SharedSlice::new(after);
     let dots = dots.map(|dots| SharedSlice::new(dots));
-    let colour = |b: u32| {
-        let block = &grid.blocks.list[b as usize];
-        block.y % 2 * 2 + block.x % 2
-    };
-    run.each_colour(level, sweeps.backwards, |worker, b| {
-        let rows = system.rows.block(b);
+    run.each_block(level, |worker, b, _| {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-        let mut neighbours = grid.blocks.neighbours[b];
-        if sweeps.from_zero {
-            // Only blocks of the colours before this one have been visited.
-            let present = colour(b as u32);
-            for n in &mut neighbours {
-                if *n != NONE && *n != b as u32 && colour(*n) >= present {
-                    *n = NONE;
-                }
-            }
-        }
-        // SAFETY: blocks of one colour do not touch.
-        unsafe {
+        if let Some(before) = before {
+            // A block without movable nodes has no z: its memory may hold other quantities.
+            let neighbours = active_neighbours(grid, b);
             for (c, window) in windows.iter_mut().enumerate() {
-                window::load(&neighbours, 0.0, |b| &z.get(b)[c], window);
+                window::load(&neighbours, 0.0, |b| &before[b][c], window);
             }
         }
-        if sweeps.from_zero {
-            clear_interior(&mut windows);
-        }
-        let r = &system.residual[b];
-        // SAFETY: as above.
-        let z = unsafe { z.get_mut(b) };
-        let (backwards, dot, windows) = (sweeps.backwards, dots.is_some(), &mut windows);
+        let (rows, r) = (rows.block(b), &r[b]);
+        // SAFETY: each item has its own block.
+        let z = unsafe { after.get_mut(b) };
+        let (dot, windows) = (dots.is_some(), &mut windows);
         let dot = run
             .pairs
             .with(worker, |pairs| dispatch(SmoothBlock { rows, pairs, r, windows, backwards, dot, z }));
@@ -103,15 +97,6 @@ fn smooth(run: &Run, level: usize, system: &mut SolvingLevel, sweeps: Sweeps, do
             unsafe { *dots.get_mut(b) = f64::from(dot) };
         }
     });
-}
-
-/// Sets the nodes of the block to 0, and leaves its halo unchanged.
-fn clear_interior(windows: &mut [Window; 2]) {
-    for row in Row::all() {
-        for window in windows.iter_mut() {
-            window[row.at(0, 0)..][..LANES].fill(0.0);
-        }
-    }
 }
 
 /// Does `SMOOTHER_SWEEPS` sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the
@@ -124,7 +109,7 @@ struct SmoothBlock<'a> {
     backwards: bool,
     /// Whether to compute r·z.
     dot: bool,
-    z: &'a mut [Plane; 2],
+    z: &'a mut [Plane],
 }
 
 impl Vectorised for SmoothBlock<'_> {
@@ -141,7 +126,7 @@ impl Vectorised for SmoothBlock<'_> {
                 row.store(&mut self.z[c], row.near::<V>(&self.windows[c], 0, 0));
             }
         }
-        if self.dot { dot::<V>(self.r, &*self.z) } else { 0.0 }
+        if self.dot { dot::<V>(self.r, self.z) } else { 0.0 }
     }
 }
 

@@ -82,15 +82,17 @@ pub fn active_neighbours(level: &Level, b: usize) -> [u32; 9] {
         .map(|b| if b != NONE && level.blocks.list[b as usize].active { b } else { NONE })
 }
 
-/// Adds P times the coarse direction to z.
-pub fn add_coarse(run: &Run, finer: usize, z: &mut [[Plane; 2]], coarse: &[[Plane; 2]]) {
+/// Sets the first two planes of `sum` to z plus P times the coarse direction.
+pub fn add_coarse(run: &Run, finer: usize, z: &[[Plane; 2]], coarse: &[[Plane; 2]], sum: &mut [[Plane; 3]]) {
     let level = &run.grid.levels[finer];
-    let z = SharedSlice::new(z);
+    let sum = SharedSlice::new(sum);
     run.each_block(finer, |_, b, _| {
         let weights = interpolation(level, &level.blocks.neighbours[b]);
         // SAFETY: each item has its own block.
-        for (c, z) in unsafe { z.get_mut(b) }.iter_mut().enumerate() {
-            add_interpolated(run, finer, b, &weights, |b| &coarse[b][c], z);
+        let sum = unsafe { sum.get_mut(b) };
+        for c in 0..2 {
+            sum[c] = z[b][c];
+            add_interpolated(run, finer, b, &weights, |b| &coarse[b][c], &mut sum[c]);
         }
     });
 }

@@ -1,7 +1,6 @@
 //! The coarse levels of the V-cycle: those whose charts have so few blocks that one dispatch works on all of these
 //! levels.
 
-use crate::gpu::bands::Band;
 use crate::gpu::constants::packed_weights;
 use crate::gpu::layout::CoarseBlock;
 use crate::memory::{Grow, with_capacity};
@@ -9,8 +8,6 @@ use crate::mesh::NONE;
 use crate::tile::Grid;
 use crate::tile::blocks::NODES;
 
-/// Most active blocks of a chart on a coarse level: a chart of 64 x 64 nodes has 25.
-const MAX_ACTIVE_BLOCKS: usize = 36;
 /// The coarse levels, and the positions of their blocks in common buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CoarseLevels {
@@ -23,21 +20,15 @@ pub struct CoarseLevels {
 }
 
 impl CoarseLevels {
-    /// Finds the coarse levels; `None` if not even the blocks of the coarsest level are few enough, or if there is only
-    /// one level.
-    pub fn new(grid: &Grid, bands: &[Vec<Band>], capacity: usize) -> Option<CoarseLevels> {
+    /// Finds the coarse levels; `None` if the coarsest level does not belong to them. They hold at most `capacity` blocks.
+    pub fn new(grid: &Grid, capacity: usize) -> Option<CoarseLevels> {
         let mut coarse = CoarseLevels { first: grid.levels.len(), bases: Vec::new(), blocks: 0 };
-        for k in (1..grid.levels.len()).rev() {
-            let blocks = &grid.levels[k].blocks;
-            let active = |range: &std::ops::Range<usize>| {
-                blocks.list[range.clone()].iter().filter(|b| b.active).count()
-            };
-            let fits = blocks.of_chart.iter().all(|range| active(range) <= MAX_ACTIVE_BLOCKS);
-            if !fits || bands[k].len() > 1 || coarse.blocks + blocks.list.len() > capacity {
+        for (k, level) in grid.levels.iter().enumerate().rev() {
+            let blocks = coarse.blocks + level.blocks.list.len();
+            if !level.blocks.are_few() || blocks > capacity {
                 break;
             }
-            coarse.first = k;
-            coarse.blocks += blocks.list.len();
+            (coarse.first, coarse.blocks) = (k, blocks);
         }
         let mut base = 0;
         for level in &grid.levels[coarse.first..] {
@@ -69,9 +60,11 @@ impl CoarseLevels {
                     fixed[s / 32] |= 1 << (s % 32);
                 }
                 all.put(CoarseBlock {
+                    neighbours: level.blocks.neighbours[b].map(|b| place(k, b)),
                     active_neighbours: level.blocks.neighbours[b].map(|b| place(k, active(b))),
                     parent: if k + 1 < grid.levels.len() { place(k + 1, level.parent[b]) } else { NONE },
-                    children: level.children[b].map(|child| place(k - 1, child)),
+                    children: level.children[b]
+                        .map(|child| k.checked_sub(1).map_or(NONE, |k| place(k, child))),
                     colour: block.y % 2 * 2 + block.x % 2,
                     fixed,
                     weights: packed_weights(level, b),
@@ -81,23 +74,18 @@ impl CoarseLevels {
         all
     }
 
-    /// Per chart, level and block colour first and count of its active blocks; then these blocks.
+    /// Per chart and level first and count of its active blocks; then these blocks.
     pub fn lists(&self, grid: &Grid) -> Vec<u32> {
         let charts = grid.movable.len();
-        let mut ranges = with_capacity(charts * self.bases.len() * 8);
+        let mut ranges = with_capacity(charts * self.bases.len() * 2);
         let mut all: Vec<u32> = Vec::new();
-        let start = (charts * self.bases.len() * 8) as u32;
+        let start = (charts * self.bases.len() * 2) as u32;
         for c in 0..charts {
             for (level, base) in grid.levels[self.first..].iter().zip(&self.bases) {
-                for colour in 0..4 {
-                    let first = all.len();
-                    all.put_all(level.blocks.of_chart[c].clone().filter_map(|b| {
-                        let block = &level.blocks.list[b];
-                        let belongs = block.active && block.y % 2 * 2 + block.x % 2 == colour;
-                        belongs.then_some(base + b as u32)
-                    }));
-                    ranges.put_all([start + first as u32, (all.len() - first) as u32]);
-                }
+                let first = all.len();
+                let active = level.blocks.of_chart[c].clone().filter(|&b| level.blocks.list[b].active);
+                all.put_all(active.map(|b| base + b as u32));
+                ranges.put_all([start + first as u32, (all.len() - first) as u32]);
             }
         }
         ranges.put_all(all);
@@ -109,7 +97,7 @@ impl CoarseLevels {
         let active =
             |level: &crate::tile::Level| level.blocks.list.iter().filter(|block| block.active).count();
         let blocks: usize = grid.levels[self.first..].iter().map(active).sum();
-        grid.movable.len() * self.bases.len() * 8 + blocks
+        grid.movable.len() * self.bases.len() * 2 + blocks
     }
 
     /// Least bytes that a V-cycle from `level` down moves.

@@ -76,7 +76,7 @@ fn push(centre: [f32; 2], radius: f32, by: [f32; 2]) -> impl Fn(usize, usize) ->
 
 /// Uploads displacements, with at most `most` blocks per buffer.
 fn upload(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], most: usize) -> Displacements {
-    let all = bands::bands(&grid.levels, most).unwrap();
+    let all = bands::bands(&grid.levels, |_| most).unwrap();
     let storage = |label: &str, bytes: u64| {
         use wgpu::BufferUsages as Usage;
         context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)

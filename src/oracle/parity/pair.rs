@@ -92,7 +92,7 @@ impl<'a> Pair<'a> {
         if let Some(error) = self.error {
             return Err(error);
         }
-        let done = self.gpu.finish(None)?;
+        let done = self.gpu.finish()?;
         let mut add = |quantity, of: &dyn Fn(&crate::method::schedule::ChartResult) -> f64| {
             let solved = |c: &usize| self.charts[*c];
             let pairs = (0..self.charts.len()).filter(solved).map(|c| {

@@ -1,0 +1,96 @@
+//! Counts what a `normal` solve has a GPU do: dispatches, barriers, submissions, bytes. The counts are those of any
+//! machine, so that a software driver will do.
+
+use std::fmt::Write;
+
+use vrtm::{Device, GpuWork, SolveOptions};
+
+use crate::common::{Model, assets, scenes};
+
+/// Bandwidths for which floors are stated: an H200's memory as its maker states it, and a laptop's.
+const BANDWIDTHS: [f64; 2] = [4.8e12, 300e9];
+
+/// The table of all models and sizes, and then the kernels of the bulge at each size.
+pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
+    let mut text = String::from(
+        "# What a solve has a GPU do, counted\n\n\
+         `normal`, from the identity. The counts do not depend on the machine, apart from a few decisions that rounding may\n\
+         turn: `benches/gpu.sh --counts`. \"Empty\" dispatches are trials and rounds of the step limit that no chart needed.\n\
+         \"Bytes\" count each datum once per dispatch. \"Excess\" is (E - best E) / (E of the identity - best E), with the\n\
+         best E of `high` that goes on to the last 1e-6 of gain. Bytes held are those on the GPU and on the host.\n\n\
+         | scene | size | active nodes | dispatches | empty ones | barriers | submissions | MB | bytes per active node | floor at 4.8 TB/s, ms | at 300 GB/s, ms | excess, % | bytes held per active node |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+    );
+    let mut kernels = String::new();
+    let mesh = assets().into_iter().find(|model| model.name == "mh_face");
+    let scenes = ["bulge", "mug_to_jug"].map(|name| scenes::by_name(name).map(Model::from));
+    for model in scenes.into_iter().flatten().chain(mesh) {
+        for &size in sizes {
+            let fail = |error: vrtm::Error| format!("{} at {size}: {error}", model.name);
+            let mut asset = model.asset_on(device, size);
+            asset.solve(model.frame(1), &SolveOptions::default()).map_err(fail)?;
+            let report = asset.tile_report(0).map_err(fail)?;
+            let work = asset.gpu_work(0).map_err(fail)?.ok_or("no GPU work")?;
+            let nodes = report.nodes_active as f64;
+            let bytes = work.bytes() as f64;
+            let _ = write!(
+                text,
+                "| {} | {size}² | {} | {} | {} | {} | {} | {:.0} | {:.0} |",
+                model.name,
+                report.nodes_active,
+                work.dispatches(),
+                work.skipped,
+                work.barriers,
+                work.submissions,
+                bytes * 1e-6,
+                bytes / nodes,
+            );
+            for bandwidth in BANDWIDTHS {
+                let _ = write!(text, " {:.2} |", bytes / bandwidth * 1e3);
+            }
+            let excess = excess(device, &model, size, report.energy, report.energy_before)?;
+            let _ = writeln!(text, " {excess} | {:.0} |", report.bytes as f64 / nodes);
+            if model.name == "bulge" {
+                let _ = writeln!(
+                    kernels,
+                    "\n## The bulge at {size}², kernel by kernel\n\n{}",
+                    of_kernels(&work, nodes)
+                );
+            }
+            println!("{}", text.lines().last().unwrap_or_default());
+        }
+    }
+    Ok(text + &kernels)
+}
+
+/// (E - best E) / (E of the identity - best E) in per cent, where best is `high` that goes on to the last 1e-6 of gain;
+/// on small grids only, since it takes long.
+fn excess(device: &Device, model: &Model, size: u32, energy: f64, identity: f64) -> Result<String, String> {
+    if size > 1024 {
+        return Ok("-".into());
+    }
+    let fail = |error: vrtm::Error| format!("{} at {size}: {error}", model.name);
+    let mut asset = model.asset_on(device, size);
+    let options =
+        SolveOptions { quality: vrtm::Quality::High, tolerance: Some(1e-6), ..SolveOptions::default() };
+    asset.solve(model.frame(1), &options).map_err(fail)?;
+    let best = asset.tile_report(0).map_err(fail)?.energy;
+    Ok(format!("{:.4}", 100.0 * (energy - best) / (identity - best)))
+}
+
+fn of_kernels(work: &GpuWork, nodes: f64) -> String {
+    let mut text = String::from(
+        "| kernel | dispatches | workgroups | MB | bytes per active node |\n|---|---|---|---|---|\n",
+    );
+    for kernel in &work.kernels {
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {:.1} | {:.1} |",
+            kernel.name,
+            kernel.dispatches,
+            kernel.workgroups,
+            kernel.bytes as f64 * 1e-6,
+            kernel.bytes as f64 / nodes
+        );
+    }
+    text
+}
