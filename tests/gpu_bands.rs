@@ -70,6 +70,22 @@ fn bands_give_the_same_bits() {
     }
 }
 
+/// With 256 cells a side the second level is divided, too: what blocks contribute to its right-hand side crosses bands.
+#[test]
+fn bands_of_two_levels_give_the_same_bits() {
+    if !common::has_gpu() {
+        return;
+    }
+    let model = Model::from(common::scenes::analytic::squash(0.4));
+    let [a, b] = [None, Some(70)].map(|band| {
+        let mut asset = model.asset_on(&limited(band), 256);
+        asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+        asset
+    });
+    assert!(dispatches(&b) > dispatches(&a));
+    assert!(bits(&a) == bits(&b));
+}
+
 /// Reused charts and warm starts find the last result in bands.
 #[test]
 fn results_in_bands_are_gone_on_from() {

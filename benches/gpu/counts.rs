@@ -10,16 +10,23 @@ use crate::common::{Model, assets, scenes};
 /// Bandwidths for which floors are stated: an H200's memory as its maker states it, and a laptop's.
 const BANDWIDTHS: [f64; 2] = [4.8e12, 300e9];
 
+const HEAD: &str = "\
+# What a solve has a GPU do, counted
+
+`normal`, from the identity. The counts do not depend on the machine, apart from a few decisions that rounding may turn:
+`benches/gpu.sh --counts` writes them anew. \"Empty\" dispatches are trials and rounds of the step limit that no chart
+needed, \"barriers\" are dispatches that have to wait for those before them, empty ones included. \"MB\" and \"bytes\" count
+each datum once per dispatch. \"Excess\" is (E - best E) / (E of the identity - best E), with the best E of `high` that goes
+on to the last 1e-6 of gain. Bytes held are those on the GPU and on the host together. Levels are divided into bands where
+the driver's bindings are small (128 MiB with Mesa's software driver: from 2048 x 2048 cells on), which takes more dispatches.
+
+| scene | size | active nodes | dispatches | empty ones | barriers | submissions | MB | bytes per active node | floor at 4.8 TB/s, ms | at 300 GB/s, ms | excess, % | bytes held per active node |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|
+";
+
 /// The table of all models and sizes, and then the kernels of the bulge at each size.
 pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
-    let mut text = String::from(
-        "# What a solve has a GPU do, counted\n\n\
-         `normal`, from the identity. The counts do not depend on the machine, apart from a few decisions that rounding may\n\
-         turn: `benches/gpu.sh --counts`. \"Empty\" dispatches are trials and rounds of the step limit that no chart needed.\n\
-         \"Bytes\" count each datum once per dispatch. \"Excess\" is (E - best E) / (E of the identity - best E), with the\n\
-         best E of `high` that goes on to the last 1e-6 of gain. Bytes held are those on the GPU and on the host.\n\n\
-         | scene | size | active nodes | dispatches | empty ones | barriers | submissions | MB | bytes per active node | floor at 4.8 TB/s, ms | at 300 GB/s, ms | excess, % | bytes held per active node |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
-    );
+    let mut text = String::from(HEAD);
     let mut kernels = String::new();
     let mesh = assets().into_iter().find(|model| model.name == "mh_face");
     let scenes = ["bulge", "mug_to_jug"].map(|name| scenes::by_name(name).map(Model::from));

@@ -65,8 +65,8 @@ impl Run<'_> {
         self.select(SELECT_ALL);
     }
 
-    /// Whether a chart takes part in a further correction of the level. The records of the charts tell, once the work so far is
-    /// done: waiting for it costs less than the many dispatches of a correction that turn out empty.
+    /// Whether a chart takes part in a further correction of the level, from the records of the charts after the work so far:
+    /// one wait in the place of about a hundred dispatches, which would turn out empty for charts with room.
     fn is_wanted(&mut self) -> bool {
         if self.error.is_some() {
             return false;
