@@ -70,15 +70,16 @@ fn bands_give_the_same_bits() {
     }
 }
 
-/// With 256 cells a side the second level is divided, too: what blocks contribute to its right-hand side crosses bands.
+/// With 320 cells a side the second level is divided, too: it has rows of ten or eleven blocks. What blocks contribute to its
+/// right-hand side crosses bands.
 #[test]
 fn bands_of_two_levels_give_the_same_bits() {
     if !common::has_gpu() {
         return;
     }
     let model = Model::from(common::scenes::analytic::squash(0.4));
-    let [a, b] = [None, Some(70)].map(|band| {
-        let mut asset = model.asset_on(&limited(band), 256);
+    let [a, b] = [None, Some(86)].map(|band| {
+        let mut asset = model.asset_on(&limited(band), 320);
         asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
         asset
     });
