@@ -154,7 +154,9 @@ impl Control {
         {
             self.cancel();
         }
+        // A host that has cancelled is not called again, however long other work takes to end.
         if let Some(watch) = &self.watch
+            && !self.is_cancelled()
             && watch.is_due()
             && (watch.call)(self.progress())
         {
@@ -239,6 +241,7 @@ fn was_cancelled(panic: &(dyn Any + Send)) -> bool {
 #[cfg(test)]
 mod tests {
     use std::sync::Mutex;
+    use std::time::Duration;
 
     use super::*;
 
@@ -285,11 +288,16 @@ mod tests {
             control.advance(1e-4);
             std::thread::yield_now();
         }
+        // It has cancelled: other work that takes long to end does not call it again.
+        let calls = told.lock().unwrap().len();
+        let most = start.elapsed().as_micros() as u64 / PERIOD + 2;
+        std::thread::sleep(Duration::from_micros(2 * PERIOD));
+        assert!(!control.goes_on());
         let told = told.lock().unwrap();
+        assert_eq!(told.len(), calls);
         assert!(told.iter().all(|(_, thread)| *thread == this_thread()));
         assert!(told.windows(2).all(|pair| pair[0].0 <= pair[1].0));
         assert_eq!(told.last().unwrap().0, 1.0);
-        let most = start.elapsed().as_micros() as u64 / PERIOD + 2;
         assert!(told.len() as u64 <= most, "{} calls, at most {most}", told.len());
     }
 }
