@@ -39,8 +39,9 @@ class Device:
 
     backend         "auto" (a hardware GPU if there is one, else the CPU), "cpu" or "gpu"
     adapter         which GPU: its place in adapters()
-    adapter_uuid    which GPU, in place of that: the 16 bytes of its UUID, as Vulkan tells it (Adapter.uuid), so that the
-                    device is on the GPU of another program. "gpu" takes no other, "auto" the CPU if it cannot be used
+    adapter_uuid    which GPU, in place of that: the 16 bytes of its UUID, as Vulkan tells it (Adapter.uuid), so that
+                    the device is on the GPU of another program. "gpu" takes no other, "auto" the CPU if it cannot be
+                    used
     adapter_luid    the same by the 8 bytes of the LUID that Direct3D tells
     threads         CPU threads that one solve uses; 0 = one per core. Results do not depend on it
     memory_budget   most bytes that all assets of the device may hold; 0 = no limit

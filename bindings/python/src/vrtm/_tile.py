@@ -179,8 +179,8 @@ class Tile:
         row_stride: int = 0,
         origin: str = "top",
     ) -> None:
-        """A redirection into memory of a Vulkan device on the same GPU (Device.info, Adapter.uuid), without a way through
-        the CPU: rows of two float32 per texel, bit by bit those of fetch. When the call returns they are there.
+        """A redirection into memory of a Vulkan device on the same GPU (Device.info, Adapter.uuid), without a way
+        through the CPU: rows of two float32 per texel, bit by bit those of fetch. When the call returns they are there.
 
         kind                      "redirection", "redirection_delta" or "redirection_udim"
         size                      (width, height) or one number for both
