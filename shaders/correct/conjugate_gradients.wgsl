@@ -14,10 +14,6 @@ fn product(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     write_sum(group, t, SUM_Z_PRODUCT, store_product(b, t));
     storageBarrier();
     smooth_from_zero(b, t, PRODUCT);
-    for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        set_vector(b, SMOOTHED, s, window_z[place_of_slot(s)]);
-    }
     load_weights(b, t);
     contribute(b, t, PRODUCT);
 }

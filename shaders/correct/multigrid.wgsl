@@ -86,13 +86,17 @@ fn sweep_block(b: u32, t: u32, plane: u32, backwards: bool, inside: bool) {
     }
 }
 
-/// Smooths z of block b from 0, which its blocks around have not left either.
+/// Smooths z of block b from 0, with 0 around it, and stores it; r stands in planes `plane`.
 fn smooth_from_zero(b: u32, t: u32, plane: u32) {
     for (var k = t; k < WINDOW; k += 64u) {
         window_z[k] = vec2f();
     }
     workgroupBarrier();
     sweep_block(b, t, plane, false, true);
+    for (var k = 0u; k < 4u; k++) {
+        let s = thread_slot(k, t);
+        set_vector(b, SMOOTHED, s, window_z[place_of_slot(s)]);
+    }
 }
 
 /// The weights ω of the lower neighbours (method §7.5) at the nodes from (-2, -1) to (16, 16), in rows of 19.

@@ -272,8 +272,8 @@ fn gather_level(c: u32, level: u32, t: u32) {
     storageBarrier();
 }
 
-/// On the first of these levels: r . z; with z0 put aside for the second V-cycle.
-fn put_aside(c: u32, level: u32, t: u32) -> f32 {
+/// This thread's part of r . z; with `aside`, z is put aside for the second V-cycle.
+fn dot_level(c: u32, level: u32, t: u32, aside: bool) -> f32 {
     let range = block_range(c, level, t);
     var sum = 0.0;
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
@@ -282,7 +282,9 @@ fn put_aside(c: u32, level: u32, t: u32) -> f32 {
             let s = thread_slot(colour, t % 64u);
             let z = vector(b, DIRECTION, s);
             sum += dot(vector(b, RESIDUAL, s), z);
-            set_vector(b, SMOOTHED, s, z);
+            if aside {
+                set_vector(b, SMOOTHED, s, z);
+            }
         }
     }
     return sum;
@@ -300,20 +302,6 @@ fn advance(c: u32, level: u32, t: u32, alpha: f32) {
         }
     }
     storageBarrier();
-}
-
-/// r1 . z1.
-fn second_dot(c: u32, level: u32, t: u32) -> f32 {
-    let range = block_range(c, level, t);
-    var sum = 0.0;
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
-        let b = coarse_lists[range.x + k];
-        for (var colour = 0u; colour < 4u; colour++) {
-            let s = thread_slot(colour, t % 64u);
-            sum += dot(vector(b, RESIDUAL, s), vector(b, DIRECTION, s));
-        }
-    }
-    return sum;
 }
 
 /// DIRECTION = z1 + beta z0.
@@ -356,11 +344,11 @@ fn energy_before(c: u32, level: u32, t: u32) -> f32 {
 fn solve_level(c: u32, level: u32, t: u32) {
     let before = energy_before(c, level, t);
     cycle(c, level, t);
-    let rz = sum_of_threads(t, put_aside(c, level, t));
+    let rz = sum_of_threads(t, dot_level(c, level, t, true));
     let alpha = step_length(rz, sum_of_threads(t, multiply_level(c, level, t, false)));
     advance(c, level, t, alpha);
     cycle(c, level, t);
-    let second_rz = sum_of_threads(t, second_dot(c, level, t));
+    let second_rz = sum_of_threads(t, dot_level(c, level, t, false));
     let quotient = second_rz / rz;
     let beta = select(0.0, quotient, alpha != 0.0 && is_finite(quotient));
     second_direction(c, level, t, beta);

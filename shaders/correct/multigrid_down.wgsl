@@ -23,10 +23,6 @@ fn multigrid_down(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
         storageBarrier();
     }
     smooth_from_zero(b, t, RESIDUAL);
-    for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        set_vector(b, SMOOTHED, s, window_z[place_of_slot(s)]);
-    }
     load_weights(b, t);
     contribute(b, t, RESIDUAL);
 }

@@ -1,4 +1,4 @@
-//! The preconditioner of conjugate gradients: a V(2,2) cycle (method §7.4). The smoother is additive over blocks of
+//! The preconditioner of conjugate gradients: a V(3,3) cycle (method §7.4). The smoother is additive over blocks of
 //! nodes, which are therefore independent of one another; inside a block it is Gauss-Seidel of 2x2 matrices in four node
 //! colours. It runs backwards after the coarse correction, so that the cycle is symmetric, as conjugate gradients
 //! require.
