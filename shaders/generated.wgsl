@@ -62,9 +62,11 @@ const FIRST_FALLOFF_PASSES: u32 = 4u;
 const FALLOFF_PASSES: u32 = 2u;
 /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
 const SHRINKING_ROUNDS: u32 = 8u;
-/// Rounds in all: after the shrinking ones, nodes around corners that would still fall under the bound stay where they
-/// are. A chart that is not free of folds after all rounds is refused for its energy.
+/// Rounds in all on level 0: after the shrinking ones, nodes around corners that would still fall under the bound stay
+/// where they are. A chart that is not free of folds after all rounds is refused for its energy.
 const LIMIT_ROUNDS: u32 = 16u;
+/// Rounds on each of the other levels, where three have been enough in all scenes and hard cases.
+const COARSER_LIMIT_ROUNDS: u32 = 4u;
 /// A trial is accepted if it gains more than this fraction of the gain that the model predicts (method §7.7): a
 /// whole step that gains next to nothing would end a chart's corrections where half of the step would continue
 /// them.

@@ -19,7 +19,7 @@ use std::time::Instant;
 
 use crate::memory::{Collect, copied};
 use crate::method::acceptance::{Correction, Gain};
-use crate::method::law::TRIAL_FRACTIONS;
+use crate::method::law::trial_fractions;
 use crate::tile::blocks::{NODES, Plane};
 use crate::tile::window::WINDOW_NODES;
 
@@ -150,7 +150,8 @@ impl Run<'_> {
         let displacement = SharedSlice::new(displacement);
         let mut open: Vec<bool> =
             (0..self.charts.len()).map(|c| self.charts[c] && fraction[c] > 0.0).collected();
-        for (trial, trial_fraction) in TRIAL_FRACTIONS.into_iter().chain([0.0]).enumerate() {
+        let trials = trial_fractions(level);
+        for (trial, &trial_fraction) in trials.iter().chain(&[0.0]).enumerate() {
             self.work[level].retain(|b| open[list[b as usize].chart as usize]);
             let blocks = copied(&self.work[level].active);
             if blocks.is_empty() {
@@ -200,7 +201,7 @@ impl Run<'_> {
                     fraction: fraction[c],
                 };
                 // The last trial is relaxation alone.
-                if gain.suffices() || trial == TRIAL_FRACTIONS.len() {
+                if gain.suffices() || trial == trials.len() {
                     open[c] = false;
                     // With a pull it is not the state's own energy.
                     if level == 0 && self.weights[0].pull == 0.0 {

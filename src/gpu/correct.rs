@@ -17,7 +17,7 @@ use crate::error::Result;
 use crate::memory::Collect;
 use crate::method::acceptance::Correction;
 use crate::method::law::{
-    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, LIMIT_ROUNDS, SMOOTHER_SWEEPS, TRIAL_FRACTIONS, kept_margin,
+    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, SMOOTHER_SWEEPS, kept_margin, limit_rounds, trial_fractions,
 };
 
 impl Run<'_> {
@@ -44,14 +44,15 @@ impl Run<'_> {
         self.conjugate_gradients(level);
         self.limit_step(level);
         self.gate = None;
-        for (n, factor) in TRIAL_FRACTIONS.into_iter().chain([0.0]).enumerate() {
+        let trials = trial_fractions(level);
+        for (n, &factor) in trials.iter().chain(&[0.0]).enumerate() {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
             let mode = if n == 0 { STEP_FIRST_TRIAL } else { STEP_LATER_TRIAL };
             let params = Params { factor, mode, ..self.at_level(level) };
             self.dispatch_active(kernel, level, params, Some(BandBuffer::State));
             self.relax_level(level, correction.sweeps, RELAX_FRACTION);
             // The last trial has a fraction of 0: it is relaxation alone.
-            let last = n == TRIAL_FRACTIONS.len();
+            let last = n == trials.len();
             let decision = if last { DECIDE_LAST_TRIAL } else { DECIDE_TRIAL };
             let Correction { tolerance, trusts_model, .. } = *correction;
             let trusts_model = u32::from(trusts_model);
@@ -254,7 +255,7 @@ impl Run<'_> {
         self.open_gate(GateSet::StepLimit, GATE_LIMITED);
         // A dispatch does `FALLOFF_PASSES` passes of the falloff; the first dispatches shrink no fractions.
         let falloffs = FIRST_FALLOFF_PASSES / FALLOFF_PASSES;
-        for mode in 0..falloffs + LIMIT_ROUNDS {
+        for mode in 0..falloffs + limit_rounds(level) {
             let kept = mode.checked_sub(falloffs).and_then(kept_margin);
             let params = Params { mode, factor: kept.unwrap_or(-1.0), ..self.params };
             if mode >= falloffs {

@@ -72,9 +72,11 @@ constants! {
     FALLOFF_PASSES: u32 = 2;
     /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
     SHRINKING_ROUNDS: u32 = 8;
-    /// Rounds in all: after the shrinking ones, nodes around corners that would still fall under the bound stay where they
-    /// are. A chart that is not free of folds after all rounds is refused for its energy.
+    /// Rounds in all on level 0: after the shrinking ones, nodes around corners that would still fall under the bound stay
+    /// where they are. A chart that is not free of folds after all rounds is refused for its energy.
     LIMIT_ROUNDS: u32 = 16;
+    /// Rounds on each of the other levels, where three have been enough in all scenes and hard cases.
+    COARSER_LIMIT_ROUNDS: u32 = 4;
 
     /// A trial is accepted if it gains more than this fraction of the gain that the model predicts (method §7.7): a
     /// whole step that gains next to nothing would end a chart's corrections where half of the step would continue
@@ -98,8 +100,16 @@ pub fn kept_margin(round: u32) -> Option<f32> {
     (round < SHRINKING_ROUNDS).then(|| KEPT_MARGIN * (1.0 - (round + 1) as f32 / SHRINKING_ROUNDS as f32))
 }
 
-/// Fractions of the step that are tried until one is accepted; then comes relaxation alone.
-pub const TRIAL_FRACTIONS: [f32; 3] = [1.0, 0.5, 0.25];
+/// Most rounds of the step limit on a level.
+pub const fn limit_rounds(level: usize) -> u32 {
+    if level == 0 { LIMIT_ROUNDS } else { COARSER_LIMIT_ROUNDS }
+}
+
+/// Fractions of the step that are tried on a level until one is accepted; then comes relaxation alone. Where a coarser
+/// level refuses the whole step, a part of it has hardly ever been accepted: level 0 has the shorter trials.
+pub const fn trial_fractions(level: usize) -> &'static [f32] {
+    if level == 0 { &[1.0, 0.5, 0.25] } else { &[1.0] }
+}
 
 // Both backends form the second direction from the first step, which further ones could not be formed from.
 const _: () = assert!(CG_ITERATIONS <= 2);

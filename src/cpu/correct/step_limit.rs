@@ -12,14 +12,14 @@ use super::workspace::Limiting;
 use super::*;
 use crate::memory::{copied, zeroed};
 use crate::method::law::{
-    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, FRACTION_FALLOFF, KEPT_MARGIN, LIMIT_ROUNDS, MIN_JACOBIAN,
-    kept_margin,
+    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, FRACTION_FALLOFF, KEPT_MARGIN, MIN_JACOBIAN, kept_margin,
+    limit_rounds,
 };
 use crate::tile::Level;
 use crate::tile::window::{self, Window};
 
 /// Sets the fractions so that u + fraction x step has no corner Jacobian under ε. A chart where this does not succeed
-/// within `LIMIT_ROUNDS` is refused later for its energy.
+/// within `limit_rounds` is refused later for its energy.
 pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
@@ -51,7 +51,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     };
     keep_open(&mut blocks, &limited);
     apply_falloff(run, grid, &blocks, fraction, mark, FIRST_FALLOFF_PASSES);
-    for round in 0..LIMIT_ROUNDS {
+    for round in 0..limit_rounds(level) {
         let mut marked = zeroed(blocks.len());
         let flags = SharedSlice::new(&mut marked);
         let kept = kept_margin(round);
