@@ -117,23 +117,24 @@ const ROW_PLANES: u32 = 11u;
 /// First of the eight planes of the pairs.
 const PAIR: u32 = 3u;
 /// Planes per block of the vectors of a correction. A plane holds different quantities one after the other.
-const VECTOR_PLANES: u32 = 8u;
+const VECTOR_PLANES: u32 = 6u;
 /// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned residual z1.
 const RESIDUAL: u32 = 0u;
 /// The result of the V-cycle (2); on the corrected level that of the first one, z0.
 const DIRECTION: u32 = 2u;
-/// The product of the matrix and z0 (2), for which the second V-cycle is done; on the levels that one dispatch works
-/// on, scratch memory of the V-cycle.
-const PRODUCT: u32 = 4u;
 /// z smoothed on the way to coarser levels (2).
-const SMOOTHED: u32 = 6u;
-/// The step fraction of each node, in two planes used alternately, while the step is limited and tried. The step
-/// itself is a combination of z0 and z1.
-const FRACTION: u32 = 6u;
-/// 1 at nodes with a corner that would fall under the bound, else 0, while the step is limited.
-const MARK: u32 = 4u;
+const SMOOTHED: u32 = 4u;
+/// The block's energy before a correction, at its first node, from assembly until z0 takes its place.
+const ENERGY_BEFORE: u32 = 2u;
+/// The step fraction of each node, in two planes used alternately, while the step is limited and tried. Until the
+/// first trial, the step itself is a combination of z0 and z1.
+const FRACTION: u32 = 4u;
+/// The step (2), while it is tried.
+const STEP: u32 = 2u;
 /// The displacement before the step (2), while the step is tried.
-const U_BEFORE: u32 = 4u;
+const U_BEFORE: u32 = 0u;
+/// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these levels.
+const SCRATCH: u32 = 6u;
 /// Quantities that are summed per block.
 const SUMS: u32 = 8u;
 /// The energy.
@@ -156,7 +157,7 @@ const SUM_PRODUCT_Z_SECOND: u32 = 5u;
 const SUM_CURVATURE_SECOND: u32 = 6u;
 /// The displacement at the last integration (2). The paper's solver uses the planes of the vectors for the
 /// second copy of the state.
-const U_INTEGRATED: u32 = 6u;
+const U_INTEGRATED: u32 = 4u;
 /// `decide`: the chart's sum is the energy of the identity.
 const DECIDE_IDENTITY: u32 = 0u;
 /// `decide`: the energy before a correction.
@@ -208,8 +209,6 @@ const UP_SECOND: u32 = 2u;
 const COARSE_CYCLE: u32 = 0u;
 /// `multigrid_coarse`: the system of one of its levels is solved.
 const COARSE_SOLVE: u32 = 1u;
-/// `gate`, a bit: only charts whose step is limited open the gate.
-const GATE_LIMITED: u32 = 1u;
 /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
 /// vectors.
 const PBD_FROM_VECTORS: u32 = 16u;
@@ -227,12 +226,14 @@ struct Params {
     partial: u32,
     /// Variant of the kernel: one of the constants above, or a number that the kernel explains.
     mode: u32,
+    /// `multigrid_coarse`: number of planes in front of its scratch planes.
+    scratch: u32,
     sweeps: u32,
     /// Number of charts; for `surface`, of triangles.
     items: u32,
     /// Side of this level's cells in cells of level 0.
     scale: f32,
-    /// `step`: the fraction t of the trial; `mark_corners`: the fraction of a margin that the round leaves, negative
+    /// `step`: the fraction t of the trial; `shrink`: the fraction of a margin that the round leaves, negative
     /// in the last rounds.
     factor: f32,
     tolerance: f32,
@@ -301,8 +302,8 @@ struct Chart {
     min_jacobian: f32,
     max_displacement: f32,
     folds: u32,
-    /// Rounds of the step limit (dispatches of the first falloff included) that found something to limit; 0 if the
-    /// step is not limited.
+    /// Dispatches of the step limit that found something to limit, the first fractions included; 0 if the step is not
+    /// limited.
     limit_rounds: atomic<u32>,
 }
 

@@ -289,15 +289,15 @@ impl<'a> Run<'a> {
         DispatchSize { workgroups, gate }
     }
 
-    /// Records a gate: dispatches that follow run only if a chart is at work at this point (with `GATE_LIMITED`, a
-    /// chart whose step is limited), until `self.gate` is reset.
-    fn open_gate(&mut self, set: GateSet, mode: u32) {
+    /// Records a gate: dispatches that follow run only if a chart is at work at this point that at least `limited`
+    /// dispatches of the step limit found limited, until `self.gate` is reset.
+    fn open_gate(&mut self, set: GateSet, limited: u32) {
         let count = self.memory.dispatch_size_count;
         let number = self.gates.min(MAX_GATES - 1);
         self.gates += 1;
         self.gate = None;
         let first = set as u32 * count;
-        let params = Params { first, count, partial: number, mode, ..self.params };
+        let params = Params { first, count, partial: number, mode: limited, ..self.params };
         let extra = [
             self.memory.dispatch_sizes.clone(),
             self.memory.indirect_arguments.clone(),

@@ -52,7 +52,7 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     // The energy before the correction. Its place holds other quantities only once it has been added up.
     let sum = energy_of_block(t, energy, worst, false);
     if t == 0u {
-        vectors[vector_index(b, PRODUCT, 0u)] = sum;
+        vectors[vector_index(b, ENERGY_BEFORE, 0u)] = sum;
     }
 }
 

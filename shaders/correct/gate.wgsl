@@ -1,5 +1,5 @@
 // gate: writes the arguments of the indirect dispatches that follow: the workgroups of each list, or 0 if no chart is
-// at work (or, with GATE_LIMITED, if no chart at work has a limited step). A trial or a round of the step limit that no
+// at work that was limited by at least `mode` dispatches of the step limit. A trial or a round of the step limit that no
 // chart needs then costs next to nothing, and nothing is read back for it.
 
 /// Workgroups of each dispatch size: one per chart first, then those of the lists of blocks.
@@ -15,8 +15,7 @@ var<workgroup> working: array<u32, 64>;
 fn gate(@builtin(local_invocation_index) t: u32) {
     var any = 0u;
     for (var c = t; c < params.items; c += 64u) {
-        let may_open = (params.mode & GATE_LIMITED) == 0u || atomicLoad(&charts[c].limit_rounds) > 0u;
-        any |= select(0u, charts[c].working, may_open);
+        any |= select(0u, charts[c].working, atomicLoad(&charts[c].limit_rounds) >= params.mode);
     }
     working[t] = any;
     workgroupBarrier();

@@ -3,6 +3,8 @@
 // one dispatch. Per node a pass reads 44 bytes of rows and 16 of vectors (up to a quarter more for the halo), and writes 8.
 
 var<workgroup> window_z: array<vec2f, 324>;
+/// The right-hand side at the slots of the block.
+var<workgroup> right: array<vec2f, 256>;
 
 fn diagonal(b: u32, s: u32) -> vec3f {
     let at = row_index(b, 0u, s);
@@ -72,13 +74,33 @@ fn load_window(b: u32, t: u32, plane: u32) {
     workgroupBarrier();
 }
 
-/// Gauss-Seidel sweeps of z towards A z = r over the node colours of block b, with r in planes `plane`. The window holds
-/// z; its halo stays frozen. With `inside`, z counts as 0 outside of the block.
-fn sweep_block(b: u32, t: u32, plane: u32, backwards: bool, inside: bool) {
+/// Loads the vector in planes `plane` as the right-hand side of block b.
+fn load_right(b: u32, t: u32, plane: u32) {
+    for (var k = 0u; k < 4u; k++) {
+        let s = thread_slot(k, t);
+        right[s] = vector(b, plane, s);
+    }
+}
+
+/// Sets the right-hand side of block b to A z, where the window holds z; returns this thread's part of z . A z.
+fn multiply(b: u32, t: u32) -> f32 {
+    var sum = 0.0;
+    for (var k = 0u; k < 4u; k++) {
+        let s = thread_slot(k, t);
+        let z = window_z[place_of_slot(s)];
+        right[s] = off_diagonal(b, vec2i(node_at(s)), false) + diagonal_times(b, s, z);
+        sum += dot(z, right[s]);
+    }
+    return sum;
+}
+
+/// Gauss-Seidel sweeps of z towards A z = r over the node colours of block b. The window holds z; its halo stays frozen.
+/// With `inside`, z counts as 0 outside of the block.
+fn sweep_block(b: u32, t: u32, backwards: bool, inside: bool) {
     for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
         let s = thread_slot(select(sweep & 3u, 3u - (sweep & 3u), backwards), t);
         let d = diagonal(b, s);
-        let rest = vector(b, plane, s) - off_diagonal(b, vec2i(node_at(s)), inside);
+        let rest = right[s] - off_diagonal(b, vec2i(node_at(s)), inside);
         // A fixed node has r = 0 and no pairs: it stays at 0.
         window_z[place_of_slot(s)] =
             vec2f(d.z * rest.x - d.y * rest.y, d.x * rest.y - d.y * rest.x) / (d.x * d.z - d.y * d.y);
@@ -86,13 +108,13 @@ fn sweep_block(b: u32, t: u32, plane: u32, backwards: bool, inside: bool) {
     }
 }
 
-/// Smooths z of block b from 0, with 0 around it, and stores it; r stands in planes `plane`.
-fn smooth_from_zero(b: u32, t: u32, plane: u32) {
+/// Smooths z of block b from 0, with 0 around it, and stores it.
+fn smooth_from_zero(b: u32, t: u32) {
     for (var k = t; k < WINDOW; k += 64u) {
         window_z[k] = vec2f();
     }
     workgroupBarrier();
-    sweep_block(b, t, plane, false, true);
+    sweep_block(b, t, false, true);
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
         set_vector(b, SMOOTHED, s, window_z[place_of_slot(s)]);

@@ -23,13 +23,18 @@ fn fixed_node(b: u32, s: u32) -> bool {
     return ((coarse_blocks[b].fixed[s / 32u] >> (s % 32u)) & 1u) != 0u;
 }
 
+/// Index of planes `plane` of block b; the scratch planes of all blocks stand behind their vectors.
+fn place_of_vector(b: u32, plane: u32, s: u32) -> u32 {
+    return select(vector_index(b, plane, s), (params.scratch + 2u * b) * NODES + s, plane == SCRATCH);
+}
+
 fn vector(b: u32, plane: u32, s: u32) -> vec2f {
-    let at = vector_index(b, plane, s);
+    let at = place_of_vector(b, plane, s);
     return vec2f(vectors[at], vectors[at + NODES]);
 }
 
 fn set_vector(b: u32, plane: u32, s: u32, v: vec2f) {
-    let at = vector_index(b, plane, s);
+    let at = place_of_vector(b, plane, s);
     vectors[at] = v.x;
     vectors[at + NODES] = v.y;
 }
@@ -125,7 +130,7 @@ fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: 
     storageBarrier();
 }
 
-/// PRODUCT = A z, or r - A z if `subtracted`, on a level. Returns this thread's part of z . A z.
+/// SCRATCH = A z, or r - A z if `subtracted`, on a level. Returns this thread's part of z . A z.
 fn multiply_level(c: u32, level: u32, t: u32, subtracted: bool) -> f32 {
     let lane = t % 64u;
     let window = t / 64u * WINDOW;
@@ -145,7 +150,7 @@ fn multiply_level(c: u32, level: u32, t: u32, subtracted: bool) -> f32 {
             let d = diagonal(b, s);
             let v = windows_z[window + place(n.x + 1u, n.y + 1u)];
             let product = off_diagonal(b, n, window) + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
-            set_vector(b, PRODUCT, s, select(product, vector(b, RESIDUAL, s) - product, subtracted));
+            set_vector(b, SCRATCH, s, select(product, vector(b, RESIDUAL, s) - product, subtracted));
             sum += dot(v, product);
         }
         workgroupBarrier();
@@ -178,9 +183,9 @@ fn interpolation_weight(b: u32, n: vec2u) -> f32 {
 /// one of which lies in a coarse column.
 fn restrict_in_x(b: u32, n: vec2u) -> vec2f {
     let east = n + vec2u(2u, 0u);
-    return window_vector(b, PRODUCT, n + vec2u(1u, 0u))
-        + ((1.0 - interpolation_weight(b, n)) * window_vector(b, PRODUCT, n)
-            + interpolation_weight(b, east) * window_vector(b, PRODUCT, east));
+    return window_vector(b, SCRATCH, n + vec2u(1u, 0u))
+        + ((1.0 - interpolation_weight(b, n)) * window_vector(b, SCRATCH, n)
+            + interpolation_weight(b, east) * window_vector(b, SCRATCH, east));
 }
 
 /// z of the coarser level at coarse column `column` (0 to 8) and fine row `row` of block b: interpolated in y alone.
@@ -216,7 +221,7 @@ fn restrict_level(c: u32, level: u32, t: u32) {
     storageBarrier();
 }
 
-/// PRODUCT = z + P z, with P z from the next coarser level.
+/// SCRATCH = z + P z, with P z from the next coarser level.
 fn add_level(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
@@ -233,7 +238,7 @@ fn add_level(c: u32, level: u32, t: u32) {
                     add = add * weight + interpolate_in_y(b, parent, n.x / 2u + 1u, n.y) * (1.0 - weight);
                 }
             }
-            set_vector(b, PRODUCT, s, vector(b, DIRECTION, s) + add);
+            set_vector(b, SCRATCH, s, vector(b, DIRECTION, s) + add);
         }
     }
     storageBarrier();
@@ -250,12 +255,12 @@ fn cycle(c: u32, top: u32, t: u32) {
     for (var n = 0u; n < 2u * COARSEST_ROUNDS; n++) {
         // The last pass writes the direction.
         let odd = (n & 1u) != 0u;
-        let before = select(select(DIRECTION, NONE, n == 0u), PRODUCT, odd);
-        smooth_level(c, coarsest, t, before, select(PRODUCT, DIRECTION, odd), n >= COARSEST_ROUNDS);
+        let before = select(select(DIRECTION, NONE, n == 0u), SCRATCH, odd);
+        smooth_level(c, coarsest, t, before, select(SCRATCH, DIRECTION, odd), n >= COARSEST_ROUNDS);
     }
     for (var below = coarsest; below > top; below--) {
         add_level(c, below - 1u, t);
-        smooth_level(c, below - 1u, t, PRODUCT, DIRECTION, true);
+        smooth_level(c, below - 1u, t, SCRATCH, DIRECTION, true);
     }
 }
 
@@ -298,7 +303,7 @@ fn advance(c: u32, level: u32, t: u32, alpha: f32) {
         // A step of length 0 leaves r as it is, even where the product is NaN.
         for (var colour = 0u; colour < 4u && alpha != 0.0; colour++) {
             let s = thread_slot(colour, t % 64u);
-            set_vector(b, RESIDUAL, s, vector(b, RESIDUAL, s) - alpha * vector(b, PRODUCT, s));
+            set_vector(b, RESIDUAL, s, vector(b, RESIDUAL, s) - alpha * vector(b, SCRATCH, s));
         }
     }
     storageBarrier();
@@ -335,7 +340,7 @@ fn energy_before(c: u32, level: u32, t: u32) -> f32 {
     let range = block_range(c, level, t);
     var sum = 0.0;
     for (var k = t; k < range.y; k += 256u) {
-        sum += vectors[vector_index(coarse_lists[range.x + k], PRODUCT, 0u)];
+        sum += vectors[vector_index(coarse_lists[range.x + k], ENERGY_BEFORE, 0u)];
     }
     return sum_of_threads(t, sum);
 }

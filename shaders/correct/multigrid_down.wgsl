@@ -18,11 +18,13 @@ fn multigrid_down(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
     if params.mode == DOWN_GATHER {
         for (var k = 0u; k < 4u; k++) {
             let s = thread_slot(k, t);
-            set_vector(b, RESIDUAL, s, select(arrived(b, vec2i(node_at(s))), vec2f(), is_fixed(b, s)));
+            right[s] = select(arrived(b, vec2i(node_at(s))), vec2f(), is_fixed(b, s));
+            set_vector(b, RESIDUAL, s, right[s]);
         }
-        storageBarrier();
+    } else {
+        load_right(b, t, RESIDUAL);
     }
-    smooth_from_zero(b, t, RESIDUAL);
+    smooth_from_zero(b, t);
     load_weights(b, t);
-    contribute(b, t, RESIDUAL);
+    contribute(b, t);
 }

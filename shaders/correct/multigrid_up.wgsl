@@ -1,8 +1,8 @@
 // correct: the V-cycle on the way back from a coarser level (method §7.4): P z of the coarser level is added to the smoothed
 // z at the block and its halo, then come the sweeps backwards. On the corrected level this is also where the preconditioned
 // vector is used: the first time for r . z, the second time, where the right-hand side is A z0, for the second
-// preconditioned residual z1 and its products (method §7.3). It reads 44 bytes of rows, 16 of vectors (32 the second time),
-// 1 of weights and 2 of the coarser level per node, and writes 8.
+// preconditioned residual z1 and its products (method §7.3). It reads 44 bytes of rows, 16 of vectors (24 the second time),
+// 5 of constants and 2 of the coarser level per node, and writes 8.
 
 @group(0) @binding(10) var<storage, read> coarse_vectors: array<f32>;
 
@@ -56,6 +56,13 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     }
     load_weights(b, t);
     load_coarse_z(b, t);
+    if params.mode == UP_SECOND {
+        load_window(b, t, DIRECTION);
+        multiply(b, t);
+        workgroupBarrier();
+    } else {
+        load_right(b, t, RESIDUAL);
+    }
     for (var k = t; k < WINDOW; k += 64u) {
         let node = window_node(k);
         let source = window_source(node);
@@ -67,25 +74,25 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     }
     workgroupBarrier();
     if params.mode == UP_SECOND {
-        sweep_block(b, t, PRODUCT, true, false);
+        sweep_block(b, t, true, false);
         second_residual(b, t, group);
         return;
     }
-    sweep_block(b, t, RESIDUAL, true, false);
+    // With a pull, assembly does not have all of the energy. Its place is that of this thread's first z.
+    if params.mode == UP_FIRST && t == 0u && params.pull == 0.0 {
+        partials[sum_index(SUM_ENERGY, params.partial + group.y * SPREAD + group.x)] =
+            vectors[vector_index(b, ENERGY_BEFORE, 0u)];
+    }
+    sweep_block(b, t, true, false);
     var sum = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
         let z = window_z[place_of_slot(s)];
         set_vector(b, DIRECTION, s, z);
-        sum += dot(vector(b, RESIDUAL, s), z);
+        sum += dot(right[s], z);
     }
     if params.mode == UP_FIRST {
         write_sum(group, t, SUM_RZ, sum);
-        // With a pull, assembly does not have all of the energy.
-        if t == 0u && params.pull == 0.0 {
-            partials[sum_index(SUM_ENERGY, params.partial + group.y * SPREAD + group.x)] =
-                vectors[vector_index(b, PRODUCT, 0u)];
-        }
     }
 }
 
@@ -95,16 +102,15 @@ fn second_residual(b: u32, t: u32, group: vec3u) {
     var sums = vec2f();
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
-        let product = vector(b, PRODUCT, s);
         var r = vector(b, RESIDUAL, s);
         var z = vector(b, DIRECTION, s);
         // A step of length 0 leaves both as they are, even where the product is NaN.
         if alpha != 0.0 {
-            r -= alpha * product;
+            r -= alpha * right[s];
             z -= alpha * window_z[place_of_slot(s)];
         }
         set_vector(b, RESIDUAL, s, z);
-        sums += vec2f(dot(r, z), dot(product, z));
+        sums += vec2f(dot(r, z), dot(right[s], z));
     }
     write_sum(group, t, SUM_RZ_SECOND, sums.x);
     workgroupBarrier();

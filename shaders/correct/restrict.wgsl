@@ -31,8 +31,8 @@ fn restricted_in_x(n: vec2i) -> vec2f {
     return sum;
 }
 
-/// Writes what block b contributes; the window holds its z, and r stands in planes `plane`.
-fn contribute(b: u32, t: u32, plane: u32) {
+/// Writes what block b contributes; the window holds its z.
+fn contribute(b: u32, t: u32) {
     let parent = blocks[b].parents[0];
     if parent == NONE {
         return;
@@ -46,7 +46,7 @@ fn contribute(b: u32, t: u32, plane: u32) {
             value = -off_diagonal(b, n, true);
             if is_inside(n) {
                 let z = window_z[place_of_slot(source.y)];
-                value = vector(b, plane, source.y) + (value - diagonal_times(b, source.y, z));
+                value = right[source.y] + (value - diagonal_times(b, source.y, z));
             }
         }
         residuals[k] = value;

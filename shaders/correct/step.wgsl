@@ -1,8 +1,9 @@
 // correct: takes a fraction of the step and resamples the surface (method §7.7). In addition to what `resample` does, it
-// reads 28 bytes of vectors per node, and in the first trial 8 of the state, and writes 8.
+// reads 20 bytes of vectors per node, and in the first trial 8 of the state, and writes 16 there.
 
 /// Sets u = u0 + `factor` psi phi x (method §7.7): the displacement before the step plus the trial's fraction, times
-/// the chart's step fraction, times the node's step fraction, of the step x. The first trial stores u0.
+/// the chart's step fraction, times the node's step fraction, of the step x. The first trial puts u0 and x in the place of
+/// the two vectors of which x is a combination.
 @compute @workgroup_size(64)
 fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
@@ -12,17 +13,21 @@ fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
     for (var colour = 0u; colour < 4u; colour++) {
         let s = thread_slot(colour, t);
         let before = vector_index(b, U_BEFORE, s);
+        let step = vector_index(b, STEP, s);
         if params.mode == STEP_FIRST_TRIAL {
+            let x = step_vector(b, s);
             let u = displacement(b, s);
             vectors[before] = u.x;
             vectors[before + NODES] = u.y;
+            vectors[step] = x.x;
+            vectors[step + NODES] = x.y;
         }
         var u = vec2f(vectors[before], vectors[before + NODES]);
         if params.factor > 0.0 {
             // The rounds of the step limit write the two planes alternately.
             let plane = FRACTION + (atomicLoad(&charts[blocks[b].chart].limit_rounds) & 1u);
             let fraction = params.factor * charts[blocks[b].chart].fraction;
-            u += fraction * vectors[vector_index(b, plane, s)] * step_vector(b, s);
+            u += fraction * vectors[vector_index(b, plane, s)] * vec2f(vectors[step], vectors[step + NODES]);
         }
         resample(b, s, u);
     }

@@ -7,18 +7,19 @@ mod tests;
 use super::kernels::Kernel;
 use super::layout::{
     COARSE_CYCLE, COARSE_SOLVE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP, DECIDE_LAST_TRIAL,
-    DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, GATE_LIMITED, Params, RELAX_FRACTION,
-    SELECT_ALL, SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL,
-    UP_COARSE, UP_FIRST, UP_SECOND,
+    DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, Params, RELAX_FRACTION, SELECT_ALL,
+    SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL, UP_COARSE,
+    UP_FIRST, UP_SECOND, VECTOR_PLANES,
 };
 use super::lists::List;
 use super::{BandBuffer, GateSet, Run};
 use crate::error::Result;
 use crate::memory::Collect;
 use crate::method::acceptance::Correction;
-use crate::method::law::{
-    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, SMOOTHER_SWEEPS, kept_margin, limit_rounds, trial_fractions,
-};
+use crate::method::law::{SMOOTHER_SWEEPS, kept_margin, limit_rounds, trial_fractions};
+
+/// The rounds of the step limit on level 0 that have a gate in front of them: one or two rounds are usual, and many rare.
+const LATER_GATES: [u32; 2] = [2, 6];
 
 impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
@@ -43,7 +44,6 @@ impl Run<'_> {
         }
         self.conjugate_gradients(level);
         self.limit_step(level);
-        self.gate = None;
         let trials = trial_fractions(level);
         for (n, &factor) in trials.iter().chain(&[0.0]).enumerate() {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
@@ -238,6 +238,7 @@ impl Run<'_> {
             count: bases.len() as u32,
             sweeps: SMOOTHER_SWEEPS,
             base: 0,
+            scratch: (coarse.levels.blocks * VECTOR_PLANES) as u32,
             ..self.params
         };
         let cycles = if mode == COARSE_SOLVE { 2 } else { 1 };
@@ -252,16 +253,17 @@ impl Run<'_> {
     /// Computes the step fraction of each node (method §7.6).
     fn limit_step(&mut self, level: usize) {
         self.dispatch_active(Kernel::FirstFractions, level, self.params, Some(BandBuffer::Vectors));
-        self.open_gate(GateSet::StepLimit, GATE_LIMITED);
-        // A dispatch does `FALLOFF_PASSES` passes of the falloff; the first dispatches shrink no fractions.
-        let falloffs = FIRST_FALLOFF_PASSES / FALLOFF_PASSES;
-        for mode in 0..falloffs + limit_rounds(level) {
-            let kept = mode.checked_sub(falloffs).and_then(kept_margin);
-            let params = Params { mode, factor: kept.unwrap_or(-1.0), ..self.params };
-            if mode >= falloffs {
-                self.dispatch_active(Kernel::MarkCorners, level, params, Some(BandBuffer::Vectors));
+        self.open_gate(GateSet::StepLimit, 1);
+        let written = Some(BandBuffer::Vectors);
+        self.dispatch_active(Kernel::Falloff, level, Params { mode: 0, ..self.params }, written);
+        for round in 0..limit_rounds(level) {
+            if level == 0 && LATER_GATES.contains(&round) {
+                self.open_gate(GateSet::StepLimit, round + 1);
             }
-            self.dispatch_active(Kernel::ShrinkFractions, level, params, Some(BandBuffer::Vectors));
+            let params =
+                Params { mode: round + 1, factor: kept_margin(round).unwrap_or(-1.0), ..self.params };
+            self.dispatch_active(Kernel::Shrink, level, params, written);
         }
+        self.gate = None;
     }
 }

@@ -8,13 +8,12 @@ use super::layout::{
     SELECT_ALL, Triangle, VECTOR_PLANES, state_planes,
 };
 #[cfg(feature = "oracle")]
-use super::layout::{DECIDE_ENERGY, DIRECTION, FRACTION, INVALID_ENERGY, RESIDUAL};
+use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
 use super::memory::PLANE;
 use super::{BandBuffer, Run};
 use crate::error::Result;
 use crate::memory::{Collect, Grow, with_capacity};
 #[cfg(feature = "oracle")]
-use crate::method::law::MAX_STEP;
 use crate::tile::blocks::{NODES, Plane};
 
 impl Run<'_> {
@@ -149,20 +148,7 @@ impl Run<'_> {
         let plane = |b: usize| FRACTION + (records[list[b].chart as usize].limit_rounds & 1) as usize;
         let fraction =
             (0..list.len()).flat_map(|b| &vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES]);
-        // As `step_vector` of the shaders forms it.
-        let mut step: Vec<u32> = Vec::new();
-        for (b, block) in vectors.chunks(VECTOR_PLANES * NODES).enumerate() {
-            let factors = records[list[b].chart as usize].step;
-            for at in 0..2 * NODES {
-                let terms = factors.iter().zip([DIRECTION, RESIDUAL]).map(|(&factor, plane)| {
-                    let z = f32::from_bits(block[plane * NODES + at]);
-                    if factor == 0.0 { 0.0 } else { factor * z }
-                });
-                let x: f32 = terms.sum();
-                step.put(if x.abs() < MAX_STEP { x.to_bits() } else { 0 });
-            }
-        }
-        Ok([step, fraction.copied().collected()])
+        Ok([vector_planes(&vectors, STEP), fraction.copied().collected()])
     }
 
     /// Reads all planes of one of a level's buffers, in the order of its blocks.

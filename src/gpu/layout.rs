@@ -53,23 +53,24 @@ pub mod shared {
         PAIR: usize = 3;
 
         /// Planes per block of the vectors of a correction. A plane holds different quantities one after the other.
-        VECTOR_PLANES: usize = 8;
+        VECTOR_PLANES: usize = 6;
         /// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned residual z1.
         RESIDUAL: usize = 0;
         /// The result of the V-cycle (2); on the corrected level that of the first one, z0.
         DIRECTION: usize = 2;
-        /// The product of the matrix and z0 (2), for which the second V-cycle is done; on the levels that one dispatch works
-        /// on, scratch memory of the V-cycle.
-        PRODUCT: usize = 4;
         /// z smoothed on the way to coarser levels (2).
-        SMOOTHED: usize = 6;
-        /// The step fraction of each node, in two planes used alternately, while the step is limited and tried. The step
-        /// itself is a combination of z0 and z1.
-        FRACTION: usize = 6;
-        /// 1 at nodes with a corner that would fall under the bound, else 0, while the step is limited.
-        MARK: usize = 4;
+        SMOOTHED: usize = 4;
+        /// The block's energy before a correction, at its first node, from assembly until z0 takes its place.
+        ENERGY_BEFORE: usize = 2;
+        /// The step fraction of each node, in two planes used alternately, while the step is limited and tried. Until the
+        /// first trial, the step itself is a combination of z0 and z1.
+        FRACTION: usize = 4;
+        /// The step (2), while it is tried.
+        STEP: usize = 2;
         /// The displacement before the step (2), while the step is tried.
-        U_BEFORE: usize = 4;
+        U_BEFORE: usize = 0;
+        /// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these levels.
+        SCRATCH: usize = 6;
 
         /// Quantities that are summed per block.
         SUMS: u32 = 8;
@@ -94,7 +95,7 @@ pub mod shared {
 
         /// The displacement at the last integration (2). The paper's solver uses the planes of the vectors for the
         /// second copy of the state.
-        U_INTEGRATED: usize = 6;
+        U_INTEGRATED: usize = 4;
 
         /// `decide`: the chart's sum is the energy of the identity.
         DECIDE_IDENTITY: u32 = 0;
@@ -149,8 +150,6 @@ pub mod shared {
         COARSE_CYCLE: u32 = 0;
         /// `multigrid_coarse`: the system of one of its levels is solved.
         COARSE_SOLVE: u32 = 1;
-        /// `gate`, a bit: only charts whose step is limited open the gate.
-        GATE_LIMITED: u32 = 1;
         /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
         /// vectors.
         PBD_FROM_VECTORS: u32 = 16;
@@ -168,6 +167,8 @@ pub const THREADS: u32 = 64;
 pub const METRIC_PLANES: usize = 3;
 /// Planes per block of a result.
 pub const RESULT_PLANES: usize = 2;
+/// Planes per block of the scratch memory of the coarse levels' V-cycle.
+pub const SCRATCH_PLANES: usize = 2;
 
 /// Planes per block of the constants of a grid's nodes: rigidity, four rest lengths (two planes), triangle under the
 /// node (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material.
@@ -194,12 +195,14 @@ structs! {
         partial: u32,
         /// Variant of the kernel: one of the constants above, or a number that the kernel explains.
         mode: u32,
+        /// `multigrid_coarse`: number of planes in front of its scratch planes.
+        scratch: u32,
         sweeps: u32,
         /// Number of charts; for `surface`, of triangles.
         items: u32,
         /// Side of this level's cells in cells of level 0.
         scale: f32,
-        /// `step`: the fraction t of the trial; `mark_corners`: the fraction of a margin that the round leaves, negative
+        /// `step`: the fraction t of the trial; `shrink`: the fraction of a margin that the round leaves, negative
         /// in the last rounds.
         factor: f32,
         tolerance: f32,
@@ -269,8 +272,8 @@ structs! {
         min_jacobian: f32,
         max_displacement: f32,
         folds: u32,
-        /// Rounds of the step limit (dispatches of the first falloff included) that found something to limit; 0 if the
-        /// step is not limited.
+        /// Dispatches of the step limit that found something to limit, the first fractions included; 0 if the step is not
+        /// limited.
         limit_rounds: u32 as "atomic<u32>",
     }
 

@@ -4,8 +4,8 @@ use super::bands::Band;
 use super::context::padded;
 use super::correct::coarse_levels::CoarseLevels;
 use super::layout::{
-    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SUMS, Triangle, VECTOR_PLANES,
-    node_planes, state_planes,
+    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SCRATCH_PLANES, SUMS,
+    Triangle, VECTOR_PLANES, node_planes, state_planes,
 };
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::memory::PLANE;
@@ -97,7 +97,7 @@ impl BufferSizes {
                 .map(|(k, bands)| bands.iter().map(|of| band(k, of)).collected())
                 .collected(),
             coarse_rows: common(ROW_PLANES),
-            coarse_vectors: common(VECTOR_PLANES),
+            coarse_vectors: common(VECTOR_PLANES + SCRATCH_PLANES),
             coarse_contributions: coarse.map_or(0, |coarse| coarse.blocks as u64 * CONTRIBUTIONS),
             no_contributions: CONTRIBUTIONS,
             coarse_blocks: coarse.map_or(0, |coarse| bytes_of::<CoarseBlock>(coarse.blocks)),

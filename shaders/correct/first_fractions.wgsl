@@ -1,0 +1,51 @@
+// correct: the step limit's first fractions (method §7.6). They leave every corner Jacobian a part of its margin over
+// MIN_JACOBIAN. Charts whose whole step leaves enough margin are done: no round of the limit has anything to do there. Per
+// node it reads 24 bytes, a quarter more for the halo, and writes 4.
+
+var<workgroup> window_u: array<vec2f, 324>;
+var<workgroup> window_step: array<vec2f, 324>;
+
+/// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same. A chart with
+/// a fraction under 1 is limited.
+@compute @workgroup_size(64)
+fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+    let b = block_of_workgroup(group, t);
+    if b == NONE {
+        return;
+    }
+    for (var k = t; k < WINDOW; k += 64u) {
+        let source = window_source(window_node(k));
+        let holder = blocks[b].neighbours[source.x];
+        window_u[k] = vec2f();
+        window_step[k] = vec2f();
+        if holder != NONE {
+            window_u[k] = displacement(holder, source.y);
+            if blocks[holder].is_active != 0u {
+                window_step[k] = step_vector(holder, source.y);
+            }
+        }
+    }
+    workgroupBarrier();
+    var limited = false;
+    for (var k = 0u; k < 4u; k++) {
+        let s = thread_slot(k, t);
+        let fraction = allowed_fraction(vec2i(node_at(s)), KEPT_MARGIN);
+        vectors[vector_index(b, FRACTION, s)] = fraction;
+        limited = limited || fraction < 1.0;
+    }
+    if limited {
+        atomicMax(&charts[blocks[b].chart].limit_rounds, 1u);
+    }
+}
+
+fn place_in_window(n: vec2i) -> u32 {
+    return place(u32(n.x + 1), u32(n.y + 1));
+}
+
+fn offset_to(n: vec2i, o: vec2i) -> vec2f {
+    return (window_u[place_in_window(n + o)] - window_u[place_in_window(n)]) + vec2f(o);
+}
+
+fn change(n: vec2i, o: vec2i) -> vec2f {
+    return window_step[place_in_window(n + o)] - window_step[place_in_window(n)];
+}
