@@ -162,6 +162,9 @@ fn is_fixed(b: u32, s: u32) -> bool {
 }
 
 fn displacement(b: u32, s: u32) -> vec2f {
+    if params.is_identity != 0u {
+        return vec2f();
+    }
     let at = state_index(b, U, s);
     return bitcast<vec2f>(vec2u(state[at], state[at + NODES]));
 }
@@ -229,6 +232,11 @@ fn find_block(b: u32, at: vec2i) -> u32 {
     return NONE;
 }
 
+/// Whether kernels work on chart c now: in a correction, if it takes part in it; else, if it is solved.
+fn is_at_work(c: u32) -> bool {
+    return select(charts[c].working, charts[c].solved, params.in_correction == 0u) != 0u;
+}
+
 var<workgroup> workgroup_block: u32;
 
 /// Returns the block of this workgroup, or NONE if there is none or if its chart is not at work. Uniform: all threads
@@ -239,7 +247,7 @@ fn block_of_workgroup(group: vec3u, t: u32) -> u32 {
         workgroup_block = NONE;
         if k < params.count {
             let b = lists[params.first + k];
-            if charts[blocks[b].chart].working != 0u {
+            if is_at_work(blocks[b].chart) {
                 workgroup_block = b;
             }
         }

@@ -177,8 +177,6 @@ const DECIDE_CERTIFICATE: u32 = 8u;
 /// `decide`: the certificate of a result that may fold: the fallback is taken only if the energy is NaN or
 /// infinite.
 const DECIDE_ALLOWING_FOLDS: u32 = 9u;
-/// `select_charts`: all charts that are solved.
-const SELECT_ALL: u32 = 0u;
 /// `select_charts`: all charts that are solved, at the beginning of a level's first correction.
 const SELECT_FIRST_CORRECTION: u32 = 1u;
 /// `select_charts`: the charts that take part in a further correction of the level.
@@ -229,6 +227,10 @@ struct Params {
     /// `multigrid_coarse`: number of planes in front of its scratch planes.
     scratch: u32,
     sweeps: u32,
+    /// 1 in a correction: kernels work on the charts that take part in it; else on all that are solved.
+    in_correction: u32,
+    /// 1 if the state to read is the identity, whatever stands in `state`.
+    is_identity: u32,
     /// Number of charts; for `surface`, of triangles.
     items: u32,
     /// Side of this level's cells in cells of level 0.
@@ -271,7 +273,7 @@ struct Params {
 struct Chart {
     /// 1 if the chart is solved.
     solved: u32,
-    /// 1 if kernels work on the chart now.
+    /// 1 if the chart takes part in the present correction, until a trial is accepted.
     working: u32,
     /// 1 if the chart sits out the level's further corrections.
     finished: u32,

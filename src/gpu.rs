@@ -76,6 +76,8 @@ pub(crate) struct Run<'a> {
     gave_up: bool,
     /// Whether no chart takes part in further corrections of the present level.
     settled: bool,
+    /// Whether the blocks' energies on level 0 are those that its last accepted trials summed.
+    energy_is_known: bool,
     /// Of the call, which may be cancelled while the GPU is waited for.
     control: Option<Arc<Control>>,
     /// The first error. Stages record no dispatches after it, and `finish` returns it.
@@ -181,6 +183,7 @@ impl<'a> Run<'a> {
             recording: start,
             gave_up: false,
             settled: false,
+            energy_is_known: false,
             control: control.cloned(),
             error: None,
         };
@@ -247,7 +250,13 @@ impl<'a> Run<'a> {
             charts: records.map(read).collected(),
             result: self.result,
             node_updates: self.node_updates,
-            statistics: Statistics { upload_ms: self.upload_ms, record_ms, wait_ms, ..statistics },
+            statistics: Statistics {
+                upload_ms: self.upload_ms,
+                record_ms,
+                wait_ms,
+                bytes_held: self.memory.bytes,
+                ..statistics
+            },
         })
     }
 

@@ -328,6 +328,8 @@ pub struct GpuWork {
     pub skipped: u64,
     /// Dispatches, empty ones included, that had to wait until those before them were done.
     pub barriers: u64,
+    /// Bytes of the tile's buffers on the GPU: its solver's and its results'.
+    pub bytes_held: u64,
     /// The kernels that ran.
     pub kernels: Vec<GpuKernel>,
 }

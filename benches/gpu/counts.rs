@@ -16,12 +16,12 @@ const HEAD: &str = "\
 `normal`, from the identity. The counts do not depend on the machine, apart from a few decisions that rounding may turn:
 `benches/gpu.sh --counts` writes them anew. \"Empty\" dispatches are trials and rounds of the step limit that no chart
 needed, \"barriers\" are dispatches that have to wait for those before them, empty ones included. \"MB\" and \"bytes\" count
-each datum once per dispatch. \"Excess\" is (E - best E) / (E of the identity - best E), with the best E of `high` that goes
-on to the last 1e-6 of gain. Bytes held are those on the GPU and on the host together. Levels are divided into bands where
+each datum once per dispatch, of all charts that a dispatch is for. \"Excess\" is (E - best E) / (E of the identity - best E), with the best E of `high` that goes
+on to the last 1e-6 of gain. Bytes held are per active node. Levels are divided into bands where
 the driver's bindings are small (128 MiB with Mesa's software driver: from 2048 x 2048 cells on), which takes more dispatches.
 
-| scene | size | active nodes | dispatches | empty ones | barriers | submissions | MB | bytes per active node | floor at 4.8 TB/s, ms | at 300 GB/s, ms | excess, % | bytes held per active node |
-|---|---|---|---|---|---|---|---|---|---|---|---|---|
+| scene | size | active nodes | dispatches | empty ones | barriers | submissions | MB | bytes per active node | floor at 4.8 TB/s, ms | at 300 GB/s, ms | excess, % | bytes held on the GPU | with the host's |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
 /// The table of all models and sizes, and then the kernels of the bulge at each size.
@@ -55,11 +55,13 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
                 let _ = write!(text, " {:.2} |", bytes / bandwidth * 1e3);
             }
             let excess = excess(device, &model, size, report.energy, report.energy_before)?;
-            let _ = writeln!(text, " {excess} | {:.0} |", report.bytes as f64 / nodes);
-            if model.name == "bulge" {
+            let [on_gpu, in_all] = [work.bytes_held, report.bytes].map(|bytes| bytes as f64 / nodes);
+            let _ = writeln!(text, " {excess} | {on_gpu:.0} | {in_all:.0} |");
+            if model.name != "mug_to_jug" {
                 let _ = writeln!(
                     kernels,
-                    "\n## The bulge at {size}², kernel by kernel\n\n{}",
+                    "\n## {} at {size}², kernel by kernel\n\n{}",
+                    model.name,
                     of_kernels(&work, nodes)
                 );
             }

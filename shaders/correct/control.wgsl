@@ -93,7 +93,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
     let is_certificate = params.mode == DECIDE_CERTIFICATE || params.mode == DECIDE_ALLOWING_FOLDS;
     let sum = total(c, t, select(0u, SUM_RZ_SECOND, params.mode == DECIDE_SECOND_STEP), is_certificate);
-    if t > 0u || charts[c].working == 0u {
+    if t > 0u || !is_at_work(c) {
         return;
     }
     switch params.mode {
@@ -138,7 +138,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
 }
 
-/// Chooses the charts that the following kernels work on (`working`), by `mode`: one of SELECT_.
+/// Chooses the charts that take part in a correction (`working`), by `mode`: one of SELECT_.
 @compute @workgroup_size(64)
 fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let c = (group.y * SPREAD + group.x) * 64u + t;
@@ -149,10 +149,8 @@ fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
         charts[c].finished = 0u;
         charts[c].fraction = 1.0;
     }
-    if params.mode != SELECT_ALL {
-        charts[c].first = u32(params.mode == SELECT_FIRST_CORRECTION);
-        charts[c].predicted = 0.0;
-        atomicStore(&charts[c].limit_rounds, 0u);
-    }
-    charts[c].working = charts[c].solved & select(1u, 1u - charts[c].finished, params.mode != SELECT_ALL);
+    charts[c].first = u32(params.mode == SELECT_FIRST_CORRECTION);
+    charts[c].predicted = 0.0;
+    atomicStore(&charts[c].limit_rounds, 0u);
+    charts[c].working = charts[c].solved & (1u - charts[c].finished);
 }

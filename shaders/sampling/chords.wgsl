@@ -143,7 +143,7 @@ fn find_triangle(b: u32, s: u32, u: vec2f) {
 
 /// The triangle under W of the node at slot s of block b.
 fn triangle_in_state(b: u32, s: u32, fixed: bool) -> u32 {
-    if fixed {
+    if fixed || params.is_identity != 0u {
         return rest_triangle(b, s);
     }
     return state[state_index(b, TRIANGLE, s)];

@@ -36,7 +36,6 @@ impl<'a> Switched<'a> {
     }
 
     fn hand_to_gpu(&mut self) -> Result<()> {
-        self.gpu.select_all();
         self.gpu.set_triangles(&self.cpu.triangles())?;
         for level in 0..self.cpu.levels() {
             self.gpu.set_metric(level, &self.cpu.metric(level))?;

@@ -7,7 +7,7 @@ mod tests;
 use super::kernels::Kernel;
 use super::layout::{
     COARSE_CYCLE, COARSE_SOLVE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP, DECIDE_LAST_TRIAL,
-    DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, Params, RELAX_FRACTION, SELECT_ALL,
+    DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, Params, RELAX_FRACTION,
     SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL, UP_COARSE,
     UP_FIRST, UP_SECOND, VECTOR_PLANES,
 };
@@ -29,6 +29,7 @@ impl Run<'_> {
             self.settled = true;
             return;
         }
+        self.params.in_correction = 1;
         self.select(if correction.first { SELECT_FIRST_CORRECTION } else { SELECT_LATER_CORRECTION });
         // Assembly leaves the energy without a pull.
         let params = self.with_pull(level);
@@ -63,7 +64,8 @@ impl Run<'_> {
             }
         }
         self.gate = None;
-        self.select(SELECT_ALL);
+        self.params.in_correction = 0;
+        self.energy_is_known = level == 0 && self.pull == 0.0;
     }
 
     /// Whether a chart takes part in a further correction of the level, from the records of the charts after the work so far:

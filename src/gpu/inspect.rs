@@ -5,7 +5,7 @@ use super::bands::Band;
 use super::kernels::Kernel;
 use super::layout::{
     COARSE_STATE_PLANES, Chart, INSPECTED_PLANES, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SAMPLE_PLANES,
-    SELECT_ALL, Triangle, VECTOR_PLANES, state_planes,
+    Triangle, VECTOR_PLANES, state_planes,
 };
 #[cfg(feature = "oracle")]
 use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
@@ -44,11 +44,6 @@ impl Run<'_> {
     pub fn set_chart_records(&mut self, records: &[Chart]) -> Result<()> {
         self.recorder.flush();
         self.upload(&self.memory.charts, 0, records)
-    }
-
-    /// Lets all charts of this solve take part in the stages that follow, as `surface` does.
-    pub fn select_all(&mut self) {
-        self.select(SELECT_ALL);
     }
 
     /// The metrics of the pose on a level from 1 on: three planes per block.
@@ -100,6 +95,7 @@ impl Run<'_> {
 
     /// Sets a level's displacements and triangles; its values follow from them.
     pub fn set_state(&mut self, level: usize, bits: &[u32]) -> Result<()> {
+        self.energy_is_known = false;
         let mut state = with_capacity(bits.len() / INSPECTED_PLANES * state_planes(level));
         for block in bits.chunks(INSPECTED_PLANES * NODES) {
             state.put_all(block[..COARSE_STATE_PLANES * NODES].iter().copied());
@@ -117,6 +113,7 @@ impl Run<'_> {
     /// Per chart, the energy of a level's present state.
     #[cfg(feature = "oracle")]
     pub fn energies_of(&mut self, level: usize) -> Result<Vec<f64>> {
+        self.energy_is_known = false;
         self.energy(self.at_level(level), level, DECIDE_ENERGY);
         // The energy of an invalid state is infinite on the CPU.
         let energy = |x: f32| if x < INVALID_ENERGY { f64::from(x) } else { f64::INFINITY };
@@ -126,7 +123,6 @@ impl Run<'_> {
     /// Assembles a level's system for its present state. Returns its rows and its right-hand side.
     #[cfg(feature = "oracle")]
     pub fn assembled(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
-        self.select_all();
         self.assemble(level);
         let vectors = self.read(level, BandBuffer::Vectors)?;
         Ok([self.rows(level)?, vector_planes(&vectors, RESIDUAL)])

@@ -117,8 +117,6 @@ pub mod shared {
         /// infinite.
         DECIDE_ALLOWING_FOLDS: u32 = 9;
 
-        /// `select_charts`: all charts that are solved.
-        SELECT_ALL: u32 = 0;
         /// `select_charts`: all charts that are solved, at the beginning of a level's first correction.
         SELECT_FIRST_CORRECTION: u32 = 1;
         /// `select_charts`: the charts that take part in a further correction of the level.
@@ -198,6 +196,10 @@ structs! {
         /// `multigrid_coarse`: number of planes in front of its scratch planes.
         scratch: u32,
         sweeps: u32,
+        /// 1 in a correction: kernels work on the charts that take part in it; else on all that are solved.
+        in_correction: u32,
+        /// 1 if the state to read is the identity, whatever stands in `state`.
+        is_identity: u32,
         /// Number of charts; for `surface`, of triangles.
         items: u32,
         /// Side of this level's cells in cells of level 0.
@@ -241,7 +243,7 @@ structs! {
     pub struct Chart {
         /// 1 if the chart is solved.
         solved: u32,
-        /// 1 if kernels work on the chart now.
+        /// 1 if the chart takes part in the present correction, until a trial is accepted.
         working: u32,
         /// 1 if the chart sits out the level's further corrections.
         finished: u32,

@@ -80,6 +80,8 @@ pub(crate) struct Memory {
     /// Number of dispatch sizes.
     pub dispatch_size_count: u32,
     pub recording: RecorderResources,
+    /// Bytes of all of these, and of two results.
+    pub bytes: u64,
     /// Two results, the last one and the next; more while older ones are being read.
     results: Vec<Arc<ResultBuffers>>,
     /// Bind groups made so far, by kernel, band (level, index) and the kernel's extra buffers.
@@ -190,6 +192,7 @@ impl Memory {
             gate_open: storage("gates", sizes.gate_open)?,
             no_contributions,
             dispatch_size_count: 0,
+            bytes: sizes.total(),
             recording: RecorderResources::new(context)?,
             results: [result()?, result()?].into_iter().collected(),
             lists: Vec::new(),

@@ -127,6 +127,8 @@ pub(crate) struct Statistics {
     pub skipped: u64,
     /// Dispatches that had to wait for those before them.
     pub barriers: u64,
+    /// Bytes of the tile's buffers.
+    pub bytes_held: u64,
     /// Per kernel, in the order of `SOURCES`.
     pub kernels: Vec<KernelStatistics>,
     /// Milliseconds per stage; `None` without timestamps.
@@ -160,6 +162,7 @@ impl Statistics {
             submissions: self.submissions,
             skipped: self.skipped,
             barriers: self.barriers,
+            bytes_held: self.bytes_held,
             kernels: kernels.collected(),
         }
     }

@@ -3,7 +3,7 @@
 use super::kernels::Kernel;
 use super::layout::{
     DECIDE_ALLOWING_FOLDS, DECIDE_CERTIFICATE, DECIDE_IDENTITY, ENERGY_ALLOWING_FOLDS, ENERGY_VALID, Params,
-    RELAX_WHOLE, SELECT_ALL, THREADS,
+    RELAX_WHOLE, THREADS,
 };
 use super::recorder::DispatchSize;
 use super::{BandBuffer, Run};
@@ -31,7 +31,6 @@ impl Stages for Run<'_> {
 
     fn surface(&mut self) {
         self.recorder.stage(Stage::Surface as usize);
-        self.select(SELECT_ALL);
         let items = self.grid.triangles.len() as u32;
         let params = Params { items, ..self.params };
         let extra = [self.memory.corners.clone(), self.memory.positions.clone()];
@@ -79,13 +78,15 @@ impl Stages for Run<'_> {
         }
         self.exchange(level, BandBuffer::State);
         if level == 0 {
-            self.energy(self.at_level(0), 0, DECIDE_IDENTITY);
+            self.energy_of_identity();
         }
     }
 
     fn previous(&mut self) {
-        self.identity(0);
-        let Some(last) = self.last_result.clone() else { return };
+        let Some(last) = self.last_result.clone() else { return self.identity(0) };
+        self.recorder.stage(Stage::Prolong as usize);
+        self.energy_of_identity();
+        self.energy_is_known = false;
         for band in 0..self.memory.bands[0].len() {
             let extra = [last.bands[band].1.clone()];
             let active = self.memory.lists[0][band].active;
@@ -97,9 +98,9 @@ impl Stages for Run<'_> {
     fn prolong(&mut self, level: usize) {
         self.recorder.stage(Stage::Prolong as usize);
         if level == 0 {
-            // For its energy: prolongation then writes all nodes.
-            self.identity(level);
+            self.energy_of_identity();
         }
+        self.energy_is_known = false;
         let kernel = if level == 0 { Kernel::ProlongChords } else { Kernel::ProlongMetrics };
         for band in 0..self.memory.bands[level].len() {
             let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].coarser];
@@ -112,6 +113,7 @@ impl Stages for Run<'_> {
 
     fn relax(&mut self, level: usize, sweeps: u32) {
         self.recorder.stage(Stage::Relax as usize);
+        self.energy_is_known = false;
         self.relax_level(level, sweeps, RELAX_WHOLE);
     }
 
@@ -132,11 +134,10 @@ impl Stages for Run<'_> {
 
     fn certify(&mut self, allow_folds: bool) {
         self.recorder.stage(Stage::Certify as usize);
-        let params = Params {
-            mode: if allow_folds { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID },
-            ..self.at_level(0)
-        };
-        self.energy_sums(params, 0);
+        if allow_folds || !self.energy_is_known {
+            let mode = if allow_folds { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID };
+            self.energy_sums(Params { mode, ..self.at_level(0) }, 0);
+        }
         let certificate = if allow_folds { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
         for band in 0..self.memory.bands[0].len() {
@@ -188,6 +189,11 @@ impl Run<'_> {
                 run.dispatch_list(kernel, [level, band], &extra, list, params);
             });
         }
+    }
+
+    /// Computes the identity's energy on level 0, where no state needs to be written for it.
+    fn energy_of_identity(&mut self) {
+        self.energy(Params { is_identity: 1, ..self.at_level(0) }, 0, DECIDE_IDENTITY);
     }
 
     /// Computes a level's energy chart by chart, and takes the decision `decision`. With the parameters of `with_pull`
