@@ -4,11 +4,8 @@
 // the bound may be too small (method §8 has figures); they are covered by the condition that the energy is finite, that
 // is, that all Jacobians are at least CRUSHED_JACOBIAN in f32, which suffices for offsets of up to 100 cells.
 //
-// The entry `certify` reads 8 bytes per node (a quarter more for the halo) and writes 12 per block. The entry `finish`
-// then writes the result: it reads and writes 8 bytes per node.
-
-/// Displacements of the result: two planes per block.
-@group(0) @binding(10) var<storage, read_write> result: array<f32>;
+// The entry `certify` reads 8 bytes per node (a quarter more for the halo) and writes 12 per block. The state of level 0 is
+// then the result; the entry `fall_back` writes 8 bytes per node of charts that did not pass.
 
 var<workgroup> window_u: array<vec2f, 324>;
 var<workgroup> certificates: array<vec4f, 64>;
@@ -92,19 +89,14 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     }
 }
 
-/// Writes the warp of charts that passed, and the identity for those that fell back to it.
+/// Writes the identity for charts that did not pass.
 @compute @workgroup_size(64)
-fn finish(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
+fn fall_back(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
-    if b == NONE {
+    if b == NONE || charts[blocks[b].chart].fallback == 0u {
         return;
     }
-    let better = charts[blocks[b].chart].fallback == 0u;
     for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        let u = select(vec2f(), displacement(b, s), better);
-        let to = 2u * b * NODES + s;
-        result[to] = u.x;
-        result[to + NODES] = u.y;
+        set_displacement(b, thread_slot(k, t), vec2f());
     }
 }

@@ -137,7 +137,7 @@ fn invert(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         let holder = blocks[b].neighbours[source.x];
         node_u[n] = vec2f();
         if holder != NONE {
-            let at = 2u * holder * NODES + source.y;
+            let at = FINEST_STATE_PLANES * holder * NODES + source.y;
             node_u[n] = vec2f(result[at], result[at + NODES]);
         }
     }

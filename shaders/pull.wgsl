@@ -1,7 +1,7 @@
 // The pull towards the previous result (method §5): the term theta |d - d'|^2 / |d0|^2 in each edge of level 0. Of the
 // node's matrix it is a constant part, which `local_problem` adds.
 
-/// Displacements u' of the previous result: two planes per block.
+/// The previous result u'.
 @group(0) @binding(10) var<storage, read> anchor: array<f32>;
 
 /// u' at node n + o of a block or of its halo.
@@ -11,7 +11,7 @@ fn anchor_at(b: u32, n: vec2u, o: vec2i) -> vec2f {
     if holder == NONE {
         return vec2f();
     }
-    let at = 2u * holder * NODES + source.y;
+    let at = FINEST_STATE_PLANES * holder * NODES + source.y;
     return vec2f(anchor[at], anchor[at + NODES]);
 }
 

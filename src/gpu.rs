@@ -117,7 +117,6 @@ enum BandBuffer {
     Rows,
     Vectors,
     Contributions,
-    Result,
 }
 
 impl<'a> Run<'a> {
@@ -193,29 +192,39 @@ impl<'a> Run<'a> {
         Ok(run)
     }
 
-    /// Writes the result of charts that are not solved.
+    /// Writes the result of charts that are not solved: the last one for those in `keep`, the identity for the others. In
+    /// charts that are solved, each active block will be written, and the other blocks are never anything but 0.
     fn start_result(&mut self, keep: &[bool]) {
-        let last_result = self.last_result.clone();
-        for n in 0..self.result.bands.len() {
-            let (band, to) = &self.result.bands[n];
-            let at = |b: usize| (b - band.held.start) as u64 * RESULT_BLOCK;
-            self.recorder.clear(to, 0, at(band.held.end));
-            let Some(last_result) = &last_result else { continue };
-            for (c, blocks) in
-                self.grid.levels[0].blocks.of_chart.iter().enumerate().filter(|(c, _)| keep[*c])
-            {
-                let (first, end) = (blocks.start.max(band.held.start), blocks.end.min(band.held.end));
-                if first < end && !self.charts[c] {
-                    self.recorder.copy(
-                        &last_result.bands[n].1,
-                        at(first),
-                        to,
-                        at(first),
-                        at(end) - at(first),
-                    );
-                }
-            }
+        let kept = |c: usize| keep[c] && self.last_result.is_some();
+        let others: Vec<bool> =
+            self.charts.iter().enumerate().map(|(c, &solve)| !solve && !kept(c)).collected();
+        self.clear(&others);
+        let Some(last_result) = self.last_result.clone() else { return };
+        for (n, (_, from)) in last_result.bands.iter().enumerate() {
+            let ranges = self.ranges_of(n, |c| keep[c] && !self.charts[c]);
+            let to = &self.result.bands[n].1;
+            ranges.iter().for_each(|&[at, bytes]| self.recorder.copy(from, at, to, at, bytes));
         }
+    }
+
+    /// Makes the result of these charts the identity.
+    fn clear(&mut self, charts: &[bool]) {
+        for n in 0..self.result.bands.len() {
+            let ranges = self.ranges_of(n, |c| charts[c]);
+            let to = &self.result.bands[n].1;
+            ranges.iter().for_each(|&[at, bytes]| self.recorder.clear(to, at, bytes));
+        }
+    }
+
+    /// Offsets and lengths in bytes of the blocks of some charts in a band of the result.
+    fn ranges_of(&self, band: usize, of: impl Fn(usize) -> bool) -> Vec<[u64; 2]> {
+        let held = &self.result.bands[band].0.held;
+        let charts = self.grid.levels[0].blocks.of_chart.iter().enumerate().filter(|(c, _)| of(*c));
+        let range = |blocks: &std::ops::Range<usize>| {
+            let (first, end) = (blocks.start.max(held.start), blocks.end.min(held.end));
+            (first < end).then(|| [first - held.start, end - first].map(|n| n as u64 * RESULT_BLOCK))
+        };
+        charts.filter_map(|(_, blocks)| range(blocks)).collected()
     }
 
     /// Submits the rest, waits for the GPU, and reads the outcome. With a control that is cancelled, it stops waiting: what
@@ -274,11 +283,17 @@ impl<'a> Run<'a> {
         Params { pull: if level == 0 { self.pull } else { 0.0 }, ..self.at_level(level) }
     }
 
-    /// The extra buffer of kernels that may pull: the previous result. Where there is none, it is the identity, which
-    /// the new result holds until the end. On coarser levels it is not read.
+    /// The extra buffer of kernels that may pull: the previous result. Without one, and on coarser levels, it is not read.
     fn anchor(&self, level: usize, band: usize) -> wgpu::Buffer {
-        let result = self.last_result.as_ref().unwrap_or(&self.result);
-        result.bands[if level == 0 { band } else { 0 }].1.clone()
+        match &self.last_result {
+            Some(result) if level == 0 => result.bands[band].1.clone(),
+            _ => self.memory.no_contributions.clone(),
+        }
+    }
+
+    /// The state of a band: on level 0 the result that this solve makes.
+    fn state_buffer(&self, level: usize, band: usize) -> &wgpu::Buffer {
+        self.memory.buffers[level][band].state.as_ref().unwrap_or_else(|| &self.result.bands[band].1)
     }
 
     /// Chooses the charts that the following kernels work on; `mode` is one of `SELECT_`.
@@ -341,11 +356,11 @@ impl<'a> Run<'a> {
                 return;
             }
         };
-        let key = (kernel, at, copied(extra));
+        let key = (kernel, at, self.state_buffer(at[0], at[1]).clone(), copied(extra));
         let bind_group = match self.memory.bind_groups.get(&key) {
             Some(bind_group) => bind_group.clone(),
             None => {
-                let bind_group = self.memory.bind_group(kernel, &pipeline.layout, at, extra);
+                let bind_group = self.memory.bind_group(kernel, &pipeline.layout, at, &key.2, extra);
                 make_room_in(&mut self.memory.bind_groups, 1);
                 #[expect(clippy::disallowed_methods, reason = "there is room")]
                 self.memory.bind_groups.insert(key, bind_group.clone());
@@ -449,23 +464,24 @@ impl<'a> Run<'a> {
         }
         let buffer = |band: usize| {
             let buffers = &self.memory.buffers[level][band];
-            match what {
-                BandBuffer::State => Some((&buffers.state, state_planes(level))),
-                BandBuffer::Metric => buffers.metric.as_ref().map(|metric| (metric, METRIC_PLANES)),
-                BandBuffer::Rows => Some((&buffers.rows, ROW_PLANES)),
-                BandBuffer::Vectors => Some((&buffers.vectors, VECTOR_PLANES)),
-                BandBuffer::Contributions => Some((&buffers.contributions, 1)),
-                BandBuffer::Result => Some((&self.result.bands[band].1, layout::RESULT_PLANES)),
-            }
+            let (buffer, planes) = match what {
+                BandBuffer::State => (self.state_buffer(level, band), state_planes(level)),
+                BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES),
+                BandBuffer::Rows => (&buffers.rows, ROW_PLANES),
+                BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES),
+                BandBuffer::Contributions => (&buffers.contributions, 1),
+            };
+            Some((buffer.clone(), planes))
         };
+        let buffers: Vec<_> = (0..bands.len()).map(buffer).collected();
         for (a, source) in bands.iter().enumerate() {
             for (b, target) in bands.iter().enumerate().filter(|&(b, _)| b != a) {
                 let (first, end) =
                     (source.owned.start.max(target.held.start), source.owned.end.min(target.held.end));
-                if let (true, Some((from, planes)), Some((to, _))) = (first < end, buffer(a), buffer(b)) {
+                if let (true, Some((from, planes)), Some((to, _))) = (first < end, &buffers[a], &buffers[b]) {
                     let block = match what {
                         BandBuffer::Contributions => CONTRIBUTIONS,
-                        _ => planes as u64 * PLANE,
+                        _ => *planes as u64 * PLANE,
                     };
                     let at = |b: usize, start: usize| (b - start) as u64 * block;
                     let bytes = at(end, first);

@@ -2,7 +2,7 @@
 // identity or to the previous result. Per node `identity` writes 8 bytes; on level 0 it reads 8 of constants and writes
 // 12, and reads 40 per triangle. In addition, `previous` reads 8 bytes of the result.
 
-/// Displacements of the previous result: two planes per block.
+/// The previous result.
 @group(0) @binding(10) var<storage, read> previous_result: array<f32>;
 
 fn resample(b: u32, s: u32, u: vec2f) {
@@ -29,7 +29,7 @@ fn previous(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     }
     for (var colour = 0u; colour < 4u; colour++) {
         let s = thread_slot(colour, t);
-        let at = 2u * b * NODES + s;
+        let at = FINEST_STATE_PLANES * b * NODES + s;
         resample(b, s, vec2f(previous_result[at], previous_result[at + NODES]));
     }
 }

@@ -4,8 +4,8 @@
 use super::bands::Band;
 use super::kernels::Kernel;
 use super::layout::{
-    COARSE_STATE_PLANES, Chart, INSPECTED_PLANES, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SAMPLE_PLANES,
-    Triangle, VECTOR_PLANES, state_planes,
+    COARSE_STATE_PLANES, Chart, FINEST_STATE_PLANES, INSPECTED_PLANES, METRIC_PLANES, ROW_PLANES,
+    SAMPLE_PLANES, Triangle, VECTOR_PLANES, state_planes,
 };
 #[cfg(feature = "oracle")]
 use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
@@ -13,6 +13,7 @@ use super::memory::PLANE;
 use super::{BandBuffer, Run};
 use crate::error::Result;
 use crate::memory::{Collect, Grow, with_capacity};
+use crate::mesh::NONE;
 #[cfg(feature = "oracle")]
 use crate::tile::blocks::{NODES, Plane};
 
@@ -107,7 +108,13 @@ impl Run<'_> {
     }
 
     pub fn set_result(&mut self, result: &[[Plane; 2]]) -> Result<()> {
-        self.write(0, BandBuffer::Result, bytemuck::cast_slice(result.as_flattened().as_flattened()))
+        let mut state = with_capacity(result.len() * FINEST_STATE_PLANES * NODES);
+        for planes in result {
+            state.put_all(planes.as_flattened().iter().map(|u| u.to_bits()));
+            // The triangles under W are nobody's after a solve.
+            state.put_all([NONE; NODES]);
+        }
+        self.write(0, BandBuffer::State, &state)
     }
 
     /// Per chart, the energy of a level's present state.
@@ -181,13 +188,12 @@ impl Run<'_> {
         let buffers = &self.memory.buffers[level][band];
         let base = buffers.base.unwrap_or(0) as usize;
         let (buffer, planes, base) = match what {
-            BandBuffer::State => (&buffers.state, state_planes(level), 0),
+            BandBuffer::State => (self.state_buffer(level, band), state_planes(level), 0),
             BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
             BandBuffer::Rows => (&buffers.rows, ROW_PLANES, base),
             BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES, base),
             // Not of planes, and of no interest beyond a V-cycle.
             BandBuffer::Contributions => return None,
-            BandBuffer::Result => (&self.result.bands[band].1, RESULT_PLANES, 0),
         };
         Some((buffer.clone(), planes as u64, base))
     }

@@ -84,7 +84,7 @@ pub enum Kernel {
     SelectCharts,
     Gate,
     Certify,
-    Finish,
+    FallBack,
     SamplesChords,
     SamplesMetrics,
     Invert,
@@ -190,7 +190,7 @@ pub const SOURCES: [Source; 41] = [
     source!(SelectCharts, "select_charts", ["correct/step_length", "correct/control"], [], 0),
     source!(Gate, "gate", ["correct/gate"], [R(EXTRA), W(EXTRA + 1), W(EXTRA + 2)], 0),
     source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
-    source!(Finish, "finish", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)], 16),
+    source!(FallBack, "fall_back", ["certify"], [R(BLOCKS), R(LISTS), W(STATE)], 0),
     // Not stages of a solve.
     source!(SamplesChords, "samples", [CHORDS[0], CHORDS[1], "sampling/samples"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),

@@ -163,8 +163,6 @@ pub use shared::*;
 pub const THREADS: u32 = 64;
 /// Planes per block of a metric.
 pub const METRIC_PLANES: usize = 3;
-/// Planes per block of a result.
-pub const RESULT_PLANES: usize = 2;
 /// Planes per block of the scratch memory of the coarse levels' V-cycle.
 pub const SCRATCH_PLANES: usize = 2;
 

@@ -29,7 +29,8 @@ pub struct BandBuffers {
     pub blocks: wgpu::Buffer,
     pub lists: wgpu::Buffer,
     pub nodes: wgpu::Buffer,
-    pub state: wgpu::Buffer,
+    /// Coarser levels only: the state of level 0 is the result that the solve makes.
+    pub state: Option<wgpu::Buffer>,
     /// Coarser levels only.
     pub metric: Option<wgpu::Buffer>,
     pub rows: wgpu::Buffer,
@@ -84,8 +85,8 @@ pub(crate) struct Memory {
     pub bytes: u64,
     /// Two results, the last one and the next; more while older ones are being read.
     results: Vec<Arc<ResultBuffers>>,
-    /// Bind groups made so far, by kernel, band (level, index) and the kernel's extra buffers.
-    pub bind_groups: HashMap<(Kernel, [usize; 2], Vec<wgpu::Buffer>), Bound>,
+    /// Bind groups made so far, by kernel, band (level, index), the band's state and the kernel's extra buffers.
+    pub bind_groups: HashMap<(Kernel, [usize; 2], wgpu::Buffer, Vec<wgpu::Buffer>), Bound>,
 }
 
 /// Most bytes that a block takes in one buffer.
@@ -147,7 +148,7 @@ impl Memory {
                     blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
                     lists: storage("lists", sizes.lists)?,
                     nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
-                    state: storage("state", sizes.state)?,
+                    state: sizes.state.map(|bytes| storage("state", bytes)).transpose()?,
                     metric: sizes.metric.map(|bytes| storage("metric", bytes)).transpose()?,
                     rows,
                     contributions: match sizes.contributions {
@@ -274,12 +275,14 @@ impl Memory {
         self.listed_charts = Some(copied(charts));
     }
 
-    /// Makes the bind group of a kernel: `at` is the band (level, index), `extra` the kernel's extra buffers.
+    /// Makes the bind group of a kernel: `at` is the band (level, index), `state` the band's state, `extra` the kernel's
+    /// extra buffers.
     pub fn bind_group(
         &self,
         kernel: Kernel,
         layout: &wgpu::BindGroupLayout,
         at: [usize; 2],
+        state: &wgpu::Buffer,
         extra: &[wgpu::Buffer],
     ) -> Bound {
         let band = &self.buffers[at[0]][at[1]];
@@ -288,7 +291,7 @@ impl Memory {
             slot::BLOCKS => &band.blocks,
             slot::LISTS => &band.lists,
             slot::NODES => &band.nodes,
-            slot::STATE => &band.state,
+            slot::STATE => state,
             // Level 1 of the pyramid gathers from triangles.
             slot::SURFACE if kernel == Kernel::PyramidGather => &self.triangles,
             slot::SURFACE => band.metric.as_ref().unwrap_or(&self.triangles),
@@ -329,8 +332,8 @@ impl Memory {
     pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {
         let bands = self.buffers.iter().flatten().flat_map(|band| {
             let solver = [&band.rows, &band.vectors, &band.contributions];
-            let always = [&band.blocks, &band.lists, &band.nodes, &band.state].into_iter().chain(solver);
-            always.chain(&band.metric).chain(band.gather.iter().flatten())
+            let always = [&band.blocks, &band.lists, &band.nodes].into_iter().chain(solver);
+            always.chain(&band.state).chain(&band.metric).chain(band.gather.iter().flatten())
         });
         let coarse = self.coarse.iter().flat_map(|coarse| [&coarse.blocks, &coarse.lists]);
         let results = self.results.iter().flat_map(|result| result.bands.iter().map(|(_, buffer)| buffer));

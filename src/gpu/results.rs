@@ -1,17 +1,17 @@
-//! A result on the GPU: displacements per block of level 0, read into host memory on demand.
+//! A result on the GPU: the state of level 0, whose displacements are read into host memory on demand.
 
 use std::sync::{Arc, OnceLock};
 
 use super::bands::Band;
 use super::context::Context;
-use super::layout::RESULT_PLANES;
+use super::layout::FINEST_STATE_PLANES;
 use super::memory::PLANE;
 use crate::error::Result;
 use crate::memory::{Collect, Grow, with_capacity};
 use crate::tile::Grid;
 use crate::tile::blocks::{NODES, Plane};
 
-/// The buffers of a result, per band.
+/// The buffers of a result, per band. A solve works in them: they are level 0's state until they are its result.
 #[derive(Debug)]
 pub(crate) struct ResultBuffers {
     pub bands: Vec<(Band, wgpu::Buffer)>,
@@ -19,8 +19,8 @@ pub(crate) struct ResultBuffers {
     pub blocks: Vec<wgpu::Buffer>,
 }
 
-/// Bytes of a block's displacements.
-pub const RESULT_BLOCK: u64 = RESULT_PLANES as u64 * PLANE;
+/// Bytes of a block of a result.
+pub const RESULT_BLOCK: u64 = FINEST_STATE_PLANES as u64 * PLANE;
 
 impl ResultBuffers {
     pub fn new(
@@ -61,6 +61,7 @@ impl Displacements {
                 [band.owned.start, band.owned.end].map(|b| (b - band.held.start) as u64 * RESULT_BLOCK);
             let bytes = self.context.read(buffer, range[0]..range[1])?;
             all.put_all(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
+                // The displacements come first.
                 let mut planes = [[0.0f32; NODES]; 2];
                 for (value, bytes) in planes.as_flattened_mut().iter_mut().zip(block.chunks_exact(4)) {
                     *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);

@@ -4,8 +4,8 @@ use super::bands::Band;
 use super::context::padded;
 use super::correct::coarse_levels::CoarseLevels;
 use super::layout::{
-    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, RESULT_PLANES, ROW_PLANES, SCRATCH_PLANES, SUMS,
-    Triangle, VECTOR_PLANES, node_planes, state_planes,
+    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, ROW_PLANES, SCRATCH_PLANES, SUMS, Triangle,
+    VECTOR_PLANES, node_planes, state_planes,
 };
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::memory::PLANE;
@@ -23,7 +23,8 @@ pub struct BandBufferSizes {
     pub blocks: u64,
     pub lists: u64,
     pub nodes: u64,
-    pub state: u64,
+    /// Coarser levels only: the state of level 0 is one of the results.
+    pub state: Option<u64>,
     /// Coarser levels only.
     pub metric: Option<u64>,
     /// `None` on the coarse levels that have their rows in one common buffer.
@@ -79,13 +80,13 @@ impl BufferSizes {
                 blocks: bytes_of::<BlockRecord>(blocks),
                 lists: list_bytes(blocks as u64),
                 nodes: planes(node_planes(grid)),
-                state: planes(state_planes(k)),
+                state: (k > 0).then(|| planes(state_planes(k))),
                 metric: (k > 0).then(|| planes(METRIC_PLANES)),
                 rows: apart.then(|| planes(ROW_PLANES)),
                 vectors: apart.then(|| planes(VECTOR_PLANES)),
                 contributions: (apart && k > 0).then(|| blocks as u64 * CONTRIBUTIONS),
                 gather: (k == 1).then(|| grid.gather.bytes_of(band.held.clone())),
-                result: if k == 0 { planes(RESULT_PLANES) } else { 0 },
+                result: if k == 0 { planes(state_planes(k)) } else { 0 },
             }
         };
         let common = |planes: usize| coarse.map_or(0, |coarse| coarse.blocks as u64 * planes as u64 * PLANE);
@@ -118,8 +119,9 @@ impl BufferSizes {
     pub fn total(&self) -> u64 {
         let band = |band: &BandBufferSizes| {
             let gather = band.gather.unwrap_or_default();
-            let always = [band.blocks, band.lists, band.nodes, band.state];
-            let optional = [band.metric, band.rows, band.vectors, band.contributions].into_iter().flatten();
+            let always = [band.blocks, band.lists, band.nodes];
+            let optional = [band.state, band.metric, band.rows, band.vectors, band.contributions];
+            let optional = optional.into_iter().flatten();
             let gather = gather.into_iter().filter(|_| band.gather.is_some());
             let results = [band.result; 2].into_iter().filter(|&bytes| bytes > 0);
             always.into_iter().chain(optional).chain(gather).chain(results).map(padded).sum::<u64>()

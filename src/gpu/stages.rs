@@ -7,7 +7,7 @@ use super::layout::{
 };
 use super::recorder::DispatchSize;
 use super::{BandBuffer, Run};
-use crate::memory::Collect;
+use crate::memory::{Collect, copied};
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::schedule::{Stages, passes};
@@ -104,7 +104,7 @@ impl Stages for Run<'_> {
         let kernel = if level == 0 { Kernel::ProlongChords } else { Kernel::ProlongMetrics };
         for band in 0..self.memory.bands[level].len() {
             let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].coarser];
-            let extra = [coarse.blocks.clone(), coarse.state.clone()];
+            let extra: Vec<_> = [coarse.blocks.clone()].into_iter().chain(coarse.state.clone()).collected();
             let active = self.memory.lists[level][band].active;
             self.dispatch_list(kernel, [level, band], &extra, active, self.at_level(level));
         }
@@ -140,12 +140,7 @@ impl Stages for Run<'_> {
         }
         let certificate = if allow_folds { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
-        for band in 0..self.memory.bands[0].len() {
-            let extra = [self.result.bands[band].1.clone()];
-            let stored = self.memory.lists[0][band].stored;
-            self.dispatch_list(Kernel::Finish, [0, band], &extra, stored, self.params);
-        }
-        self.exchange(0, BandBuffer::Result);
+        self.dispatch_active(Kernel::FallBack, 0, self.params, Some(BandBuffer::State));
     }
 
     fn is_done_on_return(&self) -> bool {
@@ -160,8 +155,8 @@ impl Stages for Run<'_> {
         self.grid.triangles.len()
     }
 
-    /// Until certification, the result is the identity where charts are solved.
     fn give_up(&mut self) {
+        self.clear(&copied(self.charts));
         self.gave_up = true;
     }
 
