@@ -4,6 +4,8 @@ pub(super) mod coarse_levels;
 #[cfg(test)]
 mod tests;
 
+use super::Run;
+use super::dispatch::{BandBuffer, GateSet};
 use super::kernels::Kernel;
 use super::layout::{
     COARSE_CYCLE, COARSE_SOLVE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP, DECIDE_LAST_TRIAL,
@@ -12,7 +14,6 @@ use super::layout::{
     UP_FIRST, UP_SECOND, VECTOR_PLANES,
 };
 use super::lists::List;
-use super::{BandBuffer, GateSet, Run};
 use crate::error::Result;
 use crate::memory::Collect;
 use crate::method::acceptance::Correction;

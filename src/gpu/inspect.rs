@@ -1,7 +1,9 @@
 //! Reading and setting a run's state from outside, for the comparison with the other backend and for switching to it.
 //! Every call submits the commands recorded so far; calls that read wait for them.
 
+use super::Run;
 use super::bands::Band;
+use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
     COARSE_STATE_PLANES, Chart, FINEST_STATE_PLANES, INSPECTED_PLANES, METRIC_PLANES, ROW_PLANES,
@@ -10,7 +12,6 @@ use super::layout::{
 #[cfg(feature = "oracle")]
 use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
 use super::memory::PLANE;
-use super::{BandBuffer, Run};
 use crate::error::Result;
 use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::NONE;

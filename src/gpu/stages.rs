@@ -1,12 +1,13 @@
 //! The stages that the schedule calls (method §5). Each records its dispatches.
 
+use super::Run;
+use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
     DECIDE_ALLOWING_FOLDS, DECIDE_CERTIFICATE, DECIDE_IDENTITY, ENERGY_ALLOWING_FOLDS, ENERGY_VALID, Params,
     RELAX_WHOLE, THREADS,
 };
 use super::recorder::DispatchSize;
-use super::{BandBuffer, Run};
 use crate::memory::{Collect, copied};
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
