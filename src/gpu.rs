@@ -74,6 +74,9 @@ pub(crate) struct Run<'a> {
     gave_up: bool,
     /// Whether no chart takes part in further corrections of the present level.
     settled: bool,
+    /// Active blocks on level 0 of the charts at work in the present correction, and of all that are solved; equal where it is
+    /// not known that some sit it out.
+    share: [u64; 2],
     /// Whether the blocks' energies on level 0 are those that its last accepted trials summed.
     energy_is_known: bool,
     /// Of the call, which may be cancelled while the GPU is waited for.
@@ -155,6 +158,7 @@ impl<'a> Run<'a> {
             recording: start,
             gave_up: false,
             settled: false,
+            share: [1, 1],
             energy_is_known: false,
             control: control.cloned(),
             error: None,

@@ -13,7 +13,7 @@ use super::layout::{
     SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL, UP_COARSE,
     UP_FIRST, UP_SECOND, VECTOR_PLANES,
 };
-use super::lists::List;
+use super::lists::{List, active_blocks};
 use crate::error::Result;
 use crate::memory::Collect;
 use crate::method::acceptance::Correction;
@@ -24,6 +24,7 @@ const LATER_GATES: [u32; 2] = [2, 6];
 
 impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
+        self.share = [1, 1];
         if correction.first {
             self.settled = false;
         } else if self.settled || !self.is_wanted() {
@@ -66,6 +67,7 @@ impl Run<'_> {
         }
         self.gate = None;
         self.params.in_correction = 0;
+        self.share = [1, 1];
         self.energy_is_known = level == 0 && self.pull == 0.0;
     }
 
@@ -76,7 +78,16 @@ impl Run<'_> {
             return false;
         }
         match self.waited_records() {
-            Ok(records) => records.iter().any(|chart| chart.solved == 1 && chart.finished == 0),
+            Ok(records) => {
+                let wanted = |chart: &Chart| chart.solved == 1 && chart.finished == 0;
+                let wants: Vec<bool> = records.iter().map(wanted).collected();
+                let blocks = |charts: &[bool]| {
+                    let bands = self.memory.bands[0].iter();
+                    bands.map(|band| active_blocks(&self.grid.levels[0], band, charts).count() as u64).sum()
+                };
+                self.share = [blocks(&wants), blocks(self.charts)];
+                wants.contains(&true)
+            }
             Err(error) => {
                 self.error = Some(error);
                 false

@@ -137,6 +137,8 @@ impl Run<'_> {
         let List { first, count, size_index } = list;
         let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64
             + self.triangle_bytes(kernel, at[0], count);
+        // Blocks of charts that sit a further correction out return at once.
+        let bytes = bytes * self.share[0] / self.share[1].max(1);
         let size = self.dispatch_size(size_index, count);
         let state_planes = state_planes(at[0]) as u32;
         let params = Params { first, count, base, state_planes, ..params };
