@@ -263,6 +263,8 @@ struct Params {
     smoothing: f32,
     /// Weight theta of the pull towards the previous result; 0 where there is none.
     pull: f32,
+    /// 1 if the previous result is the identity, whatever stands in `anchor`.
+    anchor_is_identity: u32,
     /// Planes per block of this level's state.
     state_planes: u32,
     /// Planes per block of the constants of all levels' nodes.

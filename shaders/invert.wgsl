@@ -18,7 +18,7 @@
 @group(0) @binding(10) var<storage, read> request: Request;
 /// Lattice coordinates of texel centres: x of all columns, then y of all rows.
 @group(0) @binding(11) var<storage, read> centres: array<i32>;
-/// Displacements of the result: two planes per block.
+/// The result: per block its displacements (2) and another plane.
 @group(0) @binding(12) var<storage, read> result: array<f32>;
 /// W⁻¹(c) - c in cells; stays 0 outside of moved cells.
 @group(0) @binding(13) var<storage, read_write> image: array<vec2f>;

@@ -8,7 +8,7 @@
 fn anchor_at(b: u32, n: vec2u, o: vec2i) -> vec2f {
     let source = window_source(vec2u(vec2i(n) + 1 + o));
     let holder = blocks[b].neighbours[source.x];
-    if holder == NONE {
+    if holder == NONE || params.anchor_is_identity != 0u {
         return vec2f();
     }
     let at = FINEST_STATE_PLANES * holder * NODES + source.y;

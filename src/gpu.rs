@@ -29,7 +29,7 @@ use std::time::Instant;
 
 use crate::control::Control;
 use crate::error::{Error, Result};
-use crate::memory::Collect;
+use crate::memory::{Collect, Grow};
 use crate::method::schedule::{ChartResult, Input};
 use crate::tile::Grid;
 use context::Context;
@@ -197,11 +197,19 @@ impl<'a> Run<'a> {
     fn ranges_of(&self, band: usize, of: impl Fn(usize) -> bool) -> Vec<[u64; 2]> {
         let held = &self.result.bands[band].0.held;
         let charts = self.grid.levels[0].blocks.of_chart.iter().enumerate().filter(|(c, _)| of(*c));
-        let range = |blocks: &std::ops::Range<usize>| {
+        let mut ranges: Vec<[u64; 2]> = Vec::new();
+        for (_, blocks) in charts {
             let (first, end) = (blocks.start.max(held.start), blocks.end.min(held.end));
-            (first < end).then(|| [first - held.start, end - first].map(|n| n as u64 * RESULT_BLOCK))
-        };
-        charts.filter_map(|(_, blocks)| range(blocks)).collected()
+            if first < end {
+                let [at, bytes] = [first - held.start, end - first].map(|n| n as u64 * RESULT_BLOCK);
+                // Charts whose blocks follow one another are one range.
+                match ranges.last_mut() {
+                    Some(last) if last[0] + last[1] == at => last[1] += bytes,
+                    _ => ranges.put([at, bytes]),
+                }
+            }
+        }
+        ranges
     }
 
     /// Submits the rest, waits for the GPU, and reads the outcome. With a control that is cancelled, it stops waiting: what
@@ -257,7 +265,11 @@ impl<'a> Run<'a> {
 
     /// The parameters of kernels that pull level 0 towards the previous result.
     fn with_pull(&self, level: usize) -> Params {
-        Params { pull: if level == 0 { self.pull } else { 0.0 }, ..self.at_level(level) }
+        Params {
+            pull: if level == 0 { self.pull } else { 0.0 },
+            anchor_is_identity: u32::from(self.last_result.is_none()),
+            ..self.at_level(level)
+        }
     }
 }
 

@@ -324,11 +324,11 @@ pub struct GpuWork {
     pub gpu_ms: Option<f32>,
     /// Command submissions.
     pub submissions: u64,
-    /// Dispatches that turned out empty: corrections and trials that no chart needed.
+    /// Dispatches that turned out empty: trials and rounds of the step limit that no chart needed.
     pub skipped: u64,
     /// Dispatches, empty ones included, that had to wait until those before them were done.
     pub barriers: u64,
-    /// Bytes of the tile's buffers on the GPU: its solver's and its results'.
+    /// Bytes of the tile's buffers on the GPU: its solver's, and two results.
     pub bytes_held: u64,
     /// The kernels that ran.
     pub kernels: Vec<GpuKernel>,
@@ -344,7 +344,7 @@ pub struct GpuKernel {
     pub dispatches: u64,
     /// Its workgroups: 16x16 blocks, for most kernels.
     pub workgroups: u64,
-    /// Bytes that these move at least, each datum counted once per dispatch.
+    /// Bytes that these move at least, each datum counted once per dispatch, without charts that sit a correction out.
     pub bytes: u64,
     /// Milliseconds on the GPU; `None` unless kernels are timed one by one.
     pub ms: Option<f32>,

@@ -167,7 +167,7 @@ fn nothing_active_takes_no_solver() {
 /// 256, 184 and 224 at 512; on the GPU 259 and 365, 228 and 276.)
 ///
 /// The design's bar is 128, and is not met. A node of a stored block takes 153 bytes on the CPU, more than half of them
-/// for the rows and vectors of corrections, and 163 on a GPU (method §12). In addition there are the fixed nodes of stored
+/// for the rows and vectors of corrections, and 152 on a GPU (method §12). In addition there are the fixed nodes of stored
 /// blocks, the maps, the triangles, and with a GPU the host's copy of the constants. On small grids these are divided
 /// among few movable nodes.
 fn measured_bytes(backend: Backend) -> [(u32, f64); 2] {

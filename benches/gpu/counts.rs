@@ -16,15 +16,16 @@ const HEAD: &str = "\
 `normal`, from the identity. The counts do not depend on the machine, apart from a few decisions that rounding may turn:
 `benches/gpu.sh --counts` writes them anew. \"Empty\" dispatches are trials and rounds of the step limit that no chart
 needed, \"barriers\" are dispatches that have to wait for those before them, empty ones included. \"MB\" and \"bytes\" count
-each datum once per dispatch, of all charts that a dispatch is for. \"Excess\" is (E - best E) / (E of the identity - best E), with the best E of `high` that goes
-on to the last 1e-6 of gain. Bytes held are per active node. Levels are divided into bands where
-the driver's bindings are small (128 MiB with Mesa's software driver: from 2048 x 2048 cells on), which takes more dispatches.
+each datum once per dispatch, without charts that sit a further correction out. \"Excess\" is (E - best E) / (E of the
+identity - best E), with the best E of `high` that goes on to the last 1e-6 of gain. Bytes held are per active node. Levels
+are divided into bands where the driver's bindings are small (128 MiB with Mesa's software driver: from 2048 x 2048 cells
+on), which takes more dispatches.
 
 | scene | size | active nodes | dispatches | empty ones | barriers | submissions | MB | bytes per active node | floor at 4.8 TB/s, ms | at 300 GB/s, ms | excess, % | bytes held on the GPU | with the host's |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
-/// The table of all models and sizes, and then the kernels of the bulge at each size.
+/// The table of all models and sizes, and then the kernels of two of the models at each size.
 pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     let mut text = String::from(HEAD);
     let mut kernels = String::new();

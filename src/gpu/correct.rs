@@ -29,6 +29,7 @@ impl Run<'_> {
             self.settled = false;
         } else if self.settled || !self.is_wanted() {
             self.settled = true;
+            self.share = [1, 1];
             return;
         }
         self.params.in_correction = 1;
@@ -72,7 +73,7 @@ impl Run<'_> {
     }
 
     /// Whether a chart takes part in a further correction of the level, from the records of the charts after the work so far:
-    /// one wait in the place of about a hundred dispatches, which would turn out empty for charts with room.
+    /// one wait in the place of about seventy dispatches, which would turn out empty for charts with room.
     fn is_wanted(&mut self) -> bool {
         if self.error.is_some() {
             return false;
@@ -170,7 +171,6 @@ impl Run<'_> {
         self.coarse_cycle(level);
         self.multigrid_up(level, UP_SECOND, params.pull);
         self.reduce(Kernel::Curvature, level, self.params, DECIDE_SECOND_STEP);
-        self.exchange(level, BandBuffer::Vectors);
     }
 
     /// The part of a V-cycle on the levels that are coarser than `level` (method §7.4).

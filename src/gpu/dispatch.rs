@@ -11,7 +11,8 @@ use super::sizes::CONTRIBUTIONS;
 use crate::memory::{Collect, copied, make_room_in};
 use crate::tile::blocks::NODES;
 
-/// The condition under which dispatches run: that a chart was at work when the kernel `gate` ran.
+/// The condition under which dispatches run: that a chart was at work, and limited often enough (`open_gate`), when the
+/// kernel `gate` ran.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gate {
     pub set: GateSet,
@@ -37,7 +38,8 @@ pub(super) enum BandBuffer {
 }
 
 impl Run<'_> {
-    /// The extra buffer of kernels that may pull: the previous result. Without one, and on coarser levels, it is not read.
+    /// The extra buffer of kernels that may pull: the previous result. Without one, and on coarser levels, it is not read
+    /// (`with_pull`).
     pub(super) fn anchor(&self, level: usize, band: usize) -> wgpu::Buffer {
         match &self.last_result {
             Some(result) if level == 0 => result.bands[band].1.clone(),
@@ -102,6 +104,8 @@ impl Run<'_> {
         if self.error.is_some() {
             return;
         }
+        // Blocks of charts that sit a further correction out return at once.
+        let bytes = bytes * self.share[0] / self.share[1].max(1);
         let context = self.context.clone();
         let pipeline = match context.pipelines.get(&context, kernel) {
             Ok(pipeline) => pipeline,
@@ -137,8 +141,6 @@ impl Run<'_> {
         let List { first, count, size_index } = list;
         let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64
             + self.triangle_bytes(kernel, at[0], count);
-        // Blocks of charts that sit a further correction out return at once.
-        let bytes = bytes * self.share[0] / self.share[1].max(1);
         let size = self.dispatch_size(size_index, count);
         let state_planes = state_planes(at[0]) as u32;
         let params = Params { first, count, base, state_planes, ..params };

@@ -15,7 +15,6 @@ use super::memory::PLANE;
 use crate::error::Result;
 use crate::memory::{Collect, Grow, with_capacity};
 use crate::mesh::NONE;
-#[cfg(feature = "oracle")]
 use crate::tile::blocks::{NODES, Plane};
 
 impl Run<'_> {
@@ -95,7 +94,7 @@ impl Run<'_> {
         Ok(all)
     }
 
-    /// Sets a level's displacements and triangles; its values follow from them.
+    /// Sets the displacements and triangles of a level's charts that are solved; its values follow from them.
     pub fn set_state(&mut self, level: usize, bits: &[u32]) -> Result<()> {
         self.energy_is_known = false;
         let mut state = with_capacity(bits.len() / INSPECTED_PLANES * state_planes(level));
@@ -103,6 +102,16 @@ impl Run<'_> {
             state.put_all(block[..COARSE_STATE_PLANES * NODES].iter().copied());
             if level == 0 {
                 state.put_all(block[(INSPECTED_PLANES - 1) * NODES..].iter().copied());
+            }
+        }
+        // On level 0 the other charts have their results there.
+        if level == 0 && self.charts.contains(&false) {
+            let present = self.read(level, BandBuffer::State)?;
+            let block = state_planes(level) * NODES;
+            for (b, of) in self.grid.levels[level].blocks.list.iter().enumerate() {
+                if !self.charts[of.chart as usize] {
+                    state[b * block..][..block].copy_from_slice(&present[b * block..][..block]);
+                }
             }
         }
         self.write(level, BandBuffer::State, &state)

@@ -13,6 +13,9 @@ use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::schedule::{Stages, passes};
 
+#[cfg(test)]
+mod tests;
+
 /// Stages that are timed, in the order of `StageTimes`.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Stage {
@@ -72,6 +75,7 @@ impl Stages for Run<'_> {
 
     fn identity(&mut self, level: usize) {
         self.recorder.stage(Stage::Prolong as usize);
+        self.energy_is_known = false;
         let kernel = if level == 0 { Kernel::IdentityChords } else { Kernel::IdentityMetrics };
         for band in 0..self.memory.bands[level].len() {
             let active = self.memory.lists[level][band].active;

@@ -84,6 +84,18 @@ fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_a_gpu() {
     unchanged_charts_are_reused(|model| model.asset_on(&device, 96));
 }
 
+#[test]
+fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_two_backends() {
+    if !common::has_gpu() {
+        return;
+    }
+    let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
+    for switch in ["cpu:correct@0.1", "gpu:correct@0.1"] {
+        let device = Device::with_variables(&settings, &[("VRTM_SWITCH", switch)], None).unwrap();
+        unchanged_charts_are_reused(|model| model.asset_on(&device, 96));
+    }
+}
+
 fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
     // After frame 1 the creature's first leg alone moves; its other charts keep their results.
     let mut creature = Model::from(common::scenes::creature());
@@ -129,6 +141,55 @@ fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
         fresh.solve(model.frame(model.frames.len()), &SolveOptions::default()).unwrap();
         assert!(bits(&asset) == bits(&fresh), "{}", model.name);
         assert!(asset.tile_report(0).unwrap().charts_reused == 0, "{}", model.name);
+    }
+}
+
+#[test]
+fn memory_of_older_results_leaves_no_trace() {
+    older_results_leave_no_trace(|model| model.asset(0, 256));
+}
+
+#[test]
+fn memory_of_older_results_leaves_no_trace_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    older_results_leave_no_trace(|model| model.asset_on(&device, 96));
+}
+
+/// Results that were made in memory of results before: after each of them, charts that are not solved are the identity
+/// or what they were, and a solve without time is the identity.
+fn older_results_leave_no_trace(new: impl Fn(&Model) -> Asset) {
+    let mut creature = Model::from(common::scenes::creature());
+    let leg = creature.vertices(|uv| uv[0] < 0.22 && uv[1] < 0.28);
+    let others = creature.vertices(|uv| uv[0] >= 0.22 || uv[1] >= 0.28);
+    // All but the first leg are at rest; then the leg alone is.
+    let part = |of_leg: bool| {
+        let ends = creature.rest.iter().zip(&creature.frames[0]).enumerate();
+        ends.map(|(v, (r, p))| if (leg[v] && !others[v]) == of_leg { *p } else { *r }).collect::<Vec<_>>()
+    };
+    let parts = [part(true), part(false)];
+    creature.frames.truncate(1);
+    creature.frames.extend(parts);
+    let alone = [1, 2, 3].map(|frame| {
+        let mut asset = new(&creature);
+        asset.solve(creature.frame(frame), &SolveOptions::default()).unwrap();
+        bits(&asset)
+    });
+    let moved = |bits: &[[u32; 2]]| bits.iter().filter(|u| **u != [0, 0]).count();
+    assert!(moved(&alone[1]) > 0 && moved(&alone[1]) < moved(&alone[0]));
+    let no_time =
+        SolveOptions { time_budget: Some(std::time::Duration::from_nanos(1)), ..SolveOptions::default() };
+    let mut asset = new(&creature);
+    for (step, frame) in [1, 3, 2, 3, 1, 1, 2, 1, 3].into_iter().enumerate() {
+        asset.solve(creature.frame(frame), &SolveOptions::default()).unwrap();
+        assert!(bits(&asset) == alone[frame - 1], "step {step}");
+        if step % 3 == 1 {
+            // A setting that changed leaves no chart to keep.
+            let settings = asset.settings(0).unwrap();
+            asset.set_settings(0, &vrtm::TileSettings { smoothness: 0.1, ..settings }).unwrap();
+            asset.solve(creature.frame(frame), &no_time).unwrap();
+            assert_eq!(moved(&bits(&asset)), 0, "step {step}");
+            asset.set_settings(0, &settings).unwrap();
+        }
     }
 }
 
