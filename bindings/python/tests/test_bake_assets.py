@@ -28,7 +28,7 @@ def test_real_meshes(name: str, tmp_path: Path) -> None:
         expected = tile.fetch("redirection", (256, 256), channels=3, one_to_one=True)
         assert np.array_equal(pixels(out / f"redirect.0002.{tile.udim}.exr"), expected)
     assert written(run(*arguments)) == (0, len(before))
-    (out / sorted(before)[1]).write_bytes(b"damaged")
+    (out / sorted(before)[1]).write_bytes(before[sorted(before)[1]][:-1000])
     assert written(run(*arguments)) == (1, len(before) - 1)
     assert files(out) == before
 

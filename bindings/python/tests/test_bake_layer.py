@@ -31,6 +31,7 @@ def corner_uvs(scene: Path, frame: int) -> np.ndarray:
 @pytest.mark.parametrize("mode", ["texture", "primvar", "both"])
 def test_a_layer_goes_over_the_shot(scene: Path, tmp_path: Path, mode: str) -> None:
     layer = tmp_path / "shot" / "redirect.usda"
+    layer.parent.mkdir()
     options = (
         "--form",
         "udim",
@@ -71,6 +72,7 @@ def test_corner_uvs_are_up_to_date_or_made_anew(scene: Path, tmp_path: Path) -> 
         assert files(tmp_path) == before
     # Tasks of a farm: frames by themselves, then the layer alone.
     parts = tmp_path / "parts" / "maps"
+    parts.mkdir(parents=True)
     rest = ("--form", "udim", "--layer", parts.parent / "redirect.usda", "--layer-mode", "primvar")
     for frame in (2, 1):
         run(*sheet_arguments(scene, parts, *rest, "--frames", frame))

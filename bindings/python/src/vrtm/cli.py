@@ -38,6 +38,7 @@ def _run(given: list[str]) -> int:
         description="Writes an OpenJobDescription template.",
     )
     template.add_argument("--out", metavar="FILE", help="where to write (default: to stdout)")
+    template.add_argument("--overwrite", action="store_true", help="replace a file that vrtm has not written, too")
     template.add_argument("--no-layer", action="store_true", help="without the step that writes a USD layer")
     commands.add_parser("devices", help="list what can compute", description="Lists the CPU and all GPUs.")
     parsed = parser.parse_args(given)
@@ -47,7 +48,7 @@ def _run(given: list[str]) -> int:
         except ValueError as error:
             bake.error(f"--more: {error}")
     if parsed.command == "farm-template":
-        return _template(parsed.out, not parsed.no_layer)
+        return _template(parsed.out, not parsed.no_layer, parsed.overwrite)
     if parsed.command == "devices":
         return _devices()
     return _bake(arguments.settings(bake, parsed), parsed)
@@ -67,8 +68,8 @@ def _bake(settings, parsed: argparse.Namespace) -> int:
     return bake(settings, console)
 
 
-def _template(path: str | None, layer: bool) -> int:
-    from vrtm.bake import staging
+def _template(path: str | None, layer: bool, replace: bool) -> int:
+    from vrtm.bake import overwrite, staging
     from vrtm.bake.console import Console
     from vrtm.bake.failure import describe
     from vrtm.farm import template
@@ -77,8 +78,9 @@ def _template(path: str | None, layer: bool) -> int:
         if path is None:
             sys.stdout.write(template(layer))
         else:
+            overwrite.check([(path, "--out")], (), replace)
             staging.write_bytes(path, template(layer).encode())
-    except OSError as error:
+    except (OSError, overwrite.Conflict) as error:
         failure = describe(error, path or "stdout")
         Console(False, False, False).error(failure.message)
         return failure.code

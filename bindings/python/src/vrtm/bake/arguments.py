@@ -95,6 +95,11 @@ def _files(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--frames", type=_numbers, metavar="LIST", help="such as 1-10x2,15 (default: all)")
     group.add_argument("--tiles", type=_numbers, metavar="LIST", help="such as 1001,1011-1013 (default: all)")
     group.add_argument("--force", action="store_true", help="also write files that are up to date")
+    group.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace files that vrtm has not written, too; one that the bake reads is never replaced",
+    )
 
 
 def _content(group: argparse._ArgumentGroup) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from dataclasses import dataclass
 
 import numpy as np
 
-from vrtm.bake import staging
+from vrtm.bake import overwrite
 from vrtm.bake.failure import INPUT, Failure, one_line
-from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.names import Pattern
 from vrtm.bake.scene import Shape
 
@@ -36,43 +36,41 @@ class CornerFile:
 
     def write(self, shape: Shape, frame: int, uvs: np.ndarray) -> None:
         """Writes (corners, 2) UVs. Raises Failure."""
-        from vrtm.bake.layer import corner_uv_layer
+        from vrtm.bake.layer import corner_uv_layer, export, values_hash
 
         layer = corner_uv_layer(shape, frame, uvs)
-        layer.customLayerData = {_INPUTS: self.inputs, _VALUES: _values(layer)}
-
-        def body(temporary: str) -> None:
-            if not layer.Export(temporary):
-                raise OSError("cannot be written")
-
+        layer.customLayerData |= {_INPUTS: self.inputs, _VALUES: values_hash(layer)}
         try:
-            staging.write(self.path, body, ENDING)
-        except Exception as error:
-            # USD raises an exception of its own for what the system reports.
-            raise Failure(INPUT, f"{self.path}: {one_line(error)}") from error
+            export(layer, self.path, values_hash)
+        except OSError as error:
+            self._remove_damaged()
+            raise Failure(INPUT, f"{self.path}: {one_line(error.strerror or error)}") from error
 
     def up_to_date(self) -> bool:
-        """Whether the file is there, whole, and made of these inputs."""
-        from pxr import Sdf, Tf
+        """Whether the file is there, whole, and made of these inputs. A damaged one of vrtm's own is taken away."""
+        recorded = _recorded(self.path)
+        if recorded is None:
+            self._remove_damaged()
+        return recorded is not None and recorded.get(_INPUTS) == self.inputs
 
-        if not os.path.isfile(self.path):
-            return False
-        try:
-            # Anonymous: USD would hand out what it read of an earlier file of that name.
-            layer = Sdf.Layer.OpenAsAnonymous(self.path)
-            recorded = layer.customLayerData
-            return recorded.get(_INPUTS) == self.inputs and recorded.get(_VALUES) == _values(layer)
-        except (Tf.ErrorException, AttributeError, RuntimeError, ValueError, TypeError):
-            return False
+    def _remove_damaged(self) -> None:
+        if os.path.isfile(self.path) and overwrite.is_ours(self.path) and _recorded(self.path) is None:
+            with contextlib.suppress(OSError):
+                os.remove(self.path)
 
 
-def _values(layer) -> str:
-    """A hash of all values in a layer."""
-    hashed = Fingerprint()
+def _recorded(path: str) -> dict | None:
+    """What a file tells of itself; None if it cannot be read, or its values are not those that it tells of."""
+    from pxr import Sdf, Tf
 
-    def visit(path) -> None:
-        for time in layer.ListTimeSamplesForPath(path):
-            hashed.text(path, time).array(np.asarray(layer.QueryTimeSample(path, time)))
+    from vrtm.bake.layer import values_hash
 
-    layer.Traverse("/", visit)
-    return hashed.hex()
+    if not os.path.isfile(path):
+        return None
+    try:
+        # Anonymous: USD would hand out what it read of an earlier file of that name.
+        layer = Sdf.Layer.OpenAsAnonymous(path)
+        recorded = dict(layer.customLayerData)
+        return recorded if recorded.get(_VALUES) == values_hash(layer) else None
+    except (Tf.ErrorException, AttributeError, RuntimeError, ValueError, TypeError):
+        return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 
 import vrtm
+from vrtm.bake.overwrite import Conflict
 from vrtm.bake.scene import SceneError
 
 DONE = 0
@@ -48,6 +49,8 @@ def describe(error: BaseException, subject: str = "") -> Failure:
         return error
     if isinstance(error, SceneError):
         return Failure(INPUT, one_line(error))
+    if isinstance(error, Conflict):
+        return Failure(INPUT, f"{error}{': --overwrite replaces it' if error.replaceable else ''}")
     if isinstance(error, ModuleNotFoundError) and (error.name or "").split(".")[0] in EXTRAS:
         module = (error.name or "").split(".")[0]
         return Failure(INPUT, f"the Python module {module} is missing: pip install 'vrtm[{EXTRAS[module]}]'")

@@ -3,14 +3,16 @@ content."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import OpenImageIO as oiio
 
-from vrtm.bake import staging
+from vrtm.bake import overwrite, staging
 from vrtm.bake.failure import INPUT, Failure, one_line
 from vrtm.bake.fingerprint import Fingerprint
 
@@ -65,36 +67,65 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
             raise OSError(out.geterror())
 
     try:
-        staging.write(target.path, body)
+        # That an image was closed does not tell that its last bytes could be written.
+        staging.write(target.path, body, is_whole=lambda path: _whole(path) is not None)
     except OSError as error:
+        _remove_damaged(target.path)
         raise Failure(INPUT, f"{target.path}: {one_line(error.strerror or error)}") from error
 
 
 def up_to_date(target: Target) -> dict | None:
     """The figures that a file records ({} if none), or None if it is missing, damaged, or made of other inputs. All its
-    pixels are read: their hash stands in the file."""
+    pixels are read: their hash stands in the file. One of vrtm's own that is damaged is taken away, so that no program
+    takes it for an image even if no other can be written in its place."""
+    if not os.path.isfile(target.path):
+        return None
+    found = _whole(target.path)
+    if found is None:
+        _remove_damaged(target.path)
+        return None
+    spec, facts = found
+    # One without is another program's, or of another of vrtm's programs.
+    if _PIXELS not in facts:
+        return None
+    shape = (spec.width, spec.height, spec.nchannels, str(spec.format))
+    if shape != (target.width, target.height, len(target.channels), _type(target.dtype)):
+        return None
+    if target.format == "openexr" and tuple(spec.channelnames) != target.channels:
+        return None
+    if any(str(facts.get(name)) != str(value) for name, value in target.facts.items()):
+        return None
+    try:
+        return json.loads(facts.get(_FIGURES, "{}"))
+    except (ValueError, TypeError):
+        return None
+
+
+def _remove_damaged(path: str) -> None:
+    if os.path.isfile(path) and overwrite.is_ours(path) and _whole(path) is None:
+        with contextlib.suppress(OSError):
+            os.remove(path)
+
+
+def _whole(path: str) -> tuple[oiio.ImageSpec, dict] | None:
+    """The header of an image and what it tells of itself; None if it cannot be read, or has other pixels than it tells
+    of."""
     # As it is stored: not multiplied by what may be alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
-    file = oiio.ImageInput.open(target.path, config)
+    file = oiio.ImageInput.open(path, config)
     if file is None:
         oiio.geterror()
         return None
     try:
         spec = file.spec()
-        facts = _facts(spec, target)
-        shape = (spec.width, spec.height, spec.nchannels, str(spec.format), file.format_name())
-        if shape != (target.width, target.height, len(target.channels), _type(target.dtype), target.format):
-            return None
-        if target.format == "openexr" and tuple(spec.channelnames) != target.channels:
-            return None
-        if any(facts.get(name) != value for name, value in target.facts.items()):
-            return None
-        pixels = file.read_image(_type(target.dtype))
-        if pixels is None or facts.get(_PIXELS) != _digest(np.asarray(pixels).reshape(spec.height, spec.width, -1)):
+        facts = _facts(spec, file.format_name())
+        pixels = file.read_image(spec.format)
+        if pixels is None:
             file.geterror()
             return None
-        return json.loads(facts.get(_FIGURES, "{}"))
+        digest = _digest(np.asarray(pixels).reshape(spec.height, spec.width, -1))
+        return (spec, facts) if facts.get(_PIXELS, digest) == digest else None
     except (ValueError, TypeError):
         return None
     finally:
@@ -113,12 +144,10 @@ def _spec(target: Target) -> oiio.ImageSpec:
     return spec
 
 
-def _facts(spec: oiio.ImageSpec, target: Target) -> dict:
-    if target.format == "tiff":
+def _facts(spec: oiio.ImageSpec, form: str) -> dict:
+    if form == "tiff":
         return dict(json.loads(spec.get_string_attribute(_DESCRIPTION)))
-    facts = {a.name: a.value for a in spec.extra_attribs if a.name.startswith("vrtm:")}
-    wanted = target.facts
-    return {n: int(v) if isinstance(wanted.get(n), int) and isinstance(v, str) else v for n, v in facts.items()}
+    return {a.name: a.value for a in spec.extra_attribs if a.name.startswith("vrtm:")}
 
 
 def _digest(pixels: np.ndarray) -> str:

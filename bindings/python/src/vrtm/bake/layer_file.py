@@ -8,12 +8,21 @@ from typing import TYPE_CHECKING
 from vrtm.bake import warped
 from vrtm.bake.corners import corner_name
 from vrtm.bake.failure import INPUT, Failure, one_line
-from vrtm.bake.work import Work
+from vrtm.bake.settings import Settings
 
 if TYPE_CHECKING:
     from vrtm.bake.layer import LayerPlan
+    from vrtm.bake.work import Work
 
 _SCENES = (".usda", ".usdc", ".usd", ".usdz")
+
+
+def names(settings: Settings) -> list[str]:
+    """The paths of all that is written with the layer."""
+    from vrtm.bake.layer import manifest_path
+
+    assert settings.layer is not None
+    return [settings.layer, *([manifest_path(settings.layer)] if settings.corner_uvs else [])]
 
 
 def write(work: Work) -> list[str]:
@@ -22,7 +31,8 @@ def write(work: Work) -> list[str]:
 
     assert work.settings.layer is not None
     try:
-        return write_layer(work.settings.layer, work.scene, planned(work))
+        # What is in its place was looked at before anything was baked.
+        return write_layer(work.settings.layer, work.scene, planned(work), overwrite=True)
     except (LayerError, OSError) as error:
         raise _failure(work, error) from error
 
@@ -69,7 +79,7 @@ def planned(work: Work) -> LayerPlan:
         for copy, paths in work.meshes[mesh].textures:
             own = os.path.basename(copy.pattern.replace("<mesh>", mesh))
             if own == os.path.basename(texture) or os.path.basename(texture) in map(os.path.basename, paths.values()):
-                udim, extension = next((u, warped.read(path).extension) for u, path in paths.items())
+                udim, extension = next((u, warped.extension(path)) for u, path in paths.items())
                 tile = "<UDIM>" if "<UDIM>" in texture else udim
                 return relative(work.pattern.name(mesh, copy.kind, frame, tile, extension))
         return None

@@ -104,6 +104,8 @@ class MeshWork:
             self.asset.set_vertex_mask(shape.vertex_mask)
         common.array(shape.vertex_rigidity).array(shape.vertex_mask)
         self.all_udims = tuple(tile.udim for tile in self.asset.tiles)
+        self.maps = {option: self._found(option) for option in ("rigidity", "mask")}
+        """The files of the maps by UDIM number."""
         self.tiles = self._tiles(common)
         self.common = common.copy()
         for tile in self.tiles:
@@ -112,8 +114,9 @@ class MeshWork:
 
     def _tiles(self, common: Fingerprint) -> list[TileWork]:
         settings = self.settings
-        rigid = {udim: read_map(path) for udim, path in self._found("rigidity").items()}
-        masks = {udim: read_map(path) for udim, path in self._found("mask").items()}
+        rigid, masks = (
+            {udim: read_map(path) for udim, path in self.maps[option].items()} for option in ("rigidity", "mask")
+        )
         # A tile without a map is the identity, and gets the size of the others.
         alone = SIZE_OF_PRIMVAR if self.shape.vertex_rigidity is not None else SIZE_WITHOUT_MAP
         other = max(((m.shape[1], m.shape[0]) for m in rigid.values()), default=(alone, alone))
@@ -138,10 +141,22 @@ class MeshWork:
         pattern = getattr(self.settings, option)
         return {} if pattern is None else find_maps(pattern, self.shape.name, self.all_udims)
 
-    def pieces(self, frame: int, positions: np.ndarray | None, pattern: Pattern) -> list[Piece]:
-        """The files of a frame. Without positions, they have no hash of their inputs, and are good for their names
-        alone."""
-        pose = "" if positions is None else Fingerprint().array(positions).hex()
+    def names(self, frame: int, pattern: Pattern) -> list[str]:
+        """The paths of all files of a frame."""
+        names = []
+        for tile in self.tiles:
+            names += [pattern.name(self.shape.name, output.kind, frame, tile.udim) for output in self.listed]
+            for copy, paths in self.textures:
+                if tile.udim in paths:
+                    ending = warped.extension(paths[tile.udim])
+                    names.append(pattern.name(self.shape.name, copy.kind, frame, tile.udim, ending))
+        if self.settings.corner_uvs:
+            names.append(corner_name(pattern, self.shape.name, frame))
+        return [os.path.join(self.settings.out, name) for name in names]
+
+    def pieces(self, frame: int, positions: np.ndarray, pattern: Pattern) -> list[Piece]:
+        """The images of a frame."""
+        pose = Fingerprint().array(positions).hex()
         pieces = []
         for tile in self.tiles:
             pieces += [self._map(frame, tile, output, pose, pattern) for output in self.listed]
@@ -171,7 +186,7 @@ class MeshWork:
         texture = warped.read(path)
         height, width, _ = texture.pixels.shape
         inputs = tile.inputs.copy().text(pose, texture.inputs, copy.is_normal, copy.down)
-        name = pattern.name(self.shape.name, copy.kind, frame, tile.udim, texture.extension)
+        name = pattern.name(self.shape.name, copy.kind, frame, tile.udim, warped.extension(path))
         target = Target(
             os.path.join(self.settings.out, name),
             width,
@@ -195,9 +210,9 @@ class MeshWork:
             "vrtm:inputs": inputs.hex(),
         }
 
-    def corners(self, frame: int, positions: np.ndarray | None, pattern: Pattern) -> CornerFile:
+    def corners(self, frame: int, positions: np.ndarray, pattern: Pattern) -> CornerFile:
         """The file of a frame's corner UVs."""
-        pose = "" if positions is None else Fingerprint().array(positions).hex()
+        pose = Fingerprint().array(positions).hex()
         path = os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame))
         return CornerFile(path, self.common.copy().text(pose).hex())
 

@@ -52,6 +52,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             warn(note)
         if settings.layer:
             layer_file.check(work)
+        work.check_files()
         results: list[FrameResult] = []
         failure: Failure | None = None
         try:

@@ -43,6 +43,7 @@ class Settings:
     threads: int = 0
     report: str | None = None
     force: bool = False
+    overwrite: bool = False
     measure: bool = False
     max_strain: float | None = None
     max_error: float | None = None

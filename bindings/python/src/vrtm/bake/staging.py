@@ -1,8 +1,10 @@
-"""Files that appear complete or not at all: each is written under a temporary name beside its own, and renamed."""
+"""Files that appear complete or not at all: each is written under a temporary name beside its own, brought to the disk,
+and renamed."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import secrets
@@ -17,15 +19,24 @@ _STALE_SECONDS = 86400.0
 """Age at which a temporary file is nobody's any more, where locks cannot tell."""
 
 
-def write(path: str, body: Callable[[str], None], ending: str = "") -> None:
+def write(
+    path: str, body: Callable[[str], None], ending: str = "", is_whole: Callable[[str], bool] | None = None
+) -> None:
     """Calls `body` with a temporary path in the folder of `path`, which is made if need be, and renames what it wrote.
     If it raises, the temporary file is removed. `ending`: of the temporary name, where that has to tell the format.
-    Raises OSError."""
+    `is_whole` looks at what was written, where `body` cannot be trusted to tell of a disk that is full. Raises
+    OSError."""
     folder, name = os.path.split(os.path.abspath(path))
     os.makedirs(folder, exist_ok=True)
     with _reserved(folder, name, ending) as temporary:
         body(temporary)
+        # Else a file system may notice only after the rename that there is no room, or that the power has failed.
+        _bring_to_disk(temporary)
+        if is_whole is not None and not is_whole(temporary):
+            raise OSError(errno.EIO, "it is damaged as soon as it is written: is the disk full?", path)
         os.replace(temporary, path)
+    if os.name == "posix":
+        _bring_to_disk(folder)
 
 
 def write_bytes(path: str, content: bytes) -> None:
@@ -36,6 +47,20 @@ def write_bytes(path: str, content: bytes) -> None:
             file.write(content)
 
     write(path, body)
+
+
+def _bring_to_disk(path: str) -> None:
+    """Waits until a file, or the names in a folder, are on the disk. Raises OSError if they cannot be."""
+    # Windows brings only what may be written to the disk, and has no such thing for folders.
+    descriptor = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        # Some file systems cannot.
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS, errno.EBADF):
+            raise
+    finally:
+        os.close(descriptor)
 
 
 def sweep(folder: str) -> list[str]:

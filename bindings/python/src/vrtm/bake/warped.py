@@ -68,11 +68,6 @@ class Texture:
     inputs: str
     """A hash of all these but the path."""
 
-    @property
-    def extension(self) -> str:
-        """Of the copy's name."""
-        return _FORMATS[self.format]
-
 
 def listed(textures: tuple[str, ...], normal_maps: tuple[str, ...], down: bool) -> tuple[Copy, ...]:
     """The textures of a command line, each with a name of its own. Raises Failure."""
@@ -112,18 +107,35 @@ def read(path: str) -> Texture:
         file.close()
     pixels = np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
     channels = tuple(spec.channelnames)
-    integer = pixels.dtype.kind == "u"
     kept = {a.name: (str(a.type), a.value) for a in spec.extra_attribs if not _FILE_ONLY.fullmatch(a.name)}
-    if source in _FORMATS and integer == (source != "openexr"):
-        form = source
-    else:
-        form = "openexr" if not integer else "png" if len(channels) <= 4 else "tiff"
+    form = _format(source, dtype, len(channels))
     hashed = Fingerprint().text(VERSION, oiio.__version__, form, channels, spec.alpha_channel).array(pixels)
     for name in sorted(kept):
         hashed.text(name, kept[name])
     if spec.alpha_channel >= 0 and form != "openexr":
         kept["oiio:UnassociatedAlpha"] = ("int", 1)
     return Texture(path, pixels, channels, spec.alpha_channel, kept, form, hashed.hex())
+
+
+@functools.cache
+def extension(path: str) -> str:
+    """Of the names of a texture's copies. Only the texture's header is read. Raises Failure."""
+    file = oiio.ImageInput.open(path)
+    if file is None:
+        raise Failure(INPUT, f"{path}: {oiio.geterror().strip() or 'no such image'}")
+    try:
+        spec = file.spec()
+        return _FORMATS[_format(file.format_name(), _KEPT_AS.get(str(spec.format), "float32"), spec.nchannels)]
+    finally:
+        file.close()
+
+
+def _format(source: str, dtype: str, channels: int) -> str:
+    """The file format of a copy: the texture's own, unless that cannot be written or may lose something."""
+    integer = dtype.startswith("uint")
+    if source in _FORMATS and integer == (source != "openexr"):
+        return source
+    return "openexr" if not integer else "png" if channels <= 4 else "tiff"
 
 
 def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = lambda: None) -> np.ndarray:

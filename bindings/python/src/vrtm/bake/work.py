@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import TracebackType
 
 import OpenImageIO as oiio
 
 import vrtm
-from vrtm.bake import frames, warped
+from vrtm.bake import frames, layer_file, overwrite, warped
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
 from vrtm.bake.mesh_work import FrameResult, MeshWork, unknown_tiles
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
@@ -76,10 +76,34 @@ class Work:
             notes.append(f"--tiles: no mesh has {', '.join(map(str, missing))}")
         return notes
 
+    def check_files(self) -> None:
+        """Raises Conflict if a file cannot be written without the loss of another, and Failure if a folder is missing."""
+        settings = self.settings
+        outputs = [] if settings.only_layer else [(name, "--out") for name in self._names()]
+        inputs = [(settings.scene, "the scene")]
+        for mesh in self.meshes.values():
+            inputs += [(path, f"--{option}") for option, paths in mesh.maps.items() for path in paths.values()]
+            inputs += [(path, "--texture") for _, paths in mesh.textures for path in paths.values()]
+        inputs += [(path, "a file of the scene") for path in self.scene.files]
+        if settings.layer:
+            outputs += [(path, "--layer") for path in layer_file.names(settings)]
+        if settings.report is not None:
+            outputs.append((settings.report, "--report"))
+        out = os.path.join(os.path.abspath(settings.out), "")
+        for option, path in (("--layer", settings.layer), ("--report", settings.report)):
+            folder = os.path.dirname(os.path.abspath(path)) if path else out
+            if not os.path.isdir(folder) and not os.path.join(folder, "").startswith(out):
+                raise Failure(INPUT, f"{option} {path}: there is no folder {folder}")
+        overwrite.check(outputs, inputs, settings.overwrite)
+
+    def _names(self) -> Iterator[str]:
+        return (
+            name for mesh in self.meshes.values() for frame in self.frames for name in mesh.names(frame, self.pattern)
+        )
+
     def folders(self) -> list[str]:
         """The folders that files are written to."""
-        names = {os.path.dirname(self.pattern.name(mesh, "k", self.frames[0], 1001)) for mesh in self.meshes}
-        return sorted(os.path.join(self.settings.out, name) for name in names)
+        return sorted({os.path.dirname(name) for name in self._names()})
 
     def is_current(self, mesh: str, frame: int) -> FrameResult | None:
         """The result of a frame all of whose files are up to date, else None."""
@@ -87,10 +111,7 @@ class Work:
         if self.settings.force:
             return None
         # By the names alone, before the pose is read.
-        names = [piece.target.path for piece in work.pieces(frame, None, self.pattern)]
-        if self.settings.corner_uvs:
-            names.append(work.corners(frame, None, self.pattern).path)
-        if not all(map(os.path.isfile, names)):
+        if not all(map(os.path.isfile, work.names(frame, self.pattern))):
             return None
         positions = self.scene.positions(work.shape, frame)
         return work.bake(frame, positions, self.pattern, lambda: None, write=False)

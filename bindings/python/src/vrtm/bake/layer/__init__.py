@@ -1,8 +1,18 @@
 """The USD layer that a bake hands to a shot: redirected texture lookups, and redirected corner UVs as a primvar."""
 
 from vrtm.bake.layer.check import check_layer
-from vrtm.bake.layer.clips import corner_uv_layer, write_corner_uvs
+from vrtm.bake.layer.clips import corner_uv_layer, export, manifest_path, values_hash, write_corner_uvs
 from vrtm.bake.layer.plan import LayerError, LayerPlan
 from vrtm.bake.layer.write import write_layer
 
-__all__ = ["LayerError", "LayerPlan", "check_layer", "corner_uv_layer", "write_corner_uvs", "write_layer"]
+__all__ = [
+    "LayerError",
+    "LayerPlan",
+    "check_layer",
+    "corner_uv_layer",
+    "export",
+    "manifest_path",
+    "values_hash",
+    "write_corner_uvs",
+    "write_layer",
+]

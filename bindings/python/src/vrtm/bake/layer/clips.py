@@ -3,12 +3,17 @@ and the metadata by which a mesh takes its values from them."""
 
 from __future__ import annotations
 
+import errno
 import os
+from collections.abc import Callable
 
 import numpy as np
-from pxr import Sdf, UsdGeom, Vt
+from pxr import Sdf, Tf, UsdGeom, Vt
 
+from vrtm.bake import staging
+from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
+from vrtm.bake.overwrite import check
 from vrtm.bake.scene.types import Shape
 
 CLIP_PRIM = "/redirected"
@@ -28,15 +33,20 @@ def corner_uv_layer(shape: Shape, frame: float, uvs: np.ndarray) -> Sdf.Layer:
     attribute = _declare(layer)
     layer.SetTimeSample(attribute.path, float(frame), Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uvs)))
     layer.startTimeCode = layer.endTimeCode = float(frame)
+    layer.customLayerData = {"vrtm_kind": "corners"}
     return layer
 
 
-def write_corner_uvs(path: str | os.PathLike[str], shape: Shape, frame: float, uvs: np.ndarray) -> None:
+def write_corner_uvs(
+    path: str | os.PathLike[str], shape: Shape, frame: float, uvs: np.ndarray, overwrite: bool = False
+) -> None:
     """Writes one frame's corner UVs to a USD file (.usdc, .usda or .usd), which `write_layer` joins with the others.
 
-    The file depends on these values alone, and appears under its name when it is whole.
+    The file depends on these values alone, and appears under its name when it is whole. Raises OSError; ValueError if a
+    file is there that vrtm has not written, unless `overwrite` is set.
     """
-    export(corner_uv_layer(shape, frame, uvs), path)
+    check([(os.fspath(path), "corner UVs")], (), overwrite)
+    export(corner_uv_layer(shape, frame, uvs), path, values_hash)
 
 
 def author_clips(prim: Sdf.PrimSpec, shape: Shape, plan: LayerPlan, manifest: str) -> None:
@@ -56,30 +66,56 @@ def author_clips(prim: Sdf.PrimSpec, shape: Shape, plan: LayerPlan, manifest: st
     prim.SetInfo("clips", {"vrtm": clips})
 
 
+def manifest_path(layer: str) -> str:
+    """The file beside a layer that tells USD which attributes its clips have, so that it need not open all of them."""
+    return f"{os.path.splitext(layer)[0]}.manifest.usda"
+
+
 def write_manifest(path: str | os.PathLike[str]) -> None:
-    """Writes the file that tells USD which attributes the clips have, so that it need not open all of them."""
+    """Writes the manifest of a layer's clips. Raises OSError."""
     layer = Sdf.Layer.CreateAnonymous()
     _declare(layer)
-    export(layer, path)
+    layer.customLayerData = {"vrtm_kind": "manifest"}
+    export(layer, path, Sdf.Layer.ExportToString)
 
 
-def export(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
-    """Writes a layer under another name, and renames it."""
+def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.Layer], str]) -> None:
+    """Writes a layer, which appears under its name when it is whole: when `told` says the same of the file as of the
+    layer. Raises OSError."""
     path = os.fspath(path)
-    os.makedirs(os.path.dirname(path) or ".", exist_ok=True)
-    folder, name = os.path.split(path)
-    part = os.path.join(folder, f".{os.getpid()}.part.{name}")
-    try:
-        if not layer.Export(part):
-            raise OSError(f"{path}: cannot be written")
-        os.replace(part, path)
-        # A stage of this process may hold what was there before.
-        loaded = Sdf.Layer.Find(os.path.abspath(path))
-        if loaded:
-            loaded.Reload(force=True)
-    finally:
-        if os.path.exists(part):
-            os.remove(part)
+    expected = told(layer)
+
+    def body(temporary: str) -> None:
+        try:
+            if not layer.Export(temporary):
+                raise OSError(errno.EIO, "it cannot be written", path)
+        except Tf.ErrorException as error:
+            # USD raises an exception of its own for what the system reports.
+            raise OSError(errno.EIO, " ".join(str(error).split()), path) from error
+
+    def is_whole(temporary: str) -> bool:
+        try:
+            return told(Sdf.Layer.OpenAsAnonymous(temporary)) == expected
+        except (Tf.ErrorException, AttributeError, RuntimeError):
+            return False
+
+    staging.write(path, body, os.path.splitext(path)[1], is_whole)
+    # A stage of this process may hold what was there before.
+    loaded = Sdf.Layer.Find(os.path.abspath(path))
+    if loaded:
+        loaded.Reload(force=True)
+
+
+def values_hash(layer: Sdf.Layer) -> str:
+    """A hash of all values over time in a layer."""
+    hashed = Fingerprint()
+
+    def visit(path: Sdf.Path) -> None:
+        for time in layer.ListTimeSamplesForPath(path):
+            hashed.text(path, time).array(np.asarray(layer.QueryTimeSample(path, time)))
+
+    layer.Traverse("/", visit)
+    return hashed.hex()
 
 
 def _declare(layer: Sdf.Layer) -> Sdf.AttributeSpec:

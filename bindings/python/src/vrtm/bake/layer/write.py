@@ -6,9 +6,10 @@ import os
 
 from pxr import Sdf, Usd, UsdShade
 
-from vrtm.bake.layer.clips import author_clips, export, write_manifest
+from vrtm.bake.layer.clips import author_clips, export, manifest_path, write_manifest
 from vrtm.bake.layer.networks import Redirector
 from vrtm.bake.layer.plan import LayerError, LayerPlan
+from vrtm.bake.overwrite import Conflict, check
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 
 # What a root layer says of a whole stage. Layers with other time codes per second would be scaled in time.
@@ -24,19 +25,27 @@ STAGE_FIELDS = (
 )
 
 
-def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan) -> list[str]:
+def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan, overwrite: bool = False) -> list[str]:
     """Writes the layer of a plan over a scene from a USD file, and beside it the clips' manifest if there are corner
     UVs.
 
     Every mesh gets materials of its own, which specialize the shot's: other meshes with the same material stay as they
-    are. Returns warnings. Raises LayerError for a wrong plan, OSError.
+    are. Returns warnings. Raises OSError; LayerError for a wrong plan, for a file of the scene in the place of the
+    layer, and, unless `overwrite` is set, for one there that vrtm has not written.
     """
     plan.check()
     if not Sdf.FileFormat.FindByExtension(scene.path):
         raise LayerError(f"{scene.path}: only a USD scene can have a layer over it")
     out_path = os.fspath(out_path)
+    manifest = manifest_path(out_path)
+    outputs = [(out_path, "the layer")] + [(manifest, "its manifest")] * (plan.corner_path is not None)
+    try:
+        check(outputs, [(path, "a file of the scene") for path in (scene.path, *scene.files)], overwrite)
+    except Conflict as conflict:
+        raise LayerError(str(conflict)) from None
     warnings: list[str] = []
     layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.customLayerData = {"vrtm_kind": "layer"}
     stage = compose(layer, scene.path, scene.options, muted=out_path)
     with Usd.EditContext(stage, layer):
         made: dict[tuple[str, str], UsdShade.Material | None] = {}
@@ -47,14 +56,15 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
     del stage
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
-        manifest = f"{os.path.splitext(os.path.basename(out_path))[0]}.manifest.usda"
         for name in plan.shapes:
             for path in scene.shape(name).instances:
-                author_clips(Sdf.CreatePrimInLayer(layer, path), scene.shape(name), plan, f"./{manifest}")
-        write_manifest(os.path.join(os.path.dirname(out_path), manifest))
+                author_clips(
+                    Sdf.CreatePrimInLayer(layer, path), scene.shape(name), plan, f"./{os.path.basename(manifest)}"
+                )
+        write_manifest(manifest)
     if plan.sublayer is not None:
         layer.subLayerPaths = [plan.sublayer]
-    export(layer, out_path)
+    export(layer, out_path, Sdf.Layer.ExportToString)
     return warnings
 
 

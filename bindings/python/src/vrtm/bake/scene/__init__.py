@@ -11,6 +11,8 @@ from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source
 
 __all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
 
+_USD = (".usd", ".usda", ".usdc", ".usdz")
+
 
 class Scene:
     """An open scene file. A context manager; not for several threads at once.
@@ -40,6 +42,15 @@ class Scene:
     def warnings(self) -> list[str]:
         """What was noticed while reading, each as a sentence that names file and prim."""
         return self._source.warnings
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All files that the scene is made of and that exist, with the textures that its materials name: what no
+        output may replace. Those that vrtm wrote earlier are none of them."""
+        rest = self.options.rest
+        if rest is None or not os.path.isfile(rest):
+            return self._source.files
+        return (*self._source.files, *_files_of(rest))
 
     @property
     def source(self) -> Source:
@@ -75,6 +86,14 @@ class Scene:
         self.close()
 
 
+def _files_of(path: str) -> tuple[str, ...]:
+    if os.path.splitext(path)[1].lower() not in _USD:
+        return (path,)
+    from vrtm.bake.scene.usd import open_stage, stage_files
+
+    return (path, *stage_files(open_stage(path, SceneOptions())))
+
+
 def _open(path: str, options: SceneOptions) -> Source:
     kind = os.path.splitext(path)[1].lower()
     if kind == ".obj":
@@ -87,7 +106,7 @@ def _open(path: str, options: SceneOptions) -> Source:
         from vrtm.bake.scene.alembic import AlembicSource
 
         return AlembicSource(path, options)
-    if kind in (".usd", ".usda", ".usdc", ".usdz"):
+    if kind in _USD:
         from vrtm.bake.scene.usd import UsdSource
 
         return UsdSource(path, options)

@@ -152,6 +152,7 @@ class AlembicSource:
         if not options.fps > 0:
             raise SceneError(f"{path}: {options.fps} frames per second")
         self._path, self._options = path, options
+        self.files = (path,)
         self._file = AlembicFile(path)
         chosen = self._chosen()
         spans = [mesh.times() for mesh, _ in chosen if mesh.samples > 1]

@@ -139,6 +139,7 @@ class ObjSource:
             )
         self._poses = find_poses(options.poses) if options.poses else {1: path}
         self.frames = tuple(sorted(self._poses))
+        self.files = (path, *self._poses.values())
         self._path = path
         name = unique_names([Path(path).stem])[0]
         rest = self._mesh.positions

@@ -76,6 +76,8 @@ class Source(Protocol):
     shapes: tuple[Shape, ...]
     frames: tuple[int, ...]
     warnings: list[str]
+    files: tuple[str, ...]
+    """All files that the scene is made of, with those that its materials name."""
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""

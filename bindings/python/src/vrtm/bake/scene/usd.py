@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from vrtm.bake import overwrite
 from vrtm.bake.scene.topology import is_exact, matches, unique_names
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
 
 try:
-    from pxr import Sdf, Tf, Usd, UsdGeom
+    from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
 except ImportError as error:
     raise SceneError("USD files need the package usd-core: pip install 'vrtm[bake]'") from error
 
@@ -42,6 +44,11 @@ class UsdSource:
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a time code."""
         return self._meshes[shape.name].positions(frame)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """See `stage_files`."""
+        return stage_files(self.stage)
 
     def close(self) -> None:
         """Lets go of the stage."""
@@ -119,6 +126,35 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
                 )
             chosen.SetVariantSelection(variant)
     return stage
+
+
+def stage_files(stage: Usd.Stage) -> tuple[str, ...]:
+    """The files of all layers and value clips that a stage uses, and the textures that its shaders and materials name.
+    Those that vrtm wrote are left out: a shot may have the layer of an earlier bake below it, which the next one
+    replaces."""
+    found = {layer.realPath for layer in stage.GetUsedLayers()}
+    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
+        for name in prim.GetMetadata("clips") or ():
+            found.update(asset.resolvedPath for asset in Usd.ClipsAPI(prim).ComputeClipAssetPaths(name))
+        if prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
+            for attribute in prim.GetAuthoredAttributes():
+                if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset:
+                    found.update(_assets(attribute))
+    files = sorted({Ar.SplitPackageRelativePathOuter(path)[0] for path in found})
+    return tuple(path for path in files if os.path.isfile(path) and not overwrite.is_ours(path))
+
+
+def _assets(attribute: Usd.Attribute) -> Iterator[str]:
+    """The files that an attribute names at any time, those of all tiles where it names a pattern."""
+    for time in (Usd.TimeCode.Default(), *attribute.GetTimeSamples()):
+        asset = attribute.Get(time)
+        if not asset:
+            continue
+        layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
+        if layers and UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+            yield from (path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layers[0]))
+        elif asset.resolvedPath:
+            yield asset.resolvedPath
 
 
 def first_line(error: Exception) -> str:

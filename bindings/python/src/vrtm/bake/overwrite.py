@@ -1,0 +1,127 @@
+"""Which files a program of vrtm may replace: never one that it reads, and none that vrtm has not written."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Iterable
+
+_EXR, _PNG, _TIFF = b"\x76\x2f\x31\x01", b"\x89PNG", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+_CRATE, _LAYER = b"PXR-USDC", b"#usda "
+# The name of an attribute in EXR and PNG, the key of a JSON text in TIFF.
+_IN_IMAGE = re.compile(rb"vrtm:(inputs|kind)[\0\"]")
+# How the texts begin that are no images, less what stands between the words.
+_REPORT = b'{"program":{"name":"vrtmbake"'
+_TEMPLATE = b"#vrtmfarm-template"
+_END = 1 << 16
+"""Bytes at a file's beginning and at its end among which its mark stands."""
+_LEAST_EXR = 256
+"""Bytes: what an EXR must say of itself alone takes more."""
+
+
+class Conflict(ValueError):
+    """A file cannot be written without a loss. The message is a sentence that names it."""
+
+    def __init__(self, message: str, replaceable: bool = False) -> None:
+        super().__init__(message)
+        self.replaceable = replaceable
+        """Whether it would be written with `overwrite`."""
+
+
+def check(outputs: Iterable[tuple[str, str]], inputs: Iterable[tuple[str, str]], overwrite: bool = False) -> None:
+    """Raises Conflict if one of the outputs is one of the inputs or another output, or if there is a file in its place
+    that is not vrtm's; with `overwrite` such a file may be replaced, but an input never.
+
+    Each file is a path and what it is to the user, such as an option. Files are the same if their paths, less links,
+    differ at most in the case of letters, since a folder may be shared with a system that does not tell that apart; or
+    if they are one file under two names.
+    """
+    folders: dict[str, str] = {}
+    known: dict[object, tuple[str, str]] = {}
+    for path, what in inputs:
+        for key in _keys(path, folders):
+            known.setdefault(key, (path, what))
+    taken: dict[object, tuple[str, str]] = {}
+    for path, what in outputs:
+        keys = _keys(path, folders)
+        for key in keys:
+            if key in known:
+                other, of = known[key]
+                named = of if other == path else f"{of} ({other})"
+                raise Conflict(f"{what}: {path} would replace {named}, which is read")
+            if key in taken:
+                raise Conflict(f"{what}: {path} is also the file of {taken[key][1]}")
+        taken.update((key, (path, what)) for key in keys)
+        if not os.path.lexists(path):
+            continue
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise Conflict(f"{what}: {path} is there, and is no file")
+        if not overwrite and not is_ours(path):
+            raise Conflict(f"{what}: {path} is there, and is no file that vrtm has written", replaceable=True)
+
+
+def is_ours(path: str) -> bool:
+    """Whether a file that is there carries vrtm's mark, or holds nothing that could be lost."""
+    try:
+        size = os.stat(path).st_size
+        with open(path, "rb") as file:
+            text = file.read(_END)
+            start = text[:8]
+            if size > _END:
+                file.seek(max(size - _END, _END))
+                text += file.read()
+    except FileNotFoundError:
+        # A link that leads nowhere.
+        return True
+    except OSError:
+        return False
+    if size == 0 or (start.startswith(_EXR) and size < _LEAST_EXR):
+        return True
+    if start.startswith((_EXR, _PNG, *_TIFF)):
+        return _IN_IMAGE.search(text) is not None
+    if start == _CRATE:
+        return _is_cut_short(path, size) or _is_marked_layer(path)
+    if start.startswith(_LAYER):
+        return _is_marked_layer(path)
+    return b"".join(text[: 1 << 10].split()).startswith((_REPORT, _TEMPLATE))
+
+
+def _is_cut_short(path: str, size: int) -> bool:
+    """Whether a USD crate lacks its end, without which nothing reads it: the table of contents, whose place is the third
+    number of the file, and which begins with the number of its entries, of 32 bytes each."""
+    with open(path, "rb") as file:
+        file.seek(16)
+        place = int.from_bytes(file.read(8), "little")
+        if not 24 <= place < size:
+            return True
+        file.seek(place)
+        return size < place + 8 + 32 * int.from_bytes(file.read(8), "little")
+
+
+def _is_marked_layer(path: str) -> bool:
+    from pxr import Sdf, Tf
+
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(path, metadataOnly=True)
+        return layer is not None and any(key.startswith("vrtm_") for key in layer.customLayerData)
+    except (Tf.ErrorException, RuntimeError, ValueError):
+        return False
+
+
+def _keys(path: str, folders: dict[str, str]) -> list[object]:
+    """What is equal for paths of the same file. `folders`: real paths of folders that were met."""
+    folder, name = os.path.split(os.path.abspath(path))
+    if folder not in folders:
+        folders[folder] = os.path.realpath(folder)
+    keys: list[object] = [os.path.join(folders[folder], name).casefold()]
+    try:
+        if os.path.islink(path):
+            keys.append(os.path.realpath(path).casefold())
+        found = os.stat(path)
+        # Some file systems do not number their files.
+        if stat.S_ISREG(found.st_mode) and found.st_ino:
+            keys.append((found.st_dev, found.st_ino))
+    except OSError:
+        pass
+    return keys
