@@ -446,7 +446,8 @@ typedef int32_t vrtm_log_level;
 // A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
 // threads, if the device has an executor, and on a job's thread); several threads may be in it at once. `message` is
 // one UTF-8 line without a line break, valid during the call. It may call vrtm functions; those that use the asset of
-// the call it was called from give VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
+// the call it was called from give VRTM_ERROR_BUSY, and so does waiting for the job. It must return normally: no
+// exception, no longjmp.
 typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
 
 // How vrtm_device_desc names a GPU.
@@ -1269,7 +1270,8 @@ typedef struct vrtm_pbd_settings {
 
 // A host's function that is told how far a solve is: 0..1, by prediction, never falling. If it returns anything but 0,
 // the solve is cancelled. It may call vrtm functions: results of the asset can be read, and what would change the asset
-// gives VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
+// gives VRTM_ERROR_BUSY. On a device with an executor, what it asks for is computed on its own thread alone, so that it
+// never waits for threads that wait for it. It must return normally: no exception, no longjmp.
 typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 
 // Options of one solve; zero in a field means its default. Start from vrtm_solve_options_init().
@@ -1421,7 +1423,7 @@ vrtm_status vrtm_asset_submit(vrtm_asset asset,
 //
 // Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
 // VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
-// VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY in the job's own progress function.
+// VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY on a thread that does the job's work, as in its own progress function.
 VRTM_API
 vrtm_status vrtm_job_wait(vrtm_job job,
                           uint32_t timeout_ms);
@@ -1443,8 +1445,8 @@ vrtm_status vrtm_job_cancel(vrtm_job job);
 // Ends a job's handle. A job that is not done is cancelled, and this waits for its end, and for that of its thread:
 // after it nothing of the job is left. Destroy all jobs before the library is unloaded.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY in the job's own progress
-// function.
+// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the job's
+// work, as in its own progress function.
 VRTM_API
 vrtm_status vrtm_job_destroy(vrtm_job job);
 
@@ -1539,8 +1541,9 @@ typedef struct vrtm_tile_report_data {
     float ms_invert;
     // Milliseconds: the whole solve of this tile, less measuring.
     float ms_total;
-    // 1 if the solve was asked to measure: the fields below are set. They speak of the segments between neighbouring
-    // nodes whose rigidity is over 0.5 at both ends and that are not both fixed. Otherwise all of them are 0.
+    // 1 if the solve was asked to measure: the fields down to `help`, `edges_fixed` and `strain_fixed` are set. They
+    // speak of the segments between neighbouring nodes whose rigidity is over 0.5 at both ends; those down to `help` of
+    // the segments that are not fixed at both ends. Otherwise all of them are 0.
     uint32_t measured;
     // Segments measured.
     uint64_t edges;
@@ -1561,6 +1564,14 @@ typedef struct vrtm_tile_report_data {
     // 1 if the asset's last solve left the tile alone: it was frozen, not asked for, or touched by no dirty vertex. The
     // other fields are then of the tile's own last solve.
     uint32_t kept;
+    // Segments that a border, an overlap or the mask fixes at both ends. Their strain is the same with the warp and
+    // without: the RMS strain of all rigid segments is the root of
+    // (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with before.rms or after.rms.
+    uint64_t edges_fixed;
+    // RMS strain of these.
+    float strain_fixed;
+    // Zero.
+    uint32_t reserved2;
 } vrtm_tile_report_data;
 
 // An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().

@@ -1,6 +1,7 @@
 //! What a host can do about a call that is under way: ask how far it is, be told, and cancel it.
 
 use std::any::Any;
+use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -25,6 +26,8 @@ pub struct Control {
     told: AtomicU32,
     /// The stage that is under way.
     stage: Mutex<Option<Stage>>,
+    /// The thread that does the call's work, and calls the host's functions meanwhile; 0 while there is none.
+    thread: AtomicUsize,
     watch: Option<Watch>,
     /// Items of work after which the call is cancelled; 0 = never.
     #[cfg(feature = "oracle")]
@@ -44,8 +47,6 @@ struct Stage {
 struct Watch {
     call: ProgressFn,
     start: Instant,
-    /// The thread it is called on; 0 before the call's work begins.
-    thread: AtomicUsize,
     /// When it was called last, in microseconds from the start.
     last: AtomicU64,
 }
@@ -68,8 +69,8 @@ impl Control {
     /// For a call that tells its progress, about 500 times per second.
     #[must_use]
     pub fn with_progress(call: ProgressFn) -> Control {
-        let (start, thread, last) = (Instant::now(), AtomicUsize::new(0), AtomicU64::new(0));
-        Control { watch: Some(Watch { call, start, thread, last }), ..Control::default() }
+        let (start, last) = (Instant::now(), AtomicU64::new(0));
+        Control { watch: Some(Watch { call, start, last }), ..Control::default() }
     }
 
     /// Cancels the call, which returns `Cancelled` soon after, with the last good result as it was. A call that has its
@@ -103,15 +104,22 @@ impl Control {
         f32::from_bits(self.told.fetch_max(bits, Ordering::Relaxed).max(bits))
     }
 
-    /// Begins a call's work: the calling thread is the one whose items of work call the host's function.
-    pub(crate) fn begin(&self) {
+    /// Begins a call's work: until what is returned is dropped, the calling thread is the one whose items of work call the
+    /// host's function.
+    #[must_use]
+    pub(crate) fn begin(&self) -> Working<'_> {
         let _ = self.state.compare_exchange(DONE, GOING, Ordering::Relaxed, Ordering::Relaxed);
         self.done.store(0, Ordering::Relaxed);
         self.told.store(0, Ordering::Relaxed);
         *self.stage() = None;
-        if let Some(watch) = &self.watch {
-            watch.thread.store(this_thread(), Ordering::Relaxed);
-        }
+        self.thread.store(this_thread(), Ordering::Relaxed);
+        Working(self)
+    }
+
+    /// Whether the calling thread does the call's work: it is in one of the host's functions then, and must not wait for the
+    /// call. A host's threads may run that work, so that it need not be the thread of the call.
+    pub(crate) fn works_here(&self) -> bool {
+        self.thread.load(Ordering::Relaxed) == this_thread()
     }
 
     /// Ends what can be cancelled of a call; unwinds if it was cancelled before.
@@ -157,6 +165,7 @@ impl Control {
         // A host that has cancelled is not called again, however long other work takes to end.
         if let Some(watch) = &self.watch
             && !self.is_cancelled()
+            && self.works_here()
             && watch.is_due()
             && (watch.call)(self.progress())
         {
@@ -188,12 +197,19 @@ impl std::fmt::Debug for Control {
     }
 }
 
+/// A call's work on a thread.
+#[derive(Debug)]
+pub(crate) struct Working<'a>(&'a Control);
+
+impl Drop for Working<'_> {
+    fn drop(&mut self) {
+        self.0.thread.store(0, Ordering::Relaxed);
+    }
+}
+
 impl Watch {
-    /// Whether this is the thread and the time for calling.
+    /// Whether it is the time for calling.
     fn is_due(&self) -> bool {
-        if self.thread.load(Ordering::Relaxed) != this_thread() {
-            return false;
-        }
         let now = self.start.elapsed().as_micros() as u64;
         let due = now >= self.last.load(Ordering::Relaxed) + PERIOD;
         if due {
@@ -203,13 +219,34 @@ impl Watch {
     }
 }
 
+thread_local! {
+    /// Whether this is one of a host's threads that does a call's work at present.
+    static LENT: Cell<bool> = const { Cell::new(false) };
+}
+
 /// Tells threads apart that are alive at the same time. Not std's number of a thread: that one comes with a record that
 /// keeps the library from being unloaded.
 pub(crate) fn this_thread() -> usize {
-    thread_local! {
-        static MARK: u8 = const { 0 };
+    LENT.with(|lent| &raw const *lent as usize)
+}
+
+/// Whether the calling thread is a host's that does a call's work: it is in one of the host's functions, such as the one for
+/// progress. What is asked of the library there must not wait for the host's other threads: they may all be waiting for
+/// this one's work.
+pub(crate) fn is_lent() -> bool {
+    LENT.with(Cell::get)
+}
+
+/// Does a call's work on a thread of a host's.
+pub(crate) fn lent<R>(work: impl FnOnce() -> R) -> R {
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            LENT.with(|lent| lent.set(self.0));
+        }
     }
-    MARK.with(|mark| &raw const *mark as usize)
+    let _before = Before(LENT.with(|lent| lent.replace(true)));
+    work()
 }
 
 /// What a cancelled call unwinds with, from between two items of its work.
@@ -261,9 +298,13 @@ mod tests {
         control.seal_or_unwind();
         control.cancel();
         assert!(control.goes_on() && control.progress() == 1.0);
-        control.begin();
+        let working = control.begin();
         control.cancel();
         assert!(!control.goes_on() && control.progress() == 0.0);
+        let elsewhere = std::thread::scope(|scope| scope.spawn(|| control.works_here()).join().unwrap());
+        assert!(control.works_here() && !elsewhere);
+        drop(working);
+        assert!(!control.works_here());
         let other = catch_unwind(|| stoppable(|| -> Result<()> { resume_unwind(Box::new(3)) }));
         assert_eq!(other.unwrap_err().downcast_ref(), Some(&3));
     }
@@ -280,7 +321,7 @@ mod tests {
         };
         // Nothing is called before the work begins, and nothing on other threads.
         assert!(control.goes_on());
-        control.begin();
+        let _working = control.begin();
         std::thread::scope(|scope| scope.spawn(|| assert!(control.goes_on())).join().unwrap());
         assert!(told.lock().unwrap().is_empty());
         let start = Instant::now();

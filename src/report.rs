@@ -197,11 +197,12 @@ pub struct Strain {
     pub free_rms: f32,
 }
 
-/// Strain on the mesh itself, over grid edges with rigidity over 0.5 at both ends that are not both fixed.
+/// Strain on the mesh itself, over grid edges with rigidity over 0.5 at both ends. Those that are fixed at both ends, by a
+/// border, an overlap or the mask, stand apart from the others.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StrainReport {
-    /// How many edges were measured.
+    /// How many edges with an end that may move were measured: the figures down to `help` are theirs.
     pub edges: u64,
     /// With the original UVs.
     pub before: Strain,
@@ -211,6 +212,10 @@ pub struct StrainReport {
     pub harm: f32,
     /// Fraction of edges whose |strain| fell by more than 0.10.
     pub help: f32,
+    /// How many edges are fixed at both ends.
+    pub edges_fixed: u64,
+    /// RMS of their |strain|, with the warp and without: no warp changes it.
+    pub fixed: f32,
 }
 
 /// A tile's last solve.

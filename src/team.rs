@@ -7,7 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::control::Control;
+use crate::control::{Control, is_lent};
 use crate::memory::{Collect, Current, Grow, with_capacity};
 pub use executor::{Executor, Task};
 use protocol::Protocol;
@@ -86,9 +86,12 @@ impl Team {
         Team::of(&Crew { threads, ..Crew::default() }, f)
     }
 
-    /// Calls `f` with the team of a crew. If the threads are a host's, it may be called on another one than this.
+    /// Calls `f` with the team of a crew. If the threads are a host's, it may be called on another one than this; but from
+    /// within a host's function, which one of these threads has called in the middle of its work, it is called on that one
+    /// alone.
     pub fn of<R: Send>(crew: &Crew, f: impl FnOnce(&Team) -> R + Send) -> R {
-        let threads = crew.threads.clamp(1, Protocol::<Job>::MAX_THREADS);
+        let most = if crew.executor.is_some() && is_lent() { 1 } else { Protocol::<Job>::MAX_THREADS };
+        let threads = crew.threads.clamp(1, most);
         let (protocol, control) = (Protocol::new(threads), crew.control.clone());
         let team = Team { threads, protocol, running: AtomicBool::new(false), control };
         if team.threads == 1 {

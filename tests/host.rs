@@ -102,6 +102,12 @@ fn jobs() {
 }
 
 #[test]
+#[cfg(target_os = "linux")]
+fn jobs_on_a_host_s_threads() {
+    run_host("job_threads.c", 35);
+}
+
+#[test]
 fn refinements() {
     run_host("refine.c", 60);
 }

@@ -111,9 +111,7 @@ impl Asset {
         request: &SolveRequest,
         start: Instant,
     ) -> Result<Fresh> {
-        if let Some(control) = team.control() {
-            control.begin();
-        }
+        let _working = team.control().map(|control| control.begin());
         team.check_or_unwind();
         let plan = Plan::new(&request.options);
         let wanted = self.wanted(request, &plan);

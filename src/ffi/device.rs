@@ -47,7 +47,8 @@ pub const VRTM_LOG_INFO: vrtm_log_level = 2;
 /// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
 /// threads, if the device has an executor, and on a job's thread); several threads may be in it at once. `message` is
 /// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; those that use the asset of
-/// the call it was called from give VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
+/// the call it was called from give VRTM_ERROR_BUSY, and so does waiting for the job. It must return normally: no
+/// exception, no longjmp.
 pub type vrtm_log_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
 

@@ -64,7 +64,7 @@ pub(super) struct Job {
     state: Mutex<State>,
     /// Told when the job is done.
     done: Condvar,
-    /// The thread that it runs on; 0 before.
+    /// The thread that it runs on; 0 before and after.
     runs_on: AtomicUsize,
     /// The library's own thread, if it has one.
     thread: Mutex<Option<Thread>>,
@@ -168,12 +168,13 @@ impl Job {
         }
     }
 
-    /// An error on the thread that does the work, which would wait for itself.
+    /// An error on a thread that does the work, which would wait for itself: the one that runs the job, or the one of a
+    /// host's threads on which the first task runs, which calls the host's functions.
     fn check_thread(&self) -> Outcome<()> {
-        if self.runs_on.load(Ordering::Relaxed) != this_thread() {
+        if self.runs_on.load(Ordering::Relaxed) != this_thread() && !self.control.works_here() {
             return Ok(());
         }
-        let message = "job: its own progress function cannot wait for it".to_owned();
+        let message = "job: a thread that does its work cannot wait for it".to_owned();
         Err(Failure { status: VRTM_ERROR_BUSY, message })
     }
 
@@ -269,7 +270,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
 ///
 /// Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
 /// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
-/// VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY in the job's own progress function.
+/// VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY on a thread that does the job's work, as in its own progress function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_status {
     guard("vrtm_job_wait", || {
@@ -315,16 +316,17 @@ pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
 /// Ends a job's handle. A job that is not done is cancelled, and this waits for its end, and for that of its thread:
 /// after it nothing of the job is left. Destroy all jobs before the library is unloaded.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY in the job's own progress
-/// function.
+/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the job's
+/// work, as in its own progress function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_destroy(job: vrtm_job) -> vrtm_status {
     guard("vrtm_job_destroy", || {
-        handle::job(job)?.check_thread()?;
+        let living = handle::job(job)?;
+        living.check_thread()?;
+        living.cancel();
+        // How it ended does not matter any more. Until then the handle lives: others may ask how far it is.
+        let _ = living.wait(None);
         let job = handle::remove_job(job)?;
-        job.cancel();
-        // How it ended does not matter any more.
-        let _ = job.wait(None);
         let thread = lock(&job.thread).take();
         if let Some(Thread(thread)) = thread {
             thread.join();

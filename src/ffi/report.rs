@@ -101,8 +101,9 @@ pub struct vrtm_tile_report_data {
     pub ms_invert: f32,
     /// Milliseconds: the whole solve of this tile, less measuring.
     pub ms_total: f32,
-    /// 1 if the solve was asked to measure: the fields below are set. They speak of the segments between neighbouring
-    /// nodes whose rigidity is over 0.5 at both ends and that are not both fixed. Otherwise all of them are 0.
+    /// 1 if the solve was asked to measure: the fields down to `help`, `edges_fixed` and `strain_fixed` are set. They
+    /// speak of the segments between neighbouring nodes whose rigidity is over 0.5 at both ends; those down to `help` of
+    /// the segments that are not fixed at both ends. Otherwise all of them are 0.
     pub measured: u32,
     /// Segments measured.
     pub edges: u64,
@@ -123,6 +124,14 @@ pub struct vrtm_tile_report_data {
     /// 1 if the asset's last solve left the tile alone: it was frozen, not asked for, or touched by no dirty vertex. The
     /// other fields are then of the tile's own last solve.
     pub kept: u32,
+    /// Segments that a border, an overlap or the mask fixes at both ends. Their strain is the same with the warp and
+    /// without: the RMS strain of all rigid segments is the root of
+    /// (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with before.rms or after.rms.
+    pub edges_fixed: u64,
+    /// RMS strain of these.
+    pub strain_fixed: f32,
+    /// Zero.
+    pub reserved2: u32,
 }
 
 /// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -247,6 +256,9 @@ pub unsafe extern "C" fn vrtm_tile_report(
             reserved: 0,
             welds_torn: r.welds_torn,
             kept: u32::from(r.kept),
+            edges_fixed: strain.edges_fixed,
+            strain_fixed: strain.fixed,
+            reserved2: 0,
         });
         Ok(())
     })

@@ -117,7 +117,8 @@ pub struct vrtm_solve_options {
 
 /// A host's function that is told how far a solve is: 0..1, by prediction, never falling. If it returns anything but 0,
 /// the solve is cancelled. It may call vrtm functions: results of the asset can be read, and what would change the asset
-/// gives VRTM_ERROR_BUSY. It must return normally: no exception, no longjmp.
+/// gives VRTM_ERROR_BUSY. On a device with an executor, what it asks for is computed on its own thread alone, so that it
+/// never waits for threads that wait for it. It must return normally: no exception, no longjmp.
 pub type vrtm_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, progress: f32) -> u32>;
 
 // SAFETY: repr(C), struct_size first, plain numbers.

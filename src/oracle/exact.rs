@@ -88,9 +88,10 @@ impl Locator {
         self.walk(home, at).unwrap_or_else(|| self.search(chart, at))
     }
 
-    /// Crosses the edge opposite to the most negative barycentric coordinate (where it has a neighbour) until none is
-    /// negative. `None` if there is no such edge, or after too many steps.
-    fn walk(&self, start: u32, at: DVec2) -> Option<u32> {
+    /// The triangle under a point given in cells that the surface goes on to from the triangle `start`. It crosses the edge
+    /// opposite to the most negative barycentric coordinate (where it has a neighbour) until none is negative. `None` if
+    /// there is no such edge, or after too many steps.
+    pub fn walk(&self, start: u32, at: DVec2) -> Option<u32> {
         let mut t = start;
         // On badly shaped triangles such a walk may go round in circles.
         for _ in 0..1000 {

@@ -28,8 +28,9 @@ const HELP: f64 = 0.10;
 const LARGEST: f64 = 1e12;
 
 /// Measures the strain of a warp of one tile. `u(i, j)` is the displacement of node (i, j) in cells; `pose` has one
-/// position per vertex. An edge counts if both of its ends are covered and rigid and at least one of them may move; one
-/// chart then covers both.
+/// position per vertex. An edge counts if both of its ends are covered and rigid. If at least one of them may move, one
+/// chart covers both. Those with two fixed ends count by themselves, if the surface goes on from one end to the other: no
+/// warp changes their strain.
 pub(crate) fn measure(
     mesh: &Mesh,
     tile: &TileMesh,
@@ -64,15 +65,23 @@ pub(crate) fn measure(
                 continue;
             }
             let b = j as usize * width + i as usize;
-            if !rigid(b) || (maps.chart[a] == NONE && maps.chart[b] == NONE) {
+            if !rigid(b) {
+                continue;
+            }
+            if maps.chart[a] == NONE && maps.chart[b] == NONE {
+                // On the surface under a: what lies under b may be another chart, or another layer.
+                let at = DVec2::new(i as f64, j as f64);
+                let Some(under) = locator.walk(coverage.triangle[a], at) else { continue };
+                let length = distance(ends[a].rest, rest.at(under, at).into());
+                if length > 0.0 {
+                    edges.add_fixed(strain(distance(ends[a].before, posed.at(under, at).into()), length));
+                }
                 continue;
             }
             let length = distance(ends[a].rest, ends[b].rest);
             if length > 0.0 {
-                // NaN, from a pose at the limits of f64, becomes `LARGEST` too.
-                let strain = |p, q| (distance(p, q) / length - 1.0).abs().min(LARGEST);
-                let before = strain(ends[a].before, ends[b].before);
-                let after = strain(ends[a].after, ends[b].after);
+                let before = strain(distance(ends[a].before, ends[b].before), length);
+                let after = strain(distance(ends[a].after, ends[b].after), length);
                 let place = Place {
                     border: near_border[a] || near_border[b],
                     free: maps.chart[a] != NONE && maps.chart[b] != NONE,
@@ -82,6 +91,11 @@ pub(crate) fn measure(
         }
     }
     edges.report()
+}
+
+/// |Strain| of an edge by its lengths in the pose and at rest. NaN, from a pose at the limits of f64, becomes `LARGEST` too.
+fn strain(posed: f64, rest: f64) -> f64 {
+    (posed / rest - 1.0).abs().min(LARGEST)
 }
 
 /// The place of an edge.
@@ -109,6 +123,9 @@ struct Edges {
     place: Vec<Place>,
     harmed: u64,
     helped: u64,
+    /// Edges with two fixed ends, and the sum of the squares of their strains.
+    fixed: u64,
+    fixed_squares: f64,
 }
 
 impl Edges {
@@ -120,6 +137,11 @@ impl Edges {
         self.place.put(place);
     }
 
+    fn add_fixed(&mut self, strain: f64) {
+        self.fixed += 1;
+        self.fixed_squares += strain * strain;
+    }
+
     fn report(mut self) -> StrainReport {
         let count = self.before.len();
         let fraction = |n: u64| if count > 0 { (n as f64 / count as f64) as f32 } else { 0.0 };
@@ -129,6 +151,8 @@ impl Edges {
             help: fraction(self.helped),
             before: statistics(&mut self.before, &self.place),
             after: statistics(&mut self.after, &self.place),
+            edges_fixed: self.fixed,
+            fixed: (self.fixed_squares / self.fixed.max(1) as f64).sqrt() as f32,
         }
     }
 }

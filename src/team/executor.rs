@@ -3,6 +3,7 @@
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use crate::control::lent;
 use crate::float_mode::FloatMode;
 use crate::lock::lock;
 
@@ -41,7 +42,7 @@ pub(super) fn with<R: Send>(
         // The first task to begin is the body: the others have nothing to do without it.
         let first = lock(&body).take();
         if let Some(body) = first {
-            let done = body();
+            let done = lent(body);
             *lock(&result) = Some(done);
             return;
         }
@@ -55,7 +56,7 @@ pub(super) fn with<R: Send>(
     // A host that has called no task leaves the work to this thread.
     let left = lock(&body).take();
     if let Some(body) = left {
-        return body();
+        return lent(body);
     }
     let done = lock(&result).take();
     // It was called, and its task has returned, as all have: otherwise the host has broken its word.

@@ -28,6 +28,10 @@ fn a_stretched_sheet_has_the_strain_it_was_given() {
     assert!((f64::from(report.before.median) - diagonal).abs() < 1e-6);
     assert_eq!(report.before, report.after);
     assert_eq!((report.harm, report.help), (0.0, 0.0));
+    // Fixed at both ends are the edges of the tile's rim, and a diagonal in each of its corners.
+    assert_eq!(report.edges_fixed, 4 * 64 + 4);
+    let rms = ((128.0 * 0.25 + 4.0 * diagonal * diagonal) / 260.0f64).sqrt();
+    assert!((f64::from(report.fixed) - rms).abs() < 1e-6, "{} {rms}", report.fixed);
 }
 
 #[test]

@@ -1,0 +1,277 @@
+/*
+ * Jobs on a host's threads, whichever of these the host gives the first task to: what the host's own functions may ask for
+ * in the middle of a job, and what would wait for itself. A host that hangs is ended by an alarm.
+ */
+
+#define _GNU_SOURCE
+#include "check.h"
+
+#include <pthread.h>
+#include <unistd.h>
+
+static sheet s;
+static double pose[VERTICES][4], other[VERTICES][4];
+static float map[2 * MAP * MAP], before[2 * MAP * MAP];
+
+enum { POOL = 3, QUEUE = 4096 };
+
+/* A pool with a fixed number of threads; who waits for a loop runs no tasks of it. */
+typedef struct task {
+    vrtm_task_fn run;
+    void *data;
+    size_t index;
+    size_t *left;
+} task;
+
+static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+/* Held until a job's handle is written, which the host's functions read. */
+static pthread_mutex_t written = PTHREAD_MUTEX_INITIALIZER;
+static pthread_cond_t told = PTHREAD_COND_INITIALIZER;
+static task tasks[QUEUE];
+static size_t taken, added;
+
+static void add(task next)
+{
+    pthread_mutex_lock(&mutex);
+    tasks[added++ % QUEUE] = next;
+    pthread_cond_broadcast(&told);
+    pthread_mutex_unlock(&mutex);
+}
+
+static void *work(void *unused)
+{
+    for (;;) {
+        pthread_mutex_lock(&mutex);
+        while (taken == added) {
+            pthread_cond_wait(&told, &mutex);
+        }
+        const task next = tasks[taken++ % QUEUE];
+        pthread_mutex_unlock(&mutex);
+        if (next.run == NULL) {
+            return unused;
+        }
+        next.run(next.data, next.index);
+        pthread_mutex_lock(&mutex);
+        if (next.left != NULL) {
+            *next.left -= 1;
+        }
+        pthread_cond_broadcast(&told);
+        pthread_mutex_unlock(&mutex);
+    }
+}
+
+static void pooled(void *user, size_t count, vrtm_task_fn run, void *data)
+{
+    size_t left = count;
+    for (size_t k = 0; k < count; ++k) {
+        const task next = {run, data, k, &left};
+        add(next);
+    }
+    pthread_mutex_lock(&mutex);
+    while (left > 0) {
+        pthread_cond_wait(&told, &mutex);
+    }
+    pthread_mutex_unlock(&mutex);
+    (void)user;
+}
+
+static void queued(void *user, vrtm_task_fn run, void *data)
+{
+    const task next = {run, data, 0, NULL};
+    add(next);
+    (void)user;
+}
+
+static void in_turn(void *user, size_t count, vrtm_task_fn run, void *data)
+{
+    for (size_t k = 0; k < count; ++k) {
+        run(data, k);
+    }
+    (void)user;
+}
+
+static void backwards(void *user, size_t count, vrtm_task_fn run, void *data)
+{
+    for (size_t k = count; k-- > 0;) {
+        run(data, k);
+    }
+    (void)user;
+}
+
+typedef struct call {
+    vrtm_task_fn run;
+    void *data;
+    size_t index;
+} call;
+
+static void *run_late(void *argument)
+{
+    const call *own = argument;
+    usleep(2000 * (useconds_t)own->index);
+    own->run(own->data, own->index);
+    return NULL;
+}
+
+/* The first task to begin is on a thread that has just been made, and the calling thread's own is the last. */
+static void late(void *user, size_t count, vrtm_task_fn run, void *data)
+{
+    pthread_t threads[64];
+    call calls[64];
+    for (size_t k = 0; k < count && k < 64; ++k) {
+        const call own = {run, data, k};
+        calls[k] = own;
+    }
+    for (size_t k = 0; k + 1 < count; ++k) {
+        pthread_create(&threads[k], NULL, run_late, &calls[k]);
+    }
+    usleep(5000);
+    run(data, count - 1);
+    for (size_t k = 0; k + 1 < count; ++k) {
+        pthread_join(threads[k], NULL);
+    }
+    (void)user;
+}
+
+typedef struct watch {
+    vrtm_job job;
+    vrtm_tile tile;
+    int calls, lines, wrong;
+} watch;
+
+static void ask(watch *w)
+{
+    vrtm_image_out image = vrtm_image_out_init();
+    vrtm_job_data data = vrtm_job_data_init();
+    image.data = map;
+    image.width = image.height = MAP;
+    w->wrong += vrtm_job_wait(w->job, VRTM_FOREVER) != VRTM_ERROR_BUSY;
+    w->wrong += vrtm_job_wait(w->job, 1000) != VRTM_ERROR_BUSY;
+    w->wrong += vrtm_job_destroy(w->job) != VRTM_ERROR_BUSY;
+    w->wrong += vrtm_job_progress(w->job, &data) != VRTM_OK || data.state != VRTM_JOB_RUNNING;
+    w->wrong += vrtm_tile_fetch(w->tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK;
+    w->wrong += memcmp(map, before, sizeof map) != 0;
+}
+
+static uint32_t on_progress(void *user, float progress)
+{
+    watch *w = user;
+    pthread_mutex_lock(&written);
+    pthread_mutex_unlock(&written);
+    w->calls += 1;
+    ask(w);
+    return progress < 0;
+}
+
+/* The tile's maps were changed, so that the job has something to say about it. */
+static void on_line(void *user, vrtm_log_level level, const char *line)
+{
+    watch *w = user;
+    pthread_mutex_lock(&written);
+    pthread_mutex_unlock(&written);
+    if (w->job.id != 0) {
+        w->lines += 1;
+        ask(w);
+    }
+    (void)level;
+    (void)line;
+}
+
+static void *destroy(void *job)
+{
+    return vrtm_job_destroy(*(vrtm_job *)job) == VRTM_OK ? NULL : job;
+}
+
+static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn spawn)
+{
+    watch w;
+    sheet_desc d;
+    vrtm_device device;
+    vrtm_asset asset;
+    vrtm_executor executor = vrtm_executor_init();
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    vrtm_solve_options options = vrtm_solve_options_init();
+    vrtm_image rigidity = sheet_rigidity(&s);
+    vrtm_image_out image = vrtm_image_out_init();
+    vrtm_array a = sheet_positions(pose), b = sheet_positions(other);
+    char what[64];
+    memset(&w, 0, sizeof w);
+    executor.parallel_for = loop;
+    executor.spawn = spawn;
+    desc.executor = &executor;
+    desc.threads = 2;
+    desc.log = on_line;
+    desc.log_user = &w;
+    settings.grid_width = settings.grid_height = 256;
+    image.data = before;
+    image.width = image.height = MAP;
+    options.progress = on_progress;
+    options.progress_user = &w;
+    sheet_describe(&s, &d);
+    if (vrtm_device_create(&desc, &device) != VRTM_OK || vrtm_asset_create(device, &d.mesh, &asset) != VRTM_OK ||
+        vrtm_asset_find_tile(asset, 1001, &w.tile) != VRTM_OK ||
+        vrtm_tile_set_settings(w.tile, &settings) != VRTM_OK ||
+        vrtm_asset_solve(asset, &a, NULL) != VRTM_OK ||
+        vrtm_tile_fetch(w.tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK ||
+        vrtm_tile_set_rigidity(w.tile, &rigidity) != VRTM_OK) {
+        check_that(0, name, vrtm_last_error());
+        return;
+    }
+    vrtm_job job;
+    snprintf(what, sizeof what, "%s: submit", name);
+    pthread_mutex_lock(&written);
+    succeeds(what, vrtm_asset_submit(asset, &b, &options, &w.job));
+    pthread_mutex_unlock(&written);
+    job = w.job;
+    snprintf(what, sizeof what, "%s: wait", name);
+    succeeds(what, vrtm_job_wait(job, VRTM_FOREVER));
+    snprintf(what, sizeof what, "%s: progress and log were told", name);
+    check_that(w.calls > 0 && w.lines > 0, what, "");
+    snprintf(what, sizeof what, "%s: they may read, and cannot wait for themselves", name);
+    check_that(w.wrong == 0, what, "");
+
+    /* Destroyed by two threads at once while it runs: one of them ends it, and the other finds it gone. */
+    pthread_t threads[2];
+    int ended = 0;
+    w.job.id = 0;
+    succeeds("solve the pose before", vrtm_asset_solve(asset, &a, NULL));
+    vrtm_tile_fetch(w.tile, VRTM_FETCH_REDIRECTION, &image);
+    succeeds("submit again", vrtm_asset_submit(asset, &b, NULL, &job));
+    for (int k = 0; k < 2; ++k) {
+        pthread_create(&threads[k], NULL, destroy, &job);
+    }
+    for (int k = 0; k < 2; ++k) {
+        void *result;
+        pthread_join(threads[k], &result);
+        ended += result == NULL;
+    }
+    snprintf(what, sizeof what, "%s: destroyed by one of two", name);
+    check_that(ended == 1, what, "");
+    succeeds("destroy the asset", vrtm_asset_destroy(asset));
+    succeeds("destroy the device", vrtm_device_destroy(device));
+}
+
+int main(void)
+{
+    pthread_t threads[POOL];
+    const task end = {NULL, NULL, 0, NULL};
+    alarm(240);
+    sheet_make(&s);
+    sheet_pose(&s, 4, pose);
+    sheet_pose(&s, 9, other);
+    for (int k = 0; k < POOL; ++k) {
+        pthread_create(&threads[k], NULL, work, NULL);
+    }
+    jobs_on("another thread", pooled, NULL);
+    jobs_on("another thread, from the queue", pooled, queued);
+    jobs_on("in turn", in_turn, NULL);
+    jobs_on("backwards", backwards, NULL);
+    jobs_on("late", late, NULL);
+    for (int k = 0; k < POOL; ++k) {
+        add(end);
+    }
+    for (int k = 0; k < POOL; ++k) {
+        pthread_join(threads[k], NULL);
+    }
+    return finish();
+}
