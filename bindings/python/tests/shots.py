@@ -43,7 +43,7 @@ def bake(folder: Path, scene: Scene, shapes=("one",), files: bool = True, **plan
             for udim in plan.get("tiles", {}).get(name, (1001,)):
                 (folder / f"redirect.{name}.{frame:04}.{udim}.exr").touch()
     plan = LayerPlan(frames=FRAMES, shapes=shapes, **plan)
-    return folder / "over.usda", write_layer(folder / "over.usda", scene, plan)
+    return folder / "over.usda", write_layer(folder / "over.usda", scene, plan).warnings
 
 
 def corner_uvs(shape, frame: float) -> np.ndarray:

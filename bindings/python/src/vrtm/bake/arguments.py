@@ -17,9 +17,9 @@ while the mesh under them deforms. Reads USD, Alembic and OBJ. A file that is up
 which was ended goes on where it stopped."""
 
 EPILOG = """\
-exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain or --max-error was exceeded; 4 the
-device is missing or lost, or memory is short; 128 + the signal's number if it was ended (130 Ctrl-C, 143 SIGTERM); 1 an
-error of vrtm itself."""
+exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain or --max-error was exceeded, or the
+layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number if it was ended
+(130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
 
 LARGEST = 65536
 
@@ -80,6 +80,9 @@ def _maps(group: argparse._ArgumentGroup) -> None:
     where = "<UDIM> stands for the tile, <mesh> for the mesh's name"
     group.add_argument("--rigidity", metavar="PATTERN", help=f"images, white = rigid; {where}")
     group.add_argument("--mask", metavar="PATTERN", help="images; what is dark does not move")
+    group.add_argument(
+        "--strict", action="store_true", help="a mesh or tile without rigidity is an error (exit code 2)"
+    )
     group.add_argument("--rigidity-primvar", metavar="NAME", help="a primvar in place of images ('colors' in OBJ)")
     group.add_argument("--mask-primvar", metavar="NAME", help="a primvar in place of images")
 

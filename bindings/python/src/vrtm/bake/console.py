@@ -86,6 +86,11 @@ class Console:
         if not self.quiet:
             self._put(sys.stdout, message)
 
+    def detail(self, message: str) -> None:
+        """A line of text that belongs to the progress."""
+        if self._progress:
+            self._put(sys.stdout, message)
+
     def warning(self, message: str) -> None:
         """A line of text on stderr."""
         self._put(sys.stderr, f"vrtm: warning: {message}")

@@ -20,6 +20,7 @@ _PIXELS = "vrtm:pixels"
 _FIGURES = "vrtm:figures"
 # TIFF has no attributes of one's own: there they are JSON in the description.
 _DESCRIPTION = "ImageDescription"
+_PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 
 
 @dataclass(frozen=True)
@@ -125,11 +126,19 @@ def _whole(path: str) -> tuple[oiio.ImageSpec, dict] | None:
             file.geterror()
             return None
         digest = _digest(np.asarray(pixels).reshape(spec.height, spec.width, -1))
-        return (spec, facts) if facts.get(_PIXELS, digest) == digest else None
-    except (ValueError, TypeError):
+        whole = facts.get(_PIXELS, digest) == digest and (file.format_name() != "png" or _ends(path))
+        return (spec, facts) if whole else None
+    except (OSError, ValueError, TypeError):
         return None
     finally:
         file.close()
+
+
+def _ends(path: str) -> bool:
+    """Whether a PNG has its last chunk: its pixels can be read without."""
+    with open(path, "rb") as file:
+        file.seek(-len(_PNG_END), os.SEEK_END)
+        return file.read() == _PNG_END
 
 
 def _spec(target: Target) -> oiio.ImageSpec:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from vrtm.bake import warped
 from vrtm.bake.corners import corner_name
-from vrtm.bake.failure import INPUT, Failure, one_line
+from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.settings import Settings
 
 if TYPE_CHECKING:
@@ -25,16 +25,27 @@ def names(settings: Settings) -> list[str]:
     return [settings.layer, *([manifest_path(settings.layer)] if settings.corner_uvs else [])]
 
 
-def write(work: Work) -> list[str]:
-    """Writes the layer of all frames and meshes that the settings name; returns warnings. Raises Failure."""
+def write(work: Work) -> tuple[list[str], Failure | None]:
+    """Writes the layer of all frames and meshes that the settings name; returns warnings, and a failure if the layer
+    changes nothing. Raises Failure."""
     from vrtm.bake.layer import LayerError, write_layer
 
     assert work.settings.layer is not None
     try:
         # What is in its place was looked at before anything was baked.
-        return write_layer(work.settings.layer, work.scene, planned(work), overwrite=True)
-    except (LayerError, OSError) as error:
+        written = write_layer(work.settings.layer, work.scene, planned(work), overwrite=True)
+    except LayerError as error:
         raise _failure(work, error) from error
+    except OSError as error:
+        raise _failure(work, error.strerror or error) from error
+    if written.changes:
+        return written.warnings, None
+    message = (
+        f"--layer {work.settings.layer}: it redirects nothing: give --texture for materials of UsdPreviewSurface, "
+        "whose textures are then replaced by warped copies, or --layer-mode primvar; the meshes must have materials "
+        "that look textures up by their UVs"
+    )
+    return written.warnings, Failure(TOLERANCE, message)
 
 
 def check(work: Work) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -67,6 +68,7 @@ class FrameResult:
     files: list[dict] = field(default_factory=list)
     """Those of no single tile."""
     warnings: list[str] = field(default_factory=list)
+    """What the library said of the mesh and its pose."""
 
     def count(self, state: str) -> int:
         """Files that were `written`, or `skipped` since they were up to date."""
@@ -106,6 +108,8 @@ class MeshWork:
         self.all_udims = tuple(tile.udim for tile in self.asset.tiles)
         self.maps = {option: self._found(option) for option in ("rigidity", "mask")}
         """The files of the maps by UDIM number."""
+        self.black: list[str] = []
+        """Rigidity maps that make nothing rigid."""
         self.tiles = self._tiles(common)
         self.common = common.copy()
         for tile in self.tiles:
@@ -125,6 +129,8 @@ class MeshWork:
             rigidity, mask = rigid.get(tile.udim), masks.get(tile.udim)
             if rigidity is not None:
                 tile.set_rigidity(rigidity)
+                if not (rigidity > 0).any():
+                    self.black.append(self.maps["rigidity"][tile.udim])
             if mask is not None:
                 tile.set_mask(mask)
             own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
@@ -140,6 +146,14 @@ class MeshWork:
     def _found(self, option: str) -> dict[int, str]:
         pattern = getattr(self.settings, option)
         return {} if pattern is None else find_maps(pattern, self.shape.name, self.all_udims)
+
+    def without(self, option: str) -> list[int]:
+        """The tiles to be baked that have no map, or no values per vertex, for `rigidity` or `mask`, if that was asked
+        for."""
+        if getattr(self.settings, option) is not None:
+            return [tile.udim for tile in self.tiles if tile.udim not in self.maps[option]]
+        wanted = getattr(self.settings.options, f"{option}_primvar") is not None
+        return [t.udim for t in self.tiles] if wanted and getattr(self.shape, f"vertex_{option}") is None else []
 
     def names(self, frame: int, pattern: Pattern) -> list[str]:
         """The paths of all files of a frame."""
@@ -221,9 +235,9 @@ class MeshWork:
         if self.settings.force:
             return [None] * len(pieces)
         found = [image_file.up_to_date(piece.target) for piece in pieces]
-        measured = "strain" if self.settings.measure else "energy"
+        wanted = {"frozen"} | ({"strain"} if self.settings.measure else set())
         return [
-            None if figures is not None and piece.is_redirection and measured not in figures else figures
+            None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures
             for piece, figures in zip(pieces, found)
         ]
 
@@ -247,7 +261,6 @@ class MeshWork:
             tiles = [tile for tile in self.tiles if whole or any(piece.tile is tile for piece in stale)]
             self._solve(frame, positions, tiles, stop)
             figures = {tile.udim: self._figures(tile) for tile in tiles}
-            result.warnings += self._doubts(frame)
             for piece in stale:
                 stop()
                 pixels = self._pixels(piece, stop)
@@ -285,18 +298,15 @@ class MeshWork:
         report = tile.tile.report()
         names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement", "charts", "charts_fallback")
         figures: dict = {name: getattr(report, name) for name in names}
+        facts = tile.tile.info
+        nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
+        figures |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}
         if self.settings.measure:
             output = self.listed[0]
             info = tile.tile.inspect_map(
                 output.fetch, tile.size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
             )
-            figures["strain"] = {
-                "before": dataclasses.asdict(report.before),
-                "after": dataclasses.asdict(report.after),
-                "edges": report.edges,
-                "harm": report.harm,
-                "help": report.help,
-            }
+            figures["strain"] = _strain(report)
             figures["map"] = dataclasses.asdict(info)
         return figures
 
@@ -311,20 +321,27 @@ class MeshWork:
 
         return warped.warp(warped.read(piece.texture), piece.copy, fetch, stop)
 
-    def _doubts(self, frame: int) -> list[str]:
-        """What nobody can have meant."""
-        report = self.asset.report()
-        if not 1 / 3 <= report.median_stretch <= 3:
-            return [
-                f"{self.shape.path}, frame {frame}: edges are {report.median_stretch:.3f} times as long as at rest "
-                "(median): is it in other units, or are the vertices in another order?"
-            ]
-        if report.stretched_share > 0.05:
-            return [
-                f"{self.shape.path}, frame {frame}: {report.stretched_share:.1%} of the edges are more than 3 times as "
-                "long as at rest: are the vertices in the order of the rest mesh?"
-            ]
-        return []
+
+def _strain(report: vrtm.TileReport) -> dict:
+    """The strain of all rigid edges, and apart from that of those that may move."""
+    fixed = report.edges_fixed * report.strain_fixed**2
+    edges = report.edges + report.edges_fixed
+
+    def rms(moving: float) -> dict:
+        return {"rms": math.sqrt((report.edges * moving**2 + fixed) / max(edges, 1))}
+
+    return {
+        "edges": edges,
+        "before": rms(report.before.rms),
+        "after": rms(report.after.rms),
+        "movable": {
+            "edges": report.edges,
+            "before": dataclasses.asdict(report.before),
+            "after": dataclasses.asdict(report.after),
+            "harm": report.harm,
+            "help": report.help,
+        },
+    }
 
 
 def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, settings: Settings) -> dict:

@@ -88,8 +88,8 @@ def is_ours(path: str) -> bool:
 
 
 def _is_cut_short(path: str, size: int) -> bool:
-    """Whether a USD crate lacks its end, without which nothing reads it: the table of contents, whose place is the third
-    number of the file, and which begins with the number of its entries, of 32 bytes each."""
+    """Whether a USD crate lacks its end, without which nothing reads it: the table of contents, whose place is the
+    third number of the file, and which begins with the number of its entries, of 32 bytes each."""
     with open(path, "rb") as file:
         file.seek(16)
         place = int.from_bytes(file.read(8), "little")

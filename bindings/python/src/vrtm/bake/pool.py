@@ -141,6 +141,8 @@ def _in_process(mesh: str, frame: int) -> Outcome:
         if worker.work is None:
             try:
                 worker.work = Work(worker.settings, worker.threads)
+                # The main process has said the same.
+                worker.work.heard()
             except Exception as error:
                 return Outcome(failure=describe(error))
         return _outcome(worker.work, mesh, frame, worker.stop)

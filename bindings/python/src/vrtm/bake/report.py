@@ -13,6 +13,17 @@ from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.settings import Settings
 from vrtm.bake.work import Work
 
+MOSTLY = 0.5
+"""The share of a tile's rigid texels over which it makes no sense to ask for a strain if they are frozen."""
+
+
+def shares(tile: dict) -> str:
+    """What a tile's row tells of how much of it may move."""
+    return (
+        f"{tile['frozen']:.1%} of the rigid texels are frozen, {tile['overlap']:.1%} of the covered ones overlapped, "
+        f"{tile['movable']:.1%} of the grid may move"
+    )
+
 
 def document(
     work: Work, results: Sequence[FrameResult], seconds: float, failure: Failure | None, warnings: Sequence[str]
@@ -63,6 +74,13 @@ def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | N
     """What is worse than asked for: the worst tile."""
     rows = [(result, tile) for result in results for tile in result.tiles]
     beyond = []
+    frozen = [(r, t) for r, t in rows if t.get("frozen", 0) > MOSTLY]
+    if settings.max_strain is not None and frozen:
+        result, tile = max(frozen, key=lambda entry: entry[1]["frozen"])
+        place = f"{result.mesh}, frame {result.frame}, tile {tile['udim']}"
+        return Failure(
+            TOLERANCE, f"--max-strain cannot be met in {len(frozen)} of {len(rows)}: {place}: {shares(tile)}"
+        )
     if settings.max_strain is not None:
         found = [(t["strain"]["after"]["rms"], r, t) for r, t in rows if t["strain"]]
         beyond.append(("--max-strain", settings.max_strain, "RMS strain of", found))

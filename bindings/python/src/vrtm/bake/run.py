@@ -39,14 +39,12 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     warnings: list[str] = []
 
     def warn(message: str) -> None:
-        warnings.append(message)
-        console.warning(message)
+        # Each worker process meets a mesh anew.
+        if message not in warnings:
+            warnings.append(message)
+            console.warning(message)
 
-    def log(level: str, message: str) -> None:
-        if level == "warning":
-            warn(message)
-
-    with Work(settings, settings.threads, log) as work:
+    with Work(settings, settings.threads) as work:
         stop.check()
         for note in work.notes():
             warn(note)
@@ -60,16 +58,23 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 for folder in work.folders():
                     staging.sweep(folder)
                 _frames(settings, work, console, stop, results, warn)
+            failure = report.tolerance(settings, results)
             if settings.layer:
                 console.status(f"writing {settings.layer}")
-                for note in layer_file.write(work):
+                notes, idle = layer_file.write(work)
+                for note in notes:
                     warn(note)
-            failure = report.tolerance(settings, results)
+                failure = failure or idle
         except Exception as error:
             failure = describe(error)
         seconds = time.perf_counter() - start
         if settings.report is not None:
-            report.write(settings.report, report.document(work, results, seconds, failure, warnings))
+            try:
+                report.write(settings.report, report.document(work, results, seconds, failure, warnings))
+            except Failure as error:
+                if failure is not None:
+                    warn(error.message)
+                failure = failure or error
     written = sum(result.count("written") for result in results)
     skipped = sum(result.count("skipped") for result in results)
     console.close()
@@ -83,10 +88,23 @@ def _frames(settings: Settings, work: Work, console: Console, stop: Stop, result
     tasks = [(mesh, frame) for frame in work.frames for mesh in work.meshes]
     console.start(len(tasks), f"baking {len(tasks)} frames")
 
+    seen: set[tuple[str, int]] = set()
+
     def done(result: FrameResult) -> None:
         results.append(result)
         for note in result.warnings:
             warn(note)
+        for tile in result.tiles:
+            # A file's record has no figures if the redirection is not among what was solved.
+            if "frozen" in tile and (result.mesh, tile["udim"]) not in seen:
+                seen.add((result.mesh, tile["udim"]))
+                path = work.meshes[result.mesh].shape.path
+                console.detail(f"{path} tile {tile['udim']}: {report.shares(tile)}")
+                if tile["frozen"] > report.MOSTLY:
+                    warn(
+                        f"{path} tile {tile['udim']}: {tile['frozen']:.0%} of its rigid texels are frozen, by chart "
+                        "borders, UVs that overlap, or the mask: they stay as they are"
+                    )
         written, skipped = result.count("written"), result.count("skipped")
         what = f"{written} files in {result.milliseconds:.0f} ms" if written else f"{skipped} files up to date"
         console.done(f"{result.mesh}, frame {result.frame}: {what}")

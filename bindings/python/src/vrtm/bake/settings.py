@@ -44,6 +44,7 @@ class Settings:
     report: str | None = None
     force: bool = False
     overwrite: bool = False
+    strict: bool = False
     measure: bool = False
     max_strain: float | None = None
     max_error: float | None = None

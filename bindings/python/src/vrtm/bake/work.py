@@ -17,21 +17,18 @@ from vrtm.bake.scene import Scene, Shape
 from vrtm.bake.settings import Settings
 
 
-def _ignored(_level: str, _message: str) -> None:
-    """The library's own log: what it says about meshes is said once, by the main process."""
-
-
 class Work:
     """An open scene and the device. A context manager; not for several threads at once. Raises Failure."""
 
-    def __init__(
-        self, settings: Settings, threads: int, log: Callable[[str, str], None] | None = None, only: str | None = None
-    ) -> None:
-        """`threads`: of the library and of image files; 0 = one per core. `only`: open this mesh alone."""
+    def __init__(self, settings: Settings, threads: int) -> None:
+        """`threads`: of the library and of image files; 0 = one per core."""
         self.settings = settings
+        self._heard: list[str] = []
+        # The mesh that is worked on, and the frame.
+        self._subject = self._frame = ""
         oiio.attribute("threads", threads)
         try:
-            self.device = vrtm.Device(settings.device, adapter=settings.adapter, threads=threads, log=log or _ignored)
+            self.device = vrtm.Device(settings.device, adapter=settings.adapter, threads=threads, log=self._hear)
         except vrtm.Error as error:
             # Whatever it is, another machine may have what this one lacks.
             raise Failure(DEVICE, f"--device {settings.device}: {one_line(error)}") from error
@@ -39,14 +36,27 @@ class Work:
         if not self.scene.shapes:
             raise Failure(INPUT, f"{settings.scene}: no mesh with UVs")
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
-        self.meshes = {s.name: self._mesh(s, copies) for s in self.scene.shapes if only in (None, s.name)}
+        self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.scene.shapes}
         self.frames, self.missing_frames = frames.clamp(settings.frames, self.scene.frames)
         if not self.frames:
             there = frames.text(self.scene.frames)
             raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")
         self.pattern = self._pattern(copies)
 
+    def _hear(self, level: str, message: str) -> None:
+        """The library's log."""
+        if level == "warning":
+            # What it says of a pose is said of a frame.
+            frame = self._frame if message.startswith("pose") else ""
+            self._heard.append(": ".join(filter(None, [self._subject + frame, message])))
+
+    def heard(self) -> list[str]:
+        """What the library warned of since this was asked last, each as a sentence that names the mesh."""
+        heard, self._heard = self._heard, []
+        return heard
+
     def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...]) -> MeshWork:
+        self._subject, self._frame = shape.path, ""
         try:
             return MeshWork(self.settings, shape, self.device, copies)
         except (vrtm.Error, ValueError) as error:
@@ -64,8 +74,8 @@ class Work:
         return Pattern(self.settings.name or (SEVERAL if several else ONE_MESH), counts)
 
     def notes(self) -> list[str]:
-        """What is odd about the scene and the options, each as a sentence."""
-        notes = list(self.scene.warnings)
+        """What is odd about the scene and the options, each as a sentence. Raises Failure if it must not be odd."""
+        notes = [*self.heard(), *self.scene.warnings, *self._without_maps()]
         if self.missing_frames:
             notes.append(
                 f"--frames: {self.settings.scene} has {frames.text(self.scene.frames)}, without "
@@ -76,8 +86,21 @@ class Work:
             notes.append(f"--tiles: no mesh has {', '.join(map(str, missing))}")
         return notes
 
+    def _without_maps(self) -> list[str]:
+        notes = []
+        for option, then in (("rigidity", "nothing keeps its shape there"), ("mask", "all may move there")):
+            meshes = [(mesh.shape.path, mesh.without(option)) for mesh in self.meshes.values()]
+            found = "; ".join(f"{path} {', '.join(map(str, udims))}" for path, udims in meshes if udims)
+            if found:
+                named = "" if getattr(self.settings, option) else "-primvar"
+                notes.append(f"--{option}{named}: there is none for {found}: {then}")
+                if self.settings.strict and option == "rigidity":
+                    raise Failure(INPUT, notes[-1])
+        black = [path for mesh in self.meshes.values() for path in mesh.black]
+        return [*notes, *(f"--rigidity: {path} is black all over: nothing keeps its shape there" for path in black)]
+
     def check_files(self) -> None:
-        """Raises Conflict if a file cannot be written without the loss of another, and Failure if a folder is missing."""
+        """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing."""
         settings = self.settings
         outputs = [] if settings.only_layer else [(name, "--out") for name in self._names()]
         inputs = [(settings.scene, "the scene")]
@@ -119,8 +142,10 @@ class Work:
     def bake(self, mesh: str, frame: int, stop: Callable[[], None]) -> FrameResult:
         """Writes what is not up to date of a mesh in a frame."""
         work = self.meshes[mesh]
+        self._subject, self._frame = work.shape.path, f", frame {frame}"
         result = work.bake(frame, self.scene.positions(work.shape, frame), self.pattern, stop)
         assert result is not None
+        result.warnings += self.heard()
         return result
 
     def close(self) -> None:

@@ -3,11 +3,12 @@
 from vrtm.bake.layer.check import check_layer
 from vrtm.bake.layer.clips import corner_uv_layer, export, manifest_path, values_hash, write_corner_uvs
 from vrtm.bake.layer.plan import LayerError, LayerPlan
-from vrtm.bake.layer.write import write_layer
+from vrtm.bake.layer.write import Written, write_layer
 
 __all__ = [
     "LayerError",
     "LayerPlan",
+    "Written",
     "check_layer",
     "corner_uv_layer",
     "export",

@@ -90,8 +90,10 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.L
             if not layer.Export(temporary):
                 raise OSError(errno.EIO, "it cannot be written", path)
         except Tf.ErrorException as error:
-            # USD raises an exception of its own for what the system reports.
-            raise OSError(errno.EIO, " ".join(str(error).split()), path) from error
+            # USD raises an exception of its own for what the system reports: a line for each of its functions, the
+            # innermost one first, with the words behind where in its sources that is.
+            reason = str(error).strip().splitlines()[0].rsplit(" : '", 1)[-1].rstrip("'")
+            raise OSError(errno.EIO, reason, path) from error
 
     def is_whole(temporary: str) -> bool:
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass
 
 from pxr import Sdf, Usd, UsdShade
 
@@ -25,12 +26,21 @@ STAGE_FIELDS = (
 )
 
 
-def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan, overwrite: bool = False) -> list[str]:
+@dataclass(frozen=True)
+class Written:
+    """What became of a layer."""
+
+    warnings: list[str]
+    changes: bool
+    """Whether it changes the shot: whether a texture lookup is redirected, or there is the primvar."""
+
+
+def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan, overwrite: bool = False) -> Written:
     """Writes the layer of a plan over a scene from a USD file, and beside it the clips' manifest if there are corner
     UVs.
 
     Every mesh gets materials of its own, which specialize the shot's: other meshes with the same material stay as they
-    are. Returns warnings. Raises OSError; LayerError for a wrong plan, for a file of the scene in the place of the
+    are. Raises OSError; LayerError for a wrong plan, for a file of the scene in the place of the
     layer, and, unless `overwrite` is set, for one there that vrtm has not written.
     """
     plan.check()
@@ -65,7 +75,7 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
     if plan.sublayer is not None:
         layer.subLayerPaths = [plan.sublayer]
     export(layer, out_path, Sdf.Layer.ExportToString)
-    return warnings
+    return Written(warnings, plan.corner_path is not None or any(material is not None for material in made.values()))
 
 
 def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | None = None) -> Usd.Stage:

@@ -38,8 +38,8 @@ class UsdSource:
             shapes.append(mesh.shape(name, tuple(str(prim.GetPath()) for prim in prims_of_one)))
             self._meshes[name] = mesh
         self.shapes: tuple[Shape, ...] = tuple(shapes)
-        self._warn_of_missing("rigidity", options.rigidity_primvar, [shape.vertex_rigidity for shape in shapes])
-        self._warn_of_missing("mask", options.mask_primvar, [shape.vertex_mask for shape in shapes])
+        self._check_primvars("rigidity", options.rigidity_primvar, [shape.vertex_rigidity for shape in shapes])
+        self._check_primvars("mask", options.mask_primvar, [shape.vertex_mask for shape in shapes])
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a time code."""
@@ -89,14 +89,9 @@ class UsdSource:
             self.warnings += [f"{self._path} {path} is left out: it {reason}" for path, reason in left_out.items()]
         return list(taken.values())
 
-    def _warn_of_missing(self, what: str, name: str | None, values: list[np.ndarray | None]) -> None:
-        if name is None:
-            return
-        if all(value is None for value in values):
+    def _check_primvars(self, what: str, name: str | None, values: list[np.ndarray | None]) -> None:
+        if name is not None and all(value is None for value in values):
             raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}")
-        for shape, value in zip(self.shapes, values):
-            if value is None:
-                self.warnings.append(f"{self._path} {shape.path} has no primvar '{name}' for the {what}")
 
 
 def open_stage(path: str, options: SceneOptions) -> Usd.Stage:

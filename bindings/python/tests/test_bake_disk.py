@@ -1,0 +1,127 @@
+"""What is left where the disk is full: whole files or none, and an exit code that tells."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+from pathlib import Path
+
+import pytest
+from pxr import Sdf, Usd
+
+from bake_scenes import files, image, pixels, run, sheet, sheet_arguments, vrtm_command
+from scenes import bind, preview_material
+from vrtm.bake import staging
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = sheet(tmp_path_factory.mktemp("sheet"), frames=1, cells=4)
+    stage = Usd.Stage.Open(str(path))
+    bind(stage.GetPrimAtPath("/model/sheet"), preview_material(stage, "/model/material"))
+    stage.Save()
+    for udim in (1001, 1002):
+        # A copy of an image of each format.
+        painted = pixels(path.parent / f"colour.{udim}.png")
+        image(path.parent / f"painted.{udim}.tif", painted)
+    return path
+
+
+def all_kinds(scene: Path, folder: Path) -> list[object]:
+    """A bake that writes each kind of file."""
+    textures = [scene.parent / f"{name}" for name in ("colour.<UDIM>.png", "painted.<UDIM>.tif")]
+    more = ("--texture", *textures, "--layer", folder / "over.usda", "--layer-mode", "both")
+    return sheet_arguments(scene, folder / "out", *more, "--report", folder / "report.json")
+
+
+def limited(arguments: list[object], largest: int) -> subprocess.CompletedProcess[str]:
+    """Runs the command where no file can be larger than so many bytes: writes beyond that fail, as on a full disk."""
+    command, variables = vrtm_command(*arguments)
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+
+    return subprocess.run(command, env=variables, preexec_fn=limit, capture_output=True, text=True, timeout=300)
+
+
+def test_files_are_whole_or_not_there(scene: Path, tmp_path: Path) -> None:
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    run(*all_kinds(scene, whole))
+    expected = files(whole)
+    sizes = {name: len(content) for name, content in expected.items()}
+    assert {os.path.splitext(name)[1] for name in sizes} == {".exr", ".png", ".tif", ".usdc", ".usda", ".json"}
+    # As much as each kind of file takes, and a few bytes less: the last flush is what fails then.
+    kinds = {os.path.splitext(name)[1]: size for name, size in sizes.items()}
+    for largest in sorted({size - less for size in kinds.values() for less in (1, 200)} | {min(sizes.values()) // 2}):
+        folder = tmp_path / str(largest)
+        folder.mkdir()
+        ended = limited(all_kinds(scene, folder), largest)
+        found = files(folder)
+        fits = all(size <= largest for size in sizes.values())
+        assert ended.returncode == (0 if fits else 2), f"{largest}: {ended.returncode} {ended.stderr}"
+        # One line names the file.
+        assert fits or any(name in ended.stderr.splitlines()[-1] for name in sizes), ended.stderr
+        assert "Traceback" not in ended.stderr
+        for name, content in found.items():
+            # Times stand in the report.
+            assert name == "report.json" or content == expected[name], f"{name} at {largest} bytes"
+        if "report.json" in found:
+            assert json.loads(found["report.json"])["exit_code"] == ended.returncode
+
+
+def test_a_damaged_file_is_not_left_on_a_full_disk(scene: Path, tmp_path: Path) -> None:
+    run(*all_kinds(scene, tmp_path))
+    expected = files(tmp_path)
+    for name in ("out/redirect.0001.1001.exr", "out/colour.0001.1002.png", "out/corners.0001.usdc"):
+        path = tmp_path / name
+        for damage in (expected[name][: len(expected[name]) // 2], expected[name][:-3]):
+            path.write_bytes(damage)
+            ended = limited(all_kinds(scene, tmp_path), 100)
+            assert ended.returncode == 2 and name in ended.stderr, ended.stderr
+            # The report, too, is too large; but it is whole, and of an earlier run.
+            left = files(tmp_path)
+            assert name not in left and all(left[other] == expected[other] for other in left if other != "report.json")
+            run(*all_kinds(scene, tmp_path))
+            assert path.read_bytes() == expected[name]
+    # One that is whole, and only out of date, stays until another is there.
+    name = "out/redirect.0001.1001.exr"
+    ended = limited([*all_kinds(scene, tmp_path), "--quality", "draft"], 1000)
+    assert ended.returncode == 2 and files(tmp_path)[name] == expected[name]
+
+
+def test_files_reach_the_disk_before_they_get_their_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    done = []
+    real_sync, real_replace = os.fsync, os.replace
+
+    def sync(number: int) -> None:
+        done.append(os.path.realpath(f"/proc/self/fd/{number}"))
+        real_sync(number)
+
+    def replace(source: str, target: str) -> None:
+        done.append("renamed")
+        real_replace(source, target)
+
+    monkeypatch.setattr(os, "fsync", sync)
+    monkeypatch.setattr(os, "replace", replace)
+    staging.write_bytes(str(tmp_path / "a"), b"content")
+    assert len(done) == 3 and ".a." in done[0] and done[1:] == ["renamed", str(tmp_path)]
+
+    def fail(_number: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", fail)
+    with pytest.raises(OSError, match="No space left"):
+        staging.write_bytes(str(tmp_path / "a"), b"another")
+    assert files(tmp_path) == {"a": b"content"}
+
+
+def test_a_layer_that_cannot_be_written_leaves_the_one_before(scene: Path, tmp_path: Path) -> None:
+    run(*all_kinds(scene, tmp_path))
+    layer = tmp_path / "over.usda"
+    before = layer.read_bytes()
+    ended = limited([*all_kinds(scene, tmp_path), "--only-layer"], 300)
+    assert ended.returncode == 2 and "over" in ended.stderr.splitlines()[-1]
+    assert layer.read_bytes() == before and Sdf.Layer.FindOrOpen(str(layer))

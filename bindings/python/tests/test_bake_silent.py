@@ -1,0 +1,177 @@
+"""What must not pass without a word: a bake that changes nothing, or less than it seems."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+from bake_scenes import files, image, run, sheet, sheet_arguments
+from scenes import bind, preview_material
+
+STACKED, FREE = "/model/stacked", "/model/free"
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two meshes that are stretched, of two quadrilaterals each: one's lie over the same UVs, the other's side by side.
+    Everything on them is rigid."""
+    folder = tmp_path_factory.mktemp("stacked")
+    stage = Usd.Stage.CreateNew(str(folder / "shot.usda"))
+    stage.SetStartTimeCode(1)
+    stage.SetEndTimeCode(4)
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    for path, apart in ((STACKED, 0.0), (FREE, 0.5)):
+        mesh = UsdGeom.Mesh.Define(stage, path)
+        mesh.CreateSubdivisionSchemeAttr("none")
+        points = [Gf.Vec3f(x + 2 * face, y, 0) for face in range(2) for x, y in corners]
+        attribute = mesh.CreatePointsAttr(points)
+        for frame in range(1, 5):
+            attribute.Set([Gf.Vec3f(p[0], p[1] * (1 + 0.1 * frame * p[0]), p[2]) for p in points], frame)
+        mesh.CreateFaceVertexCountsAttr([4, 4])
+        mesh.CreateFaceVertexIndicesAttr(list(range(8)))
+        primvars = UsdGeom.PrimvarsAPI(mesh)
+        kinds = Sdf.ValueTypeNames
+        rest = primvars.CreatePrimvar("Pref", kinds.Point3fArray, UsdGeom.Tokens.vertex)
+        rest.Set(points)
+        uvs = [(0.1 + 0.35 * x + apart * face, 0.1 + 0.8 * y) for face in range(2) for x, y in corners]
+        primvars.CreatePrimvar("st", kinds.TexCoord2fArray, UsdGeom.Tokens.vertex).Set([Gf.Vec2f(*uv) for uv in uvs])
+    stage.Save()
+    image(folder / "rigid.png", np.full((64, 64, 1), 255, np.uint8))
+    return folder / "shot.usda"
+
+
+def bake(scene: Path, out: Path, *more: object) -> list[object]:
+    return ["bake", scene, "--rigidity", scene.parent / "rigid.png", "--device", "cpu", "--out", out, *more]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_stacked_uvs_are_told_and_not_within_a_tolerance(scene: Path, tmp_path: Path, jobs: int) -> None:
+    report = tmp_path / "report.json"
+    for state in ("written", "skipped"):
+        options = ("--jobs", jobs, "--max-strain", 0.9, "--report", report)
+        ended = run(*bake(scene, tmp_path / "out", *options), expect=3)
+        told = [line for line in ended.stderr.splitlines() if line.startswith("vrtm: warning: ")]
+        # Once per mesh and tile, whatever the number of processes and frames.
+        frozen = [line for line in told if "of its rigid texels are frozen" in line]
+        assert len(frozen) == 1 and f"{STACKED} tile 1001: 100% of" in frozen[0]
+        if state == "written":
+            overlapped = [line for line in told if "overlapped" in line]
+            assert len(overlapped) == 1 and overlapped[0].startswith(f"vrtm: warning: {STACKED}: tile 1001: 100.00 %")
+            assert len([line for line in told if "nothing that may move" in line and STACKED in line]) == 1
+        assert f"{STACKED} tile 1001: 100.0% of the rigid texels are frozen, 100.0% of the covered" in ended.stdout
+        assert "--max-strain cannot be met in 4 of 8: stacked, frame 1, tile 1001" in ended.stderr
+        document = json.loads(report.read_text())
+        assert (
+            document["exit_code"] == 3
+            and [line.removeprefix("vrtm: warning: ") for line in told] == document["warnings"]
+        )
+        for frame in document["frames"]:
+            (tile,) = frame["tiles"]
+            strain = tile["strain"]
+            assert tile["state"] == state and strain["before"]["rms"] > 0.02 * frame["frame"]
+            if frame["mesh"] == "stacked":
+                assert (tile["overlap"], tile["frozen"], tile["movable"]) == (1.0, 1.0, 0.0)
+                assert strain["movable"]["edges"] == 0 and strain["edges"] > 500
+                assert strain["before"] == strain["after"]
+            else:
+                assert (tile["overlap"], strain["movable"]["edges"] > 500) == (0.0, True)
+                assert tile["frozen"] < 0.5 and 0.2 < tile["movable"] < 0.8
+                assert strain["edges"] > strain["movable"]["edges"]
+                assert strain["movable"]["after"]["rms"] <= strain["after"]["rms"] < strain["before"]["rms"]
+
+
+def test_strain_is_that_of_all_rigid_edges(scene: Path, tmp_path: Path) -> None:
+    # The same stretch, of edges that may move or not: before, it is the same strain.
+    report = tmp_path / "report.json"
+    run(*bake(scene, tmp_path / "out", "--measure", "--frames", 4, "--report", report))
+    free, stacked = (frame["tiles"][0]["strain"] for frame in json.loads(report.read_text())["frames"])
+    # The layer below is not seen twice.
+    assert stacked["edges"] < 0.6 * free["edges"]
+    assert 0.1 < stacked["before"]["rms"] < free["before"]["rms"] * 1.5
+
+
+def test_a_pose_in_other_units_is_told_by_each_worker(tmp_path: Path) -> None:
+    scene = sheet(tmp_path, frames=4, cells=4)
+    stage = Usd.Stage.Open(str(scene))
+    points = stage.GetPrimAtPath("/model/sheet").GetAttribute("points")
+    for frame in (2, 4):
+        points.Set([p * 100 for p in points.Get(frame)], frame)
+    stage.Save()
+    for jobs in (1, 2):
+        ended = run(*sheet_arguments(scene, tmp_path / f"{jobs}", "--jobs", jobs))
+        told = sorted(line for line in ended.stderr.splitlines() if "other units" in line)
+        assert [line[: len("vrtm: warning: /model/sheet, frame 2: ")] for line in told] == [
+            f"vrtm: warning: /model/sheet, frame {frame}: " for frame in (2, 4)
+        ]
+
+
+def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
+    scene = sheet(tmp_path / "maps", frames=1, cells=4)
+    (scene.parent / "rigid.1002.png").unlink()
+    arguments = sheet_arguments(scene, tmp_path / "out", "--jobs", 1)
+    assert "--rigidity: there is none for /model/sheet 1002" in run(*arguments).stderr
+    shutil.rmtree(tmp_path / "out")
+    ended = run(*arguments, "--strict", expect=2)
+    assert ended.stderr.splitlines()[-1].startswith("vrtm: --rigidity: there is none for /model/sheet 1002")
+    assert not (tmp_path / "out").exists()
+    # A tile that is not asked for is nobody's matter.
+    assert "there is none" not in run(*arguments, "--strict", "--tiles", 1001).stderr
+    # By the name of the mesh; one map is black.
+    (scene.parent / "rigid.1001.png").rename(scene.parent / "sheet.1001.png")
+    image(scene.parent / "sheet.1002.png", np.zeros((8, 8, 1), np.uint8))
+    named = [scene.parent / "<mesh>.<UDIM>.png" if str(a).endswith("rigid.<UDIM>.png") else a for a in arguments]
+    told = run(*named, "--strict").stderr
+    assert "sheet.1002.png is black all over" in told and "there is none" not in told
+    named = [scene.parent / "none.<mesh>.<UDIM>.png" if str(a).endswith("<mesh>.<UDIM>.png") else a for a in named]
+    assert "there is none for /model/sheet 1001, 1002" in run(*named).stderr
+    # By values per vertex, which one of two meshes lacks.
+    stage = Usd.Stage.Open(str(scene))
+    other = Sdf.Layer.FindOrOpen(str(scene))
+    Sdf.CopySpec(other, "/model/sheet", other, "/model/other")
+    values = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/model/other")).CreatePrimvar(
+        "rigid", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex
+    )
+    values.Set([1.0] * 50)
+    stage.Save()
+    by_vertex = [
+        "bake",
+        scene,
+        "--rigidity-primvar",
+        "rigid",
+        "--device",
+        "cpu",
+        "--size",
+        32,
+        "--out",
+        tmp_path / "new",
+    ]
+    assert "--rigidity-primvar: there is none for /model/sheet 1001, 1002" in run(*by_vertex).stderr
+    assert "/model/sheet" in run(*by_vertex, "--strict", expect=2).stderr
+
+
+def test_a_layer_that_redirects_nothing_says_what_to_give(tmp_path: Path) -> None:
+    scene = sheet(tmp_path / "shot", frames=1, cells=4)
+    layer, report = tmp_path / "over.usda", tmp_path / "report.json"
+    arguments = sheet_arguments(scene, tmp_path / "out", "--layer", layer, "--report", report)
+
+    def refused() -> None:
+        ended = run(*arguments, expect=3)
+        last = ended.stderr.splitlines()[-1]
+        assert "over.usda: it redirects nothing" in last and "--texture" in last and "--layer-mode primvar" in last
+        # All files are there.
+        assert layer.exists() and len(files(tmp_path / "out")) == 2
+        assert json.loads(report.read_text())["exit_code"] == 3
+
+    # No material; then one that can take warped copies alone, of which there are none.
+    refused()
+    stage = Usd.Stage.Open(str(scene))
+    bind(stage.GetPrimAtPath("/model/sheet"), preview_material(stage, "/model/material"))
+    stage.Save()
+    refused()
+    run(*arguments, "--texture", scene.parent / "colour.<UDIM>.png")
+    run(*arguments, "--layer-mode", "primvar")
