@@ -114,7 +114,10 @@ pub(crate) fn load(
     if format != FORMAT {
         return Err(refuse(&format!("it has the format {format}, this version reads {FORMAT}")));
     }
-    from.u32()?;
+    // A later version may say something by it.
+    if from.u32()? != 0 {
+        return Err(refuse("its reserved word is not 0"));
+    }
     let length = from.array().map(u64::from_le_bytes)?;
     if length != data.len() as u64 {
         return Err(refuse(&format!("it has {} bytes, but {length} were saved", data.len())));

@@ -293,3 +293,19 @@ def test_messages(scene: Path, tmp_path: Path) -> None:
     assert "openjd_fail: --tiles" in ended.stdout
     more = run(*sheet_arguments(scene, tmp_path / "f", "--more=--half --name '<kind> <UDIM> <frame>.exr' --frames 2"))
     assert written(more) == (2, 0) and sorted(files(tmp_path / "f"))[0] == "redirect 1001 0002.exr"
+
+
+def test_names_that_are_not_ascii(tmp_path: Path) -> None:
+    scene = sheet(tmp_path / "Gesicht \u00e4\u5b57", frames=2, cells=4)
+    out = scene.parent / "out"
+    arguments = sheet_arguments(scene, out, "--texture", scene.parent / "colour.<UDIM>.png", "--report", out / "r.json")
+    for name, jobs in (("C", 1), ("C", 2), ("C.UTF-8", 1)):
+        variables = {"LC_ALL": name, "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+        ended = run(*arguments, "--force", "--jobs", jobs, **variables)
+        assert written(ended) == (8, 0) and ended.stderr == ""
+        assert len(files(out)) == 9
+    # One that is no UTF-8 cannot be passed on.
+    other = os.fsdecode(os.fsencode(tmp_path) + b"/\xff")
+    shutil.copytree(scene.parent, other)
+    ended = run(*sheet_arguments(Path(other) / scene.name, out), expect=2)
+    assert len(ended.stderr.splitlines()) == 1 and "no UTF-8" in ended.stderr

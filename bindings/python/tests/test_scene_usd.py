@@ -118,7 +118,24 @@ def test_time_samples_and_frames(tmp_path: Path) -> None:
     assert Scene(saved(bare)).frames == (3, 4, 5, 6, 7)
     still = scenes.stage(tmp_path / "c.usda", None)
     scenes.mesh(still, "/mesh")
-    assert Scene(saved(still)).frames == (1,)
+    assert Scene(saved(still)).frames == (1,) and scene.warnings == Scene(saved(still)).warnings == []
+
+
+def test_frames_that_cannot_be_meant_are_told(tmp_path: Path) -> None:
+    between = scenes.stage(tmp_path / "a.usda", None)
+    scenes.stretch(scenes.mesh(between, "/mesh"), [0.25, 0.5, 0.75])
+    scene = Scene(saved(between))
+    assert scene.frames == (0,)
+    assert scene.warnings == [
+        f"{scene.path}: no frame from 0.25 to 0.75 is a whole number: frame 0 alone is baked",
+    ]
+    backwards = scenes.stage(tmp_path / "b.usda", 10, 2)
+    scenes.stretch(scenes.mesh(backwards, "/mesh"), [3, 5])
+    scene = Scene(saved(backwards))
+    assert scene.frames == (3, 4, 5)
+    assert scene.warnings == [
+        f"{scene.path}: its start time code, 10, is after its end, 2: its time samples count",
+    ]
 
 
 def test_left_handed_meshes_keep_the_order_of_their_corners(tmp_path: Path) -> None:

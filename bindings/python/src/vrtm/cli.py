@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -15,6 +16,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal's number if it was ended by one."""
     from vrtm.bake import console
 
+    if arguments is None:
+        _ensure_utf8()
     console.keep_streams_open()
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
@@ -23,6 +26,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
     finally:
         console.leave_streams()
+
+
+def _ensure_utf8() -> None:
+    """Begins again where Python was told to take the names of files for ASCII, as in the C locale: USD and OpenImageIO
+    take them for UTF-8, and no name that is not ASCII could be passed on."""
+    if sys.getfilesystemencoding().lower() not in ("utf-8", "utf8"):
+        sys.stdout.flush()
+        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], os.environ | {"PYTHONUTF8": "1"})
 
 
 def _run(given: list[str]) -> int:

@@ -58,6 +58,8 @@ def describe(error: BaseException, subject: str = "") -> Failure:
         return Failure(INPUT, named + one_line(error))
     if isinstance(error, (vrtm.UnsupportedError, vrtm.OutOfMemoryError, vrtm.DeviceLostError)):
         return Failure(DEVICE, named + one_line(error))
+    if isinstance(error, UnicodeEncodeError):
+        return Failure(INPUT, f"{error.object!a}: a name that is no UTF-8, which USD and OpenImageIO cannot take")
     if isinstance(error, MemoryError):
         return Failure(DEVICE, f"{named}memory is short; try fewer --jobs")
     if isinstance(error, OSError) and not isinstance(error, vrtm.Error):

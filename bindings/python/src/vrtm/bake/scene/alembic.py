@@ -5,7 +5,6 @@ Frame N is at N / fps seconds; between two samples, positions are interpolated.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -23,6 +22,7 @@ from vrtm.bake.scene.topology import (
     matches,
     per_vertex,
     unique_names,
+    whole_frames,
     without_uvs,
 )
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
@@ -158,8 +158,7 @@ class AlembicSource:
         spans = [mesh.times() for mesh, _ in chosen if mesh.samples > 1]
         first, last = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (1 / options.fps,) * 2
         # Times are stored as whole numbers of 1 / fps only nearly.
-        ends = math.ceil(first * options.fps - 1e-3), math.floor(last * options.fps + 1e-3)
-        self.frames = tuple(range(ends[0], ends[1] + 1)) or (round(first * options.fps),)
+        self.frames = whole_frames(first * options.fps, last * options.fps, path, self.warnings, slack=1e-3)
         names = unique_names([mesh.path for mesh, _ in chosen])
         self._meshes = {name: _Posed(mesh, uvs, options, self.frames[0]) for name, (mesh, uvs) in zip(names, chosen)}
         self.shapes = tuple(mesh.shape(name) for name, mesh in self._meshes.items())

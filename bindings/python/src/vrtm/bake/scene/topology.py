@@ -1,7 +1,8 @@
-"""Faces, names and values per vertex: what does not depend on the kind of file."""
+"""Faces, names, frames and values per vertex: what does not depend on the kind of file."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
@@ -117,6 +118,18 @@ def luminance(colours: np.ndarray) -> np.ndarray:
     red, green, blue = colours[..., 0], colours[..., 1], colours[..., 2]
     grey = (red == green) & (green == blue)
     return np.where(grey, red, 0.2126 * red + 0.7152 * green + 0.0722 * blue)
+
+
+def whole_frames(first: float, last: float, where: str, warnings: list[str], slack: float = 0.0) -> tuple[int, ...]:
+    """The whole frames of a range, also those that miss it by the slack; of one without any, its first frame, rounded,
+    which is warned of."""
+    frames = tuple(range(math.ceil(first - slack), math.floor(last + slack) + 1))
+    if not frames:
+        frames = (round(first),)
+        warnings.append(
+            f"{where}: no frame from {first:g} to {last:g} is a whole number: frame {frames[0]} alone is baked"
+        )
+    return frames
 
 
 def unique_names(paths: Sequence[str]) -> list[str]:

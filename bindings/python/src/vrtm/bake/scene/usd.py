@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vrtm.bake import overwrite
-from vrtm.bake.scene.topology import is_exact, matches, unique_names
+from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
 
 try:
@@ -29,7 +28,7 @@ class UsdSource:
         self.warnings: list[str] = []
         self._path = path
         self.stage = open_stage(path, options)
-        self.frames = stage_frames(self.stage)
+        self.frames = stage_frames(self.stage, path, self.warnings)
         self._skeletons = Skeletons(self.stage)
         prims = self._chosen(options)
         self._meshes: dict[str, UsdMesh] = {}
@@ -158,12 +157,14 @@ def first_line(error: Exception) -> str:
     return (text[-1] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()
 
 
-def stage_frames(stage: Usd.Stage) -> tuple[int, ...]:
-    """Whole time codes from the stage's start to its end; of a stage without them, of all time samples of its meshes
-    and animations; (1,) where nothing moves."""
-    if stage.HasAuthoredTimeCodeRange():
-        first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
-    else:
+def stage_frames(stage: Usd.Stage, where: str, warnings: list[str]) -> tuple[int, ...]:
+    """Whole time codes from the stage's start to its end; of a stage without these, or with a start after its end, of
+    all time samples of its meshes and animations; (1,) where nothing moves."""
+    first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    backwards = first > last
+    if backwards:
+        warnings.append(f"{where}: its start time code, {first:g}, is after its end, {last:g}: its time samples count")
+    if backwards or not stage.HasAuthoredTimeCodeRange():
         times = [
             time
             for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
@@ -172,8 +173,7 @@ def stage_frames(stage: Usd.Stage) -> tuple[int, ...]:
             for time in attribute.GetTimeSamples()
         ]
         first, last = (min(times), max(times)) if times else (1.0, 1.0)
-    # A range without a whole number in it still has its first time code, rounded.
-    return tuple(range(math.ceil(first), math.floor(last) + 1)) or (round(first),)
+    return whole_frames(first, last, where, warnings)
 
 
 def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
