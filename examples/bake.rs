@@ -57,7 +57,7 @@ use vrtm::{AssetReport, Device, DeviceSettings, MapReport, TileReport};
 
 use args::{Args, MapSize};
 use baker::Bake;
-use failure::{Failure, Result};
+use failure::{Failure, Result, say};
 use maps::Map;
 use names::Pattern;
 use output::{Facts, Staging};
@@ -70,7 +70,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure(line)) => {
-            eprintln!("bake: {line}");
+            say(&line);
             ExitCode::from(2)
         }
     }
@@ -89,6 +89,7 @@ fn run(args: &Args) -> Result<()> {
     let outputs = Output::list(args);
     let mut bake = Bake::new(&source, args, &device)?;
     let pattern = Pattern::new(&args.name, outputs.len(), source.chosen.len(), bake.tiles.len())?;
+    warn_of_tiles(args, &source, &bake);
     let stage = Drawing::new(&source, &bake, args, &device)?;
     let bar = report::progress(source.chosen.len());
     if args.map_size == Some(MapSize::Auto) {
@@ -131,9 +132,22 @@ fn run(args: &Args) -> Result<()> {
     staging.text("report.json", (text + "\n").as_bytes())?;
     staging.commit()?;
     bar.finish_and_clear();
-    table.print();
-    println!("written to {}", args.out.display());
+    table.print(&format!("written to {}", args.out.display()));
     Ok(())
+}
+
+/// Tells on stderr which tiles are left as they are, for want of a map.
+fn warn_of_tiles(args: &Args, source: &Source, bake: &Bake) {
+    let without: Vec<String> =
+        bake.tiles.iter().filter(|tile| tile.rigidity.is_none()).map(|tile| tile.udim.to_string()).collect();
+    if source.vertex_rigidity.is_none() && !without.is_empty() {
+        let pattern =
+            args.rigidity.as_ref().map_or(String::new(), |pattern| format!("--rigidity {pattern}: "));
+        say(&format!(
+            "warning: {pattern}no map for these tiles, which are not warped: {}",
+            without.join(", ")
+        ));
+    }
 }
 
 /// What draws the sheets.
@@ -170,7 +184,7 @@ impl<'a> Drawing<'a> {
 
 /// Tells on stderr what nobody can have meant.
 fn warn(args: &Args, frame: &Frame, asset: &AssetReport, tiles: &[TileReport], maps: &[MapReport]) {
-    let say = |text: String| eprintln!("bake: warning: frame {}: {text}", frame.number);
+    let say = |text: String| failure::say(&format!("warning: frame {}: {text}", frame.number));
     let origin = &frame.origin;
     if !(1.0 / 3.0..=3.0).contains(&asset.median_stretch) {
         let factor = asset.median_stretch;

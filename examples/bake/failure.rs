@@ -1,6 +1,7 @@
 //! Errors that end the program: one line with a file (or an argument) and the reason.
 
 use std::fmt;
+use std::io::{self, Write};
 use std::path::Path;
 
 #[derive(Debug)]
@@ -18,6 +19,11 @@ impl Failure {
         let reason = reason.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         Failure(format!("{subject}: {reason}"))
     }
+}
+
+/// Writes a line to stderr. A bake goes on where that cannot be written, as on a full disk.
+pub fn say(line: &str) {
+    let _ = writeln!(io::stderr(), "bake: {line}");
 }
 
 /// Reads a whole file.

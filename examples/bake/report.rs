@@ -197,7 +197,7 @@ fn strain(s: &Strain) -> Value {
     })
 }
 
-/// Prints the summary: a line per frame and tile.
+/// The summary: a line per frame and tile.
 pub struct Table(Vec<String>);
 
 impl Table {
@@ -227,11 +227,11 @@ impl Table {
         ));
     }
 
-    pub fn print(&self) {
+    pub fn print(&self, last: &str) {
         let text = self.0.join("\n");
         // A reader that closes the pipe early (`bake | head`) does not make the bake fail.
         use std::io::Write;
-        let _ = writeln!(std::io::stdout(), "{text}");
+        let _ = writeln!(std::io::stdout(), "{text}\n{last}");
     }
 }
 

@@ -227,8 +227,14 @@ fn load_pattern(argument: &str, pattern: &str, udims: &[u32]) -> Result<Vec<(u32
         };
         return Ok(vec![(*udim, image_file::load(Path::new(pattern))?)]);
     }
-    let paths = udims.iter().map(|&udim| (udim, PathBuf::from(pattern.replace("<UDIM>", &udim.to_string()))));
-    let found: Vec<_> = paths.filter(|(_, path)| path.exists()).collect();
+    let mut found = Vec::new();
+    for &udim in udims {
+        let path = PathBuf::from(pattern.replace("<UDIM>", &udim.to_string()));
+        // A folder that cannot be looked into is no folder without maps.
+        if path.try_exists().map_err(|e| Failure::file(&path, e))? {
+            found.push((udim, path));
+        }
+    }
     if found.is_empty() {
         return Err(Failure::named(pattern, format!("no such file for any of the mesh's tiles {udims:?}")));
     }

@@ -107,7 +107,7 @@ pub fn report(out: &Path) -> Value {
     serde_json::from_slice(&bytes).expect("JSON")
 }
 
-/// Two quads side by side on two tiles, lifted in the pose; UVs have indices of their own.
+/// Two quads side by side on two tiles, lifted in the pose, with a map each; UVs have indices of their own.
 pub struct Files {
     pub folder: PathBuf,
 }
@@ -126,6 +126,8 @@ impl Files {
             image::Luma([if (10..22).contains(&x) && (10..22).contains(&y) { u16::MAX } else { 0 }])
         });
         map.save(files.folder.join("r.1001.png")).expect("a map");
+        // Nothing of the second tile is rigid.
+        image::GrayImage::new(32, 32).save(files.folder.join("r.1002.png")).expect("a map");
         image::GrayImage::from_pixel(32, 32, image::Luma([255]))
             .save(files.folder.join("m.1001.png"))
             .expect("a mask");

@@ -80,7 +80,10 @@ fn the_hash_of_inputs_follows_what_the_content_depends_on_and_nothing_else() {
     };
     let first = hashes("a", &[]);
     // Another folder, other numbers of threads, other names of the same files: the very same bytes.
-    fs::copy(files.path("r.1001.png"), files.path("copy.1001.png")).unwrap();
+    for tile in ["1001", "1002"] {
+        let [own, copy] = ["r", "copy"].map(|name| files.path(&format!("{name}.{tile}.png")));
+        fs::copy(own, copy).unwrap();
+    }
     assert!(hashes("b", &["--threads", "1"]) == first);
     assert!(hashes("c", &["--rigidity", &files.path("copy.<UDIM>.png"), "--threads", "3"]) == first);
     let hash_of = |all: &[(String, Vec<u8>); 3]| all.clone().map(|(hash, _)| hash);
@@ -197,4 +200,22 @@ fn maps_have_a_size_of_their_own() {
     };
     assert_eq!(size("redirect.0004.1001.exr"), (96, 96));
     assert_eq!(size("warp.0004.1001.exr"), (65, 65));
+}
+
+/// What is printed may go to a file on a full disk: the maps are there in any case.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_bake_does_not_fail_for_what_it_prints() {
+    let files = Files::new("full_log");
+    fs::remove_file(files.path("r.1002.png")).unwrap();
+    let (arguments, out) = files.arguments("pose.obj", &["--no-sheet"]);
+    let full = || fs::File::options().write(true).open("/dev/full").expect("/dev/full");
+    let mut bake = crate::common::command();
+    // A tile without a map is warned of.
+    bake.args(&arguments).stdout(full()).stderr(full());
+    assert_eq!(bake.status().expect("bake runs").code(), Some(0));
+    assert!(names(&out).contains(&"report.json".to_string()));
+    let mut refused = crate::common::command();
+    refused.args(arguments).args(["--frames", "99"]).stderr(full());
+    assert_eq!(refused.status().expect("bake runs").code(), Some(2));
 }

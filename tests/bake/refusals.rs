@@ -31,6 +31,7 @@ fn bad_files_are_refused() {
     files.write("r.1001.png", b"not a picture");
     check("pose.obj", "r.1001.png", "");
     fs::remove_file(path).expect("the map");
+    fs::remove_file(files.path("r.1002.png")).expect("the other map");
     check("pose.obj", "r.<UDIM>.png", "no such file");
 }
 
