@@ -33,6 +33,8 @@ mod obj;
 mod output;
 #[path = "bake/outputs.rs"]
 mod outputs;
+#[path = "bake/overwrite.rs"]
+mod overwrite;
 #[path = "bake/raster.rs"]
 mod raster;
 #[path = "bake/report.rs"]
@@ -50,6 +52,7 @@ mod strain;
 #[path = "bake/vertices.rs"]
 mod vertices;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use serde_json::Value;
@@ -89,6 +92,8 @@ fn run(args: &Args) -> Result<()> {
     let outputs = Output::list(args);
     let mut bake = Bake::new(&source, args, &device)?;
     let pattern = Pattern::new(&args.name, outputs.len(), source.chosen.len(), bake.tiles.len())?;
+    let planned = planned(args, &source, &bake, &outputs, &pattern);
+    overwrite::check(&planned, &source.inputs, args.overwrite)?;
     warn_of_tiles(args, &source, &bake);
     let stage = Drawing::new(&source, &bake, args, &device)?;
     let bar = report::progress(source.chosen.len());
@@ -101,7 +106,7 @@ fn run(args: &Args) -> Result<()> {
     document["tiles"] = Value::Array(bake.describe()?);
     let mut frames = Vec::new();
     let mut table = report::Table::new();
-    let mut staging = Staging::new(&args.out, unfinished)?;
+    let mut staging = Staging::new(&args.out, planned, unfinished)?;
     for frame in source.chosen.iter().map(|&index| &source.frames[index]) {
         let number = format!("{:04}", frame.number);
         bar.set_message(format!("solving {number}"));
@@ -116,7 +121,7 @@ fn run(args: &Args) -> Result<()> {
             }
         }
         if let Some(stage) = &stage {
-            staging.png(&format!("sheet.{number}.png"), &stage.draw(&source, frame, &bake)?)?;
+            staging.png(&names::sheet(frame.number), &stage.draw(&source, frame, &bake)?)?;
         }
         staging.commit()?;
         let reports = bake.reports(frame)?;
@@ -128,12 +133,26 @@ fn run(args: &Args) -> Result<()> {
         bar.inc(1);
     }
     document["frames"] = Value::Array(frames);
-    let text = serde_json::to_string_pretty(&document).map_err(|e| Failure::named("report.json", e))?;
-    staging.text("report.json", (text + "\n").as_bytes())?;
+    let text = serde_json::to_string_pretty(&document).map_err(|e| Failure::named(names::REPORT, e))?;
+    staging.write(names::REPORT, (text + "\n").as_bytes())?;
     staging.commit()?;
     bar.finish_and_clear();
     table.print(&format!("written to {}", args.out.display()));
     Ok(())
+}
+
+/// All files that will be written.
+fn planned(args: &Args, source: &Source, bake: &Bake, outputs: &[Output], pattern: &Pattern) -> Vec<PathBuf> {
+    let mut names = vec![names::REPORT.to_string()];
+    for number in source.chosen.iter().map(|&index| source.frames[index].number) {
+        for tile in &bake.tiles {
+            names.extend(outputs.iter().map(|output| pattern.name(output.kind, number, tile.udim)));
+        }
+        if !args.no_sheet {
+            names.push(names::sheet(number));
+        }
+    }
+    names.iter().map(|name| args.out.join(name)).collect()
 }
 
 /// Tells on stderr which tiles are left as they are, for want of a map.

@@ -61,6 +61,10 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
 
+    /// Also replace existing files that vrtm did not write. Files that the bake reads are never replaced
+    #[arg(long)]
+    pub overwrite: bool,
+
     /// Which UVs the redirection holds. tile: within the tile, 0 to 1, for a texture that is looked up tile by tile (Nuke's
     /// STMap, a shader with one texture). udim: with the tile's place added, for a UDIM texture (Blender, Arnold, RenderMan,
     /// Karma), which needs no further node. delta: what to add to the mesh's own UV, with one node, which is right for UVs

@@ -16,7 +16,7 @@ use crate::maps::Map;
 type Texels = (u32, u32, PixelFormat, Vec<u8>);
 
 /// The first bytes of every EXR file.
-const EXR: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+pub const EXR: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
 /// Reads a map. Of a colour image it takes the luminance, which of a grey one is the value itself.
 pub fn load(path: &Path) -> Result<Map> {

@@ -44,9 +44,17 @@ impl Pattern {
         Ok(Pattern(text.into()))
     }
 
-    /// The name of a file.
+    /// The name of an EXR file.
     pub fn name(&self, kind: &str, frame: usize, udim: u32) -> String {
         let frame = format!("{frame:04}");
         self.0.replace("<kind>", kind).replace("<frame>", &frame).replace("<UDIM>", &udim.to_string())
     }
 }
+
+/// The name of a frame's sheet.
+pub fn sheet(frame: usize) -> String {
+    format!("sheet.{frame:04}.png")
+}
+
+/// The name of the report.
+pub const REPORT: &str = "report.json";

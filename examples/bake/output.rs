@@ -1,8 +1,9 @@
 //! Writes files so that they appear complete or not at all: each gets a temporary name, and a frame's files are renamed
 //! together.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::io::{BufWriter, Cursor, Write};
+use std::io::{Cursor, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use exr::meta::attribute::{AttributeValue, Text};
@@ -14,6 +15,7 @@ use vrtm::PixelFormat;
 
 use crate::failure::{Failure, Result};
 use crate::outputs::{Image, Output};
+use crate::overwrite::{EXR_MARK, PNG_MARK};
 use crate::signals::Unfinished;
 
 /// What a file tells of itself.
@@ -44,7 +46,7 @@ impl Facts {
             ("vrtm:udim", AttributeValue::I32(self.udim as i32)),
             ("vrtm:frame", AttributeValue::I32(self.frame as i32)),
             ("vrtm:version", text(env!("CARGO_PKG_VERSION"))),
-            ("vrtm:inputs", text(&self.inputs)),
+            (EXR_MARK, text(&self.inputs)),
         ] {
             attributes.other.insert(name.into(), value);
         }
@@ -60,48 +62,52 @@ impl Facts {
 pub struct Staging {
     folder: PathBuf,
     waiting: Unfinished,
+    /// Files that may be written.
+    planned: BTreeSet<PathBuf>,
 }
 
 impl Staging {
-    /// Makes the folder if it does not exist.
-    pub fn new(folder: &Path, waiting: Unfinished) -> Result<Staging> {
+    /// Makes the folder if it does not exist. `planned` are the files that [`crate::overwrite::check`] has passed.
+    pub fn new(folder: &Path, planned: Vec<PathBuf>, waiting: Unfinished) -> Result<Staging> {
         fs::create_dir_all(folder).map_err(|e| Failure::file(folder, e))?;
-        Ok(Staging { folder: folder.into(), waiting })
+        Ok(Staging { folder: folder.into(), waiting, planned: planned.into_iter().collect() })
     }
 
-    fn write(
-        &mut self,
-        name: &str,
-        body: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), String>,
-    ) -> Result<()> {
+    /// Writes a whole file, which waits for its name.
+    pub fn write(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         let path = self.folder.join(name);
+        assert!(self.planned.contains(&path), "{} may be somebody's file", path.display());
+        let failure = |e| Failure::file(&path, e);
         // Beside the file, so that it can be renamed.
         let (folder, file) = (path.parent().unwrap_or(&self.folder), path.file_name().unwrap_or_default());
         fs::create_dir_all(folder).map_err(|e| Failure::file(folder, e))?;
-        let temporary = folder.join(format!(".{}.{}.part", file.to_string_lossy(), std::process::id()));
         // Both under one lock: a signal finds the file in the list, or it is not made at all.
         let mut waiting = self.waiting.lock();
-        waiting.push((temporary.clone(), path.clone()));
-        let file = File::create(&temporary).map_err(|e| Failure::file(&path, e))?;
+        let mut number = std::process::id();
+        let (temporary, mut file) = loop {
+            let temporary = folder.join(format!(".{}.{number}.part", file.to_string_lossy()));
+            match File::create_new(&temporary) {
+                Ok(file) => break (temporary, file),
+                // Of a program that was killed, or that has this number on another machine.
+                Err(e) if e.kind() == ErrorKind::AlreadyExists => number = number.wrapping_add(1),
+                Err(e) => return Err(failure(e)),
+            }
+        };
+        waiting.push((temporary, path.clone()));
         drop(waiting);
-        let mut writer = BufWriter::new(file);
-        body(&mut writer).map_err(|e| Failure::file(&path, e))?;
-        writer.flush().map_err(|e| Failure::file(&path, e))
+        file.write_all(bytes).map_err(failure)
     }
 
     /// Writes an image with lossless compression (ZIP).
     pub fn exr(&mut self, name: &str, image: &Image, facts: &Facts) -> Result<()> {
-        self.write(name, |writer| write_exr(image, facts, writer))
+        let bytes = encode_exr(image, facts).map_err(|e| Failure::named(name, e))?;
+        self.write(name, &bytes)
     }
 
+    /// Writes a frame's picture.
     pub fn png(&mut self, name: &str, image: &image::RgbImage) -> Result<()> {
-        let mut bytes = Cursor::new(Vec::new());
-        image.write_to(&mut bytes, image::ImageFormat::Png).map_err(|e| Failure::named(name, e))?;
-        self.text(name, bytes.get_ref())
-    }
-
-    pub fn text(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
-        self.write(name, |writer| writer.write_all(bytes).map_err(|e| e.to_string()))
+        let bytes = encode_png(image).map_err(|e| Failure::named(name, e))?;
+        self.write(name, &bytes)
     }
 
     /// Renames the files to their final names; a signal waits until all have theirs.
@@ -121,7 +127,20 @@ impl Drop for Staging {
     }
 }
 
-fn write_exr(image: &Image, facts: &Facts, writer: &mut impl Write) -> std::result::Result<(), String> {
+fn encode_png(image: &image::RgbImage) -> std::result::Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, image.width(), image.height());
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    encoder.add_text_chunk(PNG_MARK.into(), "sheet".into())?;
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(image.as_raw())?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
+fn encode_exr(image: &Image, facts: &Facts) -> exr::error::Result<Vec<u8>> {
     let each = if image.format == PixelFormat::F16 { 2 } else { 4 };
     let channel = |(k, name): (usize, &&str)| {
         // An image of one channel fills all of the file's.
@@ -144,10 +163,10 @@ fn write_exr(image: &Image, facts: &Facts, writer: &mut impl Write) -> std::resu
         AnyChannels::sort(channels),
     );
     let mut bytes = Cursor::new(Vec::new());
-    ExrImage::from_layer(layer).write().to_buffered(&mut bytes).map_err(|e| e.to_string())?;
+    ExrImage::from_layer(layer).write().to_buffered(&mut bytes)?;
     let mut bytes = bytes.into_inner();
     sort_attributes(&mut bytes);
-    writer.write_all(&bytes).map_err(|e| e.to_string())
+    Ok(bytes)
 }
 
 /// Sorts the attributes in a file's header by name. The crate `exr` writes them in an order that changes from run to run;

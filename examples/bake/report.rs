@@ -6,12 +6,13 @@ use serde_json::{Value, json};
 use vrtm::{AssetInfo, AssetReport, DeviceInfo, MapReport, Strain, StrainReport, TileInfo, TileReport};
 
 use crate::args::Args;
+use crate::overwrite;
 use crate::source::{Frame, Source};
 
 /// Figures that are known before the first frame.
 pub fn header(source: &Source, args: &Args, device: &DeviceInfo, info: &AssetInfo) -> Value {
     json!({
-        "program": { "name": "bake", "version": env!("CARGO_PKG_VERSION") },
+        "program": { "name": overwrite::PROGRAM, "version": env!("CARGO_PKG_VERSION") },
         "scene": { "name": source.name, "mesh": source.origin, "credits": source.credits },
         "settings": {
             "quality": format!("{:?}", args.quality).to_lowercase(),

@@ -11,6 +11,7 @@ use crate::image_file;
 use crate::maps::Map;
 use crate::mesh::Mesh;
 use crate::obj;
+use crate::overwrite::Input;
 use crate::scenes::{self, Scene};
 use crate::vertices;
 
@@ -33,6 +34,8 @@ pub struct Source {
     pub vertex_mask: Option<Vec<f32>>,
     /// Author, licence and source of an asset for the report.
     pub credits: Value,
+    /// All files that were read.
+    pub inputs: Vec<Input>,
 }
 
 #[derive(Debug)]
@@ -123,6 +126,7 @@ fn scene(name: &str) -> Result<Source> {
         vertex_rigidity: None,
         vertex_mask: None,
         credits: Value::Null,
+        inputs: Vec::new(),
     })
 }
 
@@ -133,6 +137,7 @@ fn asset(folder: &Path) -> Result<Source> {
     let mesh = obj::load_mesh(&rest)?;
     let mut frames = Vec::new();
     let poses = folder.join("frames.f32");
+    let mut inputs = [&path, &rest, &poses].map(|path| ("--asset", path.clone())).to_vec();
     load_f32(&poses, mesh.rest.len(), &mut frames)?;
     // The size of a file that was truncated between two frames is still a multiple of a frame's.
     if let Some(count) = json["frames"].as_u64().filter(|&count| count != frames.len() as u64) {
@@ -147,7 +152,9 @@ fn asset(folder: &Path) -> Result<Source> {
         for (udim, file) in json[kind].as_object().into_iter().flatten() {
             let bad = || Failure::file(&path, format!("\"{kind}\" should map UDIM numbers to file names"));
             let udim: u32 = udim.parse().map_err(|_| bad())?;
-            let map = image_file::load(&folder.join(file.as_str().ok_or_else(bad)?))?;
+            let file = folder.join(file.as_str().ok_or_else(bad)?);
+            let map = image_file::load(&file)?;
+            inputs.push(("--asset", file));
             if present.contains(&udim) {
                 let tile = maps.entry(udim).or_default();
                 *(if field { &mut tile.rigidity } else { &mut tile.mask }) = Some(map);
@@ -166,19 +173,23 @@ fn asset(folder: &Path) -> Result<Source> {
         vertex_rigidity: None,
         vertex_mask: None,
         credits: credits.iter().map(|&key| (key.to_string(), json[key].clone())).collect(),
+        inputs,
     })
 }
 
 fn files(rest: &Path, args: &Args) -> Result<Source> {
     let mut mesh = obj::load_mesh(rest)?;
     let mut frames = Vec::new();
+    let mut inputs = vec![("--rest", rest.to_path_buf())];
     for path in &args.pose {
+        inputs.push(("--pose", path.clone()));
         load_poses(path, &mesh, &mut frames)?;
     }
     let mut at_rest = Vec::new();
     let first = match &args.rest_pose {
         Some(RestPose::First) => frames.first(),
         Some(RestPose::File(path)) => {
+            inputs.push(("--rest-pose", path.clone()));
             load_poses(path, &mesh, &mut at_rest)?;
             at_rest.first()
         }
@@ -188,21 +199,23 @@ fn files(rest: &Path, args: &Args) -> Result<Source> {
         check_positions(first, mesh.rest.len())?;
         mesh.rest = first.positions.clone();
     }
-    let of_vertices = |name: &Option<String>| {
-        name.as_ref().map(|name| vertices::load(name, rest, mesh.rest.len())).transpose()
+    let mut of_vertices = |option, name: &Option<String>| {
+        let Some(name) = name else { return Ok(None) };
+        let path = if name == "colors" { rest } else { Path::new(name) };
+        inputs.push((option, path.into()));
+        vertices::load(path, mesh.rest.len()).map(Some)
     };
-    let (vertex_rigidity, vertex_mask) =
-        (of_vertices(&args.vertex_rigidity)?, of_vertices(&args.vertex_mask)?);
+    let vertex_rigidity = of_vertices("--vertex-rigidity", &args.vertex_rigidity)?;
+    let vertex_mask = of_vertices("--vertex-mask", &args.vertex_mask)?;
     let udims: Vec<u32> = mesh.udims().into_iter().collect();
     let mut maps: BTreeMap<u32, TileMaps> = BTreeMap::new();
-    if let Some(pattern) = &args.rigidity {
-        for (udim, map) in load_pattern("--rigidity", pattern, &udims)? {
-            maps.entry(udim).or_default().rigidity = Some(map);
-        }
-    }
-    if let Some(pattern) = &args.mask {
-        for (udim, map) in load_pattern("--mask", pattern, &udims)? {
-            maps.entry(udim).or_default().mask = Some(map);
+    for (option, pattern) in [("--rigidity", &args.rigidity), ("--mask", &args.mask)] {
+        let Some(pattern) = pattern else { continue };
+        for (udim, path) in existing(option, pattern, &udims)? {
+            let map = Some(image_file::load(&path)?);
+            let tile = maps.entry(udim).or_default();
+            *(if option == "--mask" { &mut tile.mask } else { &mut tile.rigidity }) = map;
+            inputs.push((option, path));
         }
     }
     Ok(Source {
@@ -215,17 +228,18 @@ fn files(rest: &Path, args: &Args) -> Result<Source> {
         vertex_rigidity,
         vertex_mask,
         credits: Value::Null,
+        inputs,
     })
 }
 
 /// The existing files of a pattern, one per tile; a path without `<UDIM>` serves a mesh with one tile.
-fn load_pattern(argument: &str, pattern: &str, udims: &[u32]) -> Result<Vec<(u32, Map)>> {
+fn existing(argument: &str, pattern: &str, udims: &[u32]) -> Result<Vec<(u32, PathBuf)>> {
     if !pattern.contains("<UDIM>") {
         let [udim] = udims else {
             let reason = format!("the mesh has {} tiles: write <UDIM> for the tile's number", udims.len());
             return Err(Failure::named(&format!("{argument} {pattern}"), reason));
         };
-        return Ok(vec![(*udim, image_file::load(Path::new(pattern))?)]);
+        return Ok(vec![(*udim, pattern.into())]);
     }
     let mut found = Vec::new();
     for &udim in udims {
@@ -238,7 +252,7 @@ fn load_pattern(argument: &str, pattern: &str, udims: &[u32]) -> Result<Vec<(u32
     if found.is_empty() {
         return Err(Failure::named(pattern, format!("no such file for any of the mesh's tiles {udims:?}")));
     }
-    found.into_iter().map(|(udim, path)| Ok((udim, image_file::load(&path)?))).collect()
+    Ok(found)
 }
 
 /// Appends the poses of a file: an OBJ has one, a .f32 file one or more.

@@ -7,13 +7,12 @@ use crate::image_file::luminance;
 use crate::maps::Map;
 use crate::mesh::Triangle;
 
-/// Reads `count` values. `rest` is the OBJ of the rest mesh, for the word `colors`.
-pub fn load(name: &str, rest: &Path, count: usize) -> Result<Vec<f32>> {
-    let is_obj = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
-    let path = if name == "colors" { rest } else { Path::new(name) };
+/// Reads `count` values.
+pub fn load(path: &Path, count: usize) -> Result<Vec<f32>> {
     let bytes = read(path)?;
     let text = String::from_utf8_lossy(&bytes);
-    let values = if is_obj(path) { colours(&text) } else { numbers(&text) };
+    let is_obj = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
+    let values = if is_obj { colours(&text) } else { numbers(&text) };
     let values = values.map_err(|reason| Failure::file(path, reason))?;
     if values.len() != count {
         let reason = format!("{} values, but the rest mesh has {count} vertices", values.len());

@@ -5,6 +5,7 @@ mod common;
 mod inputs;
 mod maps;
 mod outputs;
+mod overwrite;
 mod poses;
 mod refusals;
 mod signals;

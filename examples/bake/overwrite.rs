@@ -1,0 +1,141 @@
+//! What a bake may replace: never a file that it reads, and of other files only those that vrtm wrote, which carry a mark,
+//! unless --overwrite is given.
+
+use std::collections::{HashMap, HashSet};
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::failure::{Failure, Result};
+use crate::image_file::EXR;
+
+/// A file that is read, after the option that names it.
+pub type Input = (&'static str, PathBuf);
+
+/// The mark of a report: its program's name.
+pub const PROGRAM: &str = "vrtm bake";
+/// The mark of an EXR file: the name of an attribute.
+pub const EXR_MARK: &str = "vrtm:inputs";
+/// The mark of a picture: the keyword of a text.
+pub const PNG_MARK: &str = "vrtm:kind";
+
+/// The first bytes of every PNG file.
+const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+/// Headers end before that: the longest are those of `vrtm bake`, which hold figures.
+const HEADER: u64 = 16 * 1024;
+
+/// By what files are known to be one.
+#[derive(Debug, PartialEq, Eq, Hash)]
+enum Identity {
+    /// A path without links, in capitals: a shared folder may be read where names that differ in case are one.
+    Name(PathBuf),
+    /// Device and inode, which hard links share.
+    #[cfg(unix)]
+    Node(u64, u64),
+}
+
+/// Refuses outputs that would replace what they must not. Nothing is written.
+pub fn check(outputs: &[PathBuf], inputs: &[Input], overwrite: bool) -> Result<()> {
+    let mut read = HashMap::new();
+    let mut folders = HashMap::new();
+    for (option, path) in inputs {
+        let all = identities(path, &name(path, &mut folders)?);
+        read.extend(all.into_iter().map(|identity| (identity, (option, path))));
+    }
+    let mut names = HashSet::new();
+    for output in outputs {
+        let refused = |reason: String| Err(Failure::file(output, reason));
+        let name = name(output, &mut folders)?;
+        for identity in identities(output, &name) {
+            if let Some((option, input)) = read.get(&identity) {
+                return refused(format!("would replace an input, {option} {}", input.display()));
+            }
+        }
+        if !names.insert(name) {
+            return refused("two outputs would get this name, or names that differ in case alone".into());
+        }
+        match fs::metadata(output) {
+            Ok(data) if data.is_file() => {
+                if !overwrite && !is_marked(output).map_err(|e| Failure::file(output, e))? {
+                    return refused("exists, and vrtm did not write it; --overwrite replaces it".into());
+                }
+            }
+            Err(_) if fs::symlink_metadata(output).is_err() => {}
+            _ => return refused("exists, and is not a regular file".into()),
+        }
+    }
+    for output in outputs {
+        if name(output, &mut folders)?.ancestors().skip(1).any(|folder| names.contains(folder)) {
+            return Err(Failure::file(output, "another output would get the name of its folder"));
+        }
+    }
+    Ok(())
+}
+
+fn identities(path: &Path, name: &Path) -> Vec<Identity> {
+    let mut all = vec![Identity::Name(name.into())];
+    if let Ok(path) = path.canonicalize() {
+        all.push(Identity::Name(in_capitals(&path)));
+    }
+    #[cfg(unix)]
+    if let Ok(data) = fs::metadata(path) {
+        use std::os::unix::fs::MetadataExt;
+        all.push(Identity::Node(data.dev(), data.ino()));
+    }
+    all
+}
+
+/// A path in capitals, without links in its folder. `folders` keeps what is known of folders.
+fn name<'a>(path: &'a Path, folders: &mut HashMap<&'a Path, PathBuf>) -> Result<PathBuf> {
+    let folder = path.parent().unwrap_or(path);
+    let real = match folders.get(folder) {
+        Some(real) => real,
+        None => &*folders.entry(folder).or_insert(real_folder(folder)?),
+    };
+    Ok(in_capitals(&real.join(path.file_name().unwrap_or_default())))
+}
+
+/// A folder without links. It need not exist yet: `new/../maps` will be `maps`.
+fn real_folder(folder: &Path) -> Result<PathBuf> {
+    // The empty path is the current folder, too.
+    let path = std::path::absolute(Path::new(".").join(folder)).map_err(|e| Failure::file(folder, e))?;
+    let mut real = PathBuf::new();
+    for part in path.components() {
+        match part {
+            Component::Normal(_) => real.push(part),
+            Component::ParentDir => _ = real.pop(),
+            root => {
+                real.push(root);
+                continue;
+            }
+        }
+        if !real.is_dir() && fs::symlink_metadata(&real).is_ok() {
+            return Err(Failure::file(&real, "is not a folder"));
+        }
+        if let Ok(path) = real.canonicalize() {
+            real = path;
+        }
+    }
+    Ok(real)
+}
+
+fn in_capitals(path: &Path) -> PathBuf {
+    path.to_string_lossy().to_uppercase().into()
+}
+
+/// Whether vrtm wrote a file, be it whole or cut short after its header. An empty one is nobody's work.
+fn is_marked(path: &Path) -> io::Result<bool> {
+    let mut header = Vec::new();
+    File::open(path)?.take(HEADER).read_to_end(&mut header)?;
+    let has = |mark: &str| header.windows(mark.len()).any(|bytes| bytes == mark.as_bytes());
+    Ok(match header.first() {
+        None => true,
+        _ if header.starts_with(&EXR) => has(EXR_MARK),
+        _ if header.starts_with(PNG) => has(PNG_MARK),
+        Some(b'{') => serde_json::from_slice(&fs::read(path)?)
+            .is_ok_and(|report: Value| report["program"]["name"] == PROGRAM),
+        _ => false,
+    })
+}
