@@ -1,5 +1,5 @@
 //! Writes files so that they appear complete or not at all: each gets a temporary name, and a frame's files are renamed
-//! together.
+//! together, once the disk has them.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -15,7 +15,7 @@ use vrtm::PixelFormat;
 
 use crate::failure::{Failure, Result};
 use crate::outputs::{Image, Output};
-use crate::overwrite::{EXR_MARK, PNG_MARK};
+use crate::overwrite::{self, EXR_MARK, PNG_MARK};
 use crate::signals::Unfinished;
 
 /// What a file tells of itself.
@@ -62,12 +62,12 @@ impl Facts {
 pub struct Staging {
     folder: PathBuf,
     waiting: Unfinished,
-    /// Files that may be written.
+    /// Files that have not been written yet, out of those that may be.
     planned: BTreeSet<PathBuf>,
 }
 
 impl Staging {
-    /// Makes the folder if it does not exist. `planned` are the files that [`crate::overwrite::check`] has passed.
+    /// Makes the folder if it does not exist. `planned` are the files that [`overwrite::check`] has passed.
     pub fn new(folder: &Path, planned: Vec<PathBuf>, waiting: Unfinished) -> Result<Staging> {
         fs::create_dir_all(folder).map_err(|e| Failure::file(folder, e))?;
         Ok(Staging { folder: folder.into(), waiting, planned: planned.into_iter().collect() })
@@ -95,7 +95,13 @@ impl Staging {
         };
         waiting.push((temporary, path.clone()));
         drop(waiting);
-        file.write_all(bytes).map_err(failure)
+        // A full disk is sometimes told only once it has to have all of the file.
+        file.write_all(bytes).and_then(|()| file.sync_all()).map_err(failure)?;
+        let length = file.metadata().map_err(failure)?.len();
+        if length != bytes.len() as u64 {
+            return Err(Failure::file(&path, format!("{length} of {} bytes were written", bytes.len())));
+        }
+        Ok(())
     }
 
     /// Writes an image with lossless compression (ZIP).
@@ -115,6 +121,12 @@ impl Staging {
         let mut waiting = self.waiting.lock();
         for (temporary, path) in waiting.iter() {
             fs::rename(temporary, path).map_err(|e| Failure::file(path, e))?;
+            self.planned.remove(path);
+        }
+        // The names are to outlast a crash, too. Windows sees to that itself, and not every file system can.
+        #[cfg(unix)]
+        for folder in waiting.iter().filter_map(|(_, path)| path.parent()).collect::<BTreeSet<_>>() {
+            let _ = File::open(folder).and_then(|folder| folder.sync_all());
         }
         waiting.clear();
         Ok(())
@@ -124,6 +136,8 @@ impl Staging {
 impl Drop for Staging {
     fn drop(&mut self) {
         Unfinished::remove(&mut self.waiting.lock());
+        // What is left over after a failure may lie there damaged, from before: nobody is to take it for a result.
+        self.planned.iter().for_each(|path| overwrite::remove_if_damaged(path));
     }
 }
 

@@ -3,9 +3,10 @@
 
 use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, Cursor, Read};
 use std::path::{Component, Path, PathBuf};
 
+use exr::prelude::{ReadChannels as _, ReadLayers as _};
 use serde_json::Value;
 
 use crate::failure::{Failure, Result};
@@ -138,4 +139,23 @@ fn is_marked(path: &Path) -> io::Result<bool> {
             .is_ok_and(|report: Value| report["program"]["name"] == PROGRAM),
         _ => false,
     })
+}
+
+/// Removes a file of vrtm's that cannot be read back.
+pub fn remove_if_damaged(path: &Path) {
+    if !is_marked(path).unwrap_or(false) {
+        return;
+    }
+    let Ok(bytes) = fs::read(path) else { return };
+    let whole = if bytes.starts_with(&EXR) {
+        let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
+        let read = reader.first_valid_layer().all_attributes().from_buffered(Cursor::new(&bytes));
+        // Somebody may have compressed it anew, in a way that is not read here.
+        !matches!(read, Err(exr::error::Error::Invalid(_) | exr::error::Error::Io(_)))
+    } else {
+        !bytes.starts_with(PNG) || image::load_from_memory(&bytes).is_ok()
+    };
+    if bytes.is_empty() || !whole {
+        let _ = fs::remove_file(path);
+    }
 }

@@ -39,6 +39,9 @@ pub fn watch() -> Result<Unfinished> {
     for signal in [SIGTERM, SIGINT] {
         flag::register_usize(signal, code.clone(), 128 + signal as usize).map_err(failure)?;
     }
+    // A file that is longer than the system allows is then told like a full disk, and does not end the program.
+    #[cfg(unix)]
+    flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).map_err(failure)?;
     let unfinished = Unfinished::default();
     let files = unfinished.clone();
     let watcher = move || {

@@ -123,7 +123,9 @@ fn real_assets_bake() {
 #[test]
 fn help_tells_the_options() {
     let help = succeed(&["--help"]);
-    for option in ["--asset", "--rest", "--pose", "--rigidity", "--mask", "--frames", "--out", "--size"] {
+    for option in
+        ["--asset", "--rest", "--pose", "--rigidity", "--mask", "--frames", "--out", "--overwrite", "--size"]
+    {
         assert!(help.contains(option), "{option}");
     }
     for option in [

@@ -2,6 +2,7 @@
 
 mod built_in;
 mod common;
+mod full_disk;
 mod inputs;
 mod maps;
 mod outputs;
