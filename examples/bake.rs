@@ -52,8 +52,10 @@ mod strain;
 #[path = "bake/vertices.rs"]
 mod vertices;
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::{Arc, Mutex};
 
 use serde_json::Value;
 use vrtm::{AssetReport, Device, DeviceSettings, MapReport, TileReport};
@@ -86,6 +88,7 @@ fn run(args: &Args) -> Result<()> {
         backend: args.device.into(),
         adapter: args.adapter,
         threads: std::num::NonZeroU32::new(args.threads),
+        log: Some(log()),
         ..DeviceSettings::default()
     };
     let device = Device::new(&settings).map_err(|e| Failure::named("--device", e))?;
@@ -139,6 +142,19 @@ fn run(args: &Args) -> Result<()> {
     bar.finish_and_clear();
     table.print(&format!("written to {}", args.out.display()));
     Ok(())
+}
+
+/// Tells what the library warns of, once. What it says of a pose is told with the frame, by `warn`.
+fn log() -> vrtm::LogFn {
+    let told = Mutex::new(BTreeSet::new());
+    Arc::new(move |level, message| {
+        if level == vrtm::LogLevel::Warning
+            && !message.starts_with("pose")
+            && told.lock().is_ok_and(|mut told| told.insert(message.to_string()))
+        {
+            say(&format!("warning: {message}"));
+        }
+    })
 }
 
 /// All files that will be written.

@@ -67,6 +67,7 @@ pub fn tile(
         "grid": info.grid,
         "movable_nodes": info.movable_nodes,
         "overlap": info.overlap,
+        "frozen": info.frozen,
         "border_edges": info.border_edges,
         "welded_edges": info.welded_edges,
         "edges_apart": info.edges_apart,
@@ -182,6 +183,8 @@ fn strains(s: &StrainReport) -> Value {
         "after": strain(&s.after),
         "harm": s.harm,
         "help": s.help,
+        "edges_fixed": s.edges_fixed,
+        "fixed": s.fixed,
     })
 }
 

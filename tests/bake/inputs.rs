@@ -301,3 +301,24 @@ fn bad_values_per_vertex_are_refused() {
     let (arguments, out) = files.arguments("pose.obj", &["--vertex-mask", "colors"]);
     refuse(&arguments, &out, "rest.obj", "line 2: the vertex has no colour");
 }
+
+/// Two faces over the same texels: nothing may move there, and the bake says so once, whatever the number of frames.
+#[test]
+fn uvs_that_overlap_are_told() {
+    let files = Files::new("stacked");
+    let stacked = REST.replace("f 2/5 3/6 6/7 5/8", "f 2/1 3/2 6/3 5/4");
+    files.write("rest.obj", stacked.as_bytes());
+    files.write("pose.obj", stacked.replace("v 0 1 0", "v 0 1.4 0.2").as_bytes());
+    let pose = files.path("pose.obj");
+    let (arguments, out) =
+        files.arguments("pose.obj", &["--pose", &pose, "--weld", "off", "--size", "32", "--no-sheet"]);
+    let (_, warnings) = succeed_with_warnings(&borrow(&arguments));
+    let told = |what: &str| warnings.lines().filter(|line| line.contains(what)).count();
+    assert_eq!((told("overlapped"), told("nothing that may move")), (1, 1), "{warnings}");
+    let report = report(&out);
+    assert_eq!(report["frames"].as_array().unwrap().len(), 2);
+    assert_eq!(report["tiles"][0]["frozen"], 1.0);
+    let strain = &report["frames"][0]["tiles"][0]["strain"];
+    assert!(strain["edges"] == 0 && strain["edges_fixed"].as_u64() > Some(50), "{strain}");
+    assert!(strain["fixed"].as_f64() > Some(0.05), "{strain}");
+}
