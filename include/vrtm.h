@@ -612,9 +612,12 @@ typedef int32_t vrtm_weld;
 // in the modelling program is cut here, lips that are closed at rest included, and no pose changes that.
 #define VRTM_WELD_INDEX 0
 
-// Also different vertices whose rest positions lie within the tolerance: for meshes out of games, where vertices are
-// doubled along hard edges and seams. Where a pose pulls such vertices apart (by ten times the tolerance), charts end
-// in this pose, the result is that of the mesh cut there, and the log warns.
+// Also different vertices whose rest positions lie within the tolerance (vrtm_mesh_desc.weld_position_tolerance):
+// for meshes out of games, where vertices are doubled along hard edges and seams. A pose tears an edge between
+// such vertices where those at either of its ends lie farther apart, along x, y or z, than ten times the
+// tolerance, its rounding included, plus 8 e times the largest magnitude of their six coordinates in the pose; e
+// is 2^-23 for f32 positions and 2^-52 for f64. Charts end there in this pose, the result is that of the mesh cut
+// there, and the log warns.
 #define VRTM_WELD_POSITION 1
 
 // The same vertex, and exactly the same UV.
@@ -686,9 +689,10 @@ typedef struct vrtm_mesh_desc {
     size_t textured_face_count;
     // One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
     vrtm_weld weld;
-    // Largest distance of vertices that VRTM_WELD_POSITION welds, as a fraction (0..1) of the longest side of the
-    // bounding box at rest; 0 = 1e-5. To it comes the rounding of the largest coordinate. A vertex has at most a
-    // quarter of its shortest edge.
+    // The tolerance of VRTM_WELD_POSITION, the largest distance of vertices that it welds: this fraction (0..1) of the
+    // longest side of the bounding box at rest, 0 = 1e-5, plus a rounding, 2^-23 (for f64 positions 2^-52) times the
+    // largest magnitude of a coordinate at rest. A vertex has at most a quarter of its shortest edge; one with an edge
+    // shorter than half of the tolerance is welded to vertices at equal positions alone.
     float weld_position_tolerance;
     // Largest difference of welded UVs, in u and in v, 0..1; 0 = 1/2048, half a texel of a map of 1024. Corners of
     // small triangles have less: a quarter of the least height in UV of the triangles at the vertex.
@@ -1026,10 +1030,11 @@ typedef int32_t vrtm_fetch_kind;
 #define VRTM_FETCH_REDIRECTION_DELTA 1
 
 // The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
-// absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
-// size plus one in both directions the texels are the grid's nodes. Between the nodes the warp is affine on two
-// triangles per cell, split by the diagonal from the cell's corner of least u and v to that of greatest: all outputs of
-// a result agree on that, so that at any size the warp of a redirected UV is that UV. Take f32.
+// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of
+// a row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the
+// grid's nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the
+// cell's corner of least u and v to that of greatest: all outputs of a result agree on that, so that at any size
+// the warp of a redirected UV is that UV. Take f32.
 #define VRTM_FETCH_WARP 2
 
 // The redirection plus the offset of the tile (U, V) among the UDIM tiles: UVs as those of the mesh, to be looked up in
@@ -1070,9 +1075,11 @@ vrtm_status vrtm_tile_fetch(vrtm_tile tile,
 
 // Writes a part of one output of the last solve, for images that are too large to be held at once: of an image of
 // `width` x `height` texels, those from the column `x` and the row `y` that `image` has room for. Rows are counted in
-// the order of image->origin. On the CPU the parts are, bit by bit, those of the whole image.
+// the order of image->origin. On the CPU the parts are, bit by bit, those of the whole image. A redirection that is
+// one_to_one depends on the whole map, and cannot be had in parts: fetch it whole.
 //
-// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside of the whole.
+// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside of the whole;
+// VRTM_ERROR_UNSUPPORTED for a redirection with image->one_to_one, unless the part is the whole.
 VRTM_API
 vrtm_status vrtm_tile_fetch_part(vrtm_tile tile,
                                  vrtm_fetch_kind kind,
@@ -1249,7 +1256,8 @@ typedef int32_t vrtm_solver;
 
 // The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
 // its result is returned as it is, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
-// folds, a texel has several places to look at and gets one of them.
+// folds, a texel has several places to look at and gets one of them. Nodes may leave their charts, and the tile:
+// by 0.08 of its side in the worst pose tried. Redirections stay within the tile.
 #define VRTM_SOLVER_PBD 1
 
 // Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a fraction means 0. A

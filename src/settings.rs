@@ -238,7 +238,8 @@ pub enum Solver {
     #[default]
     Descent,
     /// The paper's own: position-based dynamics on a hierarchy of grids (its section 4). The baseline. It may fold, and
-    /// its result is what it is: [`crate::TileReport::folds`] and [`crate::TileReport::min_jacobian`] tell.
+    /// its result is what it is: [`crate::TileReport::folds`] and [`crate::TileReport::min_jacobian`] tell. Nodes may leave
+    /// their charts, and the tile.
     Pbd,
 }
 

@@ -145,6 +145,24 @@ fn redirections_of_folds_stay_in_the_tile() {
     assert!(folds > 1000, "{folds}");
 }
 
+/// What the header says at VRTM_SOLVER_PBD: its nodes may leave the tile, which those of `descent` never do.
+#[test]
+fn nodes_leave_the_tile_by_no_more_than_the_header_says() {
+    // The sheet covers all of the tile, and shrinks to a tenth, so that discs want to grow over the border.
+    let mut model = Model::from(scenes::analytic::squash(0.1));
+    model.frames[0].iter_mut().for_each(|p| p[1] *= 0.1);
+    model.uvs.iter_mut().flatten().for_each(|x| *x = ((*x - 0.02) / 0.96).clamp(0.0, 1.0));
+    let outside = |grid: u32, options: &SolveOptions| {
+        let mut asset = solved(&model, &cpu(0), grid, 1, options);
+        let nodes = fetch(&mut asset, 0, FetchKind::Warp, [grid + 1; 2]);
+        nodes.as_flattened().iter().fold(0.0f32, |most, x| most.max(-x).max(x - 1.0))
+    };
+    let worst = outside(128, &pbd(64)).max(outside(64, &pbd(64)));
+    println!("{worst} of the tile's side");
+    assert!(worst > 0.01 && worst < 0.08, "{worst}");
+    assert!(outside(64, &SolveOptions::default()) <= 0.0);
+}
+
 /// Compares the backends stage by stage from the same state, and switches from one to the other.
 #[cfg(feature = "gpu")]
 #[test]

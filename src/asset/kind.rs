@@ -17,7 +17,7 @@ pub enum FetchKind {
     RedirectionDelta,
     /// The warp itself, absolute within the tile, from border to border: (nx+1) x (ny+1) texels give the nodes exactly.
     /// At any other size each cell is two triangles, split by its diagonal from (0,0) to (1,1), and the warp is affine on
-    /// each: what the redirection inverts.
+    /// each: what the redirection inverts. Nodes of [`crate::Solver::Pbd`] may lie a little outside of the tile.
     Warp,
     /// The redirection plus the tile's offset (U, V): absolute among all tiles, as the mesh's own UVs are.
     RedirectionUdim,

@@ -19,10 +19,11 @@ pub const VRTM_FETCH_REDIRECTION: vrtm_fetch_kind = 0;
 /// The same less the texel centre itself: what to add to a UV; 0 where nothing moves. Good in f16 too.
 pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
 /// The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
-/// absolute within the tile. The first and last texels of a row or column lie on the tile's border; with the grid's
-/// size plus one in both directions the texels are the grid's nodes. Between the nodes the warp is affine on two
-/// triangles per cell, split by the diagonal from the cell's corner of least u and v to that of greatest: all outputs of
-/// a result agree on that, so that at any size the warp of a redirected UV is that UV. Take f32.
+/// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of
+/// a row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the
+/// grid's nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the
+/// cell's corner of least u and v to that of greatest: all outputs of a result agree on that, so that at any size
+/// the warp of a redirected UV is that UV. Take f32.
 pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
 /// The redirection plus the offset of the tile (U, V) among the UDIM tiles: UVs as those of the mesh, to be looked up in
 /// all tiles of a texture. Take f32.
@@ -159,9 +160,11 @@ pub unsafe extern "C" fn vrtm_tile_fetch(
 
 /// Writes a part of one output of the last solve, for images that are too large to be held at once: of an image of
 /// `width` x `height` texels, those from the column `x` and the row `y` that `image` has room for. Rows are counted in
-/// the order of image->origin. On the CPU the parts are, bit by bit, those of the whole image.
+/// the order of image->origin. On the CPU the parts are, bit by bit, those of the whole image. A redirection that is
+/// one_to_one depends on the whole map, and cannot be had in parts: fetch it whole.
 ///
-/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside of the whole.
+/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside of the whole;
+/// VRTM_ERROR_UNSUPPORTED for a redirection with image->one_to_one, unless the part is the whole.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch_part(
     tile: vrtm_tile,

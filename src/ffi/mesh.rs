@@ -14,9 +14,12 @@ pub type vrtm_weld = i32;
 /// The same vertex, and UVs within the tolerance; the default. The host's vertices say what hangs together: what is cut
 /// in the modelling program is cut here, lips that are closed at rest included, and no pose changes that.
 pub const VRTM_WELD_INDEX: vrtm_weld = 0;
-/// Also different vertices whose rest positions lie within the tolerance: for meshes out of games, where vertices are
-/// doubled along hard edges and seams. Where a pose pulls such vertices apart (by ten times the tolerance), charts end
-/// in this pose, the result is that of the mesh cut there, and the log warns.
+/// Also different vertices whose rest positions lie within the tolerance (vrtm_mesh_desc.weld_position_tolerance):
+/// for meshes out of games, where vertices are doubled along hard edges and seams. A pose tears an edge between
+/// such vertices where those at either of its ends lie farther apart, along x, y or z, than ten times the
+/// tolerance, its rounding included, plus 8 e times the largest magnitude of their six coordinates in the pose; e
+/// is 2^-23 for f32 positions and 2^-52 for f64. Charts end there in this pose, the result is that of the mesh cut
+/// there, and the log warns.
 pub const VRTM_WELD_POSITION: vrtm_weld = 1;
 /// The same vertex, and exactly the same UV.
 pub const VRTM_WELD_OFF: vrtm_weld = 2;
@@ -91,9 +94,10 @@ pub struct vrtm_mesh_desc {
     pub textured_face_count: usize,
     /// One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
     pub weld: vrtm_weld,
-    /// Largest distance of vertices that VRTM_WELD_POSITION welds, as a fraction (0..1) of the longest side of the
-    /// bounding box at rest; 0 = 1e-5. To it comes the rounding of the largest coordinate. A vertex has at most a
-    /// quarter of its shortest edge.
+    /// The tolerance of VRTM_WELD_POSITION, the largest distance of vertices that it welds: this fraction (0..1) of the
+    /// longest side of the bounding box at rest, 0 = 1e-5, plus a rounding, 2^-23 (for f64 positions 2^-52) times the
+    /// largest magnitude of a coordinate at rest. A vertex has at most a quarter of its shortest edge; one with an edge
+    /// shorter than half of the tolerance is welded to vertices at equal positions alone.
     pub weld_position_tolerance: f32,
     /// Largest difference of welded UVs, in u and in v, 0..1; 0 = 1/2048, half a texel of a map of 1024. Corners of
     /// small triangles have less: a quarter of the least height in UV of the triangles at the vertex.

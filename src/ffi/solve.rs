@@ -33,7 +33,8 @@ pub type vrtm_solver = i32;
 pub const VRTM_SOLVER_DESCENT: vrtm_solver = 0;
 /// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
 /// its result is returned as it is, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
-/// folds, a texel has several places to look at and gets one of them.
+/// folds, a texel has several places to look at and gets one of them. Nodes may leave their charts, and the tile:
+/// by 0.08 of its side in the worst pose tried. Redirections stay within the tile.
 pub const VRTM_SOLVER_PBD: vrtm_solver = 1;
 
 /// Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a fraction means 0. A

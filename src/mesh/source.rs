@@ -51,7 +51,8 @@ pub enum WeldBy {
     Index,
     /// Also different vertices whose rest positions lie within the tolerance: for meshes out of games, where vertices
     /// are doubled along hard edges and seams. Where a pose pulls such vertices apart, the charts end there in this pose
-    /// ([`crate::TileReport::welds_torn`]).
+    /// ([`crate::TileReport::welds_torn`]): by more than ten times the tolerance, along an axis, plus 8 times the
+    /// positions' epsilon (2^-23 for f32, 2^-52 for f64) of the largest magnitude of their coordinates in the pose.
     Position,
     /// The same vertex, and exactly the same UV.
     Off,
@@ -63,7 +64,8 @@ pub struct Weld {
     /// By vertex, by position, or not at all.
     pub by: WeldBy,
     /// Largest distance of welded vertices at rest, as a fraction of the longest side of the mesh's bounding box, 0..1;
-    /// `None` = 1e-5. For f32 positions two roundings of the largest coordinate are added. Speaks to
+    /// `None` = 1e-5. Unless it is 0, the positions' epsilon (2^-23 for f32, 2^-52 for f64) times the largest magnitude
+    /// of a coordinate at rest is added. A vertex has at most a quarter of its shortest edge. Speaks to
     /// [`WeldBy::Position`] alone.
     pub position_tolerance: Option<f64>,
     /// Largest difference of welded UVs in u and in v, 0..1; `None` = 1/2048, half a texel of a map of 1024, and the

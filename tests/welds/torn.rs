@@ -130,3 +130,48 @@ fn maps_and_settings_may_change_while_a_weld_is_torn() {
         assert_eq!(energy(&changed), energy(&by_index));
     }
 }
+
+/// The rule of the header, at VRTM_WELD_POSITION and weld_position_tolerance: far from the origin most of the bound is
+/// rounding, of the rest and of the pose.
+#[test]
+fn a_pose_tears_a_weld_just_over_the_bound_of_the_header() {
+    let (sheet, doubled) = slit(false);
+    let [below, above] = doubled[0].map(|v| v as usize);
+    let by_position = Model { weld: by(WeldBy::Position), ..sheet };
+    for (epsilon, far) in [(2f64.powi(-23), [0.0f64, 3000.0]), (2f64.powi(-52), [0.0, 3e12])] {
+        for (far, axis) in far.into_iter().flat_map(|far| [0, 2].map(|axis| (far, axis))) {
+            // The sheet from `far` to `far` + 1 in x; the pose is as far away along all axes, and twice as large.
+            let rest: Vec<[f64; 3]> =
+                by_position.rest.iter().map(|p| [f64::from(p[0]) + far, p[1].into(), p[2].into()]).collect();
+            let whole: Vec<[f64; 3]> = rest.iter().map(|p| [2.0 * p[0], 2.0 * p[1], far]).collect();
+            let tolerance = 1e-5 + epsilon * (far + 1.0);
+            let torn = |factor: f64| {
+                let mut pose = whole.clone();
+                pose[above] = pose[below];
+                // The moved coordinate may be the largest one itself.
+                let bound = |largest: f64| 10.0 * tolerance + 8.0 * epsilon * largest;
+                let largest = pose[below].iter().fold(0.0f64, |m, x| m.max(x.abs()));
+                let first = bound(largest);
+                let largest = largest.max((pose[below][axis] + factor * first).abs());
+                pose[above][axis] += factor * bound(largest);
+                if epsilon < 1e-10 {
+                    solve(&by_position, Strided::from_f64x3(&rest), Strided::from_f64x3(&pose))
+                } else {
+                    let [rest, pose] =
+                        [&rest, &pose].map(|p| p.iter().map(|p| p.map(|x| x as f32)).collect::<Vec<_>>());
+                    solve(&by_position, Strided::from_f32x3(&rest), Strided::from_f32x3(&pose))
+                }
+            };
+            // The coordinates themselves are rounded: by up to a step in 8 of them.
+            assert_eq!(torn(0.9), 0, "{epsilon:e} {far} {axis}");
+            assert_eq!(torn(1.1), 2, "{epsilon:e} {far} {axis}: the edges at both sides of the vertex");
+        }
+    }
+}
+
+fn solve(model: &Model, rest: Strided, pose: Strided) -> u32 {
+    let mut asset = model.bare(0, rest);
+    super::common::set_grid(&mut asset, 64);
+    asset.solve(pose, &SolveOptions::default()).unwrap();
+    asset.tile_report(0).unwrap().welds_torn
+}

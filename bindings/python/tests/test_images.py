@@ -116,6 +116,9 @@ def test_parts(solved):
     whole = solved.fetch(size=(40, 30))
     part = solved.fetch_part("redirection", (40, 30), (5, 7, 20, 11))
     assert np.array_equal(part, whole[7:18, 5:25])
+    # What one_to_one changes depends on the whole map.
+    with pytest.raises(TypeError, match="one_to_one"):
+        solved.fetch_part("redirection", (40, 30), (5, 7, 20, 11), one_to_one=True)
 
 
 def test_inspect(solved):
