@@ -346,9 +346,13 @@ typedef struct vrtm_image_out {
     // Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. 3 adds one that is
     // 0, and 4, for a redirection, one that is 1 where a chart covers the texel's centre and 0 elsewhere.
     uint32_t channels;
-    // 1 = a redirection is one-to-one also when a renderer interpolates between its texels: the values of texels next
-    // to a fold of the interpolated map are moved a little for that (vrtm_tile_inspect_map). 0 (the default) = every
-    // value is that of the redirection at the texel's centre. Ignored for other kinds.
+    // 1 = a redirection is one-to-one also when a renderer interpolates between its texels: values around folds of the
+    // interpolated map are moved for that, by less than a texel in most maps, and by several where a warp is crumpled
+    // or numbers have 16 bits (vrtm_tile_inspect_map tells the error). In f32 no map is known that is left with folds.
+    // Numbers of 16 bits may be too coarse for the map's size: the values are then those without one_to_one, the log
+    // warns, and vrtm_tile_inspect_map with the same settings counts the `folds`; the call succeeds. The call takes 9
+    // bytes per texel and up to 11 MB more. A part of an image cannot have it (vrtm_tile_fetch_part). 0 (the default)
+    // = every value is that of the redirection at the texel's centre. Ignored for other kinds.
     uint32_t one_to_one;
 } vrtm_image_out;
 
@@ -1201,8 +1205,9 @@ typedef struct vrtm_map_data {
     uint32_t struct_size;
     // Zero.
     uint32_t reserved;
-    // Quads of four neighbouring texel centres on which the interpolated map is not one-to-one: 0 certifies that it is
-    // everywhere between the centres of the tile's outermost texels.
+    // Quads of four neighbouring texel centres on which the interpolated map is not one-to-one, in the numbers that a
+    // fetch writes: 0 certifies that it is everywhere between the centres of the tile's outermost texels. More than 0
+    // for a map with one_to_one: its numbers are too coarse for its size, and nothing was moved.
     uint64_t folds;
     // Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
     double min_jacobian;
@@ -1213,8 +1218,8 @@ typedef struct vrtm_map_data {
     // Largest error in the charts.
     double error_max;
     // A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter
-    // and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size, if
-    // the numbers are fine enough: f32, or f16 of the delta.
+    // and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size if
+    // the numbers are fine enough: f32, or f16 of the delta unless what moves far is squeezed.
     uint32_t sufficient_width;
     // The same in v.
     uint32_t sufficient_height;
@@ -1224,7 +1229,8 @@ typedef struct vrtm_map_data {
 // folds has an inverse without folds, but a map holds that at texel centres only, and what a renderer interpolates
 // between them may fold where the warp squeezes. This tells whether it does, how far it is from the redirection, and
 // which size suffices. It takes about as long as fetching the map and one of twice its or the grid's size, and more if
-// it has to look for another size. Computed on the CPU.
+// it has to look for another size. A map with one_to_one is counted as it is written. Others are computed on the CPU:
+// where a GPU writes them, single quads that all but fold may count otherwise.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 // integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is no redirection, or a size

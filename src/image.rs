@@ -64,7 +64,9 @@ pub struct ImageLayout {
     /// Channels to write per texel of an output, 1 to 4; `None` = two. Inputs have one.
     pub channels: Option<u32>,
     /// Whether values of a redirection next to a fold of the interpolated map may differ from the inverse warp, so that
-    /// the map is one-to-one when it is read with bilinear interpolation; false = each value is the inverse warp's.
+    /// the map is one-to-one when it is read with bilinear interpolation; false = each value is the inverse warp's. In f32
+    /// no map is known that is left with folds. Where numbers of 16 bits are too coarse for a map's size, the values are the inverse
+    /// warp's, and the log warns: [`crate::MapReport::folds`] counts.
     pub one_to_one: bool,
 }
 

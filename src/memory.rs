@@ -8,6 +8,7 @@
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::AtomicU8;
 
 use crate::error::{Error, ErrorKind, Result};
 
@@ -108,7 +109,7 @@ macro_rules! plain {
         )+
     };
 }
-plain!(u8, u16, u32, u64, usize, f32, f64, bool);
+plain!(u8, u16, u32, u64, usize, f32, f64, bool, AtomicU8);
 // SAFETY: of numbers.
 unsafe impl<T: Plain, const N: usize> Plain for [T; N] {}
 

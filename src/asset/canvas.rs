@@ -32,6 +32,14 @@ impl Canvas {
         }
     }
 
+    /// The largest relative error of a number that is written.
+    pub fn epsilon(&self) -> f64 {
+        match self.layout.format {
+            PixelFormat::F16 => f64::from(f16::EPSILON) / 2.0,
+            _ => f64::from(f32::EPSILON) / 2.0,
+        }
+    }
+
     /// Writes the first channels of a texel; row 0 is at v = 0.
     pub fn put<const N: usize>(&self, x: usize, y: usize, values: [f64; N]) {
         self.put_from(0, x, y, values);

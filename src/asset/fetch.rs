@@ -46,7 +46,7 @@ impl<'a> Output<'a> {
         image: &TexelLayout,
     ) -> Result<Output<'a>> {
         if image.one_to_one && kind.is_redirection() && part.extent() != part.size {
-            let message = "image: one_to_one takes the whole image, not a part of one";
+            let message = "image.one_to_one: takes the whole image, as values depend on the whole map";
             return Err(Error::new(ErrorKind::Unsupported, message));
         }
         let content = match kind {
@@ -67,16 +67,18 @@ impl<'a> Output<'a> {
         Ok(Output { solved, part: *part, content })
     }
 
-    /// Writes it to `image`, which is as large as the part.
+    /// Writes it to `image`, which is as large as the part. Returns the number of quads of a map that was to be one-to-one,
+    /// and folds for all that.
     pub fn write(
         self,
         device: &Device,
         team: &Team,
         outputs: &mut Outputs,
         image: &mut ImageViewMut,
-    ) -> Result<()> {
+    ) -> Result<u64> {
         let Output { solved, part, content } = self;
         let canvas = Canvas::new(image);
+        let mut folds = 0;
         match content {
             Content::Inverse { form, centres, coverage, untangler } => {
                 outputs.invert(device, team, solved, &part, &centres, |x, y, uv, delta| {
@@ -84,7 +86,7 @@ impl<'a> Output<'a> {
                     canvas.put(x, y, [u, v, 0.0]);
                 })?;
                 if let Some(untangler) = untangler {
-                    untangler.untangle(team, &Map::new(&canvas, form, part.size));
+                    folds = untangler.untangle(team, &Map::new(&canvas, form, part.size));
                 }
                 if let Some(mut coverage) = coverage {
                     coverage.draw(team, &solved.mesh, &part);
@@ -104,7 +106,7 @@ impl<'a> Output<'a> {
             }
             Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
         }
-        Ok(())
+        Ok(folds)
     }
 }
 

@@ -41,7 +41,8 @@ pub struct MapReport {
     /// Texels along u and v.
     pub size: [u32; 2],
     /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one; 0 certifies that it is on
-    /// all of the tile, but for the half texel along its border that interpolation does not reach.
+    /// all of the tile, but for the half texel along its border that interpolation does not reach. More than 0 for a map
+    /// that is to be one-to-one: its numbers are too coarse for its size, and nothing was moved.
     pub folds: u64,
     /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there are
     /// no folds.
@@ -54,7 +55,7 @@ pub struct MapReport {
     pub error_max: f64,
     /// A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter and so
     /// on of it; `None` if there is none. Larger maps often have more folds: [`crate::ImageLayout::one_to_one`] leaves none at
-    /// any size, if the numbers are fine enough: f32, or f16 of the delta.
+    /// any size if the numbers are fine enough: f32, or f16 of the delta unless what moves far is squeezed.
     pub sufficient_size: Option<[u32; 2]>,
 }
 

@@ -13,5 +13,7 @@ pub(super) fn smallest_jacobian(deltas: [[f64; 2]; 4], size: [f64; 2]) -> f64 {
     let way = |from: [f64; 2], to: [f64; 2]| [to[0] - from[0], to[1] - from[1]];
     let cross = |e: [f64; 2], f: [f64; 2]| e[0] * f[1] - e[1] * f[0];
     let (low, high, left, right) = (way(a, b), way(c, d), way(a, c), way(b, d));
-    cross(low, left).min(cross(low, right)).min(cross(high, left)).min(cross(high, right))
+    let smallest = cross(low, left).min(cross(low, right)).min(cross(high, left)).min(cross(high, right));
+    // Of coarse numbers neighbours may be equal: the rounding of their distance must not pass for one.
+    if smallest.abs() < 1e-11 { 0.0 } else { smallest }
 }

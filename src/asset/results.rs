@@ -10,6 +10,7 @@ use crate::lock::lock;
 use crate::memory::{Collect, caught};
 use crate::mesh::Mesh;
 use crate::report::{AssetReport, GpuWork, TileReport};
+use crate::settings::LogLevel;
 use crate::team::Team;
 
 use super::fetch::{self, Output};
@@ -113,7 +114,8 @@ impl Results {
     /// band; the parts are those of the whole image, bit by bit on the CPU.
     ///
     /// # Errors
-    /// Those of [`Results::fetch`]; `InvalidArgument` if the part is not inside of the whole.
+    /// Those of [`Results::fetch`]; `InvalidArgument` if the part is not inside of the whole; `Unsupported` for a redirection
+    /// with [`crate::ImageLayout::one_to_one`], which depends on the whole map, unless the part is the whole.
     pub fn fetch_part(
         &self,
         tile: usize,
@@ -155,7 +157,7 @@ impl Results {
             }
             result
         };
-        match self.0.outputs.try_lock() {
+        let folds = match self.0.outputs.try_lock() {
             Ok(mut outputs) => write(&mut outputs)?,
             Err(TryLockError::Poisoned(poisoned)) => write(&mut poisoned.into_inner())?,
             // Another thread is fetching: no call waits for another.
@@ -163,8 +165,15 @@ impl Results {
                 let mut outputs = Outputs::default();
                 let result = write(&mut outputs);
                 outputs.release(device);
-                result?;
+                result?
             }
+        };
+        if folds > 0 {
+            let message = format!(
+                "tile {}: {folds} quads of a map fold that was to be one-to-one: its numbers are too coarse for its size",
+                solved.mesh.udim
+            );
+            device.log(LogLevel::Warning, &message);
         }
         solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);
         Ok(())

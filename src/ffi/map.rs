@@ -35,8 +35,9 @@ pub struct vrtm_map_data {
     pub struct_size: u32,
     /// Zero.
     pub reserved: u32,
-    /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one: 0 certifies that it is
-    /// everywhere between the centres of the tile's outermost texels.
+    /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one, in the numbers that a
+    /// fetch writes: 0 certifies that it is everywhere between the centres of the tile's outermost texels. More than 0
+    /// for a map with one_to_one: its numbers are too coarse for its size, and nothing was moved.
     pub folds: u64,
     /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
     pub min_jacobian: f64,
@@ -47,8 +48,8 @@ pub struct vrtm_map_data {
     /// Largest error in the charts.
     pub error_max: f64,
     /// A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter
-    /// and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size, if
-    /// the numbers are fine enough: f32, or f16 of the delta.
+    /// and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size if
+    /// the numbers are fine enough: f32, or f16 of the delta unless what moves far is squeezed.
     pub sufficient_width: u32,
     /// The same in v.
     pub sufficient_height: u32,
@@ -70,7 +71,8 @@ unsafe impl Sized32 for vrtm_map_data {
 /// folds has an inverse without folds, but a map holds that at texel centres only, and what a renderer interpolates
 /// between them may fold where the warp squeezes. This tells whether it does, how far it is from the redirection, and
 /// which size suffices. It takes about as long as fetching the map and one of twice its or the grid's size, and more if
-/// it has to look for another size. Computed on the CPU.
+/// it has to look for another size. A map with one_to_one is counted as it is written. Others are computed on the CPU:
+/// where a GPU writes them, single quads that all but fold may count otherwise.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 /// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is no redirection, or a size

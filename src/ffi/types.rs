@@ -106,9 +106,13 @@ pub struct vrtm_image_out {
     /// Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. 3 adds one that is
     /// 0, and 4, for a redirection, one that is 1 where a chart covers the texel's centre and 0 elsewhere.
     pub channels: u32,
-    /// 1 = a redirection is one-to-one also when a renderer interpolates between its texels: the values of texels next
-    /// to a fold of the interpolated map are moved a little for that (vrtm_tile_inspect_map). 0 (the default) = every
-    /// value is that of the redirection at the texel's centre. Ignored for other kinds.
+    /// 1 = a redirection is one-to-one also when a renderer interpolates between its texels: values around folds of the
+    /// interpolated map are moved for that, by less than a texel in most maps, and by several where a warp is crumpled
+    /// or numbers have 16 bits (vrtm_tile_inspect_map tells the error). In f32 no map is known that is left with folds.
+    /// Numbers of 16 bits may be too coarse for the map's size: the values are then those without one_to_one, the log
+    /// warns, and vrtm_tile_inspect_map with the same settings counts the `folds`; the call succeeds. The call takes 9
+    /// bytes per texel and up to 11 MB more. A part of an image cannot have it (vrtm_tile_fetch_part). 0 (the default)
+    /// = every value is that of the redirection at the texel's centre. Ignored for other kinds.
     pub one_to_one: u32,
 }
 

@@ -132,7 +132,8 @@ class Tile:
         dtype       float32 or float16
         channels    0 = as many as the kind has; 3 = a third that is 0; 4 = a fourth that is 1 where charts are
         origin      "top": the first row is at v = 1; or "bottom"
-        one_to_one  the redirection is one-to-one also when it is interpolated between its texels
+        one_to_one  the redirection is one-to-one also when it is interpolated between its texels; where float16 is too
+                    coarse for that, it is as without, the log warns, and inspect_map counts the folds
         out         an array to write into, of the right shape, of any strides
 
         Never waits for a solve. Raises NotSolvedError before the first.
