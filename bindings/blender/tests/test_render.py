@@ -258,7 +258,7 @@ class Render(Case):
             self.assertEqual(len([node for node in nodes if part("nodes").is_ours(node)]), expected)
         # The group still reads the object's image.
         obj = bpy.data.objects["arm"]
-        self.assertEqual(part("nodes").group_by_image(obj)["vrtm_result"], obj.vrtm.image)
+        self.assertEqual(part("nodes").image_of(part("nodes").group_by_image(obj)), obj.vrtm.image)
 
     def test_a_material_that_others_use_is_copied(self):
         arm = self.arm()

@@ -17,6 +17,7 @@ NAMES = (
     "live",
     "properties",
     "nodes",
+    "keep",
     "bake",
     "operators",
     "panel",

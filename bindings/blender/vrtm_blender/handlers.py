@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import live, results, session, solve
+from . import keep, live, results, session, solve
 from .messages import text_of
 
 PAINT_MODES = frozenset({"TEXTURE_PAINT", "VERTEX_PAINT", "WEIGHT_PAINT"})
@@ -120,18 +120,24 @@ def file_closes(*_) -> None:
 
 @persistent
 def file_loaded(*_) -> None:
+    keep.mend_groups()
     want_all()
 
 
 @persistent
+def imported(*_) -> None:
+    """blend_import_post: data-blocks were appended or linked."""
+    keep.mend_groups()
+
+
+@persistent
 def file_saves(*_) -> None:
-    """save_pre: the images of results exist in memory only. Packed, they are there again when the file is opened,
-    with or without this add-on."""
+    """save_pre"""
     session.forget_gone()
-    for obj in bpy.data.objects:
-        image = obj.vrtm.image
-        if image is not None and image.is_dirty and image.library is None:
-            image.pack()
+    # Before Blender 4.3 nothing tells of what was appended.
+    keep.mend_groups()
+    keep.keep_results()
+    keep.tell_unsaved()
 
 
 def want_all() -> None:
@@ -154,6 +160,8 @@ HANDLERS = {
     "load_post": file_loaded,
     "save_pre": file_saves,
 }
+if bpy.app.version >= (4, 3, 0):
+    HANDLERS["blend_import_post"] = imported
 
 
 def register() -> None:

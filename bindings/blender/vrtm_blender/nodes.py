@@ -4,24 +4,50 @@ from __future__ import annotations
 
 import bpy
 
-from . import results
+from . import results, session
 from .messages import Problem
 
-# Custom properties that tell this add-on's node groups: the kind of the group.
+# The custom property that tells the kind of a node group of this add-on. No tree may hold a data-block in a custom
+# property, registered or not: each time that EEVEE compiles such a tree the data-block loses a user, and Blender does
+# not save what has none.
 KIND = "vrtm_kind"
 BY_IMAGE, BY_UV_MAP = "image", "uv_map"
-# A group's custom property: the result image that it is for.
-RESULT = "vrtm_result"
 
 
-def update_groups(obj: bpy.types.Object) -> None:
-    """Builds the object's group by image anew, if there is one: after a change of the image's layout."""
-    image = obj.vrtm.image
-    if obj.vrtm.shows_baked:
-        return
-    for tree in bpy.data.node_groups:
-        if tree.get(KIND) == BY_IMAGE and _image_of(tree) == image and tree.library is None:
-            build_by_image(tree, image)
+def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
+    """The result image that a group is for, also while it shows baked files: that of one of its nodes. So it stays the
+    same one whatever it is called."""
+    images = [node.image for node in _textures(tree) if node.image is not None]
+    return next((image for image in images if results.LAYOUT in image), None)
+
+
+def baked_images() -> set[bpy.types.Image]:
+    """The images that groups read baked files by."""
+    return {image for tree in _by_image() for image in _baked_of(tree)}
+
+
+def groups_of(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
+    """The object's groups by image: those that have its result image, and those in its materials whose result image is
+    gone or is no object's, as where the image was deleted or another one was chosen in the panel."""
+    image, trees = obj.vrtm.image, [tree for tree in _by_image() if tree.library is None]
+    found = [tree for tree in trees if image is not None and image_of(tree) == image]
+    taken = {other.vrtm.image for other in bpy.data.objects} - {None}
+    return found + [tree for tree in trees if image_of(tree) not in taken and _owner(tree) == obj]
+
+
+def stale_groups(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
+    """The object's groups by image that do not read its result image, as they should."""
+    if obj.vrtm.shows_baked or not obj.vrtm.write_image:
+        return []
+    return [tree for tree in groups_of(obj) if image_of(tree) != obj.vrtm.image]
+
+
+def update_groups(obj: bpy.types.Object, anew: bool) -> None:
+    """Builds the object's groups by image that have lost it; `anew`: all of them, after a change of the image's
+    layout."""
+    if not obj.vrtm.shows_baked:
+        for tree in groups_of(obj) if anew else stale_groups(obj):
+            build_by_image(tree, obj.vrtm.image)
 
 
 def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
@@ -29,15 +55,47 @@ def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
     image = obj.vrtm.image
     if image is None:
         raise Problem(f"{obj.name} has no result image yet: press Update Now with the Image output on")
-    for tree in bpy.data.node_groups:
-        if tree.get(KIND) == BY_IMAGE and _image_of(tree) == image:
-            return tree
+    # A linked group will do, too.
+    trees = [tree for tree in _by_image() if image_of(tree) == image] or groups_of(obj)
+    if trees:
+        return trees[0]
     tree = bpy.data.node_groups.new(f"vrtm redirection {obj.name}", "ShaderNodeTree")
-    tree[KIND], tree[RESULT] = BY_IMAGE, image
+    tree[KIND] = BY_IMAGE
     tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
     tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
     build_by_image(tree, image)
     return tree
+
+
+def _by_image() -> list[bpy.types.NodeTree]:
+    return [tree for tree in bpy.data.node_groups if tree.get(KIND) == BY_IMAGE]
+
+
+def _textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    return [node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage"]
+
+
+def _baked_of(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
+    images = {node.image for node in _textures(tree)} - {None}
+    return {image for image in images if results.LAYOUT not in image}
+
+
+def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
+    """The object that a group without a result is for: the first that writes an image and has a material with it."""
+    owners = [
+        obj
+        for obj in bpy.data.objects
+        if results.is_set_up(obj)
+        and obj.vrtm.write_image
+        and any(slot.material is not None and _reaches(slot.material.node_tree, tree) for slot in obj.material_slots)
+    ]
+    return min(owners, key=session.uid_of, default=None)
+
+
+def _reaches(outer: bpy.types.NodeTree | None, tree: bpy.types.NodeTree) -> bool:
+    """Whether a tree is among the groups of another, or in one of them."""
+    inner = {node.node_tree for node in outer.nodes if node.bl_idname == "ShaderNodeGroup"} if outer else set()
+    return tree in inner or any(_reaches(group, tree) for group in inner - {None})
 
 
 def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
@@ -60,41 +118,50 @@ def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
     return tree
 
 
-def _image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
-    """The result image that a group is for, also while it shows baked files."""
-    return tree.get(RESULT)
+def remember(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
+    """Has a group know its result image, whatever it shows: by a node of its own."""
+    node = next((node for node in _textures(tree) if node.image == image), None)
+    if node is None:
+        _texture(tree, image, (900, -450))
+    else:
+        node.image = image
 
 
 def show_baked(obj: bpy.types.Object, path: str, first: int, number: int) -> None:
     """Has the object's group read a sequence of baked files, from the file of frame `first` on, in the place of the
     result image."""
     tree = group_by_image(obj)
+    before = _baked_of(tree)
     image = bpy.data.images.load(path)
     image.source = "SEQUENCE"
     image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
     image.name = f"{obj.vrtm.image.name} baked"
-    user = _lookup(tree).image_user
-    _lookup(tree).image = image
+    user = build_by_image(tree, obj.vrtm.image, image).image_user
     # So that each frame shows the file with its number.
     user.frame_start, user.frame_offset, user.frame_duration = first, first - 1, number
     user.use_cyclic, user.use_auto_refresh = False, True
+    _remove_unused(before)
 
 
 def show_live(obj: bpy.types.Object) -> None:
     """Has the object's group read the result image again."""
     tree = group_by_image(obj)
-    baked = _lookup(tree).image
+    before = _baked_of(tree)
     build_by_image(tree, obj.vrtm.image)
-    if baked is not None and baked != obj.vrtm.image and not baked.users:
-        bpy.data.images.remove(baked)
+    _remove_unused(before)
 
 
-def _lookup(tree: bpy.types.NodeTree) -> bpy.types.Node:
-    return next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+def _remove_unused(images: set[bpy.types.Image]) -> None:
+    for image in images:
+        if not image.users:
+            bpy.data.images.remove(image)
 
 
-def build_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
-    """The nodes of a group by image: the UV's place in the image, what is to be added there, and the sum.
+def build_by_image(
+    tree: bpy.types.NodeTree, image: bpy.types.Image, baked: bpy.types.Image | None = None
+) -> bpy.types.Node:
+    """The nodes of a group by image: the UV's place in the image, what is to be added there, and the sum. Returns the
+    node that is looked up: that of `baked`, if it is given.
 
     The image holds differences, so that where there is nothing yet, and outside of all tiles, the UV stays what it
     is. It is looked up with Linear and Extend. Where tiles lie side by side, a lookup stays half a texel away from
@@ -105,9 +172,10 @@ def build_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
     link = tree.links.new
     begin = tree.nodes.new("NodeGroupInput")
     uv = begin.outputs["UV"]
-    lookup = tree.nodes.new("ShaderNodeTexImage")
-    lookup.image, lookup.interpolation, lookup.extension, lookup.projection = image, "Linear", "EXTEND", "FLAT"
-    lookup.location = (900, -150)
+    lookup = _texture(tree, image, (900, -150))
+    if baked is not None:
+        # The result's node stays, without links: by it the group is known, and the image has a user.
+        lookup = _texture(tree, baked, (900, -450))
     place = uv
     if (first_u, first_v, columns, rows) != (0, 0, 1, 1):
         place = _place(tree, uv, (first_u, first_v), (columns, rows), 0.5 / size)
@@ -118,6 +186,14 @@ def build_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
     link(uv, add.inputs[0])
     link(lookup.outputs["Color"], add.inputs[1])
     link(add.outputs["Vector"], output.inputs["UV"])
+    return lookup
+
+
+def _texture(tree: bpy.types.NodeTree, image: bpy.types.Image, at: tuple[float, float]) -> bpy.types.Node:
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image, node.interpolation, node.extension, node.projection = image, "Linear", "EXTEND", "FLAT"
+    node.location = at
+    return node
 
 
 def _place(tree, uv, first, counts, margin):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, session, tap
+from . import geometry, keep, nodes, results, session, tap
 
 
 class _Panel:
@@ -125,6 +125,16 @@ def draw_state(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
     if max(map(abs, scale)) > 1.001 * min(map(abs, scale)):
         layout.label(text="Scaled unevenly: apply the scale, which vrtm does not see", icon="INFO")
     state = session.find_state(obj)
+    if results.is_set_up(obj):
+        for text in keep.unsaved_maps(obj):
+            layout.label(text=text, icon="ERROR")
+        # Also of a file that was just opened, in which nothing was solved yet.
+        expected = (state is not None and state.shown) or obj.vrtm.image is not None or nodes.groups_of(obj)
+        lost = results.missing(obj) if expected else None
+        if lost is not None:
+            layout.label(text=f"{lost}: press Update Now", icon="ERROR")
+            if state is None or not state.error:
+                return
     if state is None:
         return
     box = layout.box()

@@ -96,11 +96,39 @@ def redirection(asset: vrtm.Asset, layout: Layout) -> np.ndarray:
 
 
 def are_there(obj: bpy.types.Object) -> bool:
-    """Whether what was written before is still there: an undo, or the artist, may have taken it away."""
+    """Whether what was written before is still there: an undo, a file or the artist may have taken it away."""
+    return missing(obj) is None
+
+
+def missing(obj: bpy.types.Object) -> str | None:
+    """What of the object's results is not there, in words."""
+    from . import nodes
+
     settings = obj.vrtm
-    if settings.write_image and settings.image is None:
-        return False
-    return not settings.write_uvs or settings.uv_name in obj.data.uv_layers
+    if settings.write_image:
+        if not is_result(settings.image):
+            return "The result image is not there"
+        if not has_pixels(settings.image):
+            return "The result image is empty"
+        if nodes.stale_groups(obj):
+            return "The material's node group has lost the result image"
+    if settings.write_uvs and settings.uv_name not in obj.data.uv_layers:
+        return "The result UV map is not there"
+    return None
+
+
+def is_result(image: bpy.types.Image | None) -> bool:
+    """Whether an image was made for a result. The artist may choose another one in the panel, which is not written
+    to."""
+    return image is not None and LAYOUT in image
+
+
+def has_pixels(image: bpy.types.Image) -> bool:
+    """Whether an image holds anything. One that existed in memory only is there again when the file is opened, but
+    empty: so it is with files that Blender saved on a timer, or without this add-on."""
+    if image.is_dirty or image.packed_file is not None:
+        return True
+    return image.source != "GENERATED" and image.size[0] > 0
 
 
 def publish(obj: bpy.types.Object, state: State, request: Request, outputs: Outputs) -> None:
@@ -137,26 +165,31 @@ def write_image(obj: bpy.types.Object, layout: Layout, pixels: np.ndarray) -> No
 def own_image(obj: bpy.types.Object, layout: Layout) -> bpy.types.Image:
     """The object's result image in the layout's size. A duplicate of an object begins with the original's: it gets
     one of its own."""
+    from . import nodes
+
     settings = obj.vrtm
     image = settings.image
     uid = session.uid_of(obj)
     taken = image is not None and any(
         other.vrtm.image == image and session.uid_of(other) < uid for other in bpy.data.objects if other != obj
     )
-    if image is None or taken or image.library is not None:
+    if not is_result(image) or taken or image.library is not None:
         image = bpy.data.images.new(
             f"vrtm {obj.name}", layout.width, layout.height, alpha=True, float_buffer=True, is_data=True
         )
         image.alpha_mode = "CHANNEL_PACKED"
         image.file_format = "OPEN_EXR"
         settings.image = image
-    if tuple(image.size) != (layout.width, layout.height):
+    if not image.size[0]:
+        # Its file is gone: it is one in memory again.
+        image.source, image.use_generated_float = "GENERATED", True
+        image.generated_width, image.generated_height = layout.width, layout.height
+    elif tuple(image.size) != (layout.width, layout.height):
         image.scale(layout.width, layout.height)
-    if list(image.get(LAYOUT, ())) != layout.numbers():
+    anew = list(image.get(LAYOUT, ())) != layout.numbers()
+    if anew:
         image[LAYOUT] = layout.numbers()
-        from . import nodes
-
-        nodes.update_groups(obj)
+    nodes.update_groups(obj, anew)
     return image
 
 

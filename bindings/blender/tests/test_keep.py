@@ -1,0 +1,240 @@
+"""Nothing is lost when a file is saved and opened again: results and their users, node groups, and what is told of maps
+that are not in the file."""
+
+import os
+import tempfile
+
+import numpy as np
+
+import test_panel
+from support import Arm, Case, bpy, nodes_of, part, pixels
+
+
+class Keep(Case):
+    def arm(self, name="arm"):
+        """An arm that is solved, and whose material is set up by image."""
+        arm = Arm(name, along=20, around=12, size=64)
+        arm.paint_image(f"{name} rigidity").pack()
+        material = bpy.data.materials.new(f"{name} skin")
+        tree = nodes_of(material)
+        tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new("albedo", 8, 8)
+        arm.mesh.materials.append(material)
+        bpy.context.scene.frame_set(5)
+        bpy.context.view_layer.objects.active = arm.object
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
+        return arm
+
+    def group(self):
+        return next(tree for tree in bpy.data.node_groups if tree.get("vrtm_kind") == "image")
+
+    def read(self, tree):
+        """The image that is looked up: that of the node with links."""
+        return next(node.image for node in tree.nodes if "Color" in node.outputs and node.outputs["Color"].is_linked)
+
+    def saved(self, handlers=True, folder=None):
+        """Saves the file and opens it again; without the add-on's handlers, as an earlier version or Blender by itself
+        saves it."""
+        kept = list(bpy.app.handlers.save_pre)
+        with tempfile.TemporaryDirectory() as scratch:
+            path = os.path.join(folder or scratch, "file.blend")
+            if not handlers:
+                bpy.app.handlers.save_pre.clear()
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+            bpy.app.handlers.save_pre[:] = kept
+            bpy.ops.wm.open_mainfile(filepath=path)
+        obj = bpy.data.objects["arm"]
+        bpy.context.view_layer.objects.active = obj
+        return obj
+
+    def shown(self, obj):
+        return test_panel.Panel.draw(self, obj)
+
+    def test_no_tree_holds_a_data_block(self):
+        arm = self.arm()
+        bpy.ops.vrtm.set_up_material(by="uv_map")
+        arm.object.modifiers.new("it", "SUBSURF")
+        bpy.ops.vrtm.insert_tap()
+        with tempfile.TemporaryDirectory() as folder:
+            settings = bpy.context.scene.vrtm_bake
+            settings.directory, settings.frame_start, settings.frame_end = folder, 1, 2
+            bpy.ops.vrtm.bake()
+            bpy.ops.vrtm.use_baked()
+        trees = [*bpy.data.node_groups, *(material.node_tree for material in bpy.data.materials)]
+        self.assertGreaterEqual(len(trees), 4)
+        for tree in trees:
+            for owner in (tree, *tree.nodes):
+                self.assertEqual([key for key, value in owner.items() if isinstance(value, bpy.types.ID)], [])
+        # What is registered on a tree would be kept in the same way.
+        self.assertEqual([name for name in dir(bpy.types.NodeTree) if "vrtm" in name], [])
+
+    def test_a_result_that_lost_its_users_is_saved(self):
+        for by in ("object", "group"):
+            with self.subTest(by=by):
+                self.setUp()
+                arm = self.arm()
+                expected, name = pixels(arm.object.vrtm.image), arm.object.vrtm.image.name
+                if by == "group":
+                    self.assertEqual(self.group().nodes.get("Image Texture").image, arm.object.vrtm.image)
+                    arm.object.vrtm.image = None
+                # As EEVEE's compiles leave it.
+                bpy.data.images[name].user_clear()
+                self.saved()
+                self.assertIn(name, bpy.data.images)
+                self.assertSame(pixels(bpy.data.images[name]), expected)
+                self.assertEqual(self.read(self.group()), bpy.data.images[name])
+
+    def test_files_of_earlier_versions_are_mended(self):
+        for baked in (False, True):
+            with self.subTest(baked=baked):
+                self.setUp()
+                arm = self.arm()
+                obj, tree = arm.object, self.group()
+                tree["vrtm_result"] = obj.vrtm.image
+                obj.vrtm.image.pack()
+                if baked:
+                    obj.vrtm.shows_baked = True
+                    image = bpy.data.images.new("vrtm arm baked", 8, 8)
+                    next(n for n in tree.nodes if n.bl_idname == "ShaderNodeTexImage").image = image
+                obj = self.saved(handlers=False)
+                tree = self.group()
+                self.assertNotIn("vrtm_result", tree)
+                self.assertEqual(obj.vrtm.image.users, 2)
+                self.assertEqual(part("nodes").image_of(tree), obj.vrtm.image)
+                self.assertEqual(self.read(tree).name, "vrtm arm baked" if baked else "vrtm arm")
+                if baked:
+                    bpy.ops.vrtm.use_live()
+                    self.assertEqual(self.read(tree), obj.vrtm.image)
+                    self.assertNotIn("vrtm arm baked", bpy.data.images)
+
+    def test_what_is_appended_is_mended(self):
+        arm = self.arm()
+        self.group()["vrtm_result"] = arm.object.vrtm.image
+        with tempfile.TemporaryDirectory() as folder:
+            self.saved(handlers=False, folder=folder)
+            path = os.path.join(folder, "file.blend")
+            for link in (False, True):
+                with self.subTest(link=link):
+                    self.setUp()
+                    with bpy.data.libraries.load(path, link=link) as (_, into):
+                        into.materials = ["arm skin"]
+                    if not link and bpy.app.version < (4, 3, 0):
+                        bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "other.blend"))
+                    self.assertNotIn("vrtm_result", self.group())
+
+    def test_a_group_that_lost_its_image_is_built_again(self):
+        def removed(obj):
+            bpy.data.images.remove(obj.vrtm.image)
+
+        def emptied(obj):
+            next(n for n in self.group().nodes if n.bl_idname == "ShaderNodeTexImage").image = None
+
+        def deleted(obj):
+            self.group().nodes.clear()
+
+        def another(obj):
+            obj.vrtm.image = bpy.data.images["albedo"]
+
+        for loss in (removed, emptied, deleted, another):
+            with self.subTest(loss.__name__):
+                self.setUp()
+                arm = self.arm()
+                obj, tree, expected = arm.object, self.group(), pixels(arm.object.vrtm.image)
+                loss(obj)
+                self.assertNotIn("Up to date", self.shown(obj))
+                self.assertTrue(any("press Update Now" in text for text in self.shown(obj)))
+                # Without Update Now, too: nothing else has changed.
+                part("solve").run(obj, bpy.context.evaluated_depsgraph_get())
+                self.assertEqual(self.read(tree), obj.vrtm.image)
+                self.assertSame(pixels(obj.vrtm.image), expected)
+                self.assertIn("Up to date", self.shown(obj))
+                self.assertEqual(np.abs(pixels(bpy.data.images["albedo"])[..., :3]).max(), 0)
+                self.assertEqual(len([t for t in bpy.data.node_groups if t.get("vrtm_kind") == "image"]), 1)
+
+    def test_a_duplicate_takes_no_group_of_the_original(self):
+        arm = self.arm()
+        obj, tree = arm.object, self.group()
+        copy = obj.copy()
+        bpy.context.collection.objects.link(copy)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        part("solve").run(copy, depsgraph)
+        self.assertNotEqual(copy.vrtm.image, obj.vrtm.image)
+        self.assertEqual(self.read(tree), obj.vrtm.image)
+        bpy.data.images.remove(obj.vrtm.image)
+        part("session").state_of(copy).shown = b""
+        part("solve").run(copy, depsgraph)
+        self.assertIsNone(part("nodes").image_of(tree))
+        part("solve").run(obj, depsgraph)
+        self.assertEqual(self.read(tree), obj.vrtm.image)
+
+    def test_names_do_not_matter(self):
+        arm = self.arm()
+        obj, tree = arm.object, self.group()
+        obj.vrtm.image.name, tree.name, bpy.data.materials["arm skin"].name = "a", "b", "c"
+        image = obj.vrtm.image
+        obj.vrtm.map_size = 32
+        bpy.ops.vrtm.update()
+        self.assertEqual((obj.vrtm.image, self.read(tree), tuple(image.size)), (image, image, (32, 32)))
+        expected = pixels(image)
+        obj = self.saved()
+        # Resized, and in the file as it was.
+        self.assertSame(pixels(obj.vrtm.image), expected)
+        self.assertEqual((obj.vrtm.image.name, self.read(self.group())), ("a", obj.vrtm.image))
+
+    def test_a_result_is_packed_each_time(self):
+        arm = self.arm()
+        for frame in (4, 3):
+            bpy.context.scene.frame_set(frame)
+            bpy.ops.vrtm.update()
+            expected = pixels(arm.object.vrtm.image)
+            arm.object = self.saved()
+            self.assertSame(pixels(arm.object.vrtm.image), expected)
+            self.assertNotIn("press Update Now", " ".join(self.shown(arm.object)))
+
+    def test_a_file_without_the_pixels_says_so(self):
+        self.arm()
+        # As Blender's own saves on a timer do.
+        obj = self.saved(handlers=False)
+        self.assertIn("The result image is empty: press Update Now", self.shown(obj))
+        bpy.ops.vrtm.update()
+        self.assertIn("Up to date", self.shown(obj))
+        self.assertGreater(np.abs(pixels(obj.vrtm.image)[..., :2]).max(), 0)
+
+    def test_a_result_whose_file_is_gone_is_written_again(self):
+        arm = self.arm()
+        with tempfile.TemporaryDirectory() as folder:
+            # The artist saved the result to a file of its own, and the add-on was not there when the file was saved.
+            image = arm.object.vrtm.image
+            image.filepath_raw = os.path.join(folder, "mine.exr")
+            image.save()
+            obj = self.saved(handlers=False)
+        image = obj.vrtm.image
+        self.assertIn("The result image is empty: press Update Now", self.shown(obj))
+        bpy.ops.vrtm.update()
+        self.assertEqual(obj.vrtm.image, image)
+        self.assertGreater(np.abs(pixels(image)[..., :2]).max(), 0)
+        expected = pixels(image)
+        obj = self.saved()
+        self.assertSame(pixels(obj.vrtm.image), expected)
+
+    def test_captured_rest_shapes_and_uv_maps_are_in_the_file(self):
+        arm = self.arm()
+        bpy.ops.vrtm.capture_rest()
+        bpy.context.scene.frame_set(2)
+        bpy.ops.vrtm.update()
+        rest, result = part("geometry").rest_positions(arm.object), arm.object.vrtm.uv_name
+        expected = part("geometry").read(arm.mesh.uv_layers[result].uv, "vector", 2)
+        obj = self.saved()
+        self.assertSame(part("geometry").rest_positions(obj), rest)
+        self.assertSame(part("geometry").read(obj.data.uv_layers[result].uv, "vector", 2), expected)
+
+    def test_painted_maps_that_are_not_saved_are_told(self):
+        arm = self.arm()
+        painted = arm.object.vrtm.rigidity_image
+        text = "Rigidity 'arm rigidity' is not saved: save or pack the image"
+        self.assertNotIn(text, self.shown(arm.object))
+        painted.pixels[0] = 0.5
+        self.assertIn(text, self.shown(arm.object))
+        with self.assertLogs("vrtm.blender", "WARNING") as logged:
+            self.saved()
+        self.assertIn(f"arm: {text}", logged.output[0])

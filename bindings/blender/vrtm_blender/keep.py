@@ -1,0 +1,76 @@
+"""What a file must hold when it is saved, so that nothing is lost, and what is mended in files of earlier versions."""
+
+from __future__ import annotations
+
+import bpy
+
+from . import messages, nodes, results, session
+
+
+def mend_groups() -> None:
+    """Takes data-blocks out of the custom properties of this add-on's node groups, where earlier versions kept the
+    result image. They may come with a file, and with what is appended or linked."""
+    for tree in bpy.data.node_groups:
+        if not tree.get(nodes.KIND):
+            continue
+        # None is what a data-block that was lost leaves.
+        held = {key: value for key, value in tree.items() if value is None or isinstance(value, bpy.types.ID)}
+        for key in held:
+            try:
+                del tree[key]
+            except (TypeError, AttributeError, RuntimeError):
+                session.log.debug("%s is linked, and cannot be mended here", tree.name)
+                continue
+            # The copy that is drawn has it until the tree is evaluated again.
+            tree.update_tag()
+        images = [image for image in held.values() if isinstance(image, bpy.types.Image) and results.is_result(image)]
+        if images and tree.library is None and nodes.image_of(tree) is None:
+            nodes.remember(tree, images[0])
+
+
+def keep_results() -> None:
+    """Packs the images of results, which exist in memory only: so they are there again when the file is opened, with or
+    without this add-on."""
+    for image in bpy.data.images:
+        if not results.is_result(image) or image.library is not None:
+            continue
+        if not image.users:
+            _count_again(image)
+        if image.is_dirty or image.packed_file is None:
+            try:
+                image.pack()
+            except RuntimeError as error:
+                session.log.error("image %r cannot be packed into the file: %s", image.name, messages.text_of(error))
+
+
+def _count_again(image: bpy.types.Image) -> None:
+    """Gives an image a user again if it has one in truth: Blender saves none whose count is 0. An assignment counts
+    anew; it takes no user away where the count says that there is none."""
+    for obj in bpy.data.objects:
+        if obj.vrtm.image == image:
+            obj.vrtm.image = image
+            return
+    for tree in bpy.data.node_groups:
+        if tree.get(nodes.KIND) and nodes.image_of(tree) == image:
+            nodes.remember(tree, image)
+            return
+
+
+def unsaved_maps(obj: bpy.types.Object) -> list[str]:
+    """What is painted for the object and will not be in a file that is saved now, in words. It is the artist's to save
+    or to pack."""
+    settings = obj.vrtm
+    found = []
+    for which in ("rigidity", "mask"):
+        image = getattr(settings, f"{which}_image")
+        if getattr(settings, f"{which}_source") == "IMAGE" and image is not None and image.is_dirty:
+            found.append(f"{which.capitalize()} {image.name!r} is not saved: save or pack the image")
+    return found
+
+
+def tell_unsaved() -> None:
+    """Tells, as a file is saved, which painted maps are not in it."""
+    for obj in bpy.data.objects:
+        for text in unsaved_maps(obj) if results.is_set_up(obj) else []:
+            session.log.warning("%s: %s", obj.name, text)
+            messages.status(f"vrtm: {obj.name}: {text}")
