@@ -18,6 +18,8 @@ NAMES = (
     "properties",
     "nodes",
     "keep",
+    "exr",
+    "reads",
     "bake",
     "operators",
     "panel",

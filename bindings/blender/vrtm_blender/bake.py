@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
-from . import geometry, results, session, solve
+from . import exr, geometry, reads, results, session, solve
 from .messages import Problem
+
+if TYPE_CHECKING:
+    import vrtm
 
 KINDS = {"delta": "redirection_delta", "udim": "redirection_udim", "tile": "redirection"}
 
@@ -69,7 +72,7 @@ class Bake:
 
     def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
         self.folder, self.frames = folder_of(scene), frames_of(scene)
-        self.form = scene.vrtm_bake.form
+        self.form, self.overwrite = scene.vrtm_bake.form, scene.vrtm_bake.overwrite
         self.uids = [session.uid_of(obj) for obj in objects]
         self.names = [obj.name for obj in objects]
         self.kept = scene.frame_current
@@ -83,54 +86,101 @@ class Bake:
         scene = bpy.context.scene
         session.baking = True
         try:
+            self._check()
             for frame in self.frames:
                 scene.frame_set(frame)
                 depsgraph = bpy.context.evaluated_depsgraph_get()
                 written: list[Path] = []
-                for uid, name in zip(self.uids, self.names):
-                    obj = bpy.data.objects.get(name)
-                    if obj is None or session.uid_of(obj) != uid:
-                        raise Problem(f"{name} is gone: the bake ends at frame {frame}")
+                for obj in self._objects():
                     written += self._write(obj, depsgraph, frame)
                 yield frame, written
         finally:
             scene.frame_set(self.kept)
             session.baking = False
 
-    def _write(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+    def _objects(self) -> list[bpy.types.Object]:
+        found = []
+        for uid, name in zip(self.uids, self.names):
+            obj = bpy.data.objects.get(name)
+            if obj is None or session.uid_of(obj) != uid:
+                raise Problem(f"{name} is gone: the bake ends")
+            found.append(obj)
+        return found
+
+    def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, results.Layout, list[int | str]]:
+        """The object's asset, the layout of its tiles, and of what there are files: tiles by their numbers."""
         state = session.state_of(obj)
         state.end_job()
         solve.prepare(obj, state)
-        state.asset.solve(geometry.pose(obj, depsgraph), **solve.options_of(obj))
         layout = results.layout_of(state.asset, obj.name, obj.vrtm.map_size)
-        size = (layout.size, layout.size)
-        written = []
-        for tile in state.asset.tiles:
-            pixels = np.zeros((layout.size, layout.size, 4), np.float32)
-            pixels[..., 3] = 1
-            pixels[..., :2] = tile.fetch(KINDS[self.form], size, channels=2, origin="bottom")
-            written.append(self.folder / file_name(obj, tile.udim, frame))
-            save(pixels, written[-1])
+        parts: list[int | str] = [tile.udim for tile in state.asset.tiles]
         if self.form == "delta" and (layout.columns, layout.rows) != (1, 1):
-            written.append(self.folder / file_name(obj, "tiles", frame))
-            save(results.redirection(state.asset, layout), written[-1])
+            parts.append("tiles")
+        return state.asset, layout, parts
+
+    def _check(self) -> None:
+        """Before anything is written: that nothing is replaced which is not a bake's. Raises a Problem."""
+        session.library()
+        from vrtm.bake import overwrite, staging
+
+        objects, outputs = self._objects(), []
+        for obj in objects:
+            name = file_name(obj, "", 0).casefold()
+            for other in bpy.data.objects:
+                if other != obj and other.library is None and results.is_set_up(other):
+                    if file_name(other, "", 0).casefold() == name:
+                        raise Problem(f"{obj.name}: its files have the names of those of {other.name}: rename one")
+            parts = self._prepared(obj)[2]
+            outputs += [
+                (str(self.folder / file_name(obj, part, frame)), obj.name) for frame in self.frames for part in parts
+            ]
+        try:
+            overwrite.check(outputs, reads.files(), self.overwrite)
+        except overwrite.Conflict as conflict:
+            hint = ": choose another folder, or switch Overwrite on" if conflict.replaceable else ""
+            raise Problem(f"{conflict}{hint}") from conflict
+        self.planned = {path for path, _ in outputs}
+        # What bakes that were killed have left.
+        staging.sweep(str(self.folder))
+
+    def _write(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+        asset, layout, parts = self._prepared(obj)
+        asset.solve(geometry.pose(obj, depsgraph), **solve.options_of(obj))
+        facts = {
+            # The mark by which a file is known as one that may be replaced.
+            "vrtm:kind": "redirect",
+            "vrtm:form": self.form,
+            "vrtm:mesh": obj.name,
+            "vrtm:frame": frame,
+            "vrtm:version": session.library().version(),
+        }
+        written = []
+        for part in parts:
+            path = self.folder / file_name(obj, part, frame)
+            if str(path) not in self.planned:
+                raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
+            if part == "tiles":
+                pixels = results.redirection(asset, layout)
+            else:
+                pixels = np.zeros((layout.size, layout.size, 4), np.float32)
+                pixels[..., 3] = 1
+                tile = asset.tile(part)
+                pixels[..., :2] = tile.fetch(KINDS[self.form], pixels.shape[:2], channels=2, origin="bottom")
+            save(pixels, path, facts | ({} if part == "tiles" else {"vrtm:udim": part}))
+            written.append(path)
         return written
 
 
-def save(pixels: np.ndarray, path: Path) -> None:
-    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR by Blender's own means: to a
-    name beside the file's, which then takes its place, so that no file is ever half written."""
-    height, width = pixels.shape[:2]
-    image = bpy.data.images.new("vrtm bake", width, height, alpha=True, float_buffer=True, is_data=True)
-    partial = path.with_name(f".{path.stem}.part.exr")
+def save(pixels: np.ndarray, path: Path, facts: dict[str, str | int]) -> None:
+    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all. If that
+    fails, what is there stays, unless it is a file of a bake that is damaged."""
+    from vrtm.bake import overwrite, staging
+
     try:
-        image.alpha_mode, image.file_format = "CHANNEL_PACKED", "OPEN_EXR"
-        image.pixels.foreach_set(np.ascontiguousarray(pixels).ravel())
-        try:
-            image.save(filepath=str(partial))
-            os.replace(partial, path)
-        except (RuntimeError, OSError) as error:
-            raise Problem(f"{path} cannot be written: {' '.join(str(error).split())}") from error
-    finally:
-        bpy.data.images.remove(image)
-        partial.unlink(missing_ok=True)
+        staging.write(str(path), lambda temporary: exr.write(temporary, pixels, facts))
+    except OSError as error:
+        removed = ""
+        if path.exists() and overwrite.is_ours(str(path)) and not exr.is_whole(str(path)):
+            path.unlink()
+            removed = "; the damaged file that was there is removed"
+        raise Problem(f"{path} cannot be written: {error.strerror or error}{removed}") from error

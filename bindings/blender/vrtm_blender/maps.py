@@ -120,6 +120,12 @@ def _unsaved_tiles(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
                 continue
             loaded = bpy.data.images.load(path)
             try:
+                if not loaded.size[0]:
+                    # Blender saves a PNG without a word of a disk that is full.
+                    raise Problem(
+                        f"image {image.name!r}: the painted tiles cannot be read: "
+                        f"is there room in {tempfile.gettempdir()}?"
+                    )
                 # No conversion: the numbers are those of the image's buffer.
                 loaded.colorspace_settings.name = image.colorspace_settings.name
                 loaded.alpha_mode = image.alpha_mode

@@ -93,6 +93,7 @@ class VRTM_PT_bake(_Panel, bpy.types.Panel):
         for name in ("frame_start", "frame_end", "frame_step"):
             column.prop(settings, name)
         layout.prop(settings, "form")
+        layout.prop(settings, "overwrite")
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
         baked = context.object.vrtm.shows_baked
         layout.operator("vrtm.use_live" if baked else "vrtm.use_baked")

@@ -157,6 +157,11 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
         ],
         default="delta",
     )
+    overwrite: BoolProperty(
+        name="Overwrite",
+        description="Replace files of these names that are not from a bake, too. What this file reads, such as "
+        "textures and caches, is never replaced",
+    )
 
 
 def register() -> None:

@@ -1,0 +1,246 @@
+"""What a bake does to files that are there: it replaces its own alone, and leaves no file that is damaged."""
+
+import os
+import resource
+import struct
+import tempfile
+
+import numpy as np
+
+from support import Arm, Case, bpy, part
+
+NAME = "arm.redirect.1001.0001.exr"
+
+
+class limited:
+    """Files of no more than some bytes: Python and Blender get an error where they write on, as on a full disk."""
+
+    def __init__(self, size):
+        self.size = size
+
+    def __enter__(self):
+        self.kept = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (self.size, self.kept[1]))
+
+    def __exit__(self, *_):
+        resource.setrlimit(resource.RLIMIT_FSIZE, self.kept)
+
+
+class Files(Case):
+    def setUp(self):
+        super().setUp()
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.folder = scratch.name
+        settings = bpy.context.scene.vrtm_bake
+        settings.directory, settings.frame_start, settings.frame_end, settings.overwrite = self.folder, 1, 1, False
+
+    def arm(self, name="arm"):
+        arm = Arm(name, along=12, around=8, size=64)
+        arm.paint_image(f"{name} rigidity")
+        return arm
+
+    def at(self, name=NAME):
+        return os.path.join(self.folder, name)
+
+    def put(self, name, content=b"an artist's work"):
+        with open(self.at(name), "wb") as file:
+            file.write(content)
+        return self.at(name)
+
+    def content(self, name=NAME):
+        with open(self.at(name), "rb") as file:
+            return file.read()
+
+    def picture(self, name, frames=("",)):
+        """An image file of the artist's."""
+        for frame in frames:
+            image = bpy.data.images.new("picture", 8, 8, float_buffer=True)
+            image.file_format = "OPEN_EXR"
+            image.save(filepath=self.at(name + frame + ".exr"))
+            bpy.data.images.remove(image)
+        return self.at(name + frames[0] + ".exr")
+
+    def refused(self, *words):
+        """That the bake is refused with these words, and that nothing in the folder has changed."""
+        before = {name: self.content(name) for name in os.listdir(self.folder)}
+        with self.assertRaises(RuntimeError) as caught:
+            bpy.ops.vrtm.bake()
+        for word in words:
+            self.assertIn(word, str(caught.exception))
+        self.assertEqual({name: self.content(name) for name in os.listdir(self.folder)}, before)
+
+    def test_a_file_of_others_stays_unless_overwrite_is_on(self):
+        self.arm()
+        self.put(NAME)
+        self.refused("arm", NAME, "switch Overwrite on", "0 frames are written")
+        bpy.context.scene.vrtm_bake.overwrite = True
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+        self.assertIn(b"vrtm:kind\0", self.content())
+        # Its own it replaces.
+        bpy.context.scene.vrtm_bake.overwrite = False
+        before = self.content()
+        bpy.context.scene.frame_set(5)
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+        self.assertEqual(self.content(), before)
+        # An EXR of others, as Blender writes it, is none of its own.
+        os.replace(self.picture("picture"), self.at())
+        self.refused(NAME, "Overwrite")
+
+    def test_one_file_among_many_is_enough(self):
+        self.arm()
+        bpy.context.scene.vrtm_bake.frame_end = 3
+        self.put("arm.redirect.1001.0003.exr")
+        self.refused("arm.redirect.1001.0003.exr")
+
+    def test_what_the_file_reads_is_never_replaced(self):
+        def same(path):
+            os.replace(path, self.at())
+            return self.at()
+
+        def symbolic(path):
+            os.symlink(path, self.at())
+            return path
+
+        def linked_to(path):
+            os.replace(path, self.at())
+            os.symlink(self.at(), path)
+            return path
+
+        def hard(path):
+            os.link(path, self.at())
+            return path
+
+        def case(path):
+            other = self.at(NAME.replace("arm", "ARM"))
+            os.replace(path, other)
+            return other
+
+        for way in (same, symbolic, linked_to, hard, case):
+            with self.subTest(way.__name__):
+                self.setUp()
+                self.arm()
+                bpy.data.images.load(way(self.picture("skin"))).name = "the skin"
+                bpy.context.scene.vrtm_bake.overwrite = True
+                self.refused("arm", "'the skin'", "which is read")
+
+    def test_all_kinds_of_what_is_read(self):
+        def blend(arm):
+            bpy.ops.wm.save_as_mainfile(filepath=self.at("scene.blend"))
+            os.symlink(self.at("scene.blend"), self.at())
+
+        def tiles(arm):
+            image = bpy.data.images.load(self.picture("skin.", ("1001", "1002")))
+            image.source, image.filepath = "TILED", self.at("skin.<UDIM>.exr")
+            os.symlink(self.at("skin.1002.exr"), self.at())
+
+        def sequence(arm):
+            bpy.data.images.load(self.picture("skin.", ("0001", "0002"))).source = "SEQUENCE"
+            os.symlink(self.at("skin.0002.exr"), self.at())
+
+        def library(arm):
+            path = self.at("library.blend")
+            bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+            with bpy.data.libraries.load(path, link=True) as (_, into):
+                into.meshes = ["arm"]
+            os.symlink(path, self.at())
+
+        def cache(arm):
+            arm.object.modifiers.new("cache", "MESH_CACHE").filepath = self.put("arm.pc2")
+            os.symlink(self.at("arm.pc2"), self.at())
+
+        for kind in (blend, tiles, sequence, library, cache):
+            with self.subTest(kind.__name__):
+                self.setUp()
+                arm = self.arm()
+                kind(arm)
+                bpy.context.scene.vrtm_bake.overwrite = True
+                self.refused("which is read")
+
+    def test_baked_files_that_are_shown_are_baked_again(self):
+        self.arm()
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.update()
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+        bpy.ops.vrtm.use_baked()
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+
+    def test_two_objects_have_files_of_their_own(self):
+        for names in (("an arm", "an_arm"), ("arm", "Arm")):
+            for selected in (names, names[:1]):
+                with self.subTest(names=names, selected=selected):
+                    self.setUp()
+                    for name in names:
+                        self.arm(name)
+                    bpy.context.view_layer.objects.active = bpy.data.objects[selected[0]]
+                    for obj in bpy.data.objects:
+                        obj.select_set(obj.name in selected)
+                    self.refused(*names)
+                    self.assertEqual(os.listdir(self.folder), [])
+
+    def test_the_files_say_whose_they_are(self):
+        arm = self.arm()
+        bpy.ops.vrtm.bake()
+        facts = {}
+        found, _ = part("exr")._header(self.content())
+        for name in ("vrtm:kind", "vrtm:form", "vrtm:mesh"):
+            facts[name] = found[name].decode()
+        self.assertEqual(facts, {"vrtm:kind": "redirect", "vrtm:form": "delta", "vrtm:mesh": arm.object.name})
+        self.assertEqual([struct.unpack("<i", found[f"vrtm:{n}"])[0] for n in ("udim", "frame")], [1001, 1])
+
+    def test_a_full_disk_leaves_nothing_damaged(self):
+        self.arm()
+        bpy.ops.vrtm.bake()
+        size = len(self.content())
+        self.assertTrue(part("exr").is_whole(self.at()))
+        for limit in (0, 1, 200, 300, 400, size // 2, size - 8, size - 1):
+            with self.subTest(limit=limit):
+                os.remove(self.at())
+                with limited(limit):
+                    self.refused(NAME, "File too large")
+                self.assertEqual(os.listdir(self.folder), [])
+                # A good file of before stays; a damaged one does not.
+                bpy.ops.vrtm.bake()
+                good = self.content()
+                with limited(limit):
+                    self.refused(NAME, "File too large")
+                self.assertEqual(self.content(), good)
+                if limit > 100:
+                    self.put(NAME, good[:limit])
+                    with limited(100), self.assertRaisesRegex(RuntimeError, "damaged file .* removed"):
+                        bpy.ops.vrtm.bake()
+                    self.assertEqual(os.listdir(self.folder), [])
+                    # With room it is written anew.
+                    self.put(NAME, good[:limit])
+                    self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+                    self.assertEqual(self.content(), good)
+
+    def test_any_damage_is_noticed(self):
+        self.arm()
+        bpy.context.scene.vrtm_bake.frame_start = bpy.context.scene.vrtm_bake.frame_end = 5
+        bpy.ops.vrtm.bake()
+        name = "arm.redirect.1001.0005.exr"
+        good, exr = self.content(name), part("exr")
+        for length in range(len(good)):
+            if length < 600 or length % 101 == 0 or len(good) - length < 20:
+                self.assertFalse(exr.is_whole(self.put("cut.exr", good[:length])), length)
+        rng = np.random.default_rng(1)
+        _, end = exr._header(good)
+        for place in rng.integers(end, len(good), 100):
+            bad = bytearray(good)
+            bad[place] ^= 0xFF
+            self.assertFalse(exr.is_whole(self.put("bad.exr", bytes(bad))), place)
+        self.assertTrue(exr.is_whole(self.picture("picture")))
+
+    def test_painted_tiles_that_find_no_room_are_no_maps(self):
+        arm = self.arm()
+        for floats in (False, True):
+            with self.subTest(floats=floats):
+                image = bpy.data.images.new("painted", 64, 64, tiled=True, float_buffer=floats)
+                image.pixels.foreach_set(np.random.default_rng(1).random(64 * 64 * 4, np.float32))
+                image.update()
+                arm.object.vrtm.rigidity_image = image
+                for limit in (0, 500, 5000):
+                    with limited(limit), self.assertRaisesRegex(RuntimeError, "painted tiles cannot be read"):
+                        bpy.ops.vrtm.update()
+                self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
