@@ -2,12 +2,12 @@
 
 import os
 import resource
-import struct
 import tempfile
 
 import numpy as np
+import pytest
 
-from support import Arm, Case, bpy, part
+from support import Arm, Case, bpy, part, pixels
 
 NAME = "arm.redirect.1001.0001.exr"
 
@@ -179,14 +179,29 @@ class Files(Case):
                     self.assertEqual(os.listdir(self.folder), [])
 
     def test_the_files_say_whose_they_are(self):
-        arm = self.arm()
+        oiio = pytest.importorskip("OpenImageIO")
+        self.arm()
         bpy.ops.vrtm.bake()
-        facts = {}
-        found, _ = part("exr")._header(self.content())
-        for name in ("vrtm:kind", "vrtm:form", "vrtm:mesh"):
-            facts[name] = found[name].decode()
-        self.assertEqual(facts, {"vrtm:kind": "redirect", "vrtm:form": "delta", "vrtm:mesh": arm.object.name})
-        self.assertEqual([struct.unpack("<i", found[f"vrtm:{n}"])[0] for n in ("udim", "frame")], [1001, 1])
+        file = oiio.ImageInput.open(self.at())
+        facts = {a.name: a.value for a in file.spec().extra_attribs if a.name.startswith("vrtm:")}
+        self.assertTrue(facts.pop("vrtm:version"))
+        expected = {"vrtm:kind": "redirect", "vrtm:form": "delta", "vrtm:mesh": "arm"}
+        self.assertEqual(facts, expected | {"vrtm:frame": 1, "vrtm:udim": 1001})
+        self.assertEqual(file.read_image("float").shape, (64, 64, 4))
+        file.close()
+
+    def test_a_picture_of_any_size_is_read_as_it_was(self):
+        rng = np.random.default_rng(1)
+        for height, width in ((1, 1), (3, 5), (16, 7), (17, 64), (100, 33)):
+            for noise in (False, True):
+                picture = rng.standard_normal((height, width, 4)) if noise else np.ones((height, width, 4))
+                picture = picture.astype(np.float32)
+                part("exr").write(self.at(), picture, {})
+                self.assertTrue(part("exr").is_whole(self.at()))
+                image = bpy.data.images.load(self.at())
+                image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+                self.assertSame(pixels(image), picture)
+                bpy.data.images.remove(image)
 
     def test_a_full_disk_leaves_nothing_damaged(self):
         self.arm()

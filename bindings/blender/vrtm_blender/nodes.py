@@ -31,8 +31,11 @@ def groups_of(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
     gone or is no object's, as where the image was deleted or another one was chosen in the panel."""
     image, trees = obj.vrtm.image, [tree for tree in _by_image() if tree.library is None]
     found = [tree for tree in trees if image is not None and image_of(tree) == image]
-    taken = {other.vrtm.image for other in bpy.data.objects} - {None}
-    return found + [tree for tree in trees if image_of(tree) not in taken and _owner(tree) == obj]
+    used = _used_by(obj)
+    others = [tree for tree in trees if tree in used and tree not in found]
+    # All objects are looked at only where there may be something to mend.
+    taken = {other.vrtm.image for other in bpy.data.objects} - {None} if others else set()
+    return found + [tree for tree in others if image_of(tree) not in taken and _owner(tree) == obj]
 
 
 def stale_groups(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
@@ -83,19 +86,21 @@ def _baked_of(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
 def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
     """The object that a group without a result is for: the first that writes an image and has a material with it."""
     owners = [
-        obj
-        for obj in bpy.data.objects
-        if results.is_set_up(obj)
-        and obj.vrtm.write_image
-        and any(slot.material is not None and _reaches(slot.material.node_tree, tree) for slot in obj.material_slots)
+        obj for obj in bpy.data.objects if results.is_set_up(obj) and obj.vrtm.write_image and tree in _used_by(obj)
     ]
     return min(owners, key=session.uid_of, default=None)
 
 
-def _reaches(outer: bpy.types.NodeTree | None, tree: bpy.types.NodeTree) -> bool:
-    """Whether a tree is among the groups of another, or in one of them."""
-    inner = {node.node_tree for node in outer.nodes if node.bl_idname == "ShaderNodeGroup"} if outer else set()
-    return tree in inner or any(_reaches(group, tree) for group in inner - {None})
+def _used_by(obj: bpy.types.Object) -> set[bpy.types.NodeTree]:
+    """The node groups in the object's materials, and in these groups."""
+    found: set[bpy.types.NodeTree] = set()
+    ahead = [slot.material.node_tree for slot in obj.material_slots if slot.material is not None]
+    while ahead:
+        tree = ahead.pop()
+        inner = {node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup"} if tree else set()
+        ahead += inner - {None} - found
+        found |= inner
+    return found
 
 
 def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
