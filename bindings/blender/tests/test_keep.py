@@ -237,5 +237,13 @@ class Keep(Case):
         painted.pixels[0] = 0.5
         self.assertIn(text, self.shown(arm.object))
         with self.assertLogs("vrtm.blender", "WARNING") as logged:
-            self.saved()
+            obj = self.saved()
         self.assertIn(f"arm: {text}", logged.output[0])
+        # Packed before that, it is as it was then; one that was never packed is lost.
+        self.assertNotIn("Rigidity 'arm rigidity'", " ".join(self.shown(obj)))
+        obj.vrtm.rigidity_image = bpy.data.images.new("painted", 8, 8)
+        obj.vrtm.rigidity_image.pixels[0] = 0.5
+        obj = self.saved()
+        self.assertIn("Rigidity 'painted' is black: nothing was painted, or it was not saved", self.shown(obj))
+        obj.vrtm.rigidity_image.generated_color = (1, 1, 1, 1)
+        self.assertNotIn("'painted'", " ".join(self.shown(obj)))

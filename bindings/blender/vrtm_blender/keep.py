@@ -57,15 +57,25 @@ def _count_again(image: bpy.types.Image) -> None:
 
 
 def unsaved_maps(obj: bpy.types.Object) -> list[str]:
-    """What is painted for the object and will not be in a file that is saved now, in words. It is the artist's to save
-    or to pack."""
+    """What is painted for the object and is not in a file that is saved now, or was not in the one that was opened, in
+    words. It is the artist's to save or to pack."""
     settings = obj.vrtm
     found = []
     for which in ("rigidity", "mask"):
         image = getattr(settings, f"{which}_image")
-        if getattr(settings, f"{which}_source") == "IMAGE" and image is not None and image.is_dirty:
+        if getattr(settings, f"{which}_source") != "IMAGE" or image is None:
+            continue
+        if image.is_dirty:
             found.append(f"{which.capitalize()} {image.name!r} is not saved: save or pack the image")
+        elif _is_black(image):
+            found.append(f"{which.capitalize()} {image.name!r} is black: nothing was painted, or it was not saved")
     return found
+
+
+def _is_black(image: bpy.types.Image) -> bool:
+    """Whether an image is as Blender made it, which is also how one comes back that was painted and not saved."""
+    made = image.source == "GENERATED" and image.packed_file is None and image.generated_type == "BLANK"
+    return made and not any(image.generated_color[:3])
 
 
 def tell_unsaved() -> None:
