@@ -163,7 +163,12 @@ class Solve(Case):
         figures = dict(part("session").find_state(arm.object).figures)
         strain = asset.tiles[0].report()
         self.assertLess(strain.after.rms, 0.5 * strain.before.rms)
-        self.assertEqual(figures["Strain"], f"{strain.before.rms:.3f} before, {strain.after.rms:.3f} after")
+        edges, fixed = strain.edges + strain.edges_fixed, strain.edges_fixed * strain.strain_fixed**2
+        before, after = (
+            ((strain.edges * rms**2 + fixed) / edges) ** 0.5 for rms in (strain.before.rms, strain.after.rms)
+        )
+        self.assertGreater(strain.edges_fixed, 0)
+        self.assertEqual(figures["Strain"], f"{before:.3f} before, {after:.3f} after")
         self.assertEqual(figures["Folds"], "0")
 
     def test_a_stroke_of_a_brush(self):

@@ -240,11 +240,12 @@ def figures(state: State) -> list[tuple[str, str]]:
     report = state.asset.report()
     tiles = [tile.report() for tile in state.asset.tiles]
     shown = [("Time", f"{report.ms_total:.0f} ms"), ("Folds", str(report.folds)), ("Tiles", str(len(tiles)))]
-    measured = [tile for tile in tiles if tile.measured and tile.edges]
-    if measured:
-        edges = sum(tile.edges for tile in measured)
+    edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
+    if edges:
+        # Of all that is rigid, what cannot move too.
+        fixed = sum(tile.edges_fixed * tile.strain_fixed**2 for tile in tiles)
         before, after = (
-            (sum(tile.edges * getattr(tile, side).rms ** 2 for tile in measured) / edges) ** 0.5
+            ((sum(tile.edges * getattr(tile, side).rms ** 2 for tile in tiles) + fixed) / edges) ** 0.5
             for side in ("before", "after")
         )
         shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))

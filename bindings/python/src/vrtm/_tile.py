@@ -158,8 +158,8 @@ class Tile:
         out: np.ndarray | None = None,
     ) -> np.ndarray:
         """A part of an output, for images that are too large to be held at once: of an image of `whole` texels (width,
-        height), those of `part`: (x, y, width, height), rows counted in the order of `origin`. There is no one_to_one: what
-        that changes depends on the whole map, which fetch gives."""
+        height), those of `part`: (x, y, width, height), rows counted in the order of `origin`. There is no one_to_one:
+        what that changes depends on the whole map, which fetch gives."""
         number = value_of("fetch_kind", kind, "kind")
         x, y, width, height = part
         target = Target(
