@@ -351,8 +351,9 @@ typedef struct vrtm_image_out {
     // or numbers have 16 bits (vrtm_tile_inspect_map tells the error). In f32 no map is known that is left with folds.
     // Numbers of 16 bits may be too coarse for the map's size: the values are then those without one_to_one, the log
     // warns, and vrtm_tile_inspect_map with the same settings counts the `folds`; the call succeeds. The call takes 9
-    // bytes per texel and up to 11 MB more. A part of an image cannot have it (vrtm_tile_fetch_part). 0 (the default)
-    // = every value is that of the redirection at the texel's centre. Ignored for other kinds.
+    // bytes per texel and up to 11 MB more. It takes little longer than without for most maps, and up to two hundred
+    // times as long for crumpled ones. A part of an image cannot have it (vrtm_tile_fetch_part). 0 (the default) =
+    // every value is that of the redirection at the texel's centre. Ignored for other kinds.
     uint32_t one_to_one;
 } vrtm_image_out;
 

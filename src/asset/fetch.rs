@@ -6,7 +6,7 @@ use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::ImagePart;
 use crate::image::{ImageViewMut, TexelLayout};
-use crate::memory::Collect;
+use crate::memory::{Collect, boxed};
 use crate::mesh::{Corner, NONE};
 use crate::team::Team;
 use crate::tile::blocks::Plane;
@@ -32,7 +32,7 @@ pub(super) struct Output<'a> {
 }
 
 enum Content<'a> {
-    Inverse { form: Form, centres: Centres, coverage: Option<ChartTexels>, untangler: Option<Untangler> },
+    Inverse { form: Form, centres: Centres, coverage: Option<ChartTexels>, untangler: Option<Box<Untangler>> },
     Jacobian { is_scale: bool },
     Warp { nodes: NodeRows<'a>, rows: Vec<Vec<[f32; 2]>> },
 }
@@ -55,7 +55,7 @@ impl<'a> Output<'a> {
                     form: Form::new(kind, &solved.mesh),
                     centres: Centres::new(part),
                     coverage: (image.channels as usize > ALPHA).then(|| ChartTexels::new(part)),
-                    untangler: image.one_to_one.then(|| Untangler::new(part.size)),
+                    untangler: image.one_to_one.then(|| boxed(Untangler::new(part.size))),
                 }
             }
             FetchKind::Jacobian => Content::Jacobian { is_scale: false },

@@ -23,6 +23,8 @@ const ROUNDS: usize = 500;
 /// Most quads that may fold for these passes, and most of all quads, of which this is one in so many.
 const MOST: usize = 1 << 16;
 const FEW: usize = 50;
+/// If more than one in so many texels of f16 has a quad that folds, nothing is tried.
+const HOPELESS: usize = 10;
 
 /// The corners of a quad: each with the ends of the edges that meet there, in their order from u to v.
 const CORNERS: [[[usize; 2]; 3]; 4] =
@@ -52,8 +54,16 @@ impl Untangler {
     /// Moves values of quads that fold, so that none does, and returns 0; or leaves the map as it is, and returns the
     /// number of quads that fold: its numbers are too coarse for its size.
     pub fn untangle(mut self, team: &Team, map: &Map) -> u64 {
-        if map.size.iter().any(|&n| n < 2) || self.count(team, map, LEAST) == 0 {
+        if map.size.iter().any(|&n| n < 2) {
             return 0;
+        }
+        match self.count(team, map, LEAST) {
+            0 => return 0,
+            // Rounding alone does that, and a search would only take time.
+            folds if map.is_f16() && folds as usize > map.size[0] * map.size[1] / HOPELESS => {
+                return self.count(team, map, 0.0);
+            }
+            _ => {}
         }
         self.levels.keep(team, map);
         if self.open_few(map) {

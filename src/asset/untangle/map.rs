@@ -71,6 +71,10 @@ impl<'a> Map<'a> {
         self.canvas.put(texel[0], texel[1], value.map(f64::from));
     }
 
+    pub(super) fn is_f16(&self) -> bool {
+        self.canvas.epsilon() > f64::from(f32::EPSILON)
+    }
+
     /// The most by which writing a texel's present numbers rounds them, in texels.
     pub(super) fn rounding(&self, texel: [usize; 2]) -> f64 {
         let value = self.value(texel);
