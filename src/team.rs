@@ -7,7 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::control::{Control, is_lent};
+use crate::control::{Control, is_lent, lent};
 use crate::memory::{Collect, Current, Grow, with_capacity};
 pub use executor::{Executor, Task};
 use protocol::Protocol;
@@ -95,7 +95,7 @@ impl Team {
         let (protocol, control) = (Protocol::new(threads), crew.control.clone());
         let team = Team { threads, protocol, running: AtomicBool::new(false), control };
         if team.threads == 1 {
-            return f(&team);
+            return if crew.executor.is_some() { lent(|| f(&team)) } else { f(&team) };
         }
         let (protocol, address) = (&team.protocol, team.address() as usize);
         // Items take their memory from where the caller does, whichever thread they are on.

@@ -82,7 +82,7 @@ pub(super) fn in_turn(
     Ok(solved)
 }
 
-/// Prepares the tiles, one after the other: that is when the host's log is told, on the thread that makes the call.
+/// Prepares the tiles, one after the other: that is when the host's log is told, on the thread that does the call's work.
 fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Result<Vec<Job<'a>>> {
     let fresh = tiles.iter().any(|(_, state)| state.grid.is_none());
     let (preparing, count) = (if fresh { PREPARING } else { 0.0 }, tiles.len() as f32);

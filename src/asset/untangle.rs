@@ -25,6 +25,8 @@ const MOST: usize = 1 << 16;
 const FEW: usize = 50;
 /// If more than one in so many texels of f16 has a quad that folds, nothing is tried.
 const HOPELESS: usize = 10;
+/// Nor does one begin where a quad folds whose numbers are rounded by more texels than this.
+const COARSE: f64 = 0.1;
 
 /// The corners of a quad: each with the ends of the edges that meet there, in their order from u to v.
 const CORNERS: [[[usize; 2]; 3]; 4] =
@@ -60,9 +62,7 @@ impl Untangler {
         match self.count(team, map, LEAST) {
             0 => return 0,
             // Rounding alone does that, and a search would only take time.
-            folds if map.is_f16() && folds as usize > map.size[0] * map.size[1] / HOPELESS => {
-                return self.count(team, map, 0.0);
-            }
+            folds if map.is_f16() && self.is_hopeless(map, folds) => return self.count(team, map, 0.0),
             _ => {}
         }
         self.levels.keep(team, map);
@@ -75,6 +75,19 @@ impl Untangler {
         }
         self.levels.restore(team, map);
         self.count(team, map, 0.0)
+    }
+
+    /// Whether numbers are so coarse that no search is worth its time: too many quads fold, or one folds whose numbers
+    /// are rounded by more than the room that a search can give it.
+    fn is_hopeless(&self, map: &Map, folds: u64) -> bool {
+        if folds as usize > map.size[0] * map.size[1] / HOPELESS {
+            return true;
+        }
+        let mut coarse = false;
+        for (y, _) in self.rows.iter().enumerate().filter(|&(_, &count)| count > 0) {
+            map.each_fold(y, LEAST, |x| coarse |= map.rounding([x, y]) > COARSE);
+        }
+        coarse
     }
 
     fn count(&mut self, team: &Team, map: &Map, most: f64) -> u64 {

@@ -181,7 +181,22 @@ static void *destroy(void *job)
     return vrtm_job_destroy(*(vrtm_job *)job) == VRTM_OK ? NULL : job;
 }
 
-static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn spawn)
+/* Keeps a thread of the pool busy while a job is under way. */
+static int busy;
+
+static void block(void *unused, size_t index)
+{
+    pthread_mutex_lock(&mutex);
+    while (busy) {
+        pthread_cond_wait(&told, &mutex);
+    }
+    pthread_mutex_unlock(&mutex);
+    (void)unused;
+    (void)index;
+}
+
+/* With `threads` of the pool free, which is as many as a job gets. */
+static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn spawn, uint32_t threads)
 {
     watch w;
     sheet_desc d;
@@ -207,6 +222,7 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     image.width = image.height = MAP;
     options.progress = on_progress;
     options.progress_user = &w;
+    options.threads = threads;
     sheet_describe(&s, &d);
     if (vrtm_device_create(&desc, &device) != VRTM_OK || vrtm_asset_create(device, &d.mesh, &asset) != VRTM_OK ||
         vrtm_asset_find_tile(asset, 1001, &w.tile) != VRTM_OK ||
@@ -219,30 +235,42 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     }
     vrtm_job job;
     snprintf(what, sizeof what, "%s: submit", name);
+    busy = spawn != NULL;
+    for (uint32_t k = threads; busy && k < POOL; ++k) {
+        const task blocking = {block, NULL, 0, NULL};
+        add(blocking);
+    }
     pthread_mutex_lock(&written);
     succeeds(what, vrtm_asset_submit(asset, &b, &options, &w.job));
     pthread_mutex_unlock(&written);
     job = w.job;
     snprintf(what, sizeof what, "%s: wait", name);
+    /* Not as long as it takes: this thread would do the work in the place of the pool. */
+    while (vrtm_job_wait(job, 100) == VRTM_ERROR_TIMEOUT) {
+    }
     succeeds(what, vrtm_job_wait(job, VRTM_FOREVER));
+    pthread_mutex_lock(&mutex);
+    busy = 0;
+    pthread_cond_broadcast(&told);
+    pthread_mutex_unlock(&mutex);
     snprintf(what, sizeof what, "%s: progress and log were told", name);
     check_that(w.calls > 0 && w.lines > 0, what, "");
     snprintf(what, sizeof what, "%s: they may read, and cannot wait for themselves", name);
     check_that(w.wrong == 0, what, "");
 
     /* Destroyed by two threads at once while it runs: one of them ends it, and the other finds it gone. */
-    pthread_t threads[2];
+    pthread_t pair[2];
     int ended = 0;
     w.job.id = 0;
     succeeds("solve the pose before", vrtm_asset_solve(asset, &a, NULL));
     vrtm_tile_fetch(w.tile, VRTM_FETCH_REDIRECTION, &image);
     succeeds("submit again", vrtm_asset_submit(asset, &b, NULL, &job));
     for (int k = 0; k < 2; ++k) {
-        pthread_create(&threads[k], NULL, destroy, &job);
+        pthread_create(&pair[k], NULL, destroy, &job);
     }
     for (int k = 0; k < 2; ++k) {
         void *result;
-        pthread_join(threads[k], &result);
+        pthread_join(pair[k], &result);
         ended += result == NULL;
     }
     snprintf(what, sizeof what, "%s: destroyed by one of two", name);
@@ -262,11 +290,12 @@ int main(void)
     for (int k = 0; k < POOL; ++k) {
         pthread_create(&threads[k], NULL, work, NULL);
     }
-    jobs_on("another thread", pooled, NULL);
-    jobs_on("another thread, from the queue", pooled, queued);
-    jobs_on("in turn", in_turn, NULL);
-    jobs_on("backwards", backwards, NULL);
-    jobs_on("late", late, NULL);
+    jobs_on("another thread", pooled, NULL, 2);
+    jobs_on("another thread, from the queue", pooled, queued, POOL);
+    jobs_on("the only thread that is free", pooled, queued, 1);
+    jobs_on("in turn", in_turn, NULL, 2);
+    jobs_on("backwards", backwards, NULL, 2);
+    jobs_on("late", late, NULL, 2);
     for (int k = 0; k < POOL; ++k) {
         add(end);
     }

@@ -137,14 +137,18 @@ def test_damaged_and_partial_files_are_made_anew(scene: Path, tmp_path: Path) ->
             ended = run(*sheet_arguments(scene, tmp_path, "--frames", 1, "--warp"))
             assert written(ended) == (1, 3), (name, len(damage))
             assert files(tmp_path) == before
-    # A whole file with another's header: one texel differs.
+    # A file that somebody has painted on, and kept what it tells of itself: one texel differs.
     path = tmp_path / "redirect.0001.1001.exr"
     values = pixels(path)
     values[3, 4, 0] += 1e-3
     told = {name: value for name, value in attributes(path).items() if name.startswith("vrtm:")}
     image(path, values, compression="zip", **told)
     assert attributes(path)["vrtm:inputs"] == told["vrtm:inputs"]
-    assert written(run(*sheet_arguments(scene, tmp_path, "--frames", 1, "--warp"))) == (1, 3)
+    painted = path.read_bytes()
+    arguments = sheet_arguments(scene, tmp_path, "--frames", 1, "--warp")
+    ended = run(*arguments, expect=2)
+    assert "redirect.0001.1001.exr" in ended.stderr and "--overwrite" in ended.stderr and path.read_bytes() == painted
+    assert written(run(*arguments, "--overwrite")) == (1, 3)
     assert files(tmp_path) == before
     for name in before:
         # Another tile's file under this name.

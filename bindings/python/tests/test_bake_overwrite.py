@@ -18,6 +18,7 @@ from scenes import bind, preview_material
 from vrtm import cli
 from vrtm.bake import overwrite
 from vrtm.bake.layer import LayerError, LayerPlan, write_corner_uvs, write_layer
+from vrtm.bake.layer.mark import mark
 from vrtm.bake.scene import Scene
 
 
@@ -160,6 +161,26 @@ def test_the_layer_of_an_earlier_bake_may_lie_below_the_shot(shot: Path) -> None
     before = files(folder)
     run(*wanted, "--force")
     assert files(folder) == before
+    # By another way to the same file, too.
+    os.symlink(folder, folder.parent / "way")
+    text = layer.read_text()
+    other = sheet_arguments(shot, folder / "out", "--layer", folder.parent / "way" / "vrtm.usda")
+    run(*other, "--texture", folder / "colour.<UDIM>.png", "--force")
+    assert (
+        layer.read_text().count("specializes") == text.count("specializes")
+        and "redirected_sheet" not in layer.read_text()
+    )
+    # What was flattened has the mark, and all that the shot is made of: it is an input.
+    stage = Usd.Stage.Open(str(layer))
+    stage.GetRootLayer().subLayerPaths = ["./sheet.usda"]
+    flat = folder / "flat.usda"
+    stage.Flatten().Export(str(flat))
+    assert "vrtm_kind" in flat.read_text()
+    above = Usd.Stage.CreateNew(str(folder / "above.usda"))
+    above.GetRootLayer().subLayerPaths = ["./flat.usda"]
+    above.Save()
+    refused(["bake", folder / "above.usda", *wanted[2:], "--layer", flat, "--overwrite"], "flat.usda", "of the scene")
+    run(*wanted, "--overwrite")
     # But one that is the scene itself is read.
     above = Sdf.Layer.FindOrOpen(str(layer))
     above.subLayerPaths = ["./sheet.usda"]
@@ -176,6 +197,15 @@ def test_one_file_is_not_written_twice(shot: Path) -> None:
     refused(sheet_arguments(shot, out, "--report", out / "REDIRECT.0001.1001.EXR"), "--report", "also the file of")
     both = ("--layer", folder / "new.usda", "--report", folder / "new.usda")
     refused(sheet_arguments(shot, out, *both), "--report", "also the file of --layer")
+
+
+def test_names_that_are_no_files(shot: Path) -> None:
+    folder = shot.parent
+    (folder / "plain").write_text("a file")
+    for option, name in (("--report", ""), ("--report", f"{folder}/out/"), ("--report", folder / "plain" / "r.json")):
+        refused(sheet_arguments(shot, folder / "out", option, name), option)
+    refused(sheet_arguments(shot, folder / "plain"), "--out", "no folder")
+    refused(sheet_arguments(shot, os.fsdecode(b"o\xff")), "no UTF-8")
 
 
 def test_folders_are_made_for_maps_alone(shot: Path) -> None:
@@ -234,9 +264,22 @@ def test_marks(tmp_path: Path) -> None:
     # A text that speaks of the marks has none.
     assert not ours(b"vrtm:inputs\0 vrtm:kind\0") and not ours(b'{"a": "vrtm bake", "program": {"name": "vrtm bake"}}')
     assert ours(b'{\n "program": {\n  "name": "vrtm bake",\n  "version": "9"\n }}')
-    # A layer that is cut short is nobody's, one that is whole and not marked is.
+    # A layer that is cut short is nobody's, one that is whole and not marked is; a mark holds for a content.
     assert ours(b"PXR-USDC" + bytes(100)) and not ours(b"#usda 1.0\n") and not ours(b"#usda 1.0\ndef {")
-    assert ours(b'#usda 1.0\n(\n customLayerData = {\n  string vrtm_kind = "layer"\n }\n)\n')
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    Sdf.CreatePrimInLayer(layer, "/model")
+    mark(layer, "layer")
+    text = layer.ExportToString()
+    assert ours(text.encode()) and not ours(text.replace("model", "edited").encode())
+    assert not ours(b'#usda 1.0\n(\n customLayerData = {\n  string vrtm_kind = "layer"\n }\n)\n')
+    # Much else may stand in front of an image's mark.
+    long = {"aaa": "x" * 200_000, "vrtm:inputs": "y", "zzz": "x" * 200_000}
+    for name in ("long.exr", "long.png"):
+        assert ours(
+            image(
+                tmp_path / name, np.full((2, 2, 3), 7, np.float32 if "exr" in name else np.uint8), **long
+            ).read_bytes()
+        )
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "nowhere")
     assert overwrite.is_ours(str(link))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
 from bake_scenes import files, image, run, sheet, sheet_arguments
 from scenes import bind, preview_material
@@ -173,5 +173,12 @@ def test_a_layer_that_redirects_nothing_says_what_to_give(tmp_path: Path) -> Non
     bind(stage.GetPrimAtPath("/model/sheet"), preview_material(stage, "/model/material"))
     stage.Save()
     refused()
-    run(*arguments, "--texture", scene.parent / "colour.<UDIM>.png")
+    run(*arguments, "--texture", scene.parent / "colour.<udim>.png")
     run(*arguments, "--layer-mode", "primvar")
+    # A material that a stronger binding keeps from counting.
+    stage = Usd.Stage.Open(str(scene))
+    above = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath("/model"))
+    above.Bind(UsdShade.Material.Get(stage, "/model/material"), UsdShade.Tokens.strongerThanDescendants)
+    stage.Save()
+    arguments = [*arguments, "--texture", scene.parent / "colour.<UDIM>.png"]
+    assert "a stronger binding keeps" in run(*arguments, expect=3).stderr

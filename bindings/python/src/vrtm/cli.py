@@ -31,7 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _ensure_utf8() -> None:
     """Begins again where Python was told to take the names of files for ASCII, as in the C locale: USD and OpenImageIO
     take them for UTF-8, and no name that is not ASCII could be passed on."""
-    if sys.getfilesystemencoding().lower() not in ("utf-8", "utf8"):
+    # Only once: an option of Python's own may be stronger.
+    if sys.getfilesystemencoding().lower() not in ("utf-8", "utf8") and os.environ.get("PYTHONUTF8") != "1":
         sys.stdout.flush()
         os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], os.environ | {"PYTHONUTF8": "1"})
 

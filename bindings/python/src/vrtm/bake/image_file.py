@@ -69,23 +69,29 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
 
     try:
         # That an image was closed does not tell that its last bytes could be written.
-        staging.write(target.path, body, is_whole=lambda path: _whole(path) is not None)
+        staging.write(target.path, body, is_whole=_is_whole)
     except OSError as error:
         _remove_damaged(target.path)
         raise Failure(INPUT, f"{target.path}: {one_line(error.strerror or error)}") from error
 
 
-def up_to_date(target: Target) -> dict | None:
+def up_to_date(target: Target, replace: bool = False) -> dict | None:
     """The figures that a file records ({} if none), or None if it is missing, damaged, or made of other inputs. All its
     pixels are read: their hash stands in the file. One of vrtm's own that is damaged is taken away, so that no program
-    takes it for an image even if no other can be written in its place."""
+    takes it for an image even if no other can be written in its place. Raises Failure for one that can be read and has
+    other pixels, which somebody has painted, unless it may be replaced."""
     if not os.path.isfile(target.path):
         return None
-    found = _whole(target.path)
+    found = _read(target.path)
     if found is None:
         _remove_damaged(target.path)
         return None
-    spec, facts = found
+    spec, facts, digest = found
+    if facts.get(_PIXELS, digest) != digest:
+        if replace:
+            return None
+        reason = "its pixels are not those that vrtm wrote: --overwrite replaces it"
+        raise Failure(INPUT, f"{target.path}: {reason}")
     # One without is another program's, or of another of vrtm's programs.
     if _PIXELS not in facts:
         return None
@@ -103,14 +109,19 @@ def up_to_date(target: Target) -> dict | None:
 
 
 def _remove_damaged(path: str) -> None:
-    if os.path.isfile(path) and overwrite.is_ours(path) and _whole(path) is None:
+    if os.path.isfile(path) and overwrite.is_ours(path) and _read(path) is None:
         with contextlib.suppress(OSError):
             os.remove(path)
 
 
-def _whole(path: str) -> tuple[oiio.ImageSpec, dict] | None:
-    """The header of an image and what it tells of itself; None if it cannot be read, or has other pixels than it tells
-    of."""
+def _is_whole(path: str) -> bool:
+    found = _read(path)
+    return found is not None and found[1].get(_PIXELS) == found[2]
+
+
+def _read(path: str) -> tuple[oiio.ImageSpec, dict, str] | None:
+    """The header of an image, what it tells of itself, and the hash of its pixels; None if it is damaged: compressed
+    pixels have checksums in all three formats."""
     # As it is stored: not multiplied by what may be alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -126,8 +137,7 @@ def _whole(path: str) -> tuple[oiio.ImageSpec, dict] | None:
             file.geterror()
             return None
         digest = _digest(np.asarray(pixels).reshape(spec.height, spec.width, -1))
-        whole = facts.get(_PIXELS, digest) == digest and (file.format_name() != "png" or _ends(path))
-        return (spec, facts) if whole else None
+        return (spec, facts, digest) if file.format_name() != "png" or _ends(path) else None
     except (OSError, ValueError, TypeError):
         return None
     finally:

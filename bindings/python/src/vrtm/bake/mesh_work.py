@@ -234,7 +234,7 @@ class MeshWork:
         """What each file records if it is up to date, and None if it has to be written."""
         if self.settings.force:
             return [None] * len(pieces)
-        found = [image_file.up_to_date(piece.target) for piece in pieces]
+        found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
         wanted = {"frozen"} | ({"strain"} if self.settings.measure else set())
         return [
             None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import re
 import stat
@@ -14,8 +15,8 @@ _IN_IMAGE = re.compile(rb"vrtm:(inputs|kind)[\0\"]")
 # How the texts begin that are no images, less what stands between the words.
 _REPORT = b'{"program":{"name":"vrtmbake"'
 _TEMPLATE = b"#vrtmfarm-template"
-_END = 1 << 16
-"""Bytes at a file's beginning and at its end among which its mark stands."""
+_BEGINNING = 1 << 16
+"""Bytes at a file's beginning among which an image's mark stands, as a rule."""
 _LEAST_EXR = 256
 """Bytes: what an EXR must say of itself alone takes more."""
 
@@ -44,6 +45,13 @@ def check(outputs: Iterable[tuple[str, str]], inputs: Iterable[tuple[str, str]],
             known.setdefault(key, (path, what))
     taken: dict[object, tuple[str, str]] = {}
     for path, what in outputs:
+        folder, name = os.path.split(path)
+        if not name:
+            raise Conflict(f"{what}: '{path}' names no file")
+        while folder and not os.path.lexists(folder):
+            folder = os.path.dirname(folder)
+        if folder and not os.path.isdir(folder):
+            raise Conflict(f"{what}: {path}: {folder} is no folder")
         keys = _keys(path, folders)
         for key in keys:
             if key in known:
@@ -66,20 +74,20 @@ def is_ours(path: str) -> bool:
     try:
         size = os.stat(path).st_size
         with open(path, "rb") as file:
-            text = file.read(_END)
+            text = file.read(_BEGINNING)
             start = text[:8]
-            if size > _END:
-                file.seek(max(size - _END, _END))
-                text += file.read()
+            if start.startswith((_EXR, _PNG, *_TIFF)) and size:
+                # Not at the beginning if there is much else that the image tells of itself.
+                with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
+                    marked = _IN_IMAGE.search(text) or _IN_IMAGE.search(whole)
+                return marked is not None or (start.startswith(_EXR) and size < _LEAST_EXR)
     except FileNotFoundError:
         # A link that leads nowhere.
         return True
     except OSError:
         return False
-    if size == 0 or (start.startswith(_EXR) and size < _LEAST_EXR):
+    if size == 0:
         return True
-    if start.startswith((_EXR, _PNG, *_TIFF)):
-        return _IN_IMAGE.search(text) is not None
     if start == _CRATE:
         return _is_cut_short(path, size) or _is_marked_layer(path)
     if start.startswith(_LAYER):
@@ -102,18 +110,21 @@ def _is_cut_short(path: str, size: int) -> bool:
 def _is_marked_layer(path: str) -> bool:
     from pxr import Sdf, Tf
 
+    from vrtm.bake.layer.mark import has_mark, is_marked
+
     try:
-        layer = Sdf.Layer.OpenAsAnonymous(path, metadataOnly=True)
-        return layer is not None and any(key.startswith("vrtm_") for key in layer.customLayerData)
-    except (Tf.ErrorException, RuntimeError, ValueError):
+        # Most have no mark, which takes no reading of all their values.
+        told = Sdf.Layer.OpenAsAnonymous(path, metadataOnly=True).customLayerData
+        return has_mark(told) and is_marked(Sdf.Layer.OpenAsAnonymous(path))
+    except (Tf.ErrorException, AttributeError, RuntimeError, ValueError):
         return False
 
 
 def _keys(path: str, folders: dict[str, str]) -> list[object]:
     """What is equal for paths of the same file. `folders`: real paths of folders that were met."""
-    folder, name = os.path.split(os.path.abspath(path))
+    folder, name = os.path.split(path)
     if folder not in folders:
-        folders[folder] = os.path.realpath(folder)
+        folders[folder] = os.path.realpath(folder or ".")
     keys: list[object] = [os.path.join(folders[folder], name).casefold()]
     try:
         if os.path.islink(path):

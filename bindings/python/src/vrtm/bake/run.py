@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import time
 from concurrent.futures import FIRST_COMPLETED, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -15,6 +17,8 @@ from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import Stop, signals
 from vrtm.bake.work import Work
 
+# But for that of a tile, and what is part of a name.
+_NUMBER = re.compile(r"(?<!tile )\b\d[\d.]*")
 _LOOK = 0.1
 """Seconds between looks at whether a signal came."""
 
@@ -46,17 +50,18 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
 
     with Work(settings, settings.threads) as work:
         stop.check()
-        for note in work.notes():
-            warn(note)
         if settings.layer:
             layer_file.check(work)
         work.check_files()
+        for note in work.notes():
+            warn(note)
         results: list[FrameResult] = []
         failure: Failure | None = None
         try:
+            beside = [os.path.dirname(settings.layer) or "."] if settings.layer else []
+            for folder in beside + ([] if settings.only_layer else work.folders()):
+                staging.sweep(folder)
             if not settings.only_layer:
-                for folder in work.folders():
-                    staging.sweep(folder)
                 _frames(settings, work, console, stop, results, warn)
             failure = report.tolerance(settings, results)
             if settings.layer:
@@ -89,11 +94,16 @@ def _frames(settings: Settings, work: Work, console: Console, stop: Stop, result
     console.start(len(tasks), f"baking {len(tasks)} frames")
 
     seen: set[tuple[str, int]] = set()
+    kinds: set[str] = set()
 
     def done(result: FrameResult) -> None:
         results.append(result)
         for note in result.warnings:
-            warn(note)
+            # Of the tears and folds of many frames, the first tell enough; what is said of a pose names its frame.
+            kind = note if ", frame " in note else _NUMBER.sub("#", note)
+            if kind not in kinds:
+                kinds.add(kind)
+                warn(note)
         for tile in result.tiles:
             # A file's record has no figures if the redirection is not among what was solved.
             if "frozen" in tile and (result.mesh, tile["udim"]) not in seen:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 if os.name == "posix":
     import fcntl
 
-_TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.part(\.usd[ac])?")
+_TEMPORARY = re.compile(r"\..+\.[0-9a-f]{16}\.part(\.usd[ac]?)?", re.IGNORECASE)
 _STALE_SECONDS = 86400.0
 """Age at which a temporary file is nobody's any more, where locks cannot tell."""
 
@@ -26,15 +26,17 @@ def write(
     If it raises, the temporary file is removed. `ending`: of the temporary name, where that has to tell the format.
     `is_whole` looks at what was written, where `body` cannot be trusted to tell of a disk that is full. Raises
     OSError."""
-    folder, name = os.path.split(os.path.abspath(path))
-    os.makedirs(folder, exist_ok=True)
+    folder, name = os.path.split(path)
+    os.makedirs(folder or ".", exist_ok=True)
+    # As the system finds it: `link/..` is not where it seems.
+    folder = os.path.realpath(folder or ".")
     with _reserved(folder, name, ending) as temporary:
         body(temporary)
         # Else a file system may notice only after the rename that there is no room, or that the power has failed.
         _bring_to_disk(temporary)
         if is_whole is not None and not is_whole(temporary):
             raise OSError(errno.EIO, "it is damaged as soon as it is written: is the disk full?", path)
-        os.replace(temporary, path)
+        os.replace(temporary, os.path.join(folder, name))
     if os.name == "posix":
         _bring_to_disk(folder)
 

@@ -72,7 +72,8 @@ class Texture:
 def listed(textures: tuple[str, ...], normal_maps: tuple[str, ...], down: bool) -> tuple[Copy, ...]:
     """The textures of a command line, each with a name of its own. Raises Failure."""
     copies: list[Copy] = []
-    for pattern, is_normal in [(p, False) for p in textures] + [(p, True) for p in normal_maps]:
+    for given, is_normal in [(p, False) for p in textures] + [(p, True) for p in normal_maps]:
+        pattern = re.sub("<udim>", "<UDIM>", given, flags=re.IGNORECASE)
         option = "--normal-map" if is_normal else "--texture"
         stem = os.path.splitext(os.path.basename(pattern))[0]
         kind = re.sub(r"[._-]*<(UDIM|mesh)>", "", stem, flags=re.IGNORECASE).strip("._- ") or "texture"

@@ -112,10 +112,13 @@ class Work:
             outputs += [(path, "--layer") for path in layer_file.names(settings)]
         if settings.report is not None:
             outputs.append((settings.report, "--report"))
+        for name in (settings.out, settings.layer, settings.report):
+            # Raises UnicodeEncodeError for what is no UTF-8.
+            (name or "").encode()
         out = os.path.join(os.path.abspath(settings.out), "")
         for option, path in (("--layer", settings.layer), ("--report", settings.report)):
             folder = os.path.dirname(os.path.abspath(path)) if path else out
-            if not os.path.isdir(folder) and not os.path.join(folder, "").startswith(out):
+            if not os.path.exists(folder) and not os.path.join(folder, "").startswith(out):
                 raise Failure(INPUT, f"{option} {path}: there is no folder {folder}")
         overwrite.check(outputs, inputs, settings.overwrite)
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from pxr import Sdf, Tf, UsdGeom, Vt
 
 from vrtm.bake import staging
 from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.layer.mark import CORNERS, mark
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
 from vrtm.bake.overwrite import check
 from vrtm.bake.scene.types import Shape
@@ -33,7 +34,7 @@ def corner_uv_layer(shape: Shape, frame: float, uvs: np.ndarray) -> Sdf.Layer:
     attribute = _declare(layer)
     layer.SetTimeSample(attribute.path, float(frame), Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uvs)))
     layer.startTimeCode = layer.endTimeCode = float(frame)
-    layer.customLayerData = {"vrtm_kind": "corners"}
+    mark(layer, CORNERS)
     return layer
 
 
@@ -75,7 +76,7 @@ def write_manifest(path: str | os.PathLike[str]) -> None:
     """Writes the manifest of a layer's clips. Raises OSError."""
     layer = Sdf.Layer.CreateAnonymous()
     _declare(layer)
-    layer.customLayerData = {"vrtm_kind": "manifest"}
+    mark(layer, "manifest")
     export(layer, path, Sdf.Layer.ExportToString)
 
 
@@ -103,9 +104,14 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.L
 
     staging.write(path, body, os.path.splitext(path)[1], is_whole)
     # A stage of this process may hold what was there before.
-    loaded = Sdf.Layer.Find(os.path.abspath(path))
-    if loaded:
+    for loaded in same_file(Sdf.Layer.GetLoadedLayers(), path):
         loaded.Reload(force=True)
+
+
+def same_file(layers: Iterable[Sdf.Layer], path: str) -> list[Sdf.Layer]:
+    """Those of the layers that a path leads to, whatever way they were found."""
+    real = os.path.realpath(path)
+    return [layer for layer in layers if layer.realPath and os.path.realpath(layer.realPath) == real]
 
 
 def values_hash(layer: Sdf.Layer) -> str:

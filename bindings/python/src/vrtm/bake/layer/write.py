@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from pxr import Sdf, Usd, UsdShade
 
-from vrtm.bake.layer.clips import author_clips, export, manifest_path, write_manifest
+from vrtm.bake.layer.clips import author_clips, export, manifest_path, same_file, write_manifest
+from vrtm.bake.layer.mark import mark
 from vrtm.bake.layer.networks import Redirector
 from vrtm.bake.layer.plan import LayerError, LayerPlan
 from vrtm.bake.overwrite import Conflict, check
@@ -55,14 +56,14 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
         raise LayerError(str(conflict)) from None
     warnings: list[str] = []
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.customLayerData = {"vrtm_kind": "layer"}
     stage = compose(layer, scene.path, scene.options, muted=out_path)
     with Usd.EditContext(stage, layer):
         made: dict[tuple[str, str], UsdShade.Material | None] = {}
+        changes = plan.corner_path is not None
         for name in plan.shapes:
             shape = scene.shape(name)
             for path in shape.instances:
-                _author(stage, path, shape, plan, made, warnings)
+                changes = _author(stage, path, shape, plan, made, warnings) or changes
     del stage
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
@@ -74,8 +75,9 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
         write_manifest(manifest)
     if plan.sublayer is not None:
         layer.subLayerPaths = [plan.sublayer]
+    mark(layer, "layer")
     export(layer, out_path, Sdf.Layer.ExportToString)
-    return Written(warnings, plan.corner_path is not None or any(material is not None for material in made.values()))
+    return Written(warnings, changes)
 
 
 def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | None = None) -> Usd.Stage:
@@ -95,8 +97,7 @@ def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | Non
     else:
         stage = Usd.Stage.Open(root)
     # A shot that has the layer of an earlier bake below it is taken without.
-    earlier = muted and Sdf.Layer.Find(os.path.abspath(muted))
-    if earlier:
+    for earlier in same_file(stage.GetUsedLayers(), muted) if muted else ():
         stage.MuteLayer(earlier.identifier)
     return stage
 
@@ -108,7 +109,9 @@ def _author(
     plan: LayerPlan,
     made: dict[tuple[str, str], UsdShade.Material | None],
     warnings: list[str],
-) -> None:
+) -> bool:
+    """Gives a mesh redirected materials; tells whether one of them is the one that counts."""
+    changes = False
     _split_instances(stage, Sdf.Path(path), warnings)
     mesh = stage.OverridePrim(path)
     prims = [mesh, *(subset.GetPrim() for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets())]
@@ -123,10 +126,13 @@ def _author(
             material, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose
         )
         now = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)[0]
-        if now.GetPath() != material.GetPath():
+        if now.GetPath() == material.GetPath():
+            changes = True
+        else:
             warnings.append(
                 f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} in the place of {material.GetPath()}"
             )
+    return changes
 
 
 def _bindings(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:

@@ -45,8 +45,8 @@ class Scene:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """All files that the scene is made of and that exist, with the textures that its materials name: what no
-        output may replace. Those that vrtm wrote earlier are none of them."""
+        """The files that are read for the scene and exist, and the textures that its materials name: what no output
+        may replace. Those that vrtm wrote earlier are none of them."""
         rest = self.options.rest
         if rest is None or not os.path.isfile(rest):
             return self._source.files

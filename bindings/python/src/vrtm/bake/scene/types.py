@@ -77,7 +77,7 @@ class Source(Protocol):
     frames: tuple[int, ...]
     warnings: list[str]
     files: tuple[str, ...]
-    """All files that the scene is made of, with those that its materials name."""
+    """The files that are read, and the textures that materials name."""
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from vrtm.bake import overwrite
+from vrtm.bake.layer.mark import is_marked
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
 
@@ -44,7 +46,7 @@ class UsdSource:
         """(vertices, 3) of the shape at a time code."""
         return self._meshes[shape.name].positions(frame)
 
-    @property
+    @cached_property
     def files(self) -> tuple[str, ...]:
         """See `stage_files`."""
         return stage_files(self.stage)
@@ -126,26 +128,29 @@ def stage_files(stage: Usd.Stage) -> tuple[str, ...]:
     """The files of all layers and value clips that a stage uses, and the textures that its shaders and materials name.
     Those that vrtm wrote are left out: a shot may have the layer of an earlier bake below it, which the next one
     replaces."""
-    found = {layer.realPath for layer in stage.GetUsedLayers()}
+    layers = [layer for layer in stage.GetUsedLayers() if layer.realPath]
+    found = {layer.realPath for layer in layers}
+    ours = {layer.identifier for layer in layers if is_marked(layer)}
     for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
         for name in prim.GetMetadata("clips") or ():
             found.update(asset.resolvedPath for asset in Usd.ClipsAPI(prim).ComputeClipAssetPaths(name))
         if prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
             for attribute in prim.GetAuthoredAttributes():
                 if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset:
-                    found.update(_assets(attribute))
+                    found.update(_assets(attribute, ours))
     files = sorted({Ar.SplitPackageRelativePathOuter(path)[0] for path in found})
     return tuple(path for path in files if os.path.isfile(path) and not overwrite.is_ours(path))
 
 
-def _assets(attribute: Usd.Attribute) -> Iterator[str]:
-    """The files that an attribute names at any time, those of all tiles where it names a pattern."""
+def _assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
+    """The files that an attribute names at any time, those of all tiles where it names a pattern. `ours`: layers of
+    earlier bakes, which name files of their own in every frame."""
     for time in (Usd.TimeCode.Default(), *attribute.GetTimeSamples()):
-        asset = attribute.Get(time)
+        layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
+        asset = attribute.Get(time) if layers and layers[0].identifier not in ours else None
         if not asset:
             continue
-        layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
-        if layers and UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+        if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
             yield from (path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layers[0]))
         elif asset.resolvedPath:
             yield asset.resolvedPath
