@@ -26,7 +26,7 @@ const FEW: usize = 50;
 /// If more than one in so many texels of f16 has a quad that folds, nothing is tried.
 const HOPELESS: usize = 10;
 /// Nor does one begin where a quad folds whose numbers are rounded by more texels than this.
-const COARSE: f64 = 0.1;
+const COARSE: f64 = 0.05;
 
 /// The corners of a quad: each with the ends of the edges that meet there, in their order from u to v.
 const CORNERS: [[[usize; 2]; 3]; 4] =
