@@ -1011,7 +1011,9 @@ vrtm_status vrtm_tile_save(vrtm_tile tile,
 
 // Takes a tile that was prepared elsewhere, so that it need not be prepared here. Mesh, maps and settings have to be
 // those that it was saved with; they are compared, and set before this call. `size` is the number of bytes. They may
-// come from anywhere: what is not a saved tile, or was changed, is refused.
+// come from anywhere: what is not a saved tile, or was damaged, is refused. The checksum is no signature: bytes that
+// somebody has changed, and the checksum with them, may be taken, and at worst lead to another warp, which is certified
+// as any other. They never lead to a crash.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged or of another
 // version of the format, or that were saved with another mesh, map or setting; VRTM_ERROR_BUSY;
