@@ -550,7 +550,7 @@ typedef struct vrtm_adapter_data {
     uint8_t driver_uuid[16];
     // The LUID of Direct3D and DXGI, in memory order.
     uint8_t luid[8];
-    // The number MTLDevice.registryID, in memory order; zero where there is none.
+    // The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
     uint8_t registry_id[8];
     // PCI vendor; 0 where the interface does not tell.
     uint32_t vendor;

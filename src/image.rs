@@ -65,8 +65,8 @@ pub struct ImageLayout {
     pub channels: Option<u32>,
     /// Whether values of a redirection next to a fold of the interpolated map may differ from the inverse warp, so that
     /// the map is one-to-one when it is read with bilinear interpolation; false = each value is the inverse warp's. In f32
-    /// no map is known that is left with folds. Where numbers of 16 bits are too coarse for a map's size, the values are the inverse
-    /// warp's, and the log warns: [`crate::MapReport::folds`] counts.
+    /// no map is known that is left with folds. Where numbers of 16 bits are too coarse for a map's size, the values are
+    /// the inverse warp's, the log warns, and [`crate::MapReport::folds`] counts the folds.
     pub one_to_one: bool,
 }
 

@@ -136,7 +136,7 @@ pub struct vrtm_adapter_data {
     pub driver_uuid: [u8; 16],
     /// The LUID of Direct3D and DXGI, in memory order.
     pub luid: [u8; 8],
-    /// The number MTLDevice.registryID, in memory order; zero where there is none.
+    /// The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
     pub registry_id: [u8; 8],
     /// PCI vendor; 0 where the interface does not tell.
     pub vendor: u32,

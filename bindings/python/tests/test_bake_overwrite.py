@@ -18,7 +18,7 @@ from scenes import bind, preview_material
 from vrtm import cli
 from vrtm.bake import overwrite
 from vrtm.bake.layer import LayerError, LayerPlan, write_corner_uvs, write_layer
-from vrtm.bake.layer.mark import mark
+from vrtm.bake.mark import mark
 from vrtm.bake.scene import Scene
 
 

@@ -110,25 +110,61 @@ def test_a_pose_in_other_units_is_told_by_each_worker(tmp_path: Path) -> None:
         ]
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_pose_that_tears_in_many_frames_is_told_once(tmp_path: Path, jobs: int) -> None:
+    # Two strips whose sides at x = 1 are welded by position. Each frame pulls one vertex more apart.
+    count = 8
+    line = [[(x, j / count, 0.0) for j in range(count + 1)] for x in (0.0, 1.0, 1.0, 2.0)]
+    points = [point for column in line for point in column]
+    stage = Usd.Stage.CreateNew(str(tmp_path / "tear.usda"))
+    stage.SetStartTimeCode(1)
+    stage.SetEndTimeCode(4)
+    mesh = UsdGeom.Mesh.Define(stage, "/model/strips")
+    mesh.CreateSubdivisionSchemeAttr("none")
+    attribute = mesh.CreatePointsAttr()
+    for frame in range(1, 5):
+        pulled = range(2 * (count + 1), 2 * (count + 1) + frame + 1)
+        posed = [(x + 0.1 * (k in pulled), 1.1 * y, z) for k, (x, y, z) in enumerate(points)]
+        attribute.Set([Gf.Vec3f(*p) for p in posed], frame)
+    corners = [
+        first + j + step
+        for first in (0, 2 * (count + 1))
+        for j in range(count)
+        for step in (0, count + 1, count + 2, 1)
+    ]
+    mesh.CreateFaceVertexCountsAttr([4] * (len(corners) // 4))
+    mesh.CreateFaceVertexIndicesAttr(corners)
+    primvars, kinds = UsdGeom.PrimvarsAPI(mesh), Sdf.ValueTypeNames
+    rest = primvars.CreatePrimvar("Pref", kinds.Point3fArray, UsdGeom.Tokens.vertex)
+    rest.Set([Gf.Vec3f(*p) for p in points])
+    uvs = primvars.CreatePrimvar("st", kinds.TexCoord2fArray, UsdGeom.Tokens.vertex)
+    uvs.Set([Gf.Vec2f(0.1 + 0.4 * x, 0.1 + 0.8 * y) for x, y, _ in points])
+    stage.Save()
+    image(tmp_path / "rigid.png", np.full((32, 32, 1), 255, np.uint8))
+    arguments = bake(tmp_path / "tear.usda", tmp_path / "out", "--weld", "position", "--jobs", jobs)
+    told = [line for line in run(*arguments).stderr.splitlines() if "welded edges" in line]
+    assert len(told) == 1 and told[0].startswith("vrtm: warning: /model/strips: tile 1001: the pose tears"), told
+
+
 def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "maps", frames=1, cells=4)
     (scene.parent / "rigid.1002.png").unlink()
     arguments = sheet_arguments(scene, tmp_path / "out", "--jobs", 1)
-    assert "--rigidity: there is none for /model/sheet 1002" in run(*arguments).stderr
+    assert "--rigidity: no map for /model/sheet 1002" in run(*arguments).stderr
     shutil.rmtree(tmp_path / "out")
     ended = run(*arguments, "--strict", expect=2)
-    assert ended.stderr.splitlines()[-1].startswith("vrtm: --rigidity: there is none for /model/sheet 1002")
+    assert ended.stderr.splitlines()[-1].startswith("vrtm: --rigidity: no map for /model/sheet 1002")
     assert not (tmp_path / "out").exists()
     # A tile that is not asked for is nobody's matter.
-    assert "there is none" not in run(*arguments, "--strict", "--tiles", 1001).stderr
+    assert "no map for" not in run(*arguments, "--strict", "--tiles", 1001).stderr
     # By the name of the mesh; one map is black.
     (scene.parent / "rigid.1001.png").rename(scene.parent / "sheet.1001.png")
     image(scene.parent / "sheet.1002.png", np.zeros((8, 8, 1), np.uint8))
     named = [scene.parent / "<mesh>.<UDIM>.png" if str(a).endswith("rigid.<UDIM>.png") else a for a in arguments]
     told = run(*named, "--strict").stderr
-    assert "sheet.1002.png is black all over" in told and "there is none" not in told
+    assert "sheet.1002.png is black all over" in told and "no map for" not in told
     named = [scene.parent / "none.<mesh>.<UDIM>.png" if str(a).endswith("<mesh>.<UDIM>.png") else a for a in named]
-    assert "there is none for /model/sheet 1001, 1002" in run(*named).stderr
+    assert "no map for /model/sheet 1001, 1002" in run(*named).stderr
     # By values per vertex, which one of two meshes lacks.
     stage = Usd.Stage.Open(str(scene))
     other = Sdf.Layer.FindOrOpen(str(scene))
@@ -150,7 +186,7 @@ def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
         "--out",
         tmp_path / "new",
     ]
-    assert "--rigidity-primvar: there is none for /model/sheet 1001, 1002" in run(*by_vertex).stderr
+    assert "--rigidity-primvar: no values for /model/sheet 1001, 1002" in run(*by_vertex).stderr
     assert "/model/sheet" in run(*by_vertex, "--strict", expect=2).stderr
 
 

@@ -110,7 +110,7 @@ def _is_cut_short(path: str, size: int) -> bool:
 def _is_marked_layer(path: str) -> bool:
     from pxr import Sdf, Tf
 
-    from vrtm.bake.layer.mark import has_mark, is_marked
+    from vrtm.bake.mark import has_mark, is_marked
 
     try:
         # Most have no mark, which takes no reading of all their values.

@@ -14,7 +14,7 @@ from vrtm.bake.settings import Settings
 from vrtm.bake.work import Work
 
 MOSTLY = 0.5
-"""The share of a tile's rigid texels over which it makes no sense to ask for a strain if they are frozen."""
+"""If a larger share of a tile's rigid texels is frozen, its strain says little about what was baked."""
 
 
 def shares(tile: dict) -> str:
@@ -74,7 +74,7 @@ def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | N
     """What is worse than asked for: the worst tile."""
     rows = [(result, tile) for result in results for tile in result.tiles]
     beyond = []
-    frozen = [(r, t) for r, t in rows if t.get("frozen", 0) > MOSTLY]
+    frozen = [(r, t) for r, t in rows if t["frozen"] > MOSTLY]
     if settings.max_strain is not None and frozen:
         result, tile = max(frozen, key=lambda entry: entry[1]["frozen"])
         place = f"{result.mesh}, frame {result.frame}, tile {tile['udim']}"

@@ -17,7 +17,7 @@ from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import Stop, signals
 from vrtm.bake.work import Work
 
-# But for that of a tile, and what is part of a name.
+# A number in a warning, but for a tile's and for digits within a name.
 _NUMBER = re.compile(r"(?<!tile )\b\d[\d.]*")
 _LOOK = 0.1
 """Seconds between looks at whether a signal came."""
@@ -43,7 +43,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     warnings: list[str] = []
 
     def warn(message: str) -> None:
-        # Each worker process meets a mesh anew.
+        # Each worker process opens the scene, and its library warns again.
         if message not in warnings:
             warnings.append(message)
             console.warning(message)
@@ -99,14 +99,14 @@ def _frames(settings: Settings, work: Work, console: Console, stop: Stop, result
     def done(result: FrameResult) -> None:
         results.append(result)
         for note in result.warnings:
-            # Of the tears and folds of many frames, the first tell enough; what is said of a pose names its frame.
+            # Tears and folds differ from frame to frame in their numbers alone: the first of them are told. A warning
+            # of a pose names its frame, and is told for each.
             kind = note if ", frame " in note else _NUMBER.sub("#", note)
             if kind not in kinds:
                 kinds.add(kind)
                 warn(note)
         for tile in result.tiles:
-            # A file's record has no figures if the redirection is not among what was solved.
-            if "frozen" in tile and (result.mesh, tile["udim"]) not in seen:
+            if (result.mesh, tile["udim"]) not in seen:
                 seen.add((result.mesh, tile["udim"]))
                 path = work.meshes[result.mesh].shape.path
                 console.detail(f"{path} tile {tile['udim']}: {report.shares(tile)}")

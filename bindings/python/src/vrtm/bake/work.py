@@ -92,8 +92,8 @@ class Work:
             meshes = [(mesh.shape.path, mesh.without(option)) for mesh in self.meshes.values()]
             found = "; ".join(f"{path} {', '.join(map(str, udims))}" for path, udims in meshes if udims)
             if found:
-                named = "" if getattr(self.settings, option) else "-primvar"
-                notes.append(f"--{option}{named}: there is none for {found}: {then}")
+                named, what = ("", "no map") if getattr(self.settings, option) else ("-primvar", "no values")
+                notes.append(f"--{option}{named}: {what} for {found}: {then}")
                 if self.settings.strict and option == "rigidity":
                     raise Failure(INPUT, notes[-1])
         black = [path for mesh in self.meshes.values() for path in mesh.black]

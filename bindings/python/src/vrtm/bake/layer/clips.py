@@ -12,10 +12,11 @@ from pxr import Sdf, Tf, UsdGeom, Vt
 
 from vrtm.bake import staging
 from vrtm.bake.fingerprint import Fingerprint
-from vrtm.bake.layer.mark import CORNERS, mark
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
+from vrtm.bake.mark import CORNERS, mark
 from vrtm.bake.overwrite import check
 from vrtm.bake.scene.types import Shape
+from vrtm.bake.scene.usd import first_line
 
 CLIP_PRIM = "/redirected"
 ATTRIBUTE = f"primvars:{PRIMVAR}"
@@ -91,10 +92,8 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.L
             if not layer.Export(temporary):
                 raise OSError(errno.EIO, "it cannot be written", path)
         except Tf.ErrorException as error:
-            # USD raises an exception of its own for what the system reports: a line for each of its functions, the
-            # innermost one first, with the words behind where in its sources that is.
-            reason = str(error).strip().splitlines()[0].rsplit(" : '", 1)[-1].rstrip("'")
-            raise OSError(errno.EIO, reason, path) from error
+            # USD raises an exception of its own for what the system reports.
+            raise OSError(errno.EIO, first_line(error), path) from error
 
     def is_whole(temporary: str) -> bool:
         try:

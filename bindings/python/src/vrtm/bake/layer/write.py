@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pxr import Sdf, Usd, UsdShade
 
 from vrtm.bake.layer.clips import author_clips, export, manifest_path, same_file, write_manifest
-from vrtm.bake.layer.mark import mark
 from vrtm.bake.layer.networks import Redirector
 from vrtm.bake.layer.plan import LayerError, LayerPlan
+from vrtm.bake.mark import mark
 from vrtm.bake.overwrite import Conflict, check
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 
@@ -41,8 +41,8 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
     UVs.
 
     Every mesh gets materials of its own, which specialize the shot's: other meshes with the same material stay as they
-    are. Raises OSError; LayerError for a wrong plan, for a file of the scene in the place of the
-    layer, and, unless `overwrite` is set, for one there that vrtm has not written.
+    are. Raises OSError; LayerError for a wrong plan, if the layer would replace a file of the scene, and, unless
+    `overwrite` is set, if it would replace a file that vrtm has not written.
     """
     plan.check()
     if not Sdf.FileFormat.FindByExtension(scene.path):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vrtm.bake import overwrite
-from vrtm.bake.layer.mark import is_marked
+from vrtm.bake.mark import is_marked
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
 
@@ -157,9 +157,10 @@ def _assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
 
 
 def first_line(error: Exception) -> str:
-    """What a Tf.ErrorException says, without where in USD's sources it was raised."""
+    """What a Tf.ErrorException says, without where in USD's sources it was raised. It has a line for each of USD's
+    functions that it passed, and the first one names the cause."""
     text = str(error).strip().splitlines()
-    return (text[-1] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()
+    return (text[0] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()
 
 
 def stage_frames(stage: Usd.Stage, where: str, warnings: list[str]) -> tuple[int, ...]:
