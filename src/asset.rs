@@ -1,77 +1,39 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
-mod backend;
-mod canvas;
-mod chart_texels;
-mod external;
-mod fetch;
-mod form;
-mod inspect;
-mod kind;
 mod log;
-mod measure;
-mod nodes;
-#[cfg(feature = "oracle")]
-mod oracle;
-mod output;
-#[cfg(all(feature = "oracle", feature = "gpu"))]
-mod parity;
+pub(crate) mod measure;
 mod prepare;
-mod quad;
-mod refine;
-mod results;
+pub(crate) mod results;
 mod side_by_side;
-mod solve;
-mod tiles;
-#[cfg(feature = "gpu")]
-mod on_gpu;
-#[cfg(feature = "gpu")]
-mod switched;
-mod solved;
+pub(crate) mod solve;
 mod stretch;
-mod tile_state;
-mod torn;
-mod untangle;
+pub(crate) mod tile;
+mod tiles;
+pub(crate) mod torn;
 
 use std::sync::Arc;
 
+use crate::allocation::Collect;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::ImageViewMut;
 use crate::image::external::ExternalImage;
-use crate::memory::Collect;
+use crate::map::FetchKind;
+use crate::map::certificate::desc::{MapDesc, MapReport};
 use crate::mesh::{Mesh, MeshSource};
 use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
-use crate::settings::SolveOptions;
 use crate::view::Strided;
-pub use inspect::{MapDesc, MapReport};
-pub use kind::FetchKind;
-#[cfg(feature = "oracle")]
-pub use oracle::ReferenceMinimum;
-pub use refine::{Refinement, RefinementInfo, RefinementPattern, RefinementSettings};
-pub use results::Results;
-pub use solve::SolveRequest;
-use tile_state::TileState;
-
-/// One output of [`Asset::redirect`].
-#[derive(Debug)]
-pub struct Fetch<'a> {
-    /// Index of the tile.
-    pub tile: usize,
-    /// What to write.
-    pub kind: FetchKind,
-    /// Where to.
-    pub image: ImageViewMut<'a>,
-}
+use results::Results;
+use tile::TileState;
 
 /// One mesh with its tiles, on a device. If the device's GPU goes away, everything that uses or reads the tiles gives
 /// `DeviceLost`.
 #[derive(Debug)]
 pub struct Asset {
-    device: Device,
-    mesh: Arc<Mesh>,
-    tiles: Vec<TileState>,
-    results: Results,
+    pub(crate) device: Device,
+    pub(crate) mesh: Arc<Mesh>,
+    pub(crate) tiles: Vec<TileState>,
+    pub(crate) results: Results,
 }
 
 impl Asset {
@@ -130,40 +92,18 @@ impl Asset {
         &self.results
     }
 
-    /// Solves every tile for a pose.
+    /// See [`Results::fetch`].
     ///
     /// # Errors
-    /// `InvalidArgument` for a wrong count or a position that is not finite; `OutOfMemory`. The last good result
-    /// stays.
-    pub fn solve(&mut self, positions: Strided, options: &SolveOptions) -> Result<()> {
-        self.redirect(positions, options, &mut [])
-    }
-
-    /// Solves and fetches in one call: all arguments are checked before anything is written.
-    ///
-    /// # Errors
-    /// Those of [`Asset::solve`] and [`Asset::fetch`].
-    pub fn redirect(
-        &mut self,
-        positions: Strided,
-        options: &SolveOptions,
-        fetches: &mut [Fetch],
-    ) -> Result<()> {
-        self.run(&SolveRequest { positions, options: *options, ..SolveRequest::default() }, fetches)
-    }
-
-    /// [`Results::fetch`] of the asset's results.
-    ///
-    /// # Errors
-    /// Those of that.
+    /// Those of [`Results::fetch`].
     pub fn fetch(&self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
         self.results.fetch(tile, kind, image)
     }
 
-    /// [`Results::fetch_part`] of the asset's results.
+    /// See [`Results::fetch_part`].
     ///
     /// # Errors
-    /// Those of that.
+    /// Those of [`Results::fetch_part`].
     pub fn fetch_part(
         &self,
         tile: usize,
@@ -175,70 +115,62 @@ impl Asset {
         self.results.fetch_part(tile, kind, image, size, first)
     }
 
-    /// [`Results::fetch_external`] of the asset's results.
+    /// See [`Results::fetch_external`].
     ///
     /// # Errors
-    /// Those of that.
+    /// Those of [`Results::fetch_external`].
     ///
     /// # Safety
-    /// That of that.
+    /// See [`Results::fetch_external`].
     pub unsafe fn fetch_external(&self, tile: usize, kind: FetchKind, image: &ExternalImage) -> Result<()> {
         // SAFETY: the caller's.
         unsafe { self.results.fetch_external(tile, kind, image) }
     }
 
-    /// [`Results::inspect_map`] of the asset's results.
+    /// See [`Results::inspect_map`].
     ///
     /// # Errors
-    /// Those of that.
+    /// Those of [`Results::inspect_map`].
     pub fn inspect_map(&self, tile: usize, desc: &MapDesc) -> Result<MapReport> {
         self.results.inspect_map(tile, desc)
     }
 
-    /// [`Results::corner_uvs`] of the asset's results.
+    /// See [`Results::corner_uvs`].
     ///
     /// # Errors
-    /// Those of that.
+    /// Those of [`Results::corner_uvs`].
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
         self.results.corner_uvs(out)
     }
 
-    /// [`Results::corner_uvs_of_set`] of the asset's results.
+    /// See [`Results::corner_uvs_of_set`].
     ///
     /// # Errors
-    /// Those of that.
+    /// Those of [`Results::corner_uvs_of_set`].
     pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
         self.results.corner_uvs_of_set(uv_set, out)
     }
 
-    /// [`Results::refine`] of the asset's results.
+    /// See [`Results::tile_report`].
     ///
     /// # Errors
-    /// Those of that.
-    pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
-        self.results.refine(settings)
-    }
-
-    /// [`Results::tile_report`] of the asset's results.
-    ///
-    /// # Errors
-    /// Those of that.
+    /// Those of [`Results::tile_report`].
     pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
         self.results.tile_report(tile)
     }
 
-    /// [`Results::gpu_work`] of the asset's results.
+    /// See [`Results::gpu_work`].
     ///
     /// # Errors
-    /// Those of that.
+    /// Those of [`Results::gpu_work`].
     pub fn gpu_work(&self, tile: usize) -> Result<Option<GpuWork>> {
         self.results.gpu_work(tile)
     }
 
-    /// [`Results::report`] of the asset's results.
+    /// See [`Results::report`].
     ///
     /// # Errors
-    /// Those of that.
+    /// Those of [`Results::report`].
     pub fn report(&self) -> Result<AssetReport> {
         self.results.report()
     }
@@ -254,7 +186,7 @@ impl Asset {
         result
     }
 
-    fn check_tile(&self, tile: usize) -> Result<()> {
+    pub(crate) fn check_tile(&self, tile: usize) -> Result<()> {
         self.device.alive()?;
         if tile < self.tiles.len() {
             return Ok(());
@@ -262,7 +194,7 @@ impl Asset {
         Err(Error::argument(format!("tile: index {tile} is out of range, there are {}", self.tiles.len())))
     }
 
-    fn check_vertices(&self, name: &str, values: &Strided, components: usize) -> Result<()> {
+    pub(crate) fn check_vertices(&self, name: &str, values: &Strided, components: usize) -> Result<()> {
         self.device.alive()?;
         if values.components() != components {
             return Err(Error::argument(format!("{name}: {components} components are needed")));

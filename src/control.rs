@@ -30,7 +30,7 @@ pub struct Control {
     thread: AtomicUsize,
     watch: Option<Watch>,
     /// Items of work after which the call is cancelled; 0 = never.
-    #[cfg(feature = "oracle")]
+    #[cfg(feature = "lab")]
     items_left: std::sync::atomic::AtomicU64,
 }
 
@@ -80,7 +80,7 @@ impl Control {
     }
 
     /// Cancels the call before the item of work with this number, the first of which is 1: for tests.
-    #[cfg(feature = "oracle")]
+    #[cfg(feature = "lab")]
     pub fn cancel_at_item(&self, number: u64) {
         self.items_left.store(number, Ordering::Relaxed);
     }
@@ -157,7 +157,7 @@ impl Control {
     /// Whether the call goes on. Called before each item of work, which is where the host's function is called.
     #[inline]
     pub(crate) fn goes_on(&self) -> bool {
-        #[cfg(feature = "oracle")]
+        #[cfg(feature = "lab")]
         if self.items_left.load(Ordering::Relaxed) > 0 && self.items_left.fetch_sub(1, Ordering::Relaxed) == 1
         {
             self.cancel();

@@ -22,8 +22,9 @@ mod sampling;
 mod constants;
 mod allocate;
 mod memory;
-#[cfg(feature = "gpu")]
-mod inspect;
+#[cfg(all(feature = "gpu", feature = "lab"))]
+#[path = "lab/cpu_state.rs"]
+mod state;
 
 mod row;
 mod lanes;
@@ -32,15 +33,15 @@ mod prefetch;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use crate::memory::{Collect, Grow, copied, filled, zeroed, zeroed_box};
+use crate::allocation::{Collect, Grow, copied, filled, zeroed, zeroed_box};
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
+use crate::grid::pose::Pose;
+use crate::grid::window::Window;
 use crate::mesh::TileMesh;
 use crate::method::schedule::{ChartResult, Input};
 use crate::panics::{go_on, hold_back};
 use crate::team::{PerThread, Team, Worker};
-use crate::tile::Grid;
-use crate::tile::blocks::Plane;
-use crate::tile::pose::Pose;
-use crate::tile::window::Window;
 use correct::Pairs;
 pub(crate) use memory::Memory;
 use patch::{Patch, State, Weights};

@@ -4,14 +4,13 @@ use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
+use crate::allocation::{Current, caught};
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Survey, interfaces};
 use crate::gpu::context::{self, Context};
 use crate::lock::lock;
-use crate::memory::{self, Current};
 use crate::method::budget::Costs;
-use crate::method::point::Switch;
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
 use crate::team::{Crew, Executor, Team};
@@ -103,7 +102,6 @@ impl Options {
             }
             options.gpu.webgpu_limits = true;
         }
-        options.gpu.switch = variable("VRTM_SWITCH").map(|value| Switch::parse(&value)).transpose()?;
         Ok(options)
     }
 }
@@ -129,12 +127,6 @@ impl Device {
     /// VRTM_DEVICE (auto, cpu, gpu, or gpu:UUID for the GPU with this UUID), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default
     /// limits and without optional features.
     ///
-    /// To find the stage at which a GPU goes wrong, VRTM_SWITCH=BACKEND:STAGE has assets on a GPU run the stages up to
-    /// and with STAGE on one backend (cpu or gpu) and the rest on the other. A stage is `surface`, `pyramid`,
-    /// `prolong@LEVEL`, `relax@LEVEL` (of the paper's solver: its iterations), `correct@LEVEL` (all corrections of the level), `correct@LEVEL.N` (the first N
-    /// of them) or `certify`; level 0 is the finest, and the coarsest comes first. `cpu:certify` is the CPU's result,
-    /// `gpu:certify` the GPU's, `cpu:relax@1` begins on the CPU and ends on the GPU.
-    ///
     /// # Errors
     /// For [`Backend::Gpu`], `Unsupported` if there is no GPU or it cannot be opened, and `InvalidArgument` if there is
     /// none of that number or identity; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
@@ -144,7 +136,7 @@ impl Device {
     }
 
     /// The same with other variables than the environment's, and with buffers of at most `band` blocks on a GPU.
-    #[cfg(feature = "oracle")]
+    #[cfg(feature = "lab")]
     pub fn with_variables(
         settings: &DeviceSettings,
         variables: &[(&str, &str)],
@@ -187,10 +179,6 @@ impl Device {
         };
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
         let threads = settings.threads.map_or(cores.min(MAX_THREADS), NonZeroU32::get);
-        if gpu.is_none() && options.gpu.switch.is_some() {
-            let why = "VRTM_SWITCH: the device is the CPU, but the switch needs a GPU";
-            return Err(Error::new(ErrorKind::Unsupported, why));
-        }
         let gpu = gpu.map(Arc::new);
         let (bytes_held, costs) = (AtomicU64::new(0), Mutex::new(Costs::default()));
         let device = Device(Arc::new(Inner {
@@ -242,13 +230,13 @@ impl Device {
     }
 
     /// Destroys the GPU, as if it went away; true if this device has one.
-    #[cfg(feature = "oracle")]
+    #[cfg(feature = "lab")]
     pub fn lose_for_tests(&self) -> bool {
         self.gpu().map(|gpu| gpu.lose()).is_some()
     }
 
     /// On a GPU, times each kernel by itself from now on ([`crate::GpuKernel::ms`]): for benches, since it costs time.
-    #[cfg(feature = "oracle")]
+    #[cfg(feature = "lab")]
     pub fn time_kernels(&self, yes: bool) {
         if let Some(gpu) = self.gpu() {
             gpu.time_kernels(yes);
@@ -308,7 +296,7 @@ impl Device {
 /// Calls `f` with memory from where a device's comes from.
 fn in_memory_of<R>(settings: &DeviceSettings, f: impl FnOnce() -> Result<R>) -> Result<R> {
     let _scope = Current::new(settings.allocator.as_ref()).enter();
-    memory::caught(f)
+    caught(f)
 }
 
 /// The GPU that was asked for by its number or identity, and which one that is.

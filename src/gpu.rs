@@ -10,7 +10,9 @@ mod dispatch;
 pub(crate) mod external;
 mod generated;
 mod identity;
-mod inspect;
+#[cfg(feature = "lab")]
+#[path = "lab/gpu_state.rs"]
+pub(crate) mod state;
 mod invert;
 mod kernels;
 pub(crate) mod layout;
@@ -27,11 +29,11 @@ mod upload;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::allocation::{Collect, Grow};
 use crate::control::Control;
 use crate::error::{Error, Result};
-use crate::memory::{Collect, Grow};
+use crate::grid::Grid;
 use crate::method::schedule::{ChartResult, Input};
-use crate::tile::Grid;
 use context::Context;
 use dispatch::Gate;
 pub(crate) use invert::Output;

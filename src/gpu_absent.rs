@@ -4,9 +4,9 @@
 use std::sync::Arc;
 
 use crate::error::Result;
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
 use crate::mesh::TileMesh;
-use crate::tile::Grid;
-use crate::tile::blocks::Plane;
 
 /// Has no value.
 #[derive(Clone, Copy, Debug)]
@@ -45,14 +45,12 @@ pub(crate) mod adapters {
 pub(crate) mod context {
     use super::Absent;
     use crate::error::Result;
-    use crate::method::point::Switch;
     use crate::report::AdapterInfo;
 
     #[derive(Clone, Copy, Debug, Default)]
     pub(crate) struct Options {
         pub webgpu_limits: bool,
-        pub switch: Option<Switch>,
-        #[cfg_attr(not(feature = "oracle"), allow(dead_code))]
+        #[cfg_attr(not(feature = "lab"), allow(dead_code))]
         pub band: Option<usize>,
     }
 
@@ -71,7 +69,7 @@ pub(crate) mod context {
             match self.absent {}
         }
 
-        #[cfg(feature = "oracle")]
+        #[cfg(feature = "lab")]
         pub fn lose(&self) {
             match self.absent {}
         }
@@ -80,7 +78,7 @@ pub(crate) mod context {
             match self.absent {}
         }
 
-        #[cfg(feature = "oracle")]
+        #[cfg(feature = "lab")]
         pub fn time_kernels(&self, _: bool) {
             match self.absent {}
         }

@@ -5,8 +5,8 @@ pub(crate) mod map;
 
 use std::marker::PhantomData;
 
+use crate::allocation::Collect;
 use crate::error::{Error, ErrorKind, Result};
-use crate::memory::Collect;
 use map::{Map, TexelRect, decode};
 
 /// The number format of one channel.

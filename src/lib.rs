@@ -1,10 +1,10 @@
 //! vrtm keeps painted features rigid while the surface under them deforms.
 //!
 //! The data flows through the modules in this order: a host's arrays (`view`, `image`) become a validated mesh with tiles
-//! and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`tile`); for each pose,
-//! `method::schedule` calls the stages of a backend (`cpu`, `gpu`) level by level; and [`Asset`] hands out the
-//! redirection map, the warp, corner UVs and reports. Beside that way stands `oracle`, the side in double precision that
-//! results are measured with. `docs/method.md` is the mathematics, `docs/architecture.md` the map of the source.
+//! and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`grid`); for each pose,
+//! `method::schedule` calls the stages of a backend (`cpu`, `gpu`) level by level (`solver`); `map` makes images of the
+//! results, and [`Asset`] keeps all of it. `strain` measures results in double precision; `lab` is what tests compare them
+//! with. `docs/method.md` is the mathematics, `docs/architecture.md` the map of the source.
 //!
 //! # Memory
 //!
@@ -62,11 +62,21 @@
 // An allocation whose size follows from input must be able to fail: clippy.toml lists those that cannot.
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
 
-mod memory;
+// From the ground up: a module imports only modules above it in this list. A test reads the imports (`tests/arrows.rs`).
+mod lock;
+mod line;
+mod error;
+mod float_mode;
+mod allocation;
+mod panics;
+mod control;
+mod team;
 mod view;
-mod image;
+mod settings;
+mod report;
 mod mesh;
-mod tile;
+mod image;
+mod grid;
 mod method;
 mod cpu;
 #[cfg(feature = "gpu")]
@@ -74,45 +84,45 @@ mod gpu;
 #[cfg(not(feature = "gpu"))]
 #[path = "gpu_absent.rs"]
 mod gpu;
-mod oracle;
-mod asset;
 mod device;
-mod settings;
-mod report;
-mod error;
-mod panics;
-mod float_mode;
-mod control;
-mod team;
-mod lock;
-mod line;
-#[cfg(not(feature = "oracle"))]
+mod strain;
+mod solver;
+mod map;
+mod asset;
+mod refine;
+#[cfg(feature = "lab")]
+#[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "never in a library that is shipped")]
+mod lab;
+#[cfg(not(feature = "lab"))]
 mod ffi;
 /// The C API, for tests that call it from Rust.
-#[cfg(feature = "oracle")]
+#[cfg(feature = "lab")]
 #[doc(hidden)]
 pub mod ffi;
 
 /// Memory of all of the library, and of a Rust program that links it.
 #[cfg(feature = "allocator")]
 #[global_allocator]
-static ALLOCATOR: memory::Allocator = memory::Allocator;
+static ALLOCATOR: allocation::Allocator = allocation::Allocator;
 
-#[cfg(feature = "oracle")]
-pub use asset::ReferenceMinimum;
-pub use asset::{
-    Asset, Fetch, FetchKind, MapDesc, MapReport, Refinement, RefinementInfo, RefinementPattern,
-    RefinementSettings, Results, SolveRequest,
-};
+pub use allocation::HostAllocator;
+pub use asset::Asset;
+pub use asset::results::Results;
+pub use asset::solve::{Fetch, SolveRequest};
 pub use control::{Control, ProgressFn};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
 pub use image::external::{ExternalHandle, ExternalImage};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
-pub use memory::HostAllocator;
+#[cfg(feature = "lab")]
+pub use lab::asset::ReferenceMinimum;
+#[cfg(all(feature = "lab", feature = "gpu"))]
+pub use lab::parity::StageDifference;
+pub use map::FetchKind;
+pub use map::certificate::desc::{MapDesc, MapReport};
 pub use mesh::{MeshSource, UvSource, Weld, WeldBy};
-#[cfg(all(feature = "oracle", feature = "gpu"))]
-pub use oracle::parity::StageDifference;
+pub use refine::pattern::RefinementPattern;
+pub use refine::{Refinement, RefinementInfo, RefinementSettings};
 pub use report::{
     AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,
     TileEstimate, TileInfo, TileReport,

@@ -16,8 +16,8 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
+use crate::allocation::{Collect, Grow, copied, with_capacity};
 use crate::error::Result;
-use crate::memory::{Collect, Grow, copied, with_capacity};
 use crate::report::AssetInfo;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
 

@@ -8,5 +8,4 @@ mod stages;
 pub(crate) mod acceptance;
 pub(crate) mod budget;
 pub(crate) mod pbd;
-pub(crate) mod point;
 pub(crate) mod progress;

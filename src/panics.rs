@@ -12,8 +12,8 @@ use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, s
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Once, OnceLock};
 
+use crate::allocation::OutOfMemory;
 use crate::line::Line;
-use crate::memory::OutOfMemory;
 
 /// Bytes of a panic's place; a longer one is cut.
 const PLACE_BYTES: usize = 128;

@@ -5,8 +5,8 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::allocation::HostAllocator;
 use crate::error::{Error, Result};
-use crate::memory::HostAllocator;
 use crate::team::Executor;
 
 /// Most CPU threads per solve.

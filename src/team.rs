@@ -7,8 +7,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use crate::allocation::{Collect, Current, Grow, with_capacity};
 use crate::control::{Control, is_lent, lent};
-use crate::memory::{Collect, Current, Grow, with_capacity};
 pub use executor::{Executor, Task};
 use protocol::Protocol;
 

@@ -1,7 +1,7 @@
 //! Views of a host's vertex arrays: any byte stride, f32 or f64, read without alignment.
 
+use crate::allocation::{Grow, with_capacity};
 use crate::error::{Error, Result};
-use crate::memory::{Grow, with_capacity};
 
 /// The number format of one component of a host's array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,13 +1,12 @@
 //! Compares the backends stage by stage, each stage starting from the same state on both, and measures where and how
-//! much they differ. Also tests the switch (`VRTM_SWITCH`), which runs the first stages on one backend and the others
-//! on the other one.
+//! much they differ.
 
 mod common;
 
 use std::collections::BTreeMap;
 
-use common::{Model, bits, cpu, options};
-use vrtm::{Asset, Backend, Device, DeviceSettings, ErrorKind, Quality, SolveOptions, StageDifference};
+use common::{Model, options};
+use vrtm::{DeviceSettings, ErrorKind, Quality, SolveOptions, StageDifference};
 
 /// Bounds of the difference of a quantity after one stage: for the maximum and for the RMS, the factor of the largest
 /// magnitude on the CPU, and an absolute part. Both backends evaluate the same expressions in f32. A GPU may fuse
@@ -162,103 +161,8 @@ fn stages_from_the_same_state() {
     assert!(least_fraction < 0.5, "no step was limited: {least_fraction}");
 }
 
-/// A GPU device whose assets change the backend after a given stage.
-fn switched(switch: &str) -> vrtm::Result<Device> {
-    let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
-    Device::with_variables(&settings, &[("VRTM_SWITCH", switch)], None)
-}
-
-/// Largest difference of the displacements of two results, in cells.
-fn largest_difference(a: &Asset, b: &Asset) -> f32 {
-    let both = a.displacements(0).unwrap().into_iter().zip(b.displacements(0).unwrap());
-    both.flat_map(|(a, b)| [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()]).fold(0.0, f32::max)
-}
-
 #[test]
-fn the_rest_on_the_other_backend() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
-    let model = Model::from(common::scenes::analytic::shear(0.5));
-    let solve = |device: &Device| {
-        let mut asset = model.asset_on(device, 64);
-        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
-        asset
-    };
-    let (cpu_result, gpu_result) = (solve(&cpu(0)), solve(&device));
-    // A switch after the last stage gives the bits of a single backend.
-    assert!(bits(&solve(&switched("cpu:certify").unwrap())) == bits(&cpu_result));
-    assert!(bits(&solve(&switched("gpu:certify").unwrap())) == bits(&gpu_result));
-    for stage in
-        ["surface", "pyramid", "prolong@2", "relax@1", "correct@1", "relax@0", "correct@0.1", "correct@0"]
-    {
-        for backend in ["cpu", "gpu"] {
-            let asset = solve(&switched(&format!("{backend}:{stage}")).unwrap());
-            let report = asset.tile_report(0).unwrap();
-            let (from_cpu, from_gpu) =
-                (largest_difference(&asset, &cpu_result), largest_difference(&asset, &gpu_result));
-            println!(
-                "{backend} to {stage:12} {from_cpu:.1e} cells from the CPU's result, {from_gpu:.1e} from the GPU's"
-            );
-            assert!(report.folds == 0 && report.min_jacobian > 0.0, "{stage}");
-            // The results differ by as much as after a correction (see `tolerance`), wherever the switch is. A second
-            // correction after a switch lacks the coarser systems of the first one, which were assembled on the other
-            // backend, and solves less exactly.
-            let most = if stage == "correct@0.1" { 0.2 } else { 5e-2 };
-            assert!(from_cpu <= most && from_gpu <= most, "{stage}");
-            let relative = report.energy / cpu_result.tile_report(0).unwrap().energy - 1.0;
-            assert!(
-                relative.abs() <= if stage == "correct@0.1" { 5e-3 } else { 1e-4 },
-                "{stage}: E is {relative:.1e} apart"
-            );
-        }
-    }
-}
-
-/// Reused charts and warm starts find the last result on whichever backend it was computed.
-#[test]
-fn a_switched_asset_goes_on_from_its_result() {
-    if !common::has_gpu() {
-        return;
-    }
-    let model = Model::from(common::scenes::creature());
-    let device = switched("cpu:certify").unwrap();
-    let (mut asset, mut plain) = (model.asset_on(&device, 64), model.asset(0, 64));
-    let warm = SolveOptions { warm: true, ..SolveOptions::default() };
-    let held = SolveOptions { temporal_weight: 0.1, ..warm };
-    let normal = SolveOptions::default();
-    let calls = [
-        (1, &normal),
-        (1, &normal),
-        (2, &warm),
-        (2, &normal),
-        (1, &warm),
-        (2, &held),
-        (2, &held),
-        (1, &held),
-    ];
-    for (frame, options) in calls {
-        for asset in [&mut asset, &mut plain] {
-            asset.solve(model.frame(frame), options).unwrap();
-        }
-        assert!(bits(&asset) == bits(&plain), "frame {frame}, warm {}", options.warm);
-        let [a, b] = [&asset, &plain].map(|asset| asset.tile_report(0).unwrap());
-        assert_eq!((a.charts_reused, a.energy, a.node_updates), (b.charts_reused, b.energy, b.node_updates));
-    }
-}
-
-#[test]
-fn a_switch_that_cannot_be_is_refused() {
-    let settings = |backend| DeviceSettings { backend, ..DeviceSettings::default() };
-    let refused = |backend, switch: &str| {
-        Device::with_variables(&settings(backend), &[("VRTM_SWITCH", switch)], None).unwrap_err()
-    };
-    let error = refused(Backend::Cpu, "cpu:relax");
-    assert_eq!(error.kind, ErrorKind::InvalidArgument);
-    let message =
-        "VRTM_SWITCH: 'cpu:relax' is not cpu: or gpu: and a stage, as in cpu:relax@1 or gpu:correct@0.2";
-    assert_eq!(error.message, message);
-    let error = refused(Backend::Cpu, "cpu:relax@1");
-    assert_eq!(error.kind, ErrorKind::Unsupported);
-    assert_eq!(error.message, "VRTM_SWITCH: the device is the CPU, but the switch needs a GPU");
+fn backends_are_compared_on_a_gpu_alone() {
     let mut asset = Model::from(common::scenes::analytic::bulge()).asset(1, 32);
     let positions = common::scenes::analytic::bulge().poses[0].clone();
     let compared =

@@ -163,31 +163,21 @@ fn nodes_leave_the_tile_by_no_more_than_the_header_says() {
     assert!(outside(64, &SolveOptions::default()) <= 0.0);
 }
 
-/// Compares the backends stage by stage from the same state, and switches from one to the other.
+/// Compares the backends stage by stage from the same state.
 #[cfg(feature = "gpu")]
 #[test]
-fn backends_can_be_compared_and_switched() {
+fn backends_can_be_compared() {
     if !common::has_gpu() {
         return;
     }
     let model = Model::from(scenes::analytic::torus());
-    let on = |variables: &[(&str, &str)]| {
-        let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
-        model.asset_on(&Device::with_variables(&settings, variables, None).unwrap(), 64)
-    };
-    let differences = on(&[]).compare_backends(0, model.frame(1), &pbd(5), true).unwrap();
+    let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
+    let mut asset = model.asset_on(&Device::new(&settings).unwrap(), 64);
+    let differences = asset.compare_backends(0, model.frame(1), &pbd(5), true).unwrap();
     assert!(differences.iter().filter(|d| d.stage.starts_with("relax@")).count() >= 5);
     for d in differences.iter().filter(|d| d.quantity == "displacement (cells)") {
         // The rounding of displacements of a few cells, in one stage.
         assert!(d.max < 1e-5, "{d:?}");
-    }
-    let whole = solved(&model, &cpu(0), 64, 1, &pbd(5)).displacements(0).unwrap();
-    for switch in ["cpu:relax@1", "gpu:relax@2", "gpu:prolong@0"] {
-        let mut asset = on(&[("VRTM_SWITCH", switch)]);
-        asset.solve(model.frame(1), &pbd(5)).unwrap();
-        let u = asset.displacements(0).unwrap();
-        let pairs = u.iter().flatten().zip(whole.iter().flatten());
-        assert!(pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-5, "{switch}");
     }
 }
 

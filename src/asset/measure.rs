@@ -1,12 +1,13 @@
 //! The strain of a result on the mesh, for reports.
 
-use super::solved::Solved;
-use super::{Asset, nodes};
+use super::Asset;
+use crate::allocation::Collect;
 use crate::error::Result;
-use crate::memory::Collect;
-use crate::oracle::measure::measure;
+use crate::grid::coverage::{Coverage, node_maps};
+use crate::map::nodes;
+use crate::solver::solved::Solved;
+use crate::strain::measure;
 use crate::team::Team;
-use crate::tile::coverage::{Coverage, node_maps};
 use crate::view::Strided;
 
 impl Asset {
@@ -35,6 +36,6 @@ impl Asset {
 }
 
 /// The positions as they are measured.
-pub(super) fn gather(positions: Strided) -> Vec<[f64; 3]> {
+pub(crate) fn gather(positions: Strided) -> Vec<[f64; 3]> {
     (0..positions.len()).map(|v| positions.get3(v)).collected()
 }

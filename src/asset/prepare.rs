@@ -3,23 +3,24 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::allocation::caught;
 use crate::device::Device;
 use crate::error::{Error, Result};
+use crate::grid::maps::{Mask, Rigidity, TileMaps};
+use crate::grid::repaint::repaint;
+use crate::grid::survey::Survey;
+use crate::grid::{Grid, build, saved};
 use crate::image::ImageView;
 use crate::image::map::TexelRect;
-use crate::memory::caught;
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::{LogLevel, Solver, TileSettings};
 use crate::team::Team;
-use crate::tile::repaint::repaint;
-use crate::tile::survey::Survey;
-use crate::tile::{Grid, Mask, Rigidity, TileMaps, build, saved};
 
-use super::backend::TileSolver;
-use super::solved::Solved;
-use super::tile_state::{Prepared, SolveCall, TileState};
+use super::tile::{Prepared, SolveCall, TileState};
 use super::torn::{self, Torn};
+use crate::solver::TileSolver;
+use crate::solver::solved::Solved;
 
 impl TileState {
     /// Takes a new rigidity. The grid is rebuilt at the next solve if it differs.

@@ -1,24 +1,30 @@
 //! The last good results of an asset, which any thread may read at any time, also while the next ones are computed.
 
+#[cfg(all(test, feature = "gpu"))]
+mod tests;
+
 use std::sync::{Arc, Mutex, TryLockError};
 use std::time::Instant;
 
+use crate::allocation::{Collect, caught};
 use crate::device::{Device, LiveAsset};
 use crate::error::{Error, ErrorKind, Result};
+use crate::image::external::ExternalImage;
 use crate::image::{ImagePart, ImageViewMut};
 use crate::lock::lock;
-use crate::memory::{Collect, caught};
 use crate::mesh::Mesh;
 use crate::report::{AssetReport, GpuWork, TileReport};
 use crate::settings::LogLevel;
 use crate::team::Team;
 
-use super::fetch::{self, Output};
-use super::inspect::{self, MapDesc, MapReport};
-use super::kind::FetchKind;
-use super::output::Outputs;
-use super::solved::Solved;
 use super::stretch::Stretch;
+use crate::map::FetchKind;
+use crate::map::certificate;
+use crate::map::certificate::desc::{MapDesc, MapReport};
+use crate::map::external;
+use crate::map::fetch::{self, Output};
+use crate::map::inverse::Outputs;
+use crate::solver::solved::Solved;
 
 /// The last good results of an asset. Cloning gives another handle to the same ones; it may be kept and read by any thread
 /// while the asset is in use, or gone. A read sees the results of one solve, whole: the next solve replaces all of
@@ -39,7 +45,7 @@ struct Shared {
 
 /// The results that belong together.
 #[derive(Debug, Default)]
-pub(super) struct Last {
+pub(crate) struct Last {
     /// Per tile.
     pub tiles: Vec<Option<TileResult>>,
     /// Wall-clock milliseconds of the last solve; `None` before the first.
@@ -50,14 +56,14 @@ pub(super) struct Last {
 
 /// The result of a tile.
 #[derive(Clone, Debug)]
-pub(super) struct TileResult {
+pub(crate) struct TileResult {
     pub solved: Arc<Solved>,
     /// Whether the last solve left the tile alone.
     pub kept: bool,
 }
 
 impl Results {
-    pub(super) fn new(device: &Device, mesh: &Arc<Mesh>) -> Results {
+    pub(crate) fn new(device: &Device, mesh: &Arc<Mesh>) -> Results {
         Results(Arc::new(Shared {
             device: device.clone(),
             mesh: mesh.clone(),
@@ -80,21 +86,21 @@ impl Results {
         (tile.udim, tile.uv_set)
     }
 
-    pub(super) fn device(&self) -> &Device {
+    pub(crate) fn device(&self) -> &Device {
         &self.0.device
     }
 
-    pub(super) fn mesh(&self) -> &Arc<Mesh> {
+    pub(crate) fn mesh(&self) -> &Arc<Mesh> {
         &self.0.mesh
     }
 
     /// The present results.
-    pub(super) fn last(&self) -> Arc<Last> {
+    pub(crate) fn last(&self) -> Arc<Last> {
         lock(&self.0.last).clone()
     }
 
     /// Puts new results in the place of the present ones.
-    pub(super) fn replace(&self, last: Last) {
+    pub(crate) fn replace(&self, last: Last) {
         let last = Arc::new(last);
         // The old ones are dropped when the lock is open again.
         let _old = std::mem::replace(&mut *lock(&self.0.last), last);
@@ -146,7 +152,7 @@ impl Results {
     }
 
     /// Writes an output.
-    pub(super) fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
+    pub(crate) fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
         let start = Instant::now();
         let device = &self.0.device;
         let solved = output.solved;
@@ -179,6 +185,24 @@ impl Results {
         Ok(())
     }
 
+    /// Writes a redirection of a tile's result into memory of the host's own graphics device, which must be the same GPU,
+    /// without a way through the CPU. The texels are, bit by bit, those of [`Results::fetch`]. The call returns when they are
+    /// there: no semaphore is needed. The handle stays the caller's.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve; `Unsupported` on the CPU, for kinds that are no redirection, and for memory that
+    /// this GPU does not import; `InvalidArgument`, naming the field, for a layout that does not fit; `OutOfMemory`. Nothing
+    /// is written then. `DeviceLost`: the texels are undefined.
+    ///
+    /// # Safety
+    /// The handle is of memory as the image describes it, and while the call lasts, no other program and no device uses
+    /// the image's texels.
+    pub unsafe fn fetch_external(&self, tile: usize, kind: FetchKind, image: &ExternalImage) -> Result<()> {
+        let texels = external::check(kind, image)?;
+        let device = &self.0.device;
+        device.call(|| external::write(device, &*self.solved(tile)?.solved, kind, &texels))
+    }
+
     /// Looks at the map that a fetch of this kind, size and format would write: whether it is one-to-one when it is read
     /// with bilinear interpolation, and how far it is from the redirection itself. Computed on the CPU.
     ///
@@ -190,7 +214,7 @@ impl Results {
         device.call(|| {
             let solved = self.solved(tile)?.solved;
             desc.check()?;
-            device.team(|team| inspect::inspect(device, team, &solved, desc))
+            device.team(|team| certificate::inspect(device, team, &solved, desc))
         })
     }
 
@@ -281,7 +305,7 @@ impl Results {
     }
 
     /// A tile's result.
-    pub(super) fn solved(&self, tile: usize) -> Result<TileResult> {
+    pub(crate) fn solved(&self, tile: usize) -> Result<TileResult> {
         self.0.device.alive()?;
         let count = self.0.mesh.tiles.len();
         if tile >= count {
@@ -291,7 +315,7 @@ impl Results {
     }
 
     /// All results, if there are some.
-    pub(super) fn solved_asset(&self) -> Result<Arc<Last>> {
+    pub(crate) fn solved_asset(&self) -> Result<Arc<Last>> {
         self.0.device.alive()?;
         let last = self.last();
         if last.solved_ms.is_some() { Ok(last) } else { Err(not_solved()) }
@@ -305,6 +329,6 @@ impl Drop for Shared {
     }
 }
 
-pub(super) fn not_solved() -> Error {
+pub(crate) fn not_solved() -> Error {
     Error::new(ErrorKind::NotSolved, "there is no result yet: solve first")
 }

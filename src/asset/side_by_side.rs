@@ -5,12 +5,12 @@
 use std::cmp::Reverse;
 use std::time::Duration;
 
+use crate::allocation::{Collect, Grow, with_capacity, zeroed};
 use crate::error::Result;
-use crate::memory::{Collect, Grow, with_capacity, zeroed};
 use crate::team::{Crew, Team};
 
-use super::solved::Solved;
-use super::tile_state::{Prepared, SolveCall, SolveShare, TileState};
+use super::tile::{Prepared, SolveCall, SolveShare, TileState};
+use crate::solver::solved::Solved;
 
 /// What all threads of a team together achieve on one tile, against the same number of threads on tiles of their own.
 const EFFICIENCY: f64 = 0.9;

@@ -4,28 +4,41 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Instant;
 
+use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::control::{Control, stoppable};
 use crate::error::{Error, Result};
-use crate::memory::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::method::schedule::Plan;
 use crate::settings::{MAX_THREADS, SolveOptions};
 use crate::team::{Crew, Team};
 use crate::view::Strided;
 
-use super::fetch::Output;
+use super::Asset;
 use super::results::{Last, TileResult, not_solved};
 use super::side_by_side;
-use super::solved::{ChartInput, Solved};
 use super::stretch::Stretch;
-use super::tile_state::{SolveCall, TileState};
-use super::{Asset, Fetch};
+use super::tile::{SolveCall, TileState};
+use crate::image::ImageViewMut;
+use crate::map::FetchKind;
+use crate::map::fetch::Output;
+use crate::solver::solved::{ChartInput, Solved};
+
+/// One output of [`Asset::redirect`].
+#[derive(Debug)]
+pub struct Fetch<'a> {
+    /// Index of the tile.
+    pub tile: usize,
+    /// What to write.
+    pub kind: FetchKind,
+    /// Where to.
+    pub image: ImageViewMut<'a>,
+}
 
 /// What to solve, how, and on which threads. The default solves every tile, on the device's threads.
 #[derive(Clone, Debug, Default)]
 pub struct SolveRequest<'a> {
     /// The pose: the positions of all vertices.
     pub positions: Strided<'a>,
-    /// How.
+    /// Quality, limits and solver of this solve.
     pub options: SolveOptions,
     /// CPU threads, at most 1024; `None` = the device's. The result is the same bit for bit.
     pub threads: Option<NonZeroU32>,
@@ -38,7 +51,7 @@ pub struct SolveRequest<'a> {
     /// the blocks in use. They cannot be read then until the solve is done, nor if it fails, and nothing of them can be
     /// reused.
     pub release_last: bool,
-    /// The hold on the call.
+    /// Cancels the call and tells its progress.
     pub control: Option<Arc<Control>>,
 }
 
@@ -52,6 +65,28 @@ struct Fresh {
 }
 
 impl Asset {
+    /// Solves every tile for a pose.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for a wrong count or a position that is not finite; `OutOfMemory`. The last good result
+    /// stays.
+    pub fn solve(&mut self, positions: Strided, options: &SolveOptions) -> Result<()> {
+        self.redirect(positions, options, &mut [])
+    }
+
+    /// Solves and fetches in one call: all arguments are checked before anything is written.
+    ///
+    /// # Errors
+    /// Those of [`Asset::solve`] and [`Asset::fetch`].
+    pub fn redirect(
+        &mut self,
+        positions: Strided,
+        options: &SolveOptions,
+        fetches: &mut [Fetch],
+    ) -> Result<()> {
+        self.run(&SolveRequest { positions, options: *options, ..SolveRequest::default() }, fetches)
+    }
+
     /// Solves for a pose, and writes outputs. All arguments are checked before anything is changed. The call can be
     /// cancelled until all tiles are solved; what follows, writing the outputs, is done to its end.
     ///

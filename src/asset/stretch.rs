@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 
+use crate::allocation::{Grow, with_capacity};
 use crate::device::Device;
-use crate::memory::{Grow, with_capacity};
 use crate::mesh::Mesh;
 use crate::settings::LogLevel;
 use crate::view::Strided;
@@ -19,7 +19,7 @@ const IMPLAUSIBLE_SHARE: f64 = 0.05;
 
 /// The lengths of a pose's edges, as multiples of those at rest.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch {
+pub(crate) struct Stretch {
     /// Their median.
     pub median: f64,
     /// The share of them over 3.

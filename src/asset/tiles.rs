@@ -1,16 +1,16 @@
 //! The tiles of an asset: their facts, maps and settings, and prepared tiles as bytes.
 
-use crate::memory::{Collect, zeroed};
+use crate::allocation::{Collect, zeroed};
 use std::sync::Arc;
 
 use super::Asset;
 use crate::error::{Error, Result};
+use crate::grid::maps::{Mask, Rigidity};
+use crate::grid::squares::pages_near;
 use crate::image::ImageView;
 use crate::image::map::{Map, PAGE};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::TileSettings;
-use crate::tile::squares::pages_near;
-use crate::tile::{Mask, Rigidity};
 use crate::view::Strided;
 
 impl Asset {

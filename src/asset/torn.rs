@@ -3,14 +3,14 @@
 
 use std::sync::Arc;
 
-use crate::memory::{Collect, copied};
+use crate::allocation::{Collect, copied};
+use crate::grid::Grid;
 use crate::mesh::{Mesh, TileMesh};
-use crate::tile::Grid;
 use crate::view::Strided;
 
 /// A tile that a pose has torn.
 #[derive(Debug)]
-pub(super) struct Torn {
+pub(crate) struct Torn {
     /// The torn ones, as indices into the whole tile's welds.
     welds: Vec<u32>,
     pub mesh: Arc<TileMesh>,
@@ -36,8 +36,8 @@ pub(super) fn welds(mesh: &Mesh, tile: &TileMesh, positions: &Strided) -> Vec<u3
 }
 
 /// The tile as it hangs together in a pose.
-#[cfg(feature = "oracle")]
-pub(super) fn in_pose(mesh: &Mesh, tile: usize, positions: &Strided) -> Arc<TileMesh> {
+#[cfg(feature = "lab")]
+pub(crate) fn in_pose(mesh: &Mesh, tile: usize, positions: &Strided) -> Arc<TileMesh> {
     let whole = &mesh.tiles[tile];
     match welds(mesh, whole, positions) {
         torn if torn.is_empty() => whole.clone(),

@@ -2,7 +2,7 @@
 //! arrays or counts the bytes: both go through the same code, so that the count is exact.
 
 use super::sampling::TriangleRecord;
-use crate::memory::{Plain, filled, zeroed};
+use crate::allocation::{Plain, filled, zeroed};
 
 // SAFETY: sixteen f32.
 unsafe impl Plain for TriangleRecord {}

@@ -2,12 +2,12 @@
 //! the warp or the identity is the result (method §8). If all are positive, the warp is one-to-one and onto, because
 //! the borders are fixed (method §11.1).
 
-use crate::memory::{Collect, filled};
+use crate::allocation::{Collect, filled};
+use crate::grid::Level;
+use crate::grid::planes::{NODES, Plane};
+use crate::grid::window::{self, WINDOW_NODES, place};
 use crate::mesh::NONE;
 use crate::method::schedule::ChartResult;
-use crate::tile::Level;
-use crate::tile::blocks::{NODES, Plane};
-use crate::tile::window::{self, WINDOW_NODES, place};
 
 use super::Run;
 use crate::team::SharedSlice;

@@ -1,8 +1,8 @@
 //! Decodes constants of a level into windows: rigidities, rest lengths and interpolation weights (method §1, codes).
 
-use crate::tile::Level;
-use crate::tile::codes;
-use crate::tile::window::{self, WINDOW_NODES, Window};
+use crate::grid::Level;
+use crate::grid::codes;
+use crate::grid::window::{self, WINDOW_NODES, Window};
 
 use super::lanes::{LANES, Lanes};
 

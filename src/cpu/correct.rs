@@ -5,8 +5,9 @@
 mod assemble;
 mod conjugate_gradients;
 mod galerkin;
-#[cfg(all(feature = "gpu", feature = "oracle"))]
-mod inspect;
+#[cfg(all(feature = "gpu", feature = "lab"))]
+#[path = "../lab/cpu_correction.rs"]
+mod state;
 mod multigrid;
 mod rows;
 mod step_limit;
@@ -17,11 +18,11 @@ mod workspace;
 
 use std::time::Instant;
 
-use crate::memory::{Collect, copied};
+use crate::allocation::{Collect, copied};
+use crate::grid::planes::{NODES, Plane};
+use crate::grid::window::WINDOW_NODES;
 use crate::method::acceptance::{Correction, Gain};
 use crate::method::law::trial_fractions;
-use crate::tile::blocks::{NODES, Plane};
-use crate::tile::window::WINDOW_NODES;
 
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
 use super::patch::State;

@@ -6,11 +6,11 @@ use super::row::Row;
 use super::sampling::Surface;
 use super::terms::{Terms, least_jacobian, room_energy};
 use super::{Run, SurfaceFn};
-use crate::memory::zeroed;
+use crate::allocation::zeroed;
+use crate::grid::Level;
+use crate::grid::planes::Plane;
 use crate::method::law::CRUSHED_JACOBIAN;
 use crate::team::SharedSlice;
-use crate::tile::Level;
-use crate::tile::blocks::Plane;
 
 impl Run<'_> {
     /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0

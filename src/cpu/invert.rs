@@ -5,12 +5,12 @@
 
 use glam::DVec2;
 
+use crate::grid::fill::Fill;
+use crate::grid::planes::{NODES, Plane, SIDE};
+use crate::grid::window::{self, WINDOW_NODES, Window, place};
+use crate::grid::{Grid, Level};
 use crate::image::ImagePart;
 use crate::mesh::triangle::barycentrics;
-use crate::tile::blocks::{NODES, Plane, SIDE};
-use crate::tile::fill::Fill;
-use crate::tile::window::{self, WINDOW_NODES, Window, place};
-use crate::tile::{Grid, Level};
 
 use crate::team::Team;
 
@@ -127,7 +127,7 @@ fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> 
     if b == crate::mesh::NONE {
         return DVec2::ZERO;
     }
-    let s = crate::tile::blocks::slot(i as usize % SIDE, j as usize % SIDE);
+    let s = crate::grid::planes::slot(i as usize % SIDE, j as usize % SIDE);
     debug_assert!(s < NODES);
     u[b as usize].each_ref().map(|plane| f64::from(plane[s])).into()
 }

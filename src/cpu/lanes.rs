@@ -25,7 +25,7 @@ use fearless_simd::f32x8;
 #[cfg(target_arch = "x86_64")]
 use fearless_simd::{Avx2, Simd};
 
-use crate::tile::codes::Lengths;
+use crate::grid::codes::Lengths;
 
 /// Plain loops over arrays: the definition of what all levels do.
 #[cfg(test)]

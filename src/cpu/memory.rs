@@ -2,10 +2,10 @@
 
 use std::sync::{Arc, Weak};
 
-use crate::memory::{Grow, with_capacity};
+use crate::allocation::{Grow, with_capacity};
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
 use crate::settings::Solver;
-use crate::tile::Grid;
-use crate::tile::blocks::Plane;
 
 use super::allocate::{Allocate, Count, Heap};
 use super::correct::Workspace;

@@ -1,12 +1,12 @@
 //! A block's patch: all quantities that relaxation, assembly and the energy need, gathered in windows of 18x18 nodes
 //! (method §1).
 
-use crate::memory::{Plain, zeroed_box};
+use crate::allocation::{Plain, zeroed_box};
+use crate::grid::Level;
+use crate::grid::planes::{Plane, SIDE};
+use crate::grid::window::{self, WINDOW_NODES, Window};
 use crate::mesh::NONE;
 use crate::method::schedule::Input;
-use crate::tile::Level;
-use crate::tile::blocks::{Plane, SIDE};
-use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::constants::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};

@@ -9,10 +9,10 @@ mod tests;
 
 use std::sync::atomic::Ordering;
 
-use crate::memory::{Grow, with_capacity};
+use crate::allocation::{Grow, with_capacity};
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
 use crate::method::pbd::{Iteration, SETS};
-use crate::tile::Grid;
-use crate::tile::blocks::Plane;
 
 use super::allocate::Allocate;
 use super::memory::Buffers;

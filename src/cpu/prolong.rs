@@ -6,12 +6,12 @@
 use super::Run;
 use super::lanes::{Lanes, Mask, Vectorised, dispatch};
 use super::sampling::Start;
-use crate::memory::Collect;
+use crate::allocation::Collect;
+use crate::grid::Level;
+use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::grid::window::{self, WINDOW_NODES, Window, place};
 use crate::mesh::NONE;
 use crate::team::SharedSlice;
-use crate::tile::Level;
-use crate::tile::blocks::{NODES, Plane, SIDE, slot};
-use crate::tile::window::{self, WINDOW_NODES, Window, place};
 
 impl Run<'_> {
     /// Sets a level to the identity.

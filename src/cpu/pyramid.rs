@@ -1,7 +1,7 @@
 //! pyramid: computes the pose metrics at the nodes of the coarser levels, on level 1 from the metrics of the triangles,
 //! and on each other level from the next finer one (method §3).
 
-use crate::tile::metric;
+use crate::grid::metric;
 
 use super::Run;
 use crate::team::SharedSlice;

@@ -5,10 +5,10 @@
 //! colours in turn and with its halo frozen, so that the bits do not depend on the order of the blocks. Gathering a
 //! block takes a third of the time of a sweep; therefore two sweeps are done on a gathered block.
 
+use crate::grid::Level;
+use crate::grid::planes::Plane;
 use crate::method::law::{BOUND_SAFETY, MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN};
 use crate::method::schedule::passes;
-use crate::tile::Level;
-use crate::tile::blocks::Plane;
 
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use std::sync::atomic::Ordering;

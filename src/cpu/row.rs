@@ -1,8 +1,8 @@
 //! The nodes that a vector holds: eight of one node colour in one row of a block. Indices of these nodes and of their
 //! neighbours in planes and windows.
 
-use crate::tile::blocks::{Plane, SIDE};
-use crate::tile::window::{Window, place};
+use crate::grid::planes::{Plane, SIDE};
+use crate::grid::window::{Window, place};
 
 use super::lanes::{LANES, Lanes};
 
@@ -54,7 +54,7 @@ impl Row {
     /// Index in a plane of the first lane's node. The nodes of the other lanes follow.
     #[inline(always)]
     pub fn slot(self) -> usize {
-        crate::tile::blocks::slot(self.ci, self.j)
+        crate::grid::planes::slot(self.ci, self.j)
     }
 
     /// Loads a window's values at the neighbours at (di, dj), where each is -1, 0 or 1.

@@ -8,8 +8,8 @@ mod resample;
 
 use super::lanes::{LANES, Lanes};
 use super::row::Row;
-use crate::tile::Level;
-use crate::tile::blocks::SIDE;
+use crate::grid::Level;
+use crate::grid::planes::SIDE;
 pub use chords::Chords;
 pub use metrics::Metrics;
 pub use record::TriangleRecord;

@@ -2,11 +2,11 @@
 //! comes from the differences of the samples of a node's neighbours, so that it depends continuously on the state: the
 //! derivatives of the surface itself jump at the edges of triangles, and those of metrics at the nodes.
 
+use crate::grid::Level;
+use crate::grid::planes::{SIDE, slot};
+use crate::grid::window::{Window, place};
 use crate::mesh::NONE;
 use crate::method::law::TANGENT_WEIGHT;
-use crate::tile::Level;
-use crate::tile::blocks::{SIDE, slot};
-use crate::tile::window::{Window, place};
 
 use super::lanes::{LANES, Lanes, Mask, each};
 use super::patch::{NodeState, Patch, State};

@@ -5,7 +5,7 @@ use std::mem::size_of;
 
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
-use crate::memory::HostAllocator;
+use crate::allocation::HostAllocator;
 
 /// A host's function that allocates: `size` bytes (at least 4096) at a multiple of `alignment` (a power of two, at
 /// least 16), or null if there is no memory. The bytes need not be zero.

@@ -7,8 +7,8 @@ use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{Target, vrtm_image_out};
-use crate::asset::FetchKind;
-use crate::memory::{Collect, Grow};
+use crate::allocation::{Collect, Grow};
+use crate::map::FetchKind;
 
 /// Content of a fetched image: two channels (u, v) per texel, if not said otherwise.
 pub type vrtm_fetch_kind = i32;

@@ -15,11 +15,11 @@ use super::status::{
     VRTM_OK, status_of, vrtm_status,
 };
 use super::types::{strided, vrtm_array};
-use crate::asset::SolveRequest;
+use crate::allocation::{boxed, copied};
+use crate::asset::solve::SolveRequest;
 use crate::control::{Control, this_thread};
 use crate::float_mode::FloatMode;
 use crate::lock::lock;
-use crate::memory::{boxed, copied};
 use crate::panics;
 use crate::team::threads;
 use crate::view::Packed;

@@ -6,7 +6,7 @@ use super::guard::guard;
 use super::handle::{self, vrtm_tile};
 use super::status::{Outcome, vrtm_status};
 use super::types::{flag, pixel_format, vrtm_pixel_format};
-use crate::asset::{MapDesc, MapReport};
+use crate::map::certificate::desc::{MapDesc, MapReport};
 
 /// A redirection map that may be fetched. Start from vrtm_map_desc_init().
 #[repr(C)]

@@ -5,8 +5,8 @@ use std::mem::offset_of;
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
 use super::types::{check_reserved, strided, vrtm_array};
+use crate::allocation::Collect;
 use crate::error::{Error, ErrorKind};
-use crate::memory::Collect;
 use crate::mesh::{MeshSource, UvSource, Weld, WeldBy};
 
 /// By what two corners of different faces are recognised as one, so that charts go on over the edges between them.

@@ -10,8 +10,9 @@ use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_refinement};
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
 use super::types::check_reserved;
-use crate::asset::{Refinement, RefinementPattern, RefinementSettings};
 use crate::lock::lock;
+use crate::refine::pattern::RefinementPattern;
+use crate::refine::{Refinement, RefinementSettings};
 
 /// How a mesh is refined. Start from vrtm_refinement_desc_init(); zero means the default.
 #[repr(C)]

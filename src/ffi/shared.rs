@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY};
-use crate::asset::{Asset, Results};
+use crate::asset::Asset;
+use crate::asset::results::Results;
 use crate::control::Control;
 use crate::lock::lock;
 use crate::report::AssetInfo;

@@ -12,9 +12,9 @@ use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{check_reserved, flag, strided, strided_and_span, vrtm_array};
-use crate::asset::{Fetch, SolveRequest};
+use crate::allocation::{Collect, Grow, with_capacity};
+use crate::asset::solve::{Fetch, SolveRequest};
 use crate::control::Control;
-use crate::memory::{Collect, Grow, with_capacity};
 use crate::settings::{PbdSettings, Quality, SolveOptions, Solver};
 use crate::view::Strided;
 

@@ -7,8 +7,8 @@ use std::ops::Range;
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
 use super::strips::Strips;
-use crate::asset::FetchKind;
 use crate::image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat, TexelLayout};
+use crate::map::FetchKind;
 use crate::view::{Scalar, Strided};
 
 /// The number format of an array's components.

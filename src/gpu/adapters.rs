@@ -3,8 +3,8 @@
 
 use super::context::{Context, Options};
 use super::identity;
+use crate::allocation::{Collect, Grow};
 use crate::error::Result;
-use crate::memory::{Collect, Grow};
 use crate::panics::contain;
 use crate::report::AdapterInfo;
 

@@ -4,11 +4,11 @@
 
 use std::ops::Range;
 
+use crate::allocation::{Collect, Grow, filled};
 use crate::error::{Error, ErrorKind, Result};
-use crate::memory::{Collect, Grow, filled};
+use crate::grid::Level;
+use crate::grid::blocks::Block;
 use crate::mesh::NONE;
-use crate::tile::Level;
-use crate::tile::blocks::Block;
 
 /// Consecutive rows of blocks of a level.
 #[derive(Clone, Debug, PartialEq, Eq)]

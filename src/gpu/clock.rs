@@ -1,8 +1,8 @@
 //! Timing of compute passes with the GPU's timestamps, where it has them.
 
 use super::context::Context;
+use crate::allocation::{Collect, Grow};
 use crate::error::Result;
-use crate::memory::{Collect, Grow};
 
 /// Timestamps of a query set: two per pass.
 const QUERIES: u32 = 4096;

@@ -2,10 +2,11 @@
 
 use super::bands::Band;
 use super::layout::{BlockRecord, Triangle, node_planes};
-use crate::memory::{Collect, Grow, with_capacity};
+use crate::allocation::{Collect, Grow, with_capacity};
+use crate::grid::blocks::{Block, Blocks};
+use crate::grid::planes::NODES;
+use crate::grid::{Grid, Level};
 use crate::mesh::{NONE, TileMesh};
-use crate::tile::blocks::{Block, Blocks, NODES};
-use crate::tile::{Grid, Level};
 
 /// Records of the blocks that a band of level `k` holds.
 pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<BlockRecord> {

@@ -12,11 +12,10 @@ use std::time::Duration;
 
 use super::adapters::describe;
 use super::kernels::Pipelines;
+use crate::allocation::caught;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::lock::lock;
-use crate::memory::caught;
-use crate::method::point::Switch;
 use crate::panics::contain;
 use crate::report::AdapterInfo;
 
@@ -26,8 +25,6 @@ pub(crate) struct Options {
     /// With WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature, instead of those
     /// of the adapter: for tests, and to tell a driver's defect from ours.
     pub webgpu_limits: bool,
-    /// Runs some stages on the CPU: for support.
-    pub switch: Option<Switch>,
     /// Most blocks that a band may hold, if fewer than fit into a binding: for tests of bands.
     pub band: Option<usize>,
 }
@@ -173,7 +170,7 @@ impl Context {
     }
 
     /// Sets whether each kernel is timed by itself from now on, which costs some time.
-    #[cfg(feature = "oracle")]
+    #[cfg(feature = "lab")]
     pub fn time_kernels(&self, yes: bool) {
         self.time_kernels.store(yes, Ordering::Relaxed);
     }
@@ -280,7 +277,7 @@ impl Context {
     }
 
     /// Destroys the GPU's device, as if it were lost: for tests.
-    #[cfg(feature = "oracle")]
+    #[cfg(feature = "lab")]
     pub fn lose(&self) {
         self.device.destroy();
         // The loss is reported once the queue is empty.

@@ -14,8 +14,8 @@ use super::layout::{
     UP_FIRST, UP_SECOND, VECTOR_PLANES,
 };
 use super::lists::{List, active_blocks};
+use crate::allocation::Collect;
 use crate::error::Result;
-use crate::memory::Collect;
 use crate::method::acceptance::Correction;
 use crate::method::law::{SMOOTHER_SWEEPS, kept_margin, limit_rounds, trial_fractions};
 

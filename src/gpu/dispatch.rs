@@ -8,8 +8,8 @@ use super::lists::{List, MAX_GATES};
 use super::memory::PLANE;
 use super::recorder::DispatchSize;
 use super::sizes::CONTRIBUTIONS;
-use crate::memory::{Collect, copied, make_room_in};
-use crate::tile::blocks::NODES;
+use crate::allocation::{Collect, copied, make_room_in};
+use crate::grid::planes::NODES;
 
 /// The condition under which dispatches run: that a chart was at work, and limited often enough (`open_gate`), when the
 /// kernel `gate` ran.

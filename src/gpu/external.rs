@@ -14,9 +14,9 @@ use super::invert::{Inversion, TEXEL_BYTES, max_binding};
 use super::kernels::{Binding, Kernel, Pipeline, slot};
 use super::layout::SPREAD;
 use super::results::Displacements;
+use crate::allocation::{Collect, zeroed};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::external::ExternalTexels;
-use crate::memory::{Collect, zeroed};
 
 mod import;
 

@@ -9,8 +9,8 @@ use super::context::Context;
 use super::kernels::{Binding, Kernel, Pipeline, slot};
 use super::layout::{Request, SPREAD};
 use super::results::Displacements;
+use crate::allocation::Collect;
 use crate::error::Result;
-use crate::memory::Collect;
 
 /// Bytes of a texel on the device: two f32.
 pub(super) const TEXEL_BYTES: u64 = 8;

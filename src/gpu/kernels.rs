@@ -5,8 +5,8 @@ use std::sync::OnceLock;
 
 use super::context::Context;
 use super::layout::{Chart, Params};
+use crate::allocation::Collect;
 use crate::error::{Error, ErrorKind, Result};
-use crate::memory::Collect;
 
 /// One binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

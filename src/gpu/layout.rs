@@ -6,18 +6,18 @@ use bytemuck::{Pod, Zeroable};
 #[cfg(test)]
 use super::generated::WgslType;
 use super::generated::structs;
-use crate::tile::Grid;
+use crate::grid::Grid;
 
 /// Constants of both languages.
 pub mod shared {
+    use crate::grid::{planes, window};
     use crate::method::constants::constants;
-    use crate::tile::{blocks, window};
 
     constants! {
         /// Stands for "no block" and "no triangle".
         NONE: u32 = crate::mesh::NONE;
         /// Nodes of a block.
-        NODES: usize = blocks::NODES;
+        NODES: usize = planes::NODES;
         /// Nodes of a window: a block and its halo.
         WINDOW: usize = window::WINDOW_NODES;
         /// Most workgroups of a dispatch in x; further ones form rows in y.
@@ -172,9 +172,6 @@ pub fn node_planes(grid: &Grid) -> usize {
     if grid.levels[0].density.is_empty() { DENSITY } else { DENSITY + 1 }
 }
 
-/// Planes per block of a level's state as inspection hands it out: displacement (2), position or metric at W (3),
-/// triangle under W.
-pub const INSPECTED_PLANES: usize = COARSE_STATE_PLANES + SAMPLE_PLANES;
 /// Planes per block of a level's state.
 pub const fn state_planes(level: usize) -> usize {
     if level == 0 { FINEST_STATE_PLANES } else { COARSE_STATE_PLANES }

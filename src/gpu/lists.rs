@@ -1,8 +1,8 @@
 //! Lists of the blocks that a solve works on: kernels are dispatched over such lists.
 
 use super::bands::Band;
-use crate::memory::{Collect, Grow, zeroed};
-use crate::tile::Level;
+use crate::allocation::{Collect, Grow, zeroed};
+use crate::grid::Level;
 
 /// A list of a band's blocks (indices in its buffers): a range of the band's buffer of lists.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

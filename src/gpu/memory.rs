@@ -14,11 +14,11 @@ use super::recorder::{Bound, RecorderResources};
 use super::results::ResultBuffers;
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
+use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::error::{Error, Result};
-use crate::memory::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use crate::grid::planes::NODES;
+use crate::grid::{Grid, Level};
 use crate::mesh::TileMesh;
-use crate::tile::blocks::NODES;
-use crate::tile::{Grid, Level};
 
 /// Bytes of a plane.
 pub const PLANE: u64 = NODES as u64 * 4;

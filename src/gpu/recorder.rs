@@ -10,8 +10,8 @@ use super::context::Context;
 use super::kernels::{Kernel, SOURCES};
 use super::layout::{Params, SPREAD};
 use super::transfer::Readback;
+use crate::allocation::{Collect, Grow, filled, make_room_in};
 use crate::error::Result;
-use crate::memory::{Collect, Grow, filled, make_room_in};
 use crate::report::{GpuKernel, GpuWork, StageTimes};
 
 /// A recorded command.

@@ -6,10 +6,10 @@ use super::bands::Band;
 use super::context::Context;
 use super::layout::FINEST_STATE_PLANES;
 use super::memory::PLANE;
+use crate::allocation::{Collect, Grow, with_capacity};
 use crate::error::Result;
-use crate::memory::{Collect, Grow, with_capacity};
-use crate::tile::Grid;
-use crate::tile::blocks::{NODES, Plane};
+use crate::grid::Grid;
+use crate::grid::planes::{NODES, Plane};
 
 /// The buffers of a result, per band. A solve works in them: they are level 0's state until they are its result.
 #[derive(Debug)]

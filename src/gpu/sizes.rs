@@ -10,9 +10,9 @@ use super::layout::{
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::memory::PLANE;
 use super::recorder::RecorderResources;
-use crate::memory::Collect;
+use crate::allocation::Collect;
+use crate::grid::Grid;
 use crate::mesh::TileMesh;
-use crate::tile::Grid;
 
 /// Bytes of what the blocks of the finer level contribute to one block: 10x10 sums of two components for each quarter.
 pub const CONTRIBUTIONS: u64 = 4 * 100 * 8;
@@ -153,9 +153,9 @@ mod tests {
 
     use crate::gpu::Memory;
     use crate::gpu::context::{Options, tests::gpu};
-    use crate::oracle::reference::tests::{maps, sheet};
+    use crate::grid::Grid;
+    use crate::lab::reference::tests::{maps, sheet};
     use crate::settings::TileSettings;
-    use crate::tile::Grid;
 
     #[test]
     fn what_is_counted_is_what_is_allocated() {

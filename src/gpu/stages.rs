@@ -8,7 +8,7 @@ use super::layout::{
     RELAX_WHOLE, THREADS,
 };
 use super::recorder::DispatchSize;
-use crate::memory::{Collect, copied};
+use crate::allocation::{Collect, copied};
 use crate::method::acceptance::Correction;
 use crate::method::pbd::Iteration;
 use crate::method::schedule::{Stages, passes};

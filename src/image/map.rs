@@ -4,8 +4,8 @@
 use half::f16;
 use xxhash_rust::xxh3::Xxh3;
 
+use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::image::PixelFormat;
-use crate::memory::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::mesh::NONE;
 
 /// Texels on a side of a page.

@@ -4,7 +4,7 @@
 use super::charts::{self, Seams, is_seam};
 use super::weld::Corners;
 use super::{NONE, RawTriangle, TileMesh};
-use crate::memory::{Grow, filled};
+use crate::allocation::{Grow, filled};
 
 /// The number of pairs of borders of a tile that have the same places (`place` takes a vertex to its place) and UVs,
 /// with nothing else there: each is one edge that is not connected. Edges that the host made seams do not count.

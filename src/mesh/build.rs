@@ -6,7 +6,7 @@ use super::read::{self, UvSet};
 use super::source::{MeshSource, Weld, WeldBy};
 use super::weld::{Corners, places, reaches};
 use super::{NONE, RawTriangle, TileMesh};
-use crate::memory::{Collect, Grow, filled, zeroed};
+use crate::allocation::{Collect, Grow, filled, zeroed};
 
 /// How a mesh is welded.
 pub(super) struct Welding<'a> {

@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::triangle::doubled_area;
 use super::{Chart, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
-use crate::memory::{Collect, Grow, filled, with_capacity};
+use crate::allocation::{Collect, Grow, filled, with_capacity};
 
 /// Edges at which the host wants charts to end, as sorted pairs of vertices, in order.
 pub(super) type Seams = Vec<[u32; 2]>;

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hash, Hasher};
 
-use crate::memory::make_room_in;
+use crate::allocation::make_room_in;
 
 /// A table that is only looked up.
 pub(crate) type Table<K, V> = HashMap<K, V, BuildHasherDefault<Folded>>;

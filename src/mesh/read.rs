@@ -5,7 +5,7 @@ use glam::DVec2;
 use super::charts::Seams;
 use super::source::{MeshSource, UvSource};
 use super::{Corner, NONE, RawTriangle, check, triangulate};
-use crate::memory::{Collect, Grow, with_capacity, zeroed};
+use crate::allocation::{Collect, Grow, with_capacity, zeroed};
 use crate::report::AssetInfo;
 
 /// One UV set.

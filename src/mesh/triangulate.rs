@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use super::triangle::doubled_area;
-use crate::memory::{Collect, Grow, with_capacity};
+use crate::allocation::{Collect, Grow, with_capacity};
 
 /// True for a triangle without area, or so thin that f32 UVs do not determine on which side of an edge the third corner
 /// lies.

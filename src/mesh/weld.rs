@@ -9,7 +9,7 @@ use glam::DVec2;
 use super::hash::{Table, enter};
 use super::triangle::doubled_area;
 use super::{NONE, RawTriangle};
-use crate::memory::{Grow, filled, with_capacity};
+use crate::allocation::{Grow, filled, with_capacity};
 
 /// As many are looked at in a cell of the hash. Where vertices or UVs of one place differ at all, they are few; a host
 /// must not be able to make this take the square of their number.

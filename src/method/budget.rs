@@ -2,7 +2,7 @@
 //! device took for a block of nodes, so that enough time is kept for bringing the best level up and certifying it. Without
 //! a budget nothing depends on a clock.
 
-use crate::memory::Grow;
+use crate::allocation::Grow;
 
 use std::time::{Duration, Instant};
 
@@ -136,7 +136,7 @@ impl Clock {
     }
 
     /// Without a budget.
-    #[cfg(all(feature = "oracle", feature = "gpu"))]
+    #[cfg(all(feature = "lab", feature = "gpu"))]
     pub fn unlimited() -> Clock {
         Clock::new(Instant::now(), None, Costs::default(), History::default())
     }

@@ -17,8 +17,8 @@
 //!
 //! What the paper leaves open, what was chosen, and the figures that chose it, stand in method §10.
 
+use crate::grid::planes::EDGES;
 use crate::settings::PbdValues;
-use crate::tile::EDGES;
 
 /// Iterations to a regularisation.
 const PROJECTIONS: u32 = 4;

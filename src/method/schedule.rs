@@ -9,11 +9,11 @@ use super::budget::{Clock, Work};
 use super::law::SWEEPS_PER_PASS;
 use super::progress::Progress;
 pub(crate) use super::stages::Stages;
+use crate::grid::Grid;
+use crate::grid::pose::Pose;
 use crate::mesh::TileMesh;
 use crate::report::StageTimes;
 use crate::settings::{PbdValues, Quality, SolveOptions, Solver, TileSettings};
-use crate::tile::Grid;
-use crate::tile::pose::Pose;
 
 /// The input of a backend: one tile, one pose.
 pub(crate) struct Input<'a> {

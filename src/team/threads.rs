@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 #[cfg(not(unix))]
-use crate::memory::Collect;
+use crate::allocation::Collect;
 
 /// Runs `help(number)` on a thread for each of the numbers, and `body` on this one. `body` must make the helpers return;
 /// it does not unwind.
@@ -60,7 +60,7 @@ mod posix {
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::ptr;
 
-    use crate::memory::{Collect, Grow, with_capacity};
+    use crate::allocation::{Collect, Grow, with_capacity};
 
     /// As much as std gives a thread.
     const STACK: usize = 2 << 20;

@@ -84,18 +84,6 @@ fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_a_gpu() {
     unchanged_charts_are_reused(|model| model.asset_on(&device, 96));
 }
 
-#[test]
-fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_two_backends() {
-    if !common::has_gpu() {
-        return;
-    }
-    let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
-    for switch in ["cpu:correct@0.1", "gpu:correct@0.1"] {
-        let device = Device::with_variables(&settings, &[("VRTM_SWITCH", switch)], None).unwrap();
-        unchanged_charts_are_reused(|model| model.asset_on(&device, 96));
-    }
-}
-
 /// The creature, and which of its vertices belong to its first leg alone.
 fn creature_and_leg() -> (Model, Vec<bool>) {
     let creature = Model::from(common::scenes::creature());

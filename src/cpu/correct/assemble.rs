@@ -11,10 +11,10 @@ use super::super::sampling::{GradientTerms, Slopes};
 use super::super::terms::{Edge, Visitor, least_jacobian, pull_stiffness};
 use super::rows::{Words, encode};
 use super::*;
-use crate::memory::zeroed;
+use crate::allocation::zeroed;
+use crate::grid::Level;
+use crate::grid::window::Window;
 use crate::method::law::{NEAR_BOUND_JACOBIAN, NEAR_BOUND_STIFFNESS};
-use crate::tile::Level;
-use crate::tile::window::Window;
 
 /// Assembles the owned pairs, the row sums and the right-hand side of a level; returns the energy per chart.
 pub struct Assemble<'a> {

@@ -1,6 +1,6 @@
 //! Solves a level's system for the step: conjugate gradients, preconditioned with a V-cycle (method §7.3).
 
-use crate::memory::{Collect, zeroed};
+use crate::allocation::{Collect, zeroed};
 use crate::method::law::{CG_ITERATIONS, MAX_STEP};
 
 use super::workspace::Solving;

@@ -8,11 +8,11 @@ use super::rows::{BlockRows, Pairs, Words, decode_one, encode, halo_pairs};
 use super::transfer::{RestrictQuarter, active_neighbours};
 use super::*;
 use crate::cpu::constants::interpolation;
+use crate::grid::codes::decode_weight;
+use crate::grid::planes::EDGES;
+use crate::grid::planes::{SIDE, slot};
+use crate::grid::window::{self, Window, place};
 use crate::mesh::NONE;
-use crate::tile::EDGES;
-use crate::tile::blocks::{SIDE, slot};
-use crate::tile::codes::decode_weight;
-use crate::tile::window::{self, Window, place};
 
 /// Forms the owned pairs of level `finer + 1` from the rows of `finer`, and its row sums from the product A P 1 that
 /// `rows::complete` stored on `finer`.

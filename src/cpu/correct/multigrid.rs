@@ -9,10 +9,10 @@ use super::super::row::Row;
 use super::rows::{BlockRows, Pairs};
 use super::transfer::{active_neighbours, add_coarse, restrict};
 use super::*;
-use crate::memory::zeroed;
-use crate::method::law::{COARSEST_ROUNDS, SMOOTHER_SWEEPS};
-use crate::tile::Level;
-use crate::tile::window::{self, Window};
+use crate::allocation::zeroed;
+use crate::grid::Level;
+use crate::grid::window::{self, Window};
+use crate::method::law::{COARSEST_ROUNDS, FEW_BLOCKS, SMOOTHER_SWEEPS};
 
 /// Runs a V-cycle: direction = M⁻¹ residual on `level`, which is the first one of `levels`. Returns the dot product of
 /// residual and direction per chart. The residual of `level` is not changed.
@@ -42,7 +42,8 @@ pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec
 /// has to do.
 fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, mut dots: Option<&mut Vec<f64>>) {
     let SolvingLevel { rows, residual: r, direction, product } = system;
-    let rounds = if run.grid.levels[level].blocks.are_few() { COARSEST_ROUNDS } else { 1 };
+    let rounds =
+        if run.grid.levels[level].blocks.most_of_a_chart() <= FEW_BLOCKS { COARSEST_ROUNDS } else { 1 };
     for pass in 0..2 * rounds {
         let backwards = pass >= rounds;
         // The last pass writes the direction.

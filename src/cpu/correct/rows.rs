@@ -11,10 +11,10 @@ use super::super::patch::NEIGHBOURS;
 use super::super::prefetch::prefetch;
 use super::super::row::Row;
 use super::*;
+use crate::grid::codes::unpack_bfloat16;
+use crate::grid::planes::{SIDE, slot};
+use crate::grid::window::{self, Window, place};
 use crate::mesh::NONE;
-use crate::tile::blocks::{SIDE, slot};
-use crate::tile::codes::unpack_bfloat16;
-use crate::tile::window::{self, Window, place};
 
 /// All decoded pairs that a block's rows need: per owned edge (p, n), the row-major 2x2 block with row p and column n,
 /// at p's place in the window. The index is 4 x edge + entry.

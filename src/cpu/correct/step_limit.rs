@@ -10,13 +10,13 @@ use super::super::row::Row;
 use super::transfer::active_neighbours;
 use super::workspace::Limiting;
 use super::*;
-use crate::memory::{copied, zeroed};
+use crate::allocation::{copied, zeroed};
+use crate::grid::Level;
+use crate::grid::window::{self, Window};
 use crate::method::law::{
     FALLOFF_PASSES, FIRST_FALLOFF_PASSES, FRACTION_FALLOFF, KEPT_MARGIN, MIN_JACOBIAN, kept_margin,
     limit_rounds,
 };
-use crate::tile::Level;
-use crate::tile::window::{self, Window};
 
 /// Sets the fractions so that u + fraction x step has no corner Jacobian under ε. A chart where this does not succeed
 /// within `limit_rounds` is refused later for its energy.

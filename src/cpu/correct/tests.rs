@@ -2,13 +2,14 @@ use std::sync::Arc;
 
 use super::*;
 use crate::cpu::Memory;
+use crate::grid::Grid;
+use crate::grid::planes::EDGES;
+use crate::grid::planes::{SIDE, slot};
+use crate::grid::pose::Pose;
+use crate::lab::reference::tests::{maps, posed, sheet};
 use crate::method::schedule::{Input, Stages};
-use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
 use crate::team::Team;
-use crate::tile::blocks::{SIDE, slot};
-use crate::tile::pose::Pose;
-use crate::tile::{EDGES, Grid};
 
 const GRID: usize = 64;
 

@@ -5,10 +5,10 @@ use super::super::constants::interpolation;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::prolong;
 use super::*;
+use crate::grid::Level;
+use crate::grid::planes::{SIDE, slot};
+use crate::grid::window::{self, Window, place};
 use crate::mesh::NONE;
-use crate::tile::Level;
-use crate::tile::blocks::{SIDE, slot};
-use crate::tile::window::{self, Window, place};
 
 /// Sets the coarser level's right-hand side `r` to Pᵀ t at movable nodes, and to 0 at fixed ones.
 pub fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {

@@ -10,9 +10,9 @@
 //! Stepping     step fraction          displacement before    samples (written)
 //! ```
 
-use crate::memory::{Collect, Grow, with_capacity};
-use crate::tile::Grid;
-use crate::tile::blocks::Plane;
+use crate::allocation::{Collect, Grow, with_capacity};
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
 
 use super::super::allocate::Allocate;
 use super::super::memory::Buffers;
@@ -70,7 +70,7 @@ impl Workspace {
     }
 }
 
-#[cfg(any(test, all(feature = "gpu", feature = "oracle")))]
+#[cfg(any(test, all(feature = "gpu", feature = "lab")))]
 impl Workspace {
     /// The rows of a level, as the last correction left them.
     pub fn rows(&self, level: usize) -> &Rows {
@@ -79,7 +79,7 @@ impl Workspace {
 }
 
 /// What a correction left, for comparisons of both backends.
-#[cfg(all(feature = "gpu", feature = "oracle"))]
+#[cfg(all(feature = "gpu", feature = "lab"))]
 impl Workspace {
     /// The right-hand side of a level, if assembly was the last phase.
     pub fn residual(&self, level: usize) -> &[[Plane; 2]] {

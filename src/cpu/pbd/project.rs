@@ -2,12 +2,12 @@
 //! its weight and turned back towards its rest direction. Its ends are limited to the bounding boxes of their
 //! neighbours.
 
+use crate::grid::Level;
+use crate::grid::planes::{NODES, Plane, SIDE};
+use crate::grid::window::{self, WINDOW_NODES, Window};
 use crate::mesh::NONE;
 use crate::method::law::TINY;
 use crate::method::pbd::{Iteration, Set};
-use crate::tile::Level;
-use crate::tile::blocks::{NODES, Plane, SIDE};
-use crate::tile::window::{self, WINDOW_NODES, Window};
 
 use super::super::constants;
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};

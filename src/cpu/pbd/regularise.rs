@@ -1,10 +1,10 @@
 //! Regularisation (the paper's eq. 4 and 5), integration, and the prediction of the positions from which the next
 //! projections begin (method §10).
 
-use crate::tile::Level;
-use crate::tile::blocks::{Plane, SIDE};
-use crate::tile::codes::RIGIDITY_STEPS;
-use crate::tile::window::{self, WINDOW_NODES, Window};
+use crate::grid::Level;
+use crate::grid::codes::RIGIDITY_STEPS;
+use crate::grid::planes::{Plane, SIDE};
+use crate::grid::window::{self, WINDOW_NODES, Window};
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::State;

@@ -4,16 +4,16 @@ use super::super::lanes::{LANES, Lanes, Portable as V};
 use super::project::projected;
 use super::*;
 use crate::cpu::Memory;
+use crate::grid::codes::{decode_rigidity, encode_rigidity};
+use crate::grid::planes::NODES;
+use crate::grid::planes::slot;
+use crate::grid::pose::Pose;
+use crate::lab::reference::tests::{maps, posed, sheet};
 use crate::mesh::Mesh;
 use crate::method::pbd::Set;
 use crate::method::schedule::{Input, Stages};
-use crate::oracle::reference::tests::{maps, posed, sheet};
 use crate::settings::{Solver, TileSettings};
 use crate::team::Team;
-use crate::tile::blocks::NODES;
-use crate::tile::blocks::slot;
-use crate::tile::codes::{decode_rigidity, encode_rigidity};
-use crate::tile::pose::Pose;
 
 const FULL: Iteration = Iteration {
     first: true,

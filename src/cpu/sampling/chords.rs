@@ -4,10 +4,10 @@
 use super::super::lanes::{LANES, Lanes, Mask, each};
 use super::TriangleRecord;
 use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
+use crate::grid::Grid;
+use crate::grid::planes::{SIDE, slot};
 use crate::mesh::NONE;
 use crate::method::law::{BORDER_TOLERANCE, INSIDE_TOLERANCE, TINY, WALK_STEPS};
-use crate::tile::Grid;
-use crate::tile::blocks::{SIDE, slot};
 
 /// The surface of the finest level: L = |f(W_n) - f(W_p)|.
 #[derive(Clone, Copy)]

@@ -3,10 +3,10 @@
 
 use super::super::lanes::{LANES, Lanes, Mask, each};
 use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
+use crate::grid::Level;
+use crate::grid::planes::{Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::method::law::TINY;
-use crate::tile::Level;
-use crate::tile::blocks::{Plane, SIDE, slot};
 
 /// The surface of a coarser level: L = sqrt(dᵀ ½(G_p + G_n) d).
 #[derive(Clone, Copy)]

@@ -1,8 +1,8 @@
 //! The record of a triangle that kernels read: its UV geometry and its pose in one cache line. Each half is loaded as
 //! one vector.
 
-use crate::tile::UvTriangle;
-use crate::tile::pose::PoseTriangle;
+use crate::grid::pose::PoseTriangle;
+use crate::grid::uv_triangle::UvTriangle;
 
 /// A triangle's UVs and pose.
 ///
@@ -44,7 +44,7 @@ impl TriangleRecord {
         [a, b, c, d, e, f]
     }
 
-    #[cfg(feature = "gpu")]
+    #[cfg(all(feature = "gpu", feature = "lab"))]
     pub fn pose(&self) -> PoseTriangle {
         let ([.., px, py], [pz, x0, x1, x2, y0, y1, y2, _]) = (self.halves[0], self.halves[1]);
         PoseTriangle { origin: [px, py, pz], tangent: [[x0, x1, x2], [y0, y1, y2]] }

@@ -1,9 +1,9 @@
 //! Resampling: computes the samples of all nodes of some blocks from displacements that were not set by relaxation
 //! (method §2 and §3).
 
+use crate::grid::planes::{Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::panics::{go_on, hold_back};
-use crate::tile::blocks::{Plane, SIDE, slot};
 
 use super::super::Run;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};

@@ -4,7 +4,7 @@ use wgpu::BufferUsages as Usage;
 
 use crate::gpu::context::{Options, tests::gpu};
 use crate::gpu::kernels::Kernel;
-use crate::tile::codes::{Lengths, decode_rigidity, decode_weight};
+use crate::grid::codes::{Lengths, decode_rigidity, decode_weight};
 
 /// For each code of 16 bits: as a rigidity, as a weight (its lower 8 bits), and as a length in each coding.
 const ENTRY: &str = "

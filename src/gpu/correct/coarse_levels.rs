@@ -1,12 +1,13 @@
 //! The coarse levels of the V-cycle: those whose charts have so few blocks that one dispatch works on all of these
 //! levels.
 
+use crate::allocation::{Grow, with_capacity};
 use crate::gpu::constants::packed_weights;
 use crate::gpu::layout::CoarseBlock;
-use crate::memory::{Grow, with_capacity};
+use crate::grid::Grid;
+use crate::grid::planes::NODES;
 use crate::mesh::NONE;
-use crate::tile::Grid;
-use crate::tile::blocks::NODES;
+use crate::method::law::FEW_BLOCKS;
 
 /// The coarse levels, and the positions of their blocks in common buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,7 +26,7 @@ impl CoarseLevels {
         let mut coarse = CoarseLevels { first: grid.levels.len(), bases: Vec::new(), blocks: 0 };
         for (k, level) in grid.levels.iter().enumerate().rev() {
             let blocks = coarse.blocks + level.blocks.list.len();
-            if !level.blocks.are_few() || blocks > capacity {
+            if level.blocks.most_of_a_chart() > FEW_BLOCKS || blocks > capacity {
                 break;
             }
             (coarse.first, coarse.blocks) = (k, blocks);
@@ -95,7 +96,7 @@ impl CoarseLevels {
     /// Length of `lists`.
     pub fn list_length(&self, grid: &Grid) -> usize {
         let active =
-            |level: &crate::tile::Level| level.blocks.list.iter().filter(|block| block.active).count();
+            |level: &crate::grid::Level| level.blocks.list.iter().filter(|block| block.active).count();
         let blocks: usize = grid.levels[self.first..].iter().map(active).sum();
         grid.movable.len() * self.bases.len() * 2 + blocks
     }
@@ -105,7 +106,7 @@ impl CoarseLevels {
         /// Smoothing on the way down and up, the residual, restriction and interpolation.
         const PER_NODE: u64 = 2 * 100 + 100 + 60;
         let active =
-            |level: &crate::tile::Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;
+            |level: &crate::grid::Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;
         grid.levels[level..].iter().map(|level| active(level) * NODES as u64 * PER_NODE).sum()
     }
 }

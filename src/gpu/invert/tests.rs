@@ -7,12 +7,13 @@ use crate::gpu::bands;
 use crate::gpu::constants::band_blocks;
 use crate::gpu::context::{Options, tests::gpu};
 use crate::gpu::results::{RESULT_BLOCK, ResultBuffers};
+use crate::grid::Grid;
+use crate::grid::maps::{Rigidity, TileMaps};
+use crate::grid::planes::{NODES, Plane, SIDE, node_at};
 use crate::image::map::Map;
 use crate::mesh::{Mesh, MeshSource, UvSource};
 use crate::settings::TileSettings;
 use crate::team::Team;
-use crate::tile::blocks::{NODES, Plane, SIDE, node_at};
-use crate::tile::{Grid, Rigidity, TileMaps};
 use crate::view::Strided;
 
 /// A grid with charts over rectangles of cells (x, y, width, height), all of it rigid.
@@ -41,7 +42,7 @@ fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
 /// Displacements of movable nodes from a function of the node.
 fn displace(grid: &Grid, f: impl Fn(usize, usize) -> [f32; 2]) -> Vec<[Plane; 2]> {
     let level = &grid.levels[0];
-    let planes = |(b, block): (usize, &crate::tile::blocks::Block)| {
+    let planes = |(b, block): (usize, &crate::grid::blocks::Block)| {
         let mut u_block = [[0.0; NODES]; 2];
         for s in (0..NODES).filter(|&s| level.movable[b][s] != 0) {
             let (i, j) = node_at(s);

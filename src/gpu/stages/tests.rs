@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use super::*;
 use crate::gpu::context::{Options, tests::gpu};
-use crate::gpu::layout::INSPECTED_PLANES;
+use crate::gpu::state::STATE_PLANES;
 use crate::gpu::{Displacements, Memory, Solution};
+use crate::grid::Grid;
+use crate::grid::planes::NODES;
+use crate::grid::pose::Pose;
+use crate::lab::reference::tests::{discs, maps, sheet};
 use crate::method::schedule::Input;
-use crate::oracle::reference::tests::{discs, maps, sheet};
 use crate::settings::TileSettings;
-use crate::tile::Grid;
-use crate::tile::blocks::NODES;
-use crate::tile::pose::Pose;
 
 /// Solves level 0 of a stretched sheet, lets `change` alter its state, and certifies it. Returns the outcome, and whether
 /// any node moved.
@@ -61,7 +61,7 @@ fn a_chart_that_does_not_pass_is_the_identity() {
     assert!(moves && !chart.fallback && chart.energy < chart.energy_before, "{chart:?}");
     // A node in the middle of the sheet crosses its neighbours.
     let fold = |state: &mut [u32]| {
-        let block = &mut state[5 * INSPECTED_PLANES * NODES..][..INSPECTED_PLANES * NODES];
+        let block = &mut state[5 * STATE_PLANES * NODES..][..STATE_PLANES * NODES];
         block[17] = (f32::from_bits(block[17]) + 3.0).to_bits();
     };
     let (solution, moves) = certified(&context, fold);

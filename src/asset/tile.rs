@@ -1,0 +1,415 @@
+//! One tile of an asset: its maps, its grid (built when needed), its solver's memory, and its last good result.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
+use std::time::{Duration, Instant};
+
+use crate::allocation::{Collect, caught, copied, filled, zeroed};
+use crate::control::stoppable;
+use crate::device::Device;
+use crate::error::{Error, ErrorKind, Result};
+use crate::grid::Grid;
+use crate::grid::maps::{Mask, Rigidity, TileMaps};
+use crate::grid::planes::SIDE;
+use crate::grid::pose::Pose;
+use crate::mesh::{Mesh, TileMesh};
+use crate::method::budget::{Clock, History};
+use crate::method::progress::Progress;
+use crate::method::schedule::{ChartResult, Input, Plan, Summary};
+use crate::report::{GpuWork, TileReport};
+use crate::settings::Solver;
+use crate::team::Team;
+use crate::view::Strided;
+
+use super::torn::Torn;
+use crate::solver::TileSolver;
+use crate::solver::solved::{ChartInput, Solved};
+use crate::solver::tile_solve::{TileSolution, TileSolve, Warp};
+
+/// A call that solves tiles of an asset.
+pub(crate) struct SolveCall<'a> {
+    pub team: &'a Team,
+    pub device: &'a Device,
+    pub mesh: &'a Mesh,
+    pub positions: Strided<'a>,
+    pub plan: &'a Plan,
+    /// When it began.
+    pub start: Instant,
+}
+
+impl SolveCall<'_> {
+    /// Adds a fraction of the call's work to what is done.
+    pub fn advance(&self, fraction: f32) {
+        if let Some(control) = self.team.control() {
+            control.advance(fraction);
+        }
+    }
+}
+
+/// What a tile has of a call that solves several.
+pub(crate) struct SolveShare {
+    /// The time that the tile may take, from the call's start on.
+    pub budget: Option<Duration>,
+    /// The part of the call's progress that is this tile's.
+    pub progress: f32,
+    /// Whether the times that stages take are typical of the device.
+    pub learns: bool,
+}
+
+impl SolveShare {
+    /// For a tile that has all threads of the call.
+    pub fn of_all_threads() -> SolveShare {
+        SolveShare { budget: None, progress: 1.0, learns: true }
+    }
+}
+
+/// The tile as it hangs together in a pose, with its grid.
+pub(crate) struct Prepared {
+    pub mesh: Arc<TileMesh>,
+    pub grid: Arc<Grid>,
+}
+
+/// One tile of an asset.
+#[derive(Debug, Default)]
+pub(crate) struct TileState {
+    pub maps: TileMaps,
+    pub(super) grid: Option<Arc<Grid>>,
+    /// The tile as the last pose that tore it left it.
+    pub(super) torn: Option<Torn>,
+    /// The welds that the last pose tore.
+    pub(super) torn_now: Vec<u32>,
+    solver: Option<TileSolver>,
+    /// Bytes of the solver's memory, and what it was used for.
+    solver_bytes: u64,
+    history: History,
+    pub solved: Option<Arc<Solved>>,
+    /// The inputs of each chart's result; `None` where it also depends on time or on earlier frames.
+    pub(super) inputs: Vec<Option<ChartInput>>,
+    /// What the result was solved with, unless maps or settings have changed since.
+    pub(super) solved_with: Option<Plan>,
+    /// Whether solves leave the tile alone.
+    pub frozen: bool,
+    /// The memory that the device has on its account for this tile.
+    booked: u64,
+    /// Milliseconds of the last grid build, until reported.
+    pub(super) build_ms: f32,
+}
+
+impl TileState {
+    /// Puts the memory that is held, and `more` that is about to be allocated, on the device's account.
+    pub(super) fn book(&mut self, device: &Device, more: u64, udim: u32) -> Result<()> {
+        let held = self.held() + more;
+        device.rebook(self.booked, held, &format!("tile {udim}"))?;
+        self.booked = held;
+        Ok(())
+    }
+
+    /// Bytes of maps, grid, solver and result.
+    pub(super) fn held(&self) -> u64 {
+        let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
+        let torn = self.torn.as_ref().map_or(0, Torn::bytes);
+        self.map_bytes() + grid + torn + self.solver_bytes
+    }
+
+    /// Bytes of the maps.
+    pub(super) fn map_bytes(&self) -> u64 {
+        let rigidity = match &self.maps.rigidity {
+            Rigidity::None => 0,
+            Rigidity::Map(map) => map.bytes(),
+            Rigidity::Vertices(values) => values.len() as u64 * 4,
+        };
+        let mask = match &self.maps.mask {
+            Mask::None => 0,
+            Mask::Map(map) => map.bytes(),
+            Mask::Vertices(values) => values.len() as u64 * 4,
+        };
+        rigidity + mask
+    }
+
+    /// Solves the tile for a pose. Nothing of the last result changes: the caller hands the new one to `take` when all
+    /// tiles have theirs.
+    pub fn solve(&mut self, call: &SolveCall, share: &SolveShare, prepared: &Prepared) -> Result<Solved> {
+        let start = Instant::now();
+        let Prepared { mesh, grid } = prepared;
+        let pose = Pose::new(mesh, |v| call.positions.get3(v as usize), Some(&grid.rest));
+        let tasks = self.tasks(grid, mesh, &pose, call.plan);
+        let WarpResult { warp, results, mut report, work } =
+            self.warp(call, share, prepared, &pose, &tasks)?;
+        self.fill_report(&mut report, grid, mesh, &tasks, &results);
+        let inputs = self.inputs_of(grid, pose, &tasks, call.plan, report.truncated);
+        report.welds_torn = self.torn_now.len() as u32;
+        report.times.total = start.elapsed().as_secs_f32() * 1000.0 + report.times.maps;
+        Ok(Solved {
+            mesh: mesh.clone(),
+            grid: grid.clone(),
+            warp,
+            inputs,
+            results,
+            overlap: self.maps.settings.overlap,
+            report,
+            invert_ms: AtomicU32::new(0),
+            work,
+        })
+    }
+
+    /// Takes a new result.
+    pub fn take(&mut self, solved: Arc<Solved>, inputs: Vec<Option<ChartInput>>, plan: &Plan) {
+        self.inputs = inputs;
+        self.solved_with = Some(*plan);
+        self.solved = Some(solved);
+    }
+
+    /// Whether the last result was solved in this way, with the present maps and settings.
+    pub fn is_solved_with(&self, plan: &Plan) -> bool {
+        self.solved.is_some() && self.solved_with == Some(*plan)
+    }
+
+    /// Nodes that a solve may have to move, by the present grid; 0 without one.
+    pub fn movable_nodes(&self) -> u64 {
+        self.grid.as_ref().map_or(0, |grid| grid.movable.iter().sum())
+    }
+
+    /// The last result, if it was solved on a grid with the same blocks.
+    fn last(&self, grid: &Arc<Grid>) -> Option<&Solved> {
+        self.solved.as_deref().filter(|solved| solved.grid.has_blocks_of(grid))
+    }
+
+    /// What there is to do for each chart.
+    fn tasks(&self, grid: &Arc<Grid>, tile: &TileMesh, pose: &Pose, plan: &Plan) -> Vec<ChartTask> {
+        let last = self.last(grid);
+        let same = |c: usize| {
+            let input = last.and_then(|_| self.inputs[c].as_ref());
+            input.is_some_and(|input| input.plan == *plan && input.pose == pose.charts[c])
+        };
+        let task = |c: usize| match () {
+            () if grid.is_still(tile, pose, c) => ChartTask::Identity,
+            () if same(c) => ChartTask::Reuse,
+            () => ChartTask::Solve,
+        };
+        (0..tile.charts.len()).map(task).collected()
+    }
+
+    /// The warp, solved where need be, and what came of it.
+    fn warp(
+        &mut self,
+        call: &SolveCall,
+        share: &SolveShare,
+        prepared: &Prepared,
+        pose: &Pose,
+        tasks: &[ChartTask],
+    ) -> Result<WarpResult> {
+        let grid = &prepared.grid;
+        let last = self.last(grid);
+        let mut results =
+            last.map_or_else(|| filled(ChartResult::default(), tasks.len()), |l| copied(&l.results));
+        let solves = tasks.contains(&ChartTask::Solve);
+        // A chart that has become the identity takes its part of the last result along.
+        let mut unchanged = !solves && last.is_some();
+        for (result, _) in results.iter_mut().zip(tasks).filter(|(_, task)| **task == ChartTask::Identity) {
+            unchanged &= result.max_displacement == 0.0;
+            *result = ChartResult { min_jacobian: 1.0, ..ChartResult::default() };
+        }
+        let last = last.map(|last| last.warp.clone());
+        let report = TileReport::default();
+        if let (true, Some(last)) = (unchanged, &last) {
+            return Ok(WarpResult { warp: last.clone(), results, report, work: None });
+        }
+        if !solves && !tasks.contains(&ChartTask::Reuse) {
+            let identity = zeroed(grid.levels[0].blocks.list.len());
+            let warp = Arc::new(Warp::Host(identity));
+            return Ok(WarpResult { warp, results, report, work: None });
+        }
+        let solution = self.run_solver(call, share, prepared, pose, last.as_deref(), tasks)?;
+        for c in (0..tasks.len()).filter(|&c| tasks[c] == ChartTask::Solve) {
+            results[c] = solution.charts[c];
+        }
+        let Summary { times, sweeps, corrections, truncated } = solution.summary;
+        let report = TileReport {
+            times,
+            sweeps,
+            corrections,
+            truncated,
+            node_updates: solution.node_updates,
+            blocks_active: solution.blocks_active,
+            levels: grid.levels.len() as u32,
+            ..report
+        };
+        Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
+    }
+
+    /// Runs the tile's solver, which is made if need be.
+    fn run_solver(
+        &mut self,
+        call: &SolveCall,
+        share: &SolveShare,
+        prepared: &Prepared,
+        pose: &Pose,
+        last: Option<&Warp>,
+        tasks: &[ChartTask],
+    ) -> Result<TileSolution> {
+        let Prepared { mesh: tile, grid } = prepared;
+        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collected();
+        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collected();
+        self.allocate(call.device, grid, tile, call.plan.solver())?;
+        // Taken out for the time being: should a stage panic, the memory goes with it.
+        let missing = || Error::new(ErrorKind::Internal, "the tile has no solver");
+        let mut solver = self.solver.take().ok_or_else(missing)?;
+        let settings = &self.maps.settings;
+        let continuation = call.plan.continuation;
+        let pull = if last.is_some() { call.plan.temporal_weight } else { 0.0 };
+        let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation, pull };
+        let (team, plan) = (call.team, call.plan);
+        let history = std::mem::take(&mut self.history);
+        let clock = Clock::new(call.start, share.budget, *call.device.costs(), history).into();
+        let progress = Progress::new(team.control(), share.progress).into();
+        let solve = TileSolve { team, input, grid, plan, clock, progress, last, keep: &keep };
+        // A cancelled solve leaves its memory whole: each solve writes what it reads.
+        let solution = caught(|| stoppable(|| solver.run(&solve)));
+        let Clock { costs, history, .. } = solve.clock.into_inner();
+        self.history = history;
+        if share.learns {
+            *call.device.costs() = costs;
+        }
+        match &solution {
+            Err(error) if error.kind != ErrorKind::Cancelled => {
+                drop(solver);
+                return Err(self.give_up(call.device, tile, error.clone()));
+            }
+            _ => self.solver = Some(solver),
+        }
+        solution
+    }
+
+    /// Fills in what follows from the charts' results.
+    fn fill_report(
+        &mut self,
+        report: &mut TileReport,
+        grid: &Grid,
+        tile: &TileMesh,
+        tasks: &[ChartTask],
+        results: &[ChartResult],
+    ) {
+        let count = |wanted: ChartTask| tasks.iter().filter(|&&task| task == wanted).count() as u32;
+        report.udim = tile.udim;
+        report.grid = [grid.levels[0].nx as u32, grid.levels[0].ny as u32];
+        report.energy_before = results.iter().map(|r| r.energy_before).sum();
+        report.energy = results.iter().map(|r| r.energy).sum();
+        report.min_jacobian = results.iter().map(|r| r.min_jacobian).fold(1.0, f64::min);
+        report.folds = results.iter().map(|r| r.folds).sum();
+        report.max_displacement = results.iter().map(|r| r.max_displacement).fold(0.0, f32::max);
+        report.charts = tasks.len() as u32;
+        report.charts_active = count(ChartTask::Solve);
+        report.charts_reused = count(ChartTask::Reuse);
+        report.charts_identity = count(ChartTask::Identity);
+        let fell_back =
+            |(task, result): &(&ChartTask, &ChartResult)| **task != ChartTask::Identity && result.fallback;
+        report.charts_fallback = tasks.iter().zip(results).filter(fell_back).count() as u32;
+        report.blocks = report.grid.map(|n| (n as usize + 1).div_ceil(SIDE) as u64).iter().product();
+        let solved = tasks.iter().zip(&grid.movable).filter(|(task, _)| **task == ChartTask::Solve);
+        report.nodes_active = solved.map(|(_, movable)| movable).sum();
+        report.times.maps = std::mem::take(&mut self.build_ms);
+        report.bytes = self.held();
+    }
+
+    /// The inputs of each chart's result.
+    fn inputs_of(
+        &self,
+        grid: &Arc<Grid>,
+        pose: Pose,
+        tasks: &[ChartTask],
+        plan: &Plan,
+        truncated: bool,
+    ) -> Vec<Option<ChartInput>> {
+        let last = self.last(grid);
+        let reused = |c: usize| {
+            last.filter(|_| tasks[c] == ChartTask::Reuse)?;
+            self.inputs[c].clone()
+        };
+        // A warm or truncated result depends on more than its inputs.
+        let depends_on_more = plan.warm || truncated;
+        let input = |pose| (!depends_on_more).then_some(ChartInput { pose, plan: *plan });
+        pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collected()
+    }
+
+    /// Frees the solver's remaining memory after a failure, and takes it off the device's account.
+    fn give_up(&mut self, device: &Device, tile: &TileMesh, error: Error) -> Error {
+        self.solver = None;
+        self.solver_bytes = 0;
+        self.history = History::default();
+        if let Some(gpu) = device.gpu() {
+            gpu.reclaim();
+        }
+        // Less than before always fits.
+        let _ = self.book(device, 0, tile.udim);
+        error
+    }
+
+    /// After a call that memory was missing for: the solver may be gone, and more may be booked than there is.
+    pub(super) fn settle(&mut self, device: &Device) {
+        if self.solver.is_none() {
+            self.forget(device);
+        }
+        let held = self.held().min(self.booked);
+        let _ = device.rebook(self.booked, held, "");
+        self.booked = held;
+    }
+
+    /// Drops the solver.
+    pub(super) fn forget(&mut self, device: &Device) {
+        self.solver_bytes = 0;
+        self.history = History::default();
+        if self.solver.take().is_some()
+            && let Some(gpu) = device.gpu()
+        {
+            gpu.reclaim();
+        }
+    }
+
+    /// Makes the solver for a grid, if there is none yet. Its memory is booked before it is taken.
+    fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<()> {
+        let fits = self.solver.as_ref().is_some_and(|solver_of| solver_of.is_for(grid, solver));
+        if !fits {
+            // The old memory goes before the new one comes.
+            self.forget(device);
+            let bytes = TileSolver::bytes_for(device, grid, tile, solver)?;
+            self.book(device, bytes, tile.udim)?;
+            match caught(|| TileSolver::new(device, grid, tile, solver)) {
+                Ok(solver) => self.solver = Some(solver),
+                Err(error) => return Err(self.give_up(device, tile, error)),
+            }
+            self.solver_bytes = bytes;
+        }
+        Ok(())
+    }
+
+    /// Takes the memory off the device's budget.
+    pub fn release(&mut self, device: &Device) {
+        self.solved = None;
+        self.torn = None;
+        self.forget(device);
+        let _ = device.rebook(self.booked, 0, "");
+        self.booked = 0;
+    }
+}
+
+/// A tile's new warp.
+struct WarpResult {
+    warp: Arc<Warp>,
+    /// Per chart.
+    results: Vec<ChartResult>,
+    /// Filled as far as it follows from the solve itself.
+    report: TileReport,
+    /// The GPU's dispatches, submissions and transfers.
+    work: Option<GpuWork>,
+}
+
+/// What there is to do for a chart.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum ChartTask {
+    /// It has to be solved.
+    Solve,
+    /// None of its inputs changed: it keeps its last result.
+    Reuse,
+    /// The identity is its best warp.
+    Identity,
+}

@@ -1,0 +1,231 @@
+//! Blocks of 16 by 16 nodes (method §1): the unit in which nodes are stored, worked on and skipped. A block belongs to
+//! one chart; where several charts share such a square of the grid, each has a block of its own. A node's block alone
+//! tells to which chart's problem the node belongs.
+
+use std::ops::Range;
+
+use super::node_set::{NodeSet, NodeWindow};
+use super::planes::SIDE;
+use crate::allocation::{Grow, filled, with_capacity};
+use crate::mesh::NONE;
+use crate::team::Team;
+
+/// A stored block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Block {
+    /// Its chart.
+    pub chart: u32,
+    /// Its place in the level along u, in blocks.
+    pub x: u32,
+    /// Its place in the level along v, in blocks.
+    pub y: u32,
+    /// True if it holds a movable node. The others are stored for the halos of their neighbours only, and never
+    /// visited.
+    pub active: bool,
+}
+
+/// The stored blocks of one level.
+#[derive(Debug, Default)]
+pub struct Blocks {
+    /// Sorted by chart, y, x.
+    pub list: Vec<Block>,
+    /// Per block, the 3x3 neighbour blocks of the same chart (itself at 4), or `NONE`.
+    pub neighbours: Vec<[u32; 9]>,
+    /// The range of each chart in `list`.
+    pub of_chart: Vec<Range<usize>>,
+}
+
+impl Blocks {
+    /// Active blocks of the chart that has most of them.
+    pub fn most_of_a_chart(&self) -> usize {
+        let active =
+            |range: &Range<usize>| self.list[range.clone()].iter().filter(|block| block.active).count();
+        self.of_chart.iter().map(active).max().unwrap_or(0)
+    }
+}
+
+/// The movable nodes of a chart in a square of the grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    pub chart: u32,
+    /// The square's place, in blocks.
+    pub x: u32,
+    pub y: u32,
+    pub nodes: NodeSet,
+}
+
+impl Part {
+    /// What parts are sorted by.
+    pub fn key(&self) -> (u32, u32, u32) {
+        (self.chart, self.y, self.x)
+    }
+}
+
+impl Blocks {
+    /// The blocks that hold a movable node or a neighbour of one, and the movable nodes of each. `parts` are sorted by
+    /// chart, y, x, and none is empty.
+    pub fn new(team: &Team, charts: usize, parts: &[Part]) -> (Blocks, Vec<NodeSet>) {
+        // (chart, y, x) of the blocks that hold a neighbour of a movable node of another block.
+        let mut around: Vec<(u32, u32, u32)> = Vec::new();
+        for part in parts {
+            let rows = part.nodes.0;
+            let any = rows.iter().fold(0, |any, row| any | row);
+            // Rows and columns at the sides to the south, within, and to the north; west, within, east.
+            let from_y = [rows[0], any, rows[SIDE - 1]];
+            let columns = [1u16, u16::MAX, 1 << (SIDE - 1)];
+            for (dy, row) in (-1..=1).zip(from_y) {
+                for (dx, column) in (-1..=1).zip(columns) {
+                    if (dx, dy) != (0, 0) && row & column != 0 {
+                        // Nodes at the rim of the tile are fixed, so that no place is negative.
+                        let place = |x: u32, d: i64| (i64::from(x) + d) as u32;
+                        let key = (part.chart, place(part.y, dy), place(part.x, dx));
+                        if parts.binary_search_by_key(&key, Part::key).is_err() {
+                            around.put(key);
+                        }
+                    }
+                }
+            }
+        }
+        around.sort_unstable();
+        around.dedup();
+        let mut list: Vec<Block> = with_capacity(parts.len() + around.len());
+        let mut movable = with_capacity(parts.len() + around.len());
+        let mut around = around.into_iter().peekable();
+        let halo = |(chart, y, x)| Block { chart, x, y, active: false };
+        for part in parts {
+            while let Some(key) = around.next_if(|key| *key < part.key()) {
+                list.put(halo(key));
+                movable.put(NodeSet::EMPTY);
+            }
+            list.put(Block { chart: part.chart, x: part.x, y: part.y, active: true });
+            movable.put(part.nodes);
+        }
+        for key in around {
+            list.put(halo(key));
+            movable.put(NodeSet::EMPTY);
+        }
+        let mut of_chart = with_capacity(charts);
+        let mut start = 0;
+        for c in 0..charts as u32 {
+            let end = start + list[start..].partition_point(|b| b.chart == c);
+            of_chart.put(start..end);
+            start = end;
+        }
+        let mut blocks = Blocks { list, neighbours: Vec::new(), of_chart };
+        let mut neighbours = filled([NONE; 9], blocks.list.len());
+        team.fill(&mut neighbours, |b, around| *around = blocks.around(b));
+        blocks.neighbours = neighbours;
+        (blocks, movable)
+    }
+
+    /// The 3x3 blocks around a block, of its chart.
+    fn around(&self, b: usize) -> [u32; 9] {
+        let b = &self.list[b];
+        std::array::from_fn(|k| {
+            let (x, y) = (i64::from(b.x) + k as i64 % 3 - 1, i64::from(b.y) + k as i64 / 3 - 1);
+            self.find(b.chart, x, y)
+        })
+    }
+
+    /// A block's nodes and halo in the sets of all blocks.
+    pub fn window(&self, sets: &[NodeSet], b: usize) -> NodeWindow {
+        let neighbours = &self.neighbours[b];
+        NodeWindow::new(|k| if neighbours[k] == NONE { NodeSet::EMPTY } else { sets[neighbours[k] as usize] })
+    }
+
+    /// The block of a chart at (x, y), in blocks, or `NONE`.
+    pub fn find(&self, chart: u32, x: i64, y: i64) -> u32 {
+        let range = self.of_chart[chart as usize].clone();
+        let key = (y, x);
+        match self.list[range.clone()].binary_search_by_key(&key, |b| (i64::from(b.y), i64::from(b.x))) {
+            Ok(at) => (range.start + at) as u32,
+            Err(_) => NONE,
+        }
+    }
+
+    /// The block that holds the node (i, j), seen from block `from` of the same chart, or `NONE`.
+    pub fn holding(&self, from: usize, i: i64, j: i64) -> u32 {
+        let (x, y) = (i >> 4, j >> 4);
+        let b = &self.list[from];
+        let (dx, dy) = (x - i64::from(b.x), y - i64::from(b.y));
+        if dx.abs() <= 1 && dy.abs() <= 1 {
+            self.neighbours[from][((dy + 1) * 3 + dx + 1) as usize]
+        } else {
+            self.find(b.chart, x, y)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The blocks of the movable nodes (i, j) of the charts.
+    fn blocks_of(charts: usize, nodes: &[(u32, usize, usize)]) -> (Blocks, Vec<NodeSet>) {
+        let mut parts: Vec<Part> = Vec::new();
+        for &(chart, i, j) in nodes {
+            let (x, y) = ((i / SIDE) as u32, (j / SIDE) as u32);
+            let key = (chart, y, x);
+            let at = parts.binary_search_by_key(&key, Part::key).unwrap_or_else(|at| {
+                parts.insert(at, Part { chart, x, y, nodes: NodeSet::EMPTY });
+                at
+            });
+            parts[at].nodes.insert(i % SIDE, j % SIDE);
+        }
+        Team::with(2, |team| Blocks::new(team, charts, &parts))
+    }
+
+    #[test]
+    fn blocks_hold_movable_nodes_and_their_neighbours() {
+        // One movable node in the corner of a block, of chart 1.
+        let (blocks, movable) = blocks_of(2, &[(1, 32, 31)]);
+        assert_eq!(blocks.of_chart, [0..0, 0..4]);
+        let active: Vec<_> = blocks.list.iter().filter(|b| b.active).collect();
+        assert_eq!(active.len(), 1);
+        assert_eq!((active[0].x, active[0].y), (2, 1));
+        assert_eq!(movable.iter().map(NodeSet::count).sum::<u64>(), 1);
+        let at = blocks.find(1, 2, 1) as usize;
+        assert_eq!(blocks.neighbours[at][4], at as u32);
+        assert_eq!(blocks.neighbours[at][3], blocks.find(1, 1, 1));
+        assert_eq!(blocks.neighbours[at][5], NONE);
+        assert_eq!(blocks.holding(at, 31, 32), blocks.find(1, 1, 2));
+        assert_eq!(blocks.holding(at, 0, 0), NONE);
+        let around = blocks.window(&movable, blocks.find(1, 1, 2) as usize);
+        assert!(around.contains(17, 0) && around.dilated().contains(15, 0) && around.dilated().count() == 1);
+    }
+
+    #[test]
+    fn charts_that_meet_in_a_block_have_a_copy_each() {
+        let nodes: Vec<_> = (0..256usize)
+            .filter_map(|n| match (n % 16, n / 16) {
+                (2..=5, 2..=13) => Some((0, n % 16, n / 16)),
+                (8..=11, 2..=13) => Some((1, n % 16, n / 16)),
+                _ => None,
+            })
+            .collect();
+        let (blocks, _) = blocks_of(2, &nodes);
+        assert_eq!(blocks.list.len(), 2);
+        assert_ne!(blocks.find(0, 0, 0), blocks.find(1, 0, 0));
+    }
+
+    #[test]
+    fn blocks_are_those_of_the_nodes_one_by_one() {
+        let mut seed = 5u32;
+        let mut nodes = Vec::new();
+        for _ in 0..60 {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            nodes.push((seed >> 30, 1 + (seed >> 8) as usize % 90, 1 + (seed >> 16) as usize % 70));
+        }
+        let (blocks, _) = blocks_of(4, &nodes);
+        let mut expected = std::collections::BTreeMap::new();
+        for &(chart, i, j) in &nodes {
+            for (di, dj) in (0..9).map(|k| (k % 3, k / 3)) {
+                let key = (chart, ((j + dj - 1) / SIDE) as u32, ((i + di - 1) / SIDE) as u32);
+                *expected.entry(key).or_insert(false) |=
+                    (j / SIDE, i / SIDE) == (key.1 as usize, key.2 as usize);
+            }
+        }
+        let found: Vec<_> = blocks.list.iter().map(|b| ((b.chart, b.y, b.x), b.active)).collect();
+        assert_eq!(found, expected.into_iter().collect::<Vec<_>>());
+    }
+}

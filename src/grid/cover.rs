@@ -1,0 +1,293 @@
+//! Coverage of a square of a tile's grid (method §1), from the UVs of the triangles that meet it: the triangle under each
+//! node, and the nodes whose four cells lie inside one chart.
+
+use std::borrow::Cow;
+
+use glam::DVec2;
+
+use super::fill::Fill;
+use super::node_set::NodeSet;
+use super::squares::Squares;
+use crate::grid::planes::SIDE;
+use crate::mesh::{NONE, TileMesh};
+use crate::settings::Overlap;
+
+/// Nodes on a side of a square's window: the square and one node around it.
+pub const WIDE: usize = SIDE + 2;
+/// Cells on a side of the window.
+const CELLS: usize = WIDE - 1;
+
+/// The triangles of a tile on a grid of nx by ny cells. Node (i, j) lies at UV (i / nx, j / ny).
+pub struct Coverer<'a> {
+    pub tile: &'a TileMesh,
+    pub nx: usize,
+    pub ny: usize,
+    pub overlap: Overlap,
+    /// The chart of each triangle.
+    pub charts: Cow<'a, [u32]>,
+    pub squares: Squares,
+}
+
+/// A square's nodes.
+pub struct Cover {
+    /// The triangle under each node of the window, or `NONE`; node (i, j) of the square at `at(i + 1, j + 1)`.
+    pub triangle: [u32; WIDE * WIDE],
+    /// The square's nodes whose four cells all lie in the tile and inside one chart, and on no border.
+    pub interior: NodeSet,
+    /// The square's nodes that a triangle covers.
+    pub covered: NodeSet,
+    /// The square's nodes that more than one layer covers.
+    pub layered: NodeSet,
+}
+
+/// Index of the node (i - 1, j - 1) of a square in its window; i and j run from 0 to 17.
+pub const fn at(i: usize, j: usize) -> usize {
+    j * WIDE + i
+}
+
+/// Marks a cell that the borders of several charts cross.
+const SEVERAL: u32 = NONE - 1;
+
+impl<'a> Coverer<'a> {
+    pub fn new(tile: &'a TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverer<'a> {
+        let squares = Squares::new(tile, nx, ny, None);
+        Coverer { tile, nx, ny, overlap, charts: Cow::Owned(tile.chart_of_triangles()), squares }
+    }
+
+    /// Covers a square. Where layers overlap, a node belongs to the first triangle (triangles are sorted by chart,
+    /// charts by first face); with `Overlap::Fixed` such nodes are not interior.
+    pub fn cover(&self, square: usize) -> Cover {
+        let [x, y] = self.squares.list[square].map(|x| x as usize * SIDE);
+        let triangles = self.squares.triangles(square);
+        let (triangle, layered) = self.fill(x, y, triangles);
+        let mut cover =
+            Cover { triangle, interior: NodeSet::EMPTY, covered: NodeSet::EMPTY, layered: NodeSet::EMPTY };
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                if triangle[at(i + 1, j + 1)] != NONE {
+                    cover.covered.insert(i, j);
+                }
+                if layered[at(i + 1, j + 1)] {
+                    cover.layered.insert(i, j);
+                }
+            }
+        }
+        if !cover.covered.is_empty() {
+            cover.interior = self.interior(x, y, triangles, &triangle, &layered);
+        }
+        cover
+    }
+
+    /// The triangles under the nodes of a window, and whether more than one layer covers them. (x, y) is the square's
+    /// first node.
+    fn fill(&self, x: usize, y: usize, triangles: &[u32]) -> ([u32; WIDE * WIDE], [bool; WIDE * WIDE]) {
+        let cells = DVec2::new(self.nx as f64, self.ny as f64);
+        let mut triangle = [NONE; WIDE * WIDE];
+        let mut layered = [false; WIDE * WIDE];
+        // For nodes on an edge that the fill rule does not give to this triangle. At the chart's upper and right rim it
+        // gives them to no other triangle either.
+        let mut rim = [NONE; WIDE * WIDE];
+        let first = [x, y].map(|x| x.max(1) - 1);
+        let end = [(x + SIDE).min(self.nx) + 1, (y + SIDE).min(self.ny) + 1];
+        let [low, high] = [first, end.map(|x| x - 1)].map(|p| DVec2::from(p.map(|x| x as f64)));
+        for &t in triangles {
+            let fill = Fill::new(self.tile.triangles[t as usize].uv.map(|uv| uv * cells));
+            let mut put = |i: usize, j: usize, inside: bool| {
+                let node = at(i + 1 - x, j + 1 - y);
+                match (inside, triangle[node]) {
+                    (true, NONE) => triangle[node] = t,
+                    (true, _) => layered[node] = true,
+                    (false, _) if rim[node] == NONE => rim[node] = t,
+                    (false, _) => {}
+                }
+            };
+            if fill.holds(low, high) {
+                for j in first[1]..end[1] {
+                    (first[0]..end[0]).for_each(|i| put(i, j, true));
+                }
+            } else {
+                fill.visit_in(first, end, put);
+            }
+        }
+        for (triangle, rim) in triangle.iter_mut().zip(rim) {
+            if *triangle == NONE {
+                *triangle = rim;
+            }
+        }
+        (triangle, layered)
+    }
+
+    /// The square's interior nodes.
+    fn interior(
+        &self,
+        x: usize,
+        y: usize,
+        triangles: &[u32],
+        triangle: &[u32; WIDE * WIDE],
+        layered: &[bool; WIDE * WIDE],
+    ) -> NodeSet {
+        let borders = self.borders(x, y, triangles);
+        let chart_of = |node: usize| match triangle[node] {
+            NONE => NONE,
+            t => self.charts[t as usize],
+        };
+        // Whether a border counts for a chart.
+        let counts = |border: u32, chart: u32| match self.overlap {
+            Overlap::Fixed => border != NONE,
+            Overlap::FirstFace => border == chart || border == SEVERAL,
+        };
+        let mut inside = [false; CELLS * CELLS];
+        for j in 0..CELLS {
+            for i in 0..CELLS {
+                let corners = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
+                let chart = chart_of(corners[0]);
+                let crossed = counts(borders.cells[j * CELLS + i], chart)
+                    || self.overlap == Overlap::Fixed && corners.iter().any(|&c| layered[c]);
+                inside[j * CELLS + i] =
+                    chart != NONE && !crossed && corners[1..].iter().all(|&c| chart_of(c) == chart);
+            }
+        }
+        let mut interior = NodeSet::EMPTY;
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                let cell = |di: usize, dj: usize| inside[(j + dj) * CELLS + i + di];
+                let border = borders.nodes[j * SIDE + i];
+                if cell(0, 0)
+                    && cell(1, 0)
+                    && cell(0, 1)
+                    && cell(1, 1)
+                    && !counts(border, chart_of(at(i + 1, j + 1)))
+                {
+                    interior.insert(i, j);
+                }
+            }
+        }
+        interior
+    }
+
+    /// The borders of charts in a window.
+    fn borders(&self, x: usize, y: usize, triangles: &[u32]) -> Borders {
+        let size = DVec2::new(self.nx as f64, self.ny as f64);
+        let mut borders = Borders { cells: [NONE; CELLS * CELLS], nodes: [NONE; SIDE * SIDE] };
+        let mark = |owner: &mut u32, chart: u32| {
+            *owner = if *owner == NONE || *owner == chart { chart } else { SEVERAL };
+        };
+        let first_cell = [x as i64 - 1, y as i64 - 1];
+        for &t in triangles {
+            let triangle = &self.tile.triangles[t as usize];
+            let chart = self.charts[t as usize];
+            for k in (0..3).filter(|&k| triangle.neighbours[k] == NONE) {
+                let [a, b] = [triangle.uv[(k + 1) % 3], triangle.uv[(k + 2) % 3]].map(|uv| uv * size);
+                cells_of_segment(a, b, first_cell, CELLS, |i, j| {
+                    mark(&mut borders.cells[j * CELLS + i], chart)
+                });
+                nodes_of_segment(a, b, [x, y], |i, j| mark(&mut borders.nodes[j * SIDE + i], chart));
+            }
+        }
+        borders
+    }
+}
+
+/// Where the borders of the charts are, cuts of no width among them. Each entry is a chart, `SEVERAL` for several, or
+/// `NONE`.
+struct Borders {
+    /// Per cell of the window, the chart whose border crosses its interior.
+    cells: [u32; CELLS * CELLS],
+    /// Per node of the square, the chart whose border runs along an edge of the grid at the node.
+    nodes: [u32; SIDE * SIDE],
+}
+
+/// If the segment from `a` to `b` lies on a line of the grid, calls `f` for the nodes of each edge of the grid of which it
+/// covers a part: of those in the square with the first node `first`, with their place in it.
+fn nodes_of_segment(a: DVec2, b: DVec2, first: [usize; 2], mut f: impl FnMut(usize, usize)) {
+    let first = first.map(|x| x as f64);
+    for axis in 0..2 {
+        let (along, line) = (axis, 1 - axis);
+        let at = a[line];
+        let on_grid = at == b[line] && at.fract() == 0.0;
+        let inside = (first[line]..first[line] + SIDE as f64).contains(&at);
+        if !on_grid || !inside || a[along] == b[along] {
+            continue;
+        }
+        let mut k = a[along].min(b[along]).floor().max(first[along]);
+        let last = a[along].max(b[along]).ceil().min(first[along] + SIDE as f64 - 1.0);
+        while k <= last {
+            let [along_place, line_place] = [k - first[along], at - first[line]].map(|x| x as usize);
+            if along == 0 {
+                f(along_place, line_place)
+            } else {
+                f(line_place, along_place)
+            }
+            k += 1.0;
+        }
+    }
+}
+
+/// Calls `f` for each cell whose open interior the segment from `a` to `b` crosses: of those in the square of `count`
+/// cells a side that begins at the cell `first`, with their place in it.
+fn cells_of_segment(a: DVec2, b: DVec2, first: [i64; 2], count: usize, mut f: impl FnMut(usize, usize)) {
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    let first = first.map(|x| x as f64);
+    let end = first.map(|x| x + count as f64 - 1.0);
+    let mut row = a.y.floor().max(first[1]);
+    let last = (b.y.ceil() - 1.0).min(end[1]);
+    while row <= last {
+        let at = |y: f64| a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y)).clamp(0.0, 1.0);
+        let level = a.y == b.y;
+        let (x0, x1) = if level { (a.x, b.x) } else { (at(row.max(a.y)), at((row + 1.0).min(b.y))) };
+        let mut x = x0.min(x1).floor().max(first[0]);
+        let last = (x0.max(x1).ceil() - 1.0).min(end[0]);
+        while x <= last {
+            f((x - first[0]) as usize, (row - first[1]) as usize);
+            x += 1.0;
+        }
+        row += 1.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cells(a: [f64; 2], b: [f64; 2]) -> Vec<usize> {
+        let mut cells = Vec::new();
+        cells_of_segment(a.into(), b.into(), [0, 0], 8, |i, j| cells.push(j * 8 + i));
+        cells
+    }
+
+    #[test]
+    fn a_border_crosses_the_cells_that_it_passes_through_and_no_others() {
+        assert_eq!(cells([1.5, 2.5], [4.5, 2.5]), [17, 18, 19, 20]);
+        assert_eq!(cells([4.5, 2.5], [1.5, 2.5]), [17, 18, 19, 20]);
+        // Along a line of nodes it is in no cell's interior.
+        assert_eq!(cells([1.5, 2.0], [4.5, 2.0]), [0usize; 0]);
+        assert_eq!(cells([3.0, 1.0], [3.0, 6.0]), [0usize; 0]);
+        assert_eq!(cells([3.5, 1.5], [3.5, 3.5]), [11, 19, 27]);
+        assert_eq!(cells([0.5, 0.5], [2.5, 2.5]), [0, 9, 18]);
+        assert_eq!(cells([-3.0, 0.5], [1.5, 0.5]), [0, 1]);
+    }
+
+    #[test]
+    fn a_border_on_a_line_of_the_grid_meets_the_nodes_of_its_edges() {
+        let nodes = |a: [f64; 2], b: [f64; 2]| {
+            let mut nodes = Vec::new();
+            nodes_of_segment(a.into(), b.into(), [16, 32], |i, j| nodes.push([i + 16, j + 32]));
+            nodes
+        };
+        assert_eq!(nodes([17.0, 34.0], [19.0, 34.0]), [[17, 34], [18, 34], [19, 34]]);
+        assert_eq!(nodes([19.0, 34.0], [17.0, 34.0]), [[17, 34], [18, 34], [19, 34]]);
+        // It ends within an edge: both nodes of that edge.
+        assert_eq!(nodes([17.5, 34.0], [19.25, 34.0]), [[17, 34], [18, 34], [19, 34], [20, 34]]);
+        // It goes on beyond the square.
+        assert_eq!(nodes([20.0, 45.5], [20.0, 63.5]), [[20, 45], [20, 46], [20, 47]]);
+        assert_eq!(nodes([3.0, 32.0], [16.5, 32.0]), [[16, 32], [17, 32]]);
+        for (a, b) in [
+            ([17.0, 34.5], [19.0, 34.5]),
+            ([17.0, 33.0], [19.0, 35.0]),
+            ([18.0, 34.0], [18.0, 34.0]),
+            ([16.0, 48.0], [24.0, 48.0]),
+        ] {
+            assert_eq!(nodes(a, b), [[0usize; 2]; 0]);
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! A tile's maps and settings, as a host has set them.
+
+use std::sync::Arc;
+
+use crate::image::map::Map;
+use crate::settings::{MAX_GRID, TileSettings};
+
+use crate::grid::planes::SIDE;
+
+/// The source of a tile's rigidity.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) enum Rigidity {
+    /// Nothing is rigid.
+    #[default]
+    None,
+    /// An image.
+    Map(Map),
+    /// One value per vertex of the mesh.
+    Vertices(Arc<Vec<f32>>),
+}
+
+/// The source of a tile's mask.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) enum Mask {
+    /// All may move.
+    #[default]
+    None,
+    /// An image.
+    Map(Map),
+    /// One value per vertex of the mesh.
+    Vertices(Arc<Vec<f32>>),
+}
+
+/// A tile's maps and settings, as the host has set them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct TileMaps {
+    pub rigidity: Rigidity,
+    pub mask: Mask,
+    pub settings: TileSettings,
+}
+
+/// Cells on a side of the grid of a tile with rigidity per vertex, unless a setting gives its size.
+const VERTEX_GRID: usize = 1024;
+
+impl TileMaps {
+    /// Cells of the grid: the settings', or the rigidity map's size, rounded up to a multiple of 16.
+    pub fn grid_size(&self) -> [usize; 2] {
+        let default = match &self.rigidity {
+            Rigidity::Map(map) => [map.width, map.height],
+            Rigidity::Vertices(_) => [VERTEX_GRID; 2],
+            // No node will be movable: the smallest grid is enough.
+            Rigidity::None => [SIDE; 2],
+        };
+        std::array::from_fn(|axis| {
+            let n = self.settings.grid[axis].map_or(default[axis], |n| n as usize);
+            n.next_multiple_of(SIDE).min(MAX_GRID as usize)
+        })
+    }
+}

@@ -1,0 +1,104 @@
+//! Sets of the nodes of a square or block.
+
+use crate::grid::planes::SIDE;
+
+/// A set of the nodes (0..16, 0..16): bit i of word j for node (i, j).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NodeSet(pub [u16; SIDE]);
+
+impl NodeSet {
+    /// Without nodes.
+    pub const EMPTY: NodeSet = NodeSet([0; SIDE]);
+
+    pub fn insert(&mut self, i: usize, j: usize) {
+        self.0[j] |= 1 << i;
+    }
+
+    pub fn remove(&mut self, i: usize, j: usize) {
+        self.0[j] &= !(1 << i);
+    }
+
+    pub fn contains(&self, i: usize, j: usize) -> bool {
+        self.0[j] >> i & 1 != 0
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.0 == [0; SIDE]
+    }
+
+    /// Number of nodes.
+    pub fn count(&self) -> u64 {
+        self.0.iter().map(|row| u64::from(row.count_ones())).sum()
+    }
+}
+
+/// The nodes (-1..=16, -1..=16) around and in a block: bit i + 1 of word j + 1 for node (i, j).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NodeWindow(pub [u32; SIDE + 2]);
+
+impl NodeWindow {
+    /// Gathers a block's set and its halo; `set(k)` is that of the neighbour block k of 3 x 3, empty where there is none.
+    pub fn new(set: impl Fn(usize) -> NodeSet) -> NodeWindow {
+        let sets: [NodeSet; 9] = std::array::from_fn(set);
+        NodeWindow(std::array::from_fn(|row| {
+            let (k, j) = match row {
+                0 => (0, SIDE - 1),
+                17 => (6, 0),
+                _ => (3, row - 1),
+            };
+            let [west, centre, east] = [k, k + 1, k + 2].map(|k| u32::from(sets[k].0[j]));
+            west >> (SIDE - 1) | centre << 1 | (east & 1) << (SIDE + 1)
+        }))
+    }
+
+    /// Whether node (i - 1, j - 1) is in it.
+    pub fn contains(&self, i: usize, j: usize) -> bool {
+        self.0[j] >> i & 1 != 0
+    }
+
+    /// The block's nodes all of whose eight neighbours are in it, with themselves.
+    pub fn eroded(&self) -> NodeSet {
+        let rows = self.0.map(|row| row & row << 1 & row >> 1);
+        NodeSet(std::array::from_fn(|j| ((rows[j] & rows[j + 1] & rows[j + 2]) >> 1) as u16))
+    }
+
+    /// The block's nodes that are in it, or have a neighbour in it.
+    pub fn dilated(&self) -> NodeSet {
+        let rows = self.0.map(|row| row | row << 1 | row >> 1);
+        NodeSet(std::array::from_fn(|j| ((rows[j] | rows[j + 1] | rows[j + 2]) >> 1) as u16))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_hold_the_neighbours_nodes() {
+        let mut seed = 1u32;
+        let mut random = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 16) as u16 | (seed >> 8) as u16
+        };
+        let sets: [NodeSet; 9] = std::array::from_fn(|_| NodeSet(std::array::from_fn(|_| random())));
+        let window = NodeWindow::new(|k| sets[k]);
+        let at = |i: i64, j: i64| {
+            let k = (j.div_euclid(16) + 1) * 3 + i.div_euclid(16) + 1;
+            sets[k as usize].contains(i.rem_euclid(16) as usize, j.rem_euclid(16) as usize)
+        };
+        for j in -1..=16 {
+            for i in -1..=16 {
+                assert_eq!(window.contains((i + 1) as usize, (j + 1) as usize), at(i, j), "{i} {j}");
+            }
+        }
+        for j in 0..16 {
+            for i in 0..16 {
+                let around = || (-1..=1).flat_map(|dj| (-1..=1).map(move |di| at(i + di, j + dj)));
+                let (i, j) = (i as usize, j as usize);
+                assert_eq!(window.eroded().contains(i, j), around().all(|x| x));
+                assert_eq!(window.dilated().contains(i, j), around().any(|x| x));
+            }
+        }
+        assert_eq!(sets[4].count(), (0..256).filter(|n| sets[4].contains(n % 16, n / 16)).count() as u64);
+    }
+}

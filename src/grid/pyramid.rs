@@ -1,0 +1,102 @@
+//! Rigidity on all levels (method §3), in the blocks of a survey: at the nodes that are *held*, those that may move and
+//! their neighbours. No edge of another node counts.
+
+use super::codes::{decode_rigidity, encode_rigidity};
+use super::cover::at;
+use super::node_set::NodeSet;
+use super::rigidity::NodeRigidity;
+use super::survey::SurveyLevel;
+use super::window::{self, WINDOW_NODES, place};
+use crate::allocation::{Collect, zeroed};
+use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::mesh::NONE;
+use crate::team::Team;
+
+/// The nodes of each block that are movable or a neighbour of one.
+pub fn held(level: &SurveyLevel) -> Vec<NodeSet> {
+    (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collected()
+}
+
+/// Rigidity on level 0, per block, as codes of `encode_rigidity`; 0 at nodes that are not held.
+pub fn finest(
+    team: &Team,
+    rigidity: &NodeRigidity,
+    level: &SurveyLevel,
+    held: &[NodeSet],
+) -> Vec<Plane<u16>> {
+    let mut codes = zeroed::<[u16; NODES]>(level.blocks.list.len());
+    team.fill(&mut codes, |b, codes| finest_block(rigidity, level, held, b, codes));
+    codes
+}
+
+/// The same for one block.
+pub fn finest_block(
+    rigidity: &NodeRigidity,
+    level: &SurveyLevel,
+    held: &[NodeSet],
+    b: usize,
+    codes: &mut Plane<u16>,
+) {
+    let block = &level.blocks.list[b];
+    *codes = [0; NODES];
+    let Some(square) = rigidity.coverer.squares.find(block.x, block.y) else { return };
+    let cover = rigidity.coverer.cover(square);
+    let values = rigidity.window([block.x, block.y], &cover);
+    for j in 0..SIDE {
+        for i in (0..SIDE).filter(|&i| held[b].contains(i, j)) {
+            codes[slot(i, j)] = encode_rigidity(values[at(i + 1, j + 1)]);
+        }
+    }
+}
+
+/// One level of the pyramid.
+pub struct Held<'a> {
+    pub level: &'a SurveyLevel,
+    /// Per block.
+    pub held: &'a [NodeSet],
+}
+
+/// Rigidity of a block of the next coarser level: a 3x3 Gaussian (the paper's eq. 7) over the finer nodes that are held.
+/// `children` are the finer blocks of the block's quarters.
+pub fn coarser_block(
+    finer: &Held,
+    codes: &[Plane<u16>],
+    coarser: &Held,
+    children: &[u32; 4],
+    b: usize,
+) -> Plane<u16> {
+    let mut out = [0; NODES];
+    let mut window = [0u16; WINDOW_NODES];
+    for (quarter, &child) in children.iter().enumerate().filter(|(_, child)| **child != NONE) {
+        let blocks = &finer.level.blocks;
+        window::load(&blocks.neighbours[child as usize], 0, |b| &codes[b], &mut window);
+        let held = blocks.window(finer.held, child as usize);
+        for j in 0..SIDE / 2 {
+            for i in 0..SIDE / 2 {
+                let (x, y) = (i + quarter % 2 * 8, j + quarter / 2 * 8);
+                if coarser.held[b].contains(x, y) {
+                    out[slot(x, y)] = encode_rigidity(gaussian(&window, &held, 2 * i + 1, 2 * j + 1));
+                }
+            }
+        }
+    }
+    out
+}
+
+/// The mean of the rigidities of the 3x3 nodes around (i, j) of a window that are held.
+fn gaussian(window: &[u16; WINDOW_NODES], held: &super::node_set::NodeWindow, i: usize, j: usize) -> f32 {
+    let mut sum = 0.0;
+    let mut weights = 0.0;
+    for dj in 0..3 {
+        for di in 0..3 {
+            let (x, y) = (i + di - 1, j + dj - 1);
+            if held.contains(x, y) {
+                let weight = [1.0, 2.0, 1.0][di] * [1.0, 2.0, 1.0][dj];
+                sum += weight * decode_rigidity(window[place(x, y)]);
+                weights += weight;
+            }
+        }
+    }
+    // A held node has a neighbour that may move, the finer nodes around which are all held: there is a weight.
+    sum / weights
+}

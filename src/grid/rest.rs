@@ -1,0 +1,269 @@
+//! Rest lengths on all levels, in 16 bits (method §1, Codes): exact chords on level 0 (method §2), arc lengths on the
+//! others (method §3). A block's lengths are computed as often as they are needed rather than kept in f32 for all blocks:
+//! that would be the largest array of all.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+
+use super::blocks::Block;
+use super::codes::Lengths;
+use super::metric::{restrict_block, restrict_coverage};
+use super::window::{self, WINDOW_NODES, place};
+use super::{FLOOR_FRACTION, Grid, Level};
+use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed, zeroed_box};
+use crate::grid::planes::EDGES;
+use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::mesh::triangle::barycentrics;
+use crate::mesh::{Mesh, NONE, TileMesh};
+use crate::team::Team;
+
+/// Lengths of at most this fraction of the floor are stored as 0.
+const SHORTEST: f32 = 1.0 / 1024.0;
+
+/// Sets the rest lengths, their floors and the coverages of all levels.
+pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &TileMesh) {
+    let chords = Chords::new(grid, mesh, tile);
+    let medians = median_lengths(team, grid, &chords);
+    for (k, level) in grid.levels.iter_mut().enumerate() {
+        // An edge of level k is 2^k times as long.
+        level.floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collected();
+    }
+    let lengths = store(team, &grid.levels[0], |b, out| chords.block(grid, b, out));
+    set(&mut grid.levels[0], lengths);
+    let triangle = grid.pose_triangles(tile, &grid.rest);
+    let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collected();
+    drop(triangle);
+    let mut metrics: Vec<[Plane; 3]> = Vec::new();
+    for k in 1..grid.levels.len() {
+        let (finer, level) = grid.levels.split_at_mut(k);
+        let (finer, level) = (&finer[k - 1], &mut level[0]);
+        let blocks = level.blocks.list.len();
+        if k > 1 {
+            let mut coverage = zeroed(blocks);
+            team.fill(&mut coverage, |b, plane| *plane = restrict_coverage(level, finer, b));
+            level.coverage = Arc::new(coverage);
+        }
+        let mut next = zeroed(blocks);
+        team.fill(&mut next, |b, out| match k {
+            1 => grid.gather.block(b, &triangles, out),
+            _ => restrict_block(level, finer, &metrics, b, out),
+        });
+        metrics = next;
+        let lengths = store(team, level, |b, out| arc_lengths(&level.blocks.neighbours[b], &metrics, out));
+        set(level, lengths);
+    }
+}
+
+/// A level's rest lengths: the codes of each block, and the coding of each chart.
+type Stored = (Vec<[Plane<u16>; 4]>, Vec<[Lengths; 4]>);
+
+fn set(level: &mut Level, (codes, lengths): Stored) {
+    (level.rest_length, level.lengths) = (Arc::new(codes), lengths);
+}
+
+/// The lengths of the edges that a block's nodes own. On the heap: the stack of a host's thread may be small.
+type BlockLengths = Box<[Plane; 4]>;
+
+/// Codes a level's rest lengths; `lengths(b, out)` computes those of block b.
+fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut [Plane; 4]) + Sync) -> Stored {
+    let list = &level.blocks.list;
+    let least = |b: usize| level.floor[list[b].chart as usize] * SHORTEST;
+    let of_block = |b: usize| {
+        let mut of_block: BlockLengths = zeroed_box();
+        lengths(b, &mut of_block);
+        of_block
+    };
+    // Per block and direction, the shortest length that is not 0, and the longest one.
+    let bounds: Vec<[[f32; 2]; 4]> = team.map(list.len(), |b| {
+        of_block(b).each_ref().map(|plane| {
+            let low = plane.iter().copied().filter(|&x| x > least(b)).fold(f32::INFINITY, f32::min);
+            [low, plane.iter().copied().fold(0.0, f32::max)]
+        })
+    });
+    let of_chart = |range: &std::ops::Range<usize>, e: usize| {
+        let of_blocks = || bounds[range.clone()].iter().map(|of_block| of_block[e]);
+        let low = of_blocks().map(|[low, _]| low).fold(f32::INFINITY, f32::min);
+        Lengths::between(low, of_blocks().map(|[_, high]| high).fold(0.0, f32::max))
+    };
+    let coding: Vec<[Lengths; 4]> =
+        level.blocks.of_chart.iter().map(|range| std::array::from_fn(|e| of_chart(range, e))).collected();
+    let mut codes = zeroed::<[[u16; NODES]; 4]>(list.len());
+    team.fill(&mut codes, |b, codes| {
+        let coding = &coding[list[b].chart as usize];
+        for (e, lengths) in of_block(b).iter().enumerate() {
+            for (code, length) in codes[e].iter_mut().zip(lengths) {
+                *code = coding[e].code(*length);
+            }
+        }
+    });
+    (codes, coding)
+}
+
+/// Rest lengths of a block's edges on a coarser level.
+fn arc_lengths(neighbours: &[u32; 9], metrics: &[[Plane; 3]], out: &mut [Plane; 4]) {
+    let mut windows = [[0.0f32; WINDOW_NODES]; 3];
+    for (c, window) in windows.iter_mut().enumerate() {
+        window::load(neighbours, 0.0, |b| &metrics[b][c], window);
+    }
+    let metric = |at: usize| windows.each_ref().map(|w| w[at]);
+    edges(out, |i, j, (di, dj)| {
+        let other = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
+        length2(metric(place(i + 1, j + 1)), metric(other), [di as f32, dj as f32]).max(0.0).sqrt()
+    });
+}
+
+/// Squared length of an offset under the mean of two metrics.
+fn length2(a: [f32; 3], b: [f32; 3], d: [f32; 2]) -> f32 {
+    let [e, f, g] = [0, 1, 2].map(|k| 0.5 * (a[k] + b[k]));
+    d[0] * d[0] * e + 2.0 * d[0] * d[1] * f + d[1] * d[1] * g
+}
+
+/// Sets the values of `f(i, j, offset)` at all edges that the nodes (i, j) of a block own.
+fn edges(planes: &mut [Plane; 4], mut f: impl FnMut(usize, usize, (i64, i64)) -> f32) {
+    for j in 0..SIDE {
+        for i in 0..SIDE {
+            for (plane, offset) in planes.iter_mut().zip(EDGES) {
+                plane[slot(i, j)] = f(i, j, offset);
+            }
+        }
+    }
+}
+
+/// Exact rest lengths of level 0 (method §2), in f64 from the mesh itself.
+struct Chords<'a> {
+    mesh: &'a Mesh,
+    tile: &'a TileMesh,
+    cells: DVec2,
+    /// Per chart.
+    scales: Vec<f64>,
+}
+
+/// A node on its triangle: the position of the triangle's first vertex, and the node's position relative to it.
+type Sample = (u32, DVec3, DVec3);
+
+impl<'a> Chords<'a> {
+    fn new(grid: &Grid, mesh: &'a Mesh, tile: &'a TileMesh) -> Chords<'a> {
+        let cells = DVec2::new(grid.levels[0].nx as f64, grid.levels[0].ny as f64);
+        Chords { mesh, tile, cells, scales: grid.rest.charts.iter().map(|c| c.scale).collected() }
+    }
+
+    /// The lengths of a block's edges; inside one triangle from its edge vectors.
+    fn block(&self, grid: &Grid, b: usize, out: &mut [Plane; 4]) {
+        let level = &grid.levels[0];
+        let Block { x, y, chart, .. } = level.blocks.list[b];
+        let mut triangles = [NONE; WINDOW_NODES];
+        window::load(&level.blocks.neighbours[b], NONE, |b| &grid.triangle[b], &mut triangles);
+        let mut samples: Vec<Option<Sample>> = filled(None, WINDOW_NODES);
+        for j in 0..SIDE + 2 {
+            for i in 0..SIDE + 2 {
+                let t = triangles[place(i, j)];
+                if t != NONE && grid.chart_of[t as usize] == chart {
+                    let node =
+                        DVec2::new((x as usize * SIDE + i) as f64, (y as usize * SIDE + j) as f64) - 1.0;
+                    let triangle = TriangleInSpace::new(self, chart, t);
+                    samples[place(i, j)] = Some((t, triangle.first, triangle.at(node - triangle.origin)));
+                }
+            }
+        }
+        // Scaled before it is squared: units of 1e300 must not overflow.
+        let length = |v: DVec3| (v * self.scales[chart as usize]).length();
+        // The last triangle that held both ends of an edge, with the lengths of its edges.
+        let mut last: (u32, [f64; 4]) = (NONE, [0.0; 4]);
+        edges(out, |i, j, (di, dj)| {
+            let other = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
+            let chord = match (&samples[place(i + 1, j + 1)], &samples[other]) {
+                (Some((s, ..)), Some((t, ..))) if s == t => {
+                    if last.0 != *s {
+                        let triangle = TriangleInSpace::new(self, chart, *s);
+                        let of = |(di, dj)| length(triangle.at(DVec2::new(di as f64, dj as f64)));
+                        last = (*s, EDGES.map(of));
+                    }
+                    EDGES.iter().zip(last.1).find(|(e, _)| **e == (di, dj)).map_or(0.0, |(_, length)| length)
+                }
+                (Some((_, p, v)), Some((_, q, w))) => length((*q - *p) + (*w - *v)),
+                // An end without a triangle of the chart: no movable node has this edge.
+                _ => 0.0,
+            };
+            chord as f32
+        });
+    }
+}
+
+/// A triangle at rest: the map from the plane to space.
+struct TriangleInSpace {
+    /// Its first UV corner, in cells.
+    origin: DVec2,
+    /// The other two, from there.
+    uv: [DVec2; 2],
+    /// Its first vertex.
+    first: DVec3,
+    /// The other two, from there.
+    edges: [DVec3; 2],
+}
+
+impl TriangleInSpace {
+    fn new(chords: &Chords, chart: u32, t: u32) -> TriangleInSpace {
+        let source = &chords.tile.triangles[t as usize];
+        let vertices = &chords.tile.charts[chart as usize].vertices;
+        let [a, b, c] = source.uv.map(|uv| uv * chords.cells);
+        let [p, q, r] = source.local.map(|v| DVec3::from(chords.mesh.rest[vertices[v as usize] as usize]));
+        TriangleInSpace { origin: a, uv: [b - a, c - a], first: p, edges: [q - p, r - p] }
+    }
+
+    /// The offset from the first vertex at an offset from the first UV corner.
+    fn at(&self, d: DVec2) -> DVec3 {
+        let [l1, l2] = barycentrics([DVec2::ZERO, self.uv[0], self.uv[1]], d);
+        l1 * self.edges[0] + l2 * self.edges[1]
+    }
+}
+
+/// Per chart, the smaller one of two medians over its movable nodes: that of the lengths of their edges to the east, and
+/// that of their edges to the north. On an anisotropic chart the larger one would exceed all lengths of the other
+/// direction.
+fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
+    let level = &grid.levels[0];
+    let blocks = level.blocks.list.len();
+    let counts: Vec<usize> =
+        level.movable.iter().map(|plane| plane.iter().filter(|m| **m != 0).count()).collected();
+    // The lengths of both directions, block by block: as many bytes as the codes will have, which come after them.
+    let mut lengths: [Vec<f32>; 2] = [0, 1].map(|_| zeroed(counts.iter().sum()));
+    let [east, north] = &mut lengths;
+    let mut parts: Vec<(usize, &mut [f32], &mut [f32])> = with_capacity(blocks);
+    let (mut east_left, mut north_left) = (&mut east[..], &mut north[..]);
+    for (b, &count) in counts.iter().enumerate() {
+        let (of_east, e) = std::mem::take(&mut east_left).split_at_mut(count);
+        let (of_north, n) = std::mem::take(&mut north_left).split_at_mut(count);
+        (east_left, north_left) = (e, n);
+        if count > 0 {
+            parts.put((b, of_east, of_north));
+        }
+    }
+    team.fill(&mut parts, |_, (b, east, north)| {
+        let mut planes: BlockLengths = zeroed_box();
+        chords.block(grid, *b, &mut planes);
+        let movable = (0..NODES).filter(|&s| level.movable[*b][s] != 0);
+        for (k, s) in movable.enumerate() {
+            (east[k], north[k]) = (planes[0][s], planes[1][s]);
+        }
+    });
+    drop(parts);
+    let charts = level.blocks.of_chart.len();
+    let mut of_charts: Vec<(&mut [f32], f32)> = with_capacity(2 * charts);
+    for direction in &mut lengths {
+        let mut left = &mut direction[..];
+        for range in &level.blocks.of_chart {
+            let count = counts[range.clone()].iter().sum();
+            let (of_chart, others) = std::mem::take(&mut left).split_at_mut(count);
+            left = others;
+            of_charts.put((of_chart, 0.0));
+        }
+    }
+    team.fill(&mut of_charts, |_, (lengths, median)| {
+        if !lengths.is_empty() {
+            let middle = lengths.len() / 2;
+            *median = *lengths.select_nth_unstable_by(middle, f32::total_cmp).1;
+        }
+    });
+    (0..charts).map(|c| of_charts[c].1.min(of_charts[charts + c].1)).collected()
+}

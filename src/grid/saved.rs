@@ -1,0 +1,134 @@
+//! A prepared tile as bytes, so that it need not be prepared again on every machine of a farm. What follows quickly from
+//! the mesh and from the movable nodes is computed anew when a tile is loaded, and everything else is checked: bytes that
+//! were damaged or made up are refused, or at worst give a bad warp; they lead to no access out of bounds.
+//!
+//! ```text
+//! header     magic, format, length, key of the inputs, checksum of what follows
+//! sizes      cells along u and v, charts, levels, parts, squares; overlap
+//! parts      chart, place, rigid or not, nodes
+//! squares    place, rigid and frozen nodes
+//! levels     per level: rigidity, rest lengths, their coding and floors, weights, stiffness, coverage, density
+//! level 0    the triangle under each node
+//! level 1    what metrics are gathered from
+//! ```
+//!
+//! All numbers are little-endian.
+
+mod read;
+mod write;
+
+use xxhash_rust::xxh3::{Xxh3, xxh3_128};
+
+use super::Grid;
+use crate::error::Result;
+use crate::grid::maps::{Mask, Rigidity, TileMaps};
+use crate::mesh::{Mesh, TileMesh};
+use crate::team::Team;
+use read::{Reader, refuse};
+use write::{Writer, write};
+
+const MAGIC: [u8; 8] = *b"vrtmtile";
+/// Grows with every change of the layout, and of what is computed from the same inputs.
+const FORMAT: u32 = 1;
+/// Bytes of the header.
+const HEADER: usize = 8 + 4 + 4 + 8 + 16 + 16;
+/// Tells the inputs of a grid apart: the tile's mesh, its maps, and the settings that a grid depends on.
+pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> u128 {
+    let mut hash = Xxh3::new();
+    let settings = &maps.settings;
+    for number in maps.grid_size().map(|n| n as u64) {
+        hash.update(&number.to_le_bytes());
+    }
+    let density = f32::from(u8::from(settings.orientation_density > 0.0));
+    for number in [settings.smoothness, settings.smoothness_floor, density] {
+        hash.update(&number.to_le_bytes());
+    }
+    hash.update(&[settings.overlap as u8]);
+    for triangle in &tile.triangles {
+        triangle.uv.iter().flat_map(|uv| uv.to_array()).for_each(|x| hash.update(&x.to_le_bytes()));
+        triangle.neighbours.iter().chain(&triangle.local).for_each(|n| hash.update(&n.to_le_bytes()));
+    }
+    for chart in &tile.charts {
+        hash.update(&(chart.triangles.len() as u64).to_le_bytes());
+        let positions = chart.vertices.iter().flat_map(|&v| mesh.rest[v as usize]);
+        positions.for_each(|x| hash.update(&x.to_le_bytes()));
+    }
+    match &maps.rigidity {
+        Rigidity::None => hash.update(&[0]),
+        Rigidity::Map(map) => map.hash(&mut hash),
+        Rigidity::Vertices(values) => {
+            let of_tile = tile.charts.iter().flat_map(|chart| &chart.vertices);
+            of_tile.for_each(|&v| hash.update(&values[v as usize].to_le_bytes()));
+        }
+    }
+    match &maps.mask {
+        Mask::None => hash.update(&[0]),
+        Mask::Map(map) => map.hash(&mut hash),
+        Mask::Vertices(values) => {
+            hash.update(b"vertices");
+            let of_tile = tile.charts.iter().flat_map(|chart| &chart.vertices);
+            of_tile.for_each(|&v| hash.update(&values[v as usize].to_le_bytes()));
+        }
+    }
+    hash.digest128()
+}
+
+/// Bytes of a saved grid.
+pub(crate) fn size(grid: &Grid) -> usize {
+    let mut count = Writer { out: None, at: 0 };
+    write(grid, &mut count);
+    HEADER + count.at
+}
+
+/// Saves a grid to exactly `size(grid)` bytes.
+pub(crate) fn save(grid: &Grid, key: u128, out: &mut [u8]) {
+    let length = out.len() as u64;
+    let (header, payload) = out.split_at_mut(HEADER);
+    write(grid, &mut Writer { out: Some(payload), at: 0 });
+    let checksum = xxh3_128(payload);
+    let mut header = Writer { out: Some(header), at: 0 };
+    header.bytes(&MAGIC);
+    header.u32(FORMAT);
+    header.u32(0);
+    header.bytes(&length.to_le_bytes());
+    header.bytes(&key.to_le_bytes());
+    header.bytes(&checksum.to_le_bytes());
+}
+
+/// Loads a grid for a tile whose inputs have the given key. `book(bytes)` is asked before its memory is taken.
+///
+/// # Errors
+/// `InvalidArgument` for bytes that are no saved grid of this tile; those of `book`.
+pub(crate) fn load(
+    team: &Team,
+    data: &[u8],
+    key: u128,
+    mesh: &Mesh,
+    tile: &TileMesh,
+    book: impl FnOnce(u64) -> Result<()>,
+) -> Result<Grid> {
+    let mut from = Reader { left: data };
+    if from.bytes(MAGIC.len()).ok() != Some(&MAGIC) {
+        return Err(refuse("it is no saved tile"));
+    }
+    let format = from.u32()?;
+    if format != FORMAT {
+        return Err(refuse(&format!("it has the format {format}, this version reads {FORMAT}")));
+    }
+    // A later version may say something by it.
+    if from.u32()? != 0 {
+        return Err(refuse("its reserved word is not 0"));
+    }
+    let length = from.array().map(u64::from_le_bytes)?;
+    if length != data.len() as u64 {
+        return Err(refuse(&format!("it has {} bytes, but {length} were saved", data.len())));
+    }
+    if from.array().map(u128::from_le_bytes)? != key {
+        return Err(refuse("it was saved with another mesh, map or setting"));
+    }
+    let checksum = from.array().map(u128::from_le_bytes)?;
+    if checksum != xxh3_128(from.left) {
+        return Err(refuse("it is damaged"));
+    }
+    read::grid(team, &mut from, mesh, tile, book)
+}

@@ -1,0 +1,170 @@
+//! The squares of a tile's grid, of 16 by 16 nodes like the blocks, and the triangles that meet each of them: what
+//! prepares a tile visits these squares, and none of the others.
+
+use glam::DVec2;
+
+use crate::allocation::{Grow, zeroed};
+use crate::grid::planes::SIDE;
+use crate::image::map::PAGE;
+use crate::mesh::TileMesh;
+
+/// The squares that a triangle meets.
+pub struct Squares {
+    /// (x, y) of each square, sorted by y, x.
+    pub list: Vec<[u32; 2]>,
+    /// Per square, the index of its first triangle; one more at the end.
+    starts: Vec<u32>,
+    /// Per square, its triangles, ascending.
+    triangles: Vec<u32>,
+}
+
+/// Triangles that miss a window by less, in cells, are listed all the same.
+const SLACK: f64 = 1e-5;
+
+impl Squares {
+    /// Finds the squares of a grid of nx by ny cells whose nodes, or a neighbour of one, may lie on a triangle; if only
+    /// some are wanted, from the first to the last of them along both axes.
+    pub fn new(tile: &TileMesh, nx: usize, ny: usize, wanted: Option<[[u32; 2]; 2]>) -> Squares {
+        let cells = DVec2::new(nx as f64, ny as f64);
+        let mut pairs: Vec<(u32, u32, u32)> = Vec::new();
+        for (t, triangle) in tile.triangles.iter().enumerate() {
+            let corners = triangle.uv.map(|uv| uv * cells);
+            // The window of square x reaches from node 16 x - 1 to 16 x + 16.
+            let range = wanted.unwrap_or([[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)]);
+            each_square(corners, range, [DVec2::ONE, DVec2::ZERO], |x, y| pairs.put((y, x, t as u32)));
+        }
+        pairs.sort_unstable();
+        let mut squares = Squares { list: Vec::new(), starts: Vec::new(), triangles: Vec::new() };
+        squares.triangles.make_exact_room(pairs.len());
+        for of_square in pairs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            squares.list.put([of_square[0].1, of_square[0].0]);
+            squares.starts.put(squares.triangles.len() as u32);
+            squares.triangles.put_all(of_square.iter().map(|pair| pair.2));
+        }
+        squares.starts.put(squares.triangles.len() as u32);
+        squares
+    }
+
+    /// The index of the square at (x, y).
+    pub fn find(&self, x: u32, y: u32) -> Option<usize> {
+        self.list.binary_search_by_key(&(y, x), |&[x, y]| (y, x)).ok()
+    }
+
+    /// The triangles that meet a square or the nodes next to it, ascending.
+    pub fn triangles(&self, square: usize) -> &[u32] {
+        &self.triangles[self.starts[square] as usize..self.starts[square + 1] as usize]
+    }
+
+    /// Bytes at most while they are found.
+    pub fn bytes(&self) -> usize {
+        self.list.len() * 12 + self.triangles.len() * 16
+    }
+}
+
+/// The pages of a map of `size` texels that a grid of the tile, however coarse, may read under its charts, row by row.
+pub fn pages_near(tile: &TileMesh, size: [usize; 2]) -> Vec<bool> {
+    let size_in_cells = DVec2::from(size.map(|n| n as f64)) / PAGE as f64 * SIDE as f64;
+    // Half a cell of the coarsest grid, and what the bilinear filter reads.
+    let margin = size_in_cells * (0.5 / SIDE as f64) + 2.0 * SIDE as f64 / PAGE as f64;
+    let [columns, rows] = size.map(|n| n.div_ceil(PAGE));
+    let mut near = zeroed(columns * rows);
+    for triangle in &tile.triangles {
+        let corners = triangle.uv.map(|uv| uv * size_in_cells);
+        let range = [[0, 0], [columns as u32 - 1, rows as u32 - 1]];
+        each_square(corners, range, [margin, margin], |x, y| {
+            near[y as usize * columns + x as usize] = true;
+        });
+    }
+    near
+}
+
+/// Calls `f(x, y)` for the squares from `first` to `last` along both axes, of 16 cells each, that a triangle meets. They
+/// are `below` and `above` larger than that.
+fn each_square(
+    corners: [DVec2; 3],
+    [first, last]: [[u32; 2]; 2],
+    [below, above]: [DVec2; 2],
+    mut f: impl FnMut(u32, u32),
+) {
+    let side = SIDE as f64;
+    let low = corners[0].min(corners[1]).min(corners[2]);
+    let high = corners[0].max(corners[1]).max(corners[2]);
+    let range = |axis: usize| {
+        let start = ((low[axis] - SLACK - above[axis] - side) / side).ceil().max(first[axis].into());
+        let end = ((high[axis] + SLACK + below[axis]) / side).floor().min(last[axis].into());
+        (end >= start).then_some((start as u32, end as u32))
+    };
+    let (Some((x0, x1)), Some((y0, y1))) = (range(0), range(1)) else { return };
+    let is_small = x1 - x0 <= 1 && y1 - y0 <= 1;
+    for y in y0..=y1 {
+        for x in x0..=x1 {
+            let square = DVec2::new(f64::from(x), f64::from(y)) * side;
+            if is_small || meets(corners, square - below, square + side + above) {
+                f(x, y);
+            }
+        }
+    }
+}
+
+/// False if an edge of the triangle separates it from the box between two corners.
+fn meets(corners: [DVec2; 3], low: DVec2, high: DVec2) -> bool {
+    (0..3).all(|k| {
+        let (a, b, c) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
+        let edge = b - a;
+        let normal = if edge.perp_dot(c - a) < 0.0 { edge.perp() * -1.0 } else { edge.perp() };
+        // The corner of the box that lies farthest on the triangle's side.
+        let far = DVec2::select(normal.cmpge(DVec2::ZERO), high, low);
+        normal.dot(far - a) >= -SLACK * edge.length()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Squares whose windows hold one of many points of the triangle.
+    fn sampled(corners: [DVec2; 3], n: usize) -> Vec<(u32, u32)> {
+        let mut found = Vec::new();
+        for i in 0..=400 {
+            for j in 0..=400 - i {
+                let p = corners[0]
+                    + (corners[1] - corners[0]) * (i as f64 / 400.0)
+                    + (corners[2] - corners[0]) * (j as f64 / 400.0);
+                for y in 0..=n / SIDE {
+                    for x in 0..=n / SIDE {
+                        let origin = DVec2::new((x * SIDE) as f64, (y * SIDE) as f64) - 1.0;
+                        let d = p - origin;
+                        if d.min_element() >= 0.0 && d.max_element() <= 17.0 {
+                            found.push((x as u32, y as u32));
+                        }
+                    }
+                }
+            }
+        }
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    #[test]
+    fn the_squares_of_a_triangle_are_those_that_it_meets() {
+        let cases = [
+            [[3.0, 4.0], [70.0, 9.0], [20.0, 75.0]],
+            [[-30.0, 10.0], [50.0, 20.0], [10.0, 60.0]],
+            [[5.0, 5.0], [6.0, 5.0], [5.5, 6.0]],
+            [[15.5, 15.5], [17.0, 31.0], [15.2, 47.0]],
+            [[0.0, 0.0], [79.0, 79.0], [79.0, 78.0]],
+        ];
+        for corners in cases {
+            let corners = corners.map(DVec2::from);
+            for corners in [corners, [corners[0], corners[2], corners[1]]] {
+                let mut listed = Vec::new();
+                each_square(corners, [[0, 0], [4, 4]], [DVec2::ONE, DVec2::ZERO], |x, y| listed.push((x, y)));
+                listed.sort_unstable();
+                let needed = sampled(corners, 64);
+                assert!(needed.iter().all(|square| listed.contains(square)), "{corners:?}");
+                assert!(listed.len() <= needed.len() + 3, "{corners:?}: {listed:?} {needed:?}");
+            }
+        }
+    }
+}

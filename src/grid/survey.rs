@@ -1,0 +1,263 @@
+//! The survey of a tile: which nodes may move on which level, and hence which blocks there are. It visits the squares that
+//! the tile's triangles meet, holds a few bytes per square, and tells how much memory a grid will take before any of it is
+//! taken.
+
+use std::sync::Arc;
+
+use super::blocks::{Blocks, Part};
+use super::cover::{Cover, Coverer, WIDE, at};
+use super::node_set::NodeSet;
+use super::rigidity::NodeRigidity;
+use crate::allocation::{Collect, Grow, with_capacity, zeroed};
+use crate::grid::maps::TileMaps;
+use crate::grid::planes::SIDE;
+use crate::grid::uv_triangle::{UvTriangle, uv_triangles};
+use crate::mesh::{NONE, TileMesh};
+use crate::team::Team;
+
+/// Which nodes of a tile may move.
+pub(crate) struct Survey<'a> {
+    pub coverer: Coverer<'a>,
+    pub triangles: Vec<UvTriangle>,
+    /// The nodes that may move if their chart has rigidity, sorted by chart, y, x.
+    pub parts: Vec<Part>,
+    /// Per part, whether rigidity is not 0 at one of its nodes or next to it.
+    pub rigid: Vec<bool>,
+    pub levels: Vec<SurveyLevel>,
+    /// Movable nodes of level 0, per chart; 0 for a chart without rigidity (method §1).
+    pub movable: Vec<u64>,
+    pub counts: Counts,
+    /// Of the squares that triangles cover, sorted by y, x.
+    pub rigid_nodes: Vec<RigidNodes>,
+}
+
+/// The blocks of one level.
+#[derive(Debug)]
+pub(crate) struct SurveyLevel {
+    /// Cells along u and v.
+    pub size: [usize; 2],
+    pub blocks: Arc<Blocks>,
+    /// Per block, its movable nodes.
+    pub movable: Vec<NodeSet>,
+}
+
+/// Numbers of nodes of level 0.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Counts {
+    /// That a triangle covers.
+    pub covered: u64,
+    /// That more than one layer covers.
+    pub layered: u64,
+}
+
+/// Rigid nodes of a square of level 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct RigidNodes {
+    /// The square's place, in blocks.
+    pub square: [u32; 2],
+    /// Nodes that a triangle covers, with a rigidity of at least `RIGID`.
+    pub rigid: u16,
+    /// Of these, those that do not move, whatever their chart.
+    pub frozen: u16,
+}
+
+/// The fraction of the rigid nodes that do not move.
+pub(super) fn frozen_share(squares: &[RigidNodes]) -> f32 {
+    let sum = |f: fn(&RigidNodes) -> u16| squares.iter().map(|square| u64::from(f(square))).sum::<u64>();
+    sum(|square| square.frozen) as f32 / sum(|square| square.rigid).max(1) as f32
+}
+
+/// From here on a node counts as rigid.
+const RIGID: f32 = 0.5;
+
+/// Squares that a thread surveys at a time.
+const CHUNK: usize = 16;
+
+impl<'a> Survey<'a> {
+    /// Surveys a tile on a grid of `size` cells.
+    pub fn new(team: &Team, tile: &'a TileMesh, maps: &TileMaps, [nx, ny]: [usize; 2]) -> Survey<'a> {
+        let coverer = Coverer::new(tile, nx, ny, maps.settings.overlap);
+        let triangles = uv_triangles(tile, nx, ny);
+        let rigidity = NodeRigidity { maps, coverer: &coverer, triangles: &triangles };
+        let squares = coverer.squares.list.len();
+        let found = team.map(squares.div_ceil(CHUNK), |chunk| {
+            let mut found = Found::default();
+            for square in chunk * CHUNK..((chunk + 1) * CHUNK).min(squares) {
+                found.add_square(&rigidity, square);
+            }
+            found
+        });
+        let mut counts = Counts::default();
+        let mut rigid_nodes = with_capacity(found.iter().map(|f| f.rigid_nodes.len()).sum());
+        let mut parts: Vec<(Part, bool)> = with_capacity(found.iter().map(|f| f.parts.len()).sum());
+        for of_chunk in found {
+            counts.covered += of_chunk.counts.covered;
+            counts.layered += of_chunk.counts.layered;
+            rigid_nodes.put_all(of_chunk.rigid_nodes);
+            parts.put_all(of_chunk.parts);
+        }
+        parts.sort_unstable_by_key(|(part, _)| (part.chart, part.y, part.x));
+        let rigid: Vec<bool> = parts.iter().map(|(_, rigid)| *rigid).collected();
+        let parts: Vec<Part> = parts.into_iter().map(|(part, _)| part).collected();
+        let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
+        let levels = levels(team, [nx, ny], &movable, &parts);
+        Survey { coverer, triangles, parts, rigid, levels, movable, counts, rigid_nodes }
+    }
+
+    /// About as many bytes as the grid will have.
+    pub fn grid_bytes(&self) -> u64 {
+        survey_bytes(&self.levels, self.triangles.len())
+    }
+
+    /// Bytes of the survey itself that the grid does not keep.
+    pub fn bytes(&self) -> u64 {
+        self.coverer.squares.bytes() as u64
+    }
+
+    /// Fraction of the covered nodes that more than one layer covers.
+    pub fn overlap(&self) -> f32 {
+        self.counts.layered as f32 / self.counts.covered.max(1) as f32
+    }
+
+    /// True if a node is rigid.
+    pub fn has_rigid_nodes(&self) -> bool {
+        self.rigid_nodes.iter().any(|square| square.rigid > 0)
+    }
+}
+
+/// About as many bytes as a grid with these levels will have.
+pub(super) fn survey_bytes(levels: &[SurveyLevel], triangles: usize) -> u64 {
+    let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * super::block_bytes(k);
+    let levels: usize = levels.iter().enumerate().map(per_level).sum();
+    (levels + triangles * super::TRIANGLE_BYTES) as u64
+}
+
+/// The movable nodes of each chart; 0 where no part is rigid.
+pub(super) fn movable_of_charts(charts: usize, parts: &[Part], rigid: &[bool]) -> Vec<u64> {
+    let mut movable = zeroed::<u64>(charts);
+    let mut is_rigid = zeroed::<bool>(charts);
+    for (part, rigid) in parts.iter().zip(rigid) {
+        movable[part.chart as usize] += part.nodes.count();
+        is_rigid[part.chart as usize] |= rigid;
+    }
+    for (count, is_rigid) in movable.iter_mut().zip(is_rigid) {
+        *count *= u64::from(is_rigid);
+    }
+    movable
+}
+
+/// The blocks of all levels. A coarse node may move only if all of the 3x3 finer nodes around it may (the paper's eq. 8),
+/// so that bilinear prolongation never moves a fixed node, nor one of another chart. An odd last column or row of cells
+/// is dropped; the nodes at its inner side are fixed by the same rule.
+pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Part]) -> Vec<SurveyLevel> {
+    let parts: Vec<Part> = parts.iter().filter(|part| movable[part.chart as usize] > 0).copied().collected();
+    let charts = movable.len();
+    let (blocks, sets) = Blocks::new(team, charts, &parts);
+    let mut levels = Vec::new();
+    levels.put(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
+    loop {
+        let finer = &levels[levels.len() - 1];
+        let size = finer.size.map(|n| n / 2);
+        let parts = coarser_parts(team, finer);
+        if size.contains(&0) || parts.is_empty() {
+            return levels;
+        }
+        let (blocks, sets) = Blocks::new(team, charts, &parts);
+        levels.put(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
+    }
+}
+
+/// The movable nodes of the next coarser level.
+fn coarser_parts(team: &Team, finer: &SurveyLevel) -> Vec<Part> {
+    let blocks = &finer.blocks;
+    let mut parents: Vec<(u32, u32, u32)> =
+        blocks.list.iter().filter(|b| b.active).map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
+    parents.sort_unstable();
+    parents.dedup();
+    let mut parts = team.map(parents.len(), |k| {
+        let (chart, y, x) = parents[k];
+        let mut part = Part { chart, x, y, nodes: NodeSet::EMPTY };
+        for quarter in 0..4u32 {
+            let (qx, qy) = (quarter % 2, quarter / 2);
+            let child = blocks.find(chart, i64::from(2 * x + qx), i64::from(2 * y + qy));
+            if child == NONE {
+                continue;
+            }
+            let inner = blocks.window(&finer.movable, child as usize).eroded();
+            for j in 0..SIDE / 2 {
+                for i in 0..SIDE / 2 {
+                    if inner.contains(2 * i, 2 * j) {
+                        part.nodes.insert(qx as usize * 8 + i, qy as usize * 8 + j);
+                    }
+                }
+            }
+        }
+        part
+    });
+    parts.retain(|part| !part.nodes.is_empty());
+    parts
+}
+
+/// Whether rigidity is not 0 at a node of a square or next to it: the weight of an edge is the larger rigidity of its ends.
+pub(super) fn has_rigidity(window: &[f32; WIDE * WIDE], i: usize, j: usize) -> bool {
+    (0..3).any(|dj| window[at(i, j + dj)..][..3].iter().any(|&r| r > 0.0))
+}
+
+/// What a thread found in some squares.
+#[derive(Default)]
+struct Found {
+    /// With whether rigidity is not 0 at one of its nodes or next to it.
+    parts: Vec<(Part, bool)>,
+    counts: Counts,
+    rigid_nodes: Vec<RigidNodes>,
+}
+
+/// The rigid nodes of a square, given its window of rigidity.
+pub(super) fn rigid_nodes(
+    square: [u32; 2],
+    cover: &Cover,
+    free: &NodeSet,
+    rigidity: &[f32; WIDE * WIDE],
+) -> RigidNodes {
+    let mut found = RigidNodes { square, rigid: 0, frozen: 0 };
+    for (i, j) in (0..SIDE * SIDE).map(|n| (n % SIDE, n / SIDE)) {
+        if cover.covered.contains(i, j) && rigidity[at(i + 1, j + 1)] >= RIGID {
+            found.rigid += 1;
+            found.frozen += u16::from(!(cover.interior.contains(i, j) && free.contains(i, j)));
+        }
+    }
+    found
+}
+
+impl Found {
+    fn add_square(&mut self, maps: &NodeRigidity, square: usize) {
+        let cover = maps.coverer.cover(square);
+        if cover.covered.is_empty() {
+            return;
+        }
+        let [x, y] = maps.coverer.squares.list[square];
+        let rigidity = maps.window([x, y], &cover);
+        let free = maps.free([x, y]);
+        let first = self.parts.len();
+        for j in 0..SIDE {
+            for i in 0..SIDE {
+                if !cover.interior.contains(i, j) || !free.contains(i, j) {
+                    continue;
+                }
+                let chart = maps.coverer.charts[cover.triangle[at(i + 1, j + 1)] as usize];
+                let is_near = has_rigidity(&rigidity, i, j);
+                let known = self.parts[first..].iter().position(|(part, _)| part.chart == chart);
+                let index = known.map_or(self.parts.len(), |k| first + k);
+                if known.is_none() {
+                    self.parts.put((Part { chart, x, y, nodes: NodeSet::EMPTY }, false));
+                }
+                let (part, rigid) = &mut self.parts[index];
+                part.nodes.insert(i, j);
+                *rigid |= is_near;
+            }
+        }
+        self.rigid_nodes.put(rigid_nodes([x, y], &cover, &free, &rigidity));
+        self.counts.covered += cover.covered.count();
+        self.counts.layered += cover.layered.count();
+    }
+}

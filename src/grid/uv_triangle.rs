@@ -1,0 +1,36 @@
+//! Triangles in the UV plane, prepared for point location (method §2).
+
+use glam::DVec2;
+
+use crate::allocation::Collect;
+use crate::mesh::TileMesh;
+
+/// A triangle in the UV plane, in cells.
+#[derive(Clone, Copy, Debug)]
+pub struct UvTriangle {
+    /// Its first UV corner, in cells.
+    pub origin: [f32; 2],
+    /// Rows of the 2x2 matrix that takes an offset from `origin` to the barycentric coordinates of corners 1 and 2.
+    pub barycentric: [[f32; 2]; 2],
+    /// The triangle across the edge opposite to each corner, or `NONE`.
+    pub neighbours: [u32; 3],
+}
+
+/// The triangles of a tile, prepared for point location on a grid of nx by ny cells.
+pub fn uv_triangles(tile: &TileMesh, nx: usize, ny: usize) -> Vec<UvTriangle> {
+    let cells = DVec2::new(nx as f64, ny as f64);
+    tile.triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.uv.map(|uv| uv * cells);
+            let (e1, e2) = (b - a, c - a);
+            let det = e1.perp_dot(e2);
+            let single = |v: DVec2| v.to_array().map(|x| x as f32);
+            UvTriangle {
+                origin: single(a),
+                barycentric: [single(-e2.perp() / det), single(e1.perp() / det)],
+                neighbours: t.neighbours,
+            }
+        })
+        .collected()
+}

@@ -1,0 +1,124 @@
+//! Windows (method §1): a block and its halo of one node, copied side by side, for a stage to work on.
+
+use crate::grid::planes::{Plane, SIDE};
+use crate::mesh::NONE;
+
+/// Nodes of a window: 18 x 18.
+pub const WINDOW_NODES: usize = 4 * WINDOW_PLANE;
+/// Nodes of one colour of a window: 9 x 9.
+const WINDOW_PLANE: usize = 81;
+
+/// One quantity at the nodes (-1..=16, -1..=16) of a block, as four planes of 9x9, one per node colour.
+pub type Window<T = f32> = [T; WINDOW_NODES];
+
+/// Index of the node (i - 1, j - 1) of the block in a window; i and j run from 0 to 17.
+#[inline(always)]
+pub const fn place(i: usize, j: usize) -> usize {
+    ((j & 1) * 2 + (i & 1)) * WINDOW_PLANE + (j >> 1) * 9 + (i >> 1)
+}
+
+/// Copies the plane of the block `neighbours[4]` and its halo into a window. `plane(b)` is the plane of block `b`;
+/// where a neighbour block is not stored, the halo is `default`.
+#[inline(always)]
+pub fn load<'a, T: Copy + 'a>(
+    neighbours: &[u32; 9],
+    default: T,
+    plane: impl Fn(usize) -> &'a Plane<T>,
+    window: &mut Window<T>,
+) {
+    let centre = plane(neighbours[4] as usize);
+    for colour in 0..4 {
+        let (ci, cj) = (colour & 1, colour >> 1);
+        for row in 0..8 {
+            let to = place(ci + 1, 2 * row + cj + 1);
+            let from = colour * 64 + row * 8;
+            window[to..to + 8].copy_from_slice(&centre[from..from + 8]);
+        }
+    }
+    // South (j = -1 is row 15 of the block below) and north.
+    for (k, from_j, to_j) in [(1, 15, 0), (7, 0, 17)] {
+        let b = neighbours[k];
+        for ci in 0..2 {
+            let to = place(ci + 1, to_j);
+            let row = &mut window[to..to + 8];
+            if b == NONE {
+                row.fill(default);
+            } else {
+                let from = super::planes::slot(ci, from_j);
+                row.copy_from_slice(&plane(b as usize)[from..from + 8]);
+            }
+        }
+    }
+    // West and east.
+    for (k, from_i, to_i) in [(3, 15, 0), (5, 0, 17)] {
+        let b = neighbours[k];
+        if b == NONE {
+            for j in 0..SIDE {
+                window[place(to_i, j + 1)] = default;
+            }
+        } else {
+            let source = plane(b as usize);
+            for j in 0..SIDE {
+                window[place(to_i, j + 1)] = source[super::planes::slot(from_i, j)];
+            }
+        }
+    }
+    // The corners.
+    for (k, from, to) in
+        [(0, (15, 15), (0, 0)), (2, (0, 15), (17, 0)), (6, (15, 0), (0, 17)), (8, (0, 0), (17, 17))]
+    {
+        let b = neighbours[k];
+        window[place(to.0, to.1)] =
+            if b == NONE { default } else { plane(b as usize)[super::planes::slot(from.0, from.1)] };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::blocks::{Blocks, Part};
+    use super::super::node_set::NodeSet;
+    use super::*;
+    use crate::grid::planes::{NODES, node_at};
+    use crate::team::Team;
+
+    #[test]
+    fn a_window_holds_the_nodes_of_its_surroundings() {
+        let parts: Vec<Part> = (0..9)
+            .map(|k| Part { chart: 0, x: k % 3, y: k / 3, nodes: NodeSet::EMPTY })
+            .map(|mut part| {
+                for n in 0..NODES {
+                    let (i, j) = (part.x as usize * SIDE + n % SIDE, part.y as usize * SIDE + n / SIDE);
+                    if (1..40).contains(&i) && (8..40).contains(&j) {
+                        part.nodes.insert(n % SIDE, n / SIDE);
+                    }
+                }
+                part
+            })
+            .collect();
+        let (blocks, _) = Team::with(1, |team| Blocks::new(team, 1, &parts));
+        let planes: Vec<Plane<i64>> = blocks
+            .list
+            .iter()
+            .map(|b| {
+                std::array::from_fn(|s| {
+                    let (i, j) = node_at(s);
+                    (b.x as usize * SIDE + i) as i64 + 1000 * (b.y as usize * SIDE + j) as i64
+                })
+            })
+            .collect();
+        assert_eq!(NODES, 256);
+        let mut window = [0i64; WINDOW_NODES];
+        for (b, block) in blocks.list.iter().enumerate() {
+            load(&blocks.neighbours[b], -1, |b| &planes[b], &mut window);
+            for j in 0..18 {
+                for i in 0..18 {
+                    let x = i64::from(block.x) * 16 + i as i64 - 1;
+                    let y = i64::from(block.y) * 16 + j as i64 - 1;
+                    let stored = blocks.holding(b, x, y) != NONE;
+                    let expected = if stored { x + 1000 * y } else { -1 };
+                    assert_eq!(window[place(i, j)], expected, "block {b}, node ({x}, {y})");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Both backends on an asset's tile, side by side or one after the other: for tests and support.
+
+use std::sync::Arc;
+
+use crate::allocation::{Collect, filled, zeroed};
+use crate::asset::{Asset, torn};
+use crate::error::{Error, ErrorKind, Result};
+use crate::grid::build;
+use crate::grid::pose::Pose;
+use crate::grid::survey::Survey;
+use crate::lab::parity::StageDifference;
+use crate::lab::parity::pair::Pair;
+use crate::method::budget::Clock;
+use crate::method::progress::Progress;
+use crate::method::schedule::{self, Input, Plan};
+use crate::settings::SolveOptions;
+use crate::view::Strided;
+use crate::{cpu, gpu};
+
+impl Asset {
+    /// Solves a tile from the identity on both backends side by side and says after each stage how far they are apart;
+    /// in `lockstep`, each stage then goes on from the CPU's state. The asset's result stays as it is.
+    ///
+    /// # Errors
+    /// `Unsupported` unless the asset is on a GPU; those of [`Asset::solve`].
+    #[doc(hidden)]
+    pub fn compare_backends(
+        &mut self,
+        tile: usize,
+        positions: Strided,
+        options: &SolveOptions,
+        lockstep: bool,
+    ) -> Result<Vec<StageDifference>> {
+        self.check_tile(tile)?;
+        self.check_vertices("positions", &positions, 3)?;
+        options.check()?;
+        let Some(context) = self.device.gpu() else {
+            return Err(Error::new(ErrorKind::Unsupported, "the asset is not on a GPU"));
+        };
+        let mesh = &*torn::in_pose(&self.mesh, tile, &positions);
+        let maps = &self.tiles[tile].maps;
+        let grid = self.device.team(|team| {
+            Arc::new(build::grid(team, &self.mesh, maps, Survey::new(team, mesh, maps, maps.grid_size())))
+        });
+        let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
+        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collected();
+        if !charts.contains(&true) {
+            return Ok(Vec::new());
+        }
+        let settings = &self.tiles[tile].maps.settings;
+        let plan = Plan::new(options);
+        let continuation = plan.continuation;
+        let input =
+            Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts, continuation, pull: 0.0 };
+        self.device.team(|team| {
+            let mut of_cpu = cpu::Memory::new(&grid, plan.solver());
+            let mut of_gpu = gpu::Memory::new(context, &grid, mesh)?;
+            let mut u = zeroed(grid.levels[0].blocks.list.len());
+            let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u, &[]);
+            context.contain(|| {
+                let gpu = gpu::Run::new(&input, &mut of_gpu, None, &filled(false, charts.len()), None)?;
+                let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
+                schedule::run(&mut pair, &plan, false, &mut Clock::unlimited(), &mut Progress::default());
+                pair.finish()
+            })?
+        })
+    }
+}

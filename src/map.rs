@@ -1,0 +1,136 @@
+//! What a host fetches of a result: the redirection and other images of a tile (`fetch`), W⁻¹ at texel centres (`inverse`),
+//! the map made one-to-one under bilinear interpolation (`untangle`), and a map's certificate (`certificate`).
+
+pub(crate) mod canvas;
+pub(crate) mod certificate;
+mod chart_texels;
+pub(crate) mod external;
+pub(crate) mod fetch;
+pub(crate) mod inverse;
+pub(crate) mod nodes;
+mod untangle;
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+
+use glam::DVec2;
+
+use crate::error::{Error, Result};
+use crate::mesh::TileMesh;
+
+/// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third one, which is 0, and
+/// a redirection a fourth, which is 1 where a chart covers the texel's centre and 0 elsewhere: programs that know colours take
+/// two channels for luminance and alpha.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FetchKind {
+    /// Inverse warp at texel centres, absolute within the tile (0..1). f16 holds less than a texel from 1024 on.
+    Redirection,
+    /// The same less the texel centre itself, in UV.
+    RedirectionDelta,
+    /// The warp itself, absolute within the tile, from border to border: (nx+1) x (ny+1) texels give the nodes exactly.
+    /// At any other size each cell is two triangles, split by its diagonal from (0,0) to (1,1), and the warp is affine on
+    /// each: what the redirection inverts. Nodes of [`crate::Solver::Pbd`] may lie a little outside of the tile.
+    Warp,
+    /// The redirection plus the tile's offset (U, V): absolute among all tiles, as the mesh's own UVs are.
+    RedirectionUdim,
+    /// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv.
+    Jacobian,
+    /// Largest singular value of that, one channel: how many times wider a lookup's footprint is in the texture than on the
+    /// surface.
+    FilterScale,
+}
+
+impl FetchKind {
+    /// Channels that an image of this kind has if nothing else is asked for.
+    #[must_use]
+    pub fn channels(self) -> u32 {
+        *self.all_channels().start()
+    }
+
+    /// Channels that an image of this kind may have.
+    fn all_channels(self) -> RangeInclusive<u32> {
+        match self {
+            FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim => 2..=4,
+            FetchKind::Warp => 2..=3,
+            FetchKind::Jacobian => 4..=4,
+            FetchKind::FilterScale => 1..=1,
+        }
+    }
+
+    /// # Errors
+    /// `InvalidArgument`, naming `name`, unless an image of this kind may have so many channels.
+    pub(crate) fn check_channels(self, name: impl Display, channels: u32) -> Result<()> {
+        let all = self.all_channels();
+        if all.contains(&channels) {
+            return Ok(());
+        }
+        let (first, last) = (all.start(), all.end());
+        let range = if first == last { format!("{first}") } else { format!("{first} to {last}") };
+        Err(Error::argument(format!("{name}: {channels} channels, but {self:?} has {range}")))
+    }
+
+    /// Whether it is one of the redirection's forms, which may have a fourth channel.
+    pub(crate) fn is_redirection(self) -> bool {
+        matches!(self, FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim)
+    }
+}
+
+/// What a redirection's values are measured from.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Form {
+    /// The tile's corner (0, 0).
+    Tile,
+    /// The corner (0, 0) of tile 1001; the tile's own corner is held here.
+    Udim(DVec2),
+    /// The texel's centre.
+    Delta,
+}
+
+impl Form {
+    /// The form of a kind of output of a tile.
+    pub fn new(kind: FetchKind, tile: &TileMesh) -> Form {
+        match kind {
+            FetchKind::RedirectionDelta => Form::Delta,
+            FetchKind::RedirectionUdim => Form::Udim(tile.origin()),
+            _ => Form::Tile,
+        }
+    }
+
+    /// What is written for a redirected UV within the tile, `delta` away from the texel's centre.
+    pub fn value(self, uv: [f64; 2], delta: [f64; 2]) -> [f64; 2] {
+        match self {
+            Form::Tile => uv,
+            Form::Udim(origin) => (DVec2::from(uv) + origin).into(),
+            Form::Delta => delta,
+        }
+    }
+
+    /// The way from the texel's centre to the redirected UV that a value stands for: the inverse of `value`.
+    pub fn delta(self, value: [f64; 2], centre: [f64; 2]) -> [f64; 2] {
+        let origin = match self {
+            Form::Tile => DVec2::ZERO,
+            Form::Udim(origin) => origin,
+            Form::Delta => return value,
+        };
+        (DVec2::from(value) - origin - DVec2::from(centre)).into()
+    }
+}
+
+/// The smallest Jacobian at a corner of a quad of four neighbouring texels, 1 where nothing moves. The bilinear interpolation
+/// between the texels is one-to-one if it is positive. `deltas` are the ways in UV from the texels' centres to the redirected
+/// UVs, first of the two at the quad's lower side; `size` is that of the map in texels.
+pub(crate) fn smallest_jacobian(deltas: [[f64; 2]; 4], size: [f64; 2]) -> f64 {
+    // The places of the texels, in texels.
+    let at = |k: usize| {
+        let delta = deltas[k];
+        [(k % 2) as f64 + delta[0] * size[0], (k / 2) as f64 + delta[1] * size[1]]
+    };
+    let (a, b, c, d) = (at(0), at(1), at(2), at(3));
+    let way = |from: [f64; 2], to: [f64; 2]| [to[0] - from[0], to[1] - from[1]];
+    let cross = |e: [f64; 2], f: [f64; 2]| e[0] * f[1] - e[1] * f[0];
+    let (low, high, left, right) = (way(a, b), way(c, d), way(a, c), way(b, d));
+    let smallest = cross(low, left).min(cross(low, right)).min(cross(high, left)).min(cross(high, right));
+    // Of coarse numbers neighbours may be equal: the rounding of their distance must not pass for one.
+    if smallest.abs() < 1e-11 { 0.0 } else { smallest }
+}

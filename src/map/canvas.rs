@@ -1,0 +1,71 @@
+//! An image that several threads write.
+
+use std::sync::atomic::{AtomicPtr, Ordering};
+
+use half::f16;
+
+use crate::image::{ImageViewMut, PixelFormat, TexelLayout};
+
+/// Texels of an image that several threads write, each its own.
+pub(crate) struct Canvas {
+    pixels: AtomicPtr<u8>,
+    layout: TexelLayout,
+}
+
+impl Canvas {
+    pub fn new(image: &mut ImageViewMut) -> Canvas {
+        Canvas { pixels: AtomicPtr::new(image.as_mut_ptr()), layout: image.layout }
+    }
+
+    /// The first two channels of a texel that was written; row 0 is at v = 0.
+    pub fn get(&self, x: usize, y: usize) -> [f64; 2] {
+        let TexelLayout { width, height, channels, format, .. } = self.layout;
+        assert!(x < width as usize && y < height as usize && channels >= 2);
+        let at = self.layout.offset(x, y);
+        // SAFETY: as in `put_from`, and the texel has been written.
+        unsafe {
+            let from = self.pixels.load(Ordering::Relaxed).add(at);
+            match format {
+                PixelFormat::F16 => from.cast::<[f16; 2]>().read_unaligned().map(f64::from),
+                _ => from.cast::<[f32; 2]>().read_unaligned().map(f64::from),
+            }
+        }
+    }
+
+    /// The largest relative error of a number that is written.
+    pub fn epsilon(&self) -> f64 {
+        match self.layout.format {
+            PixelFormat::F16 => f64::from(f16::EPSILON) / 2.0,
+            _ => f64::from(f32::EPSILON) / 2.0,
+        }
+    }
+
+    /// Writes the first channels of a texel; row 0 is at v = 0.
+    pub fn put<const N: usize>(&self, x: usize, y: usize, values: [f64; N]) {
+        self.put_from(0, x, y, values);
+    }
+
+    /// Writes the channels of a texel from number `first` on, as many as the image has.
+    pub fn put_from<const N: usize>(&self, first: usize, x: usize, y: usize, values: [f64; N]) {
+        let TexelLayout { width, height, channels, format, .. } = self.layout;
+        assert!(x < width as usize && y < height as usize);
+        let at = self.layout.offset(x, y);
+        for (channel, value) in (first..channels as usize).zip(values) {
+            // SAFETY: `ImageViewMut` checked that every channel of every texel of the layout lies in its bytes. Two threads
+            // never write one texel: a warp without folds covers each texel once, and one with folds is written by one
+            // thread (`Outputs::invert`).
+            unsafe {
+                let to = self.pixels.load(Ordering::Relaxed).add(at + channel * format.size());
+                match format {
+                    PixelFormat::F16 => to.cast::<f16>().write_unaligned(half(value)),
+                    _ => to.cast::<f32>().write_unaligned(value as f32),
+                }
+            }
+        }
+    }
+}
+
+/// The nearest finite number of 16 bits.
+fn half(value: f64) -> f16 {
+    f16::from_f32(value as f32).clamp(f16::MIN, f16::MAX)
+}

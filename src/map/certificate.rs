@@ -1,0 +1,66 @@
+//! The certificate of a map: what a fetch writes is not the redirection itself, but its values at texel centres, which
+//! renderers interpolate. Whether that folds, and how far it is off (method §9).
+
+pub(crate) mod desc;
+mod error;
+mod folds;
+mod strip;
+
+use crate::allocation::caught;
+use crate::device::Device;
+use crate::error::Result;
+use crate::team::Team;
+
+use super::inverse::Outputs;
+use crate::settings::MAX_GRID;
+use crate::solver::solved::Solved;
+use desc::{MapDesc, MapReport};
+use strip::Reader;
+
+/// Texels on a side of the smallest map that is looked at.
+const SMALLEST: u32 = 16;
+
+/// Looks at a map of a result; `desc` was checked.
+pub(crate) fn inspect(device: &Device, team: &Team, solved: &Solved, desc: &MapDesc) -> Result<MapReport> {
+    let mut outputs = Outputs::default();
+    let mut reader = Reader { device, team, solved, outputs: &mut outputs, whole: None };
+    // Memory that is missing must not leave that of the outputs on the device's account.
+    let report = caught(|| inspect_with(&mut reader, desc));
+    outputs.release(device);
+    report
+}
+
+fn inspect_with(reader: &mut Reader, desc: &MapDesc) -> Result<MapReport> {
+    let found = folds::count(reader, desc, u64::MAX)?;
+    let errors = error::measure(reader, desc)?;
+    let mut sufficient = (found.folds == 0).then_some(desc.size);
+    for size in near_sizes(desc.size) {
+        if sufficient.is_some() {
+            break;
+        }
+        // The first fold decides.
+        let folds = folds::count(reader, &MapDesc { size, ..*desc }, 1)?.folds;
+        sufficient = (folds == 0).then_some(size);
+    }
+    Ok(MapReport {
+        size: desc.size,
+        folds: found.folds,
+        min_jacobian: found.min_jacobian,
+        error_rms: errors.rms,
+        error_p99: errors.p99,
+        error_max: errors.max,
+        sufficient_size: sufficient,
+    })
+}
+
+/// The sizes to look at if a map folds: twice and four times it, which are closer to the redirection, then halves, which are
+/// smoother.
+fn near_sizes(size: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
+    let larger = [2, 4].into_iter().map(move |by| size.map(|n| n.saturating_mul(by)));
+    let larger = larger.filter(|size| size.iter().all(|&n| n <= MAX_GRID));
+    let halved = |size: &[u32; 2]| {
+        let fits = size.iter().all(|n| n % 2 == 0 && *n >= 2 * SMALLEST);
+        fits.then(|| size.map(|n| n / 2))
+    };
+    larger.chain(std::iter::successors(halved(&size), halved))
+}

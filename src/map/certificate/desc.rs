@@ -1,0 +1,72 @@
+//! Which map a host asks about, and what it is told.
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::image::PixelFormat;
+use crate::map::{FetchKind, Form};
+use crate::settings::MAX_GRID;
+use crate::solver::solved::Solved;
+
+/// A redirection map that a host may fetch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MapDesc {
+    /// One of the redirection's forms.
+    pub kind: FetchKind,
+    /// Number format of the map: F32 or F16.
+    pub format: PixelFormat,
+    /// Texels along u and v.
+    pub size: [u32; 2],
+    /// As in [`crate::ImageLayout::one_to_one`].
+    pub one_to_one: bool,
+}
+
+/// What a redirection map gives when it is read with bilinear interpolation. Errors are lengths in UV: times the size of a
+/// texture they are texels of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct MapReport {
+    /// Texels along u and v.
+    pub size: [u32; 2],
+    /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one; 0 certifies that it is on
+    /// all of the tile, but for the half texel along its border that interpolation does not reach. More than 0 for a map
+    /// that is to be one-to-one: its numbers are too coarse for its size, and nothing was moved.
+    pub folds: u64,
+    /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there are
+    /// no folds.
+    pub min_jacobian: f64,
+    /// Root of the mean square error over the charts.
+    pub error_rms: f64,
+    /// 99th percentile of the error over the charts, rounded up by at most one percent.
+    pub error_p99: f64,
+    /// Largest error in the charts.
+    pub error_max: f64,
+    /// A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter and so
+    /// on of it; `None` if there is none. Larger maps often have more folds: [`crate::ImageLayout::one_to_one`] leaves none at
+    /// any size if the numbers are fine enough: f32, or f16 of the delta unless what moves far is squeezed.
+    pub sufficient_size: Option<[u32; 2]>,
+}
+
+impl MapDesc {
+    pub(crate) fn check(&self) -> Result<()> {
+        if !self.kind.is_redirection() {
+            return Err(Error::argument(format!("kind: {:?} is no form of the redirection", self.kind)));
+        }
+        if !matches!(self.format, PixelFormat::F16 | PixelFormat::F32) {
+            return Err(Error::new(ErrorKind::Unsupported, "format must be f16 or f32 for an output"));
+        }
+        match self.size.iter().all(|n| (1..=MAX_GRID).contains(n)) {
+            true => Ok(()),
+            false => Err(Error::argument(format!(
+                "size: {}x{}, but a side is from 1 to {}",
+                self.size[0], self.size[1], MAX_GRID
+            ))),
+        }
+    }
+
+    pub(crate) fn sizes(&self) -> [usize; 2] {
+        self.size.map(|n| n as usize)
+    }
+
+    pub(crate) fn form(&self, solved: &Solved) -> Form {
+        Form::new(self.kind, &solved.mesh)
+    }
+}

@@ -1,0 +1,99 @@
+//! Rows of a map, written as a host gets them and read back.
+
+use std::ops::Range;
+
+use half::f16;
+
+use crate::allocation::{Collect, zeroed};
+use crate::device::Device;
+use crate::error::Result;
+use crate::image::{ImageLayout, ImagePart, ImageViewMut, Origin, PixelFormat};
+use crate::team::Team;
+
+use super::desc::MapDesc;
+use crate::map::fetch::Output;
+use crate::map::inverse::Outputs;
+use crate::solver::solved::Solved;
+
+/// Writes rows of maps of a result.
+pub struct Reader<'a> {
+    pub device: &'a Device,
+    pub team: &'a Team,
+    pub solved: &'a Solved,
+    pub outputs: &'a mut Outputs,
+    /// The last map that can only be written as a whole.
+    pub whole: Option<(MapDesc, Vec<u8>)>,
+}
+
+/// Some rows of a map, from v = 0 upward.
+pub struct Strip {
+    first: usize,
+    width: usize,
+    deltas: Vec<[f64; 2]>,
+}
+
+impl Reader<'_> {
+    /// The rows of a map.
+    pub fn read(&mut self, desc: &MapDesc, rows: Range<usize>) -> Result<Strip> {
+        if !desc.one_to_one {
+            let bytes = self.write(desc, rows.clone())?;
+            return Ok(self.decode(desc, rows, &bytes));
+        }
+        let size = desc.sizes();
+        let bytes = match self.whole.take().filter(|(of, _)| of == desc) {
+            Some((_, bytes)) => bytes,
+            None => self.write(desc, 0..size[1])?,
+        };
+        let row = bytes.len() / size[1];
+        let strip = self.decode(desc, rows.clone(), &bytes[rows.start * row..]);
+        self.whole = Some((*desc, bytes));
+        Ok(strip)
+    }
+
+    /// Writes rows of a map as a host gets them.
+    fn write(&mut self, desc: &MapDesc, rows: Range<usize>) -> Result<Vec<u8>> {
+        let size = desc.sizes();
+        let mut bytes = zeroed(rows.len() * size[0] * 2 * desc.format.size());
+        let layout = ImageLayout::packed(desc.size[0], rows.len() as u32, desc.format);
+        let layout = ImageLayout { origin: Origin::Bottom, one_to_one: desc.one_to_one, ..layout };
+        let part = ImagePart { size, first: [0, rows.start], end: [size[0], rows.end] };
+        let mut image = ImageViewMut::new("map", &mut bytes, layout)?;
+        let output = Output::new(self.solved, desc.kind, &part, &image.layout)?;
+        output.write(self.device, self.team, self.outputs, &mut image)?;
+        Ok(bytes)
+    }
+
+    fn decode(&self, desc: &MapDesc, rows: Range<usize>, bytes: &[u8]) -> Strip {
+        let (size, form) = (desc.sizes(), desc.form(self.solved));
+        let (width, channel) = (size[0], desc.format.size());
+        let mut deltas = zeroed::<[f64; 2]>(rows.len() * width);
+        let mut lines: Vec<&mut [[f64; 2]]> = deltas.chunks_exact_mut(width).collected();
+        self.team.fill(&mut lines, |k, line| {
+            let bytes = &bytes[k * width * 2 * channel..][..width * 2 * channel];
+            let v = (rows.start + k) as f64 + 0.5;
+            for (x, (delta, texel)) in line.iter_mut().zip(bytes.chunks_exact(2 * channel)).enumerate() {
+                let value = [&texel[..channel], &texel[channel..]].map(|b| match desc.format {
+                    PixelFormat::F16 => f64::from(f16::from_ne_bytes([b[0], b[1]])),
+                    _ => f64::from(f32::from_ne_bytes([b[0], b[1], b[2], b[3]])),
+                });
+                *delta = form.delta(value, [(x as f64 + 0.5) / size[0] as f64, v / size[1] as f64]);
+            }
+        });
+        Strip { first: rows.start, width, deltas }
+    }
+}
+
+impl Strip {
+    /// The ways from a row's texel centres to the redirected UVs that are written there; rows count from the whole map's
+    /// first.
+    pub fn row(&self, y: usize) -> &[[f64; 2]] {
+        &self.deltas[(y - self.first) * self.width..][..self.width]
+    }
+}
+
+/// Divides `count` rows of `width` texels into ranges that are worth the work of writing them, and share their last row
+/// with the next one's first.
+pub fn bands(width: usize, count: usize) -> impl Iterator<Item = Range<usize>> {
+    let rows = ((1 << 21) / width).max(64);
+    (0..count.max(2) - 1).step_by(rows).map(move |row| row..(row + rows + 1).min(count))
+}

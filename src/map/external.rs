@@ -1,0 +1,59 @@
+//! Redirections into memory of a host's graphics device.
+
+use std::time::Instant;
+
+use crate::device::Device;
+use crate::error::{Error, ErrorKind, Result};
+use crate::gpu;
+use crate::gpu::external::Values;
+use crate::image::external::{ExternalImage, ExternalTexels};
+use crate::solver::solved::Solved;
+use crate::solver::tile_solve::Warp;
+
+use super::{FetchKind, Form};
+
+/// # Errors
+/// `Unsupported` for kinds that are no redirection; `InvalidArgument`, naming the field, for a layout that does not fit.
+pub(crate) fn check(kind: FetchKind, image: &ExternalImage) -> Result<ExternalTexels> {
+    let texels = image.check("image")?;
+    if kind.is_redirection() {
+        return Ok(texels);
+    }
+    let message = format!("kind: {kind:?} is computed on the CPU, and not written to memory of a GPU");
+    Err(Error::new(ErrorKind::Unsupported, message))
+}
+
+/// Writes a redirection of a result; see `Results::fetch_external`.
+pub(crate) fn write(
+    device: &Device,
+    solved: &Solved,
+    kind: FetchKind,
+    texels: &ExternalTexels,
+) -> Result<()> {
+    let start = Instant::now();
+    let Some(context) = device.gpu() else {
+        let message = "tile: its device is the CPU, which does not write to memory of a GPU";
+        return Err(Error::new(ErrorKind::Unsupported, message));
+    };
+    let values = match Form::new(kind, &solved.mesh) {
+        Form::Delta => Values::Delta,
+        Form::Tile => Values::Absolute([0; 2]),
+        Form::Udim(origin) => Values::Absolute(origin.to_array().map(|x| x as u32)),
+    };
+    let u = match &*solved.warp {
+        Warp::Gpu(u) => Some(u),
+        // On a GPU's device the identity alone is in host memory.
+        Warp::Host(_) => None,
+    };
+    let level = &solved.grid.levels[0];
+    let bytes = gpu::external::bytes_for(context, texels)?;
+    let what = format!("an image of {}x{} texels", texels.size[0], texels.size[1]);
+    device.rebook(0, bytes, &what)?;
+    let result = gpu::external::write(context, u, [level.nx, level.ny], values, texels);
+    let _ = device.rebook(bytes, 0, "");
+    // The buffers are dropped: their memory goes back, and the hold on the host's ends.
+    context.reclaim();
+    result?;
+    solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);
+    Ok(())
+}

@@ -1,0 +1,149 @@
+//! Writes a tile's last result as an image.
+
+use std::sync::atomic::{AtomicPtr, Ordering};
+
+use crate::allocation::{Collect, boxed};
+use crate::device::Device;
+use crate::error::{Error, ErrorKind, Result};
+use crate::grid::planes::Plane;
+use crate::image::ImagePart;
+use crate::image::{ImageViewMut, TexelLayout};
+use crate::mesh::{Corner, NONE};
+use crate::team::Team;
+
+use super::FetchKind;
+use super::Form;
+use super::canvas::Canvas;
+use super::chart_texels::ChartTexels;
+use super::inverse::{self, Centres, Outputs};
+use super::nodes::{self, NodeRows};
+use super::untangle::Untangler;
+use super::untangle::written::WrittenMap;
+use crate::solver::solved::Solved;
+
+/// The channel that tells which texels charts cover.
+const ALPHA: usize = 3;
+
+/// An output that is about to be written: `kind` of a result, a part of an image of the tile. It has all memory that
+/// writing takes on the CPU, so that nothing is written where some is missing.
+pub(crate) struct Output<'a> {
+    pub solved: &'a Solved,
+    part: ImagePart,
+    content: Content<'a>,
+}
+
+enum Content<'a> {
+    Inverse { form: Form, centres: Centres, coverage: Option<ChartTexels>, untangler: Option<Box<Untangler>> },
+    Jacobian { is_scale: bool },
+    Warp { nodes: NodeRows<'a>, rows: Vec<Vec<[f32; 2]>> },
+}
+
+impl<'a> Output<'a> {
+    /// Of an image with this layout, whose channels were checked.
+    pub fn new(
+        solved: &'a Solved,
+        kind: FetchKind,
+        part: &ImagePart,
+        image: &TexelLayout,
+    ) -> Result<Output<'a>> {
+        if image.one_to_one && kind.is_redirection() && part.extent() != part.size {
+            let message = "image.one_to_one: takes the whole image, as values depend on the whole map";
+            return Err(Error::new(ErrorKind::Unsupported, message));
+        }
+        let content = match kind {
+            FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim => {
+                Content::Inverse {
+                    form: Form::new(kind, &solved.mesh),
+                    centres: Centres::new(part),
+                    coverage: (image.channels as usize > ALPHA).then(|| ChartTexels::new(part)),
+                    untangler: image.one_to_one.then(|| boxed(Untangler::new(part.size))),
+                }
+            }
+            FetchKind::Jacobian => Content::Jacobian { is_scale: false },
+            FetchKind::FilterScale => Content::Jacobian { is_scale: true },
+            FetchKind::Warp => {
+                Content::Warp { nodes: NodeRows::new(solved)?, rows: nodes::rows(solved, part) }
+            }
+        };
+        Ok(Output { solved, part: *part, content })
+    }
+
+    /// Writes it to `image`, which is as large as the part. Returns the number of quads of a map that was to be one-to-one,
+    /// and folds for all that.
+    pub fn write(
+        self,
+        device: &Device,
+        team: &Team,
+        outputs: &mut Outputs,
+        image: &mut ImageViewMut,
+    ) -> Result<u64> {
+        let Output { solved, part, content } = self;
+        let canvas = Canvas::new(image);
+        let mut folds = 0;
+        match content {
+            Content::Inverse { form, centres, coverage, untangler } => {
+                outputs.invert(device, team, solved, &part, &centres, |x, y, uv, delta| {
+                    let [u, v] = form.value(uv, delta);
+                    canvas.put(x, y, [u, v, 0.0]);
+                })?;
+                if let Some(untangler) = untangler {
+                    folds = untangler.untangle(team, &WrittenMap::new(&canvas, form, part.size));
+                }
+                if let Some(mut coverage) = coverage {
+                    coverage.draw(team, &solved.mesh, &part);
+                    team.run(part.extent()[1], |y| {
+                        let row = coverage.row(y).iter().enumerate();
+                        row.for_each(|(x, &covered)| canvas.put_from(ALPHA, x, y, [f64::from(covered)]));
+                    });
+                }
+            }
+            Content::Jacobian { is_scale: false } => {
+                inverse::jacobians(team, solved, &part, |x, y, [[a, b], [c, d]]| {
+                    canvas.put(x, y, [a, b, c, d])
+                })?;
+            }
+            Content::Jacobian { is_scale: true } => {
+                inverse::jacobians(team, solved, &part, |x, y, j| canvas.put(x, y, [largest_stretch(j)]))?;
+            }
+            Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
+        }
+        Ok(folds)
+    }
+}
+
+/// The largest singular value of a matrix.
+fn largest_stretch([[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
+    // The singular values are the sum and the difference of these: of the matrix's parts that turn and that mirror.
+    let turning = ((a + d) * (a + d) + (c - b) * (c - b)).sqrt();
+    let mirroring = ((a - d) * (a - d) + (c + b) * (c + b)).sqrt();
+    0.5 * (turning + mirroring)
+}
+
+/// Redirected UVs of all face corners of a UV set; where a tile has no result, the mesh's own.
+pub(crate) fn corner_uvs(
+    team: &Team,
+    corners: &[Corner],
+    tiles: &[Option<&Solved>],
+    out: &mut [[f32; 2]],
+) -> Result<()> {
+    let warps = tiles.iter().map(|solved| solved.map(|solved| solved.warp.host()).transpose());
+    let warps: Vec<Option<&[[Plane; 2]]>> = warps.try_collected()?;
+    const CHUNK: usize = 64;
+    let canvas = AtomicPtr::new(out.as_mut_ptr());
+    let count = out.len().min(corners.len());
+    team.run(count.div_ceil(CHUNK), |k| {
+        for (c, corner) in corners.iter().enumerate().take(((k + 1) * CHUNK).min(count)).skip(k * CHUNK) {
+            let mut uv = corner.uv;
+            if corner.tile != NONE
+                && corner.triangle != NONE
+                && let (Some(solved), Some(u)) = (tiles[corner.tile as usize], warps[corner.tile as usize])
+            {
+                let redirected = solved.redirected(u, corner.triangle, corner.uv.map(f64::from));
+                uv = redirected.map_or(uv, |uv| uv.map(|x| x as f32));
+            }
+            // SAFETY: each item writes its own corners, all within `out`.
+            unsafe { canvas.load(Ordering::Relaxed).add(c).write(uv) };
+        }
+    });
+    Ok(())
+}

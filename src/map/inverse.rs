@@ -1,0 +1,165 @@
+//! W⁻¹ of a tile's result at texel centres, on the backend that has the result.
+
+use crate::allocation::Collect;
+use crate::cpu::invert::{self, Inverse};
+use crate::device::Device;
+use crate::error::Result;
+use crate::gpu::{self, Displacements};
+use crate::image::ImagePart;
+use crate::team::Team;
+
+use crate::solver::solved::Solved;
+use crate::solver::tile_solve::Warp;
+
+/// What fetched images come through on their way from a GPU. One serves all tiles of an asset, one after the other:
+/// most of the time their images have the same size.
+#[derive(Debug, Default)]
+pub(crate) struct Outputs {
+    gpu: Option<gpu::Output>,
+    /// The memory that the device has on its account for this output.
+    booked: u64,
+}
+
+/// The centres of the texels of a part of an image, in UV: those of its columns, and those of its rows.
+pub(crate) struct Centres([Vec<f64>; 2]);
+
+impl Centres {
+    pub fn new(part: &ImagePart) -> Centres {
+        Centres([0, 1].map(|axis| {
+            let of = |x: usize| (x as f64 + 0.5) / part.size[axis] as f64;
+            (part.first[axis]..part.end[axis]).map(of).collected()
+        }))
+    }
+}
+
+/// More bytes than these are given back after each fetch.
+const KEPT: u64 = 1 << 28;
+
+impl Outputs {
+    /// Calls `put(x, y, uv, delta)` for all texels of a part of an image, with their places in the part, rows from v = 0
+    /// upward: W⁻¹ at the texel centre, and the same less the centre. A texel may come twice, its last call counts; never on two threads at
+    /// once.
+    pub fn invert(
+        &mut self,
+        device: &Device,
+        team: &Team,
+        solved: &Solved,
+        part: &ImagePart,
+        centres: &Centres,
+        put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
+    ) -> Result<()> {
+        let level = &solved.grid.levels[0];
+        let cells = [level.nx as f64, level.ny as f64];
+        let (size, extent) = (part.size, part.extent());
+        let centre = |x: usize, y: usize| [centres.0[0][x], centres.0[1][y]];
+        if let Warp::Gpu(u) = &*solved.warp
+            && extent == size
+            && gpu::Output::suits(&u.context, size)
+        {
+            return self.on_gpu(device, u, size, |first, texels| {
+                team.run(texels.len() / size[0], |row| {
+                    let y = first + row;
+                    for (x, d) in texels[row * size[0]..][..size[0]].iter().enumerate() {
+                        let delta = [0, 1].map(|k| f64::from(d[k]) / cells[k]);
+                        let at = centre(x, y);
+                        put(x, y, [0, 1].map(|k| at[k] + delta[k]), delta);
+                    }
+                });
+            });
+        }
+        let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
+        visit(team, solved, part, still, |x, y, inverse| {
+            let (uv, at) = ([0, 1].map(|k| inverse.p[k] / cells[k]), centre(x, y));
+            put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
+        })
+    }
+
+    fn on_gpu(
+        &mut self,
+        device: &Device,
+        u: &Displacements,
+        size: [usize; 2],
+        read: impl FnMut(usize, &[[f32; 2]]),
+    ) -> Result<()> {
+        let output = match self.gpu.take().filter(|output| output.holds(size)) {
+            Some(output) => output,
+            None => {
+                // The old one goes before the new one comes.
+                self.release(device);
+                let bytes = gpu::Output::bytes_for(&u.context, size);
+                device.rebook(0, bytes, &format!("an image of {}x{} texels", size[0], size[1]))?;
+                self.booked = bytes;
+                gpu::Output::new(&u.context, size).inspect_err(|_| self.release(device))?
+            }
+        };
+        let result = output.invert(u, size, read);
+        self.gpu = Some(output);
+        if self.booked > KEPT || result.is_err() {
+            self.release(device);
+        }
+        result
+    }
+
+    /// After a call that memory was missing for: the output may be gone.
+    pub fn settle(&mut self, device: &Device) {
+        if self.gpu.is_none() {
+            self.release(device);
+        }
+    }
+
+    /// Frees the memory and takes it off the device's budget.
+    pub fn release(&mut self, device: &Device) {
+        self.gpu = None;
+        let _ = device.rebook(self.booked, 0, "");
+        self.booked = 0;
+        if let Some(context) = device.gpu() {
+            context.reclaim();
+        }
+    }
+}
+
+/// Calls `put(x, y, jacobian)` for all texels of a part of an image, as `Outputs::invert` does: the derivatives of W⁻¹ by
+/// the UV, a row for each component.
+pub(crate) fn jacobians(
+    team: &Team,
+    solved: &Solved,
+    part: &ImagePart,
+    put: impl Fn(usize, usize, [[f64; 2]; 2]) + Sync,
+) -> Result<()> {
+    let level = &solved.grid.levels[0];
+    // Cells per texel to UV per UV.
+    let of = |axis: usize| part.size[axis] as f64;
+    let scale = [level.nx, level.ny].map(|cells| [0, 1].map(|axis| of(axis) / cells as f64));
+    let still = |x: usize, y: usize| put(x, y, [[1.0, 0.0], [0.0, 1.0]]);
+    visit(team, solved, part, still, |x, y, inverse| {
+        let cells = inverse.jacobian();
+        put(x, y, [0, 1].map(|k| [0, 1].map(|axis| cells[k][axis] * scale[k][axis])));
+    })
+}
+
+/// Calls `still(x, y)` for all texels of a part of an image, with their places in the part, and then `moved` for those in
+/// moved cells. Never for one texel on two threads at once.
+fn visit(
+    team: &Team,
+    solved: &Solved,
+    part: &ImagePart,
+    still: impl Fn(usize, usize) + Sync,
+    moved: impl Fn(usize, usize, Inverse) + Sync,
+) -> Result<()> {
+    let u = solved.warp.host()?;
+    let (first, extent) = (part.first, part.extent());
+    team.run(extent[1], |y| (0..extent[0]).for_each(|x| still(x, y)));
+    let reach = solved.report.max_displacement;
+    let visit = |team: &Team| {
+        invert::texels(team, &solved.grid, u, part, reach, |x, y, inverse| {
+            moved(x - first[0], y - first[1], inverse);
+        });
+    };
+    // Where a warp folds, several cells have the same texel: on one thread, the last one always gets it.
+    if solved.report.folds > 0 {
+        Team::with(1, visit)
+    } else {
+        visit(team)
+    }
+    Ok(())
+}

@@ -1,0 +1,110 @@
+//! The displacements of a result's nodes, in rows, and the warp as an image.
+
+use crate::allocation::{Collect, zeroed};
+use crate::error::Result;
+use crate::grid::Level;
+use crate::grid::planes::{Plane, SIDE, slot};
+use crate::image::ImagePart;
+use crate::team::Team;
+
+use super::canvas::Canvas;
+use crate::solver::solved::Solved;
+
+/// Most items of work that a warp is written in.
+const ITEMS: usize = 64;
+
+/// Memory for writing a part of a warp: two rows of nodes for each item of work.
+pub(crate) fn rows(solved: &Solved, part: &ImagePart) -> Vec<Vec<[f32; 2]>> {
+    let width = 2 * (solved.grid.levels[0].nx + 1);
+    (0..part.extent()[1].min(ITEMS)).map(|_| zeroed(width)).collected()
+}
+
+/// Writes a warp; `rows` has two rows of nodes for each item of work.
+pub(crate) fn write(
+    team: &Team,
+    solved: &Solved,
+    part: &ImagePart,
+    nodes: &NodeRows,
+    mut rows: Vec<Vec<[f32; 2]>>,
+    canvas: &Canvas,
+) {
+    let level = &solved.grid.levels[0];
+    let cells = [level.nx, level.ny].map(|n| n as f64);
+    let [width, height] = part.extent();
+    // The cell of a texel along an axis, and its place in it.
+    let place = |x: usize, axis: usize| {
+        let last = (part.size[axis] - 1).max(1) as f64;
+        let at = (part.first[axis] + x) as f64 * cells[axis] / last;
+        let cell = at.floor().min(cells[axis] - 1.0);
+        (cell as usize, at - cell)
+    };
+    let items = rows.len();
+    let write_row = |y: usize, rows: &mut [[f32; 2]]| {
+        let (j, t) = place(y, 1);
+        let (first, second) = rows.split_at_mut(level.nx + 1);
+        nodes.read_row(j, first);
+        nodes.read_row(j + 1, second);
+        let rows = [first, second];
+        for x in 0..width {
+            let (i, s) = place(x, 0);
+            let at = |di: usize, dj: usize, k: usize| f64::from(rows[dj][i + di][k]);
+            // Along the longer of s and t to the triangle's third corner, then to the far one (method §9).
+            let (third, first, second) = if s >= t { ([1, 0], s, t) } else { ([0, 1], t, s) };
+            let [u, v] = [(i, s, 0), (j, t, 1)].map(|(cell, along, k)| {
+                let (near, far, third) = (at(0, 0, k), at(1, 1, k), at(third[0], third[1], k));
+                let moved = near + first * (third - near) + second * (far - third);
+                (cell as f64 + along + moved) / cells[k]
+            });
+            canvas.put(x, y, [u, v, 0.0]);
+        }
+    };
+    team.fill(&mut rows, |k, rows| {
+        (k * height / items..(k + 1) * height / items).for_each(|y| write_row(y, rows))
+    });
+}
+
+/// The displacements of a result's nodes, row by row.
+pub(crate) struct NodeRows<'a> {
+    level: &'a Level,
+    u: &'a [[Plane; 2]],
+    /// The active blocks, sorted by their rows.
+    blocks: Vec<u32>,
+}
+
+impl<'a> NodeRows<'a> {
+    pub fn new(solved: &'a Solved) -> Result<NodeRows<'a>> {
+        let level = &solved.grid.levels[0];
+        let list = &level.blocks.list;
+        let mut blocks: Vec<u32> = (0..list.len() as u32).filter(|&b| list[b as usize].active).collected();
+        blocks.sort_unstable_by_key(|&b| (list[b as usize].y, b));
+        Ok(NodeRows { level, u: solved.warp.host()?, blocks })
+    }
+
+    /// Reads row j, from u = 0.
+    fn read_row(&self, j: usize, row: &mut [[f32; 2]]) {
+        row.fill([0.0; 2]);
+        let list = &self.level.blocks.list;
+        let y = (j / SIDE) as u32;
+        let first = self.blocks.partition_point(|&b| list[b as usize].y < y);
+        for &b in self.blocks[first..].iter().take_while(|&&b| list[b as usize].y == y) {
+            let b = b as usize;
+            let x = list[b].x as usize * SIDE;
+            for i in 0..SIDE.min(self.level.nx + 1 - x) {
+                let s = slot(i, j % SIDE);
+                // Where charts share a block, each has its own movable nodes.
+                if self.level.movable[b][s] != 0 {
+                    row[x + i] = [self.u[b][0][s], self.u[b][1][s]];
+                }
+            }
+        }
+    }
+}
+
+/// Displacements of all nodes of the tile, row by row from v = 0.
+pub(crate) fn dense(solved: &Solved) -> Result<Vec<[f32; 2]>> {
+    let nodes = NodeRows::new(solved)?;
+    let [width, height] = [nodes.level.nx + 1, nodes.level.ny + 1];
+    let mut all = zeroed(width * height);
+    all.chunks_exact_mut(width).enumerate().for_each(|(j, row)| nodes.read_row(j, row));
+    Ok(all)
+}

@@ -1,0 +1,243 @@
+//! A refinement of the mesh on which corner UVs come close to the redirection: for hosts that know UV sets only.
+
+mod base;
+mod error;
+mod passes;
+pub(crate) mod pattern;
+mod split;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::allocation::{Collect, zeroed};
+use crate::error::{Error, Result};
+
+use crate::asset::Asset;
+use crate::asset::results::{Results, TileResult};
+use crate::solver::solved::Solved;
+use crate::team::Team;
+use base::Base;
+use passes::Outcome;
+use split::{Pieces, Splitter};
+
+/// Half a texel of a texture of 1024 x 1024.
+const TOLERANCE: f64 = 1.0 / 2048.0;
+/// Triangles that a refinement may add unless it is told otherwise.
+const ADDED: u64 = 1_000_000;
+/// More triangles than these have corners that 32 bits cannot count.
+const MOST: u64 = 1 << 30;
+
+/// How a mesh is refined. All have a working default.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RefinementSettings {
+    /// The UV set.
+    pub uv_set: u32,
+    /// Largest error of linear interpolation on a triangle, in UV of a tile, > 0 and at most 1; `None` = 1/2048, half a
+    /// texel of a texture of 1024.
+    pub tolerance: Option<f64>,
+    /// Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; `None` = a million more than the
+    /// mesh has.
+    pub max_triangles: Option<u64>,
+}
+
+/// Sizes of a refinement, and what it came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct RefinementInfo {
+    /// The UV set.
+    pub uv_set: u32,
+    /// The tolerance that it was made with.
+    pub tolerance: f64,
+    /// Vertices: those of the mesh, then the new ones.
+    pub vertices: u64,
+    /// Faces: triangles, and those polygons of the mesh that need no split.
+    pub faces: u64,
+    /// Corners of all faces.
+    pub corners: u64,
+    /// Triangles, a polygon of n corners counting as n - 2.
+    pub triangles: u64,
+    /// Largest error, in UV of a tile, that it left in the result that it was last made or extended for.
+    pub error: f64,
+    /// Whether that is within the tolerance.
+    pub reached: bool,
+    /// Bytes that it holds, beside the mesh and the results.
+    pub bytes: u64,
+    /// Milliseconds that making it took, or extending it the last time.
+    pub ms: f32,
+}
+
+/// The mesh with its triangles split where linear interpolation of redirected corner UVs errs by more than a tolerance.
+///
+/// It keeps the mesh and the results that it needs alive: it may be used while the asset is, and when it is gone. Cloning
+/// gives a second one, which is extended apart from the first.
+#[derive(Clone, Debug)]
+pub struct Refinement {
+    results: Results,
+    base: Arc<Base>,
+    pieces: Arc<Pieces>,
+    most: u64,
+    info: RefinementInfo,
+}
+
+impl Results {
+    /// Refines the mesh for the present results: so that on each triangle linear interpolation of its redirected corner
+    /// UVs is nowhere farther from the redirection than the tolerance.
+    ///
+    /// Edges are split at their middle, for all faces that have them, across seams and borders of charts as well, so that
+    /// no cracks open. Faces that need no split stay as they are. Where the warp is the identity, nothing is split. The
+    /// refinement depends on the results and the settings alone.
+    ///
+    /// # Errors
+    /// `NotSolved`; `InvalidArgument` for a UV set that there is not or a tolerance out of range; `OutOfMemory`.
+    pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
+        let RefinementSettings { uv_set, tolerance, max_triangles } = *settings;
+        let (device, mesh) = (self.device(), self.mesh());
+        let sets = mesh.corners.len();
+        if uv_set as usize >= sets {
+            return Err(Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}")));
+        }
+        let tolerance = tolerance.unwrap_or(TOLERANCE);
+        if !(tolerance > 0.0 && tolerance <= 1.0) {
+            return Err(Error::argument(format!("tolerance: {tolerance} is not over 0 and at most 1")));
+        }
+        self.solved_asset()?;
+        device.call(|| {
+            let start = Instant::now();
+            let base = Base::new(mesh, uv_set as usize);
+            let most = max_triangles.unwrap_or(base.triangles.len() as u64 + ADDED).min(MOST);
+            let splitter = Splitter::new(mesh, &base);
+            let mut refinement = Refinement {
+                results: self.clone(),
+                base: Arc::new(base),
+                pieces: Arc::default(),
+                most,
+                info: RefinementInfo { uv_set, tolerance, ..RefinementInfo::default() },
+            };
+            refinement.finish(splitter, start)?;
+            Ok(refinement)
+        })
+    }
+}
+
+impl Asset {
+    /// See [`Results::refine`].
+    ///
+    /// # Errors
+    /// Those of [`Results::refine`].
+    pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
+        self.results().refine(settings)
+    }
+}
+
+impl Refinement {
+    /// Refines further, for the present results. What was split stays split: a refinement that was extended for each
+    /// frame of a shot has one topology for all of them. Vertices keep their numbers, new ones follow; faces and corners
+    /// are numbered anew.
+    ///
+    /// # Errors
+    /// `OutOfMemory`, `DeviceLost`; the refinement is as it was then.
+    pub fn extend(&mut self) -> Result<()> {
+        let device = self.results.device().clone();
+        device.call(|| {
+            let start = Instant::now();
+            let mut next = self.clone();
+            let mesh = self.results.mesh();
+            next.finish(Splitter::go_on(mesh, &self.base, self.pieces.copy()), start)?;
+            *self = next;
+            Ok(())
+        })
+    }
+
+    /// Its sizes, and what it came to.
+    #[must_use]
+    pub fn info(&self) -> RefinementInfo {
+        self.info
+    }
+
+    /// The redirected UV of each corner of the refined mesh in the present results, with the tile's offset added; 0, 0 at
+    /// corners of faces without UVs. At corners of the mesh they are those of [`Results::corner_uvs_of_set`], bit by bit.
+    ///
+    /// # Errors
+    /// `InvalidArgument` unless there is one element per corner of the refined mesh; `OutOfMemory`, `DeviceLost`.
+    pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
+        self.check("uvs", out.len(), self.info.corners, "corners")?;
+        self.results.device().call(|| {
+            let points = &self.pieces.uv_points;
+            let mut uvs = zeroed(points.len());
+            self.with_results(false, |team, results| {
+                results.redirect(team, points, &mut uvs);
+                Ok(())
+            })?;
+            let mut at = 0;
+            self.visit(
+                |_, _| (),
+                |corner| {
+                    out[at] = uvs[corner.uv_point as usize].map(|x| x as f32);
+                    at += 1;
+                },
+            );
+            Ok(())
+        })
+    }
+
+    /// Splits for the present results, and tells what it came to.
+    fn finish(&mut self, mut splitter: Splitter, start: Instant) -> Result<()> {
+        let most = self.most as usize;
+        let mesh = self.results.mesh();
+        let (base, tolerance) = (&*self.base, self.info.tolerance);
+        let Outcome { error, reached } = self.with_results(true, |team, results| {
+            Ok(passes::refine(team, mesh, base, &mut splitter, results, tolerance, most))
+        })?;
+        let pieces = splitter.pieces;
+        let (vertices, triangles) = (mesh.rest.len() + pieces.vertices.len(), pieces.list.len());
+        let bytes = pieces.bytes() + base.bytes();
+        self.pieces = Arc::new(pieces);
+        let (mut faces, mut corners) = (0, 0);
+        self.visit(
+            |_, count| {
+                faces += 1;
+                corners += u64::from(count);
+            },
+            |_| (),
+        );
+        self.info = RefinementInfo {
+            vertices: vertices as u64,
+            faces,
+            corners,
+            triangles: triangles as u64,
+            error,
+            reached,
+            bytes: bytes as u64,
+            ms: start.elapsed().as_secs_f32() * 1000.0,
+            ..self.info
+        };
+        Ok(())
+    }
+
+    /// Calls `f` with the present results.
+    fn with_results<R: Send>(
+        &self,
+        with_edges: bool,
+        f: impl FnOnce(&Team, &passes::Results) -> Result<R> + Send,
+    ) -> Result<R> {
+        let last = self.results.solved_asset()?;
+        let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
+        let kept: Vec<Option<Arc<Solved>>> = last.tiles.iter().map(of).collected();
+        let tiles: Vec<_> = kept.iter().map(Option::as_deref).collected();
+        let set = self.info.uv_set;
+        self.results.device().team(|team| {
+            // Those of other sets are not asked for.
+            let tiles: Vec<_> =
+                tiles.iter().map(|tile| tile.filter(|solved| solved.mesh.uv_set == set)).collected();
+            let results = passes::Results::new(team, &tiles, with_edges)?;
+            f(team, &results)
+        })
+    }
+
+    fn check(&self, name: &str, given: usize, needed: u64, of: &str) -> Result<()> {
+        if given as u64 == needed {
+            return Ok(());
+        }
+        Err(Error::argument(format!("{name}: {given} elements, but the refinement has {needed} {of}")))
+    }
+}

@@ -1,0 +1,232 @@
+//! How far linear interpolation of redirected corner UVs is from the redirection itself, at worst (method §14).
+//!
+//! The redirection is affine on each warped triangle of the grid, and the interpolation on each triangle of the mesh.
+//! The length of their difference is therefore convex on each common piece of both, and greatest at a corner of one:
+//! at a warped node inside of the triangle, or where an edge of the triangle crosses a warped edge of the grid. All of
+//! these are visited, so that the figure is the maximum over the whole triangle and no sample of it.
+
+use glam::DVec2;
+
+use crate::allocation::{Collect, zeroed};
+use crate::error::Result;
+use crate::mesh::triangle::doubled_area;
+use crate::team::Team;
+
+use crate::map::nodes;
+use crate::solver::solved::Solved;
+
+/// Barycentric coordinates and places on edges of at least minus this count as inside.
+const SLACK: f64 = 1e-9;
+
+/// The warped edges of a tile's grid, found by where they lie. Lengths are in cells.
+#[derive(Debug)]
+pub(super) struct Warped {
+    nx: usize,
+    ny: usize,
+    /// Displacements of the nodes, row by row.
+    u: Vec<[f32; 2]>,
+    /// Per unit square, the first of its entries in `cells`, and at the end their number.
+    first: Vec<u32>,
+    /// The cells whose warped images may meet a square, for all squares. Those cells are left out whose first node has
+    /// unmoved cells around it only: on these the redirection is the identity, and what lies between them and the
+    /// others belongs to the others.
+    cells: Vec<u32>,
+}
+
+impl Warped {
+    /// `None` if nothing moves.
+    pub fn new(team: &Team, solved: &Solved) -> Result<Option<Warped>> {
+        let level = &solved.grid.levels[0];
+        let (nx, ny) = (level.nx, level.ny);
+        let u = nodes::dense(solved)?;
+        if u.as_flattened().iter().all(|&x| x == 0.0) {
+            return Ok(None);
+        }
+        let mut warped = Warped { nx, ny, u, first: Vec::new(), cells: Vec::new() };
+        // The cells beyond the last column and row have nothing but the tile's border.
+        let rows = team
+            .map(ny + 1, |j| (0..=nx).filter(|&i| warped.is_near_moved(i, j)).map(|i| i as u32).collected());
+        let width = nx + 1;
+        let mut first = zeroed::<u32>(width * (ny + 1) + 1);
+        warped.visit(&rows, |square, _| first[square + 1] += 1);
+        for k in 1..first.len() {
+            first[k] += first[k - 1];
+        }
+        let mut cells = zeroed(first[first.len() - 1] as usize);
+        let mut next: Vec<u32> = first.iter().copied().collected();
+        warped.visit(&rows, |square, cell| {
+            cells[next[square] as usize] = cell;
+            next[square] += 1;
+        });
+        (warped.first, warped.cells) = (first, cells);
+        Ok(Some(warped))
+    }
+
+    /// Whether one of the four cells around a node is moved.
+    fn is_near_moved(&self, i: usize, j: usize) -> bool {
+        (j.saturating_sub(1)..=(j + 1).min(self.ny)).any(|y| {
+            let row = y * (self.nx + 1);
+            self.u[row + i.saturating_sub(1)..=row + (i + 1).min(self.nx)].iter().any(|u| *u != [0.0; 2])
+        })
+    }
+
+    /// Calls `f(square, cell)` for the squares that the box around a warped cell meets, for cells row by row.
+    fn visit(&self, rows: &[Vec<u32>], mut f: impl FnMut(usize, u32)) {
+        let width = self.nx + 1;
+        for (j, row) in rows.iter().enumerate() {
+            for &i in row {
+                let cell = j * width + i as usize;
+                let corners =
+                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(di, dj)| self.node(i as usize + di, j + dj).at);
+                let low = corners.into_iter().fold(corners[0], DVec2::min);
+                let high = corners.into_iter().fold(corners[0], DVec2::max);
+                let (xs, ys) = (square(low.x, high.x, self.nx), square(low.y, high.y, self.ny));
+                for y in ys {
+                    xs.clone().for_each(|x| f(y * width + x, cell as u32));
+                }
+            }
+        }
+    }
+
+    /// The displacement of a node.
+    fn moved(&self, i: usize, j: usize) -> DVec2 {
+        if i > self.nx || j > self.ny {
+            return DVec2::ZERO;
+        }
+        DVec2::from(self.u[j * (self.nx + 1) + i].map(f64::from))
+    }
+
+    /// A warped node.
+    fn node(&self, i: usize, j: usize) -> Node {
+        let u = self.moved(i, j);
+        Node { at: DVec2::new(i as f64, j as f64) + u, u }
+    }
+
+    /// The greatest error on a triangle, in UV. `corners` are its UVs, in cells, and `redirected` what the redirection
+    /// adds to them.
+    pub fn error(&self, corners: [DVec2; 3], redirected: [DVec2; 3]) -> f64 {
+        let low = corners.into_iter().fold(corners[0], DVec2::min);
+        let high = corners.into_iter().fold(corners[0], DVec2::max);
+        let triangle = Interpolated::new(corners, redirected);
+        let cells = DVec2::new(self.nx as f64, self.ny as f64);
+        let mut worst = 0.0f64;
+        let mut meet = |error: DVec2| worst = worst.max((error / cells).length_squared());
+        for y in square(low.y, high.y, self.ny) {
+            let sides = [0, 1, 2].map(|k| across(corners[k], corners[(k + 1) % 3], y as f64));
+            let Some(whole) = sides.into_iter().flatten().reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+            else {
+                continue;
+            };
+            for x in square(whole[0], whole[1], self.nx) {
+                let at = y * (self.nx + 1) + x;
+                let here =
+                    sides.map(|side| side.is_some_and(|side| square(side[0], side[1], self.nx).contains(&x)));
+                for &cell in &self.cells[self.first[at] as usize..self.first[at + 1] as usize] {
+                    let (i, j) = (cell as usize % (self.nx + 1), cell as usize / (self.nx + 1));
+                    let first = self.node(i, j);
+                    // A node belongs to one of the squares that its cell is entered in.
+                    if first.at.floor() == DVec2::new(x as f64, y as f64)
+                        && let Some(added) = triangle.at(first.at)
+                    {
+                        meet(added + first.u);
+                    }
+                    for (di, dj) in [(1, 0), (0, 1), (1, 1)] {
+                        let second = self.node(i + di, j + dj);
+                        let (least, most) = (first.at.min(second.at), first.at.max(second.at));
+                        if least.cmpgt(high + SLACK).any() || most.cmplt(low - SLACK).any() {
+                            continue;
+                        }
+                        for k in (0..3).filter(|&k| here[k]) {
+                            if let Some(error) = triangle.crossing(k, &first, &second) {
+                                meet(error);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        worst.sqrt()
+    }
+}
+
+/// A warped node: where it is, and by how much it moved.
+struct Node {
+    at: DVec2,
+    u: DVec2,
+}
+
+/// What a triangle's corners have, interpolated.
+struct Interpolated {
+    corners: [DVec2; 3],
+    added: [DVec2; 3],
+    doubled_area: f64,
+}
+
+impl Interpolated {
+    fn new(corners: [DVec2; 3], added: [DVec2; 3]) -> Interpolated {
+        Interpolated { corners, added, doubled_area: doubled_area(corners) }
+    }
+
+    /// The error where side `k` crosses a warped edge of the grid.
+    fn crossing(&self, k: usize, first: &Node, second: &Node) -> Option<DVec2> {
+        let a = self.corners[k];
+        let side = self.corners[(k + 1) % 3] - a;
+        let edge = second.at - first.at;
+        let det = side.perp_dot(edge);
+        if det == 0.0 {
+            // Where both lie on one line, the edge's nodes count.
+            return None;
+        }
+        let between = first.at - a;
+        let (t, s) = (between.perp_dot(edge) / det, between.perp_dot(side) / det);
+        let is_inside = |x: f64| (-SLACK..=1.0 + SLACK).contains(&x);
+        if !is_inside(t) || !is_inside(s) {
+            return None;
+        }
+        let (from, to) = (self.added[k], self.added[(k + 1) % 3]);
+        let moved = first.u + s.clamp(0.0, 1.0) * (second.u - first.u);
+        Some(from + t.clamp(0.0, 1.0) * (to - from) + moved)
+    }
+
+    /// The value at a point inside.
+    fn at(&self, p: DVec2) -> Option<DVec2> {
+        let [a, b, c] = self.corners;
+        let l1 = (p - a).perp_dot(c - a) / self.doubled_area;
+        let l2 = (b - a).perp_dot(p - a) / self.doubled_area;
+        // False for a triangle without area, too.
+        let inside = l1 >= -SLACK && l2 >= -SLACK && l1 + l2 <= 1.0 + SLACK;
+        inside.then(|| {
+            self.added[0] + l1 * (self.added[1] - self.added[0]) + l2 * (self.added[2] - self.added[0])
+        })
+    }
+}
+
+/// The squares from `low` to `high` along an axis, out of 0 to `last`.
+fn square(low: f64, high: f64, last: usize) -> std::ops::RangeInclusive<usize> {
+    // Rounding must not lose a point between two squares.
+    let (low, high) = ((low - SLACK).floor(), (high + SLACK).floor());
+    if high < 0.0 || low > last as f64 {
+        #[expect(clippy::reversed_empty_ranges, reason = "there is none")]
+        return 1..=0;
+    }
+    low.max(0.0) as usize..=high.min(last as f64) as usize
+}
+
+/// The extent along x of the part of a segment from the height y to y + 1.
+fn across(a: DVec2, b: DVec2, y: f64) -> Option<[f64; 2]> {
+    let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
+    if b.y < y - SLACK || a.y > y + 1.0 + SLACK {
+        return None;
+    }
+    let x = |y: f64| {
+        if y <= a.y {
+            a.x
+        } else if y >= b.y {
+            b.x
+        } else {
+            a.x + (b.x - a.x) * ((y - a.y) / (b.y - a.y))
+        }
+    };
+    let ends = [x(y - SLACK), x(y + 1.0 + SLACK)];
+    Some([ends[0].min(ends[1]), ends[0].max(ends[1])])
+}

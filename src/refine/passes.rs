@@ -1,0 +1,225 @@
+//! The passes of a refinement: which triangles err by more than the tolerance in the present result, until none does.
+
+use glam::DVec2;
+
+use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use crate::error::Result;
+use crate::grid::planes::Plane;
+use crate::mesh::{Mesh, NONE};
+use crate::team::Team;
+
+use super::base::{Base, UvPoint};
+use super::error::Warped;
+use super::split::{Piece, Pieces, Splitter};
+use crate::solver::solved::Solved;
+
+/// Items of work have so many elements.
+const CHUNK: usize = 64;
+/// A triangle whose sides are shorter than this, in cells, is left alone: where charts meet that share texels, the
+/// redirection may jump, and no splitting helps. Elsewhere it is steep at most: thirty cells per cell in a squashed one.
+const SHORT: f64 = 1.0 / 1024.0;
+/// Splitting a triangle into four divides its error by four where the redirection is smooth: if that will not do, all of
+/// its edges are split at once.
+const FOURFOLD: f64 = 4.0;
+
+/// The result of a tile.
+struct Redirected<'a> {
+    solved: &'a Solved,
+    u: &'a [[Plane; 2]],
+    origin: DVec2,
+    cells: DVec2,
+    warped: Option<Warped>,
+}
+
+/// The results that a UV set is redirected by.
+pub(super) struct Results<'a>(Vec<Option<Redirected<'a>>>);
+
+impl<'a> Results<'a> {
+    /// `with_edges`: also what errors are told by.
+    pub fn new(team: &Team, tiles: &[Option<&'a Solved>], with_edges: bool) -> Result<Results<'a>> {
+        let of = |solved: &'a Solved| -> Result<Redirected<'a>> {
+            let level = &solved.grid.levels[0];
+            let warped = if with_edges { Warped::new(team, solved)? } else { None };
+            Ok(Redirected {
+                solved,
+                u: solved.warp.host()?,
+                origin: solved.mesh.origin(),
+                cells: DVec2::new(level.nx as f64, level.ny as f64),
+                warped,
+            })
+        };
+        tiles.iter().map(|tile| tile.map(of).transpose()).try_collected().map(Results)
+    }
+
+    /// The redirected UVs of points, as corner UVs are told: in a chart's own warp.
+    pub fn redirect(&self, team: &Team, points: &[UvPoint], out: &mut [[f64; 2]]) {
+        let mut chunks: Vec<_> = points.chunks(CHUNK).zip(out.chunks_mut(CHUNK)).collected();
+        team.fill(&mut chunks, |_, (points, out)| {
+            points.iter().zip(out.iter_mut()).for_each(|(point, uv)| *uv = self.place(point));
+        });
+    }
+
+    fn tile(&self, tile: u32) -> Option<&Redirected<'a>> {
+        self.0.get(tile as usize)?.as_ref()
+    }
+
+    fn place(&self, point: &UvPoint) -> [f64; 2] {
+        let Some(tile) = self.tile(point.tile).filter(|_| point.triangle != NONE) else { return point.uv };
+        tile.solved.redirected(tile.u, point.triangle, point.uv).unwrap_or(point.uv)
+    }
+
+    /// The error of a triangle with these UV points, and whether it is too small to be split.
+    fn error(&self, corners: [u32; 3], points: &[UvPoint], uvs: &[[f64; 2]]) -> (f64, bool) {
+        let tile = self.tile(points[corners[0] as usize].tile);
+        let Some((tile, warped)) = tile.and_then(|tile| Some((tile, tile.warped.as_ref()?))) else {
+            return (0.0, false);
+        };
+        let at = corners.map(|q| (DVec2::from(points[q as usize].uv) - tile.origin) * tile.cells);
+        let added =
+            corners.map(|q| (DVec2::from(uvs[q as usize]) - DVec2::from(points[q as usize].uv)) * tile.cells);
+        let is_short = (0..3).all(|k| at[k].distance(at[(k + 1) % 3]) < SHORT);
+        (warped.error(at, added), is_short)
+    }
+}
+
+/// What a refinement came to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Outcome {
+    /// The largest error left, in UV.
+    pub error: f64,
+    pub reached: bool,
+}
+
+/// An error that is not known yet.
+const UNKNOWN: f64 = f64::NAN;
+
+/// Splits pieces until no error is above the tolerance, or there would be more than `most` of them. The largest errors
+/// come first, so that a bound takes its effect on the smallest ones.
+pub(super) fn refine(
+    team: &Team,
+    mesh: &Mesh,
+    base: &Base,
+    splitter: &mut Splitter,
+    results: &Results,
+    tolerance: f64,
+    most: usize,
+) -> Outcome {
+    let uvs = &mut Vec::new();
+    let outcome = split(team, splitter, results, tolerance, most, uvs);
+    splitter.pieces.whole = whole(team, mesh, base, &splitter.pieces, results, tolerance, uvs);
+    outcome
+}
+
+fn split(
+    team: &Team,
+    splitter: &mut Splitter,
+    results: &Results,
+    tolerance: f64,
+    most: usize,
+    uvs: &mut Vec<[f64; 2]>,
+) -> Outcome {
+    let mut errors = filled(UNKNOWN, splitter.pieces.list.len());
+    loop {
+        measure(team, splitter, results, uvs, &mut errors);
+        // What can be split; the others' errors are told at the end.
+        let helpless = |k: usize| errors[k].is_sign_negative();
+        let largest = |all: bool| {
+            (0..errors.len()).filter(|&k| all || !helpless(k)).fold(0.0, |m: f64, k| m.max(errors[k].abs()))
+        };
+        let worst = largest(false);
+        let outcome = |reached: bool| Outcome { error: largest(true), reached };
+        if worst <= tolerance {
+            return outcome(largest(true) <= tolerance);
+        }
+        let threshold = tolerance.max(0.5 * worst);
+        let mut wanted: Vec<u32> = (0..errors.len() as u32)
+            .filter(|&k| !helpless(k as usize) && errors[k as usize] > threshold)
+            .collected();
+        let marked = |wanted: &[u32]| {
+            splitter.marked(wanted.iter().map(|&k| (k, errors[k as usize] > FOURFOLD * tolerance)))
+        };
+        let (mut marks, mut count) = marked(&wanted);
+        let mut last = false;
+        if count > most {
+            last = true;
+            wanted
+                .sort_unstable_by(|&a, &b| errors[b as usize].total_cmp(&errors[a as usize]).then(a.cmp(&b)));
+            // As many of the worst as there is room for.
+            let (mut fits, mut fails) = (0, wanted.len());
+            while fails - fits > 1 {
+                let half = usize::midpoint(fits, fails);
+                if marked(&wanted[..half]).1 <= most { fits = half } else { fails = half }
+            }
+            (marks, count) = marked(&wanted[..fits]);
+            if fits == 0 || count > most {
+                return outcome(false);
+            }
+        }
+        debug_assert!(count > errors.len());
+        splitter.split(&marks, &mut errors, UNKNOWN);
+        if last {
+            measure(team, splitter, results, uvs, &mut errors);
+            let error = errors.iter().fold(0.0, |m: f64, e| m.max(e.abs()));
+            return Outcome { error, reached: error <= tolerance };
+        }
+    }
+}
+
+/// Computes what is not known yet. The error of a piece that cannot be split is negated.
+fn measure(team: &Team, splitter: &Splitter, results: &Results, uvs: &mut Vec<[f64; 2]>, errors: &mut [f64]) {
+    let pieces = &splitter.pieces;
+    let known = uvs.len();
+    uvs.fill_to(pieces.uv_points.len(), [0.0; 2]);
+    results.redirect(team, &pieces.uv_points[known..], &mut uvs[known..]);
+    let uvs = &*uvs;
+    let mut unknown: Vec<(&Piece, &mut f64)> = with_capacity(errors.len());
+    unknown.put_all(pieces.list.iter().zip(errors).filter(|(_, error)| error.is_nan()));
+    let mut chunks: Vec<_> = unknown.chunks_mut(CHUNK).collected();
+    team.fill(&mut chunks, |_, chunk| {
+        for (piece, error) in chunk.iter_mut() {
+            let corners = piece.corners.map(|corner| corner.uv_point);
+            let (found, is_short) = results.error(corners, &pieces.uv_points, uvs);
+            let helpless = is_short || !splitter.can_split(piece);
+            **error = if helpless { -found } else { found };
+        }
+    });
+}
+
+/// The faces that stay polygons: none of their triangles is split, and no way to cut them into triangles lets them err by
+/// more than the tolerance.
+fn whole(
+    team: &Team,
+    mesh: &Mesh,
+    base: &Base,
+    pieces: &Pieces,
+    results: &Results,
+    tolerance: f64,
+    uvs: &[[f64; 2]],
+) -> Vec<bool> {
+    let points = &pieces.uv_points;
+    let mut parts: Vec<u32> = zeroed(pieces.whole.len());
+    pieces.list.iter().for_each(|piece| parts[base.triangles[piece.base as usize].face as usize] += 1);
+    let stays = |f: usize| {
+        let face = mesh.face(f);
+        if parts[f] as usize != face.len().saturating_sub(2) {
+            return false;
+        }
+        let point = |k: usize| base.uv_point[face.start + k];
+        match face.len() {
+            0..=3 => true,
+            4 => [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]
+                .into_iter()
+                .all(|triangle| results.error(triangle.map(point), points, uvs).0 <= tolerance),
+            // Its triangles keep the tolerance. If no corner moves, so do all others.
+            n => (0..n).map(point).all(|q| uvs[q as usize] == points[q as usize].uv),
+        }
+    };
+    let mut whole = copied(&pieces.whole);
+    let mut chunks: Vec<_> = whole.chunks_mut(CHUNK).collected();
+    team.fill(&mut chunks, |c, chunk| {
+        for (k, whole) in chunk.iter_mut().enumerate() {
+            *whole = *whole && stays(c * CHUNK + k);
+        }
+    });
+    whole
+}

@@ -1,0 +1,383 @@
+//! Splits triangles so that all faces at an edge agree: an edge is split for all triangles that have it or for none, and
+//! never before the longest edge of one of them. So the surface stays free of cracks, and no angle gets smaller than
+//! about half of the least angle that there was (Rivara's longest-edge partition).
+
+use crate::allocation::{Collect, Grow, copied, zeroed};
+use crate::mesh::hash::{Table, enter};
+use crate::mesh::{Mesh, NONE};
+
+use super::base::{Base, UvPoint};
+
+/// A vertex that splits an edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NewVertex {
+    /// The edge's ends.
+    parents: [u32; 2],
+    pub source: Source,
+    point: u32,
+}
+
+/// Up to three things of the mesh and what each weighs; a weight of 0 repeats the first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Source {
+    pub of: [u32; 3],
+    pub weights: [f32; 3],
+}
+
+impl Source {
+    pub fn one(of: u32) -> Source {
+        Source { of: [of; 3], weights: [1.0, 0.0, 0.0] }
+    }
+
+    /// Of three with their weights.
+    pub fn weighed(of: [u32; 3], weights: [f32; 3]) -> Source {
+        let (mut found, mut count) = (Source { of, weights: [0.0; 3] }, 0);
+        for k in (0..3).filter(|&k| weights[k] > 0.0) {
+            (found.of[count], found.weights[count]) = (of[k], weights[k]);
+            count += 1;
+        }
+        (count..3).for_each(|k| found.of[k] = found.of[0]);
+        found
+    }
+
+    /// Halfway between two. Weights are sums of halves, and exact. Both lie in one triangle, so that there are no more
+    /// than three.
+    fn between(a: Source, b: Source) -> Source {
+        let mut sum: [(u32, f32); 3] = [(NONE, 0.0); 3];
+        let mut count = 0;
+        for (of, weight) in [a, b].iter().flat_map(|s| s.of.into_iter().zip(s.weights)) {
+            if weight == 0.0 {
+                continue;
+            }
+            match sum[..count].iter_mut().find(|one| one.0 == of) {
+                Some(one) => one.1 += 0.5 * weight,
+                None if count < 3 => {
+                    sum[count] = (of, 0.5 * weight);
+                    count += 1;
+                }
+                None => debug_assert!(false, "more than three sources"),
+            }
+        }
+        sum[..count].sort_unstable_by_key(|one| one.0);
+        let first = sum[0].0;
+        let of = std::array::from_fn(|k| if k < count { sum[k].0 } else { first });
+        Source { of, weights: sum.map(|one| one.1) }
+    }
+}
+
+/// An edge between two points. Vertices that are welded by position are one point.
+#[derive(Clone, Copy, Debug)]
+struct Edge {
+    /// In order.
+    ends: [u32; 2],
+    /// Of its length at rest.
+    square: f64,
+    /// The point that splits it, or `NONE`.
+    middle: u32,
+}
+
+/// A corner of a piece.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PieceCorner {
+    pub vertex: u32,
+    pub uv_point: u32,
+    /// Barycentric coordinates in the base triangle.
+    pub weights: [f32; 3],
+}
+
+/// A triangle of the refined mesh.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Piece {
+    /// The triangle of the mesh that it is a part of.
+    pub base: u32,
+    pub corners: [PieceCorner; 3],
+    /// Edge k goes from corner k to the next. Edge 0 is the longest at rest.
+    edges: [u32; 3],
+}
+
+/// A refined mesh.
+#[derive(Debug, Default)]
+pub(super) struct Pieces {
+    /// After those of the mesh.
+    pub vertices: Vec<NewVertex>,
+    pub uv_points: Vec<UvPoint>,
+    /// Those after the base's: the two that each is halfway between.
+    uv_parents: Vec<[u32; 2]>,
+    /// Rest positions of the points after those of the mesh.
+    points: Vec<[f64; 3]>,
+    edges: Vec<Edge>,
+    /// In the order of the base triangles.
+    pub list: Vec<Piece>,
+    /// Per face, whether it is still the mesh's own polygon.
+    pub whole: Vec<bool>,
+}
+
+impl Pieces {
+    pub fn copy(&self) -> Pieces {
+        Pieces {
+            vertices: copied(&self.vertices),
+            uv_points: copied(&self.uv_points),
+            uv_parents: copied(&self.uv_parents),
+            points: copied(&self.points),
+            edges: copied(&self.edges),
+            list: copied(&self.list),
+            whole: copied(&self.whole),
+        }
+    }
+
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.vertices)
+            + size_of_val(&*self.uv_points)
+            + size_of_val(&*self.uv_parents)
+            + size_of_val(&*self.points)
+            + size_of_val(&*self.edges)
+            + size_of_val(&*self.list)
+            + size_of_val(&*self.whole)
+    }
+}
+
+/// Pieces that are being split, and what is looked up for it.
+pub(super) struct Splitter<'a> {
+    mesh: &'a Mesh,
+    pub pieces: Pieces,
+    edges: Table<[u32; 2], u32>,
+    middles: Table<[u32; 2], u32>,
+    uv_middles: Table<[u32; 2], u32>,
+}
+
+impl<'a> Splitter<'a> {
+    /// Begins with the mesh itself.
+    pub fn new(mesh: &'a Mesh, base: &Base) -> Splitter<'a> {
+        let pieces = Pieces {
+            uv_points: copied(&base.uv_points),
+            whole: (1..mesh.faces.len()).map(|_| true).collected(),
+            ..Pieces::default()
+        };
+        let mut splitter = Splitter::go_on(mesh, base, pieces);
+        let mut list = crate::allocation::with_capacity(base.triangles.len());
+        for (t, triangle) in base.triangles.iter().enumerate() {
+            let corner = |k: usize| PieceCorner {
+                vertex: mesh.indices[triangle.corners[k] as usize],
+                uv_point: base.uv_point[triangle.corners[k] as usize],
+                weights: std::array::from_fn(|l| if k == l { 1.0 } else { 0.0 }),
+            };
+            let corners = [corner(0), corner(1), corner(2)];
+            list.put(splitter.piece(t as u32, corners));
+        }
+        splitter.pieces.list = list;
+        splitter
+    }
+
+    /// Goes on from where another one ended.
+    pub fn go_on(mesh: &'a Mesh, base: &Base, pieces: Pieces) -> Splitter<'a> {
+        let mut splitter = Splitter {
+            mesh,
+            edges: Table::default(),
+            middles: Table::default(),
+            uv_middles: Table::default(),
+            pieces,
+        };
+        let Pieces { vertices, uv_parents, edges, .. } = &splitter.pieces;
+        for (k, edge) in (0..).zip(edges) {
+            enter(&mut splitter.edges, edge.ends, k);
+        }
+        for (k, vertex) in (mesh.rest.len() as u32..).zip(vertices) {
+            enter(&mut splitter.middles, sorted(vertex.parents), k);
+        }
+        for (k, &parents) in (base.uv_points.len() as u32..).zip(uv_parents) {
+            enter(&mut splitter.uv_middles, sorted(parents), k);
+        }
+        splitter
+    }
+
+    /// Whether the longest edge of a piece has a length.
+    pub fn can_split(&self, piece: &Piece) -> bool {
+        self.pieces.edges[piece.edges[0] as usize].square > 0.0
+    }
+
+    /// The edges to split so that these pieces are: of each its longest, or all where the flag is set. With an edge,
+    /// the longest edge of every piece that has it is split as well. Also the number of pieces that there will be.
+    pub fn marked(&self, wanted: impl Iterator<Item = (u32, bool)>) -> (Vec<bool>, usize) {
+        let list = &self.pieces.list;
+        let mut marked = zeroed(self.pieces.edges.len());
+        for (k, all) in wanted {
+            let piece = &list[k as usize];
+            marked[piece.edges[0] as usize] = true;
+            if all {
+                piece.edges.iter().for_each(|&e| marked[e as usize] = true);
+            }
+        }
+        loop {
+            let mut changed = false;
+            let mut count = list.len();
+            for piece in list {
+                let split = piece.edges.iter().filter(|&&e| marked[e as usize]).count();
+                count += split;
+                if split == 0 || split == 3 {
+                    continue;
+                }
+                let longest = piece.edges[0] as usize;
+                if !marked[longest] {
+                    marked[longest] = true;
+                    changed = true;
+                }
+            }
+            if !changed {
+                return (marked, count);
+            }
+        }
+    }
+
+    /// Splits the marked edges. `values` has one value per piece; parts of pieces get `new`.
+    pub fn split(&mut self, marked: &[bool], values: &mut Vec<f64>, new: f64) {
+        let old = std::mem::take(&mut self.pieces.list);
+        let mut list = crate::allocation::with_capacity(old.len());
+        let mut kept = crate::allocation::with_capacity(old.len());
+        for (piece, value) in old.iter().zip(values.iter()) {
+            let before = list.len();
+            self.split_piece(piece, marked, &mut list);
+            let parts = list.len() - before;
+            if parts == 1 {
+                kept.put(*value);
+            } else {
+                (0..parts).for_each(|_| kept.put(new));
+            }
+        }
+        self.pieces.list = list;
+        *values = kept;
+    }
+
+    fn split_piece(&mut self, piece: &Piece, marked: &[bool], list: &mut Vec<Piece>) {
+        let is_marked = |k: usize| marked[piece.edges[k] as usize];
+        if !is_marked(0) {
+            list.put(*piece);
+            return;
+        }
+        let [a, b, c] = piece.corners;
+        let middle = self.middle(a, b);
+        // Either half is whole, or its side that was one of the piece is split, too.
+        if is_marked(2) {
+            let side = self.middle(c, a);
+            list.put(self.piece(piece.base, [a, middle, side]));
+            list.put(self.piece(piece.base, [side, middle, c]));
+        } else {
+            list.put(self.piece(piece.base, [a, middle, c]));
+        }
+        if is_marked(1) {
+            let side = self.middle(b, c);
+            list.put(self.piece(piece.base, [middle, b, side]));
+            list.put(self.piece(piece.base, [middle, side, c]));
+        } else {
+            list.put(self.piece(piece.base, [middle, b, c]));
+        }
+    }
+
+    /// A piece with its edges, of which the longest one becomes the first. Of two equal ones all pieces choose the same.
+    fn piece(&mut self, base: u32, corners: [PieceCorner; 3]) -> Piece {
+        let edges = [0, 1, 2].map(|k| self.edge(corners[k].vertex, corners[(k + 1) % 3].vertex));
+        let edge = |k: usize| &self.pieces.edges[edges[k] as usize];
+        let longer = |a: usize, b: usize| {
+            let (e, f) = (edge(a), edge(b));
+            if e.square.total_cmp(&f.square).then(e.ends.cmp(&f.ends)).is_lt() { b } else { a }
+        };
+        let first = longer(longer(0, 1), 2);
+        let turned = |k: usize| (first + k) % 3;
+        Piece {
+            base,
+            corners: [0, 1, 2].map(|k| corners[turned(k)]),
+            edges: [0, 1, 2].map(|k| edges[turned(k)]),
+        }
+    }
+
+    /// The edge between two vertices.
+    fn edge(&mut self, a: u32, b: u32) -> u32 {
+        let ends = sorted([a, b].map(|v| self.point(v)));
+        if let Some(&edge) = self.edges.get(&ends) {
+            return edge;
+        }
+        let [p, q] = ends.map(|point| self.rest(point));
+        let square = (0..3).map(|axis| (p[axis] - q[axis]).powi(2)).sum();
+        let edge = self.pieces.edges.len() as u32;
+        self.pieces.edges.put(Edge { ends, square, middle: NONE });
+        enter(&mut self.edges, ends, edge);
+        edge
+    }
+
+    /// The corner halfway between two of one piece.
+    fn middle(&mut self, a: PieceCorner, b: PieceCorner) -> PieceCorner {
+        PieceCorner {
+            vertex: self.middle_vertex(a.vertex, b.vertex),
+            uv_point: self.middle_uv_point(a.uv_point, b.uv_point),
+            weights: std::array::from_fn(|k| 0.5 * (a.weights[k] + b.weights[k])),
+        }
+    }
+
+    fn middle_vertex(&mut self, a: u32, b: u32) -> u32 {
+        let parents = sorted([a, b]);
+        if let Some(&vertex) = self.middles.get(&parents) {
+            return vertex;
+        }
+        let point = self.middle_point(a, b);
+        let source = Source::between(self.source(parents[0]), self.source(parents[1]));
+        let vertex = (self.mesh.rest.len() + self.pieces.vertices.len()) as u32;
+        self.pieces.vertices.put(NewVertex { parents, source, point });
+        enter(&mut self.middles, parents, vertex);
+        vertex
+    }
+
+    /// The point on the edge between two vertices, which all vertices on it share.
+    fn middle_point(&mut self, a: u32, b: u32) -> u32 {
+        let edge = self.edge(a, b) as usize;
+        let Edge { ends, middle, .. } = self.pieces.edges[edge];
+        if middle != NONE {
+            return middle;
+        }
+        let [p, q] = ends.map(|point| self.rest(point));
+        let point = (self.mesh.rest.len() + self.pieces.points.len()) as u32;
+        self.pieces.points.put(std::array::from_fn(|axis| 0.5 * p[axis] + 0.5 * q[axis]));
+        self.pieces.edges[edge].middle = point;
+        point
+    }
+
+    fn middle_uv_point(&mut self, a: u32, b: u32) -> u32 {
+        let parents = sorted([a, b]);
+        if let Some(&point) = self.uv_middles.get(&parents) {
+            return point;
+        }
+        let [p, q] = parents.map(|point| self.pieces.uv_points[point as usize]);
+        // A corner of triangles without area has none of its own.
+        let triangle = if p.triangle == NONE { q.triangle } else { p.triangle };
+        let uv = std::array::from_fn(|axis| 0.5 * (p.uv[axis] + q.uv[axis]));
+        let point = self.pieces.uv_points.len() as u32;
+        self.pieces.uv_points.put(UvPoint { uv, tile: p.tile, triangle });
+        self.pieces.uv_parents.put(parents);
+        enter(&mut self.uv_middles, parents, point);
+        point
+    }
+
+    fn point(&self, vertex: u32) -> u32 {
+        match (vertex as usize).checked_sub(self.mesh.rest.len()) {
+            Some(new) => self.pieces.vertices[new].point,
+            None => self.mesh.place.get(vertex as usize).copied().unwrap_or(vertex),
+        }
+    }
+
+    fn rest(&self, point: u32) -> [f64; 3] {
+        match (point as usize).checked_sub(self.mesh.rest.len()) {
+            Some(new) => self.pieces.points[new],
+            None => self.mesh.rest[point as usize],
+        }
+    }
+
+    fn source(&self, vertex: u32) -> Source {
+        match (vertex as usize).checked_sub(self.mesh.rest.len()) {
+            Some(new) => self.pieces.vertices[new].source,
+            None => Source::one(vertex),
+        }
+    }
+}
+
+fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}

@@ -1,0 +1,79 @@
+//! The one place that knows which backend solves a tile: its memory, a run, and where the result was left.
+
+#[cfg(feature = "gpu")]
+mod on_gpu;
+pub(crate) mod solved;
+pub(crate) mod tile_solve;
+
+use std::sync::Arc;
+
+use crate::allocation::boxed;
+use crate::device::Device;
+use crate::error::Result;
+use crate::grid::Grid;
+use crate::mesh::TileMesh;
+use crate::settings::Solver;
+use crate::{cpu, gpu};
+use tile_solve::{TileSolution, TileSolve, Warp};
+
+/// A tile's solver: the memory that a backend keeps from one solve to the next.
+#[derive(Debug)]
+pub(crate) enum TileSolver {
+    Cpu(cpu::Memory),
+    Gpu(Box<gpu::Memory>),
+}
+
+impl TileSolver {
+    /// Allocates for a grid.
+    pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<TileSolver> {
+        match device.gpu() {
+            Some(context) => {
+                gpu::Memory::new(context, grid, tile).map(|memory| TileSolver::Gpu(boxed(memory)))
+            }
+            None => Ok(TileSolver::Cpu(cpu::Memory::new(grid, solver))),
+        }
+    }
+
+    /// Bytes that `new` takes for a grid.
+    pub fn bytes_for(device: &Device, grid: &Grid, tile: &TileMesh, solver: Solver) -> Result<u64> {
+        match device.gpu() {
+            Some(context) => gpu::Memory::bytes_for(context, grid, tile),
+            None => Ok(cpu::Memory::bytes_for(grid, solver)),
+        }
+    }
+
+    /// True if this is the memory of a solver on a grid (grids of other sizes or maps have other blocks).
+    pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
+        match self {
+            TileSolver::Cpu(memory) => memory.is_for(grid, solver),
+            TileSolver::Gpu(memory) => memory.is_for(grid),
+        }
+    }
+
+    /// Solves the charts that are wanted.
+    pub fn run(&mut self, solve: &TileSolve) -> Result<TileSolution> {
+        match self {
+            TileSolver::Cpu(memory) => run_on_cpu(memory, solve),
+            TileSolver::Gpu(memory) => on_gpu::run(memory, solve),
+        }
+    }
+}
+
+fn run_on_cpu(memory: &mut cpu::Memory, solve: &TileSolve) -> Result<TileSolution> {
+    let mut u = solve.initial_displacements()?;
+    let mut run = cpu::Run::new(solve.team, &solve.input, memory, &mut u, solve.anchor()?);
+    let summary = solve.run_schedule(&mut run);
+    let (charts, node_updates) = (std::mem::take(&mut run.results), run.node_updates());
+    let blocks_active = run.blocks_active();
+    Ok(TileSolution { warp: Warp::Host(u), charts, summary, node_updates, blocks_active, work: None })
+}
+
+#[cfg(not(feature = "gpu"))]
+mod on_gpu {
+    use super::{Result, TileSolution, TileSolve, gpu};
+
+    /// Is never called: there is no such memory.
+    pub fn run(memory: &mut gpu::Memory, _: &TileSolve) -> Result<TileSolution> {
+        memory.absent()
+    }
+}

@@ -1,0 +1,102 @@
+//! The last good solve of a tile, and what it depends on.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use glam::DVec2;
+
+use crate::cpu::invert;
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
+use crate::grid::pose::ChartPose;
+use crate::mesh::TileMesh;
+use crate::method::schedule::{ChartResult, Plan};
+use crate::report::{GpuWork, TileReport};
+use crate::settings::Overlap;
+
+use super::tile_solve::Warp;
+
+/// A tile's last good solve.
+#[derive(Debug)]
+pub(crate) struct Solved {
+    /// The tile as it hung together in the pose.
+    pub mesh: Arc<TileMesh>,
+    /// The grid it was solved on, which may be older than the maps.
+    pub grid: Arc<Grid>,
+    pub warp: Arc<Warp>,
+    /// The inputs of each chart's result, until the tile takes it; `None` where it also depends on time or on earlier frames.
+    pub inputs: Vec<Option<ChartInput>>,
+    pub results: Vec<ChartResult>,
+    /// The setting that it was solved with.
+    pub overlap: Overlap,
+    /// But for what later fetches change in it: see `report()`.
+    pub report: TileReport,
+    /// Milliseconds of the latest inversion: the bits of an f32.
+    pub invert_ms: AtomicU32,
+    /// The GPU's dispatches, submissions and transfers.
+    pub work: Option<GpuWork>,
+}
+
+impl Solved {
+    /// Bytes of a result on a grid.
+    pub fn bytes_for(grid: &Grid) -> u64 {
+        (grid.levels[0].blocks.list.len() * size_of::<[Plane; 2]>()) as u64
+    }
+
+    /// The same result with its warp elsewhere.
+    #[cfg(all(test, feature = "gpu"))]
+    pub fn with_warp(&self, warp: Arc<Warp>) -> Solved {
+        Solved {
+            mesh: self.mesh.clone(),
+            grid: self.grid.clone(),
+            warp,
+            inputs: Vec::new(),
+            results: self.results.clone(),
+            overlap: self.overlap,
+            report: self.report,
+            invert_ms: AtomicU32::new(0),
+            work: self.work.clone(),
+        }
+    }
+
+    /// What a host is told.
+    pub fn report(&self) -> TileReport {
+        let mut report = self.report;
+        report.times.invert = f32::from_bits(self.invert_ms.load(Ordering::Relaxed));
+        report
+    }
+
+    /// Takes in how long an inversion took.
+    pub fn set_invert_ms(&self, ms: f32) {
+        self.invert_ms.store(ms.to_bits(), Ordering::Relaxed);
+    }
+
+    /// Length of a chart's longest displacement, in cells.
+    pub fn reach(&self, chart: u32) -> f32 {
+        self.results[chart as usize].max_displacement
+    }
+
+    /// The redirected UV of a corner, or of another point of a triangle: both with the tile's offset. `None` where nothing
+    /// moves. `u` are the displacements, `triangle` is a number in `TileMesh::chart_of`.
+    pub fn redirected(&self, u: &[[Plane; 2]], triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]> {
+        let level = &self.grid.levels[0];
+        let (origin, cells) = (self.mesh.origin(), DVec2::new(level.nx as f64, level.ny as f64));
+        let at = ((DVec2::from(uv) - origin) * cells).to_array();
+        self.candidates(self.mesh.chart_of[triangle as usize])
+            .find_map(|chart| invert::point(level, u, chart, at, self.reach(chart)))
+            .map(|p| (DVec2::from(p) / cells + origin).into())
+    }
+
+    /// Charts whose warp may move a corner of `chart`: its own, and where the first face owns shared texels, any.
+    fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
+        let others = if self.overlap == Overlap::FirstFace { self.results.len() as u32 } else { 0 };
+        std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
+    }
+}
+
+/// What a chart's result depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ChartInput {
+    pub pose: ChartPose,
+    pub plan: Plan,
+}

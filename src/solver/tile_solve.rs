@@ -1,0 +1,99 @@
+//! One solve of one tile, for either backend: what goes in, and what comes out.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use crate::allocation::zeroed;
+use crate::error::Result;
+use crate::gpu;
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
+use crate::method::budget::Clock;
+use crate::method::progress::Progress;
+use crate::method::schedule::{self, ChartResult, Input, Plan, Stages, Summary};
+use crate::report::GpuWork;
+use crate::team::Team;
+
+/// Displacements in cells, per block of the finest level.
+#[derive(Debug)]
+pub(crate) enum Warp {
+    Host(Vec<[Plane; 2]>),
+    #[cfg_attr(not(feature = "gpu"), allow(dead_code))]
+    Gpu(gpu::Displacements),
+}
+
+impl Warp {
+    /// In host memory: read from the GPU the first time.
+    pub fn host(&self) -> Result<&[[Plane; 2]]> {
+        match self {
+            Warp::Host(u) => Ok(u),
+            Warp::Gpu(u) => u.host(),
+        }
+    }
+}
+
+/// One solve of one tile.
+pub(crate) struct TileSolve<'a> {
+    pub team: &'a Team,
+    pub input: Input<'a>,
+    pub grid: &'a Arc<Grid>,
+    pub plan: &'a Plan,
+    /// The time that there is.
+    pub clock: RefCell<Clock>,
+    /// How far it is.
+    pub progress: RefCell<Progress>,
+    /// The tile's last result on the same grid.
+    pub last: Option<&'a Warp>,
+    /// Charts that are not solved keep their last result if they are in here, and become the identity if not.
+    pub keep: &'a [bool],
+}
+
+/// The result of a solve.
+pub(crate) struct TileSolution {
+    pub warp: Warp,
+    /// Per chart; of those that were solved.
+    pub charts: Vec<ChartResult>,
+    pub summary: Summary,
+    pub node_updates: u64,
+    pub blocks_active: u64,
+    /// The GPU's dispatches, submissions and transfers.
+    pub work: Option<GpuWork>,
+}
+
+impl TileSolve<'_> {
+    /// True if a chart has to be solved.
+    pub fn solves(&self) -> bool {
+        self.input.charts.contains(&true)
+    }
+
+    /// The last result in host memory, if the solve starts from it or is pulled towards it; else nothing.
+    pub fn anchor(&self) -> Result<&[[Plane; 2]]> {
+        self.last.filter(|_| self.plan.warm).map_or(Ok(&[]), Warp::host)
+    }
+
+    /// Runs the schedule, if a chart has to be solved.
+    pub fn run_schedule(&self, stages: &mut impl Stages) -> Summary {
+        let warm = self.plan.warm && self.last.is_some();
+        let clock = &mut self.clock.borrow_mut();
+        if self.solves() {
+            schedule::run(stages, self.plan, warm, clock, &mut self.progress.borrow_mut())
+        } else {
+            Summary::default()
+        }
+    }
+
+    /// The last result of the charts that keep it and are not solved, the identity elsewhere, in host memory. The
+    /// identity's pages are taken when they are written.
+    pub fn initial_displacements(&self) -> Result<Vec<[Plane; 2]>> {
+        let blocks = &self.grid.levels[0].blocks;
+        let mut u = zeroed(blocks.list.len());
+        let stays = |c: usize| self.keep[c] && !self.input.charts[c];
+        if let Some(last) = self.last.filter(|_| (0..self.keep.len()).any(stays)) {
+            let last = last.host()?;
+            for (_, range) in blocks.of_chart.iter().enumerate().filter(|(c, _)| stays(*c)) {
+                u[range.clone()].copy_from_slice(&last[range.clone()]);
+            }
+        }
+        Ok(u)
+    }
+}
