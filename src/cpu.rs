@@ -39,7 +39,7 @@ use crate::grid::planes::Plane;
 use crate::grid::pose::Pose;
 use crate::grid::window::Window;
 use crate::mesh::TileMesh;
-use crate::method::schedule::{ChartResult, Input};
+use crate::method::plan::{ChartResult, Input};
 use crate::panics::{go_on, hold_back};
 use crate::team::{PerThread, Team, Worker};
 use correct::Pairs;

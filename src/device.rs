@@ -10,7 +10,6 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Survey, interfaces};
 use crate::gpu::context::{self, Context};
 use crate::lock::lock;
-use crate::method::budget::Costs;
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
 use crate::team::{Crew, Executor, Team};
@@ -25,8 +24,8 @@ struct Inner {
     threads: u32,
     reason: String,
     bytes_held: AtomicU64,
-    /// What solves of the device's tiles took, for time budgets.
-    costs: Mutex<Costs>,
+    /// The pace of the device's solves, for time budgets; see `Deadline`.
+    pace: Mutex<f64>,
     gpu: Option<Arc<Context>>,
     /// Assets that are alive.
     assets: AtomicUsize,
@@ -180,13 +179,13 @@ impl Device {
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
         let threads = settings.threads.map_or(cores.min(MAX_THREADS), NonZeroU32::get);
         let gpu = gpu.map(Arc::new);
-        let (bytes_held, costs) = (AtomicU64::new(0), Mutex::new(Costs::default()));
+        let (bytes_held, pace) = (AtomicU64::new(0), Mutex::new(1.0));
         let device = Device(Arc::new(Inner {
             settings,
             threads,
             reason,
             bytes_held,
-            costs,
+            pace,
             gpu,
             assets: AtomicUsize::new(0),
         }));
@@ -259,9 +258,9 @@ impl Device {
         Team::of(&self.crew(None, None), f)
     }
 
-    /// The time that work takes, as measured by the last solves.
-    pub(crate) fn costs(&self) -> MutexGuard<'_, Costs> {
-        lock(&self.0.costs)
+    /// The pace of its last solves that had a time budget; see `Deadline`.
+    pub(crate) fn pace(&self) -> MutexGuard<'_, f64> {
+        lock(&self.0.pace)
     }
 
     pub(crate) fn log(&self, level: LogLevel, message: &str) {

@@ -33,7 +33,7 @@ use crate::allocation::{Collect, Grow};
 use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
-use crate::method::schedule::{ChartResult, Input};
+use crate::method::plan::{ChartResult, Input};
 use context::Context;
 use dispatch::Gate;
 pub(crate) use invert::Output;

@@ -3,9 +3,11 @@
 
 pub(crate) mod constants;
 pub(crate) mod law;
-pub(crate) mod schedule;
-mod stages;
 pub(crate) mod acceptance;
-pub(crate) mod budget;
 pub(crate) mod pbd;
+pub(crate) mod stage;
+pub(crate) mod plan;
+pub(crate) mod cost;
+pub(crate) mod deadline;
 pub(crate) mod progress;
+pub(crate) mod schedule;

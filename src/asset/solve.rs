@@ -7,7 +7,7 @@ use std::time::Instant;
 use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::control::{Control, stoppable};
 use crate::error::{Error, Result};
-use crate::method::schedule::Plan;
+use crate::method::plan::Plan;
 use crate::settings::{MAX_THREADS, SolveOptions};
 use crate::team::{Crew, Team};
 use crate::view::Strided;

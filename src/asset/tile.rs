@@ -13,9 +13,9 @@ use crate::grid::maps::{Mask, Rigidity, TileMaps};
 use crate::grid::planes::SIDE;
 use crate::grid::pose::Pose;
 use crate::mesh::{Mesh, TileMesh};
-use crate::method::budget::{Clock, History};
+use crate::method::deadline::Deadline;
+use crate::method::plan::{ChartResult, Input, Plan, Summary};
 use crate::method::progress::Progress;
-use crate::method::schedule::{ChartResult, Input, Plan, Summary};
 use crate::report::{GpuWork, TileReport};
 use crate::settings::Solver;
 use crate::team::Team;
@@ -79,9 +79,10 @@ pub(crate) struct TileState {
     /// The welds that the last pose tore.
     pub(super) torn_now: Vec<u32>,
     solver: Option<TileSolver>,
-    /// Bytes of the solver's memory, and what it was used for.
+    /// Bytes of the solver's memory.
     solver_bytes: u64,
-    history: History,
+    /// Whether that memory has never been used.
+    solver_is_fresh: bool,
     pub solved: Option<Arc<Solved>>,
     /// The inputs of each chart's result; `None` where it also depends on time or on earlier frames.
     pub(super) inputs: Vec<Option<ChartInput>>,
@@ -259,16 +260,14 @@ impl TileState {
         let pull = if last.is_some() { call.plan.temporal_weight } else { 0.0 };
         let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation, pull };
         let (team, plan) = (call.team, call.plan);
-        let history = std::mem::take(&mut self.history);
-        let clock = Clock::new(call.start, share.budget, *call.device.costs(), history).into();
+        let fresh = std::mem::replace(&mut self.solver_is_fresh, false);
+        let deadline = Deadline::new(call.start, share.budget, *call.device.pace(), fresh).into();
         let progress = Progress::new(team.control(), share.progress).into();
-        let solve = TileSolve { team, input, grid, plan, clock, progress, last, keep: &keep };
+        let solve = TileSolve { team, input, grid, plan, deadline, progress, last, keep: &keep };
         // A cancelled solve leaves its memory whole: each solve writes what it reads.
         let solution = caught(|| stoppable(|| solver.run(&solve)));
-        let Clock { costs, history, .. } = solve.clock.into_inner();
-        self.history = history;
         if share.learns {
-            *call.device.costs() = costs;
+            *call.device.pace() = solve.deadline.into_inner().learnt();
         }
         match &solution {
             Err(error) if error.kind != ErrorKind::Cancelled => {
@@ -335,7 +334,6 @@ impl TileState {
     fn give_up(&mut self, device: &Device, tile: &TileMesh, error: Error) -> Error {
         self.solver = None;
         self.solver_bytes = 0;
-        self.history = History::default();
         if let Some(gpu) = device.gpu() {
             gpu.reclaim();
         }
@@ -357,7 +355,6 @@ impl TileState {
     /// Drops the solver.
     pub(super) fn forget(&mut self, device: &Device) {
         self.solver_bytes = 0;
-        self.history = History::default();
         if self.solver.take().is_some()
             && let Some(gpu) = device.gpu()
         {
@@ -377,7 +374,7 @@ impl TileState {
                 Ok(solver) => self.solver = Some(solver),
                 Err(error) => return Err(self.give_up(device, tile, error)),
             }
-            self.solver_bytes = bytes;
+            (self.solver_bytes, self.solver_is_fresh) = (bytes, true);
         }
         Ok(())
     }

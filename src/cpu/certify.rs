@@ -7,7 +7,7 @@ use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane};
 use crate::grid::window::{self, WINDOW_NODES, place};
 use crate::mesh::NONE;
-use crate::method::schedule::ChartResult;
+use crate::method::plan::ChartResult;
 
 use super::Run;
 use crate::team::SharedSlice;

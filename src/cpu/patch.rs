@@ -6,7 +6,7 @@ use crate::grid::Level;
 use crate::grid::planes::{Plane, SIDE};
 use crate::grid::window::{self, WINDOW_NODES, Window};
 use crate::mesh::NONE;
-use crate::method::schedule::Input;
+use crate::method::plan::Input;
 
 use super::constants::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};

@@ -9,32 +9,52 @@ use super::layout::{
 };
 use super::recorder::DispatchSize;
 use crate::allocation::{Collect, copied};
-use crate::method::acceptance::Correction;
-use crate::method::pbd::Iteration;
-use crate::method::schedule::{Stages, passes};
+use crate::method::schedule::passes;
+use crate::method::stage::{Stage, Stages, Start};
 
 #[cfg(test)]
 mod tests;
 
-/// Stages that are timed, in the order of `StageTimes`.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Stage {
-    Surface,
-    Pyramid,
-    Prolong,
-    Relax,
-    Correct,
-    Pbd,
-    Certify,
-}
-
 impl Stages for Run<'_> {
-    fn levels(&self) -> usize {
-        self.grid.levels.len()
+    fn run(&mut self, stage: &Stage) -> bool {
+        self.recorder.stage(stage.kind() as usize);
+        match *stage {
+            Stage::Surface => self.surface(),
+            Stage::Pyramid => self.pyramid(),
+            Stage::Start { level, from } => match from {
+                Start::Identity => self.identity(level),
+                Start::Previous => self.previous(),
+                Start::Coarser | Start::Passing => self.prolong(level),
+                Start::Smoothed(smoothing) => {
+                    self.prolong(level);
+                    self.regularise_level(level, smoothing);
+                }
+            },
+            Stage::Relax { level, sweeps } => {
+                self.energy_is_known = false;
+                self.relax_level(level, sweeps, RELAX_WHOLE);
+            }
+            Stage::Correct { level, ref correction, .. } => self.correct_level(level, correction),
+            Stage::Iterate { level, ref iteration } => self.iterate_level(level, iteration),
+            Stage::Certify { allow_folds } => self.certify(allow_folds),
+            Stage::GiveUp => {
+                self.clear(&copied(self.charts));
+                self.gave_up = true;
+            }
+        }
+        true
     }
 
+    fn wait(&mut self) {
+        self.recorder.flush();
+        if let Err(error) = self.context.wait() {
+            self.error.get_or_insert(error);
+        }
+    }
+}
+
+impl Run<'_> {
     fn surface(&mut self) {
-        self.recorder.stage(Stage::Surface as usize);
         let items = self.grid.triangles.len() as u32;
         let params = Params { items, ..self.params };
         let extra = [self.memory.corners.clone(), self.memory.positions.clone()];
@@ -49,7 +69,6 @@ impl Stages for Run<'_> {
     }
 
     fn pyramid(&mut self) {
-        self.recorder.stage(Stage::Pyramid as usize);
         for k in 1..self.grid.levels.len() {
             for band in 0..self.memory.bands[k].len() {
                 let to = self.memory.buffers[k][band].metric.clone();
@@ -74,7 +93,6 @@ impl Stages for Run<'_> {
     }
 
     fn identity(&mut self, level: usize) {
-        self.recorder.stage(Stage::Prolong as usize);
         self.energy_is_known = false;
         let kernel = if level == 0 { Kernel::IdentityChords } else { Kernel::IdentityMetrics };
         for band in 0..self.memory.bands[level].len() {
@@ -89,7 +107,6 @@ impl Stages for Run<'_> {
 
     fn previous(&mut self) {
         let Some(last) = self.last_result.clone() else { return self.identity(0) };
-        self.recorder.stage(Stage::Prolong as usize);
         self.energy_of_identity();
         self.energy_is_known = false;
         for band in 0..self.memory.bands[0].len() {
@@ -101,7 +118,6 @@ impl Stages for Run<'_> {
     }
 
     fn prolong(&mut self, level: usize) {
-        self.recorder.stage(Stage::Prolong as usize);
         if level == 0 {
             self.energy_of_identity();
         }
@@ -116,29 +132,7 @@ impl Stages for Run<'_> {
         self.exchange(level, BandBuffer::State);
     }
 
-    fn relax(&mut self, level: usize, sweeps: u32) {
-        self.recorder.stage(Stage::Relax as usize);
-        self.energy_is_known = false;
-        self.relax_level(level, sweeps, RELAX_WHOLE);
-    }
-
-    fn correct(&mut self, level: usize, correction: &Correction) {
-        self.recorder.stage(Stage::Correct as usize);
-        self.correct_level(level, correction);
-    }
-
-    fn iterate(&mut self, level: usize, iteration: &Iteration) {
-        self.recorder.stage(Stage::Pbd as usize);
-        self.iterate_level(level, iteration);
-    }
-
-    fn regularise(&mut self, level: usize, smoothing: f32) {
-        self.recorder.stage(Stage::Pbd as usize);
-        self.regularise_level(level, smoothing);
-    }
-
     fn certify(&mut self, allow_folds: bool) {
-        self.recorder.stage(Stage::Certify as usize);
         if allow_folds || !self.energy_is_known {
             let mode = if allow_folds { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID };
             self.energy_sums(Params { mode, ..self.at_level(0) }, 0);
@@ -148,32 +142,6 @@ impl Stages for Run<'_> {
         self.dispatch_active(Kernel::FallBack, 0, self.params, Some(BandBuffer::State));
     }
 
-    fn is_done_on_return(&self) -> bool {
-        false
-    }
-
-    fn blocks(&self, level: usize) -> usize {
-        self.memory.lists[level].iter().map(|lists| lists.active.count as usize).sum()
-    }
-
-    fn triangle_count(&self) -> usize {
-        self.grid.triangles.len()
-    }
-
-    fn give_up(&mut self) {
-        self.clear(&copied(self.charts));
-        self.gave_up = true;
-    }
-
-    fn wait(&mut self) {
-        self.recorder.flush();
-        if let Err(error) = self.context.wait() {
-            self.error.get_or_insert(error);
-        }
-    }
-}
-
-impl Run<'_> {
     /// Relaxes a level with `sweeps` sweeps. With `RELAX_FRACTION`, each node's step is multiplied by the chart's step
     /// fraction of the present correction.
     pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, mode: u32) {

@@ -10,9 +10,10 @@ use crate::grid::pose::Pose;
 use crate::grid::survey::Survey;
 use crate::lab::parity::StageDifference;
 use crate::lab::parity::pair::Pair;
-use crate::method::budget::Clock;
+use crate::method::deadline::Deadline;
+use crate::method::plan::{Input, Plan};
 use crate::method::progress::Progress;
-use crate::method::schedule::{self, Input, Plan};
+use crate::method::schedule;
 use crate::settings::SolveOptions;
 use crate::view::Strided;
 use crate::{cpu, gpu};
@@ -60,7 +61,8 @@ impl Asset {
             context.contain(|| {
                 let gpu = gpu::Run::new(&input, &mut of_gpu, None, &filled(false, charts.len()), None)?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
-                schedule::run(&mut pair, &plan, false, &mut Clock::unlimited(), &mut Progress::default());
+                let (mut deadline, mut progress) = (Deadline::unlimited(), Progress::new(None, 1.0));
+                schedule::run(&mut pair, &input, &plan, false, &mut deadline, &mut progress);
                 pair.finish()
             })?
         })

@@ -1,47 +1,51 @@
 //! How far a solve is, for a host that waits for it, and whether it goes on.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::control::Control;
 
 /// A solve's part of a call's progress.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Progress {
     control: Option<Arc<Control>>,
     /// What is left of that part.
     left: f32,
-    /// That part over the seconds that the solve is expected to take.
-    per_second: f32,
+    /// That part over the cost of the whole solve.
+    per_cost: f32,
+    /// When the solve began, and the cost of what it has done.
+    start: Instant,
+    done: f64,
 }
 
-/// What stays until the solve is done, as a fraction of its part: predictions may fall short.
+/// What stays until the solve is done, as a fraction of its part: costs may fall short.
 const RESERVE: f32 = 0.02;
 
 impl Progress {
     /// For a solve that is the fraction `part` of what a host waits for.
     pub fn new(control: Option<&Arc<Control>>, part: f32) -> Progress {
-        Progress { control: control.cloned(), left: part, per_second: 0.0 }
+        let start = Instant::now();
+        Progress { control: control.cloned(), left: part, per_cost: 0.0, start, done: 0.0 }
     }
 
-    /// Whether anyone wants to know.
-    pub fn is_told(&self) -> bool {
-        self.control.is_some()
-    }
-
-    /// Begins a solve that is expected to take so many seconds.
-    pub fn begin(&mut self, seconds: f64) {
-        self.per_second = (1.0 - RESERVE) * self.left / (seconds as f32).max(1e-9);
+    /// Begins a solve of this cost.
+    pub fn begin(&mut self, cost: f64) {
+        self.per_cost = (1.0 - RESERVE) * self.left / (cost as f32).max(1e-9);
         self.left -= RESERVE * self.left;
+        self.start = Instant::now();
     }
 
-    /// Does work that was expected to take `forecast` seconds when the solve began, and is expected to take `seconds` now.
-    pub fn during<R>(&mut self, forecast: f64, seconds: f64, work: impl FnOnce() -> R) -> R {
+    /// Does work of this cost.
+    pub fn during<R>(&mut self, cost: f64, work: impl FnOnce() -> R) -> R {
         let Some(control) = &self.control else { return work() };
-        let fraction = (self.per_second * forecast as f32).clamp(0.0, self.left);
-        control.begin_stage(fraction, seconds as f32);
+        let fraction = (self.per_cost * cost as f32).clamp(0.0, self.left);
+        // At the pace of what is done, or of the machine that costs are of.
+        let pace = if self.done > 0.0 { self.start.elapsed().as_secs_f64() / self.done } else { 1e-6 };
+        control.begin_stage(fraction, (pace * cost) as f32);
         let result = work();
         control.end_stage(fraction);
         self.left -= fraction;
+        self.done += cost;
         result
     }
 

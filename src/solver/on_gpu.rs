@@ -6,7 +6,7 @@ use crate::control::stoppable;
 use crate::error::Result;
 use crate::gpu;
 use crate::gpu::context::Context;
-use crate::method::schedule::Summary;
+use crate::method::plan::Summary;
 
 use super::tile_solve::{TileSolution, TileSolve, Warp};
 

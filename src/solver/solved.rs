@@ -10,7 +10,7 @@ use crate::grid::Grid;
 use crate::grid::planes::Plane;
 use crate::grid::pose::ChartPose;
 use crate::mesh::TileMesh;
-use crate::method::schedule::{ChartResult, Plan};
+use crate::method::plan::{ChartResult, Plan};
 use crate::report::{GpuWork, TileReport};
 use crate::settings::Overlap;
 

@@ -8,9 +8,11 @@ use crate::error::Result;
 use crate::gpu;
 use crate::grid::Grid;
 use crate::grid::planes::Plane;
-use crate::method::budget::Clock;
+use crate::method::deadline::Deadline;
+use crate::method::plan::{ChartResult, Input, Plan, Summary};
 use crate::method::progress::Progress;
-use crate::method::schedule::{self, ChartResult, Input, Plan, Stages, Summary};
+use crate::method::schedule;
+use crate::method::stage::Stages;
 use crate::report::GpuWork;
 use crate::team::Team;
 
@@ -39,7 +41,7 @@ pub(crate) struct TileSolve<'a> {
     pub grid: &'a Arc<Grid>,
     pub plan: &'a Plan,
     /// The time that there is.
-    pub clock: RefCell<Clock>,
+    pub deadline: RefCell<Deadline>,
     /// How far it is.
     pub progress: RefCell<Progress>,
     /// The tile's last result on the same grid.
@@ -74,9 +76,9 @@ impl TileSolve<'_> {
     /// Runs the schedule, if a chart has to be solved.
     pub fn run_schedule(&self, stages: &mut impl Stages) -> Summary {
         let warm = self.plan.warm && self.last.is_some();
-        let clock = &mut self.clock.borrow_mut();
+        let deadline = &mut self.deadline.borrow_mut();
         if self.solves() {
-            schedule::run(stages, self.plan, warm, clock, &mut self.progress.borrow_mut())
+            schedule::run(stages, &self.input, self.plan, warm, deadline, &mut self.progress.borrow_mut())
         } else {
             Summary::default()
         }

@@ -7,7 +7,8 @@ use crate::grid::planes::EDGES;
 use crate::grid::planes::{SIDE, slot};
 use crate::grid::pose::Pose;
 use crate::lab::reference::tests::{maps, posed, sheet};
-use crate::method::schedule::{Input, Stages};
+use crate::method::plan::Input;
+use crate::method::stage::{Stage, Stages, Start};
 use crate::settings::{Solver, TileSettings};
 use crate::team::Team;
 
@@ -54,10 +55,11 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
     let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(1, |team| {
         let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);
-        run.surface();
-        run.pyramid();
-        run.identity(0);
-        run.correct(0, &Correction { first: true, sweeps: 0, tolerance: 1e-3, trusts_model: true });
+        run.run(&Stage::Surface);
+        run.run(&Stage::Pyramid);
+        run.run(&Stage::Start { level: 0, from: Start::Identity });
+        let correction = Correction { first: true, sweeps: 0, tolerance: 1e-3, trusts_model: true };
+        run.run(&Stage::Correct { level: 0, correction, stop: None });
         for level in 0..3 {
             let nodes = GRID >> level;
             // All nodes that occur in these rows are movable: the fixed nodes are at least two nodes away.

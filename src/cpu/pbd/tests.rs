@@ -11,7 +11,8 @@ use crate::grid::pose::Pose;
 use crate::lab::reference::tests::{maps, posed, sheet};
 use crate::mesh::Mesh;
 use crate::method::pbd::Set;
-use crate::method::schedule::{Input, Stages};
+use crate::method::plan::Input;
+use crate::method::stage::{Stage, Stages, Start};
 use crate::settings::{Solver, TileSettings};
 use crate::team::Team;
 
@@ -51,8 +52,8 @@ fn with_sheet(
     let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(1, |team| {
         let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);
-        run.surface();
-        run.identity(0);
+        run.run(&Stage::Surface);
+        run.run(&Stage::Start { level: 0, from: Start::Identity });
         run.begin_level(0);
         test(&mut run);
     });

@@ -10,7 +10,9 @@ use crate::grid::Grid;
 use crate::grid::planes::NODES;
 use crate::grid::pose::Pose;
 use crate::lab::reference::tests::{discs, maps, sheet};
-use crate::method::schedule::Input;
+use crate::method::acceptance::Correction;
+use crate::method::plan::Input;
+use crate::method::stage::{Stage, Stages, Start};
 use crate::settings::TileSettings;
 
 /// Solves level 0 of a stretched sheet, lets `change` alter its state, and certifies it. Returns the outcome, and whether
@@ -37,15 +39,15 @@ fn certified(context: &Arc<crate::gpu::context::Context>, change: impl Fn(&mut [
         pull: 0.0,
     };
     let mut run = Run::new(&input, &mut memory, None, &[false], None).unwrap();
-    run.surface();
-    run.pyramid();
-    run.identity(0);
+    run.run(&Stage::Surface);
+    run.run(&Stage::Pyramid);
+    run.run(&Stage::Start { level: 0, from: Start::Identity });
     let first = Correction { first: true, sweeps: 2, tolerance: 3e-3, trusts_model: true };
-    run.correct(0, &first);
+    run.run(&Stage::Correct { level: 0, correction: first, stop: None });
     let mut state = run.state(0).unwrap();
     change(&mut state);
     run.set_state(0, &state).unwrap();
-    run.certify(false);
+    run.run(&Stage::Certify { allow_folds: false });
     let solution = run.finish().unwrap();
     let result = Displacements::new(context.clone(), grid.clone(), solution.result.clone());
     let moves = result.host().unwrap().as_flattened().as_flattened().iter().any(|&u| u != 0.0);

@@ -9,8 +9,7 @@ use crate::grid::Grid;
 use crate::grid::codes::unpack_bfloat16;
 use crate::grid::planes::NODES;
 use crate::method::acceptance::Correction;
-use crate::method::pbd::Iteration;
-use crate::method::schedule::Stages;
+use crate::method::stage::{Stage, Stages};
 use crate::{cpu, gpu};
 
 /// A run on each backend, for the same input, whose states are compared after each stage.
@@ -95,7 +94,7 @@ impl<'a> Pair<'a> {
             return Err(error);
         }
         let done = self.gpu.finish()?;
-        let mut add = |quantity, of: &dyn Fn(&crate::method::schedule::ChartResult) -> f64| {
+        let mut add = |quantity, of: &dyn Fn(&crate::method::plan::ChartResult) -> f64| {
             let solved = |c: &usize| self.charts[*c];
             let pairs = (0..self.charts.len()).filter(solved).map(|c| {
                 let (cpu, gpu) = (&self.cpu.results[c], &done.charts[c]);
@@ -243,72 +242,60 @@ fn relative(cpu: f64, gpu: f64) -> (f64, f64) {
 }
 
 impl Stages for Pair<'_> {
-    fn levels(&self) -> usize {
-        self.cpu.levels()
-    }
-
-    fn surface(&mut self) {
-        self.cpu.surface();
-        self.gpu.surface();
-        self.attempt(|pair| {
-            let (cpu, gpu) = (pair.cpu.triangles(), pair.gpu.triangles()?);
-            let solved = |t: &usize| pair.charts[pair.grid.chart_of[*t] as usize];
-            let pairs = (0..cpu.len()).filter(solved).flat_map(|t| {
-                let (cpu, gpu) = (cpu[t], gpu[t]);
-                (0..9).map(move |k| (f64::from(cpu[k]), f64::from(gpu[k])))
-            });
-            pair.differences.push(StageDifference::new(Point::Surface, "pose triangles", pairs));
-            if pair.lockstep { pair.gpu.set_triangles(&cpu) } else { Ok(()) }
-        });
-    }
-
-    fn pyramid(&mut self) {
-        self.cpu.pyramid();
-        self.gpu.pyramid();
-        self.attempt(|pair| {
-            for level in 1..pair.grid.levels.len() {
-                let (cpu, gpu) = (pair.cpu.metric(level), pair.gpu.metric(level)?);
-                let selection = Selection {
-                    level,
-                    planes: METRIC_PLANES,
-                    first: 0,
-                    count: METRIC_PLANES,
-                    movable: false,
-                };
-                pair.compare(Point::Pyramid, "metrics", selection, pair.charts, &cpu, &gpu);
-                if pair.lockstep {
-                    pair.gpu.set_metric(level, &cpu)?;
-                }
+    fn run(&mut self, stage: &Stage) -> bool {
+        match stage {
+            Stage::Correct { level, correction, .. } => self.correct(stage, *level, correction),
+            _ => self.run_both(stage),
+        }
+        match *stage {
+            Stage::Surface => self.attempt(Pair::surface),
+            Stage::Pyramid => self.attempt(Pair::pyramid),
+            Stage::Start { level, .. } => self.level(level, 0),
+            Stage::Relax { level, .. } => self.level(level, 1),
+            Stage::Iterate { level, .. } => {
+                self.gpu.copy_back(level);
+                self.level(level, 1);
             }
-            Ok(())
+            Stage::Correct { .. } | Stage::Certify { .. } | Stage::GiveUp => {}
+        }
+        true
+    }
+}
+
+impl Pair<'_> {
+    fn run_both(&mut self, stage: &Stage) {
+        self.cpu.run(stage);
+        self.gpu.run(stage);
+    }
+
+    /// Compares after the stage of this name.
+    fn surface(&mut self) -> Result<()> {
+        let (cpu, gpu) = (self.cpu.triangles(), self.gpu.triangles()?);
+        let solved = |t: &usize| self.charts[self.grid.chart_of[*t] as usize];
+        let pairs = (0..cpu.len()).filter(solved).flat_map(|t| {
+            let (cpu, gpu) = (cpu[t], gpu[t]);
+            (0..9).map(move |k| (f64::from(cpu[k]), f64::from(gpu[k])))
         });
+        self.differences.push(StageDifference::new(Point::Surface, "pose triangles", pairs));
+        if self.lockstep { self.gpu.set_triangles(&cpu) } else { Ok(()) }
     }
 
-    fn identity(&mut self, level: usize) {
-        self.cpu.identity(level);
-        self.gpu.identity(level);
-        self.level(level, 0);
+    /// Compares after the stage of this name.
+    fn pyramid(&mut self) -> Result<()> {
+        for level in 1..self.grid.levels.len() {
+            let (cpu, gpu) = (self.cpu.metric(level), self.gpu.metric(level)?);
+            let selection =
+                Selection { level, planes: METRIC_PLANES, first: 0, count: METRIC_PLANES, movable: false };
+            self.compare(Point::Pyramid, "metrics", selection, self.charts, &cpu, &gpu);
+            if self.lockstep {
+                self.gpu.set_metric(level, &cpu)?;
+            }
+        }
+        Ok(())
     }
 
-    fn previous(&mut self) {
-        self.cpu.previous();
-        self.gpu.previous();
-        self.level(0, 0);
-    }
-
-    fn prolong(&mut self, level: usize) {
-        self.cpu.prolong(level);
-        self.gpu.prolong(level);
-        self.level(level, 0);
-    }
-
-    fn relax(&mut self, level: usize, sweeps: u32) {
-        self.cpu.relax(level, sweeps);
-        self.gpu.relax(level, sweeps);
-        self.level(level, 1);
-    }
-
-    fn correct(&mut self, level: usize, correction: &Correction) {
+    /// Does a correction on both backends, and compares what it begins with and what comes of it.
+    fn correct(&mut self, stage: &Stage, level: usize, correction: &Correction) {
         self.correction = if correction.first { 1 } else { self.correction + 1 };
         let at = Point::level(level, 1 + self.correction);
         let taking_part: Vec<bool> = if correction.first {
@@ -325,8 +312,7 @@ impl Stages for Pair<'_> {
             before = [pair.cpu.energies_of(level), pair.gpu.energies_of(level)?];
             pair.before_correction(at, level)
         });
-        self.cpu.correct(level, correction);
-        self.gpu.correct(level, correction);
+        self.run_both(stage);
         self.attempt(|pair| pair.after_correction(at, level, &taking_part));
         self.level(level, 1 + self.correction);
         self.attempt(|pair| {
@@ -341,36 +327,5 @@ impl Stages for Pair<'_> {
             ));
             Ok(())
         });
-    }
-
-    fn iterate(&mut self, level: usize, iteration: &Iteration) {
-        self.cpu.iterate(level, iteration);
-        self.gpu.iterate(level, iteration);
-        self.gpu.copy_back(level);
-        self.level(level, 1);
-    }
-
-    fn regularise(&mut self, level: usize, smoothing: f32) {
-        self.cpu.regularise(level, smoothing);
-        self.gpu.regularise(level, smoothing);
-        self.level(level, 0);
-    }
-
-    fn certify(&mut self, allow_folds: bool) {
-        self.cpu.certify(allow_folds);
-        self.gpu.certify(allow_folds);
-    }
-
-    fn blocks(&self, level: usize) -> usize {
-        self.cpu.blocks(level)
-    }
-
-    fn triangle_count(&self) -> usize {
-        self.cpu.triangle_count()
-    }
-
-    fn give_up(&mut self) {
-        self.cpu.give_up();
-        self.gpu.give_up();
     }
 }

@@ -1,0 +1,83 @@
+//! What the stages of a solve cost, relative to one another: for time budgets and for progress. Costs are microseconds on two
+//! cores of 2.5 GHz; how long they take on the machine at hand is measured (`deadline`, `progress`).
+
+use crate::allocation::Collect;
+
+use super::plan::{Input, Plan};
+use super::stage::{Stage, Start};
+
+/// The sizes that the cost of a tile's stages follows from.
+pub(crate) struct Costs {
+    /// Per level, the active blocks of the charts that are solved.
+    blocks: Vec<f64>,
+    triangles: f64,
+    pbd: bool,
+}
+
+/// Stages of fewer blocks say nothing of how long many take.
+const TYPICAL: f64 = 24.0;
+
+impl Costs {
+    pub fn new(input: &Input, pbd: bool) -> Costs {
+        let active = |level: &crate::grid::Level| {
+            let list = level.blocks.list.iter();
+            list.filter(|block| block.active && input.charts[block.chart as usize]).count() as f64
+        };
+        let blocks = input.grid.levels.iter().map(active).collected();
+        Costs { blocks, triangles: input.grid.triangles.len() as f64, pbd }
+    }
+
+    /// The cost of a stage.
+    pub fn of(&self, stage: &Stage) -> f64 {
+        let finest = stage.level() == 0;
+        let of_block = match *stage {
+            Stage::Surface => return 10.0 + self.triangles / 64.0,
+            Stage::Pyramid => return 10.0 + 3.0 * self.blocks.get(1).unwrap_or(&self.blocks[0]),
+            Stage::Start { from: Start::Passing, .. } => 1.0,
+            Stage::Start { .. } if finest => 9.0,
+            Stage::Start { .. } => 5.0,
+            Stage::Relax { sweeps, .. } => 9.0 * f64::from(sweeps),
+            Stage::Correct { ref correction, .. } if correction.first => 75.0,
+            // Most charts sit them out.
+            Stage::Correct { .. } => 25.0,
+            Stage::Iterate { .. } => 12.0,
+            Stage::Certify { .. } => 7.0,
+            Stage::GiveUp => return 0.0,
+        };
+        10.0 + of_block * self.blocks[stage.level()]
+    }
+
+    /// Whether the time that a stage takes says how long others take.
+    pub fn is_typical(&self, stage: &Stage) -> bool {
+        let further = matches!(stage, Stage::Correct { correction, .. } if !correction.first);
+        !further && self.blocks[stage.level()] >= TYPICAL
+    }
+
+    /// The cost of making a result of a level.
+    pub fn result_of(&self, level: usize) -> f64 {
+        let start = |level| {
+            let from = if level > 0 { Start::Passing } else { Start::Coarser };
+            self.of(&Stage::Start { level, from })
+        };
+        (0..level).map(start).sum::<f64>() + self.of(&Stage::Certify { allow_folds: self.pbd })
+    }
+
+    /// The cost of a result of the coarsest level.
+    pub fn least(&self, plan: &Plan, coarsest: usize) -> f64 {
+        let step = plan.step(coarsest, 0, false).map_or(0.0, |step| self.of(&step));
+        let before = self.of(&Stage::Surface) + self.of(&Stage::Pyramid);
+        // The state that a warm solve starts from is a result already.
+        before
+            + self.of(&plan.start(coarsest))
+            + if coarsest > 0 { step } else { 0.0 }
+            + self.result_of(coarsest)
+    }
+
+    /// The cost of the whole solve, if no chart is crowded.
+    pub fn whole(&self, plan: &Plan, coarsest: usize) -> f64 {
+        let steps = plan.pbd.map_or(1.0, |settings| f64::from(settings.iterations));
+        let step = |level| plan.step(level, 0, false).map_or(0.0, |step| steps * self.of(&step));
+        let levels = (0..=coarsest).map(|level| self.of(&plan.start(level)) + step(level));
+        self.of(&Stage::Surface) + self.of(&Stage::Pyramid) + levels.sum::<f64>() + self.result_of(0)
+    }
+}
