@@ -1,0 +1,142 @@
+//! A time budget: how long a solve takes with one, and what it gives.
+
+use std::time::{Duration, Instant};
+
+use crate::common::{self, Model, bits, scenes};
+use vrtm::{Asset, Device, DeviceSettings, PbdSettings, SolveOptions, Solver, TileReport};
+
+fn with_budget(ms: f64) -> SolveOptions {
+    SolveOptions { time_budget: Some(Duration::from_secs_f64(ms / 1000.0)), ..SolveOptions::default() }
+}
+
+fn devices() -> Vec<Device> {
+    [Some(common::cpu(0)), common::gpu(&DeviceSettings::default())].into_iter().flatten().collect()
+}
+
+/// An asset whose grids are built.
+fn prepared(model: &Model, device: &Device, grid: u32) -> Asset {
+    let mut asset = model.asset_on(device, grid);
+    for tile in 0..asset.tile_count() {
+        asset.tile_info(tile).unwrap();
+    }
+    asset
+}
+
+/// Solves, and gives milliseconds and the tile's report.
+fn solve(asset: &mut Asset, model: &Model, options: &SolveOptions) -> (f64, TileReport) {
+    let start = Instant::now();
+    asset.solve(model.frame(1), options).unwrap();
+    (start.elapsed().as_secs_f64() * 1000.0, asset.tile_report(0).unwrap())
+}
+
+fn check(report: &TileReport, what: &str) {
+    assert!(report.energy <= report.energy_before, "{what}: {} {}", report.energy, report.energy_before);
+    assert!(report.folds == 0 && report.min_jacobian > 0.0, "{what}");
+}
+
+/// Other programs may hold a solve up: the best of several tries counts.
+const TRIES: usize = 4;
+
+#[test]
+fn a_budget_holds_from_the_first_solve_on() {
+    let model = Model::from(scenes::analytic::squash(0.7));
+    let device = common::cpu(0);
+    for grid in [512, 1024] {
+        let mut used = prepared(&model, &device, grid);
+        for budget in [2.0, 10.0, 50.0, 200.0, 800.0] {
+            let bound = 1.2 * budget + 5.0;
+            let mut best = [f64::INFINITY; 2];
+            for _ in 0..TRIES {
+                let mut first = prepared(&model, &device, grid);
+                for (best, asset) in best.iter_mut().zip([&mut first, &mut used]) {
+                    // A result that was not cut short would be kept.
+                    asset.solve(model.frame(1), &SolveOptions { warm: true, ..with_budget(1e-6) }).unwrap();
+                    let (ms, report) = solve(asset, &model, &with_budget(budget));
+                    check(&report, &format!("{grid}, {budget} ms"));
+                    *best = best.min(ms);
+                }
+                if best.iter().all(|ms| *ms <= bound) {
+                    break;
+                }
+            }
+            println!("{grid}: {budget} ms: first {:.1}, later {:.1}", best[0], best[1]);
+            assert!(best.iter().all(|ms| *ms <= bound), "{grid}: {budget} ms took {best:?}");
+        }
+    }
+}
+
+#[test]
+fn with_time_for_a_level_the_result_is_better_than_the_identity() {
+    let model = Model::from(scenes::analytic::squash(0.7));
+    for (device, grid) in devices().into_iter().zip([512, 64]) {
+        let mut asset = prepared(&model, &device, grid);
+        let mut all = f64::INFINITY;
+        for _ in 0..TRIES {
+            // A warm result is not kept, so that the next solve computes everything.
+            asset.solve(model.frame(1), &SolveOptions { warm: true, ..with_budget(1e-6) }).unwrap();
+            all = all.min(solve(&mut asset, &model, &SolveOptions::default()).0);
+        }
+        let mut gain = 0.0f64;
+        for _ in 0..TRIES {
+            let (_, report) = solve(&mut asset, &model, &with_budget(0.8 * all));
+            check(&report, "most of the time");
+            if report.energy_before > 0.0 {
+                gain = gain.max(1.0 - report.energy / report.energy_before);
+            }
+        }
+        println!(
+            "{:?}: {all:.1} ms in all; in 80 % of it {:.1} % of the energy goes",
+            device.info().backend,
+            100.0 * gain
+        );
+        assert!(gain > 0.2, "{gain}");
+    }
+}
+
+#[test]
+fn no_time_at_all_is_the_identity_at_once() {
+    let model = Model::from(scenes::analytic::bulge());
+    for device in devices() {
+        for solver in [Solver::Descent, Solver::Pbd] {
+            let mut asset = prepared(&model, &device, 256);
+            let options = |warm| SolveOptions { warm, solver, ..with_budget(1e-6) };
+            for (warm, after) in [(false, None), (true, None), (true, Some(())), (false, Some(()))] {
+                if after.is_some() {
+                    let whole = SolveOptions {
+                        solver,
+                        pbd: PbdSettings { iterations: Some(2), ..PbdSettings::default() },
+                        ..SolveOptions::default()
+                    };
+                    asset.solve(model.frame(1), &whole).unwrap();
+                    assert!(bits(&asset).iter().any(|u| *u != [0; 2]));
+                }
+                let (_, report) = solve(&mut asset, &model, &options(warm));
+                assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{solver:?}, warm: {warm}");
+                assert!(report.truncated && report.charts_fallback == report.charts_active);
+                assert_eq!((report.energy, report.energy_before, report.min_jacobian), (0.0, 0.0, 1.0));
+                assert_eq!((report.sweeps, report.corrections), (0, 0));
+            }
+        }
+    }
+}
+
+#[test]
+fn with_time_enough_the_bits_are_those_without_a_budget() {
+    let model = Model::from(scenes::mug_to_jug());
+    for device in devices() {
+        for quality in [vrtm::Quality::Draft, vrtm::Quality::Normal] {
+            let mut asset = prepared(&model, &device, 128);
+            let plain = common::options(quality);
+            asset.solve(model.frame(1), &plain).unwrap();
+            let expected = bits(&asset);
+            // Of a fresh tile, whose costs the device does not know for its grid, too.
+            let mut asset = prepared(&model, &device, 128);
+            for round in 0..2 {
+                let options = SolveOptions { time_budget: Some(Duration::from_secs(3600)), ..plain };
+                asset.solve(model.frame(1), &SolveOptions { warm: true, ..with_budget(1e-6) }).unwrap();
+                let (_, report) = solve(&mut asset, &model, &options);
+                assert!(!report.truncated && bits(&asset) == expected, "{quality:?}, round {round}");
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! The Rust API: what a call does besides solving, what it costs, and what it hands out.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod budget;
+mod control;
+mod maps;
+mod prepare;
+mod refine;
+mod saved;
+mod selection;

@@ -1,0 +1,173 @@
+//! Prepared tiles that are saved and loaded: the same results, and refusal of everything else.
+
+use crate::common::scenes::by_name;
+use crate::common::{Model, cpu, fetch, gpu, options};
+use vrtm::{Asset, Device, DeviceSettings, ErrorKind, FetchKind, Quality, TileSettings};
+use xxhash_rust::xxh3::xxh3_128;
+
+/// Where the checksum and the checked bytes begin.
+const CHECKSUM: usize = 40;
+const PAYLOAD: usize = 56;
+
+fn model(name: &str) -> Model {
+    by_name(name).map(Model::from).expect("a scene of that name")
+}
+
+/// Bits of all tiles' warps.
+fn warps(asset: &mut Asset, model: &Model) -> Vec<[u32; 2]> {
+    asset.solve(model.frame(model.frames.len()), &options(Quality::Normal)).unwrap();
+    (0..asset.tile_count())
+        .flat_map(|tile| {
+            let grid = asset.tile_report(tile).unwrap().grid;
+            fetch(asset, tile, FetchKind::Warp, grid.map(|n| n + 1))
+        })
+        .map(|uv| uv.map(f32::to_bits))
+        .collect()
+}
+
+fn same_results(device: &Device, grid: u32) {
+    for name in ["bulge", "creature", "arm"] {
+        let model = model(name);
+        let mut saved = model.asset_on(device, grid);
+        let bytes: Vec<_> = (0..saved.tile_count()).map(|tile| saved.save_tile(tile).unwrap()).collect();
+        let mut loaded = model.asset_on(device, grid);
+        for (tile, bytes) in bytes.iter().enumerate() {
+            loaded.load_tile(tile, bytes).unwrap();
+            assert_eq!(loaded.tile_info(tile).unwrap(), saved.tile_info(tile).unwrap(), "{name}");
+            assert_eq!(&loaded.save_tile(tile).unwrap(), bytes, "{name}");
+        }
+        assert!(warps(&mut loaded, &model) == warps(&mut saved, &model), "{name}");
+        assert_eq!(loaded.device().info().bytes_held, saved.device().info().bytes_held);
+    }
+}
+
+#[test]
+fn a_loaded_tile_gives_the_same_bits() {
+    same_results(&cpu(0), 128);
+}
+
+#[test]
+fn a_loaded_tile_gives_the_same_bits_on_a_gpu() {
+    if let Some(device) = gpu(&DeviceSettings::default()) {
+        same_results(&device, 64);
+    }
+}
+
+#[test]
+fn a_tile_with_density_is_saved_whole() {
+    let model = model("bulge");
+    let settings = TileSettings { grid: [Some(96); 2], orientation_density: 1.0, ..TileSettings::default() };
+    let make = || {
+        let mut asset = model.asset(0, 96);
+        asset.set_settings(0, &settings).unwrap();
+        asset
+    };
+    let (mut saved, mut loaded) = (make(), make());
+    loaded.load_tile(0, &saved.save_tile(0).unwrap()).unwrap();
+    assert!(warps(&mut loaded, &model) == warps(&mut saved, &model));
+}
+
+#[test]
+fn other_meshes_maps_and_settings_are_refused() {
+    let model = model("bulge");
+    let mut asset = model.asset(1, 64);
+    let bytes = asset.save_tile(0).unwrap();
+    let refused = |asset: &mut Asset| {
+        let error = asset.load_tile(0, &bytes).unwrap_err();
+        assert_eq!(error.kind, ErrorKind::InvalidArgument);
+        assert!(error.message.starts_with("data: it was saved with another"), "{}", error.message);
+    };
+    refused(&mut model.asset(1, 80));
+    let mut moved = model.clone();
+    moved.rest[3][0] += 1e-3;
+    refused(&mut moved.asset(1, 64));
+    let mut painted = model.clone();
+    let middle = painted.maps[0].rigidity.len() / 2;
+    painted.maps[0].rigidity[middle] ^= 1;
+    refused(&mut painted.asset(1, 64));
+    let mut masked = model.clone();
+    masked.maps[0].mask = Some(vec![255; masked.maps[0].rigidity.len()]);
+    refused(&mut masked.asset(1, 64));
+    let mut smoother = model.asset(1, 64);
+    let settings = TileSettings { grid: [Some(64); 2], smoothness: 0.1, ..TileSettings::default() };
+    smoother.set_settings(0, &settings).unwrap();
+    refused(&mut smoother);
+    // What a solve alone depends on may differ.
+    let settings = TileSettings { grid: [Some(64); 2], room: 0.1, ..TileSettings::default() };
+    asset.set_settings(0, &settings).unwrap();
+    asset.load_tile(0, &bytes).unwrap();
+}
+
+#[test]
+fn damaged_bytes_are_refused_and_the_tile_stays() {
+    let model = model("bulge");
+    let mut asset = model.asset(1, 64);
+    let bytes = asset.save_tile(0).unwrap();
+    let before = warps(&mut asset, &model);
+    let held = asset.device().info().bytes_held;
+    let refuse = |asset: &mut Asset, data: &[u8], why: &str| {
+        let error = asset.load_tile(0, data).unwrap_err();
+        assert!(error.message.starts_with("data: ") && error.message.contains(why), "{}", error.message);
+    };
+    for length in [0, 7, 8, 12, 55, 56, 100, bytes.len() - 1] {
+        refuse(&mut asset, &bytes[..length], "");
+    }
+    refuse(&mut asset, &[&bytes[..], &[0]].concat(), "were saved");
+    for at in (0..bytes.len()).step_by(211) {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x10;
+        refuse(&mut asset, &damaged, "");
+    }
+    // The one word that the checksum does not tell of: a later version may say something by it.
+    for at in 12..16 {
+        let mut reserved = bytes.clone();
+        reserved[at] = 1;
+        refuse(&mut asset, &reserved, "reserved word is not 0");
+    }
+    let mut newer = bytes.clone();
+    newer[8] = 2;
+    refuse(&mut asset, &newer, "format 2");
+    assert_eq!(asset.device().info().bytes_held, held);
+    assert!(warps(&mut asset, &model) == before);
+}
+
+/// Bytes that somebody made up, with a checksum that is right: refused, or a warp that is certified.
+#[test]
+fn forged_bytes_do_no_harm() {
+    let model = model("creature");
+    let mut asset = model.asset(1, 48);
+    let bytes = asset.save_tile(0).unwrap();
+    let mut seed = 3u64;
+    let mut below = |n: usize| {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 33) as usize % n
+    };
+    let (mut refused, mut taken) = (0, 0);
+    for round in 0..600 {
+        let mut forged = bytes.clone();
+        // Some at the head, where the sizes are.
+        let reach = if round % 3 == 0 { 200 } else { forged.len() - PAYLOAD };
+        for _ in 0..1 + below(4) {
+            let at = PAYLOAD + below(reach.min(forged.len() - PAYLOAD));
+            forged[at] = [0, 255, 127, 1, below(256) as u8][below(5)];
+        }
+        let checksum = xxh3_128(&forged[PAYLOAD..]).to_le_bytes();
+        forged[CHECKSUM..PAYLOAD].copy_from_slice(&checksum);
+        match asset.load_tile(0, &forged) {
+            Err(error) => {
+                refused += 1;
+                assert!(error.message.starts_with("data: "), "{}", error.message);
+            }
+            Ok(()) => {
+                taken += 1;
+                if taken % 4 == 0 {
+                    asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+                    let report = asset.tile_report(0).unwrap();
+                    assert!(report.min_jacobian > 0.0 && report.energy <= report.energy_before);
+                }
+            }
+        }
+    }
+    println!("{refused} refused, {taken} taken");
+    assert!(refused > 50 && taken > 50, "{refused} {taken}");
+}

@@ -1,0 +1,164 @@
+//! Solves of some tiles: those that are named, those that moved vertices touch, all but frozen ones; and results that are
+//! given up for the next ones.
+
+use crate::common::{self, Model, bits, scenes};
+use vrtm::{Asset, ErrorKind, Quality, SolveOptions, SolveRequest};
+
+/// The arm has two tiles.
+fn arm() -> (Model, Asset) {
+    let model = Model::from(scenes::by_name("arm").unwrap());
+    let asset = model.asset(2, 64);
+    assert_eq!(asset.tile_count(), 2);
+    (model, asset)
+}
+
+fn tile_bits(asset: &Asset, tile: usize) -> Vec<[u32; 2]> {
+    asset.displacements(tile).unwrap().iter().map(|u| u.map(f32::to_bits)).collect()
+}
+
+/// The bits of both tiles for a frame, solved alone.
+fn frame(model: &Model, number: usize) -> [Vec<[u32; 2]>; 2] {
+    let mut asset = model.asset(2, 64);
+    asset.solve(model.frame(number), &SolveOptions::default()).unwrap();
+    [0, 1].map(|tile| tile_bits(&asset, tile))
+}
+
+fn kept(asset: &Asset) -> Vec<bool> {
+    (0..asset.tile_count()).map(|tile| asset.tile_report(tile).unwrap().kept).collect()
+}
+
+#[test]
+fn only_the_tiles_that_are_named() {
+    let (model, mut asset) = arm();
+    let (one, three) = (frame(&model, 1), frame(&model, 3));
+    assert!(one[0] != three[0] && one[1] != three[1]);
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let request = SolveRequest { positions: model.frame(3), tiles: Some(&[1, 1]), ..SolveRequest::default() };
+    asset.run(&request, &mut []).unwrap();
+    assert!(tile_bits(&asset, 0) == one[0] && tile_bits(&asset, 1) == three[1]);
+    assert_eq!(kept(&asset), [true, false]);
+    assert_eq!(asset.report().unwrap().tiles_kept, 1);
+    // None at all is no error, and changes nothing.
+    asset.run(&SolveRequest { tiles: Some(&[]), ..request.clone() }, &mut []).unwrap();
+    assert!(tile_bits(&asset, 0) == one[0] && tile_bits(&asset, 1) == three[1]);
+    assert_eq!(asset.report().unwrap().tiles_kept, 2);
+    let error = asset.run(&SolveRequest { tiles: Some(&[0, 2]), ..request }, &mut []).unwrap_err();
+    assert_eq!(error.message, "options.tiles[1]: 2 is out of range, there are 2");
+}
+
+/// A tile that has never been solved has no result, but the others have theirs.
+#[test]
+fn a_tile_that_was_never_solved_has_no_result() {
+    let (model, mut asset) = arm();
+    let request = SolveRequest { positions: model.frame(3), tiles: Some(&[1]), ..SolveRequest::default() };
+    asset.run(&request, &mut []).unwrap();
+    assert_eq!(asset.tile_report(0).unwrap_err().kind, ErrorKind::NotSolved);
+    assert!(tile_bits(&asset, 1) == frame(&model, 3)[1]);
+    // Its corners have the mesh's own UVs, those of the other tile their redirected ones.
+    let mut uvs = vec![[f32::NAN; 2]; asset.info().corners as usize];
+    asset.corner_uvs(&mut uvs).unwrap();
+    let own: Vec<[f32; 2]> = model.uv_indices.iter().map(|&k| model.uvs[k as usize]).collect();
+    let moved = |tile: f32| {
+        let of_tile = |(uv, _): &(&[f32; 2], &[f32; 2])| uv[0].floor() == tile;
+        own.iter().zip(&uvs).filter(of_tile).filter(|(own, uv)| own != uv).count()
+    };
+    assert_eq!(moved(0.0), 0);
+    assert!(moved(1.0) > 0);
+    // A list of dirty vertices does not leave it out.
+    let request = SolveRequest { tiles: None, dirty_vertices: Some(&[]), ..request };
+    asset.run(&request, &mut []).unwrap();
+    assert_eq!(kept(&asset), [false, true]);
+}
+
+#[test]
+fn only_the_tiles_that_dirty_vertices_touch() {
+    let (model, mut asset) = arm();
+    let one = frame(&model, 1);
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    // A vertex of the second tile alone moves.
+    let in_tile = |tile: f32| {
+        let of: Vec<bool> = model.vertices(|uv| uv[0].floor() == tile);
+        move |v: &usize| of[*v]
+    };
+    let vertex = (0..model.rest.len()).filter(in_tile(1.0)).find(|v| !in_tile(0.0)(v)).unwrap();
+    let mut pose = model.frames[0].clone();
+    pose[vertex][1] += 0.05;
+    let positions = vrtm::Strided::from_f32x3(&pose);
+    let mut whole = model.asset(2, 64);
+    whole.solve(positions, &SolveOptions::default()).unwrap();
+    let dirty = [vertex as u32];
+    let request = SolveRequest { positions, dirty_vertices: Some(&dirty), ..SolveRequest::default() };
+    asset.run(&request, &mut []).unwrap();
+    assert_eq!(kept(&asset), [true, false]);
+    assert!(bits(&asset) == bits(&whole) && tile_bits(&asset, 0) == one[0]);
+    // Nothing has moved: nothing is done. But other options, maps or settings count as well.
+    let nothing = SolveRequest { dirty_vertices: Some(&[]), ..request.clone() };
+    asset.run(&nothing, &mut []).unwrap();
+    assert_eq!(kept(&asset), [true, true]);
+    let settings = vrtm::TileSettings { room: 0.2, ..asset.settings(0).unwrap() };
+    asset.set_settings(0, &settings).unwrap();
+    asset.run(&nothing, &mut []).unwrap();
+    assert_eq!(kept(&asset), [false, true]);
+    asset.set_mask(1, Some(common::view(&[255], 1, 1))).unwrap();
+    asset.run(&nothing, &mut []).unwrap();
+    assert_eq!(kept(&asset), [true, false]);
+    let high = SolveOptions { quality: Quality::High, ..SolveOptions::default() };
+    asset.run(&SolveRequest { options: high, ..nothing.clone() }, &mut []).unwrap();
+    assert_eq!(kept(&asset), [false, false]);
+    let count = model.rest.len() as u32;
+    let beyond = [0, count];
+    let request = SolveRequest { dirty_vertices: Some(&beyond), ..nothing };
+    let error = asset.run(&request, &mut []).unwrap_err();
+    let expected =
+        format!("options.dirty_vertices[1]: {count} is out of range, the mesh has {count} vertices");
+    assert_eq!(error.message, expected);
+}
+
+#[test]
+fn a_frozen_tile_keeps_its_result() {
+    let (model, mut asset) = arm();
+    let (one, three) = (frame(&model, 1), frame(&model, 3));
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    asset.freeze(0, true).unwrap();
+    asset.solve(model.frame(3), &SolveOptions::default()).unwrap();
+    assert!(tile_bits(&asset, 0) == one[0] && tile_bits(&asset, 1) == three[1]);
+    assert_eq!(kept(&asset), [true, false]);
+    // Naming it does not wake it, letting it go does.
+    let request = SolveRequest { positions: model.frame(3), tiles: Some(&[0]), ..SolveRequest::default() };
+    asset.run(&request, &mut []).unwrap();
+    assert_eq!(kept(&asset), [true, true]);
+    asset.freeze(0, false).unwrap();
+    asset.run(&request, &mut []).unwrap();
+    assert!(tile_bits(&asset, 0) == three[0]);
+    assert_eq!(asset.freeze(2, true).unwrap_err().kind, ErrorKind::InvalidArgument);
+}
+
+/// What release_last saves, and what it costs.
+#[test]
+fn a_result_that_is_given_up_is_gone_until_the_next_one() {
+    let (model, mut asset) = arm();
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let results = asset.results().clone();
+    let seen = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+    let list = seen.clone();
+    let control = std::sync::Arc::new(vrtm::Control::with_progress(std::sync::Arc::new(move |_| {
+        list.lock().unwrap().push([0, 1].map(|tile| results.tile_report(tile).is_ok()));
+        false
+    })));
+    let request = SolveRequest {
+        positions: model.frame(3),
+        tiles: Some(&[1]),
+        release_last: true,
+        control: Some(control.clone()),
+        ..SolveRequest::default()
+    };
+    asset.run(&request, &mut []).unwrap();
+    // The tile that is solved had none meanwhile, the other one kept its own.
+    let seen = seen.lock().unwrap().clone();
+    assert!(!seen.is_empty() && seen.iter().all(|seen| *seen == [true, false]), "{seen:?}");
+    assert!(tile_bits(&asset, 1) == frame(&model, 3)[1]);
+    control.cancel_at_item(1);
+    let error = asset.run(&request, &mut []).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::Cancelled);
+    assert!(asset.tile_report(0).is_ok());
+}

@@ -1,0 +1,160 @@
+//! The C header matches the library: its text is up to date, every exported symbol is declared, and it compiles as C
+//! and as C++.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::LazyLock;
+
+use object::{Object, ObjectSymbol};
+
+mod generate;
+
+use crate::tools::{compiler, library, root, scratch};
+
+/// The header as `src/ffi` has it now; `include/vrtm.h` is a committed copy.
+static GENERATED: LazyLock<String> = LazyLock::new(|| generate::header(root()).unwrap());
+
+fn committed() -> PathBuf {
+    root().join("include/vrtm.h")
+}
+
+#[test]
+fn the_committed_header_is_the_generated_one() {
+    if std::env::var_os("VRTM_UPDATE_HEADER").is_some() {
+        std::fs::write(committed(), GENERATED.as_str()).unwrap();
+    }
+    let text = std::fs::read_to_string(committed()).unwrap_or_default();
+    let line = text.lines().zip(GENERATED.lines()).position(|(a, b)| a != b);
+    assert!(
+        text == *GENERATED,
+        "include/vrtm.h differs from src/ffi (first in line {:?}): VRTM_UPDATE_HEADER=1 cargo test --test c_api header::",
+        line.map(|n| n + 1)
+    );
+}
+
+/// Names declared as `VRTM_API type name(`, without comments.
+fn declared(header: &str) -> BTreeSet<String> {
+    let code: String = header
+        .split("/*")
+        .enumerate()
+        .map(|(i, part)| if i == 0 { part } else { part.split_once("*/").map_or("", |(_, code)| code) })
+        .flat_map(|part| part.lines().map(|line| line.split("//").next().unwrap_or("")))
+        .filter(|line| !line.starts_with('#'))
+        .collect::<Vec<_>>()
+        .join(" ");
+    code.split("VRTM_API")
+        .skip(1)
+        .filter_map(|declaration| declaration.split_once('('))
+        .filter_map(|(head, _)| head.split_whitespace().last())
+        .map(|name| name.trim_start_matches('*').to_owned())
+        .collect()
+}
+
+/// The symbols that the dynamic linker finds in a library.
+fn exported(library: &Path) -> BTreeSet<String> {
+    let bytes = std::fs::read(library).unwrap();
+    let file = object::File::parse(&*bytes).unwrap();
+    match file.format() {
+        object::BinaryFormat::Elf => file
+            .dynamic_symbols()
+            .filter(|symbol| symbol.is_definition() && symbol.is_global())
+            .map(|symbol| symbol.name().unwrap().to_owned())
+            .collect(),
+        _ => (file.exports().unwrap().iter())
+            .map(|export| String::from_utf8_lossy(export.name()).trim_start_matches('_').to_owned())
+            .collect(),
+    }
+}
+
+#[test]
+fn the_library_exports_what_the_header_declares_and_nothing_else() {
+    let declared = declared(&GENERATED);
+    let exported = exported(&library());
+    assert!(declared.len() >= 26, "only {} declarations found", declared.len());
+    let undeclared: Vec<_> = exported.difference(&declared).collect();
+    assert!(undeclared.is_empty(), "exported, but not in vrtm.h: {undeclared:?}");
+    let missing: Vec<_> = declared.difference(&exported).collect();
+    assert!(missing.is_empty(), "in vrtm.h, but not exported: {missing:?}");
+    assert!(exported.iter().all(|name| name.starts_with("vrtm_")));
+}
+
+#[test]
+fn every_struct_with_a_size_has_an_initialiser() {
+    let mut count = 0;
+    for part in GENERATED.split("typedef struct ").skip(1) {
+        let (name, body) = part.split_once(" {").unwrap();
+        let body = body.split_once("\n}").unwrap().0;
+        if body.contains("struct_size") {
+            let first = body.lines().find(|line| !line.trim().is_empty() && !line.contains("//"));
+            assert_eq!(first.map(str::trim), Some("uint32_t struct_size;"), "{name}");
+            assert!(GENERATED.contains(&format!("\nVRTM_DEFINE_INIT_({name})")), "{name} has no initialiser");
+            count += 1;
+        }
+    }
+    assert!(count >= 14, "only {count} structs found");
+}
+
+/// Compiled hosts contain these numbers: new ones may be added, existing ones never changed.
+#[test]
+fn constants_keep_their_values() {
+    let frozen = "
+        OK 0, ERROR_INVALID_ARGUMENT 1, ERROR_INVALID_HANDLE 2, ERROR_UNSUPPORTED 3, ERROR_OUT_OF_MEMORY 4,
+        ERROR_NOT_SOLVED 5, ERROR_BUSY 6, ERROR_DEVICE_LOST 7, ERROR_INTERNAL 8, ERROR_CANCELLED 9, ERROR_TIMEOUT 10,
+        JOB_RUNNING 0, JOB_DONE 1, SCALAR_F32 0, SCALAR_F64 1,
+        PIXEL_F32 0, PIXEL_F16 1, PIXEL_U16 2, PIXEL_U8 3, ORIGIN_TOP 0, ORIGIN_BOTTOM 1, BACKEND_AUTO 0,
+        BACKEND_CPU 1, BACKEND_GPU 2, LOG_WARNING 1, LOG_INFO 2, OVERLAP_FIXED 0, OVERLAP_FIRST_FACE 1,
+        FETCH_REDIRECTION 0, FETCH_REDIRECTION_DELTA 1, FETCH_WARP 2, QUALITY_NORMAL 0, QUALITY_DRAFT 1,
+        QUALITY_HIGH 2, OFF -1.0";
+    for constant in frozen.split(',') {
+        let line = format!("\n#define VRTM_{}\n", constant.trim());
+        assert!(GENERATED.contains(&line), "{line:?} is not in vrtm.h");
+    }
+}
+
+#[test]
+fn every_line_fits_the_page() {
+    for (number, line) in GENERATED.lines().enumerate() {
+        assert!(line.len() <= 120, "line {} has {} characters", number + 1, line.len());
+    }
+}
+
+#[cfg(unix)]
+fn compile(name: &str, text: &str, language: &str, options: &[&str]) {
+    let file = scratch().join(name);
+    std::fs::write(&file, text).unwrap();
+    let output = Command::new(compiler(language))
+        .args(["-fsyntax-only", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion"])
+        .args(["-Wshadow", "-Wstrict-aliasing"])
+        .args(options)
+        .arg("-I")
+        .arg(root().join("include"))
+        .arg(&file)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{name} {options:?}:\n{}", String::from_utf8_lossy(&output.stderr));
+}
+
+#[cfg(unix)] // The flags are those of gcc and clang.
+#[test]
+fn the_header_compiles_as_c11() {
+    // Included twice, the header has a working guard. Included alone, it needs no header before it.
+    compile(
+        "alone.c",
+        "#include \"vrtm.h\"\n#include \"vrtm.h\"\nint main(void) { return 0; }\n",
+        "c",
+        &["-std=c11"],
+    );
+}
+
+#[cfg(unix)]
+#[test]
+fn the_headers_compile_as_cpp() {
+    let alone = "#include \"vrtm.h\"\n#include \"vrtm.h\"\nint main() { return 0; }\n";
+    compile("alone.cpp", alone, "cpp", &["-std=c++17"]);
+    let wrapper = "#include \"vrtm.hpp\"\n#include \"vrtm.hpp\"\nint main() { return 0; }\n";
+    for standard in ["-std=c++17", "-std=c++20"] {
+        compile("raii.cpp", wrapper, "cpp", &[standard]);
+        compile("raii.cpp", wrapper, "cpp", &[standard, "-fno-exceptions", "-fno-rtti"]);
+    }
+}

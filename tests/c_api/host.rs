@@ -1,0 +1,287 @@
+//! Runs the library inside C and C++ hosts that are compiled with the system's compilers and linked to the built
+//! library. Each host prints a line per case; a FAIL or a bad exit code fails the test.
+
+#![cfg(unix)] // The hosts use POSIX threads and dlopen; the linker options are those for ELF and Mach-O.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use crate::gpu;
+use crate::tools::{compiler, library, loader_folder, root, scratch};
+
+fn text(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Compiles `source` with warnings as errors, and links it to the library unless it loads the library itself.
+fn build(source: &Path, linked: bool) -> PathBuf {
+    let name = source.file_stem().unwrap().to_string_lossy().into_owned();
+    let program = scratch().join(format!("host_{name}"));
+    let (language, standard) = match source.extension() {
+        Some(extension) if extension == "cpp" => ("cpp", "-std=c++17"),
+        _ => ("c", "-std=c11"),
+    };
+    let mut command = Command::new(compiler(language));
+    command
+        .args([standard, "-O1", "-g", "-Wall", "-Wextra", "-pedantic", "-Werror", "-pthread"])
+        .arg("-I")
+        .arg(root().join("include"))
+        .arg("-I")
+        .arg(root().join("tests/host"))
+        .arg(source)
+        .arg("-o")
+        .arg(&program);
+    if linked {
+        command.arg(library()).arg(format!("-Wl,-rpath,{}", loader_folder().display()));
+    }
+    command.args(["-lm", "-ldl"]);
+    let output = command.output().unwrap_or_else(|error| panic!("{:?}: {error}", compiler(language)));
+    assert!(output.status.success(), "{command:?}:\n{}", text(&output));
+    program
+}
+
+/// Runs a program and prints its output. The settings of the machine must not change what it does.
+fn run(program: &Path, arguments: &[&Path]) -> String {
+    run_with(program, arguments, &[])
+}
+
+fn run_with(program: &Path, arguments: &[&Path], variables: &[(&str, &str)]) -> String {
+    let output = Command::new(program)
+        .args(arguments)
+        .env_remove("VRTM_DEVICE")
+        .env_remove("VRTM_THREADS")
+        .env_remove("VRTM_GPU_LIMITS")
+        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
+        .env("XDG_RUNTIME_DIR", scratch())
+        .envs(variables.iter().copied())
+        .output()
+        .unwrap_or_else(|error| panic!("{}: {error}", program.display()));
+    let said = text(&output);
+    println!("{said}");
+    assert!(output.status.success(), "{}: {}\n{said}", program.display(), output.status);
+    // The library itself prints nothing.
+    assert!(output.stderr.is_empty(), "stderr: {}", String::from_utf8_lossy(&output.stderr));
+    said
+}
+
+fn run_host(file: &str, at_least: usize) {
+    let program = build(&root().join("tests/host").join(file), true);
+    let said = run(&program, &[]);
+    let foreign = said.lines().find(|line| !line.starts_with("ok   ") && *line != "0 failed");
+    assert!(foreign.is_none(), "{file} did not print {foreign:?}: the library must not either");
+    let cases = said.lines().count() - 1;
+    assert!(cases >= at_least, "{file}: only {cases} cases ran");
+}
+
+#[test]
+fn smoke() {
+    run_host("smoke.c", 50);
+}
+
+#[test]
+fn misuse() {
+    run_host("misuse.c", 150);
+}
+
+#[test]
+fn mesh() {
+    run_host("mesh.c", 50);
+}
+
+#[test]
+fn float_mode() {
+    run_host("float_mode.c", 30);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn jobs() {
+    run_host("job.c", 90);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn jobs_on_a_host_s_threads() {
+    run_host("job_threads.c", 35);
+}
+
+#[test]
+fn refinements() {
+    run_host("refine.c", 60);
+}
+
+#[test]
+fn deformer() {
+    run_host("deformer.cpp", 15);
+}
+
+#[test]
+fn a_c_host_estimates_saves_and_repaints_tiles() {
+    run_host("prepare.c", 50);
+}
+
+#[test]
+fn a_host_fetches_all_kinds_of_maps() {
+    run_host("maps.c", 39);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn memory_goes_back_after_the_last_asset() {
+    run_host("memory.c", 40);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn ten_thousand_solves_leave_nothing_behind() {
+    run_host("soak.c", 15);
+}
+
+#[test]
+fn forks_signals_and_small_stacks_do_no_harm() {
+    run_host("process.c", 30);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_locale_with_decimal_commas_changes_nothing() {
+    let folder = scratch().join("locales");
+    std::fs::create_dir_all(&folder).unwrap();
+    let made = Command::new("localedef")
+        .args(["-i", "de_DE", "-f", "UTF-8"])
+        .arg(folder.join("de_DE.UTF-8"))
+        .output()
+        .is_ok_and(|output| output.status.success());
+    if !made {
+        println!("skipped: localedef does not make the locale de_DE");
+        return;
+    }
+    let program = build(&root().join("tests/host/locale.c"), true);
+    let said = run_with(&program, &[Path::new("de_DE.UTF-8")], &[("LOCPATH", folder.to_str().unwrap())]);
+    assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= 25, "{said}");
+}
+
+/// The header says which stack a caller needs.
+#[test]
+fn a_stack_of_48_kib_is_enough_on_the_cpu() {
+    run_host("stack.c", 6);
+}
+
+/// How often a step of a host's work fails for want of memory: at so many of its allocations, evenly spaced.
+/// VRTM_ALLOCATE_ROUNDS sets another number; 0 lets each allocation fail in turn.
+fn rounds(default: &str) -> PathBuf {
+    std::env::var_os("VRTM_ALLOCATE_ROUNDS").unwrap_or_else(|| default.into()).into()
+}
+
+fn run_allocate(program: &Path, arguments: [&str; 2]) {
+    let rounds = rounds(arguments[1]);
+    let said = run(program, &[Path::new(arguments[0]), &rounds]);
+    let foreign = said.lines().find(|line| !line.starts_with("ok   ") && *line != "0 failed");
+    assert!(foreign.is_none(), "it did not print {foreign:?}: the library must not either");
+}
+
+#[test]
+fn allocations_of_a_host_s_allocator_fail() {
+    let program = build(&root().join("tests/host/allocate.c"), true);
+    run_allocate(&program, ["cpu", "8"]);
+    if gpu::has_gpu() {
+        run_allocate(&program, ["gpu", "2"]);
+    }
+}
+
+/// In a process whose memory is short, with nothing of vrtm's help.
+#[test]
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn allocations_of_the_system_fail() {
+    let program = build(&root().join("tests/host/allocate_outside.c"), true);
+    run_allocate(&program, ["interposed", "4"]);
+    run_allocate(&program, ["limited", "0"]);
+}
+
+#[test]
+fn unload() {
+    let program = build(&root().join("tests/host/unload.c"), false);
+    let said = run(&program, &[&library()]);
+    assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= 24);
+}
+
+/// The hosts run with default options on a GPU as well, and unload the library afterwards.
+#[test]
+fn hosts_on_a_gpu() {
+    if !gpu::has_gpu() {
+        return;
+    }
+    for (file, linked, at_least) in [("smoke.c", true, 50), ("misuse.c", true, 150), ("unload.c", false, 18)]
+    {
+        // A program of its own, because the plain run may be building the same source at this time.
+        let source = scratch().join(format!("gpu_{file}"));
+        std::fs::copy(root().join("tests/host").join(file), &source).unwrap();
+        let said = run_with(&build(&source, linked), &[&library()], &[("VRTM_DEVICE", "gpu")]);
+        assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= at_least, "{file}");
+    }
+}
+
+#[test]
+fn the_readme_s_example_runs() {
+    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let block = readme.split_once("\n```c\n").and_then(|(_, rest)| rest.split_once("\n```\n"));
+    let block = block.expect("README.md has no block that starts with ```c").0;
+    let file = std::fs::read_to_string(root().join("tests/host/readme.c")).unwrap();
+    assert!(block.trim() == file.trim(), "the C block of README.md is not tests/host/readme.c");
+    let program = build(&root().join("tests/host/readme.c"), true);
+    let said = run(&program, &[]);
+    let numbers: Vec<f32> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    assert!(numbers.len() == 2 && numbers.iter().all(|n| (0.0..=1.0).contains(n)), "{said}");
+}
+
+/// Checks every access and that all memory is freed, where valgrind is installed; otherwise it is skipped with a
+/// message.
+fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
+    if Command::new("valgrind").arg("--version").output().is_err() {
+        println!("skipped: valgrind is not installed");
+        return;
+    }
+    // A program of its own, because the plain run may be building the same source at this time.
+    let source = scratch().join(format!("checked_{file}"));
+    std::fs::copy(root().join("tests/host").join(file), &source).unwrap();
+    let output = Command::new("valgrind")
+        .args(["--quiet", "--error-exitcode=9", "--leak-check=full"])
+        // It runs one thread at a time. Fairly, or on a busy machine a job may be done before its host goes on.
+        .arg("--fair-sched=yes")
+        // "Possibly lost" is the standard library's record of the main thread, which exists as long as that thread.
+        .args(["--show-leak-kinds=definite", "--errors-for-leak-kinds=definite"])
+        .arg(format!("--suppressions={}", root().join("tests/host/valgrind.supp").display()))
+        .arg(build(&source, linked))
+        .args(arguments)
+        .env_remove("VRTM_DEVICE")
+        .env_remove("VRTM_THREADS")
+        .env_remove("VRTM_GPU_LIMITS")
+        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
+        .env("XDG_RUNTIME_DIR", scratch())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", text(&output));
+}
+
+#[test]
+fn smoke_under_valgrind() {
+    run_under_valgrind("smoke.c", true, &[]);
+}
+
+#[test]
+fn misuse_under_valgrind() {
+    run_under_valgrind("misuse.c", true, &[]);
+}
+
+#[test]
+fn jobs_under_valgrind() {
+    run_under_valgrind("job.c", true, &[Path::new("96")]);
+}
+
+#[test]
+fn unload_under_valgrind() {
+    run_under_valgrind("unload.c", false, &[&library()]);
+}
+
+/// The C++ wrapper, hosts' contracts, the examples for hosts, and the code in the documents.
+mod hosts;

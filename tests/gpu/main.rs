@@ -1,0 +1,25 @@
+//! GPUs: finding and opening them, their results beside those of the CPU, and drawing through maps.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod bands;
+mod child;
+mod counts;
+mod cpu_gpu;
+mod device;
+mod invert;
+mod shaders;
+
+// What needs a library with the GPU backend, or the crates that come with it.
+#[cfg(feature = "gpu")]
+mod draw;
+#[cfg(all(feature = "gpu", target_os = "linux"))]
+mod external;
+#[cfg(feature = "gpu")]
+mod lock_step;
+#[cfg(feature = "gpu")]
+#[path = "../../examples/render/mod.rs"]
+mod render;
+#[cfg(all(feature = "gpu", target_os = "linux"))]
+mod vulkan;

@@ -1,0 +1,108 @@
+//! Strain of the segments between neighbouring nodes, measured on the mesh itself in f64 (over edges with a rigidity
+//! above 0.5 at both ends), per asset, tile and frame, on 512 x 512 cells with `normal`. The figures of the study that
+//! the method comes from are bars; its set of edges consists of those whose ends are both movable (`free_rms`).
+
+use crate::common::{self, Model, on_all_cores};
+use vrtm::{SolveOptions, StrainReport};
+
+const GRID: u32 = 512;
+
+/// Strain before and after in the study, by asset, frame and tile.
+const STUDY: [(&str, usize, u32, f32, f32); 8] = [
+    ("mh_face", 1, 1001, 0.102, 0.022),
+    ("mh_face", 6, 1001, 0.095, 0.021),
+    ("spot", 2, 1001, 0.214, 0.059),
+    ("spot", 4, 1001, 0.205, 0.051),
+    ("cesium_man", 3, 1001, 0.097, 0.025),
+    ("fox", 3, 1001, 0.195, 0.112),
+    ("ict_inner", 2, 1003, 0.198, 0.027),
+    ("ict_inner", 5, 1004, 0.125, 0.024),
+];
+
+/// Largest fraction of edges whose strain may rise by more than 0.25.
+const HARM: f32 = 0.001;
+
+/// Larger bounds per asset and tile, a little above what is measured: the fox's faces are so large that a rigid scale
+/// bends over their edges, and the eye and tongue tiles of the head are full of small, crushed charts.
+const HARM_KNOWN: [(&str, u32, f32); 3] =
+    [("fox", 1001, 0.009), ("ict_inner", 1003, 0.003), ("ict_inner", 1005, 0.012)];
+
+struct Row {
+    name: String,
+    frame: usize,
+    udim: u32,
+    strain: StrainReport,
+    jacobian: f64,
+    ms: f32,
+}
+
+fn rows(model: &Model) -> Vec<Row> {
+    let options = SolveOptions { measure: true, ..SolveOptions::default() };
+    let mut asset = model.asset(1, GRID);
+    let mut rows = Vec::new();
+    for frame in 1..=model.frames.len() {
+        asset.solve(model.frame(frame), &options).unwrap();
+        for tile in 0..asset.tile_count() {
+            let report = asset.tile_report(tile).unwrap();
+            let strain = report.strain.unwrap();
+            if strain.edges > 0 {
+                let (udim, jacobian, ms) = (report.udim, report.min_jacobian, report.times.total);
+                rows.push(Row { name: model.name.clone(), frame, udim, strain, jacobian, ms });
+            }
+        }
+    }
+    rows
+}
+
+/// Rounds to the three digits that the study's figures have.
+fn rounded(x: f32) -> f32 {
+    (x * 1000.0).round() / 1000.0
+}
+
+#[test]
+fn strain_on_the_mesh() {
+    let models = common::assets();
+    let rows: Vec<Row> = on_all_cores(&models, rows).into_iter().flatten().collect();
+    if models.is_empty() {
+        return;
+    }
+    println!("        tile  frame |  RMS of all edges   |  both ends free     | harm %  help %  min J    ms");
+    for Row { name, frame, udim, strain, jacobian, ms } in &rows {
+        let StrainReport { before, after, harm, help, .. } = strain;
+        println!(
+            "{name:>10} {udim} {frame:2}   | {:.4} -> {:.4}    | {:.4} -> {:.4}    | {:6.3}  {:6.2}  {jacobian:.3} {ms:5.0}",
+            before.rms,
+            after.rms,
+            before.free_rms,
+            after.free_rms,
+            100.0 * harm,
+            100.0 * help,
+        );
+    }
+    let mut failures = Vec::new();
+    for (name, frame, udim, before, after) in STUDY {
+        let row = rows.iter().find(|r| r.name == name && r.frame == frame && r.udim == udim).unwrap();
+        let strain = &row.strain;
+        // The strain before a solve does not depend on the solver: its equality shows that the same edges are measured.
+        if (strain.before.free_rms - before).abs() > 0.001 {
+            failures
+                .push(format!("{name} {frame} ({udim}): before {}, was {before}", strain.before.free_rms));
+        }
+        if rounded(strain.after.free_rms) > after {
+            failures.push(format!("{name} {frame} ({udim}): after {}, bar {after}", strain.after.free_rms));
+        }
+    }
+    for row in &rows {
+        let known = HARM_KNOWN.iter().find(|known| known.0 == row.name && known.1 == row.udim);
+        let bar = known.map_or(HARM, |known| known.2);
+        let Row { name, frame, udim, strain, .. } = row;
+        if strain.harm > bar {
+            failures.push(format!("{name} {frame} ({udim}): harm {} %", 100.0 * strain.harm));
+        }
+        if strain.after.rms > strain.before.rms {
+            let [a, b] = [strain.before.rms, strain.after.rms];
+            failures.push(format!("{name} {frame} ({udim}): worse, {a} -> {b}"));
+        }
+    }
+    assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+}

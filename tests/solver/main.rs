@@ -1,0 +1,20 @@
+//! What a solve computes: what holds for every result, how good results are, and that their bits stay.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod assets;
+mod bits;
+mod cost;
+mod cuts;
+mod gap;
+mod hard_cases;
+mod invariants;
+mod pbd;
+mod random;
+mod roughness;
+mod scenes;
+mod smooth;
+mod strips;
+mod temporal;
+mod welds;

@@ -1,0 +1,325 @@
+//! Checks what holds for every result, computed in f64 from the library's outputs; its reports are only compared with
+//! that.
+
+use vrtm::{
+    Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
+    Origin, Overlap, PixelFormat, SolveOptions, TileSettings,
+};
+
+use super::borders::{borders, hold};
+use super::build::Model;
+use super::recipe::{Layer, Recipe, Refusal, Then};
+use crate::common::Warp;
+
+pub fn cpu(threads: u32) -> Device {
+    Device::new(&DeviceSettings {
+        backend: Backend::Cpu,
+        threads: std::num::NonZeroU32::new(threads),
+        ..DeviceSettings::default()
+    })
+    .unwrap()
+}
+
+/// What happened in a case, for counting how many cases test something.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Seen {
+    /// A chart was solved.
+    pub solved: bool,
+    /// A node moved by more than a hundredth of a cell.
+    pub moved: bool,
+    /// A corner Jacobian fell under 0.1.
+    pub crushed: bool,
+    /// A chart fell back to the identity.
+    pub fell_back: bool,
+}
+
+/// Panics if a check fails. `device` is that of the first run; `None` = a CPU device with the recipe's number of
+/// threads.
+pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
+    let cpu_device = cpu(recipe.threads);
+    let device = device.unwrap_or(&cpu_device);
+    let model = recipe.model();
+    let mut asset = recipe.asset(&model, device).unwrap();
+    let mut seen = Seen::default();
+    let bits = run(recipe, &model, &mut asset, &mut seen);
+    let again = |mut asset: Asset| run(recipe, &model, &mut asset, &mut Seen::default());
+    match &recipe.then {
+        Then::Again => {
+            assert!(bits == again(recipe.asset(&model, device).unwrap()), "other bits")
+        }
+        Then::Threads(threads) => {
+            // On a GPU device, the CPU's threads only prepare and fetch.
+            let other = cpu(*threads);
+            let other = if device.info().backend == Backend::Cpu { &other } else { device };
+            assert!(bits == again(recipe.asset(&model, other).unwrap()), "other bits on {threads} threads");
+        }
+        Then::Alone if !recipe.options.warm => {
+            let mut fresh = recipe.asset(&model, device).unwrap();
+            recipe.solve(&mut fresh, model.poses.last().unwrap()).unwrap();
+            assert!(displacements(&asset) == displacements(&fresh), "depends on the frames before");
+        }
+        Then::Alone => {}
+        Then::Rest => {
+            recipe.solve(&mut asset, &model.rest).unwrap();
+            for tile in 0..asset.tile_count() {
+                assert!(Warp::of(&asset, tile).is_identity(), "rest is not the identity");
+            }
+        }
+        Then::Refused(refusal) => refused(recipe, &model, &mut asset, refusal),
+    }
+    seen
+}
+
+/// The bits of all displacements.
+fn displacements(asset: &Asset) -> Vec<u32> {
+    (0..asset.tile_count())
+        .flat_map(|tile| asset.displacements(tile).unwrap())
+        .flatten()
+        .map(f32::to_bits)
+        .collect()
+}
+
+/// Solves and checks all frames; returns the bits of all results.
+fn run(recipe: &Recipe, model: &Model, asset: &mut Asset, seen: &mut Seen) -> Vec<u32> {
+    let mut bits = Vec::new();
+    for pose in &model.poses {
+        recipe.solve(asset, pose).unwrap();
+        for tile in 0..asset.tile_count() {
+            warp(recipe, model, pose, asset, tile, seen);
+            bits.extend(redirection(recipe, asset, tile));
+        }
+        let mut corners = vec![[f32::NAN; 2]; asset.info().corners as usize];
+        asset.corner_uvs(&mut corners).unwrap();
+        assert!(corners.iter().flatten().all(|x| x.is_finite()), "a corner's UV is not finite");
+        corner_uvs(recipe, model, asset, &corners);
+        bits.extend(corners.iter().flatten().map(|x| x.to_bits()));
+        bits.extend(displacements(asset));
+    }
+    bits
+}
+
+fn warp(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], asset: &Asset, tile: usize, seen: &mut Seen) {
+    let report = asset.tile_report(tile).unwrap();
+    let warp = Warp::of(asset, tile);
+    assert!(warp.u.iter().flatten().all(|x| x.is_finite()), "a displacement is not finite");
+    let min_jacobian = warp.min_jacobian();
+    assert!(min_jacobian > 0.0, "min J is {min_jacobian}, reported {}", report.min_jacobian);
+    assert_eq!(report.folds, 0, "folds");
+    // The GPU's value is a lower bound; for a tile without movable nodes it is the identity's.
+    let reported = report.min_jacobian;
+    assert!(reported > 0.0 && reported <= min_jacobian + 1e-12, "min J {min_jacobian}, reported {reported}");
+    let (reported, longest) = (report.max_displacement, warp.longest());
+    assert!(
+        (reported - longest).abs() <= 1e-6 * longest,
+        "longest displacement {longest}, reported {reported}"
+    );
+    let (before, after) = (report.energy_before, report.energy);
+    assert!(before.is_finite() && after <= before && after >= 0.0, "E before {before}, after {after}");
+    for strain in report.strain.iter().flat_map(|strain| [strain.before, strain.after]) {
+        let all =
+            [strain.rms, strain.median, strain.max, strain.border_rms, strain.interior_rms, strain.free_rms];
+        assert!(all.iter().all(|x| x.is_finite()), "{strain:?}");
+    }
+    seen.solved |= report.charts_active > 0;
+    seen.moved |= warp.longest() > 0.01;
+    seen.crushed |= min_jacobian < 0.1;
+    seen.fell_back |= report.charts_fallback > 0;
+    let held = held(recipe, model, pose, report.udim, [warp.nx, warp.ny]);
+    let moved = held.iter().zip(&warp.u).position(|(held, u)| *held && *u != [0.0; 2]);
+    assert_eq!(moved, None, "this node may not move");
+}
+
+/// The nodes that must be fixed: masked, not wholly surrounded by faces, or at a border. (The library may fix more.)
+fn held(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], udim: u32, n: [usize; 2]) -> Vec<bool> {
+    let width = n[0] + 1;
+    let origin = [(udim - 1001) % 10, (udim - 1001) / 10].map(f64::from);
+    let mut covered = vec![false; width * (n[1] + 1)];
+    for (face, _) in model.faces.iter().zip(&model.textured).filter(|(_, textured)| **textured) {
+        let uvs: Vec<[f64; 2]> = face.iter().map(|&k| model.uvs[k as usize].map(f64::from)).collect();
+        if origin_of(&uvs) != origin {
+            continue;
+        }
+        let p: Vec<[f64; 2]> =
+            uvs.iter().map(|uv| [0, 1].map(|c| (uv[c] - origin[c]) * n[c] as f64)).collect();
+        // These contain the triangles of every triangulation of the polygon.
+        for c in 2..p.len() {
+            for b in 1..c {
+                (0..b).for_each(|a| cover([p[a], p[b], p[c]], n, &mut covered));
+            }
+        }
+    }
+    let masked = recipe.mask.as_ref().map(|mask| masked(mask, n));
+    let free = |i: usize, j: usize| {
+        let inside = (1..n[0]).contains(&i) && (1..n[1]).contains(&j);
+        inside && (0..9).all(|k| covered[(j + k / 3 - 1) * width + i + k % 3 - 1])
+    };
+    let mut held: Vec<bool> = (0..covered.len())
+        .map(|k| !free(k % width, k / width) || masked.as_ref().is_some_and(|masked| masked[k]))
+        .collect();
+    let uv = |v: u32| model.uvs[v as usize].map(f64::from);
+    let solid = |face: &[u32]| is_solid(recipe, &face.iter().map(|&v| uv(v)).collect::<Vec<_>>());
+    // Shared texels that belong to one chart are not held by the borders of others.
+    if recipe.settings.overlap == Overlap::Fixed {
+        for (f, edge) in borders(recipe, model, pose, solid) {
+            let of_face: Vec<[f64; 2]> = model.faces[f].iter().map(|&v| uv(v)).collect();
+            if origin_of(&of_face) == origin {
+                hold(edge.map(|v| [0, 1].map(|c| (uv(v)[c] - origin[c]) * n[c] as f64)), n, &mut held);
+            }
+        }
+    }
+    held
+}
+
+/// Marks the nodes inside a triangle.
+fn cover(p: [[f64; 2]; 3], n: [usize; 2], covered: &mut [bool]) {
+    // UVs are f32, so that a node on an edge may lie outside by rounding.
+    const SLACK: f64 = 1e-4;
+    let span = |c: usize| {
+        let low = p.iter().fold(f64::INFINITY, |m, p| m.min(p[c])) - SLACK;
+        let high = p.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[c])) + SLACK;
+        low.ceil().max(0.0) as usize..=high.floor().min(n[c] as f64) as usize
+    };
+    let cross =
+        |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let sign = cross(p[0], p[1], p[2]).signum();
+    if p.iter().flatten().any(|x| *x < -1e6) || span(0).is_empty() || span(1).is_empty() {
+        return;
+    }
+    for j in span(1) {
+        for i in span(0) {
+            let q = [i as f64, j as f64];
+            let inside = (0..3).all(|k| {
+                let (a, b) = (p[k], p[(k + 1) % 3]);
+                sign * cross(a, b, q) >= -SLACK * (b[0] - a[0]).hypot(b[1] - a[1])
+            });
+            covered[j * (n[0] + 1) + i] |= inside;
+        }
+    }
+}
+
+/// Nodes with a texel under 0.5 within half a cell.
+fn masked(mask: &Layer, n: [usize; 2]) -> Vec<bool> {
+    let values = mask.values();
+    let span = |c: usize, node: usize| {
+        let per_cell = f64::from(mask.size[c]) / n[c] as f64;
+        // Slightly less than half a cell: whether a texel that only touches counts is left to the library.
+        let [low, high] = [-0.499, 0.499].map(|half| ((node as f64 + half) * per_cell).floor() as i64);
+        let last = i64::from(mask.size[c]) - 1;
+        low.clamp(0, last) as usize..=high.clamp(0, last) as usize
+    };
+    let width = n[0] + 1;
+    (0..width * (n[1] + 1))
+        .map(|k| {
+            span(1, k / width)
+                .any(|y| span(0, k % width).any(|x| values[y * mask.size[0] as usize + x] < 0.5))
+        })
+        .collect()
+}
+
+/// Checks that the redirection lies in the tile, and that W maps it back to the texel's centre.
+fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
+    let size = recipe.output;
+    let layout =
+        ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(size[0], size[1], PixelFormat::F32) };
+    let mut bytes = f32::NAN.to_ne_bytes().repeat(2 * (size[0] * size[1]) as usize);
+    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
+    asset.fetch(tile, FetchKind::Redirection, &mut image).unwrap();
+    let floats: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap())).collect();
+    // W maps the tile onto itself, so that redirections lie in the tile up to f32 rounding.
+    let outside = floats.iter().position(|x| !(-1e-6..=1.0 + 1e-6).contains(x));
+    assert_eq!(outside, None, "{:?} is outside of the tile", outside.map(|k| floats[k]));
+    let warp = Warp::of(asset, tile);
+    let cells = [warp.nx as f64, warp.ny as f64];
+    for (k, uv) in floats.chunks_exact(2).enumerate() {
+        let back = warp.at([0, 1].map(|c| f64::from(uv[c]) * cells[c]));
+        let centre = [k as u32 % size[0], k as u32 / size[0]].map(|x| f64::from(x) + 0.5);
+        let off = [0, 1].map(|c| back[c] * f64::from(size[c]) / cells[c] - centre[c]);
+        assert!(off.iter().all(|x| x.abs() <= 1e-3), "texel {k} comes back {off:?} texels off");
+    }
+    floats.iter().map(|x| x.to_bits()).collect()
+}
+
+/// Checks that W maps each corner's new UV back to the original one.
+fn corner_uvs(recipe: &Recipe, model: &Model, asset: &Asset, redirected: &[[f32; 2]]) {
+    let mut redirected = redirected.iter();
+    for (face, textured) in model.faces.iter().zip(&model.textured) {
+        let given: Vec<[f64; 2]> = face.iter().map(|&k| model.uvs[k as usize].map(f64::from)).collect();
+        let new: Vec<[f64; 2]> = redirected.by_ref().take(face.len()).map(|uv| uv.map(f64::from)).collect();
+        let origin = origin_of(&given);
+        let tile = 1001.0 + origin[0] + 10.0 * origin[1];
+        // Corners of triangles without area belong to no chart and stay as they are.
+        let solid = *textured && is_solid(recipe, &given);
+        let Some(tile) = asset.find_tile(tile as u32).filter(|_| solid) else { continue };
+        let warp = Warp::of(asset, tile);
+        let cells = [warp.nx as f64, warp.ny as f64];
+        for (given, new) in given.iter().zip(new) {
+            let [p, q] = [new, *given].map(|uv| [0, 1].map(|c| (uv[c] - origin[c]) * cells[c]));
+            if (0..2).all(|c| (0.0..=cells[c]).contains(&q[c])) {
+                let off = (0..2).map(|c| (warp.at(p)[c] - q[c]).abs()).fold(0.0, f64::max);
+                // As for texels: the rounding of a UV in f32, magnified by W.
+                assert!(off <= 1e-3, "corner at {q:?}, redirected to {p:?}, comes back {off} cells off");
+            }
+        }
+    }
+}
+
+/// Lower corner of the tile that holds a face.
+fn origin_of(uvs: &[[f64; 2]]) -> [f64; 2] {
+    [0, 1].map(|c| (uvs.iter().map(|uv| uv[c]).sum::<f64>() / uvs.len() as f64).floor())
+}
+
+/// False for a face that the library may have dropped a part of. A polygon may be cut into triangles of any three corners
+/// that follow one another, or into a fan.
+fn is_solid(recipe: &Recipe, p: &[[f64; 2]]) -> bool {
+    let n = p.len();
+    // Noise in UVs may turn a thin triangle over.
+    let least = 10.0 * f64::from(recipe.joints.noise);
+    let is_thin = |p: [[f64; 2]; 3]| is_thin(p, least);
+    let ear = |k: usize| [p[k], p[(k + 1) % n], p[(k + 2) % n]];
+    let fan = |k: usize| [p[0], p[k], p[k + 1]];
+    (0..n).map(ear).chain((1..n - 1).map(fan)).all(|corners| !is_thin(corners))
+}
+
+fn is_thin(p: [[f64; 2]; 3], least: f64) -> bool {
+    let d = |a: usize, b: usize| [p[b][0] - p[a][0], p[b][1] - p[a][1]];
+    let (a, b, c) = (d(0, 1), d(0, 2), d(1, 2));
+    let longest = [a, b, c].iter().map(|e| e[0] * e[0] + e[1] * e[1]).fold(0.0, f64::max);
+    let area = (a[0] * b[1] - a[1] * b[0]).abs();
+    area <= 1e-6 * longest || area <= least * longest.sqrt()
+}
+
+/// Checks that a refused call names its argument and changes nothing.
+fn refused(recipe: &Recipe, model: &Model, asset: &mut Asset, refusal: &Refusal) {
+    let before = displacements(asset);
+    let mut pose = model.poses[0].clone();
+    let (result, argument) = match *refusal {
+        Refusal::NanPosition(k) | Refusal::InfinitePosition(k) => {
+            let k = k as usize % pose.len();
+            let nan = matches!(refusal, Refusal::NanPosition(_));
+            pose[k][1] = if nan { f64::NAN } else { f64::INFINITY };
+            (recipe.solve(asset, &pose), format!("positions[{k}]: component 1"))
+        }
+        Refusal::FewPositions => {
+            pose.pop();
+            (recipe.solve(asset, &pose), "positions: ".into())
+        }
+        Refusal::BadOption => {
+            let options = SolveOptions { tolerance: Some(-1.0), ..recipe.options };
+            (recipe.solve_with(asset, &pose, &options), "options.tolerance: ".into())
+        }
+        Refusal::NanTexel | Refusal::BadSetting if asset.tile_count() == 0 => return,
+        Refusal::NanTexel => {
+            let bytes = f32::NAN.to_ne_bytes();
+            let view = ImageView::new("map", &bytes, ImageLayout::packed(1, 1, PixelFormat::F32)).unwrap();
+            (asset.set_mask(0, Some(view)), "mask: texel (0, 0)".into())
+        }
+        Refusal::BadSetting => {
+            let settings = TileSettings { room: -1.0, overlap: Overlap::Fixed, ..recipe.settings };
+            (asset.set_settings(0, &settings), "settings.room: ".into())
+        }
+    };
+    let error = result.expect_err(&argument);
+    assert_eq!(error.kind, ErrorKind::InvalidArgument);
+    assert!(error.message.starts_with(&argument), "{} instead of {argument}", error.message);
+    assert!(before == displacements(asset), "a refused call changed the result");
+}

@@ -1,0 +1,218 @@
+//! Noise in UVs and positions, meshes finer than the tolerances, and meshes as games have them.
+
+use vrtm::{Quality, Weld, WeldBy};
+
+use super::{GRID, QUADS, assert_near, by, energy, sheet, solved, unwelded, with_uvs};
+use crate::common::{Model, assets, bits, cpu, options};
+
+/// One step of f32 up, down or none, by a hash of the corner.
+fn ulp(c: usize, x: f32) -> f32 {
+    match c * 7919 % 3 {
+        0 => x,
+        1 => x.next_up(),
+        _ => x.next_down(),
+    }
+}
+
+/// Applies `f` inside of the sheet. Its rim lies on lines of the grid: moved by a step, it would cover other nodes.
+fn inside(f: impl Fn(usize, f32) -> f32) -> impl Fn(usize, f32) -> f32 {
+    move |c, x| if x > 0.0 && x < 1.0 { f(c, x) } else { x }
+}
+
+#[test]
+fn uvs_of_a_vertex_that_differ_by_rounding_are_one() {
+    let device = cpu(0);
+    let model = sheet(QUADS);
+    let exact = energy(&solved(&model, &device));
+    let scaled = |c: usize, x: f32| ulp(c, x * 0.93 + 0.011);
+    let half = |c: usize, x: f32| half::f16::from_f32(scaled(c, x) + (c % 2) as f32 * 1e-5).to_f32();
+    let text = |c: usize, x: f32| format!("{:.6}", scaled(c, x)).parse().unwrap();
+    // The UVs of half of the corners went through another transform: a shift there and back.
+    let moved = |c: usize, x: f32| if c.is_multiple_of(2) { (x + 3.7) * 0.1 * 10.0 - 3.7 } else { x };
+    // Scaled UVs have other discs in other places of the surface: those are compared with the same ones, unrounded.
+    let exact_scaled = energy(&solved(&with_uvs(&model, |_, x| x * 0.93 + 0.011), &device));
+    let noisy = [
+        ("one ulp", with_uvs(&model, inside(ulp)), exact, 1e-4),
+        ("a transform", with_uvs(&model, inside(moved)), exact, 1e-4),
+        // A step of half floats is an eighth of a cell here, and moves the chart's rim over nodes.
+        ("half floats", with_uvs(&model, half), exact_scaled, 0.05),
+        ("six digits", with_uvs(&model, text), exact_scaled, 1e-3),
+    ];
+    for (name, noisy, exact, tolerance) in noisy {
+        let off = Model { weld: by(WeldBy::Off), ..noisy.clone() }.asset_on(&device, GRID as u32).info();
+        let asset = solved(&noisy, &device);
+        println!("{name}: {} charts, {} if welded exactly", asset.info().charts, off.charts);
+        assert_eq!(asset.info().charts, 1, "{name}");
+        assert!(off.charts > 1 && off.edges_apart > 0, "{name} tests nothing");
+        println!("    E {:?}, of exact UVs {exact:?}", energy(&asset));
+        assert_near(energy(&asset), exact, tolerance, name);
+    }
+}
+
+#[test]
+fn vertices_an_ulp_apart_are_one_by_position() {
+    let device = cpu(0);
+    for away in [0.0f32, 1000.0] {
+        let model = sheet(QUADS);
+        let exact = energy(&solved(&model, &device));
+        let mut noisy = unwelded(&model);
+        for points in noisy.frames.iter_mut().chain([&mut noisy.rest]) {
+            for (k, p) in points.iter_mut().enumerate() {
+                *p = [0, 1, 2].map(|c| ulp(3 * k + c, p[c] + away));
+            }
+        }
+        let apart = noisy.asset_on(&device, GRID as u32).info();
+        assert_eq!(apart.charts as usize, QUADS * QUADS);
+        assert_eq!(apart.edges_apart as usize, 2 * QUADS * (QUADS - 1));
+        noisy.weld = by(WeldBy::Position);
+        let asset = solved(&noisy, &device);
+        assert_eq!((asset.info().charts, asset.info().edges_apart), (1, 0));
+        assert_eq!(asset.tile_report(0).unwrap().welds_torn, 0);
+        // 1000 away, coordinates themselves are rounded to 6e-5, 2e-3 of a quad.
+        assert_near(energy(&asset), exact, if away > 0.0 { 0.3 } else { 1e-3 }, "positions");
+    }
+}
+
+#[test]
+fn half_floats_of_one_uv_are_one_up_to_a_step() {
+    // 1/2048 is the step of half floats from 0.5 to 1: a UV in the middle of two becomes either.
+    let device = cpu(0);
+    let model = sheet(8);
+    let rounded = |c: usize, x: f32| if c.is_multiple_of(3) && x >= 0.5 { x + 1.0 / 2048.0 } else { x };
+    assert_eq!(with_uvs(&model, rounded).asset_on(&device, 64).info().charts, 1);
+    let more = |c: usize, x: f32| if c.is_multiple_of(3) { x + 1.1 / 2048.0 } else { x };
+    assert!(with_uvs(&model, more).asset_on(&device, 64).info().charts > 1);
+    // What the host says goes.
+    let weld = Weld { uv_tolerance: Some(1e-3), ..Weld::default() };
+    assert_eq!(Model { weld, ..with_uvs(&model, more) }.asset_on(&device, 64).info().charts, 1);
+    // Triangles of a step's size cannot be welded by a step without turning over; it does not go by without a word.
+    let info = with_uvs(&sheet(700), rounded).asset_on(&device, 64).info();
+    assert!(info.charts > 1 && info.edges_apart > 1000, "{info:?}");
+}
+
+/// A strip of n by 2 quads whose UV edges are much shorter than the tolerance of UVs.
+fn fine(n: usize, unit: f32) -> Model {
+    let mut model = sheet(n);
+    // All of it in a thousandth of the tile: an edge has a tolerance's hundredth.
+    model.uvs.iter_mut().flatten().for_each(|x| *x = 0.5 + *x * 5e-6 * n as f32);
+    model.rest.iter_mut().chain(&mut model.frames[0]).flatten().for_each(|x| *x *= unit);
+    model
+}
+
+#[test]
+fn small_triangles_are_not_welded_away() {
+    let device = cpu(0);
+    for unit in [1.0, 1e6, 1e-6] {
+        for weld in [WeldBy::Index, WeldBy::Position] {
+            for quads in [16, 100] {
+                let model = Model { weld: by(weld), ..fine(quads, unit) };
+                let info = model.asset_on(&device, 64).info();
+                assert_eq!((info.charts, info.degenerate_triangles), (1, 0), "{weld:?}");
+                assert_eq!(info.triangles as usize, 2 * quads * quads);
+                assert_eq!(info.border_edges as usize, 4 * quads);
+            }
+        }
+    }
+    // Vertices nearer than the tolerance in space, with a far one that makes the mesh large: equal ones are welded, near
+    // ones are not.
+    let mut model = unwelded(&sheet(16));
+    let far = model.rest.len() as u32;
+    for points in [&mut model.rest, &mut model.frames[0]] {
+        points.extend([[1e6, 0.0, 0.0], [1e6, 1.0, 0.0], [1e6, 1.0, 1.0]]);
+    }
+    model.uvs.extend([[0.0, 0.0], [0.01, 0.0], [0.0, 0.01]]);
+    model.indices.extend([far, far + 1, far + 2]);
+    model.uv_indices.extend([far, far + 1, far + 2]);
+    model.face_counts.push(3);
+    model.weld = by(WeldBy::Position);
+    let info = model.asset_on(&device, 64).info();
+    assert_eq!((info.charts, info.border_edges), (2, 4 * 16 + 3));
+}
+
+#[test]
+fn a_million_vertices_at_one_place_take_no_longer_than_elsewhere() {
+    // Triangles around one vertex that every one has for itself, an ulp from the others': a square of their number would
+    // take minutes.
+    let n = 300_000u32;
+    let mut model = Model { weld: by(WeldBy::Position), ..Model::default() };
+    for k in 0..n {
+        let angle = f64::from(k) / f64::from(n) * std::f64::consts::TAU;
+        let next = f64::from(k + 1) / f64::from(n) * std::f64::consts::TAU;
+        let rim = |a: f64| [a.cos() as f32, a.sin() as f32];
+        let noise = f32::EPSILON * (k % 1009) as f32 * 1e-3;
+        let corners = [[noise, noise * 0.3], rim(angle), rim(next)];
+        model.rest.extend(corners.map(|p| [p[0], p[1], 0.0]));
+        model.uvs.extend(corners.map(|p| p.map(|x| 0.5 + 0.4 * x)));
+        model.face_counts.push(3);
+    }
+    model.indices = (0..3 * n).collect();
+    model.uv_indices = model.indices.clone();
+    let start = std::time::Instant::now();
+    let asset = model.asset_on(&cpu(0), 64);
+    println!("{:?}: {} charts", start.elapsed(), asset.info().charts);
+    assert!(start.elapsed().as_secs() < 20);
+}
+
+#[test]
+fn the_two_sides_of_a_sheet_are_two_charts() {
+    let mut model = sheet(8);
+    let n = model.rest.len() as u32;
+    let corners = model.indices.len();
+    for k in 0..corners {
+        // The back's faces run the other way round.
+        let v = model.indices[k / 4 * 4 + 3 - k % 4];
+        model.indices.push(v + n);
+        model.uv_indices.push(v);
+    }
+    model.rest.extend_from_within(..);
+    model.frames[0].extend_from_within(..);
+    model.face_counts.extend_from_within(..);
+    for weld in [WeldBy::Index, WeldBy::Position] {
+        let info = Model { weld: by(weld), ..model.clone() }.asset_on(&cpu(0), 64).info();
+        // Position takes nothing away from what the vertices connect; the rims, of which there are two at each edge on
+        // the same side of it, stay borders.
+        assert_eq!((info.charts, info.border_edges, info.welded_edges), (2, 64, 0), "{weld:?}");
+        assert_eq!(info.edges_apart, 0);
+    }
+}
+
+#[test]
+fn a_t_junction_is_a_border() {
+    // Two quads below, one above them, whose lower edge has no vertex in the middle.
+    let points =
+        [[0.1f32, 0.1], [0.5, 0.1], [0.9, 0.1], [0.1, 0.5], [0.5, 0.5], [0.9, 0.5], [0.1, 0.9], [0.9, 0.9]];
+    let indices = vec![0, 1, 4, 3, 1, 2, 5, 4, 3, 5, 7, 6];
+    for weld in [WeldBy::Index, WeldBy::Position] {
+        let model = Model {
+            rest: points.map(|[x, y]| [x, y, 0.0]).to_vec(),
+            uvs: points.to_vec(),
+            face_counts: vec![4; 3],
+            indices: indices.clone(),
+            uv_indices: indices.clone(),
+            weld: by(weld),
+            ..Model::default()
+        };
+        let info = model.asset_on(&cpu(0), 64).info();
+        assert_eq!((info.charts, info.border_edges, info.edges_apart), (2, 10, 0));
+    }
+}
+
+/// Real meshes as a game would have them, with vertices of its own for every face.
+#[test]
+fn unwelded_assets_are_as_before_if_welded_by_position() {
+    let device = cpu(0);
+    for model in assets() {
+        let game = Model { weld: by(WeldBy::Position), ..unwelded(&model) };
+        let solved = |model: &Model| {
+            let mut asset = model.asset_on(&device, 128);
+            asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
+            asset
+        };
+        let (whole, game) = (solved(&model), solved(&game));
+        let (info, of_game) = (whole.info(), game.info());
+        println!("{}: {} charts, {} edges apart", model.name, info.charts, info.edges_apart);
+        assert_eq!((info.charts, info.border_edges), (of_game.charts, of_game.border_edges));
+        assert_eq!(game.tile_report(0).unwrap().welds_torn, 0);
+        assert!(bits(&whole) == bits(&game), "{}", model.name);
+    }
+}
