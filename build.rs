@@ -3,7 +3,7 @@
 //! run (the head of include/vrtm.h says what may change before). On Windows a DLL has its file's name.
 //!
 //! The list of exported symbols needs nothing here: rustc hands the linker one that holds the functions of `src/ffi` and
-//! nothing else, and tests/header.rs compares it with the header. It has no version names, since GNU's linker does not
+//! nothing else, and tests/c_api/header.rs compares it with the header. It has no version names, since GNU's linker does not
 //! take a second list beside it.
 
 fn main() {

@@ -152,7 +152,7 @@ fn measure(
     let camera = stage.camera(renderer, view, size);
     let material = renderer.material(&stage.colours, None)?;
     let warped = renderer.material(stage.warped.as_ref().ok_or("no reference")?, None)?;
-    // All that one would do. How wrong a map with mips is, `tests/render.rs` says.
+    // All that one would do. How wrong a map with mips is, `tests/gpu/draw.rs` says.
     let ways: Vec<_> = ALL.into_iter().filter(|way| way.map != Map::DeltaMips).collect();
     let pipelines: Vec<_> = ways.iter().map(|way| renderer.pipelines(way, false)).collect();
     let maps =

@@ -1,5 +1,5 @@
 //! The kernel `redirect` against the same values in f64, and texels in all layouts. What a host's memory takes beside
-//! that is tested in `tests/gpu_external.rs`.
+//! that is tested in `tests/gpu/external.rs`.
 
 use super::*;
 use crate::gpu::context::{Options, tests::gpu};
