@@ -31,25 +31,10 @@ why=$(sh "$here/setup.sh" "$venv") || {
     echo "skipped: the tests in Python: $why"
     end 0 0 1
 }
-if [ -z "${VRTM_LIBRARY:-}" ]; then
-    (cd "$repository" && cargo build --quiet --lib) || {
-        echo "FAILED python: the library does not build"
-        end 0 1 0
-    }
-    VRTM_LIBRARY=$(ls "$target"/debug/libvrtm.so "$target"/debug/libvrtm.dylib 2>/dev/null | head -n 1)
-fi
-export VRTM_LIBRARY PYTHONDONTWRITEBYTECODE=1
-# A wheel, built without looking for anything outside of the environment.
-wheels=$target/python
-rm -rf "$wheels"
-"$venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$wheels" \
-    "$repository/bindings/python" &&
-    "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --no-index --force-reinstall "$wheels"/*.whl || {
-    echo "FAILED python: the package cannot be installed"
-    end 0 1 0
-}
+sh "$here/install.sh" "$venv" || end 0 1 0
 # The tests are of what is installed, with the library that is in it.
 unset VRTM_LIBRARY
+export PYTHONDONTWRITEBYTECODE=1
 
 passed=0 failed=0 skipped=0
 # Style and likely mistakes; the settings stand in bindings/ruff.toml.

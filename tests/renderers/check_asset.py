@@ -12,7 +12,7 @@ from checks import ASSETS, check, document, run, skip, within
 
 recipe = {}
 exec(document("Blender", "python"), recipe)
-folder, program = pathlib.Path(sys.argv[1]), sys.argv[2]
+folder = pathlib.Path(sys.argv[1])
 
 
 def head():
@@ -21,12 +21,11 @@ def head():
         return skip("asset: mh_face", f"{source} is not there")
     place = folder / "mh_face"
     place.mkdir(exist_ok=True)
-    model.bake(program, place, "--asset", source, "--frames", 1, "--size", 512, "--no-sheet", "--name",
-               "<kind>.<UDIM>.exr")
+    mesh = model.asset(source, 1)
+    model.bake_asset(place, source, mesh, source / "rigidity.<UDIM>.png", "--size", 512)
     exact = warp.Warp(place / "warp.1001.exr")
     warp.write(place / "texture.png", picture.texture(warp.read(source / "rigidity.1001.png")[..., :1], 1024))
     warp.write(place / "truth.exr", exact.texture(warp.read(place / "texture.png")))
-    mesh = model.asset(source, 1)
 
     def show(name, redirected=False):
         tree = blender.start(mesh, (400, 440), samples=8)

@@ -1,6 +1,6 @@
 """Draws docs/rendering.jpg: a head with metal studs in Cycles, at rest, and in a pose without and with the redirection.
 
-    figure.py BAKE FOLDER-OF-ASSETS OUT.jpg
+    figure.py FOLDER-OF-ASSETS OUT.jpg
 """
 
 import math
@@ -105,7 +105,7 @@ def panel(mesh, folder, redirect):
     return blender.render()
 
 
-def main(program, assets, out):
+def main(assets, out):
     source = pathlib.Path(assets) / "mh_face"
     mesh = model.asset(source, FRAME)
     rest = np.array([line.split()[1:4] for line in (source / "rest.obj").read_text().splitlines()
@@ -116,8 +116,7 @@ def main(program, assets, out):
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         warp.write(folder / "rigidity.1001.png", np.clip((1.08 - distance) * 8 + 0.5, 0, 1)[..., None])
-        model.bake(program, folder, "--rest", source / "rest.obj", "--pose", source / "frames.f32", "--rigidity",
-                   folder / "rigidity.<UDIM>.png", "--frames", FRAME, "--size", SIZE)
+        model.bake_asset(folder, source, mesh, folder / "rigidity.<UDIM>.png", "--size", SIZE)
         inside = np.clip((1 - distance) * 12 + 0.5, 0, 1)[..., None]
         dome = np.where(distance < 1, np.sqrt(np.maximum(1 - distance ** 2, 0)), 0)
         groove = 0.25 * np.exp(-((distance - 1.08) / 0.06) ** 2)
@@ -125,7 +124,7 @@ def main(program, assets, out):
         warp.write(folder / "colour.exr", skin * (1 - inside) * (1 - groove[..., None]) + metal * inside)
         warp.write(folder / "metal.exr", np.repeat(inside, 3, -1))
         warp.write(folder / "height.exr", np.repeat((dome - groove)[..., None], 3, -1))
-        uv = warp.read(folder / f"redirect.{FRAME:04}.1001.exr")[..., :2]
+        uv = warp.read(folder / "redirect.1001.exr")[..., :2]
         warp.write(folder / "map.exr", np.concatenate([uv, np.zeros_like(uv[..., :1])], -1))
         still = model.Mesh(mesh.triangles, mesh.uvs, rest, mesh.uv_triangles)
         panels = [panel(still, folder, None), panel(mesh, folder, None), panel(mesh, folder, folder / "map.exr")]

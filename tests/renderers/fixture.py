@@ -1,6 +1,6 @@
 """Bakes the model, and draws its textures and what they have to look like: run once, before all checks.
 
-    fixture.py BAKE FOLDER
+    fixture.py FOLDER
 """
 
 import pathlib
@@ -76,14 +76,15 @@ def turned(exact, uv, tile, vectors):
     return out.reshape(*uv.shape[:-1], 3), np.abs(angle[stud])
 
 
-def forms(program, folder):
-    """The redirection in all forms of files, as bake writes them; and, from these, in forms that it does not write."""
-    model_files = ["--rest", folder / "rest.obj", "--pose", folder / "pose.obj", "--rigidity",
-                   folder / "rigidity.<UDIM>.png", "--size", MAP, "--no-sheet"]
-    model.bake(program, folder, *model_files, "--jacobian", "--filter-scale", "--name", "<kind>.<UDIM>.exr")
+def forms(folder):
+    """The redirection in all forms of files, as `vrtm bake` writes them; and, from these, in forms that it does not write."""
+    model_files = [folder / "rest.obj", "--poses", folder / "pose.obj", "--rigidity", folder / "rigidity.<UDIM>.png",
+                   "--size", MAP]
+    outputs = ["--warp", "--jacobian", "--filter-scale", "--name", "<kind>.<UDIM>.exr"]
+    model.bake(folder, *model_files, *outputs)
     for name, *options in (["udim"], ["delta"], ["udim", "--alpha"], ["udim", "--half"], ["delta", "--half"]):
         pattern = "_".join([name] + [option[2:] for option in options]) + ".<UDIM>.exr"
-        model.bake(program, folder, *model_files, "--form", name, *options, "--no-warp", "--name", pattern)
+        model.bake(folder, *model_files, "--form", name, *options, "--name", pattern)
     for tile in model.STUDS:
         udim = warp.read(folder / f"udim.{tile}.exr")
         warp.write(folder / f"untagged.{tile}.exr", udim)
@@ -92,10 +93,10 @@ def forms(program, folder):
         warp.write(folder / f"identity.{tile}.exr", udim, attributes={"colorInteropID": "data"})
 
 
-def main(program, folder):
+def main(folder):
     folder = pathlib.Path(folder)
     model.make(folder)
-    forms(program, folder)
+    forms(folder)
     uv, fine = warp.centres(TEXTURE, TEXTURE), warp.centres(2 * TEXTURE, 2 * TEXTURE)
     for tile in model.STUDS:
         exact = warp.Warp(folder / f"warp.{tile}.exr")

@@ -6,6 +6,7 @@ The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, a
 import json
 import pathlib
 import subprocess
+import sys
 
 import numpy as np
 
@@ -102,9 +103,18 @@ def asset(folder, frame):
     return Mesh(np.array(faces), np.array(uvs), frames[frame - 1].astype(np.float64), np.array(uv_faces))
 
 
-def bake(program, out, *arguments):
-    """Runs bake; its own messages become the exception's."""
-    command = [str(program), "--device", "cpu", "--out", str(out), *map(str, arguments)]
+def bake(out, *arguments):
+    """Runs `vrtm bake`; its own messages become the exception's."""
+    vrtm = pathlib.Path(sys.executable).with_name("vrtm")
+    command = [str(vrtm), "bake", "--device", "cpu", "--out", str(out), *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()}")
+
+
+def bake_asset(out, folder, mesh, rigidity, *arguments):
+    """Bakes the pose of an asset's mesh: redirect.<UDIM>.exr and warp.<UDIM>.exr."""
+    pose = pathlib.Path(out) / "pose.obj"
+    pose.write_text("".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in mesh.pose))
+    names = ["--warp", "--name", "<kind>.<UDIM>.exr"]
+    bake(out, folder / "rest.obj", "--poses", pose, "--rigidity", rigidity, *names, *arguments)

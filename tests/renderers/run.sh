@@ -4,8 +4,9 @@
 #
 #     tests/renderers/run.sh
 #
-# Variables: VRTM_VENV, the folder of the virtual environment (target/venv), which tests/python/setup.sh makes; VRTM_BAKE, the
-# bake program (built if it is not given); VRTM_REQUIRE_RENDERERS=1: what would be skipped fails.
+# Variables: VRTM_VENV, the folder of the virtual environment (target/venv), which tests/python/setup.sh makes; VRTM_LIBRARY,
+# a shared library that is built already, for the Python package, whose `vrtm bake` writes the maps (else cargo builds one);
+# VRTM_REQUIRE_RENDERERS=1: what would be skipped fails.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 repository=$(cd "$here/../.." && pwd)
@@ -39,15 +40,10 @@ why=$(sh "$here/../python/setup.sh" "$venv") || {
     say "renderers skipped: $why"
     finish
 }
-bake=${VRTM_BAKE:-}
-if [ -z "$bake" ]; then
-    # With the features that tests have, so that nothing is built twice.
-    (cd "$repository" && cargo build --quiet --example bake) || {
-        say "FAILED renderers: bake does not build"
-        finish
-    }
-    bake=$target/debug/examples/bake
-fi
+installed=$(sh "$here/../python/install.sh" "$venv") || {
+    say "FAILED renderers: $installed"
+    finish
+}
 limited() {
     if command -v timeout >/dev/null; then
         timeout "$seconds" "$@"
@@ -59,14 +55,14 @@ limited() {
 export PYTHONDONTWRITEBYTECODE=1
 rm -rf "$work"
 mkdir -p "$work"
-if ! limited "$venv/bin/python" "$here/fixture.py" "$bake" "$work" >"$work/log" 2>&1; then
+if ! limited "$venv/bin/python" "$here/fixture.py" "$work" >"$work/log" 2>&1; then
     tail -n 5 "$work/log"
     say "FAILED renderers: the model cannot be baked"
     finish
 fi
 for name in cycles asset normals displacement shaders materialx osl oiio usd eevee; do
     start=$(date +%s)
-    limited "$venv/bin/python" "$here/check_$name.py" "$work" "$bake" >"$work/$name.log" 2>&1
+    limited "$venv/bin/python" "$here/check_$name.py" "$work" >"$work/$name.log" 2>&1
     code=$?
     grep -v -e '^end$' -e '^EGL Error' -e '^$' "$work/$name.log" | tee -a "$log"
     if grep -q '^end$' "$work/$name.log"; then

@@ -1,6 +1,6 @@
 """What a map's size costs: the table of docs/rendering.md.
 
-    sizes.py BAKE FOLDER-OF-ASSETS NAME FRAME [CELLS] [TEXTURE]
+    sizes.py FOLDER-OF-ASSETS NAME FRAME [CELLS] [TEXTURE]
 
 For the tile 1001 of an asset, over the texels that its faces cover: how far the UV that is read bilinearly from a map is
 from the exact redirection, in texels of the texture, and how much the colour that is looked up there differs.
@@ -30,12 +30,13 @@ def covered(mesh, points):
     return (np.stack([x, y], -1) + 0.5) / points
 
 
-def main(program, assets, name, frame, cells=512, size=4096):
-    mesh, size = model.asset(pathlib.Path(assets) / name, int(frame)), int(size)
-    rigidity = warp.read(pathlib.Path(assets) / name / "rigidity.1001.png")[..., :1]
+def main(assets, name, frame, cells=512, size=4096):
+    source = pathlib.Path(assets) / name
+    mesh, size = model.asset(source, int(frame)), int(size)
+    rigidity = warp.read(source / "rigidity.1001.png")[..., :1]
     with tempfile.TemporaryDirectory() as folder:
-        model.bake(program, folder, "--asset", pathlib.Path(assets) / name, "--frames", frame, "--size", cells)
-        exact = warp.Warp(pathlib.Path(folder) / f"warp.{int(frame):04}.1001.exr")
+        model.bake_asset(folder, source, mesh, source / "rigidity.<UDIM>.png", "--size", cells)
+        exact = warp.Warp(pathlib.Path(folder) / "warp.1001.exr")
     texture = picture.texture(rigidity, size)
     # A million points tell as much as all texels.
     uv = covered(mesh, 1536)
