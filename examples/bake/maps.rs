@@ -1,14 +1,15 @@
-//! Single-channel maps: read from image files, passed to vrtm unchanged, sampled by the sheet.
+//! Images in memory: the maps that are read, and those that vrtm hands out.
 
-use exr::prelude::f16;
+use std::path::Path;
+
 use vrtm::{ImageLayout, ImageView, PixelFormat};
 
-use crate::failure::{Failure, Result};
+use crate::failure::{Failure, Result, read};
 
+/// A map of one channel, as vrtm takes it.
 #[derive(Clone, Debug)]
 pub struct Map {
-    pub width: u32,
-    pub height: u32,
+    pub size: [u32; 2],
     pub format: PixelFormat,
     /// Packed texels, first row at the top of the tile.
     pub bytes: Vec<u8>,
@@ -17,47 +18,53 @@ pub struct Map {
 }
 
 impl Map {
-    pub fn from_bytes(width: u32, height: u32, bytes: Vec<u8>, origin: &str) -> Map {
-        Map { width, height, format: PixelFormat::U8, bytes, origin: origin.into() }
+    /// Reads a map of 8 or 16 bits; of colours it takes the luminance.
+    pub fn load(path: &Path) -> Result<Map> {
+        let image = image::load_from_memory(&read(path)?).map_err(|e| Failure::file(path, e))?;
+        let size = [image.width(), image.height()];
+        let (format, bytes) = if image.color().bytes_per_pixel() > image.color().channel_count() {
+            let texels = image.into_luma16().into_raw();
+            (PixelFormat::U16, texels.into_iter().flat_map(u16::to_ne_bytes).collect())
+        } else {
+            (PixelFormat::U8, image.into_luma8().into_raw())
+        };
+        Ok(Map { size, format, bytes, origin: path.display().to_string() })
     }
 
     /// A view of the map for vrtm.
     pub fn view(&self) -> Result<ImageView<'_>> {
-        let layout = ImageLayout::packed(self.width, self.height, self.format);
+        let layout = ImageLayout::packed(self.size[0], self.size[1], self.format);
         ImageView::new("map", &self.bytes, layout).map_err(|e| Failure::named(&self.origin, e))
     }
 
-    /// Values between 0 and 1, first row at the top.
+    /// Values between 0 and 1.
     pub fn values(&self) -> Vec<f32> {
-        let pairs = || self.bytes.chunks_exact(2).map(|b| [b[0], b[1]]);
-        let values: Vec<f32> = match self.format {
+        match self.format {
             PixelFormat::U8 => self.bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
-            PixelFormat::U16 => pairs().map(|b| f32::from(u16::from_ne_bytes(b)) / 65535.0).collect(),
-            PixelFormat::F16 => pairs().map(|b| f16::from_ne_bytes(b).to_f32()).collect(),
-            _ => self.bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect(),
-        };
-        values.into_iter().map(|value| value.clamp(0.0, 1.0)).collect()
+            _ => self
+                .bytes
+                .chunks_exact(2)
+                .map(|b| f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0)
+                .collect(),
+        }
     }
 }
 
 /// N channels per texel, first row at the top of the tile.
 #[derive(Clone, Debug)]
 pub struct Field<const N: usize> {
-    pub width: usize,
-    pub height: usize,
+    pub size: [usize; 2],
     pub data: Vec<[f32; N]>,
 }
 
 impl<const N: usize> Field<N> {
-    pub fn at(&self, x: usize, y: usize) -> [f32; N] {
-        self.data[y * self.width + x]
-    }
-
     /// Bilinear between texel centres, clamped at the edges.
     pub fn sample(&self, uv: [f32; 2]) -> [f32; N] {
-        let (x0, x1, fx) = taps(uv[0] * self.width as f32 - 0.5, self.width);
-        let (y0, y1, fy) = taps((1.0 - uv[1]) * self.height as f32 - 0.5, self.height);
-        let (a, b, c, d) = (self.at(x0, y0), self.at(x1, y0), self.at(x0, y1), self.at(x1, y1));
+        let [width, height] = self.size;
+        let (x0, x1, fx) = taps(uv[0] * width as f32 - 0.5, width);
+        let (y0, y1, fy) = taps((1.0 - uv[1]) * height as f32 - 0.5, height);
+        let at = |x: usize, y: usize| self.data[y * width + x];
+        let (a, b, c, d) = (at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1));
         std::array::from_fn(|k| {
             let top = a[k] + (b[k] - a[k]) * fx;
             let bottom = c[k] + (d[k] - c[k]) * fx;

@@ -1,7 +1,7 @@
 //! What a bake may replace: never a file that it reads, and of other files only those that vrtm wrote, which carry a mark,
 //! unless --overwrite is given.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{self, Cursor, Read};
 use std::path::{Component, Path, PathBuf};
@@ -10,7 +10,6 @@ use exr::prelude::{ReadChannels as _, ReadLayers as _};
 use serde_json::Value;
 
 use crate::failure::{Failure, Result};
-use crate::image_file::EXR;
 
 /// A file that is read, after the option that names it.
 pub type Input = (&'static str, PathBuf);
@@ -22,9 +21,10 @@ pub const EXR_MARK: &str = "vrtm:inputs";
 /// The mark of a picture: the keyword of a text.
 pub const PNG_MARK: &str = "vrtm:kind";
 
-/// The first bytes of every PNG file.
+/// The first bytes of every file of these kinds.
+const EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
-/// Headers end before that: the longest are those of `vrtm bake`, which hold figures.
+/// Headers end before that: the longest are those of the command `vrtm bake`, which hold figures.
 const HEADER: u64 = 16 * 1024;
 
 /// By what files are known to be one.
@@ -38,64 +38,40 @@ enum Identity {
 }
 
 /// Refuses outputs that would replace what they must not. Nothing is written.
-pub fn check(outputs: &[PathBuf], inputs: &[Input], overwrite: bool) -> Result<()> {
+pub fn check(folder: &Path, outputs: &[String], inputs: &[Input], overwrite: bool) -> Result<()> {
     let mut read = HashMap::new();
-    let mut folders = HashMap::new();
     for (option, path) in inputs {
-        let all = identities(path, &name(path, &mut folders)?);
-        read.extend(all.into_iter().map(|identity| (identity, (option, path))));
+        read.extend(identities(path)?.into_iter().map(|identity| (identity, (option, path))));
     }
-    let mut names = HashSet::new();
-    for output in outputs {
-        let refused = |reason: String| Err(Failure::file(output, reason));
-        let name = name(output, &mut folders)?;
-        for identity in identities(output, &name) {
-            if let Some((option, input)) = read.get(&identity) {
-                return refused(format!("would replace an input, {option} {}", input.display()));
-            }
+    for output in outputs.iter().map(|name| folder.join(name)) {
+        let refused = |reason: String| Err(Failure::file(&output, reason));
+        if let Some((option, input)) = identities(&output)?.iter().find_map(|identity| read.get(identity)) {
+            return refused(format!("would replace an input, {option} {}", input.display()));
         }
-        if !names.insert(name) {
-            return refused("two outputs would get this name, or names that differ in case alone".into());
-        }
-        match fs::metadata(output) {
+        match fs::metadata(&output) {
             Ok(data) if data.is_file() => {
-                if !overwrite && !is_marked(output).map_err(|e| Failure::file(output, e))? {
+                if !overwrite && !is_marked(&output).map_err(|e| Failure::file(&output, e))? {
                     return refused("exists, and vrtm did not write it; --overwrite replaces it".into());
                 }
             }
-            Err(_) if fs::symlink_metadata(output).is_err() => {}
+            Err(_) if fs::symlink_metadata(&output).is_err() => {}
             _ => return refused("exists, and is not a regular file".into()),
-        }
-    }
-    for output in outputs {
-        if name(output, &mut folders)?.ancestors().skip(1).any(|folder| names.contains(folder)) {
-            return Err(Failure::file(output, "another output would get the name of its folder"));
         }
     }
     Ok(())
 }
 
-fn identities(path: &Path, name: &Path) -> Vec<Identity> {
-    let mut all = vec![Identity::Name(name.into())];
-    if let Ok(path) = path.canonicalize() {
-        all.push(Identity::Name(in_capitals(&path)));
-    }
+fn identities(path: &Path) -> Result<Vec<Identity>> {
+    let in_capitals = |path: PathBuf| Identity::Name(path.to_string_lossy().to_uppercase().into());
+    let folder = real_folder(path.parent().unwrap_or(path))?;
+    let mut all = vec![in_capitals(folder.join(path.file_name().unwrap_or_default()))];
+    all.extend(path.canonicalize().map(in_capitals));
     #[cfg(unix)]
     if let Ok(data) = fs::metadata(path) {
         use std::os::unix::fs::MetadataExt;
         all.push(Identity::Node(data.dev(), data.ino()));
     }
-    all
-}
-
-/// A path in capitals, without links in its folder. `folders` keeps what is known of folders.
-fn name<'a>(path: &'a Path, folders: &mut HashMap<&'a Path, PathBuf>) -> Result<PathBuf> {
-    let folder = path.parent().unwrap_or(path);
-    let real = match folders.get(folder) {
-        Some(real) => real,
-        None => &*folders.entry(folder).or_insert(real_folder(folder)?),
-    };
-    Ok(in_capitals(&real.join(path.file_name().unwrap_or_default())))
+    Ok(all)
 }
 
 /// A folder without links. It need not exist yet: `new/../maps` will be `maps`.
@@ -115,15 +91,9 @@ fn real_folder(folder: &Path) -> Result<PathBuf> {
         if !real.is_dir() && fs::symlink_metadata(&real).is_ok() {
             return Err(Failure::file(&real, "is not a folder"));
         }
-        if let Ok(path) = real.canonicalize() {
-            real = path;
-        }
+        real = real.canonicalize().unwrap_or(real);
     }
     Ok(real)
-}
-
-fn in_capitals(path: &Path) -> PathBuf {
-    path.to_string_lossy().to_uppercase().into()
 }
 
 /// Whether vrtm wrote a file, be it whole or cut short after its header. An empty one is nobody's work.
@@ -133,7 +103,7 @@ fn is_marked(path: &Path) -> io::Result<bool> {
     let has = |mark: &str| header.windows(mark.len()).any(|bytes| bytes == mark.as_bytes());
     Ok(match header.first() {
         None => true,
-        _ if header.starts_with(&EXR) => has(EXR_MARK),
+        _ if header.starts_with(EXR) => has(EXR_MARK),
         _ if header.starts_with(PNG) => has(PNG_MARK),
         Some(b'{') => serde_json::from_slice(&fs::read(path)?)
             .is_ok_and(|report: Value| report["program"]["name"] == PROGRAM),
@@ -147,7 +117,7 @@ pub fn remove_if_damaged(path: &Path) {
         return;
     }
     let Ok(bytes) = fs::read(path) else { return };
-    let whole = if bytes.starts_with(&EXR) {
+    let whole = if bytes.starts_with(EXR) {
         let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
         let read = reader.first_valid_layer().all_attributes().from_buffered(Cursor::new(&bytes));
         // Somebody may have compressed it anew, in a way that is not read here.

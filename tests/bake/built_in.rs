@@ -126,24 +126,29 @@ fn real_assets_bake() {
 #[test]
 fn help_tells_the_options() {
     let help = succeed(&["--help"]);
-    for option in
-        ["--asset", "--rest", "--pose", "--rigidity", "--mask", "--frames", "--out", "--overwrite", "--size"]
-    {
+    let options = "--scene --asset --rest --pose --rigidity --frames --out --overwrite --no-sheet --view --size --map-size \
+                   --quality draft high --warm --temporal-weight --device gpu redirect.####.<UDIM>.exr torus";
+    for option in options.split_whitespace() {
         assert!(help.contains(option), "{option}");
     }
-    for option in [
-        "--quality",
-        "--solver",
-        "--iterations",
-        "--warm",
-        "--temporal-weight",
-        "--device",
-        "--adapter",
-        "--threads",
-        "draft",
-        "high",
-        "redirect.####.<UDIM>.exr",
-    ] {
-        assert!(help.contains(option), "{option}");
+}
+
+#[test]
+fn frames_are_baked_once_and_in_the_order_given() {
+    let out = folder("order");
+    let list = ["--size", "16", "--no-sheet", "--frames", "5,1-2,2", "--map-size", "24", "--out", text(&out)];
+    succeed(&list);
+    let report = report(&out);
+    let numbers: Vec<_> = report["frames"].as_array().unwrap().iter().map(|f| f["frame"].as_u64()).collect();
+    assert_eq!(numbers, [Some(5), Some(1), Some(2)]);
+    let size = |name: &str| {
+        let (width, height, _) = read_exr(&out.join(name));
+        [width, height]
+    };
+    assert_eq!([size("redirect.0005.1001.exr"), size("warp.0005.1001.exr")], [[24, 24], [17, 17]]);
+    let map = &report["frames"][0]["tiles"][0]["map"];
+    assert_eq!((&map["size"], &map["folds"]), (&serde_json::json!([24, 24]), &0.into()));
+    for key in ["error_rms", "error_p99", "error_max"] {
+        assert!(map[key].as_f64() > Some(0.0), "{key}: {map}");
     }
 }

@@ -78,28 +78,18 @@ pub fn layer(path: &Path) -> Layer<AnyChannels<FlatSamples>> {
         .layer_data
 }
 
-/// The texels of an EXR file with these channels of f32, which are named in the alphabet's order.
-pub fn channels<const N: usize>(path: &Path, names: [&str; N]) -> (usize, usize, Vec<[f32; N]>) {
+/// Reads the size and the UVs of an EXR file, which must have the channels R, G and B of f32, and 0 in B.
+pub fn read_exr(path: &Path) -> (usize, usize, Vec<[f32; 2]>) {
     let layer = layer(path);
     let channels = &layer.channel_data.list;
-    let titles: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
-    assert_eq!(titles, names, "{}", path.display());
-    let values: Vec<&[f32]> = channels
-        .iter()
-        .map(|c| match &c.sample_data {
-            FlatSamples::F32(values) => values.as_slice(),
-            other => panic!("not f32: {other:?}"),
-        })
-        .collect();
-    let texels = (0..layer.size.area()).map(|k| std::array::from_fn(|c| values[c][k])).collect();
-    (layer.size.x(), layer.size.y(), texels)
-}
-
-/// Reads the size and the UVs of an EXR file, which must have the channels R, G and B, and 0 in B.
-pub fn read_exr(path: &Path) -> (usize, usize, Vec<[f32; 2]>) {
-    let (width, height, texels) = channels(path, ["B", "G", "R"]);
-    assert!(texels.iter().all(|texel| texel[0] == 0.0));
-    (width, height, texels.into_iter().map(|[_, v, u]| [u, v]).collect())
+    let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
+    assert_eq!(names, ["B", "G", "R"], "{}", path.display());
+    let [b, g, r] = [0, 1, 2].map(|k| match &channels[k].sample_data {
+        FlatSamples::F32(values) => values,
+        other => panic!("not f32: {other:?}"),
+    });
+    assert!(b.iter().all(|&x| x == 0.0));
+    (layer.size.x(), layer.size.y(), r.iter().zip(g).map(|(&u, &v)| [u, v]).collect())
 }
 
 pub fn report(out: &Path) -> Value {
@@ -128,9 +118,6 @@ impl Files {
         map.save(files.folder.join("r.1001.png")).expect("a map");
         // Nothing of the second tile is rigid.
         image::GrayImage::new(32, 32).save(files.folder.join("r.1002.png")).expect("a map");
-        image::GrayImage::from_pixel(32, 32, image::Luma([255]))
-            .save(files.folder.join("m.1001.png"))
-            .expect("a mask");
         files
     }
 

@@ -2,11 +2,7 @@
 
 mod built_in;
 mod common;
-mod full_disk;
-mod inputs;
-mod maps;
-mod outputs;
+mod files;
+mod interrupted;
 mod overwrite;
-mod poses;
 mod refusals;
-mod signals;

@@ -39,7 +39,7 @@ fn refuse_always(files: &Files, arguments: &[String], words: &[&str]) {
     refuse(files, &more, words);
 }
 
-/// Arguments for a quick bake to `out` without a sheet, the tile 1001 without a placeholder.
+/// Arguments for a quick bake to `out` without a sheet; the mesh has one tile.
 fn arguments(files: &Files, out: &str, more: &[&str]) -> Vec<String> {
     files.write("rest.obj", one_tile(REST).as_bytes());
     files.write("pose.obj", one_tile(REST).as_bytes());
@@ -65,7 +65,7 @@ fn no_file_that_is_read_is_ever_written_over() {
     let maps = files.folder.join("maps");
     fs::create_dir(&maps).unwrap();
     let at = |name: &str| files.path(&format!("maps/{name}"));
-    let [exr, report, warp] = WRITTEN.map(at);
+    let [exr, report, _] = WRITTEN.map(at);
     let with = |option: &str, file: &str, more: &[&str]| {
         refuse_always(&files, &arguments(&files, "maps", more), &[option, file, "input"]);
         fs::remove_file(at(file)).unwrap();
@@ -74,23 +74,11 @@ fn no_file_that_is_read_is_ever_written_over() {
     fs::copy(&rigid, &exr).unwrap();
     let pattern = at("redirect.0001.<UDIM>.exr");
     with("--rigidity", WRITTEN[0], &["--pose", &pose, "--rigidity", &pattern]);
-    fs::copy(&rigid, &warp).unwrap();
-    with("--mask", WRITTEN[2], &["--pose", &pose, "--rigidity", &rigid, "--mask", &warp]);
-    fs::copy(&rigid, at("colour.1001.exr")).unwrap();
-    let name = ["--no-warp", "--name", "colour.<UDIM>.exr"];
-    let colour = at("colour.<UDIM>.exr");
-    with("--rigidity", "colour.1001.exr", &[&name[..], &["--pose", &pose, "--rigidity", &colour]].concat());
     fs::write(&report, one_tile(REST)).unwrap();
     with("--rest", WRITTEN[1], &["--rest", &report, "--pose", &pose, "--rigidity", &rigid]);
     fs::write(&report, one_tile(REST)).unwrap();
     // A frame that is not baked.
     with("--pose", WRITTEN[1], &["--pose", &pose, &report, "--frames", "1", "--rigidity", &rigid]);
-    fs::write(&report, one_tile(REST)).unwrap();
-    with("--rest-pose", WRITTEN[1], &["--rest-pose", &report, "--pose", &pose, "--rigidity", &rigid]);
-    fs::write(&exr, "1\n".repeat(6)).unwrap();
-    with("--vertex-rigidity", WRITTEN[0], &["--vertex-rigidity", &exr, "--pose", &pose]);
-    fs::write(&exr, "1\n".repeat(6)).unwrap();
-    with("--vertex-mask", WRITTEN[0], &["--vertex-mask", &exr, "--pose", &pose, "--rigidity", &rigid]);
     // An asset's own folder, and the map of a tile that its mesh does not have.
     for (tile, file) in [("1001", WRITTEN[0]), ("1005", WRITTEN[2])] {
         fs::write(at("rest.obj"), one_tile(REST)).unwrap();
@@ -218,27 +206,10 @@ fn only_regular_files_are_replaced() {
     let other = files.folder.join("other.exr");
     fs::write(&other, &bytes).unwrap();
     symlink(&other, &path).unwrap();
-    list.extend(["--half".into()]);
+    list.extend(["--map-size".into(), "8".into()]);
     succeed(&borrow(&list));
     assert!(path.symlink_metadata().unwrap().is_file() && fs::read(&path).unwrap() != bytes);
     assert!(fs::read(&other).unwrap() == bytes);
-}
-
-#[test]
-fn no_two_outputs_are_one_file() {
-    let files = Files::new("twins");
-    let (mut list, out) = files.arguments("pose.obj", &["--no-sheet", "--no-warp", "--size", "16", "--name"]);
-    list.push("report.json/<UDIM>.exr".into());
-    refuse_always(&files, &list, &["report.json", "folder"]);
-    *list.last_mut().unwrap() = "<UDIM>/sheet.exr".into();
-    fs::create_dir_all(out.join("1001")).unwrap();
-    #[cfg(unix)]
-    {
-        std::os::unix::fs::symlink("1001", out.join("1002")).unwrap();
-        refuse_always(&files, &list, &["1002/sheet.exr", "two outputs"]);
-        fs::remove_file(out.join("1002")).unwrap();
-    }
-    succeed(&borrow(&list));
 }
 
 #[test]

@@ -25,21 +25,14 @@ pub struct Material {
 }
 
 impl Material {
-    pub fn new(map: Option<&Map>) -> Material {
+    pub fn new(map: Option<&Map>, pixels: f64) -> Material {
         let rigidity = map.map(|map| {
-            let (width, height) = (map.width as usize, map.height as usize);
-            let mut values = map.values();
-            for _ in 0..2 {
-                smooth(&mut values, width, height);
-            }
-            Field { width, height, data: values.into_iter().map(|v| [v]).collect() }
+            let size = map.size.map(|n| n as usize);
+            let data = map.values().into_iter().map(|v| [v]).collect();
+            let field = Field { size, data };
+            smooth(&field)
         });
-        Material { rigidity, pixels: 512.0 }
-    }
-
-    /// Sets the approximate length of the tile's side on the sheet, in pixels.
-    pub fn set_scale(&mut self, pixels: f32) {
-        self.pixels = pixels.clamp(64.0, 65536.0);
+        Material { rigidity, pixels: pixels.clamp(64.0, 65536.0) as f32 }
     }
 
     /// Smoothed rigidity at a UV.
@@ -54,50 +47,40 @@ impl Material {
             let distance = (0.5 - ((x * cells).fract().abs() - 0.5).abs()) * self.pixels / cells;
             1.0 - step(0.5 * LINE_WIDTH, 1.5 * LINE_WIDTH, distance)
         };
-        let mut colour = mix(SKIN, LINES, line(uv[0]).max(line(uv[1])));
+        let colour = mix(SKIN, LINES, line(uv[0]).max(line(uv[1])));
         let Some(map) = &self.rigidity else { return colour };
         let r = map.sample(uv)[0];
-        let texel = [1.0 / map.width as f32, 1.0 / map.height as f32];
+        let texel = map.size.map(|n| 1.0 / n as f32);
         let along = |du: f32, dv: f32| map.sample([uv[0] + du, uv[1] + dv])[0];
         // Change of the rigidity per texel toward u and v.
         let slope = [
             0.5 * (along(texel[0], 0.0) - along(-texel[0], 0.0)),
             0.5 * (along(0.0, texel[1]) - along(0.0, -texel[1])),
         ];
-        let steep = (slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
         // Light from the texture's upper left makes the rim of a stud look raised.
         let relief = 1.0 + 0.9 * (0.6 * slope[0] - 0.8 * slope[1]);
         let stud = mix(SKIN, STUD, 0.35 + 0.65 * r).map(|c| c * relief);
-        colour = mix(colour, stud, step(OUTLINE - 0.05, OUTLINE + 0.05, r));
-        if steep > 1e-4 {
-            // Distance to the outline in pixels. The outline is at least a texel wide, or the bilinear filter would
-            // show.
-            let distance = (r - OUTLINE).abs() / steep * self.pixels / map.width as f32;
-            let width = OUTLINE_WIDTH.max(0.4 * self.pixels / map.width as f32);
-            colour = mix(RIM, colour, step(0.6 * width, 1.4 * width, distance));
-        }
-        colour
+        let colour = mix(colour, stud, step(OUTLINE - 0.05, OUTLINE + 0.05, r));
+        // Distance to the outline in pixels. The outline is at least a texel wide, or the bilinear filter would show.
+        let wide = self.pixels * texel[0];
+        let distance = (r - OUTLINE).abs() / slope[0].hypot(slope[1]).max(1e-4) * wide;
+        let width = OUTLINE_WIDTH.max(0.4 * wide);
+        mix(RIM, colour, step(0.6 * width, 1.4 * width, distance))
     }
 }
 
-/// One pass of the binomial filter 1-2-1, in both directions.
-fn smooth(values: &mut [f32], width: usize, height: usize) {
-    let pass = |values: &mut [f32], count: usize, stride: usize, start: usize| {
-        let mut before = values[start];
-        for i in 0..count {
-            let at = start + i * stride;
-            let after = values[if i + 1 < count { at + stride } else { at }];
-            let here = values[at];
-            values[at] = 0.25 * before + 0.5 * here + 0.25 * after;
-            before = here;
-        }
+/// The mean over two texels in each direction.
+fn smooth(map: &Field<1>) -> Field<1> {
+    let [width, height] = map.size;
+    let mean = |k: usize| {
+        let uv = |dx: f32, dy: f32| {
+            let (x, y) = ((k % width) as f32 + 0.5 + dx, (k / width) as f32 + 0.5 + dy);
+            [x / width as f32, 1.0 - y / height as f32]
+        };
+        let around = [(-0.75, -0.75), (0.75, -0.75), (-0.75, 0.75), (0.75, 0.75)];
+        [around.map(|(dx, dy)| map.sample(uv(dx, dy))[0]).iter().sum::<f32>() / 4.0]
     };
-    for y in 0..height {
-        pass(values, width, 1, y * width);
-    }
-    for x in 0..width {
-        pass(values, height, width, x);
-    }
+    Field { size: map.size, data: (0..width * height).map(mean).collect() }
 }
 
 pub fn mix(a: Colour, b: Colour, t: f32) -> Colour {

@@ -1,0 +1,152 @@
+//! The part of the program that calls vrtm: it makes an asset, sets its maps, solves a pose, and fetches the results.
+
+use vrtm::{
+    Asset, AssetReport, Backend, Device, FetchKind, ImageLayout, ImageViewMut, MapDesc, MapReport,
+    MeshSource, PixelFormat, SolveOptions, Strided, TileReport, UvSource,
+};
+use xxhash_rust::xxh3::Xxh3;
+
+use crate::args::Args;
+use crate::failure::{Failure, Result};
+use crate::maps::{Field, Map};
+use crate::source::{Frame, Source};
+
+/// What is written per frame and tile.
+pub const OUTPUTS: [(&str, FetchKind); 2] = [("redirect", FetchKind::Redirection), ("warp", FetchKind::Warp)];
+
+/// The asset with its maps.
+pub struct Bake<'a> {
+    pub asset: Asset,
+    pub tiles: Vec<Tile<'a>>,
+    options: SolveOptions,
+    /// A hash of all poses that the next result depends on.
+    poses: Xxh3,
+}
+
+pub struct Tile<'a> {
+    pub udim: u32,
+    pub rigidity: Option<&'a Map>,
+    /// Texels of the redirection, and nodes of the grid, which the warp has a texel for each.
+    sizes: [[u32; 2]; 2],
+    /// A hash of all that the tile's files depend on, poses and sizes excepted.
+    inputs: Xxh3,
+}
+
+impl<'a> Bake<'a> {
+    pub fn new(source: &'a Source, args: &Args, device: &Device) -> Result<Bake<'a>> {
+        let mesh = &source.mesh;
+        let failure = |e| Failure::named(&source.origin, e);
+        let uvs = Strided::from_f32x2(&mesh.uvs);
+        let mut asset = Asset::new(
+            device,
+            &MeshSource {
+                positions: Strided::from_f32x3(&mesh.rest),
+                face_counts: Some(&mesh.face_counts),
+                indices: &mesh.indices,
+                uvs: UvSource { u: uvs, v: None, indices: Some(&mesh.uv_indices) },
+                ..MeshSource::default()
+            },
+        )
+        .map_err(failure)?;
+        let options = SolveOptions {
+            quality: args.quality,
+            warm: args.warm,
+            temporal_weight: args.temporal_weight,
+            measure: true,
+            ..SolveOptions::default()
+        };
+
+        let mut common = Xxh3::new();
+        // The CPU gives the same bits on every machine.
+        let info = device.info();
+        let name = (info.backend == Backend::Gpu).then_some(info.name);
+        add(&mut common, format!("{} {name:?} {options:?}", env!("CARGO_PKG_VERSION")).bytes());
+        add(&mut common, floats(mesh.rest.as_flattened()).chain(floats(mesh.uvs.as_flattened())));
+        for list in [&mesh.face_counts, &mesh.indices, &mesh.uv_indices] {
+            add(&mut common, list.iter().flat_map(|n| n.to_le_bytes()));
+        }
+
+        // A tile without a map is the identity; it gets the size of the others.
+        let maps = source.maps.values().filter_map(|tile| tile.rigidity.as_ref());
+        let fallback = maps.map(|map| map.size).max().unwrap_or([512; 2]);
+        let mut tiles = Vec::new();
+        for index in 0..asset.tile_count() {
+            let udim = asset.tile_info(index).map_err(failure)?.udim;
+            let maps = source.maps.get(&udim);
+            let [rigidity, mask] =
+                [maps.and_then(|maps| maps.rigidity.as_ref()), maps.and_then(|maps| maps.mask.as_ref())];
+            if let Some(map) = rigidity {
+                let set = asset.set_rigidity(index, Some(map.view()?));
+                set.map_err(|e| Failure::named(&map.origin, e))?;
+            }
+            if let Some(map) = mask {
+                let set = asset.set_mask(index, Some(map.view()?));
+                set.map_err(|e| Failure::named(&map.origin, e))?;
+            }
+            let cells = args.size.map_or(rigidity.map_or(fallback, |map| map.size), |n| [n, n]);
+            let mut settings = asset.settings(index).map_err(failure)?;
+            settings.grid = cells.map(|n| Some(n.min(vrtm::MAX_GRID)));
+            asset.set_settings(index, &settings).map_err(|e| Failure::named("--size", e))?;
+            let nodes = asset.tile_info(index).map_err(failure)?.grid.map(|cells| cells + 1);
+            let mut inputs = common.clone();
+            add(&mut inputs, format!("{udim} {settings:?}").bytes());
+            for map in [rigidity, mask] {
+                add(&mut inputs, format!("{:?}", map.map(|map| (map.format, map.size))).bytes());
+                add(&mut inputs, map.iter().flat_map(|map| map.bytes.iter().copied()));
+            }
+            let sizes = [args.map_size.map_or(cells, |n| [n, n]), nodes];
+            tiles.push(Tile { udim, rigidity, sizes, inputs });
+        }
+        Ok(Bake { asset, tiles, options, poses: Xxh3::new() })
+    }
+
+    /// Solves a pose.
+    pub fn solve(&mut self, frame: &Frame) -> Result<()> {
+        if !self.options.warm {
+            self.poses = Xxh3::new();
+        }
+        add(&mut self.poses, floats(frame.positions.as_flattened()));
+        let solved = self.asset.solve(Strided::from_f32x3(&frame.positions), &self.options);
+        solved.map_err(|e| Failure::named(&frame.origin, e))
+    }
+
+    /// An output of a tile, with u, v and 0, and a hash of what it depends on.
+    pub fn image(&self, tile: usize, kind: FetchKind) -> vrtm::Result<(Field<3>, String)> {
+        let Tile { sizes, inputs, .. } = &self.tiles[tile];
+        let [width, height] = sizes[usize::from(kind == FetchKind::Warp)];
+        let layout = ImageLayout {
+            one_to_one: true,
+            ..ImageLayout::packed(width, height, PixelFormat::F32).with_channels(3)
+        };
+        let mut bytes = vec![0u8; width as usize * height as usize * 12];
+        self.asset.fetch(tile, kind, &mut ImageViewMut::new("image", &mut bytes, layout)?)?;
+        let float = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
+        let data = bytes.chunks_exact(12).map(|b| [float(b), float(&b[4..]), float(&b[8..])]).collect();
+        let mut inputs = inputs.clone();
+        add(&mut inputs, format!("{kind:?} {width} {height} {}", self.poses.digest128()).bytes());
+        let size = [width as usize, height as usize];
+        Ok((Field { size, data }, format!("{:032x}", inputs.digest128())))
+    }
+
+    /// The figures of a frame: the asset's, each tile's, and how each redirection does under bilinear lookup. After the
+    /// outputs were fetched the tile's have the time of the inversion, too.
+    pub fn reports(&self) -> vrtm::Result<(AssetReport, Vec<(TileReport, MapReport)>)> {
+        let of = |(index, tile): (usize, &Tile)| {
+            let (kind, format) = (FetchKind::Redirection, PixelFormat::F32);
+            let map = MapDesc { kind, format, size: tile.sizes[0], one_to_one: true };
+            Ok((self.asset.tile_report(index)?, self.asset.inspect_map(index, &map)?))
+        };
+        Ok((self.asset.report()?, self.tiles.iter().enumerate().map(of).collect::<vrtm::Result<_>>()?))
+    }
+}
+
+fn floats(values: &[f32]) -> impl Iterator<Item = u8> {
+    values.iter().flat_map(|x| x.to_le_bytes())
+}
+
+/// Adds bytes to a hash, with the length before them, so that no two lists of inputs run together to the same bytes.
+fn add(hash: &mut Xxh3, bytes: impl Iterator<Item = u8>) {
+    let bytes: Vec<u8> = bytes.collect();
+    hash.update(&(bytes.len() as u64).to_le_bytes());
+    hash.update(&bytes);
+}

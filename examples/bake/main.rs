@@ -1,0 +1,170 @@
+//! Bakes redirection maps for a mesh and its poses, with a sheet for visual inspection and a report.
+//!
+//! `cargo run --release --example bake` bakes a built-in scene into `out/`; `--help` lists the options. `Bake`, in
+//! `bake.rs`, shows how a host uses vrtm. For production there is the command `vrtm bake` in bindings/python.
+
+mod args;
+mod bake;
+mod encode;
+mod failure;
+mod maps;
+mod mesh;
+mod obj;
+mod output;
+mod overwrite;
+mod report;
+#[path = "../scenes/mod.rs"]
+mod scenes;
+mod sheet;
+mod source;
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::process::ExitCode;
+use std::sync::{Arc, Mutex};
+
+use serde_json::Value;
+use vrtm::{AssetReport, Device, DeviceSettings, FetchKind, LogLevel};
+
+use args::Args;
+use bake::{Bake, OUTPUTS};
+use encode::Facts;
+use failure::{Failure, Result, say};
+use output::Output;
+use sheet::Stage;
+use source::{Frame, Source};
+
+fn main() -> ExitCode {
+    let result = args::parse().map_err(Failure).and_then(|args| run(&args));
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure(line)) => {
+            say(&line);
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(args: &Args) -> Result<()> {
+    output::watch_signals()?;
+    let source = Source::load(args)?;
+    let settings = DeviceSettings { backend: args.device, log: Some(log()), ..DeviceSettings::default() };
+    let device = Device::new(&settings).map_err(|e| Failure::named("--device", e))?;
+    let mut bake = Bake::new(&source, args, &device)?;
+    let planned = planned(args, &source, &bake);
+    overwrite::check(&args.out, &planned, &source.inputs, args.overwrite)?;
+    warn_of_tiles(args, &bake);
+    let stage = (!args.no_sheet).then(|| Stage::new(&source, &bake, args.view));
+
+    let failure = |e| Failure::named(&source.origin, e);
+    let tiles: vrtm::Result<Vec<_>> = (0..bake.tiles.len()).map(|tile| bake.asset.tile_info(tile)).collect();
+    let mut document =
+        report::header(&source, args, &device.info(), &bake.asset.info(), &tiles.map_err(failure)?);
+    let mut frames = Vec::new();
+    let mut output = Output::new(&args.out, planned)?;
+    print(&format!("frame  {}", report::TITLES));
+    for frame in source.chosen.iter().map(|&index| &source.frames[index]) {
+        let failure = |e| Failure::named(&frame.origin, e);
+        bake.solve(frame)?;
+        let mut redirections = Vec::new();
+        for (tile, udim) in bake.tiles.iter().map(|tile| tile.udim).enumerate() {
+            for (kind, fetch) in OUTPUTS {
+                let (image, inputs) = bake.image(tile, fetch).map_err(failure)?;
+                let name = map_name(kind, frame.number, udim);
+                let facts = Facts { kind, udim, frame: frame.number, inputs };
+                let bytes = encode::exr(&image, &facts).map_err(|e| Failure::named(&name, e))?;
+                output.write(&name, &bytes)?;
+                if fetch == FetchKind::Redirection {
+                    redirections.push(image);
+                }
+            }
+        }
+        let (asset, tiles) = bake.reports().map_err(failure)?;
+        let lines: Vec<String> = tiles.iter().map(|(tile, _)| report::line(tile)).collect();
+        if let Some(stage) = &stage {
+            let title = format!("{}   frame {}   {}", source.name, frame.number, frame.note);
+            let name = sheet_name(frame.number);
+            let picture = stage.draw(&title, &frame.positions, &redirections, &lines);
+            output.write(&name, &encode::png(&picture).map_err(|e| Failure::named(&name, e))?)?;
+        }
+        lines.iter().for_each(|line| print(&format!("{:>5}  {line}", frame.number)));
+        warn_of_pose(frame, &asset);
+        frames.push(report::frame(frame, &asset, &tiles));
+    }
+    document["frames"] = Value::Array(frames);
+    output.write(REPORT, format!("{document:#}\n").as_bytes())?;
+    print(&format!("written to {}", args.out.display()));
+    Ok(())
+}
+
+const REPORT: &str = "report.json";
+
+fn map_name(kind: &str, frame: usize, udim: u32) -> String {
+    format!("{kind}.{frame:04}.{udim}.exr")
+}
+
+fn sheet_name(frame: usize) -> String {
+    format!("sheet.{frame:04}.png")
+}
+
+/// The names of all files that will be written.
+fn planned(args: &Args, source: &Source, bake: &Bake) -> Vec<String> {
+    let mut names = vec![REPORT.to_string()];
+    for number in source.chosen.iter().map(|&index| source.frames[index].number) {
+        for tile in &bake.tiles {
+            names.extend(OUTPUTS.map(|(kind, _)| map_name(kind, number, tile.udim)));
+        }
+        if !args.no_sheet {
+            names.push(sheet_name(number));
+        }
+    }
+    names
+}
+
+/// A reader that closes the pipe early (`bake | head`) does not make the bake fail.
+fn print(line: &str) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
+
+/// Tells what the library warns of, once. What it says of a pose is told with the frame, by `warn_of_pose`.
+fn log() -> vrtm::LogFn {
+    let told = Mutex::new(BTreeSet::new());
+    Arc::new(move |level, message| {
+        if level == LogLevel::Warning
+            && !message.starts_with("pose")
+            && told.lock().is_ok_and(|mut told| told.insert(message.to_string()))
+        {
+            say(&format!("warning: {message}"));
+        }
+    })
+}
+
+/// Tells which tiles are left as they are, for want of a map.
+fn warn_of_tiles(args: &Args, bake: &Bake) {
+    let tiles = bake.tiles.iter().filter(|tile| tile.rigidity.is_none());
+    let without: Vec<String> = tiles.map(|tile| tile.udim.to_string()).collect();
+    if !without.is_empty() {
+        let pattern = args.rigidity.as_ref().map_or(String::new(), |text| format!("--rigidity {text}: "));
+        let list = without.join(", ");
+        say(&format!("warning: {pattern}no map for these tiles, which are not warped: {list}"));
+    }
+}
+
+/// Tells what nobody can have meant.
+fn warn_of_pose(frame: &Frame, asset: &AssetReport) {
+    let (factor, percent) = (asset.median_stretch, 100.0 * asset.stretched_share);
+    let text = if !(1.0 / 3.0..=3.0).contains(&factor) {
+        format!(
+            "edges are {factor:.3} times as long as at rest (median): is it in other units, or are the vertices in \
+             another order?"
+        )
+    } else if percent > 5.0 {
+        format!(
+            "{percent:.1} % of the edges are more than 3 times as long as at rest: are the vertices in the order of the \
+             rest mesh?"
+        )
+    } else {
+        return;
+    };
+    say(&format!("warning: frame {}: {}: {text}", frame.number, frame.origin));
+}

@@ -1,0 +1,80 @@
+//! An orthographic camera that sees all poses.
+
+use crate::mesh::dot;
+
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    /// Unit vectors as rows: right, up, toward the viewer.
+    axes: [[f64; 3]; 3],
+    centre: [f64; 2],
+    half: [f64; 2],
+}
+
+/// Size of the view relative to that of the mesh.
+const MARGIN: f64 = 1.06;
+
+impl Camera {
+    /// A camera for all poses, of which the first is the rest. Without a view in degrees it is that in which one looks at a
+    /// character first, and the front for a flat sheet.
+    pub fn new(poses: &[&[[f32; 3]]], view: Option<[f64; 2]>) -> Camera {
+        let [low, high] = bounds(poses);
+        let size = [0, 1, 2].map(|c| high[c] - low[c]);
+        let flat = size[2] < 0.02 * size[0].max(size[1]);
+        let [yaw, pitch] = view.unwrap_or(if flat { [0.0; 2] } else { [25.0, 14.0] });
+        let (ys, yc) = yaw.to_radians().sin_cos();
+        let (ps, pc) = pitch.to_radians().sin_cos();
+        // At yaw 0 and pitch 0, y points up and z toward the viewer. Yaw turns the viewer around the mesh, pitch lifts
+        // the viewer.
+        let axes = [[yc, 0.0, -ys], [-ps * ys, pc, -ps * yc], [pc * ys, ps, pc * yc]];
+        let axes = if !flat && z_up(poses[0]) { axes.map(|[x, y, z]| [x, -z, y]) } else { axes };
+        let mut camera = Camera { axes, centre: [0.0; 2], half: [1.0; 2] };
+        let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
+        for &p in poses.iter().copied().flatten() {
+            let seen = camera.view(p);
+            low = [0, 1].map(|c| low[c].min(seen[c]));
+            high = [0, 1].map(|c| high[c].max(seen[c]));
+        }
+        let size = (high[0] - low[0]).max(high[1] - low[1]).max(1e-30);
+        camera.centre = [0, 1].map(|c| 0.5 * (low[c] + high[c]));
+        // A mesh seen edge-on gets a height, too.
+        camera.half = [0, 1].map(|c| 0.5 * MARGIN * (high[c] - low[c]).max(0.05 * size));
+        camera
+    }
+
+    /// Coordinates along right, up and toward the viewer, without scaling.
+    pub fn view(&self, p: [f32; 3]) -> [f64; 3] {
+        self.axes.map(|axis| dot(axis, p.map(f64::from)))
+    }
+
+    /// Pixel coordinates (y down) and depth (larger = nearer).
+    pub fn project(&self, p: [f32; 3], [width, height]: [usize; 2]) -> [f64; 3] {
+        let [x, y, z] = self.view(p);
+        let scale = self.scale([width, height]);
+        let centre = [width as f64 / 2.0, height as f64 / 2.0];
+        [centre[0] + (x - self.centre[0]) * scale, centre[1] - (y - self.centre[1]) * scale, z]
+    }
+
+    /// Pixels per unit of length.
+    pub fn scale(&self, [width, height]: [usize; 2]) -> f64 {
+        (width as f64 / self.half[0]).min(height as f64 / self.half[1]) / 2.0
+    }
+
+    /// Height over width of the view.
+    pub fn aspect(&self) -> f64 {
+        self.half[1] / self.half[0]
+    }
+}
+
+fn bounds(poses: &[&[[f32; 3]]]) -> [[f64; 3]; 2] {
+    poses.iter().copied().flatten().fold([[f64::MAX; 3], [f64::MIN; 3]], |[low, high], p| {
+        let p = p.map(f64::from);
+        [[0, 1, 2].map(|c| low[c].min(p[c])), [0, 1, 2].map(|c| high[c].max(p[c]))]
+    })
+}
+
+/// Guesses the up axis, which OBJ files do not state: z if the mesh stands on z = 0 and not on y = 0.
+fn z_up(rest: &[[f32; 3]]) -> bool {
+    let [low, high] = bounds(&[rest]);
+    let stands = |c: usize| low[c].abs() < 0.02 * (high[c] - low[c]);
+    stands(2) && !stands(1)
+}
