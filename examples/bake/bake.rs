@@ -26,6 +26,8 @@ pub struct Bake<'a> {
 pub struct Tile<'a> {
     pub udim: u32,
     pub rigidity: Option<&'a Map>,
+    /// Cells of the grid in u.
+    pub cells: u32,
     /// Texels of the redirection, and nodes of the grid, which the warp has a texel for each.
     sizes: [[u32; 2]; 2],
     /// A hash of all that the tile's files depend on, poses and sizes excepted.
@@ -95,7 +97,7 @@ impl<'a> Bake<'a> {
                 add(&mut inputs, map.iter().flat_map(|map| map.bytes.iter().copied()));
             }
             let sizes = [args.map_size.map_or(cells, |n| [n, n]), nodes];
-            tiles.push(Tile { udim, rigidity, sizes, inputs });
+            tiles.push(Tile { udim, rigidity, cells: nodes[0] - 1, sizes, inputs });
         }
         Ok(Bake { asset, tiles, options, poses: Xxh3::new() })
     }

@@ -16,6 +16,8 @@ pub struct Mesh {
 pub struct Triangle {
     pub vertices: [u32; 3],
     pub uvs: [[f64; 2]; 3],
+    /// UV indices of the corners: triangles that share them are connected.
+    pub corners: [u32; 3],
     pub udim: u32,
 }
 
@@ -50,10 +52,12 @@ impl Mesh {
             let offset = [f64::from((udim - 1001) % 10), f64::from((udim - 1001) / 10)];
             for k in face.start + 1..face.end - 1 {
                 let corners = [face.start, k, k + 1];
-                let uvs = corners.map(|c| self.uvs[self.uv_indices[c] as usize].map(f64::from));
+                let uv_corners = corners.map(|c| self.uv_indices[c]);
+                let uvs = uv_corners.map(|c| self.uvs[c as usize].map(f64::from));
                 triangles.push(Triangle {
                     vertices: corners.map(|c| self.indices[c]),
                     uvs: uvs.map(|[u, v]| [u - offset[0], v - offset[1]]),
+                    corners: uv_corners,
                     udim,
                 });
             }

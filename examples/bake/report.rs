@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 use vrtm::{AssetInfo, AssetReport, DeviceInfo, MapReport, Strain, StrainReport, TileInfo, TileReport};
 
 use crate::args::Args;
+use crate::maps::Map;
 use crate::overwrite;
 use crate::source::{Frame, Source};
 
@@ -20,16 +21,11 @@ pub fn header(
     info: &AssetInfo,
     tiles: &[TileInfo],
 ) -> Value {
-    let maps = |udim: u32| {
-        let maps = source.maps.get(&udim);
-        let origin = |map: Option<&crate::maps::Map>| map.map(|map| map.origin.clone());
-        [
-            maps.and_then(|maps| origin(maps.rigidity.as_ref())),
-            maps.and_then(|maps| origin(maps.mask.as_ref())),
-        ]
-    };
     let tile = |tile: &TileInfo| {
-        let [rigidity, mask] = maps(tile.udim);
+        let maps = source.maps.get(&tile.udim);
+        let origin = |map: &Option<Map>| map.as_ref().map(|map| map.origin.clone());
+        let rigidity = maps.and_then(|maps| origin(&maps.rigidity));
+        let mask = maps.and_then(|maps| origin(&maps.mask));
         json!({
             "udim": tile.udim, "rigidity": rigidity, "mask": mask, "charts": tile.charts,
             "triangles": tile.triangles, "grid": tile.grid, "movable_nodes": tile.movable_nodes,

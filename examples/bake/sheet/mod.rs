@@ -15,7 +15,7 @@ use camera::Camera;
 use canvas::{Canvas, HEADING, TEXT, TITLE};
 use material::{Colour, Material, mix, step};
 use raster::Raster;
-use strain::Locator;
+use strain::Surface;
 
 const COLUMN: usize = 640;
 const GAP: usize = 20;
@@ -43,7 +43,8 @@ pub struct Stage<'a> {
     /// Index of each triangle's tile.
     owners: Vec<usize>,
     materials: Vec<Material>,
-    locators: Vec<Locator>,
+    surfaces: Vec<Surface>,
+    charts: Vec<u32>,
     camera: Camera,
     size: [usize; 2],
 }
@@ -56,9 +57,7 @@ struct View {
 }
 
 /// What a sample shows.
-#[derive(Clone, Copy)]
 struct Sample {
-    triangle: u32,
     tile: usize,
     uv: [f32; 2],
     /// Unit normal toward the viewer, in view space.
@@ -92,9 +91,12 @@ impl<'a> Stage<'a> {
             Material::new(baked.rigidity, camera.scale(size) * (areas[1] / areas[0].max(1e-30)).sqrt())
         };
         let materials = bake.tiles.iter().enumerate().map(material).collect();
-        let locator = |tile| Locator::new(of(tile).map(|(index, (t, _))| (index, t)));
-        let locators = (0..bake.tiles.len()).map(locator).collect();
-        Stage { rest, owners, materials, locators, camera, size, triangles }
+        let surface = |(tile, baked): (usize, &crate::bake::Tile)| {
+            Surface::new(of(tile).map(|(index, (t, _))| (index, t)), baked.cells)
+        };
+        let surfaces = bake.tiles.iter().enumerate().map(surface).collect();
+        let charts = strain::charts(&triangles, source.mesh.uvs.len());
+        Stage { rest, owners, materials, surfaces, charts, camera, size, triangles }
     }
 
     /// Draws a frame with each tile's redirection, and lines of figures.
@@ -124,13 +126,13 @@ impl<'a> Stage<'a> {
         let (rest, posed) = (self.view(self.rest), self.view(pose));
         let painted = |tile: usize, uv: [f32; 2]| self.materials[tile].colour(uv);
         let target = |s: &Sample| redirect(&maps[s.tile], s.uv);
-        let strained = |s: &Sample, target: [f32; 2], map: Option<&Field<3>>| {
-            let rigid = step(0.25, 0.40, self.materials[s.tile].rigidity(target));
-            let redirection = map.map(|map| (map, target, &self.locators[s.tile]));
-            let of = (self.triangles.as_slice(), s.triangle);
-            let strain =
-                if rigid > 0.0 { strain::measure(of, (self.rest, pose), s.uv, redirection) } else { None };
-            soft_light(strain.map_or(QUIET, |strain| mix(QUIET, strain_colour(strain), rigid)), s)
+        let strained = |s: &Sample, target: &dyn Fn([f32; 2]) -> [f32; 2]| {
+            let rigid = step(0.25, 0.40, self.materials[s.tile].rigidity(target(s.uv)));
+            let mesh = (self.triangles.as_slice(), self.charts.as_slice());
+            let strain = || self.surfaces[s.tile].strain(mesh, [self.rest, pose], s.uv, target);
+            let colour = if rigid > 0.0 { strain() } else { None }
+                .map_or(QUIET, |strain| mix(QUIET, strain_colour(strain), rigid));
+            soft_light(colour, s)
         };
         let mut picture = |column, row, view: &View, shade: &(dyn Fn(&Sample) -> Colour + Sync)| {
             canvas.picture(place(column, row), self.size, SUPER, |x, y| {
@@ -140,8 +142,8 @@ impl<'a> Stage<'a> {
         picture(0, 0, &rest, &|s| light(painted(s.tile, s.uv), s));
         picture(1, 0, &posed, &|s| light(painted(s.tile, s.uv), s));
         picture(2, 0, &posed, &|s| light(painted(s.tile, target(s)), s));
-        picture(1, 1, &posed, &|s| strained(s, s.uv, None));
-        picture(2, 1, &posed, &|s| strained(s, target(s), Some(&maps[s.tile])));
+        picture(1, 1, &posed, &|s| strained(s, &|uv| uv));
+        picture(2, 1, &posed, &|s| strained(s, &|uv| redirect(&maps[s.tile], uv)));
 
         let [left, top] = place(0, 1);
         for (i, line) in std::iter::once(report::TITLES).chain(figures.iter().map(String::as_str)).enumerate()
@@ -198,7 +200,7 @@ impl<'a> Stage<'a> {
         let inside = normal[2] < 0.0;
         let length = dot(normal, normal).sqrt().max(1e-30) * if inside { -1.0 } else { 1.0 };
         let normal = normal.map(|x| (x / length) as f32);
-        Some(Sample { triangle, tile: self.owners[triangle as usize], uv, normal, inside })
+        Some(Sample { tile: self.owners[triangle as usize], uv, normal, inside })
     }
 }
 
