@@ -1,6 +1,6 @@
 //! Loads a bake's mesh, poses and maps: from a built-in scene, from an asset folder, or from a user's files.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -141,6 +141,8 @@ fn asset(folder: &Path) -> Result<Source> {
             inputs.push(("--asset", file));
         }
     }
+    let present: BTreeSet<u32> = mesh.faces().filter_map(|face| mesh.udim(face)).collect();
+    maps.retain(|udim, _| present.contains(udim));
     let folder = folder.file_name().map_or("asset".into(), |name| name.to_string_lossy().into_owned());
     Ok(Source {
         name: json["name"].as_str().map_or(folder, str::to_string),
