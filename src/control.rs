@@ -22,7 +22,7 @@ pub struct Control {
     state: AtomicU8,
     /// The fraction that is done: the bits of an f32.
     done: AtomicU32,
-    /// What was told last: never less is told afterwards. Bits of numbers over 0 are ordered as the numbers are.
+    /// Highest progress reported so far; it never decreases. Bits of numbers over 0 are ordered as the numbers are.
     told: AtomicU32,
     /// The stage that is under way.
     stage: Mutex<Option<Stage>>,

@@ -93,7 +93,7 @@ fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Resu
         jobs.put(Job { tile, state, prepared, nodes, progress: 0.0, result: None });
         call.advance(preparing / count);
     }
-    // A tile without nodes is done in no time, but not in none.
+    // Even a tile without nodes has a fixed cost.
     let weight = |job: &Job| (job.nodes + 1000) as f32;
     let all: f32 = jobs.iter().map(weight).sum();
     for job in &mut jobs {

@@ -1,5 +1,5 @@
-//! What the shared library asks of a Linux machine, against what README.md says: which libraries it loads, by which name
-//! programs load it, and how old the C library may be. tests/c_api/header.rs has its exports.
+//! What the shared library asks of a Linux machine, against what docs/hosts.md says: which libraries it loads, by which
+//! name programs load it, and how old the C library may be. tests/c_api/header.rs has its exports.
 
 #![cfg(all(target_os = "linux", target_env = "gnu", target_pointer_width = "64"))]
 
@@ -87,21 +87,21 @@ fn it_loads_the_c_library_and_the_unwinder_alone() {
 
 /// It follows from the glibc that the library is linked with: functions that moved ask for the version they moved in.
 #[test]
-fn the_oldest_glibc_is_the_one_that_the_readme_states() {
+fn the_oldest_glibc_is_the_one_that_the_documents_state() {
     unsafe extern "C" {
         safe fn gnu_get_libc_version() -> *const c_char;
     }
-    let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
+    let document = std::fs::read_to_string(root().join("docs/hosts.md")).unwrap();
     // The first one is that of a library with the GPU backend, the second of one without.
-    let stated = readme.split("glibc ").nth(if cfg!(feature = "gpu") { 1 } else { 2 });
-    let stated = stated.expect("README.md states two versions of glibc");
+    let stated = document.split("glibc ").nth(if cfg!(feature = "gpu") { 1 } else { 2 });
+    let stated = stated.expect("docs/hosts.md states two versions of glibc");
     let stated = version(stated.split(|c: char| !c.is_ascii_digit() && c != '.').next().unwrap());
     // SAFETY: glibc's own version, a string that is always there.
     let here = version(unsafe { CStr::from_ptr(gnu_get_libc_version()) }.to_str().unwrap());
     let found = needs().glibc;
     assert!(found <= here, "no library needs a glibc ({found:?}) that is newer than the linker's ({here:?})");
     if here >= stated {
-        assert_eq!(found, stated, "README.md states glibc {stated:?}");
+        assert_eq!(found, stated, "docs/hosts.md states glibc {stated:?}");
     } else {
         assert!(found < stated);
     }

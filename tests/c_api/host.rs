@@ -227,7 +227,7 @@ fn the_readme_s_example_runs() {
     let block = readme.split_once("\n```c\n").and_then(|(_, rest)| rest.split_once("\n```\n"));
     let block = block.expect("README.md has no block that starts with ```c").0;
     let file = std::fs::read_to_string(root().join("tests/host/readme.c")).unwrap();
-    assert!(block.trim() == file.trim(), "the C block of README.md is not tests/host/readme.c");
+    assert!(file.contains(block), "the C block of README.md does not stand in tests/host/readme.c");
     let program = build(&root().join("tests/host/readme.c"), true);
     let said = run(&program, &[]);
     let numbers: Vec<f32> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();

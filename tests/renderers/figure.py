@@ -1,4 +1,4 @@
-"""Draws docs/rendering.jpg: a head with metal studs in Cycles, at rest, and in a pose without and with the redirection.
+"""Draws docs/images/head.jpg: a head with metal studs in Cycles, at rest, and in a pose without and with the redirection.
 
     figure.py FOLDER-OF-ASSETS OUT.jpg
 """
@@ -10,16 +10,18 @@ import tempfile
 
 import bpy
 import numpy as np
-import OpenImageIO as oiio
+from PIL import Image, ImageDraw, ImageFont
 
 import blender
 import model
 import warp
 from checks import document
 
-SIZE = 2048
+SIZE = 4096  # texels of the textures and the map, per side
+GRID = 2048
 FRAME = 1
-PANEL = 400, 460
+PANEL = 560, 620
+TITLES = "at rest", "mouth open: its own UVs", "mouth open: vrtm"
 
 
 def positions(mesh, rest):
@@ -42,10 +44,11 @@ def positions(mesh, rest):
 
 
 def studs(place, radius):
-    """The distance of each texel to the next stud's centre, in radii. Studs keep clear of chart borders and each other."""
+    """The distance of each texel to the next stud's centre, in radii, infinite beyond two. Studs keep clear of chart borders
+    and each other."""
     here = ~np.isnan(place[..., 0])
     clear = here.copy()
-    for _ in range(24):
+    for _ in range(SIZE * 24 // 2048):
         clear[1:-1, 1:-1] &= clear[:-2, 1:-1] & clear[2:, 1:-1] & clear[1:-1, :-2] & clear[1:-1, 2:]
     candidates = np.random.default_rng(3).permutation(np.argwhere(clear))[:6000]
     centres = []
@@ -53,10 +56,14 @@ def studs(place, radius):
         point = place[y, x]
         if all(np.hypot.reduce(point - other) > 2.7 * radius for other in centres):
             centres.append(point)
-    distance = np.full(place.shape[:2], np.inf)
     points = place[here]
+    points, order = points[np.argsort(points[:, 0])], np.argsort(points[:, 0])
+    nearest = np.full(len(points), np.inf)
     for centre in centres:
-        distance[here] = np.minimum(distance[here], np.linalg.norm(points - centre, axis=1) / radius)
+        near = slice(*np.searchsorted(points[:, 0], [centre[0] - 2 * radius, centre[0] + 2 * radius]))
+        nearest[near] = np.minimum(nearest[near], np.linalg.norm(points[near] - centre, axis=1) / radius)
+    distance = np.full(place.shape[:2], np.inf)
+    distance.flat[np.flatnonzero(here)[order]] = np.where(nearest < 2, nearest, np.inf)
     return distance
 
 
@@ -68,7 +75,9 @@ def material(tree, folder, redirect):
     bump.inputs["Strength"].default_value, bump.inputs["Distance"].default_value = 0.9, 0.06
     for name, data, socket in ("colour", False, shader.inputs["Base Color"]), ("metal", True, shader.inputs["Metallic"]), \
             ("height", True, bump.inputs["Height"]):
-        node = blender.image_texture(tree, folder / f"{name}.exr", data=data)
+        # A bump follows the height's slope, which jumps at every texel unless the lookup is smooth: rims get teeth.
+        interpolation = "Cubic" if name == "height" else "Linear"
+        node = blender.image_texture(tree, folder / f"{name}.exr", data=data, interpolation=interpolation)
         if redirect:
             recipe = {}
             exec(document("Blender", "python"), recipe)
@@ -84,9 +93,9 @@ def panel(mesh, folder, redirect):
     mesh = model.Mesh(mesh.triangles, mesh.uvs, mesh.pose[:, [0, 2, 1]] * [1, -1, 1], mesh.uv_triangles)
     low, high = mesh.pose.min(0), mesh.pose.max(0)
     span = high[2] - low[2]
-    target = 0.1 * span, low[1] + 0.35 * span, high[2] - 0.7 * span
-    place = target[0] + 1.7 * span, target[1] - 3 * span, target[2] + 0.15 * span
-    tree = blender.start(mesh, PANEL, view=(place, target, 0.74 * span), samples=96, smooth=True)
+    target = 0.02 * span, low[1] + 0.35 * span, high[2] - 0.73 * span
+    place = target[0] + span, target[1] - 3 * span, target[2] + 0.1 * span
+    tree = blender.start(mesh, PANEL, view=(place, target, 0.62 * span), samples=64, smooth=True)
     scene = bpy.context.scene
     scene.cycles.max_bounces, scene.cycles.use_denoising = 2, True
     scene.view_settings.view_transform = "Standard"
@@ -116,10 +125,11 @@ def main(assets, out):
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         warp.write(folder / "rigidity.1001.png", np.clip((1.08 - distance) * 8 + 0.5, 0, 1)[..., None])
-        model.bake_asset(folder, source, mesh, folder / "rigidity.<UDIM>.png", "--size", SIZE)
+        model.bake_asset(folder, source, mesh, folder / "rigidity.<UDIM>.png", "--size", GRID, "--map-size", SIZE)
         inside = np.clip((1 - distance) * 12 + 0.5, 0, 1)[..., None]
-        dome = np.where(distance < 1, np.sqrt(np.maximum(1 - distance ** 2, 0)), 0)
-        groove = 0.25 * np.exp(-((distance - 1.08) / 0.06) ** 2)
+        # Flatter than a half sphere, whose rim is vertical: no texture resolves that.
+        dome = 0.8 * np.maximum(1 - distance ** 2, 0)
+        groove = 0.25 * np.exp(-((distance - 1.08) / 0.12) ** 2)
         skin, metal = np.array([0.32, 0.12, 0.075]), np.array([0.95, 0.75, 0.38])
         warp.write(folder / "colour.exr", skin * (1 - inside) * (1 - groove[..., None]) + metal * inside)
         warp.write(folder / "metal.exr", np.repeat(inside, 3, -1))
@@ -131,10 +141,13 @@ def main(assets, out):
     shown = [np.clip(p[..., :3] + (1 - p[..., 3:]) * 0.8, 0, 1) for p in panels]
     shown = np.concatenate(shown, 1)
     shown = np.where(shown < 0.0031308, shown * 12.92, 1.055 * shown ** (1 / 2.4) - 0.055)
-    image = oiio.ImageBuf(np.ascontiguousarray(shown.astype(np.float32)))
-    image.set_write_format(oiio.UINT8)
-    image.specmod().attribute("Compression", "jpeg:90")
-    image.write(str(out))
+    strip = 48
+    picture = Image.new("RGB", (shown.shape[1], shown.shape[0] + strip), "white")
+    picture.paste(Image.fromarray(np.rint(shown * 255).astype(np.uint8)), (0, strip))
+    draw = ImageDraw.Draw(picture)
+    for i, title in enumerate(TITLES):
+        draw.text((PANEL[0] * (i + 0.5), strip / 2), title, "black", ImageFont.load_default(28), anchor="mm")
+    picture.save(out, quality=90)
 
 
 if __name__ == "__main__":

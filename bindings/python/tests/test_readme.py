@@ -1,4 +1,4 @@
-"""The README's examples run as they stand there."""
+"""The examples in the documents run as they stand there."""
 
 import os
 import re
@@ -12,6 +12,7 @@ import pytest
 import vrtm
 
 README = Path(__file__).resolve().parents[1] / "README.md"
+REPOSITORY = README.parents[2]
 
 
 def test_examples(capsys):
@@ -26,17 +27,28 @@ def test_examples(capsys):
     assert names["report"].tiles == 1
 
 
+def test_the_front_page():
+    """The few lines in the README of the repository, with the arrays of the package's own README."""
+    [block] = re.findall(r"```python\n(.*?)```", (REPOSITORY / "README.md").read_text(encoding="utf-8"), re.S)
+    arrays, _, _ = README.read_text(encoding="utf-8").partition("with vrtm.Device()")
+    names: dict = {}
+    exec(compile(arrays.rpartition("```python\n")[2], str(README), "exec"), names)
+    names["uvs"] = names["rest"][:, :2] / (2, 1)
+    exec(compile(block, str(REPOSITORY / "README.md"), "exec"), names)
+    assert names["redirection"].shape == (64, 64, 2)
+
+
 def test_the_bake_to_try(tmp_path):
-    """The README's lines for those without a scene: the second of them, given again, writes nothing."""
+    """The lines of docs/bake.md for those without a scene: the second of them, given again, writes nothing."""
     pytest.importorskip("OpenImageIO")
     usd = pytest.importorskip("pxr.Usd")
-    text = README.read_text(encoding="utf-8").replace("\\\n", " ")
+    text = (REPOSITORY / "docs" / "bake.md").read_text(encoding="utf-8").replace("\\\n", " ")
     made, baked = (
         next(shlex.split(line, comments=True) for line in text.splitlines() if line.startswith(f"    {start}"))
         for start in ("python bindings/python/examples/scene.py", "vrtm bake shot/arm.usda")
     )
     environment = os.environ | {"PYTHONPATH": str(Path(vrtm.__file__).parents[1]), "PYTHONDONTWRITEBYTECODE": "1"}
-    script = [sys.executable, str(README.parents[2] / made[1]), *made[2:]]
+    script = [sys.executable, str(REPOSITORY / made[1]), *made[2:]]
     command = [sys.executable, "-m", "vrtm.cli", *baked[1:]]
     told = []
     for line in (script, command, command):

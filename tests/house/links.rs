@@ -1,0 +1,99 @@
+//! Links within the documents: each relative link leads to a file or folder, each anchor to a heading of that document, and
+//! the index of `docs/` names every page there.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// All Markdown files below `folder`, but for hidden folders and those that builds and bakes write.
+fn documents(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let left_out = name.starts_with('.') || ["target", "out", "build"].contains(&name.as_str());
+        if path.is_dir() && !left_out {
+            documents(&path, found);
+        } else if name.ends_with(".md") {
+            found.push(path);
+        }
+    }
+}
+
+/// A document's lines without its blocks and spans of code, in which brackets are no links and `#` is no heading.
+fn prose(path: &Path) -> Vec<String> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut in_code = false;
+    let mut lines = Vec::new();
+    for line in text.lines() {
+        if line.trim_start().starts_with("```") {
+            in_code = !in_code;
+        } else if !in_code {
+            lines.push(line.to_string());
+        }
+    }
+    lines
+}
+
+/// What links in a line lead to; images are links, too.
+fn targets(line: &str) -> Vec<&str> {
+    // Every other piece between backticks is code.
+    let pieces = line.split('`').step_by(2);
+    pieces
+        .flat_map(|piece| piece.split("](").skip(1).filter_map(|rest| Some(rest.split_once(')')?.0)))
+        .collect()
+}
+
+/// The anchors of a document's headings, as GitHub makes them.
+fn anchors(path: &Path) -> BTreeSet<String> {
+    let mut anchors = BTreeSet::new();
+    for line in prose(path) {
+        let Some((marks, heading)) = line.split_once(' ') else { continue };
+        if marks.is_empty() || marks.chars().any(|c| c != '#') {
+            continue;
+        }
+        let kept = heading.to_lowercase().replace(' ', "-");
+        let anchor: String = kept.chars().filter(|&c| c.is_alphanumeric() || c == '-' || c == '_').collect();
+        // Headings of the same words are numbered from the second one on.
+        let numbered = (1..).map(|k| format!("{anchor}-{k}"));
+        let free = std::iter::once(anchor.clone()).chain(numbered).find(|name| !anchors.contains(name));
+        anchors.extend(free);
+    }
+    anchors
+}
+
+#[test]
+fn every_relative_link_and_anchor_leads_somewhere() {
+    let mut found = Vec::new();
+    documents(root(), &mut found);
+    let (mut links, mut broken) = (0, Vec::new());
+    for document in &found {
+        for line in prose(document) {
+            for target in targets(&line).into_iter().filter(|target| !target.contains(':')) {
+                links += 1;
+                let (file, anchor) = target.split_once('#').unwrap_or((target, ""));
+                let path =
+                    if file.is_empty() { document.clone() } else { document.parent().unwrap().join(file) };
+                let there = path.exists() && (anchor.is_empty() || anchors(&path).contains(anchor));
+                if !there {
+                    broken.push(format!("{}: {target}", document.strip_prefix(root()).unwrap().display()));
+                }
+            }
+        }
+    }
+    assert!(found.len() > 20 && links > 80, "only {} documents with {links} links found", found.len());
+    assert!(broken.is_empty(), "links that lead nowhere:\n{}", broken.join("\n"));
+}
+
+#[test]
+fn the_index_names_every_page() {
+    let index = std::fs::read_to_string(root().join("docs/README.md")).unwrap();
+    for entry in std::fs::read_dir(root().join("docs")).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        if name.ends_with(".md") && name != "README.md" {
+            assert!(index.contains(&format!("]({name})")), "docs/README.md does not name {name}");
+        }
+    }
+}
