@@ -6,8 +6,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use crate::gpu;
 use crate::tools::{compiler, library, loader_folder, root, scratch};
+use crate::{gpu, long};
 
 fn text(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
@@ -65,8 +65,12 @@ fn run_with(program: &Path, arguments: &[&Path], variables: &[(&str, &str)]) -> 
 }
 
 fn run_host(file: &str, at_least: usize) {
+    run_host_with(file, &[], at_least);
+}
+
+fn run_host_with(file: &str, arguments: &[&Path], at_least: usize) {
     let program = build(&root().join("tests/host").join(file), true);
-    let said = run(&program, &[]);
+    let said = run(&program, arguments);
     let foreign = said.lines().find(|line| !line.starts_with("ok   ") && *line != "0 failed");
     assert!(foreign.is_none(), "{file} did not print {foreign:?}: the library must not either");
     let cases = said.lines().count() - 1;
@@ -134,7 +138,8 @@ fn memory_goes_back_after_the_last_asset() {
 #[test]
 #[cfg(target_os = "linux")]
 fn ten_thousand_solves_leave_nothing_behind() {
-    run_host("soak.c", 15);
+    let solves = long::cases(10_000, 2000, "solves").to_string();
+    run_host_with("soak.c", &[Path::new(&solves)], 15);
 }
 
 #[test]
@@ -169,13 +174,13 @@ fn a_stack_of_48_kib_is_enough_on_the_cpu() {
 
 /// How often a step of a host's work fails for want of memory: at so many of its allocations, evenly spaced.
 /// VRTM_ALLOCATE_ROUNDS sets another number; 0 lets each allocation fail in turn.
-fn rounds(default: &str) -> PathBuf {
-    std::env::var_os("VRTM_ALLOCATE_ROUNDS").unwrap_or_else(|| default.into()).into()
+fn rounds(all: u64, few: u64) -> PathBuf {
+    let rounds = || long::cases(all, few, "allocations of each step that fail").to_string().into();
+    std::env::var_os("VRTM_ALLOCATE_ROUNDS").unwrap_or_else(rounds).into()
 }
 
-fn run_allocate(program: &Path, arguments: [&str; 2]) {
-    let rounds = rounds(arguments[1]);
-    let said = run(program, &[Path::new(arguments[0]), &rounds]);
+fn run_allocate(program: &Path, way: &str, rounds: &Path) {
+    let said = run(program, &[Path::new(way), rounds]);
     let foreign = said.lines().find(|line| !line.starts_with("ok   ") && *line != "0 failed");
     assert!(foreign.is_none(), "it did not print {foreign:?}: the library must not either");
 }
@@ -183,9 +188,9 @@ fn run_allocate(program: &Path, arguments: [&str; 2]) {
 #[test]
 fn allocations_of_a_host_s_allocator_fail() {
     let program = build(&root().join("tests/host/allocate.c"), true);
-    run_allocate(&program, ["cpu", "8"]);
+    run_allocate(&program, "cpu", &rounds(8, 3));
     if gpu::has_gpu() {
-        run_allocate(&program, ["gpu", "2"]);
+        run_allocate(&program, "gpu", &rounds(2, 1));
     }
 }
 
@@ -194,8 +199,8 @@ fn allocations_of_a_host_s_allocator_fail() {
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn allocations_of_the_system_fail() {
     let program = build(&root().join("tests/host/allocate_outside.c"), true);
-    run_allocate(&program, ["interposed", "4"]);
-    run_allocate(&program, ["limited", "0"]);
+    run_allocate(&program, "interposed", &rounds(4, 2));
+    run_allocate(&program, "limited", Path::new("0"));
 }
 
 #[test]

@@ -7,4 +7,6 @@ mod ffi_random;
 mod gpu;
 mod header;
 mod host;
+#[path = "../common/long.rs"]
+mod long;
 mod tools;

@@ -6,6 +6,7 @@
 
 mod files;
 mod gpu;
+pub mod long;
 pub mod motion;
 pub mod roughness;
 #[path = "../../examples/scenes/mod.rs"]

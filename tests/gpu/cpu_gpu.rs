@@ -5,7 +5,7 @@
 use std::fmt;
 
 use crate::common::motion::Spread;
-use crate::common::{self, Model, bits, cpu, options};
+use crate::common::{self, Model, bits, cpu, long, options};
 use vrtm::{Asset, Device, DeviceSettings, Quality, Strided, TileReport};
 
 /// A solve that is done on both backends.
@@ -275,6 +275,7 @@ fn whole_solves_agree() {
             real: true,
         }));
     }
+    let cases = long::share(cases, 4, "solves");
     let differences =
         format!("| {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}", "max", "99.9 %", "RMS", "E", "E of id.", "min J");
     println!("{:64} | {:53} | CPU with noise against CPU", "", "GPU against CPU");

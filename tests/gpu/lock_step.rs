@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::common::{self, Model, options};
+use crate::common::{self, Model, long, options};
 use vrtm::{DeviceSettings, ErrorKind, Quality, SolveOptions, StageDifference};
 
 /// Bounds of the difference of a quantity after one stage: for the maximum and for the RMS, the factor of the largest
@@ -102,6 +102,7 @@ fn stages_from_the_same_state() {
     models.extend([mug_to_jug(), creature(), arm()].map(Model::from));
     models
         .extend(common::assets().into_iter().filter(|m| ["fox", "ict_inner", "mh_face"].contains(&&*m.name)));
+    let models = long::share(models, 3, "models");
     let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
     let mut failures = Vec::new();
     let mut least_fraction = 1.0f64;

@@ -45,15 +45,24 @@ else
     echo "FAILED ruff: see above (ruff check --fix, ruff format)"
     failed=1
 fi
-for folder in bindings/python bindings/blender; do
-    report=$target/python/$(basename $folder).xml
+# Both folders at once, so that one uses the processors while the other one reads files or compiles.
+folders="bindings/python bindings/blender"
+for folder in $folders; do
+    report=$target/python/$(basename $folder)
     (
         cd "$repository/$folder" || exit 1
         limit=
         ! command -v timeout >/dev/null || limit="timeout $seconds"
-        $limit "$venv/bin/python" -m pytest -q -p no:cacheprovider --color=no --junit-xml "$report" "$@"
-    )
-    code=$?
+        $limit "$venv/bin/python" -m pytest -q -p no:cacheprovider --color=no --durations=10 --durations-min=1 \
+            --junit-xml "$report.xml" "$@" >"$report.log" 2>&1
+        echo $? >"$report.code"
+    ) &
+done
+wait
+for folder in $folders; do
+    report=$target/python/$(basename $folder).xml
+    cat "${report%.xml}.log"
+    code=$(cat "${report%.xml}.code" 2>/dev/null || echo 1)
     # What pytest counted; a run that ended without a report counts as one failure.
     # shellcheck disable=SC2046
     set_counts() {

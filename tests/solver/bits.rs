@@ -116,8 +116,9 @@ fn compare(backend: &str, found: &Hashes) {
     let mut all = stored();
     if std::env::var_os("VRTM_UPDATE_BITS").is_some_and(|value| value == "1") {
         all.extend(found.clone());
-        let mut text =
-            String::from("# Written by tests/solver/bits.rs: backend | scene | effort | hash of every bit.\n");
+        let mut text = String::from(
+            "# Written by tests/solver/bits.rs: backend | scene | effort | hash of every bit.\n",
+        );
         for ((backend, scene, effort), hash) in &all {
             writeln!(text, "{backend} | {scene} | {effort} | {hash:016x}").unwrap();
         }

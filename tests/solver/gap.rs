@@ -7,7 +7,7 @@
 
 use std::time::Instant;
 
-use crate::common::{self, Model, on_all_cores, options, scenes};
+use crate::common::{self, Model, long, on_all_cores, options, scenes};
 use vrtm::Quality;
 
 const GRID: u32 = 256;
@@ -173,10 +173,10 @@ fn scenes() {
     squash.name = "squash to 40 %".into();
     let mut models = vec![squash, Model::from(scenes::mug_to_jug())];
     models.extend(common::analytic().into_iter().filter(|model| model.name != "strips"));
-    check(&cases(&models, true));
+    check(&long::share(cases(&models, true), 2, "scenes"));
 }
 
 #[test]
 fn assets() {
-    check(&cases(&common::assets(), false));
+    check(&long::share(cases(&common::assets(), false), 3, "assets"));
 }

@@ -8,7 +8,7 @@
 mod scenes;
 
 use crate::common::roughness::Roughness;
-use crate::common::{cpu, gpu, options};
+use crate::common::{cpu, gpu, long, options};
 use scenes::Case;
 use vrtm::{Device, DeviceSettings, Quality};
 
@@ -51,30 +51,31 @@ fn bars(case: &Case, quality: Quality) -> Bars {
 fn check(backend: &str, grid: u32, qualities: &[Quality], device: &Device) {
     let mut failed = Vec::new();
     println!("                          quality  strain     d1      d2   over 0.1  largest    noise     ms");
-    for case in scenes::cases(&[], grid).unwrap() {
-        for &quality in qualities {
-            let (mut asset, tile) = case.asset(device);
-            let r = Roughness::of(&mut asset, tile, &case.model, case.frame, &options(quality));
-            let line = format!(
-                "{backend} {:16} {:4} {:6} {:8.4} {:7.4} {:7.4} {:8.3} % {:7.2} {:9.5} {:6.1}",
-                case.name,
-                case.grid,
-                format!("{quality:?}"),
-                r.strain,
-                r.first,
-                r.second,
-                100.0 * r.large,
-                r.largest,
-                r.noise,
-                r.ms
-            );
-            println!("{line}");
-            let bars = bars(&case, quality);
-            // A NaN fails.
-            let good = [r.second, r.large, r.largest, r.noise].iter().zip(bars).all(|(x, bar)| *x <= bar);
-            if !good {
-                failed.push(format!("{line}: at most {bars:?}"));
-            }
+    let scenes = scenes::cases(&[], grid).unwrap();
+    let of_scene = |case| qualities.iter().map(move |&quality| (case, quality));
+    let cases: Vec<(&Case, Quality)> = scenes.iter().flat_map(of_scene).collect();
+    for (case, quality) in long::share(cases, 4, "scenes and qualities") {
+        let (mut asset, tile) = case.asset(device);
+        let r = Roughness::of(&mut asset, tile, &case.model, case.frame, &options(quality));
+        let line = format!(
+            "{backend} {:16} {:4} {:6} {:8.4} {:7.4} {:7.4} {:8.3} % {:7.2} {:9.5} {:6.1}",
+            case.name,
+            case.grid,
+            format!("{quality:?}"),
+            r.strain,
+            r.first,
+            r.second,
+            100.0 * r.large,
+            r.largest,
+            r.noise,
+            r.ms
+        );
+        println!("{line}");
+        let bars = bars(case, quality);
+        // A NaN fails.
+        let good = [r.second, r.large, r.largest, r.noise].iter().zip(bars).all(|(x, bar)| *x <= bar);
+        if !good {
+            failed.push(format!("{line}: at most {bars:?}"));
         }
     }
     assert!(failed.is_empty(), "\n{}", failed.join("\n"));

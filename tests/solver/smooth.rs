@@ -4,7 +4,7 @@
 
 use crate::common::motion::{self, Points, Spread, length};
 use crate::common::scenes::{analytic, arm, creature, mug_to_jug};
-use crate::common::{self, Model, Warp, cpu, on_all_cores};
+use crate::common::{self, Model, Warp, cpu, long, on_all_cores};
 use vrtm::{Quality, SolveOptions, Strided};
 
 const FRAMES: usize = 240;
@@ -157,6 +157,7 @@ fn smooth_motions_give_smooth_warps() {
         cases.extend([false, true].map(|warm| (motion, Quality::Normal, warm)));
     }
     cases.extend([Quality::Draft, Quality::High].map(|quality| (&motions[1], quality, false)));
+    let cases = long::share(cases, 3, "motions, stateless or warm");
     let rows = on_all_cores(&cases, |&(motion, quality, warm)| {
         let poses: Vec<Points> = (0..FRAMES).map(|frame| motion.pose(frame)).collect();
         let options = SolveOptions { quality, warm, ..SolveOptions::default() };

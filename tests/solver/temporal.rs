@@ -4,7 +4,7 @@
 
 use crate::common::motion::{Spread, length};
 use crate::common::scenes::{analytic, arm, creature};
-use crate::common::{self, Model, bits, gpu, on_all_cores};
+use crate::common::{self, Model, bits, gpu, long, on_all_cores};
 use vrtm::{Asset, DeviceSettings, SolveOptions, Strided};
 
 type Warp = Vec<[f32; 2]>;
@@ -105,22 +105,28 @@ fn jitter_falls_and_lag_grows_with_the_weight() {
     models.push(Model { name: "squash to 40 %".into(), ..Model::from(analytic::squash(0.4)) });
     let held_ones = ["mh_face", "cesium_man", "fox"];
     models.extend(common::assets().into_iter().filter(|model| held_ones.contains(&model.name.as_str())));
+    let weights: Vec<f32> =
+        WEIGHTS.into_iter().filter(|&weight| long::long() || weight == 0.0 || weight == WEIGHT).collect();
+    println!("{} of {} weights; VRTM_LONG_TESTS=1 shows all", weights.len(), WEIGHTS.len());
     let rows = on_all_cores(&models, |model| {
         let stateless = play(model, &SolveOptions::default(), 128);
         let of = |weight: f32| figures(&stateless.0, play(model, &held(weight), 128));
-        (figures(&stateless.0, stateless.clone()), WEIGHTS.map(of))
+        (
+            figures(&stateless.0, stateless.clone()),
+            weights.iter().map(|&weight| of(weight)).collect::<Vec<_>>(),
+        )
     });
     println!("scene           weight      jitter (cells)  lag (frames)  settling  strain      ms");
     let mut failed = Vec::new();
     for (model, (stateless, rows)) in models.iter().zip(&rows) {
-        let names = std::iter::once("stateless".to_owned()).chain(WEIGHTS.map(|weight| weight.to_string()));
+        let names = std::iter::once("stateless".to_owned()).chain(weights.iter().map(f32::to_string));
         for (name, f) in names.zip(std::iter::once(stateless).chain(rows)) {
             println!(
                 "{:15} {name:10} {:12.5} {:13.2} {:12} {:10.4} {:7.1}",
                 model.name, f.jitter, f.lag, f.settling, f.strain, f.ms
             );
         }
-        let (free, held) = (&rows[0], &rows[WEIGHTS.iter().position(|&weight| weight == WEIGHT).unwrap()]);
+        let (free, held) = (&rows[0], &rows[weights.iter().position(|&weight| weight == WEIGHT).unwrap()]);
         // Measured: at most 0.73, 1.7 frames, and less than 5 %.
         let good = held.jitter <= (0.85 * free.jitter).max(SMOOTH)
             && held.lag - free.lag <= 2.5

@@ -8,7 +8,7 @@ use vrtm::{
 };
 
 use super::{folds, map, pairs, solved};
-use crate::common::{self, Model, cpu, scenes};
+use crate::common::{self, Model, cpu, long, scenes};
 
 /// Scenes whose warps squeeze, so that their maps fold without help: built-in ones, and real ones where they are there.
 fn crowded() -> Vec<Model> {
@@ -21,9 +21,10 @@ fn crowded() -> Vec<Model> {
 #[test]
 fn no_quad_folds_at_any_size() {
     let (mut before, mut worst) = (0, 0.0f64);
+    let frames = long::cases(4, 1, "frames of each model") as usize;
     for model in crowded() {
         let mut asset = model.asset(0, 256);
-        for frame in 1..=model.frames.len().min(4) {
+        for frame in 1..=model.frames.len().min(frames) {
             asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
             for tile in 0..asset.tile_count() {
                 for size in [64, 256, 1024] {

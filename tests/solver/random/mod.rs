@@ -1,7 +1,7 @@
 //! Random small models: for every valid input the result is certified. Each failure that was ever found is a case in
 //! `named.rs`.
 //!
-//! The ordinary run draws the same models every time. `VRTM_RANDOM_CASES=200000` draws that number of other models,
+//! A run without variables draws the same models every time. `VRTM_RANDOM_CASES=200000` draws that number of other models,
 //! from a seed that is printed; `VRTM_RANDOM_SEED` sets the seed.
 
 mod borders;
@@ -16,14 +16,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::common::gpu;
+use crate::common::{gpu, long};
 use check::Seen;
 use proptest::test_runner::{Config, RngAlgorithm, TestError, TestRng, TestRunner};
 use recipe::Recipe;
 use vrtm::{Device, DeviceSettings};
 
-/// Number of models of an ordinary run, and of those that a GPU solves as well: a software one takes tens of
-/// milliseconds for each.
+/// Number of models of a long run, and of those that a GPU solves as well: a software one takes tens of milliseconds for
+/// each. A short run has a tenth of them.
 const CASES: u64 = 10_000;
 const GPU_CASES: u64 = 200;
 
@@ -39,8 +39,10 @@ fn variable(name: &str) -> Option<u64> {
 }
 
 /// Number of cases and first seed of a run. `divisor` reduces the number in VRTM_RANDOM_CASES.
-fn plan(ordinary: u64, divisor: u64) -> (u64, u64) {
-    let Some(cases) = variable("VRTM_RANDOM_CASES") else { return (ordinary, 0) };
+fn plan(all: u64, divisor: u64) -> (u64, u64) {
+    let Some(cases) = variable("VRTM_RANDOM_CASES") else {
+        return (long::cases(all, all / 10, "random models"), 0);
+    };
     let now = || std::time::UNIX_EPOCH.elapsed().map_or(1, |t| t.as_secs() << 20);
     let seed = variable("VRTM_RANDOM_SEED").unwrap_or_else(now);
     println!("VRTM_RANDOM_SEED={seed}");
