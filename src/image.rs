@@ -1,39 +1,15 @@
 //! Views of a host's images: maps on the way in, redirection and warp on the way out.
 
 pub(crate) mod external;
+pub(crate) mod format;
 pub(crate) mod map;
 
 use std::marker::PhantomData;
 
 use crate::allocation::Collect;
 use crate::error::{Error, ErrorKind, Result};
-use map::{Map, TexelRect, decode};
-
-/// The number format of one channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum PixelFormat {
-    /// 8-bit, 0..255 for 0..1. Input only.
-    U8,
-    /// 16-bit, 0..65535 for 0..1. Input only.
-    U16,
-    /// Half float.
-    F16,
-    /// Float.
-    F32,
-}
-
-impl PixelFormat {
-    /// Bytes of one channel.
-    #[must_use]
-    pub fn size(self) -> usize {
-        match self {
-            PixelFormat::U8 => 1,
-            PixelFormat::U16 | PixelFormat::F16 => 2,
-            PixelFormat::F32 => 4,
-        }
-    }
-}
+use format::{PixelFormat, decode};
+use map::{Map, TexelRect};
 
 /// The end of the tile at which the first row of an image lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -113,7 +113,8 @@ pub use control::{Control, ProgressFn};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
 pub use image::external::{ExternalHandle, ExternalImage};
-pub use image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat};
+pub use image::format::PixelFormat;
+pub use image::{ImageLayout, ImageView, ImageViewMut, Origin};
 #[cfg(feature = "lab")]
 pub use lab::asset::ReferenceMinimum;
 #[cfg(all(feature = "lab", feature = "gpu"))]

@@ -14,20 +14,10 @@ use protocol::Protocol;
 
 mod executor;
 mod protocol;
+mod sync;
 #[cfg(test)]
 mod tests;
 pub(crate) mod threads;
-
-/// What `protocol` is made of. `tests/loom` gives it loom's.
-mod sync {
-    pub use std::hint::spin_loop;
-    pub use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-    pub use std::sync::{Condvar, Mutex, MutexGuard};
-    pub use std::thread::yield_now;
-
-    /// Rounds of looking for work before a helper goes to sleep: about 50 microseconds.
-    pub const SPINS: usize = 4000;
-}
 
 /// Whose threads a call works on, how many, and the hold that its caller has on it.
 #[derive(Clone, Default)]

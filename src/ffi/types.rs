@@ -7,7 +7,8 @@ use std::ops::Range;
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
 use super::strips::Strips;
-use crate::image::{ImageLayout, ImageView, ImageViewMut, Origin, PixelFormat, TexelLayout};
+use crate::image::format::PixelFormat;
+use crate::image::{ImageLayout, ImageView, ImageViewMut, Origin, TexelLayout};
 use crate::map::FetchKind;
 use crate::view::{Scalar, Strided};
 

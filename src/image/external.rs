@@ -2,7 +2,8 @@
 
 use crate::error::{Error, ErrorKind, Result};
 
-use super::{Origin, PixelFormat};
+use super::Origin;
+use super::format::PixelFormat;
 
 /// A handle of memory that a host's graphics device has exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

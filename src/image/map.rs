@@ -1,12 +1,12 @@
 //! A host's rigidity map or mask as an asset holds it: in the number format that it came in, and only where a tile's
 //! charts are.
 
-use half::f16;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
-use crate::image::PixelFormat;
 use crate::mesh::NONE;
+
+use super::format::{PixelFormat, decode};
 
 /// Texels on a side of a page.
 pub(crate) const PAGE: usize = 64;
@@ -139,16 +139,6 @@ impl Map {
         let place = self.places[y / PAGE * self.width.div_ceil(PAGE) + x / PAGE];
         let texel = (y % PAGE * PAGE + x % PAGE) * self.format.size();
         (place != NONE).then(|| place as usize * self.page_bytes() + texel)
-    }
-}
-
-/// The value of a channel.
-pub(crate) fn decode(format: PixelFormat, b: &[u8]) -> f32 {
-    match format {
-        PixelFormat::U8 => f32::from(b[0]) / 255.0,
-        PixelFormat::U16 => f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0,
-        PixelFormat::F16 => f16::from_ne_bytes([b[0], b[1]]).to_f32(),
-        PixelFormat::F32 => f32::from_ne_bytes([b[0], b[1], b[2], b[3]]),
     }
 }
 

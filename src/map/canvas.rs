@@ -4,7 +4,8 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use half::f16;
 
-use crate::image::{ImageViewMut, PixelFormat, TexelLayout};
+use crate::image::format::PixelFormat;
+use crate::image::{ImageViewMut, TexelLayout};
 
 /// Texels of an image that several threads write, each its own.
 pub(crate) struct Canvas {

@@ -1,7 +1,7 @@
 //! Which map a host asks about, and what it is told.
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::PixelFormat;
+use crate::image::format::PixelFormat;
 use crate::map::{FetchKind, Form};
 use crate::settings::MAX_GRID;
 use crate::solver::solved::Solved;

@@ -2,7 +2,8 @@
 
 use crate::allocation::{Collect, zeroed};
 use crate::error::Result;
-use crate::image::{ImagePart, PixelFormat};
+use crate::image::ImagePart;
+use crate::image::format::PixelFormat;
 
 use super::desc::MapDesc;
 use super::strip::{Reader, bands};

@@ -7,7 +7,8 @@ use half::f16;
 use crate::allocation::{Collect, zeroed};
 use crate::device::Device;
 use crate::error::Result;
-use crate::image::{ImageLayout, ImagePart, ImageViewMut, Origin, PixelFormat};
+use crate::image::format::PixelFormat;
+use crate::image::{ImageLayout, ImagePart, ImageViewMut, Origin};
 use crate::team::Team;
 
 use super::desc::MapDesc;
