@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use crate::allocation::{Current, caught};
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
-use crate::gpu::adapters::{Survey, interfaces};
+use crate::gpu::adapters::{Adapters, interfaces};
 use crate::gpu::context::{self, Context};
 use crate::lock::lock;
 use crate::report::{AdapterInfo, DeviceInfo};
@@ -117,7 +117,7 @@ fn variable(name: &str) -> Option<String> {
 /// library, but a driver may: with Mesa's on Linux, a line about XDG_RUNTIME_DIR where that is not set.
 #[must_use]
 pub fn adapters() -> Vec<AdapterInfo> {
-    Survey::new().adapters()
+    Adapters::new().infos()
 }
 
 impl Device {
@@ -303,21 +303,21 @@ fn open(settings: &DeviceSettings, origin: &str, options: Options) -> Result<(Co
     let unsupported = |why: &str| {
         Error::new(ErrorKind::Unsupported, format!("backend: gpu was asked for{origin}, but {why}"))
     };
-    let survey = Survey::new();
-    let adapters = survey.adapters();
+    let found = Adapters::new();
+    let adapters = found.infos();
     let count = adapters.len();
     if count == 0 {
         return Err(unsupported(&format!(
             "there is no GPU that runs compute shaders with WebGPU's default limits (looked through {}; found: {})",
             interfaces(),
-            survey.found()
+            found.listed()
         )));
     }
     let index = match settings.adapter_id {
         Some(id) => place(&adapters, id).ok_or_else(|| nowhere(&adapters, id))?,
         None => settings.adapter as usize,
     };
-    let gpu = survey.open(index, options.gpu).ok_or_else(|| {
+    let gpu = found.open(index, options.gpu).ok_or_else(|| {
         let s = if count == 1 { "" } else { "s" };
         Error::argument(format!("adapter: {index} is out of range, there is {count} adapter{s}"))
     })??;
@@ -343,19 +343,19 @@ fn nowhere(adapters: &[AdapterInfo], id: AdapterId) -> Error {
 
 /// The GPU that `auto` takes, the one that is meant if any is, or the CPU, and why.
 fn choose(id: Option<AdapterId>, options: Options) -> (Option<Context>, String) {
-    let survey = Survey::new();
-    let adapters = survey.adapters();
+    let found = Adapters::new();
+    let adapters = found.infos();
     let index = match id.map(|id| (id, place(&adapters, id))) {
         None => 0,
         Some((_, Some(index))) => index,
         Some((id, None)) => {
-            return (None, format!("the CPU, as no GPU has the {id} (found: {})", survey.found()));
+            return (None, format!("the CPU, as no GPU has the {id} (found: {})", found.listed()));
         }
     };
     let hardware = adapters.get(index).is_some_and(|adapter| !adapter.software);
-    match hardware.then(|| survey.open(index, options.gpu)).flatten() {
+    match hardware.then(|| found.open(index, options.gpu)).flatten() {
         Some(opened) => or_the_cpu(opened),
-        None => (None, format!("no hardware GPU (found: {})", survey.found())),
+        None => (None, format!("no hardware GPU (found: {})", found.listed())),
     }
 }
 

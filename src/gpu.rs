@@ -19,6 +19,7 @@ pub(crate) mod layout;
 mod lists;
 mod memory;
 mod pbd;
+mod pipelines;
 mod recorder;
 mod results;
 mod sizes;

@@ -17,14 +17,14 @@ pub(crate) mod adapters {
     use crate::error::Result;
     use crate::report::AdapterInfo;
 
-    pub(crate) struct Survey;
+    pub(crate) struct Adapters;
 
-    impl Survey {
-        pub fn new() -> Survey {
-            Survey
+    impl Adapters {
+        pub fn new() -> Adapters {
+            Adapters
         }
 
-        pub fn adapters(&self) -> Vec<AdapterInfo> {
+        pub fn infos(&self) -> Vec<AdapterInfo> {
             Vec::new()
         }
 
@@ -32,7 +32,7 @@ pub(crate) mod adapters {
             None
         }
 
-        pub fn found(&self) -> String {
+        pub fn listed(&self) -> String {
             "none".to_owned()
         }
     }

@@ -22,19 +22,19 @@ pub(crate) fn gpu() -> Option<Device> {
 #[test]
 fn auto_takes_hardware_only_and_says_what_it_found() {
     let info = make(Backend::Auto, 9).unwrap().info();
-    let survey = Survey::new();
-    match survey.adapters().into_iter().find(|adapter| !adapter.software) {
+    let found = Adapters::new();
+    match found.infos().into_iter().find(|adapter| !adapter.software) {
         Some(adapter) => {
             assert_eq!((info.backend, info.name), (Backend::Gpu, adapter.name));
             assert!(info.reason.starts_with("auto: a hardware GPU, through "), "{}", info.reason);
         }
         None => {
             assert_eq!(info.backend, Backend::Cpu);
-            assert_eq!(info.reason, format!("auto: no hardware GPU (found: {})", survey.found()));
+            assert_eq!(info.reason, format!("auto: no hardware GPU (found: {})", found.listed()));
         }
     }
-    for adapter in survey.adapters().into_iter().filter(|adapter| adapter.software) {
-        assert!(survey.found().contains(&format!("{}, a software driver", adapter.name)));
+    for adapter in found.infos().into_iter().filter(|adapter| adapter.software) {
+        assert!(found.listed().contains(&format!("{}, a software driver", adapter.name)));
     }
 }
 

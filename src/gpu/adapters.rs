@@ -2,7 +2,7 @@
 //! threads.
 
 use super::context::{Context, Options};
-use super::identity;
+use super::identity::{api, describe, is_software, rank};
 use crate::allocation::{Collect, Grow};
 use crate::error::Result;
 use crate::panics::contain;
@@ -17,31 +17,31 @@ const MEMORY_BUDGET_PERCENT: u8 = 95;
 
 /// The adapters found: those that can be used, and the reasons against the others.
 #[derive(Debug, Default)]
-pub(crate) struct Survey {
+pub(crate) struct Adapters {
     /// Hardware before software, discrete before integrated; otherwise in the order of the drivers.
     pub usable: Vec<wgpu::Adapter>,
     /// Name of each adapter that cannot be used, with the reason.
     pub rejected: Vec<String>,
 }
 
-impl Survey {
-    /// Enumerates the adapters. Without a driver, or with a broken one, the survey is empty.
-    pub fn new() -> Survey {
+impl Adapters {
+    /// Enumerates the adapters. Without a driver, or with a broken one, there are none.
+    pub fn new() -> Adapters {
         let all = contain(|| pollster::block_on(instance().enumerate_adapters(BACKENDS)));
-        let mut survey = Survey::default();
+        let mut found = Adapters::default();
         for adapter in all.unwrap_or_default() {
             match rejected(&adapter) {
-                Some(why) => survey.rejected.put(format!("{}, {why}", adapter.get_info().name)),
-                None => survey.usable.put(adapter),
+                Some(why) => found.rejected.put(format!("{}, {why}", adapter.get_info().name)),
+                None => found.usable.put(adapter),
             }
         }
         #[expect(clippy::disallowed_methods, reason = "a machine has a few")]
-        survey.usable.sort_by_key(|adapter| rank(adapter.get_info().device_type));
-        survey
+        found.usable.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+        found
     }
 
-    /// The GPUs that can be used.
-    pub fn adapters(&self) -> Vec<AdapterInfo> {
+    /// Describes the GPUs that can be used.
+    pub fn infos(&self) -> Vec<AdapterInfo> {
         self.usable.iter().map(describe).collected()
     }
 
@@ -51,7 +51,7 @@ impl Survey {
     }
 
     /// Lists the adapters found, for an error message.
-    pub fn found(&self) -> String {
+    pub fn listed(&self) -> String {
         let usable = self.usable.iter().map(|adapter| {
             let info = adapter.get_info();
             if is_software(&info) { format!("{}, a software driver", info.name) } else { info.name }
@@ -73,25 +73,6 @@ pub(crate) fn interfaces() -> String {
     names.collected().join(", ")
 }
 
-/// Describes an adapter to a host.
-pub(super) fn describe(adapter: &wgpu::Adapter) -> AdapterInfo {
-    let info = adapter.get_info();
-    let ids = contain(|| identity::of(adapter)).unwrap_or_default();
-    AdapterInfo {
-        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
-        api: api(info.backend),
-        software: is_software(&info),
-        uuid: ids.uuid,
-        driver_uuid: ids.driver_uuid,
-        luid: ids.luid,
-        registry_id: ids.registry_id,
-        vendor: info.vendor,
-        device: info.device,
-        pci_bus: info.device_pci_bus_id,
-        name: info.name,
-    }
-}
-
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = BACKENDS;
@@ -110,29 +91,4 @@ fn rejected(adapter: &wgpu::Adapter) -> Option<&'static str> {
     }
     let enough = wgpu::Limits::defaults().check_limits(&adapter.limits());
     (!enough).then_some("whose limits are under WebGPU's defaults")
-}
-
-/// True unless the adapter states that it is hardware.
-pub(crate) fn is_software(info: &wgpu::AdapterInfo) -> bool {
-    rank(info.device_type) > 2
-}
-
-fn rank(kind: wgpu::DeviceType) -> u8 {
-    match kind {
-        wgpu::DeviceType::DiscreteGpu => 0,
-        wgpu::DeviceType::IntegratedGpu => 1,
-        // Part of a hardware GPU, in a virtual machine.
-        wgpu::DeviceType::VirtualGpu => 2,
-        wgpu::DeviceType::Cpu => 3,
-        wgpu::DeviceType::Other => 4,
-    }
-}
-
-fn api(backend: wgpu::Backend) -> &'static str {
-    match backend {
-        wgpu::Backend::Vulkan => "Vulkan",
-        wgpu::Backend::Dx12 => "Direct3D 12",
-        wgpu::Backend::Metal => "Metal",
-        wgpu::Backend::Noop | wgpu::Backend::Gl | wgpu::Backend::BrowserWebGpu => "unknown",
-    }
 }

@@ -10,8 +10,9 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, ThreadId};
 use std::time::Duration;
 
-use super::adapters::describe;
-use super::kernels::Pipelines;
+use super::identity::describe;
+use super::kernels::Kernel;
+use super::pipelines::{Pipeline, Pipelines};
 use crate::allocation::caught;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
@@ -42,7 +43,7 @@ pub(crate) struct Context {
     pub options: Options,
     /// True if the device can time passes.
     pub timestamps: bool,
-    pub pipelines: Pipelines,
+    pipelines: Pipelines,
     time_kernels: AtomicBool,
     error_log: Arc<ErrorLog>,
 }
@@ -207,6 +208,18 @@ impl Context {
         let outcome = caught(|| Ok(contain(body)));
         self.check()?;
         outcome?.map_err(|why| Error::new(ErrorKind::Internal, format!("the GPU: {}", one_line(&why))))
+    }
+
+    /// Returns a kernel's pipeline. A pipeline that could not be made is tried again at the next call.
+    pub fn pipeline(&self, kernel: Kernel) -> Result<&Pipeline> {
+        let pipeline = self.pipelines.place(kernel);
+        if pipeline.get().is_none() {
+            let made = self.contain(|| Pipeline::new(&self.device, kernel.source()))?;
+            // Another thread may have set it in the meantime.
+            let _ = pipeline.set(made);
+        }
+        let missing = || Error::new(ErrorKind::Internal, "a pipeline is missing");
+        pipeline.get().ok_or_else(missing)
     }
 
     /// Submits encoded commands, in order, as one submission.

@@ -107,7 +107,7 @@ impl Run<'_> {
         // Blocks of charts that sit a further correction out return at once.
         let bytes = bytes * self.share[0] / self.share[1].max(1);
         let context = self.context.clone();
-        let pipeline = match context.pipelines.get(&context, kernel) {
+        let pipeline = match context.pipeline(kernel) {
             Ok(pipeline) => pipeline,
             Err(error) => {
                 self.error = Some(error);

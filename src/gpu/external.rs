@@ -11,8 +11,9 @@ use super::context::Context;
 use super::generated::WgslType;
 use super::generated::structs;
 use super::invert::{Inversion, TEXEL_BYTES, max_binding};
-use super::kernels::{Binding, Kernel, Pipeline, slot};
+use super::kernels::{Binding, Kernel, slot};
 use super::layout::SPREAD;
+use super::pipelines::Pipeline;
 use super::results::Displacements;
 use crate::allocation::{Collect, zeroed};
 use crate::error::{Error, ErrorKind, Result};
@@ -151,7 +152,7 @@ impl<'a> Redirection<'a> {
     ) -> Result<Redirection<'a>> {
         let size = texels.size;
         let bands = bands(texels, most)?;
-        let pipeline = context.pipelines.get(context, Kernel::Redirect)?;
+        let pipeline = context.pipeline(Kernel::Redirect)?;
         let mut requests = zeroed::<u8>(bands.len() * ALIGNMENT as usize);
         for (band, record) in bands.iter().zip(requests.chunks_exact_mut(ALIGNMENT as usize)) {
             let request = request(texels, band, cells, values);
@@ -169,7 +170,7 @@ impl<'a> Redirection<'a> {
     /// The dispatches that invert the displacements for these bands.
     fn inversion(&self, u: Option<&'a Displacements>) -> Result<Option<Inversion<'a>>> {
         let rows: Vec<Range<usize>> = self.bands.iter().map(|band| band.rows.clone()).collected();
-        let pipeline = self.context.pipelines.get(self.context, Kernel::Invert)?;
+        let pipeline = self.context.pipeline(Kernel::Invert)?;
         u.map(|u| Inversion::new(self.context, pipeline, u, self.size, &rows)).transpose()
     }
 

@@ -1,9 +1,58 @@
-//! What tells a GPU apart from the others, in any program: read from the graphics interface itself, since wgpu does not
-//! hand it on.
+//! What a host is told of a GPU. What tells it apart from the others, in any program, is read from the graphics interface
+//! itself, since wgpu does not hand it on.
+
+use crate::panics::contain;
+use crate::report::AdapterInfo;
+
+/// Describes an adapter to a host.
+pub(super) fn describe(adapter: &wgpu::Adapter) -> AdapterInfo {
+    let info = adapter.get_info();
+    let ids = contain(|| ids_of(adapter)).unwrap_or_default();
+    AdapterInfo {
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+        api: api(info.backend),
+        software: is_software(&info),
+        uuid: ids.uuid,
+        driver_uuid: ids.driver_uuid,
+        luid: ids.luid,
+        registry_id: ids.registry_id,
+        vendor: info.vendor,
+        device: info.device,
+        pci_bus: info.device_pci_bus_id,
+        name: info.name,
+    }
+}
+
+/// True unless the adapter states that it is hardware.
+pub(super) fn is_software(info: &wgpu::AdapterInfo) -> bool {
+    rank(info.device_type) > 2
+}
+
+/// Hardware before software, discrete before integrated.
+pub(super) fn rank(kind: wgpu::DeviceType) -> u8 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        // Part of a hardware GPU, in a virtual machine.
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Cpu => 3,
+        wgpu::DeviceType::Other => 4,
+    }
+}
+
+/// The name of a graphics interface.
+pub(super) fn api(backend: wgpu::Backend) -> &'static str {
+    match backend {
+        wgpu::Backend::Vulkan => "Vulkan",
+        wgpu::Backend::Dx12 => "Direct3D 12",
+        wgpu::Backend::Metal => "Metal",
+        wgpu::Backend::Noop | wgpu::Backend::Gl | wgpu::Backend::BrowserWebGpu => "unknown",
+    }
+}
 
 /// What the interface tells; `None` where it does not.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Ids {
+struct Ids {
     pub uuid: Option<[u8; 16]>,
     pub driver_uuid: Option<[u8; 16]>,
     pub luid: Option<[u8; 8]>,
@@ -11,7 +60,7 @@ pub(super) struct Ids {
 }
 
 /// Reads an adapter's.
-pub(super) fn of(adapter: &wgpu::Adapter) -> Ids {
+fn ids_of(adapter: &wgpu::Adapter) -> Ids {
     vulkan(adapter).or_else(|| direct3d(adapter)).or_else(|| metal(adapter)).unwrap_or_default()
 }
 

@@ -6,8 +6,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::context::Context;
-use super::kernels::{Binding, Kernel, Pipeline, slot};
+use super::kernels::{Binding, Kernel, slot};
 use super::layout::{Request, SPREAD};
+use super::pipelines::Pipeline;
 use super::results::Displacements;
 use crate::allocation::Collect;
 use crate::error::Result;
@@ -94,7 +95,7 @@ impl Output {
         size: [usize; 2],
         mut read: impl FnMut(usize, &[[f32; 2]]),
     ) -> Result<()> {
-        let pipeline = self.context.pipelines.get(&self.context, Kernel::Invert)?;
+        let pipeline = self.context.pipeline(Kernel::Invert)?;
         self.run(pipeline, u, size, |row, bytes| read(row, bytemuck::cast_slice(bytes)))
     }
 

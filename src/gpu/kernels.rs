@@ -1,12 +1,7 @@
 //! The table of compute kernels: for each its entry point, the files of its shader, its bindings and the bytes it
 //! moves.
 
-use std::sync::OnceLock;
-
-use super::context::Context;
-use super::layout::{Chart, Params};
 use crate::allocation::Collect;
-use crate::error::{Error, ErrorKind, Result};
 
 /// One binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -309,90 +304,4 @@ fn part(name: &str) -> &'static str {
         "invert",
         "redirect"
     )
-}
-
-/// A compiled kernel.
-#[derive(Debug)]
-pub struct Pipeline {
-    pub pipeline: wgpu::ComputePipeline,
-    pub layout: wgpu::BindGroupLayout,
-}
-
-/// The compiled kernels of a device; each is compiled when it is first used.
-#[derive(Debug, Default)]
-pub struct Pipelines(OnceLock<Vec<OnceLock<Pipeline>>>);
-
-impl Pipelines {
-    /// Returns a kernel's pipeline. A pipeline that could not be made is tried again at the next call.
-    pub fn get(&self, context: &Context, kernel: Kernel) -> Result<&Pipeline> {
-        let all = self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collected());
-        let pipeline = &all[kernel as usize];
-        if pipeline.get().is_none() {
-            let made = context.contain(|| Pipeline::new(context, kernel.source()))?;
-            // Another thread may have set it in the meantime.
-            let _ = pipeline.set(made);
-        }
-        let missing = || Error::new(ErrorKind::Internal, "a pipeline is missing");
-        pipeline.get().ok_or_else(missing)
-    }
-}
-
-impl Pipeline {
-    fn new(context: &Context, source: &Source) -> Pipeline {
-        Pipeline::from_text(context, source, source.text())
-    }
-
-    /// Compiles `text` in the place of the source's own text.
-    pub(super) fn from_text(context: &Context, source: &Source, text: String) -> Pipeline {
-        let device = &context.device;
-        let label = Some(source.entry);
-        let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collected();
-        let layout =
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label,
-            source: wgpu::ShaderSource::Wgsl(text.into()),
-        });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label,
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label,
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some(source.entry),
-            // Kernels write all workgroup memory before they read it.
-            compilation_options: wgpu::PipelineCompilationOptions {
-                zero_initialize_workgroup_memory: false,
-                ..Default::default()
-            },
-            cache: None,
-        });
-        Pipeline { pipeline, layout }
-    }
-}
-
-fn layout_entry(binding: Binding) -> wgpu::BindGroupLayoutEntry {
-    let ty = match binding {
-        Binding::Params => wgpu::BufferBindingType::Uniform,
-        Binding::Read(_) => wgpu::BufferBindingType::Storage { read_only: true },
-        Binding::Write(_) => wgpu::BufferBindingType::Storage { read_only: false },
-    };
-    let size = match binding {
-        Binding::Params => size_of::<Params>(),
-        Binding::Write(slot::CHARTS) => size_of::<Chart>(),
-        _ => 0,
-    };
-    wgpu::BindGroupLayoutEntry {
-        binding: binding.number(),
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer {
-            ty,
-            has_dynamic_offset: binding == Binding::Params,
-            min_binding_size: std::num::NonZeroU64::new(size as u64),
-        },
-        count: None,
-    }
 }

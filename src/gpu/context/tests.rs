@@ -4,14 +4,14 @@
 use wgpu::BufferUsages;
 
 use super::*;
-use crate::gpu::adapters::Survey;
+use crate::gpu::adapters::Adapters;
 
 /// The first GPU, software or not.
 pub(crate) fn gpu(options: Options) -> Option<Context> {
-    let survey = Survey::new();
-    let Some(adapter) = survey.usable.first() else {
+    let found = Adapters::new();
+    let Some(adapter) = found.usable.first() else {
         let required = std::env::var_os("VRTM_REQUIRE_GPU").is_some_and(|value| value == "1");
-        assert!(!required, "VRTM_REQUIRE_GPU is set, but there is no GPU adapter: {}", survey.found());
+        assert!(!required, "VRTM_REQUIRE_GPU is set, but there is no GPU adapter: {}", found.listed());
         println!("skipped: no GPU adapter");
         return None;
     };
@@ -97,7 +97,7 @@ fn memory_that_is_short_is_named_and_the_gpu_stays() {
     const CHILD: &str = "VRTM_TEST_SHORT_OF_MEMORY";
     if std::env::var_os(CHILD).is_none() {
         let Some(gpu) = gpu(Options::default()) else { return };
-        if !crate::gpu::adapters::is_software(&gpu.adapter) {
+        if !crate::gpu::identity::is_software(&gpu.adapter) {
             // The limit of this process does not bind a driver that has memory of its own.
             return;
         }

@@ -4,8 +4,8 @@
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages as Usage;
 
-use crate::gpu::adapters::is_software;
 use crate::gpu::context::{Context, Options, tests::gpu};
+use crate::gpu::identity::is_software;
 use crate::gpu::kernels::Kernel;
 use crate::method::acceptance::{Correction, Gain};
 

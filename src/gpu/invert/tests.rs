@@ -122,7 +122,7 @@ fn counting(context: &Context, exact: bool) -> Pipeline {
     if exact {
         change("if abs(plus - minus) > 0x1p-20 * (abs(plus) + abs(minus))", "if request.bits == 99u");
     }
-    Pipeline::from_text(context, source, text)
+    Pipeline::from_text(&context.device, source, text)
 }
 
 /// How often each texel is written.
