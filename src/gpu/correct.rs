@@ -4,8 +4,7 @@ pub(super) mod coarse_levels;
 #[cfg(test)]
 mod tests;
 
-use super::Run;
-use super::dispatch::{BandBuffer, GateSet};
+use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
     COARSE_CYCLE, COARSE_SOLVE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP, DECIDE_LAST_TRIAL,
@@ -13,7 +12,8 @@ use super::layout::{
     SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL, UP_COARSE,
     UP_FIRST, UP_SECOND, VECTOR_PLANES,
 };
-use super::lists::{List, active_blocks};
+use super::lists::{GateSet, List, active_blocks};
+use super::run::Run;
 use crate::allocation::Collect;
 use crate::error::Result;
 use crate::method::acceptance::Correction;

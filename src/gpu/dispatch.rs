@@ -1,31 +1,14 @@
 //! How stages record their dispatches: over lists of blocks, colour by colour, under gates, with sums per block and the
 //! decisions from them; and the copies of blocks that the bands of a level exchange.
 
-use super::Run;
 use super::kernels::Kernel;
-use super::layout::{self, METRIC_PLANES, Params, ROW_PLANES, VECTOR_PLANES, state_planes};
-use super::lists::{List, MAX_GATES};
-use super::memory::PLANE;
+use super::layout::{self, METRIC_PLANES, PLANE, Params, ROW_PLANES, VECTOR_PLANES, state_planes};
+use super::lists::{Gate, GateSet, List, MAX_GATES};
 use super::recorder::DispatchSize;
+use super::run::Run;
 use super::sizes::CONTRIBUTIONS;
 use crate::allocation::{Collect, copied, make_room_in};
 use crate::grid::planes::NODES;
-
-/// The condition under which dispatches run: that a chart was at work, and limited often enough (`open_gate`), when the
-/// kernel `gate` ran.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Gate {
-    pub set: GateSet,
-    /// Number of the gate in the solve.
-    number: u32,
-}
-
-/// Gates that are in use at the same time; each has indirect arguments of its own.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum GateSet {
-    StepLimit,
-    Trial,
-}
 
 /// The buffers of a band of which its neighbour bands hold copies of blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

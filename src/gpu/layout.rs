@@ -159,6 +159,8 @@ pub mod shared {
 }
 pub use shared::*;
 
+/// Bytes of a plane.
+pub const PLANE: u64 = NODES as u64 * 4;
 /// Threads of a workgroup.
 pub const THREADS: u32 = 64;
 /// Planes per block of a metric.

@@ -106,6 +106,22 @@ pub fn band_lists(
     (lists, all)
 }
 
+/// The condition under which dispatches run: that a chart was at work, and limited often enough (`open_gate`), when the
+/// kernel `gate` ran.
+#[derive(Clone, Copy, Debug)]
+pub struct Gate {
+    pub set: GateSet,
+    /// Number of the gate in the solve.
+    pub number: u32,
+}
+
+/// Gates that are in use at the same time; each has indirect arguments of its own.
+#[derive(Clone, Copy, Debug)]
+pub enum GateSet {
+    StepLimit,
+    Trial,
+}
+
 /// Number of gates that are in use at the same time.
 pub const GATE_SETS: usize = 2;
 /// Most gates of a solve whose state is recorded; further ones share the last entry.

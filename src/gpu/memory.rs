@@ -4,24 +4,20 @@ use std::collections::HashMap;
 use std::sync::{Arc, Weak};
 
 use super::bands::{Band, bands};
-use super::constants::{band_blocks, constants, corners, triangles};
 use super::context::Context;
 use super::correct::coarse_levels::CoarseLevels;
 use super::kernels::{Binding, Kernel, slot};
-use super::layout::{Params, ROW_PLANES};
+use super::layout::{PLANE, Params, ROW_PLANES};
 use super::lists::{Lists, active_blocks, band_lists};
 use super::recorder::{Bound, RecorderResources};
+use super::records::{band_blocks, band_nodes, corners, triangles};
 use super::results::ResultBuffers;
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
 use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::error::{Error, Result};
-use crate::grid::planes::NODES;
 use crate::grid::{Grid, Level};
 use crate::mesh::TileMesh;
-
-/// Bytes of a plane.
-pub const PLANE: u64 = NODES as u64 * 4;
 
 /// One band's buffers.
 #[derive(Debug)]
@@ -143,7 +139,7 @@ impl Memory {
                     sizes.rows.map_or_else(|| Ok(coarse_rows.clone()), |bytes| storage("rows", bytes))?;
                 let vectors = sizes.vectors;
                 let blocks = band_blocks(grid, &bands, k, band);
-                let nodes = constants(grid, level, k, band);
+                let nodes = band_nodes(grid, level, k, band);
                 of_level.put(BandBuffers {
                     blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
                     lists: storage("lists", sizes.lists)?,

@@ -1,10 +1,10 @@
 //! pbd: the iterations of the paper's solver (method §10); the twin of `cpu/pbd.rs`. Passes read one copy of a level's
 //! state and write the other one, which takes the place of the vectors: this solver needs none.
 
-use super::Run;
 use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{PBD_FROM_VECTORS, PBD_LAST, PBD_WITHOUT_VELOCITY, Params};
+use super::run::Run;
 use crate::method::pbd::{Iteration, SETS};
 
 impl Run<'_> {

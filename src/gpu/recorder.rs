@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::clock::Clock;
 use super::context::Context;
 use super::kernels::{Kernel, SOURCES};
 use super::layout::{Params, SPREAD};
+use super::timestamps::Timestamps;
 use super::transfer::Readback;
 use crate::allocation::{Collect, Grow, filled, make_room_in};
 use crate::error::Result;
@@ -81,14 +81,14 @@ fn max_submission_bytes(kind: wgpu::DeviceType) -> u64 {
 #[derive(Clone, Debug)]
 pub struct RecorderResources {
     pub params: wgpu::Buffer,
-    clock: Clock,
+    timestamps: Timestamps,
 }
 
 impl RecorderResources {
     pub fn new(context: &Context) -> Result<RecorderResources> {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let params = context.buffer("params", (RECORDS * STRIDE) as u64, usage)?;
-        Ok(RecorderResources { params, clock: Clock::default() })
+        Ok(RecorderResources { params, timestamps: Timestamps::default() })
     }
 
     /// Bytes held on the GPU.
@@ -191,7 +191,7 @@ impl KernelStatistics {
 
 impl Recorder {
     pub fn new(context: Arc<Context>, mut recording: RecorderResources) -> Recorder {
-        recording.clock.reset();
+        recording.timestamps.reset();
         Recorder {
             context,
             recording,
@@ -302,7 +302,7 @@ impl Recorder {
     /// with `times`, those of the timestamps, too.
     pub fn read(&mut self, ranges: &[(&wgpu::Buffer, Range<u64>)], times: bool) -> Result<Readback> {
         let mut encoder = self.encode();
-        let times = if times { self.recording.clock.resolve(&mut encoder) } else { Vec::new() };
+        let times = if times { self.recording.timestamps.resolve(&mut encoder) } else { Vec::new() };
         let times = times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes));
         let all: Vec<_> = ranges.iter().cloned().chain(times).collected();
         let readback = self.context.readback(&all, &mut encoder)?;
@@ -332,7 +332,7 @@ impl Recorder {
                 }
                 Command::Clear { buffer, from, bytes } => encoder.clear_buffer(&buffer, from, Some(bytes)),
                 Command::Dispatch { kernel, .. } => {
-                    let queries = self.recording.clock.next(&context);
+                    let queries = self.recording.timestamps.next(&context);
                     if queries.is_some() {
                         self.timed.put((self.stage, one_by_one.then_some(kernel)));
                     }
@@ -384,7 +384,9 @@ impl Recorder {
             kernels.iter_mut().zip(statistics).for_each(|(sum, kernel)| sum.add(kernel));
         }
         let mut stages = self.context.timestamps.then_some([0.0; STAGES]);
-        for (ms, (stage, kernel)) in Clock::milliseconds(&self.context, times).into_iter().zip(&self.timed) {
+        for (ms, (stage, kernel)) in
+            Timestamps::milliseconds(&self.context, times).into_iter().zip(&self.timed)
+        {
             if let Some(stages) = &mut stages {
                 stages[*stage] += ms;
             }

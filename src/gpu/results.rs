@@ -4,8 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::bands::Band;
 use super::context::Context;
-use super::layout::FINEST_STATE_PLANES;
-use super::memory::PLANE;
+use super::layout::{FINEST_STATE_PLANES, PLANE};
 use crate::allocation::{Collect, Grow, with_capacity};
 use crate::error::Result;
 use crate::grid::Grid;

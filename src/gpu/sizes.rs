@@ -4,11 +4,10 @@ use super::bands::Band;
 use super::context::padded;
 use super::correct::coarse_levels::CoarseLevels;
 use super::layout::{
-    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, ROW_PLANES, SCRATCH_PLANES, SUMS, Triangle,
+    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, PLANE, ROW_PLANES, SCRATCH_PLANES, SUMS, Triangle,
     VECTOR_PLANES, node_planes, state_planes,
 };
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
-use super::memory::PLANE;
 use super::recorder::RecorderResources;
 use crate::allocation::Collect;
 use crate::grid::Grid;

@@ -1,6 +1,5 @@
 //! The stages that the schedule calls (method §5). Each records its dispatches.
 
-use super::Run;
 use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
@@ -8,6 +7,7 @@ use super::layout::{
     RELAX_WHOLE, THREADS,
 };
 use super::recorder::DispatchSize;
+use super::run::Run;
 use crate::allocation::{Collect, copied};
 use crate::method::schedule::passes;
 use crate::method::stage::{Stage, Stages, Start};

@@ -1,16 +1,15 @@
 //! Reads and sets a run's state, for comparing the two backends. A module of `gpu`, whose private state it sees. Every call
 //! submits the commands recorded so far; calls that read wait for them.
 
-use super::Run;
 use super::bands::Band;
 use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
-    COARSE_STATE_PLANES, Chart, METRIC_PLANES, ROW_PLANES, SAMPLE_PLANES, Triangle, VECTOR_PLANES,
+    COARSE_STATE_PLANES, Chart, METRIC_PLANES, PLANE, ROW_PLANES, SAMPLE_PLANES, Triangle, VECTOR_PLANES,
     state_planes,
 };
 use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
-use super::memory::PLANE;
+use super::run::Run;
 use crate::allocation::{Collect, Grow, with_capacity};
 use crate::error::Result;
 use crate::grid::planes::NODES;

@@ -2,8 +2,8 @@
 //! levels.
 
 use crate::allocation::{Grow, with_capacity};
-use crate::gpu::constants::packed_weights;
 use crate::gpu::layout::CoarseBlock;
+use crate::gpu::records::packed_weights;
 use crate::grid::Grid;
 use crate::grid::planes::NODES;
 use crate::mesh::NONE;

@@ -4,8 +4,8 @@
 use super::*;
 use crate::cpu::invert as twin;
 use crate::gpu::bands;
-use crate::gpu::constants::band_blocks;
 use crate::gpu::context::{Options, tests::gpu};
+use crate::gpu::records::band_blocks;
 use crate::gpu::results::{RESULT_BLOCK, ResultBuffers};
 use crate::grid::Grid;
 use crate::grid::maps::{Rigidity, TileMaps};

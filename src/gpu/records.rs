@@ -1,4 +1,4 @@
-//! The constants of a grid, which do not depend on the pose, in the layout of the shaders: blocks, nodes, triangles.
+//! A grid's records in the layout of the shaders: what of its blocks, nodes and triangles does not depend on the pose.
 
 use super::bands::Band;
 use super::layout::{BlockRecord, Triangle, node_planes};
@@ -72,7 +72,7 @@ pub fn packed_weights(level: &Level, b: usize) -> [u32; NODES / 4] {
 }
 
 /// The constants of the nodes of the blocks that a band holds: `node_planes` planes per block.
-pub fn constants(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
+pub fn band_nodes(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
     let mut all = with_capacity(band.held.len() * node_planes(grid) * NODES);
     for b in band.held.clone() {
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);

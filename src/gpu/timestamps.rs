@@ -9,12 +9,12 @@ const QUERIES: u32 = 4096;
 
 /// Query sets and the buffers that they are resolved into. A solve fills as many as it needs.
 #[derive(Clone, Debug, Default)]
-pub struct Clock {
+pub struct Timestamps {
     sets: Vec<(wgpu::QuerySet, wgpu::Buffer)>,
     passes: u32,
 }
 
-impl Clock {
+impl Timestamps {
     /// Returns a pair of queries for the next pass (query set, index of the first one); `None` without timestamps.
     pub fn next(&mut self, context: &Context) -> Option<(wgpu::QuerySet, u32)> {
         if !context.timestamps {
@@ -22,7 +22,7 @@ impl Clock {
         }
         let (set, first) = (2 * self.passes / QUERIES, 2 * self.passes % QUERIES);
         if set as usize == self.sets.len() {
-            self.sets.put(Clock::set(context).ok()?);
+            self.sets.put(Timestamps::set(context).ok()?);
         }
         self.passes += 1;
         Some((self.sets[set as usize].0.clone(), first))
