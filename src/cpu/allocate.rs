@@ -1,11 +1,7 @@
 //! Allocation of a solver's memory. Structures are constructed with an [`Allocate`], which either allocates their
 //! arrays or counts the bytes: both go through the same code, so that the count is exact.
 
-use super::sampling::TriangleRecord;
 use crate::allocation::{Plain, filled, zeroed};
-
-// SAFETY: sixteen f32.
-unsafe impl Plain for TriangleRecord {}
 
 /// Provides the arrays of a structure.
 pub trait Allocate {

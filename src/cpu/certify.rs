@@ -9,7 +9,7 @@ use crate::grid::window::{self, WINDOW_NODES, place};
 use crate::mesh::NONE;
 use crate::method::plan::ChartResult;
 
-use super::Run;
+use super::run::Run;
 use crate::team::SharedSlice;
 
 impl Run<'_> {

@@ -3,36 +3,31 @@
 //! cells would fold, and each chart takes it only if its energy falls.
 
 mod assemble;
+mod complete;
 mod conjugate_gradients;
 mod galerkin;
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[path = "../lab/cpu_correction.rs"]
 mod state;
 mod multigrid;
-mod rows;
+pub(super) mod rows;
 mod step_limit;
 #[cfg(test)]
 mod tests;
 mod transfer;
-mod workspace;
+pub(super) mod workspace;
 
 use std::time::Instant;
 
 use crate::allocation::{Collect, copied};
-use crate::grid::planes::{NODES, Plane};
-use crate::grid::window::WINDOW_NODES;
+use crate::grid::planes::NODES;
 use crate::method::acceptance::{Correction, Gain};
 use crate::method::law::trial_fractions;
 
-use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
-use super::patch::State;
-use super::sampling::{Start, Surface};
-use super::{Run, SurfaceFn, Worker};
+use super::run::Run;
+use super::sampling::resample::Start;
 use crate::panics::{go_on, hold_back};
 use crate::team::SharedSlice;
-pub(super) use rows::Pairs;
-use rows::Rows;
-pub(super) use workspace::Workspace;
 use workspace::{Assembling, SolvingLevel, Stepping};
 
 /// How much longer than what is done of a correction the rest of it takes, up to its first trial: measured on level 0.
@@ -123,7 +118,7 @@ impl Run<'_> {
     fn complete_systems(&self, level: usize, levels: &mut [SolvingLevel], first: bool) {
         let last = if first { levels.len() - 1 } else { 0 };
         for k in 0..=last {
-            rows::complete(self, level + k, &mut levels[k], k < last);
+            complete::complete(self, level + k, &mut levels[k], k < last);
             if k < last {
                 let (finer, coarser) = levels.split_at_mut(k + 1);
                 galerkin::triple_product(self, level + k, &finer[k], &mut coarser[0]);
@@ -212,22 +207,5 @@ impl Run<'_> {
                 }
             }
         }
-    }
-
-    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
-    /// value for each stored block.
-    fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
-        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collected();
-        self.sum_per_chart(level, &active)
-    }
-
-    /// Calls `f(worker, block, chart)` for all active blocks of a level.
-    fn each_block(&self, level: usize, f: impl Fn(&Worker, usize, usize) + Sync) {
-        let blocks = &self.work[level].active;
-        let list = &self.grid.levels[level].blocks.list;
-        self.team.run_on(blocks.len(), |worker, k| {
-            let b = blocks[k] as usize;
-            f(worker, b, list[b].chart as usize);
-        });
     }
 }

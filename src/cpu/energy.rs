@@ -1,11 +1,12 @@
 //! The energy of a level's present state per chart (method §4), summed in a fixed order.
 
+use super::buffers::State;
 use super::lanes::{Lanes, Mask, Vectorised, dispatch};
-use super::patch::{NEIGHBOURS, Patch, QUADRANTS, State, Weights};
+use super::patch::{NEIGHBOURS, Patch, QUADRANTS, Weights};
 use super::row::Row;
+use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
 use super::terms::{Terms, least_jacobian, room_energy};
-use super::{Run, SurfaceFn};
 use crate::allocation::zeroed;
 use crate::grid::Level;
 use crate::grid::planes::Plane;

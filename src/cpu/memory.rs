@@ -8,43 +8,29 @@ use crate::grid::planes::Plane;
 use crate::settings::Solver;
 
 use super::allocate::{Allocate, Count, Heap};
-use super::correct::Workspace;
-use super::patch::State;
-use super::pbd::PbdBuffers;
-use super::sampling::TriangleRecord;
-use crate::team::SharedSlice;
+use super::buffers::Buffers;
+use super::correct::workspace::Workspace;
+use super::sampling::record::TriangleRecord;
 
-/// The state of one level, and its pose metrics.
+/// The memory that a level's iterations of the paper's solver need in addition to its state.
 #[derive(Debug, Default)]
-pub(super) struct Buffers {
-    /// Displacements, in cells of this level.
-    pub u: Vec<[Plane; 2]>,
-    /// Position f(W(p)) on the finest level, metric at W(p) on coarser ones.
-    pub value: Vec<[Plane; 3]>,
-    /// The triangle under W(p); finest level only. A solve writes it before it reads it.
-    pub triangle: Vec<Plane<u32>>,
-    /// Pose metrics at the nodes; coarser levels only.
-    pub metric: Vec<[Plane; 3]>,
+pub(super) struct PbdBuffers {
+    /// The copy of the state that a pass writes.
+    pub next: Buffers,
+    /// Displacements at the previous integration. The velocity is the difference between the present ones and these.
+    pub previous: Vec<[Plane; 2]>,
 }
 
-impl Buffers {
-    /// Allocates the state of `blocks` blocks, without pose metrics.
-    pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
-        Buffers {
-            u: allocator.zeros(blocks),
-            value: allocator.zeros(blocks),
-            triangle: allocator.zeros(if finest { blocks } else { 0 }),
-            metric: Vec::new(),
+impl PbdBuffers {
+    /// Allocates the buffers of all levels.
+    pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Vec<PbdBuffers> {
+        let mut all = with_capacity(grid.levels.len());
+        for (k, level) in grid.levels.iter().enumerate() {
+            let blocks = level.blocks.list.len();
+            let next = Buffers::new(allocator, blocks, k == 0);
+            all.put(PbdBuffers { next, previous: allocator.zeros(blocks) });
         }
-    }
-
-    /// The state, shared by the items of a job.
-    pub fn state(&mut self) -> State {
-        State {
-            u: SharedSlice::new(&mut self.u),
-            value: SharedSlice::new(&mut self.value),
-            triangle: SharedSlice::new(&mut self.triangle),
-        }
+        all
     }
 }
 

@@ -8,11 +8,11 @@ use crate::grid::window::{self, WINDOW_NODES, Window};
 use crate::mesh::NONE;
 use crate::method::plan::Input;
 
-use super::constants::{self, window_vectors};
+use super::buffers::State;
+use super::decode::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};
 use super::row::Row;
 use super::sampling::{GridRow, Samples, Surface};
-use crate::team::SharedSlice;
 
 /// The eight neighbours of a node: offset along x and y, index in `EDGES` of the edge between the two, and whether the
 /// neighbour owns it.
@@ -68,17 +68,6 @@ impl Weights {
     pub fn without_pull(self) -> Weights {
         Weights { pull: 0.0, ..self }
     }
-}
-
-/// The state of a level that sweeps change, per block.
-#[derive(Clone, Copy)]
-pub struct State {
-    /// Displacements, in cells of the level.
-    pub u: SharedSlice<[Plane; 2]>,
-    /// Position f(W(p)) on the finest level, metric (E, F, G) at W(p) on coarser ones.
-    pub value: SharedSlice<[Plane; 3]>,
-    /// The triangle under W(p) on the finest level; empty on coarser ones.
-    pub triangle: SharedSlice<Plane<u32>>,
 }
 
 /// All quantities of a block, in windows.
@@ -150,7 +139,7 @@ impl Patch {
                 window::load(neighbours, NONE, |b| state.triangle.get(b), &mut self.triangle);
             }
         }
-        constants::rigidity::<V>(level, b, &mut self.rigidity);
+        decode::rigidity::<V>(level, b, &mut self.rigidity);
         window::load(neighbours, 0, |b| &level.movable[b], &mut self.movable);
         let floor = V::splat(self.floor);
         if !level.density.is_empty() {
@@ -160,7 +149,7 @@ impl Patch {
         }
         self.has_density = !level.density.is_empty();
         for e in 0..4 {
-            constants::rest_length::<V>(level, b, e, &mut self.length[e]);
+            decode::rest_length::<V>(level, b, e, &mut self.length[e]);
             for at in window_vectors() {
                 (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse_length[e], at);
             }

@@ -9,42 +9,16 @@ mod tests;
 
 use std::sync::atomic::Ordering;
 
-use crate::allocation::{Grow, with_capacity};
-use crate::grid::Grid;
 use crate::grid::planes::Plane;
 use crate::method::pbd::{Iteration, SETS};
 
-use super::allocate::Allocate;
-use super::memory::Buffers;
-use super::patch::State;
+use super::buffers::State;
+use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
-use super::{Run, SurfaceFn};
 use crate::panics::{go_on, hold_back};
 use crate::team::SharedSlice;
 use project::Project;
 use regularise::{Regularise, Velocity};
-
-/// The memory that a level's iterations need in addition to its state.
-#[derive(Debug, Default)]
-pub(super) struct PbdBuffers {
-    /// The copy of the state that a pass writes.
-    next: Buffers,
-    /// Displacements at the previous integration. The velocity is the difference between the present ones and these.
-    previous: Vec<[Plane; 2]>,
-}
-
-impl PbdBuffers {
-    /// Allocates the buffers of all levels.
-    pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Vec<PbdBuffers> {
-        let mut all = with_capacity(grid.levels.len());
-        for (k, level) in grid.levels.iter().enumerate() {
-            let blocks = level.blocks.list.len();
-            let next = Buffers::new(allocator, blocks, k == 0);
-            all.put(PbdBuffers { next, previous: allocator.zeros(blocks) });
-        }
-        all
-    }
-}
 
 impl Run<'_> {
     /// Does one iteration: projects the eight sets in turn, and then regularises, integrates and predicts if the

@@ -3,9 +3,9 @@
 //! greatest of the whole cell (method §3). The coarsest level starts from the identity, a warm start from the previous
 //! result (method §5).
 
-use super::Run;
 use super::lanes::{Lanes, Mask, Vectorised, dispatch};
-use super::sampling::Start;
+use super::run::Run;
+use super::sampling::resample::Start;
 use crate::allocation::Collect;
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};

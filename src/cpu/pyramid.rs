@@ -3,7 +3,7 @@
 
 use crate::grid::metric;
 
-use super::Run;
+use super::run::Run;
 use crate::team::SharedSlice;
 
 impl Run<'_> {

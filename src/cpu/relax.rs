@@ -5,19 +5,20 @@
 //! colours in turn and with its halo frozen, so that the bits do not depend on the order of the blocks. Gathering a
 //! block takes a third of the time of a sweep; therefore two sweeps are done on a gathered block.
 
+use std::sync::atomic::Ordering;
+
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::method::law::{BOUND_SAFETY, MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN};
 use crate::method::schedule::passes;
 
+use super::buffers::State;
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
-use std::sync::atomic::Ordering;
-
-use super::patch::{NodeState, Patch, State, Weights};
+use super::patch::{NodeState, Patch, Weights};
 use super::row::Row;
+use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
 use super::terms::QuadraticModel;
-use super::{Run, SurfaceFn};
 
 impl Run<'_> {
     /// Relaxes a level. `fraction` is the step fraction per chart (none = 1).

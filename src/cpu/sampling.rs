@@ -1,19 +1,15 @@
 //! Samples of the surface at warped positions W(p), and the lengths of edges between them: exact positions and tangents
 //! on the finest level (method §2), metrics and their derivatives on coarser ones (method §3).
 
-mod chords;
-mod metrics;
-mod record;
-mod resample;
+pub mod chords;
+pub mod metrics;
+pub mod record;
+pub mod resample;
 
 use super::lanes::{LANES, Lanes};
 use super::row::Row;
 use crate::grid::Level;
 use crate::grid::planes::SIDE;
-pub use chords::Chords;
-pub use metrics::Metrics;
-pub use record::TriangleRecord;
-pub use resample::Start;
 
 /// Derivatives along x and y of the three sampled values, at a row's eight nodes.
 pub type Slopes<V> = [V; 6];

@@ -8,8 +8,9 @@ use crate::grid::window::{Window, place};
 use crate::mesh::NONE;
 use crate::method::law::TANGENT_WEIGHT;
 
+use super::buffers::State;
 use super::lanes::{LANES, Lanes, Mask, each};
-use super::patch::{NodeState, Patch, State};
+use super::patch::{NodeState, Patch};
 use super::row::Row;
 use super::sampling::{Slopes, Surface};
 

@@ -3,7 +3,7 @@
 
 use crate::method::stage::{Stage, Stages, Start};
 
-use super::Run;
+use super::run::Run;
 
 impl Stages for Run<'_> {
     fn run(&mut self, stage: &Stage) -> bool {

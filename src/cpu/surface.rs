@@ -1,8 +1,8 @@
 //! surface: computes the origin, tangents and metric of each triangle from the positions of the pose (method §2 and
 //! §3).
 
-use super::Run;
-use super::sampling::TriangleRecord;
+use super::run::Run;
+use super::sampling::record::TriangleRecord;
 use crate::team::SharedSlice;
 
 /// Triangles per item of work.

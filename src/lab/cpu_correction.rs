@@ -1,8 +1,10 @@
 //! Reads the intermediate results of corrections (method §7), for comparing the two backends. A module of `cpu::correct`,
 //! whose private state it sees.
 
+use super::super::run::Run;
 use super::super::state::flat;
-use super::*;
+use super::rows::Rows;
+use super::{assemble, complete};
 use crate::allocation::{Collect, Grow};
 
 impl Run<'_> {
@@ -14,7 +16,7 @@ impl Run<'_> {
         let (rows, residual) = assembling.system();
         self.with_surface(level, assemble::Assemble { rows, residual, level });
         let mut samples = std::mem::take(&mut self.memory.levels);
-        rows::complete(self, level, &mut assembling.solving(&mut samples[level..]).levels[0], false);
+        complete::complete(self, level, &mut assembling.solving(&mut samples[level..]).levels[0], false);
         self.memory.levels = samples;
         self.memory.workspace = workspace;
         [self.rows(level), flat(self.memory.workspace.residual(level))]

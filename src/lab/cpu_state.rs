@@ -5,8 +5,8 @@ use crate::allocation::{Collect, Grow, with_capacity};
 use crate::grid::planes::{NODES, Plane};
 use crate::mesh::NONE;
 
-use super::Run;
-use super::sampling::TriangleRecord;
+use super::run::Run;
+use super::sampling::record::TriangleRecord;
 
 /// The planes of one quantity in one block, as bits.
 fn bits<const N: usize>(planes: &[Plane; N]) -> impl Iterator<Item = u32> {

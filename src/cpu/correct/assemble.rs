@@ -3,18 +3,21 @@
 //! Instead of the diagonal blocks, the symmetric parts of the row sums are formed, from which `rows` computes diagonals
 //! that make up for the rounding of the pairs.
 
+use super::super::buffers::State;
 use super::super::energy::Total;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
 use super::super::row::Row;
-use super::super::sampling::{GradientTerms, Slopes};
+use super::super::run::{Run, SurfaceFn};
+use super::super::sampling::{GradientTerms, Slopes, Surface};
 use super::super::terms::{Edge, Visitor, least_jacobian, pull_stiffness};
-use super::rows::{Words, encode};
-use super::*;
+use super::rows::{Rows, Words, encode};
 use crate::allocation::zeroed;
 use crate::grid::Level;
+use crate::grid::planes::Plane;
 use crate::grid::window::Window;
 use crate::method::law::{NEAR_BOUND_JACOBIAN, NEAR_BOUND_STIFFNESS};
+use crate::team::SharedSlice;
 
 /// Assembles the owned pairs, the row sums and the right-hand side of a level; returns the energy per chart.
 pub struct Assemble<'a> {

@@ -1,10 +1,13 @@
 //! Solves a level's system for the step: conjugate gradients, preconditioned with a V-cycle (method §7.3).
 
+use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
+use super::super::run::Run;
+use super::multigrid;
+use super::workspace::{Solving, SolvingLevel};
 use crate::allocation::{Collect, zeroed};
+use crate::grid::planes::{NODES, Plane};
 use crate::method::law::{CG_ITERATIONS, MAX_STEP};
-
-use super::workspace::Solving;
-use super::*;
+use crate::team::SharedSlice;
 
 impl Run<'_> {
     /// Solves the system of `level` for the step, chart by chart: charts have only the passes over memory in common.

@@ -4,15 +4,16 @@
 //! once.
 
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
+use super::super::run::Run;
 use super::rows::{BlockRows, Pairs, Words, decode_one, encode, halo_pairs};
 use super::transfer::{RestrictQuarter, active_neighbours};
-use super::*;
-use crate::cpu::constants::interpolation;
+use super::workspace::SolvingLevel;
+use crate::cpu::decode::interpolation;
 use crate::grid::codes::decode_weight;
-use crate::grid::planes::EDGES;
-use crate::grid::planes::{SIDE, slot};
-use crate::grid::window::{self, Window, place};
+use crate::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
+use crate::grid::window::{self, WINDOW_NODES, Window, place};
 use crate::mesh::NONE;
+use crate::team::SharedSlice;
 
 /// Forms the owned pairs of level `finer + 1` from the rows of `finer`, and its row sums from the product A P 1 that
 /// `rows::complete` stored on `finer`.

@@ -6,13 +6,16 @@
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
 use super::super::row::Row;
-use super::rows::{BlockRows, Pairs};
+use super::super::run::Run;
+use super::rows::{BlockRows, Pairs, Rows};
 use super::transfer::{active_neighbours, add_coarse, restrict};
-use super::*;
+use super::workspace::SolvingLevel;
 use crate::allocation::zeroed;
 use crate::grid::Level;
-use crate::grid::window::{self, Window};
+use crate::grid::planes::{NODES, Plane};
+use crate::grid::window::{self, WINDOW_NODES, Window};
 use crate::method::law::{COARSEST_ROUNDS, FEW_BLOCKS, SMOOTHER_SWEEPS};
+use crate::team::SharedSlice;
 
 /// Runs a V-cycle: direction = M⁻¹ residual on `level`, which is the first one of `levels`. Returns the dot product of
 /// residual and direction per chart. The residual of `level` is not changed.

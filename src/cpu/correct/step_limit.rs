@@ -7,16 +7,18 @@
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
 use super::super::row::Row;
+use super::super::run::Run;
 use super::transfer::active_neighbours;
 use super::workspace::Limiting;
-use super::*;
 use crate::allocation::{copied, zeroed};
 use crate::grid::Level;
-use crate::grid::window::{self, Window};
+use crate::grid::planes::Plane;
+use crate::grid::window::{self, WINDOW_NODES, Window};
 use crate::method::law::{
     FALLOFF_PASSES, FIRST_FALLOFF_PASSES, FRACTION_FALLOFF, KEPT_MARGIN, MIN_JACOBIAN, kept_margin,
     limit_rounds,
 };
+use crate::team::SharedSlice;
 
 /// Sets the fractions so that u + fraction x step has no corner Jacobian under ε. A chart where this does not succeed
 /// within `limit_rounds` is refused later for its energy.

@@ -1,14 +1,15 @@
 //! The transfers between a level and the next coarser one: the interpolation P of corrections, with weights that depend
 //! on rigidity, and the restriction Pᵀ of residuals (method §7.4 and §7.5).
 
-use super::super::constants::interpolation;
+use super::super::decode::interpolation;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::prolong;
-use super::*;
+use super::super::run::Run;
 use crate::grid::Level;
-use crate::grid::planes::{SIDE, slot};
-use crate::grid::window::{self, Window, place};
+use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::grid::window::{self, WINDOW_NODES, Window, place};
 use crate::mesh::NONE;
+use crate::team::SharedSlice;
 
 /// Sets the coarser level's right-hand side `r` to Pᵀ t at movable nodes, and to 0 at fixed ones.
 pub fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {

@@ -15,7 +15,7 @@ use crate::grid::Grid;
 use crate::grid::planes::Plane;
 
 use super::super::allocate::Allocate;
-use super::super::memory::Buffers;
+use super::super::buffers::Buffers;
 use super::rows::Rows;
 
 /// The memory of the corrections of all levels.

@@ -9,9 +9,10 @@ use crate::mesh::NONE;
 use crate::method::law::TINY;
 use crate::method::pbd::{Iteration, Set};
 
-use super::super::constants;
+use super::super::buffers::State;
+use super::super::decode;
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
-use super::super::patch::{NEIGHBOURS, State};
+use super::super::patch::NEIGHBOURS;
 use super::super::row::Row;
 use super::super::sampling::{GridRow, Samples, Surface};
 
@@ -83,9 +84,9 @@ impl<S: Surface> Vectorised for ProjectBlock<'_, S> {
             *next_value = *state.value.get(b);
             (next_u, next_value)
         };
-        constants::rigidity::<V>(level, b, &mut rigidity);
+        decode::rigidity::<V>(level, b, &mut rigidity);
         window::load(neighbours, 0, |b| &level.movable[b], &mut movable);
-        constants::rest_length::<V>(level, b, set.edge, &mut length);
+        decode::rest_length::<V>(level, b, set.edge, &mut length);
         let has_density = density > 0.0 && !level.density.is_empty();
         let mut densities: Window = [0.0; WINDOW_NODES];
         if has_density {

@@ -6,8 +6,8 @@ use crate::grid::codes::RIGIDITY_STEPS;
 use crate::grid::planes::{Plane, SIDE};
 use crate::grid::window::{self, WINDOW_NODES, Window};
 
+use super::super::buffers::State;
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
-use super::super::patch::State;
 use super::super::row::Row;
 use super::super::sampling::Surface;
 use super::project::{grid_row, store_moved};

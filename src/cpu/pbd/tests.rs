@@ -4,6 +4,7 @@ use super::super::lanes::{LANES, Lanes, Portable as V};
 use super::project::projected;
 use super::*;
 use crate::cpu::Memory;
+use crate::grid::Grid;
 use crate::grid::codes::{decode_rigidity, encode_rigidity};
 use crate::grid::planes::NODES;
 use crate::grid::planes::slot;

@@ -2,7 +2,7 @@
 //! by walking. Lengths are chords.
 
 use super::super::lanes::{LANES, Lanes, Mask, each};
-use super::TriangleRecord;
+use super::record::TriangleRecord;
 use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
 use crate::grid::Grid;
 use crate::grid::planes::{SIDE, slot};

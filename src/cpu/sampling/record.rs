@@ -1,6 +1,7 @@
 //! The record of a triangle that kernels read: its UV geometry and its pose in one cache line. Each half is loaded as
 //! one vector.
 
+use crate::allocation::Plain;
 use crate::grid::pose::PoseTriangle;
 use crate::grid::uv_triangle::UvTriangle;
 
@@ -13,6 +14,9 @@ use crate::grid::uv_triangle::UvTriangle;
 pub struct TriangleRecord {
     pub halves: [[f32; 8]; 2],
 }
+
+// SAFETY: sixteen f32.
+unsafe impl Plain for TriangleRecord {}
 
 impl TriangleRecord {
     pub fn new(uv: &UvTriangle, pose: &PoseTriangle) -> TriangleRecord {

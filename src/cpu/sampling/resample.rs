@@ -5,11 +5,13 @@ use crate::grid::planes::{Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::panics::{go_on, hold_back};
 
-use super::super::Run;
+use super::super::buffers::State;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
-use super::super::patch::State;
 use super::super::row::Row;
-use super::{Chords, GridRow, Metrics, Samples, Surface};
+use super::super::run::Run;
+use super::chords::Chords;
+use super::metrics::Metrics;
+use super::{GridRow, Samples, Surface};
 
 /// Where the walk to the triangle under W(p) begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

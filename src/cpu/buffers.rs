@@ -1,0 +1,51 @@
+//! The state of one level: the arrays that hold it, and how the items of a job share them.
+
+use crate::grid::planes::Plane;
+use crate::team::SharedSlice;
+
+use super::allocate::Allocate;
+
+/// The state of one level, and its pose metrics.
+#[derive(Debug, Default)]
+pub struct Buffers {
+    /// Displacements, in cells of this level.
+    pub u: Vec<[Plane; 2]>,
+    /// Position f(W(p)) on the finest level, metric at W(p) on coarser ones.
+    pub value: Vec<[Plane; 3]>,
+    /// The triangle under W(p); finest level only. A solve writes it before it reads it.
+    pub triangle: Vec<Plane<u32>>,
+    /// Pose metrics at the nodes; coarser levels only.
+    pub metric: Vec<[Plane; 3]>,
+}
+
+impl Buffers {
+    /// Allocates the state of `blocks` blocks, without pose metrics.
+    pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
+        Buffers {
+            u: allocator.zeros(blocks),
+            value: allocator.zeros(blocks),
+            triangle: allocator.zeros(if finest { blocks } else { 0 }),
+            metric: Vec::new(),
+        }
+    }
+
+    /// The state, shared by the items of a job.
+    pub fn state(&mut self) -> State {
+        State {
+            u: SharedSlice::new(&mut self.u),
+            value: SharedSlice::new(&mut self.value),
+            triangle: SharedSlice::new(&mut self.triangle),
+        }
+    }
+}
+
+/// The state of a level that sweeps change, per block.
+#[derive(Clone, Copy)]
+pub struct State {
+    /// Displacements, in cells of the level.
+    pub u: SharedSlice<[Plane; 2]>,
+    /// Position f(W(p)) on the finest level, metric (E, F, G) at W(p) on coarser ones.
+    pub value: SharedSlice<[Plane; 3]>,
+    /// The triangle under W(p) on the finest level; empty on coarser ones.
+    pub triangle: SharedSlice<Plane<u32>>,
+}

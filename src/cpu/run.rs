@@ -1,0 +1,206 @@
+//! One solve of one tile on the CPU: what all of its stages work with.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use crate::allocation::{Collect, Grow, copied, filled, zeroed, zeroed_box};
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
+use crate::grid::pose::Pose;
+use crate::grid::window::Window;
+use crate::mesh::TileMesh;
+use crate::method::plan::{ChartResult, Input};
+use crate::panics::{go_on, hold_back};
+use crate::team::{PerThread, Team, Worker};
+
+use super::buffers::State;
+use super::correct::rows::Pairs;
+use super::memory::Memory;
+use super::patch::{Patch, Weights};
+use super::sampling::Surface;
+use super::sampling::chords::Chords;
+use super::sampling::metrics::Metrics;
+
+/// The blocks of one level that take part in a solve: those of the charts that are solved.
+#[derive(Debug, Default)]
+pub(super) struct Lists {
+    /// Active blocks (those with movable nodes), by block colour.
+    pub(super) colours: [Vec<u32>; 4],
+    /// Active blocks in storage order.
+    pub(super) active: Vec<u32>,
+    /// All stored blocks: active ones, and blocks that only hold neighbours of movable nodes.
+    pub(super) stored: Vec<u32>,
+}
+
+impl Clone for Lists {
+    fn clone(&self) -> Lists {
+        Lists {
+            colours: self.colours.each_ref().map(|colour| copied(colour)),
+            active: copied(&self.active),
+            stored: copied(&self.stored),
+        }
+    }
+}
+
+impl Lists {
+    /// Keeps the blocks for which `f` is true.
+    pub fn retain(&mut self, f: impl Fn(u32) -> bool) {
+        for list in self.colours.iter_mut().chain([&mut self.active, &mut self.stored]) {
+            list.retain(|&b| f(b));
+        }
+    }
+}
+
+/// One solve of one tile.
+pub(crate) struct Run<'a> {
+    pub(super) team: &'a Team,
+    pub(super) grid: &'a Grid,
+    pub(super) mesh: &'a TileMesh,
+    pub(super) pose: &'a Pose,
+    pub(super) memory: &'a mut Memory,
+    /// Per level.
+    pub(super) weights: Vec<Weights>,
+    pub(super) work: Vec<Lists>,
+    /// The charts to solve.
+    pub(super) charts: &'a [bool],
+    /// 0 where charts are solved; certification writes this solve's result there. Corrections of the finest level keep
+    /// their step in it.
+    pub(super) result: &'a mut [[Plane; 2]],
+    /// Whether they did.
+    pub(super) result_is_used: bool,
+    /// Displacements of the previous result, if the solve starts from them or is pulled towards them; else nothing.
+    pub(super) anchor: &'a [[Plane; 2]],
+    /// Per chart; default values for charts that are not solved.
+    pub results: Vec<ChartResult>,
+    /// Per chart, the energy of the finest level's present state, if a correction was the last to change it.
+    pub(super) known_energies: Vec<Option<f64>>,
+    pub(super) node_updates: AtomicU64,
+    /// When a correction is to end early, if there is a time budget, and whether the last one did.
+    pub(super) stop: Option<Instant>,
+    pub(super) stopped: bool,
+    /// When the last correction began.
+    pub(super) began: Instant,
+    pub(super) patches: PerThread<'a, Patch>,
+    pub(super) pairs: PerThread<'a, Pairs>,
+    pub(super) slopes: PerThread<'a, [Window; 6]>,
+}
+
+impl<'a> Run<'a> {
+    /// `result` holds 0 where charts are solved. `anchor` is the previous result, if the solve starts from it or the
+    /// input's pull is not 0.
+    pub fn new(
+        team: &'a Team,
+        input: &Input<'a>,
+        memory: &'a mut Memory,
+        result: &'a mut [[Plane; 2]],
+        anchor: &'a [[Plane; 2]],
+    ) -> Run<'a> {
+        let Input { grid, mesh, pose, charts, .. } = *input;
+        let work = grid
+            .levels
+            .iter()
+            .map(|level| {
+                let mut work = Lists::default();
+                for (b, block) in level.blocks.list.iter().enumerate() {
+                    if charts[block.chart as usize] {
+                        work.stored.put(b as u32);
+                        if block.active {
+                            work.active.put(b as u32);
+                            work.colours[(block.y % 2 * 2 + block.x % 2) as usize].put(b as u32);
+                        }
+                    }
+                }
+                work
+            })
+            .collected();
+        Run {
+            team,
+            grid,
+            mesh,
+            pose,
+            memory,
+            weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collected(),
+            work,
+            charts,
+            result,
+            result_is_used: false,
+            anchor,
+            results: filled(ChartResult::default(), charts.len()),
+            known_energies: filled(None, charts.len()),
+            node_updates: AtomicU64::new(0),
+            stop: None,
+            stopped: false,
+            began: Instant::now(),
+            patches: PerThread::new(team, Patch::zeroed),
+            pairs: PerThread::new(team, zeroed_box),
+            slopes: PerThread::new(team, zeroed_box),
+        }
+    }
+
+    /// Node updates of all relaxations, or of all iterations of the paper's solver.
+    pub fn node_updates(&self) -> u64 {
+        self.node_updates.load(Ordering::Relaxed)
+    }
+
+    /// Number of active blocks on the finest level.
+    pub fn blocks_active(&self) -> u64 {
+        self.work[0].active.len() as u64
+    }
+
+    /// Calls `f(worker, block)` for all active blocks of a level, block colour by block colour.
+    pub(super) fn each_colour(&self, level: usize, backwards: bool, f: impl Fn(&Worker, usize) + Sync) {
+        for k in 0..4 {
+            let blocks = &self.work[level].colours[if backwards { 3 - k } else { k }];
+            self.team.run_on(blocks.len(), |worker, k| f(worker, blocks[k] as usize));
+        }
+    }
+
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks.
+    pub(super) fn sum_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
+        let list = &self.grid.levels[level].blocks.list;
+        let mut sums = zeroed(self.charts.len());
+        for (x, &b) in values.iter().zip(&self.work[level].active) {
+            sums[list[b as usize].chart as usize] += x;
+        }
+        sums
+    }
+
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
+    /// value for each stored block.
+    pub(super) fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
+        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collected();
+        self.sum_per_chart(level, &active)
+    }
+
+    /// Calls `f(worker, block, chart)` for all active blocks of a level.
+    pub(super) fn each_block(&self, level: usize, f: impl Fn(&Worker, usize, usize) + Sync) {
+        let blocks = &self.work[level].active;
+        let list = &self.grid.levels[level].blocks.list;
+        self.team.run_on(blocks.len(), |worker, k| {
+            let b = blocks[k] as usize;
+            f(worker, b, list[b].chart as usize);
+        });
+    }
+
+    /// Calls `f` with a level's state and with the level's surface: chords on level 0, metrics on the others.
+    pub(super) fn with_surface<R>(&mut self, level: usize, f: impl SurfaceFn<R>) -> R {
+        let metric = std::mem::take(&mut self.memory.levels[level].metric);
+        let triangles = std::mem::take(&mut self.memory.triangles);
+        let state = self.memory.levels[level].state();
+        let result = hold_back(|| {
+            if level == 0 {
+                f.call(self, state, Chords { grid: self.grid, triangles: &triangles })
+            } else {
+                f.call(self, state, Metrics { level: &self.grid.levels[level], metric: &metric })
+            }
+        });
+        self.memory.triangles = triangles;
+        self.memory.levels[level].metric = metric;
+        go_on(result)
+    }
+}
+
+/// A function that is generic in the surface.
+pub(super) trait SurfaceFn<R> {
+    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> R;
+}
