@@ -7,8 +7,9 @@
 
 mod chart;
 mod energy;
+mod law;
 mod linear;
-mod minimise;
+pub(crate) mod minimise;
 mod step;
 
 use glam::DVec2;
@@ -20,28 +21,7 @@ use crate::mesh::{Mesh, TileMesh};
 use crate::strain::exact::{Locator, Surface};
 use chart::{ChartProblem, DIM};
 use energy::Shape;
-use minimise::Minimiser;
-
-/// Stopping criteria and starts.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Options {
-    /// A chart has converged when its gradient's norm is at most this fraction of that at the identity ...
-    pub tolerance: f64,
-    /// ... or when three corrections in a row, each with its sweep, gain no more than this fraction of its energy each:
-    /// the energy has kinks at the edges of triangles, and its gradient need not vanish at a minimum.
-    pub stall: f64,
-    /// Greatest number of corrections of a chart, per strength of the barrier.
-    pub max_corrections: usize,
-    /// True for several starts: the given one, if any, the identity by way of intermediate metrics, and the identity
-    /// itself. The lowest result is kept, chart by chart. Crowded charts have many minima, a few per mille apart.
-    pub thorough: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options { tolerance: 1e-6, stall: 3e-7, max_corrections: 100, thorough: false }
-    }
-}
+use minimise::{Minimiser, Options};
 
 /// The minimum that was found.
 #[derive(Clone, Debug)]

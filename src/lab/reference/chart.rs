@@ -3,7 +3,7 @@
 
 use glam::DVec2;
 
-use super::energy::{Edge, Law};
+use super::law::Law;
 use super::linear::neighbour;
 use crate::grid::coverage::NodeMaps;
 use crate::grid::density::density;
@@ -19,6 +19,37 @@ pub(super) const DIM: usize = 6;
 
 /// Floor of rest lengths, as a fraction of the smaller one of two medians, of edges to the east and to the north.
 const FLOOR_FRACTION: f64 = 0.05;
+
+/// An edge (a, b) between two nodes that are neighbours among eight.
+pub(super) struct Edge {
+    pub a: u32,
+    pub b: u32,
+    /// w = max(R_a, R_b).
+    pub weight: f64,
+    /// (λ(1-w) + λ0) / |d0|².
+    pub smooth: f64,
+    /// κ / |d0|².
+    pub orientation: f64,
+    /// ν: the unit normal of the edge's offset at rest.
+    pub normal: DVec2,
+    /// l: the rest length.
+    pub length: f64,
+    /// 1 / max(l, floor).
+    pub inverse: f64,
+}
+
+impl Edge {
+    /// The end that is not `n`.
+    pub fn other(&self, n: usize) -> usize {
+        if self.a as usize == n { self.b as usize } else { self.a as usize }
+    }
+
+    /// Second derivative of the smoothness and orientation terms with respect to the edge's offset.
+    pub fn soft(&self) -> [DVec2; 2] {
+        let (s, o, n) = (2.0 * self.smooth, 2.0 * self.orientation, self.normal);
+        [DVec2::new(s + o * n.x * n.x, o * n.x * n.y), DVec2::new(o * n.x * n.y, s + o * n.y * n.y)]
+    }
+}
 
 /// A chart's problem. Its nodes are those of a rectangle: the bounding box of the movable nodes, and one node more on
 /// each side, so that the rim is fixed.

@@ -8,73 +8,9 @@
 
 use glam::DVec2;
 
-use super::chart::{ChartProblem, DIM};
+use super::chart::{ChartProblem, Corner, DIM, Edge};
 use super::linear::Stencil;
-use crate::settings::TileSettings;
 use crate::strain::exact::{Locator, Surface};
-
-/// ε: no corner Jacobian of a result is less.
-pub(super) const BOUND: f64 = 0.02;
-
-/// The barrier is 0 for Jacobians that exceed the bound by this or more, so that it has no effect on a warp with room.
-pub(super) const BARRIER_WIDTH: f64 = 0.1;
-
-/// An edge (a, b) between two nodes that are neighbours among eight.
-pub(super) struct Edge {
-    pub a: u32,
-    pub b: u32,
-    /// w = max(R_a, R_b).
-    pub weight: f64,
-    /// (λ(1-w) + λ0) / |d0|².
-    pub smooth: f64,
-    /// κ / |d0|².
-    pub orientation: f64,
-    /// ν: the unit normal of the edge's offset at rest.
-    pub normal: DVec2,
-    /// l: the rest length.
-    pub length: f64,
-    /// 1 / max(l, floor).
-    pub inverse: f64,
-}
-
-/// The room term as a function of a corner Jacobian, with the barrier that is added during the minimisation.
-#[derive(Clone, Copy)]
-pub(super) struct Law {
-    room: f64,
-    threshold: f64,
-    /// Strength μ of the barrier; 0 for E itself.
-    pub barrier: f64,
-}
-
-impl Law {
-    pub fn new(settings: &TileSettings) -> Law {
-        Law { room: f64::from(settings.room), threshold: f64::from(settings.room_threshold), barrier: 0.0 }
-    }
-
-    /// The value, its first derivative, and the positive part of its second derivative with respect to J.
-    ///
-    /// The barrier is that of Li et al., "Incremental Potential Contact" (2020), eq. 6: -(s - 1)² ln s with
-    /// s = (J - ε) / `BARRIER_WIDTH`: twice differentiable, and exactly 0 from s = 1 on.
-    fn of(&self, j: f64) -> (f64, f64, f64) {
-        let deficit = (self.threshold - j).max(0.0);
-        let mut value = (self.room * deficit * deficit, -2.0 * self.room * deficit, 0.0);
-        if deficit > 0.0 {
-            value.2 = 2.0 * self.room;
-        }
-        let s = (j - BOUND) / BARRIER_WIDTH;
-        if self.barrier > 0.0 && s < 1.0 {
-            if s <= 0.0 {
-                return (f64::INFINITY, 0.0, 0.0);
-            }
-            let ln = s.ln();
-            value.0 -= self.barrier * (s - 1.0).powi(2) * ln;
-            value.1 -= self.barrier * (2.0 * (s - 1.0) * ln + (s - 1.0).powi(2) / s) / BARRIER_WIDTH;
-            let second = -2.0 * ln - 3.0 + 2.0 / s + 1.0 / (s * s);
-            value.2 += self.barrier * second / (BARRIER_WIDTH * BARRIER_WIDTH);
-        }
-        value
-    }
-}
 
 /// A node on the surface.
 #[derive(Clone, Copy, Default)]
@@ -279,7 +215,7 @@ impl ChartProblem {
     }
 
     /// The twelve corners whose Jacobians depend on a node.
-    pub fn corners_of(&self, n: usize) -> impl Iterator<Item = super::chart::Corner> + '_ {
+    pub fn corners_of(&self, n: usize) -> impl Iterator<Item = Corner> + '_ {
         let width = self.width();
         [n - width - 1, n - width, n - 1, n]
             .into_iter()
@@ -291,19 +227,6 @@ impl ChartProblem {
     fn stencil_index(&self, n: usize, m: usize) -> usize {
         let width = self.width();
         (m / width + 1 - n / width) * 3 + m % width + 1 - n % width
-    }
-}
-
-impl Edge {
-    /// The end that is not `n`.
-    fn other(&self, n: usize) -> usize {
-        if self.a as usize == n { self.b as usize } else { self.a as usize }
-    }
-
-    /// Second derivative of the smoothness and orientation terms with respect to the edge's offset.
-    fn soft(&self) -> [DVec2; 2] {
-        let (s, o, n) = (2.0 * self.smooth, 2.0 * self.orientation, self.normal);
-        [DVec2::new(s + o * n.x * n.x, o * n.x * n.y), DVec2::new(o * n.x * n.y, s + o * n.y * n.y)]
     }
 }
 

@@ -4,7 +4,8 @@
 use glam::DVec2;
 
 use super::chart::ChartProblem;
-use super::energy::{BOUND, Sample, Shape};
+use super::energy::{Sample, Shape};
+use super::law::BOUND;
 use super::linear::{inverse, times};
 
 /// A step takes a corner Jacobian at most this fraction of the way to the bound, so that the barrier stays finite.
