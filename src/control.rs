@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::lock::lock;
+use crate::panics::lock;
 
 /// A host's function that is told how far a call is, 0..1, on the thread that does the call's work; it cancels the call by
 /// returning true.

@@ -9,7 +9,7 @@ use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Adapters, interfaces};
 use crate::gpu::context::{self, Context};
-use crate::lock::lock;
+use crate::panics::lock;
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
 use crate::team::{Crew, Executor, Team};

@@ -62,8 +62,7 @@
 // An allocation whose size follows from input must be able to fail: clippy.toml lists those that cannot.
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
 
-// From the ground up: a module imports only modules above it in this list. A test reads the imports (`tests/house/arrows.rs`).
-mod lock;
+// From the ground up: a module imports only modules above it in this list. `tests/house/arrows.rs` reads the imports.
 mod line;
 mod error;
 mod float_mode;

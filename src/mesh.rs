@@ -1,6 +1,5 @@
 //! The validated mesh: triangles, UV corners, tiles and charts (method §1), from a host's arrays.
 
-mod apart;
 mod build;
 mod charts;
 mod check;
@@ -8,7 +7,6 @@ pub(crate) mod hash;
 mod read;
 mod source;
 pub(crate) mod triangle;
-pub(crate) mod triangulate;
 mod weld;
 
 use std::ops::Range;

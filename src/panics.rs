@@ -10,7 +10,7 @@ use std::cell::Cell;
 use std::fmt::{self, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, resume_unwind, set_hook, take_hook};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Once, OnceLock};
+use std::sync::{Mutex, MutexGuard, Once, OnceLock, PoisonError};
 
 use crate::allocation::OutOfMemory;
 use crate::line::Line;
@@ -149,6 +149,12 @@ fn keep_or_pass_on(info: &PanicHookInfo<'_>) {
     } else if let Some(previous) = PREVIOUS_HOOK.get().filter(|_| !worker()) {
         previous(info);
     }
+}
+
+/// Locks, whatever became of those that had the lock before: what all locks of the library guard is written in one step, so
+/// that it is whole even where a thread panicked with the lock.
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

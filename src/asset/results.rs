@@ -11,19 +11,17 @@ use crate::device::{Device, LiveAsset};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::external::ExternalImage;
 use crate::image::{ImagePart, ImageViewMut};
-use crate::lock::lock;
 use crate::mesh::Mesh;
+use crate::panics::lock;
 use crate::report::{AssetReport, GpuWork, TileReport};
 use crate::settings::LogLevel;
 use crate::team::Team;
 
 use super::stretch::Stretch;
-use crate::map::FetchKind;
-use crate::map::certificate;
 use crate::map::certificate::desc::{MapDesc, MapReport};
-use crate::map::external;
 use crate::map::fetch::{self, Output};
 use crate::map::inverse::Outputs;
+use crate::map::{FetchKind, certificate, external};
 use crate::solver::solved::Solved;
 
 /// The last good results of an asset. Cloning gives another handle to the same ones; it may be kept and read by any thread

@@ -19,7 +19,7 @@ use super::shared::SharedAsset;
 use super::status::{Failure, Outcome, VRTM_ERROR_OUT_OF_MEMORY};
 use crate::asset::Asset;
 use crate::device::Device;
-use crate::lock::lock;
+use crate::panics::lock;
 
 /// A device: where assets are solved. Made by vrtm_device_create, ended by vrtm_device_destroy. Zero is no device.
 #[repr(C)]

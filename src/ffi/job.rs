@@ -19,8 +19,7 @@ use crate::allocation::{boxed, copied};
 use crate::asset::solve::SolveRequest;
 use crate::control::{Control, this_thread};
 use crate::float_mode::FloatMode;
-use crate::lock::lock;
-use crate::panics;
+use crate::panics::{self, lock};
 use crate::team::threads;
 use crate::view::Packed;
 

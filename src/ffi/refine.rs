@@ -10,7 +10,7 @@ use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_refinement};
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
 use super::types::check_reserved;
-use crate::lock::lock;
+use crate::panics::lock;
 use crate::refine::pattern::RefinementPattern;
 use crate::refine::{Refinement, RefinementSettings};
 

@@ -10,7 +10,7 @@ use super::status::{Failure, Outcome, VRTM_ERROR_BUSY};
 use crate::asset::Asset;
 use crate::asset::results::Results;
 use crate::control::Control;
-use crate::lock::lock;
+use crate::panics::lock;
 use crate::report::AssetInfo;
 
 /// An asset shared by threads.

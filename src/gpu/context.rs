@@ -16,8 +16,7 @@ use super::pipelines::{Pipeline, Pipelines};
 use crate::allocation::caught;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
-use crate::lock::lock;
-use crate::panics::contain;
+use crate::panics::{contain, lock};
 use crate::report::AdapterInfo;
 
 /// How a GPU is opened.

@@ -3,19 +3,19 @@
 
 pub(crate) mod desc;
 mod error;
-mod folds;
 mod strip;
 
-use crate::allocation::caught;
+use crate::allocation::{caught, filled};
 use crate::device::Device;
 use crate::error::Result;
 use crate::team::Team;
 
 use super::inverse::Outputs;
+use super::smallest_jacobian;
 use crate::settings::MAX_GRID;
 use crate::solver::solved::Solved;
 use desc::{MapDesc, MapReport};
-use strip::Reader;
+use strip::{Reader, bands};
 
 /// Texels on a side of the smallest map that is looked at.
 const SMALLEST: u32 = 16;
@@ -31,7 +31,7 @@ pub(crate) fn inspect(device: &Device, team: &Team, solved: &Solved, desc: &MapD
 }
 
 fn inspect_with(reader: &mut Reader, desc: &MapDesc) -> Result<MapReport> {
-    let found = folds::count(reader, desc, u64::MAX)?;
+    let found = count_folds(reader, desc, u64::MAX)?;
     let errors = error::measure(reader, desc)?;
     let mut sufficient = (found.folds == 0).then_some(desc.size);
     for size in near_sizes(desc.size) {
@@ -39,7 +39,7 @@ fn inspect_with(reader: &mut Reader, desc: &MapDesc) -> Result<MapReport> {
             break;
         }
         // The first fold decides.
-        let folds = folds::count(reader, &MapDesc { size, ..*desc }, 1)?.folds;
+        let folds = count_folds(reader, &MapDesc { size, ..*desc }, 1)?.folds;
         sufficient = (folds == 0).then_some(size);
     }
     Ok(MapReport {
@@ -63,4 +63,37 @@ fn near_sizes(size: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
         fits.then(|| size.map(|n| n / 2))
     };
     larger.chain(std::iter::successors(halved(&size), halved))
+}
+
+/// Folds of the interpolated map.
+struct Folds {
+    /// Quads that fold.
+    folds: u64,
+    /// Smallest Jacobian at a corner of a quad.
+    min_jacobian: f64,
+}
+
+/// Counts the quads of a map that fold; stops early once there are `enough`.
+fn count_folds(reader: &mut Reader, desc: &MapDesc, enough: u64) -> Result<Folds> {
+    let [width, height] = desc.sizes();
+    let size = [width as f64, height as f64];
+    let mut all = Folds { folds: 0, min_jacobian: 1.0 };
+    for rows in bands(width, height) {
+        let strip = reader.read(desc, rows.clone())?;
+        let mut found = filled((0, 1.0f64), rows.len() - 1);
+        reader.team.fill(&mut found, |k, (folds, least)| {
+            let [low, high] = [0, 1].map(|above| strip.row(rows.start + k + above));
+            for (low, high) in low.windows(2).zip(high.windows(2)) {
+                let smallest = smallest_jacobian([low[0], low[1], high[0], high[1]], size);
+                *folds += u64::from(smallest <= 0.0);
+                *least = least.min(smallest);
+            }
+        });
+        all.folds += found.iter().map(|row| row.0).sum::<u64>();
+        all.min_jacobian = found.iter().map(|row| row.1).fold(all.min_jacobian, f64::min);
+        if all.folds >= enough {
+            break;
+        }
+    }
+    Ok(all)
 }

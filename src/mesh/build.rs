@@ -1,7 +1,6 @@
 //! The tiles of a UV set, welded as the host wants it.
 
-use super::apart::edges_apart;
-use super::charts::{self, Seams};
+use super::charts::{self, Seams, is_seam};
 use super::read::{self, UvSet};
 use super::source::{MeshSource, Weld, WeldBy};
 use super::weld::{Corners, places, reaches};
@@ -102,4 +101,34 @@ fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
         })
     };
     raw.iter_mut().map(number).collected()
+}
+
+/// What lies together and yet is not connected: cuts; the edges that a mesh out of a game wants welded by position; and those
+/// whose UVs have more noise than their triangles can bear.
+///
+/// Returns the number of pairs of borders of a tile that have the same places (`place` takes a vertex to its place) and UVs,
+/// with nothing else there: each is one edge that is not connected. Edges that the host made seams do not count.
+fn edges_apart(
+    tile: &TileMesh,
+    raw: &[RawTriangle],
+    seams: &Seams,
+    place: &dyn Fn(u32) -> u32,
+    reach: &[f64],
+    tolerance: f64,
+) -> u64 {
+    let mut corners = Corners::new(place, reach, tolerance);
+    let mut numbers = filled([NONE; 3], raw.len());
+    let mut sides = Vec::new();
+    for (t, k) in tile.borders() {
+        let triangle = &raw[t as usize];
+        let ends = [1, 2].map(|d| (k as usize + d) % 3);
+        if !is_seam(seams, ends.map(|c| triangle.vertices[c])) {
+            let of_ends = ends.map(|c| corners.number(triangle.vertices[c], triangle.uv[c]).0);
+            if of_ends[0] != of_ends[1] {
+                (0..2).for_each(|end| numbers[t as usize][ends[end]] = of_ends[end]);
+                sides.put((t, k));
+            }
+        }
+    }
+    charts::pairs(raw, &numbers, sides.into_iter()).len() as u64
 }

@@ -4,7 +4,8 @@ use glam::DVec2;
 
 use super::charts::Seams;
 use super::source::{MeshSource, UvSource};
-use super::{Corner, NONE, RawTriangle, check, triangulate};
+use super::triangle::{is_degenerate, triangulate};
+use super::{Corner, NONE, RawTriangle, check};
 use crate::allocation::{Collect, Grow, with_capacity, zeroed};
 use crate::report::AssetInfo;
 
@@ -57,8 +58,8 @@ pub(super) fn read(source: &MeshSource, uvs: &UvSource, uv_set: u32, info: &mut 
             at
         });
         let triangles = &mut tiles[at].1;
-        for [a, b, c] in triangulate::polygon(&local) {
-            if triangulate::is_degenerate([local[a], local[b], local[c]]) {
+        for [a, b, c] in triangulate(&local) {
+            if is_degenerate([local[a], local[b], local[c]]) {
                 info.degenerate_triangles += 1;
                 continue;
             }

@@ -105,7 +105,7 @@ fn triangles_without_uv_area_are_dropped_and_counted() {
 fn a_concave_polygon_is_cut_into_triangles_of_one_sign() {
     // An arrow head: the fan around its first corner would flip.
     let uv = [[0.0, 0.0], [0.5, 0.4], [1.0, 0.0], [0.5, 1.0]].map(DVec2::from);
-    let triangles = triangulate::polygon(&uv);
+    let triangles = triangle::triangulate(&uv);
     assert_eq!(triangles.len(), 2);
     let area = |t: &[usize; 3]| triangle::doubled_area(t.map(|k| uv[k]));
     assert!(triangles.iter().all(|t| area(t) > 0.0), "{triangles:?}");

@@ -4,7 +4,8 @@ use glam::DVec2;
 
 use crate::allocation::{Collect, Grow, with_capacity};
 use crate::mesh::hash::{Table, enter};
-use crate::mesh::{Corner, Mesh, NONE, TileMesh, triangulate};
+use crate::mesh::triangle::triangulate;
+use crate::mesh::{Corner, Mesh, NONE, TileMesh};
 
 /// A UV that corners of one vertex and one chart share: they are redirected alike.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +52,7 @@ impl Base {
                 let origin = mesh.tiles[corners[face.start].tile as usize].origin();
                 face.clone().map(|c| DVec2::from(corners[c].uv.map(f64::from)) - origin).collected()
             };
-            triangles.put_all(triangulate::polygon(&flat).into_iter().map(|triangle| BaseTriangle {
+            triangles.put_all(triangulate(&flat).into_iter().map(|triangle| BaseTriangle {
                 face: f as u32,
                 corners: triangle.map(|k| (face.start + k) as u32),
             }));

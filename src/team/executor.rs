@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::control::lent;
 use crate::float_mode::FloatMode;
-use crate::lock::lock;
+use crate::panics::lock;
 
 /// A host's threads, which take the place of the library's own.
 pub trait Executor: Send + Sync {
