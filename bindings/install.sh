@@ -103,8 +103,8 @@ if [ -n "$prebuilt" ]; then
     library=$prebuilt
     from=$(dirname "$prebuilt")
 else
-    set -- build --manifest-path "$source/Cargo.toml" --package vrtm --lib --profile "$profile" --target-dir "$target_dir"
-    [ -n "$gpu" ] || set -- "$@" --no-default-features --features allocator
+    set -- build --manifest-path "$source/Cargo.toml" --package vrtm-c --profile "$profile" --target-dir "$target_dir"
+    [ -n "$gpu" ] || set -- "$@" --no-default-features
     [ -z "$features" ] || set -- "$@" --features "$features"
     [ -z "$offline" ] || set -- "$@" --offline --locked
     [ -z "$target" ] || set -- "$@" --target "$target"

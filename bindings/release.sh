@@ -109,11 +109,11 @@ fi
 
 # The licences of all crates that are linked in, as their packages have them.
 notices=$tree/share/doc/vrtm/THIRD-PARTY.txt
-set -- tree --manifest-path "$source/Cargo.toml" --package vrtm --edges normal,no-proc-macro --prefix none \
+set -- tree --manifest-path "$source/Cargo.toml" --package vrtm-c --edges normal,no-proc-macro --prefix none \
     --format '{p}|{l}|{r}' --target "$triple" --offline --locked
-[ -n "$gpu" ] || set -- "$@" --no-default-features --features allocator
+[ -n "$gpu" ] || set -- "$@" --no-default-features
 [ -z "$features" ] || set -- "$@" --features "$features"
-cargo "$@" | sed 's/ (\*)$//; s/ ([^|]*)//' | sort -u | grep -v '^vrtm v' >"$work/crates" || true
+cargo "$@" | sed 's/ (\*)$//; s/ ([^|]*)//' | sort -u | grep -v '^vrtm\(-c\)* v' >"$work/crates" || true
 [ -s "$work/crates" ] || fail "cargo does not list what the library is linked with"
 {
     echo "libvrtm holds code of the packages below, and of Rust's standard library, which is licensed under MIT or"

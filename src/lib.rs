@@ -8,10 +8,12 @@
 //!
 //! # Memory
 //!
-//! A call for which there is too little memory returns [`ErrorKind::OutOfMemory`] and leaves everything as it was. For this
-//! the library has a global allocator, which is that of the whole program. A program that has one of its own must leave out
-//! the cargo feature `allocator` (on by default): arrays whose size follows from input fail all the same, but messages and
-//! the like then abort the process where there is no memory at all, and [`DeviceSettings::allocator`] is not supported.
+//! A call for which there is too little memory returns [`ErrorKind::OutOfMemory`] and leaves everything as it was: that
+//! holds for all arrays whose size follows from input. Messages and the like abort the process where there is no memory at
+//! all, as everywhere in Rust.
+//!
+//! The cargo feature `allocator` is a global allocator for the whole program. With it the process goes on also there, and
+//! [`DeviceSettings::allocator`] is supported.
 //!
 //! # Example
 //!
@@ -61,6 +63,8 @@
 
 // An allocation whose size follows from input must be able to fail: clippy.toml lists those that cannot.
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
+// Some of what is here serves the C functions alone: copies of a host's arrays, threads of jobs.
+#![cfg_attr(not(feature = "capi"), allow(dead_code, unused_imports))]
 
 // From the ground up: a module imports only modules above it in this list. `tests/house/arrows.rs` reads the imports.
 mod line;
@@ -92,14 +96,14 @@ mod refine;
 #[cfg(feature = "lab")]
 #[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "never in a library that is shipped")]
 mod lab;
-#[cfg(not(feature = "lab"))]
+#[cfg(all(feature = "capi", not(feature = "lab")))]
 mod ffi;
 /// The C API, for tests that call it from Rust.
-#[cfg(feature = "lab")]
+#[cfg(all(feature = "capi", feature = "lab"))]
 #[doc(hidden)]
 pub mod ffi;
 
-/// Memory of all of the library, and of a Rust program that links it.
+/// Memory of all of the program.
 #[cfg(feature = "allocator")]
 #[global_allocator]
 static ALLOCATOR: allocation::Allocator = allocation::Allocator;

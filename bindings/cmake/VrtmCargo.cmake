@@ -17,10 +17,10 @@ endfunction()
 
 # vrtm_cargo_arguments(VARIABLE): what cargo build is called with, by the options in CMakeLists.txt.
 function(vrtm_cargo_arguments variable)
-  set(arguments build --manifest-path "${vrtm_SOURCE_DIR}/Cargo.toml" --package vrtm --lib
+  set(arguments build --manifest-path "${vrtm_SOURCE_DIR}/Cargo.toml" --package vrtm-c
     --profile ${VRTM_PROFILE} --target-dir "${VRTM_CARGO_TARGET_DIR}")
   if(NOT VRTM_GPU)
-    list(APPEND arguments --no-default-features --features allocator)
+    list(APPEND arguments --no-default-features)
   endif()
   if(VRTM_FEATURES)
     list(APPEND arguments --features "${VRTM_FEATURES}")

@@ -4,7 +4,7 @@ Variables:
     VRTM_LIBRARY          a library that is built already: cargo is not called
     VRTM_CARGO_PROFILE    cargo's profile: "dist" (the default), or "release", which builds in less time and costs some
                           milliseconds per frame of a GPU
-    VRTM_CARGO_FEATURES   cargo features, separated by commas, in place of the defaults: "allocator" leaves the GPU out
+    VRTM_GPU              "OFF" leaves the GPU backend out, which builds in seconds
     VRTM_WHEEL_PLATFORM   the wheel's platform tag, such as manylinux_2_35_x86_64, for those who publish wheels
 """
 
@@ -90,15 +90,15 @@ def _cargo() -> Path:
             "vrtm: cargo is not there: install Rust 1.89 or newer (https://rustup.rs), or name a library that is built "
             "already in the variable VRTM_LIBRARY"
         )
-    command = [cargo, "rustc", "--lib", "--crate-type", "cdylib", "--message-format", "json-render-diagnostics"]
+    command = [cargo, "build", "--package", "vrtm-c", "--message-format", "json-render-diagnostics"]
     command += [
         "--profile",
         os.environ.get("VRTM_CARGO_PROFILE", "dist"),
         "--manifest-path",
         str(PROJECT / "Cargo.toml"),
     ]
-    if features := os.environ.get("VRTM_CARGO_FEATURES"):
-        command += ["--no-default-features", "--features", features]
+    if os.environ.get("VRTM_GPU") == "OFF":
+        command.append("--no-default-features")
     result = subprocess.run(command, stdout=subprocess.PIPE, check=False)
     if result.returncode != 0:
         raise SystemExit("vrtm: cargo could not build the library; its messages stand above")

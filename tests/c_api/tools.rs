@@ -15,9 +15,8 @@ pub fn scratch() -> &'static Path {
     Path::new(env!("CARGO_TARGET_TMPDIR"))
 }
 
-/// The path of the library as a host links it. Cargo builds it together with the rlib that this test is linked to, into
-/// the same folder, so that it is never older than the test. (A copy in the folder above may be older: only `cargo
-/// build` renews that one.)
+/// The path of the library as a host links it. Cargo builds it, a dev-dependency, into the folder of this test, so that it
+/// is never older than the test. (A copy in the folder above may be older: only `cargo build` renews that one.)
 pub fn library() -> PathBuf {
     let name = format!("{}vrtm{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
     let test = std::env::current_exe().unwrap();
@@ -27,7 +26,7 @@ pub fn library() -> PathBuf {
 }
 
 /// The library's folder, as a linker's `-rpath` wants it: with a link under the name by which programs load the library,
-/// which build.rs writes into it.
+/// which capi/build.rs writes into it.
 #[cfg(unix)]
 pub fn loader_folder() -> PathBuf {
     let library = library();

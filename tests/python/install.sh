@@ -12,7 +12,7 @@ target=${CARGO_TARGET_DIR:-$repository/target}
 venv=${1:?install.sh FOLDER}
 
 if [ -z "${VRTM_LIBRARY:-}" ]; then
-    (cd "$repository" && cargo build --quiet --lib) || {
+    (cd "$repository" && cargo build --quiet --package vrtm-c) || {
         echo "FAILED python: the library does not build"
         exit 1
     }
