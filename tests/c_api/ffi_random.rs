@@ -5,7 +5,7 @@ use std::ffi::{CStr, c_void};
 use std::mem::{size_of, zeroed};
 use std::ptr;
 
-use crate::gpu;
+use crate::{gpu, long};
 
 use vrtm::ffi::{
     asset::*, device::*, fetch::*, handle::*, mesh::*, report::*, solve::*, status::*, tile::*, types::*,
@@ -423,12 +423,13 @@ impl Host {
 #[test]
 fn random_calls_never_do_harm() {
     let mut host = Host::new(1);
-    host.run(6000);
+    let calls = long::cases(6000, 2000, "calls") as usize;
+    host.run(calls);
     println!("calls by status: {:?}", host.statuses);
     // If nearly all calls failed, or none did, the test would check little.
-    assert!(host.statuses[VRTM_OK as usize] > 1500, "{:?}", host.statuses);
+    assert!(host.statuses[VRTM_OK as usize] > calls / 4, "{:?}", host.statuses);
     for status in [VRTM_ERROR_INVALID_ARGUMENT, VRTM_ERROR_INVALID_HANDLE, VRTM_ERROR_NOT_SOLVED] {
-        assert!(host.statuses[status as usize] > 20, "{:?}", host.statuses);
+        assert!(host.statuses[status as usize] > calls / 300, "{:?}", host.statuses);
     }
 }
 
@@ -449,7 +450,8 @@ fn random_calls_to_a_gpu_never_do_harm() {
         return;
     }
     let mut host = Host { backend: VRTM_BACKEND_GPU, ..Host::new(5) };
-    host.run(500);
+    let calls = long::cases(500, 200, "calls") as usize;
+    host.run(calls);
     println!("calls by status: {:?}", host.statuses);
-    assert!(host.statuses[VRTM_OK as usize] > 120, "{:?}", host.statuses);
+    assert!(host.statuses[VRTM_OK as usize] > calls * 6 / 25, "{:?}", host.statuses);
 }

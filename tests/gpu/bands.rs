@@ -1,7 +1,7 @@
 //! Solves under the smallest limits that WebGPU allows, with levels laid over several buffers (bands) because one
 //! binding cannot hold them: the bits are the same as with a single buffer.
 
-use crate::common::{self, Model, bits, options};
+use crate::common::{self, Model, bits, long, options};
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, PbdSettings, Quality, SolveOptions, Solver,
     TileSettings,
@@ -43,14 +43,14 @@ fn bands_give_the_same_bits() {
     }
     use common::scenes::{analytic::squash, arm, creature, mug_to_jug};
     let whole = limited(None);
-    let cases = [
+    let cases = vec![
         (squash(0.4), 36, Quality::Normal),
         (mug_to_jug(), 30, Quality::Normal),
         (creature(), 30, Quality::Normal),
         (arm(), 45, Quality::Draft),
         (arm(), 36, Quality::Draft),
     ];
-    for (scene, blocks, quality) in cases {
+    for (scene, blocks, quality) in long::share(cases, 3, "scenes in bands") {
         let model = Model::from(scene);
         let (a, b) = (solve(&whole, &model, quality), solve(&limited(Some(blocks)), &model, quality));
         let [few, many] = [&a, &b].map(dispatches);
@@ -76,9 +76,12 @@ fn bands_of_two_levels_give_the_same_bits() {
         return;
     }
     let model = Model::from(common::scenes::analytic::squash(0.4));
+    // A draft has corrections on the second level, too.
+    let quality = if long::long() { Quality::Normal } else { Quality::Draft };
+    println!("quality {quality:?}; VRTM_LONG_TESTS=1 takes Normal");
     let [a, b] = [None, Some(86)].map(|band| {
         let mut asset = model.asset_on(&limited(band), 320);
-        asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+        asset.solve(model.frame(1), &options(quality)).unwrap();
         asset
     });
     assert!(dispatches(&b) > dispatches(&a));
