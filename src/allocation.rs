@@ -1,16 +1,13 @@
 //! Where memory is taken whose size follows from input. It may be short, and then a call has to fail: it must not abort the
 //! host's process, as the standard library's collections do when they grow. So all of them grow through the functions here.
 //!
-//! Memory that is missing unwinds, without a panic's message, up to [`caught`], which makes an error of it. That keeps the
-//! hundreds of places that build arrays free of error handling; what they had built until then is freed on the way.
+//! Where memory is missing, they unwind (`unwind`).
 //!
 //! `clippy.toml` lists the standard library's ways to allocate, and the library's code is checked for them.
 
-use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::AtomicU8;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::unwind::{Stop, unwind};
 
 mod current;
 #[cfg(feature = "allocator")]
@@ -24,38 +21,10 @@ pub(crate) use current::Current;
 pub(crate) use global::Allocator;
 pub use host::HostAllocator;
 
-/// What a call unwinds with if memory is short.
-#[derive(Debug)]
-pub(crate) struct OutOfMemory {
-    /// Bytes that could not be had.
-    pub bytes: u64,
-}
-
-impl fmt::Display for OutOfMemory {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "out of memory: {} bytes could not be had", self.bytes)
-    }
-}
-
-/// Calls `f`; memory that is missing in it is an error.
-///
-/// # Errors
-/// `OutOfMemory`, and those of `f`.
-pub(crate) fn caught<R>(f: impl FnOnce() -> Result<R>) -> Result<R> {
-    // What `f` leaves half changed is dropped with its owner; `Asset` says what becomes of its state.
-    catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|payload| match payload.downcast::<OutOfMemory>() {
-        Ok(short) => Err(Error::new(ErrorKind::OutOfMemory, short.to_string())),
-        Err(panic) => resume_unwind(panic),
-    })
-}
-
 /// Unwinds, as there is no memory for `count` elements of type `T`.
 #[cold]
-#[expect(clippy::disallowed_methods, reason = "of constant size: there is a reserve for it")]
 fn missing<T>(count: usize) -> ! {
-    let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
-    // Not a panic: nothing is wrong here, and no hook is to print anything.
-    resume_unwind(Box::new(OutOfMemory { bytes }))
+    unwind(Stop::OutOfMemory((count as u64).saturating_mul(size_of::<T>() as u64)))
 }
 
 /// An empty array with room for `count` elements.

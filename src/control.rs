@@ -1,14 +1,13 @@
 //! What a host can do about a call that is under way: ask how far it is, be told, and cancel it.
 
-use std::any::Any;
 use std::cell::Cell;
-use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::Result;
 use crate::panics::lock;
+use crate::unwind::{Stop, unwind};
 
 /// A host's function that is told how far a call is, 0..1, on the thread that does the call's work; it cancels the call by
 /// returning true.
@@ -126,7 +125,7 @@ impl Control {
     pub(crate) fn seal_or_unwind(&self) {
         let _ = self.state.compare_exchange(GOING, DONE, Ordering::Relaxed, Ordering::Relaxed);
         if self.is_cancelled() {
-            unwind();
+            unwind(Stop::Cancelled);
         }
         self.done.store(1.0f32.to_bits(), Ordering::Relaxed);
     }
@@ -177,13 +176,13 @@ impl Control {
     /// `Cancelled`, if it was.
     #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn check(&self) -> Result<()> {
-        if self.goes_on() { Ok(()) } else { Err(cancelled()) }
+        if self.goes_on() { Ok(()) } else { Err(Stop::Cancelled.error()) }
     }
 
-    /// Unwinds, if it was cancelled, to [`stoppable`].
+    /// Unwinds, if it was cancelled.
     pub(crate) fn check_or_unwind(&self) {
         if !self.goes_on() {
-            unwind();
+            unwind(Stop::Cancelled);
         }
     }
 }
@@ -249,38 +248,15 @@ pub(crate) fn lent<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// What a cancelled call unwinds with, from between two items of its work.
-struct Cancelled;
-
-fn unwind() -> ! {
-    #[expect(clippy::disallowed_methods, reason = "of no size")]
-    resume_unwind(Box::new(Cancelled))
-}
-
-fn cancelled() -> Error {
-    Error::new(ErrorKind::Cancelled, "the call was cancelled")
-}
-
-/// Calls `body`; if it is unwound because it was cancelled, that is an error. Other panics go on.
-pub(crate) fn stoppable<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
-    // What a cancelled body has changed is left as an error at the same place would leave it.
-    catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|panic| match was_cancelled(&*panic) {
-        true => Err(cancelled()),
-        false => resume_unwind(panic),
-    })
-}
-
-/// Whether a panic is a cancelled call's.
-fn was_cancelled(panic: &(dyn Any + Send)) -> bool {
-    panic.is::<Cancelled>()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::panic::{catch_unwind, resume_unwind};
     use std::sync::Mutex;
     use std::time::Duration;
 
     use super::*;
+    use crate::error::ErrorKind;
+    use crate::unwind::caught;
 
     #[test]
     fn a_cancelled_body_is_an_error_and_a_panic_is_none() {
@@ -289,9 +265,9 @@ mod tests {
             control.check_or_unwind();
             Ok(7)
         };
-        assert_eq!(stoppable(body).unwrap(), 7);
+        assert_eq!(caught(body).unwrap(), 7);
         control.cancel();
-        assert_eq!(stoppable(body).unwrap_err().kind, ErrorKind::Cancelled);
+        assert_eq!(caught(body).unwrap_err().kind, ErrorKind::Cancelled);
         assert_eq!(control.check().unwrap_err().kind, ErrorKind::Cancelled);
         // A call with a result cannot be cancelled, but the next one can.
         let control = Control::new();
@@ -305,7 +281,7 @@ mod tests {
         assert!(control.works_here() && !elsewhere);
         drop(working);
         assert!(!control.works_here());
-        let other = catch_unwind(|| stoppable(|| -> Result<()> { resume_unwind(Box::new(3)) }));
+        let other = catch_unwind(|| caught(|| -> Result<()> { resume_unwind(Box::new(3)) }));
         assert_eq!(other.unwrap_err().downcast_ref(), Some(&3));
     }
 

@@ -4,7 +4,7 @@ use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use crate::allocation::{Current, caught};
+use crate::allocation::Current;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Adapters, interfaces};
@@ -13,6 +13,7 @@ use crate::panics::lock;
 use crate::report::{AdapterInfo, DeviceInfo};
 use crate::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
 use crate::team::{Crew, Executor, Team};
+use crate::unwind::caught;
 
 /// Where assets are solved. Cloning gives another handle to the same device.
 #[derive(Clone, Debug)]

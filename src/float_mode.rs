@@ -113,7 +113,7 @@ mod tests {
     fn a_panic_restores_it_too() {
         let before = read();
         write(ODD);
-        let caught = crate::panics::hold_back(|| {
+        let caught = crate::unwind::hold_back(|| {
             let _mode = FloatMode::set_default();
             panic!("inside")
         });

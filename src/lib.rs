@@ -69,6 +69,7 @@
 // From the ground up: a module imports only modules above it in this list. `tests/house/arrows.rs` reads the imports.
 mod line;
 mod error;
+mod unwind;
 mod float_mode;
 mod allocation;
 mod panics;

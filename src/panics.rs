@@ -1,4 +1,4 @@
-//! Panics of this library, or of libraries that it calls, and what ends by unwinding on purpose. What is caught becomes an
+//! Panics of this library, or of libraries that it calls. What is caught becomes an
 //! `Err` with the panic's text. Its place is known, and nothing is printed, where the C functions have installed their hook
 //! (`hook`); a Rust program has the panic hook that it chose.
 
@@ -8,8 +8,8 @@ use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::allocation::OutOfMemory;
 use crate::line::Line;
+use crate::unwind::{Stop, why};
 
 #[cfg(feature = "capi")]
 mod hook;
@@ -44,8 +44,8 @@ impl Panicked {
     }
 
     /// If it is no panic, but memory that is missing.
-    pub fn out_of_memory(&self) -> Option<&OutOfMemory> {
-        self.payload.downcast_ref()
+    pub fn out_of_memory(&self) -> Option<Stop> {
+        why(&*self.payload).filter(|stop| matches!(stop, Stop::OutOfMemory(_)))
     }
 
     /// File, line and column, to follow the text.
@@ -73,17 +73,6 @@ pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
         }
         format!("{}{}", panic.text(), panic.place())
     })
-}
-
-/// Holds back a panic of `body`, so that what it was lent can be put back first; [`go_on`] lets it go on. For calls that
-/// are cancelled, which end by unwinding: memory that solves keep has to be whole then.
-pub(crate) fn hold_back<R>(body: impl FnOnce() -> R) -> std::thread::Result<R> {
-    catch_unwind(AssertUnwindSafe(body))
-}
-
-/// See [`hold_back`].
-pub(crate) fn go_on<R>(held_back: std::thread::Result<R>) -> R {
-    held_back.unwrap_or_else(|panic| resume_unwind(panic))
 }
 
 /// Catches this thread's panics.

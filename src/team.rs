@@ -119,7 +119,7 @@ impl Team {
         self.control.as_ref()
     }
 
-    /// Unwinds if the call was cancelled; see [`crate::control::stoppable`].
+    /// Unwinds if the call was cancelled; see [`crate::unwind::caught`].
     pub fn check_or_unwind(&self) {
         if let Some(control) = &self.control {
             control.check_or_unwind();

@@ -2,8 +2,12 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::ffi::c_void;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
 use super::*;
+use crate::error::{ErrorKind, Result};
 use crate::team::Team;
+use crate::unwind::{caught, why};
 
 /// A host's allocator that counts, and that fails if it is told to.
 #[derive(Default)]
@@ -58,7 +62,8 @@ impl Host {
 
 fn bytes_missing<R>(f: impl FnOnce() -> R) -> u64 {
     let payload = catch_unwind(AssertUnwindSafe(f)).err().expect("memory is missing");
-    payload.downcast::<OutOfMemory>().expect("no panic").bytes
+    let Some(Stop::OutOfMemory(bytes)) = why(&*payload) else { panic!("a panic") };
+    bytes
 }
 
 #[test]

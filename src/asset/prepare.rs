@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::allocation::caught;
 use crate::device::Device;
 use crate::error::{Error, Result};
 use crate::grid::maps::{Mask, Rigidity, TileMaps};
@@ -16,6 +15,7 @@ use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::{LogLevel, Solver, TileSettings};
 use crate::team::Team;
+use crate::unwind::caught;
 
 use super::tile::{Prepared, SolveCall, TileState};
 use super::torn::{self, Torn};

@@ -6,7 +6,7 @@ mod tests;
 use std::sync::{Arc, Mutex, TryLockError};
 use std::time::Instant;
 
-use crate::allocation::{Collect, caught};
+use crate::allocation::Collect;
 use crate::device::{Device, LiveAsset};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::external::ExternalImage;
@@ -16,6 +16,7 @@ use crate::panics::lock;
 use crate::report::{AssetReport, GpuWork, TileReport};
 use crate::settings::LogLevel;
 use crate::team::Team;
+use crate::unwind::caught;
 
 use super::stretch::Stretch;
 use crate::map::certificate::desc::{MapDesc, MapReport};

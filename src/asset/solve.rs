@@ -5,11 +5,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
-use crate::control::{Control, stoppable};
+use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::method::plan::Plan;
 use crate::settings::{MAX_THREADS, SolveOptions};
 use crate::team::{Crew, Team};
+use crate::unwind::caught;
 use crate::view::Strided;
 
 use super::Asset;
@@ -103,7 +104,7 @@ impl Asset {
         }
         let crew = self.device.crew(request.threads, request.control.clone());
         self.call(|asset| {
-            stoppable(|| {
+            caught(|| {
                 Team::of(&crew, |team| {
                     let fresh = asset.solve_tiles(team, &crew, request, start)?;
                     asset.write(team, &fresh, fetches)?;

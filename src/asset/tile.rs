@@ -4,8 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 use std::time::{Duration, Instant};
 
-use crate::allocation::{Collect, caught, copied, filled, zeroed};
-use crate::control::stoppable;
+use crate::allocation::{Collect, copied, filled, zeroed};
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::grid::Grid;
@@ -19,6 +18,7 @@ use crate::method::progress::Progress;
 use crate::report::{GpuWork, TileReport};
 use crate::settings::Solver;
 use crate::team::Team;
+use crate::unwind::caught;
 use crate::view::Strided;
 
 use super::torn::Torn;
@@ -265,7 +265,7 @@ impl TileState {
         let progress = Progress::new(team.control(), share.progress).into();
         let solve = TileSolve { team, input, grid, plan, deadline, progress, last, keep: &keep };
         // A cancelled solve leaves its memory whole: each solve writes what it reads.
-        let solution = caught(|| stoppable(|| solver.run(&solve)));
+        let solution = caught(|| solver.run(&solve));
         if share.learns {
             *call.device.pace() = solve.deadline.into_inner().learnt();
         }

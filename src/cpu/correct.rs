@@ -26,8 +26,8 @@ use crate::method::law::trial_fractions;
 
 use super::run::Run;
 use super::sampling::resample::Start;
-use crate::panics::{go_on, hold_back};
 use crate::team::SharedSlice;
+use crate::unwind::{go_on, hold_back};
 use workspace::{Assembling, SolvingLevel, Stepping};
 
 /// How much longer than what is done of a correction the rest of it takes, up to its first trial: measured on level 0.

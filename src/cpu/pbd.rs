@@ -15,8 +15,8 @@ use crate::method::pbd::{Iteration, SETS};
 use super::buffers::State;
 use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
-use crate::panics::{go_on, hold_back};
 use crate::team::SharedSlice;
+use crate::unwind::{go_on, hold_back};
 use project::Project;
 use regularise::{Regularise, Velocity};
 

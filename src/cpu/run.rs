@@ -10,8 +10,8 @@ use crate::grid::pose::Pose;
 use crate::grid::window::Window;
 use crate::mesh::TileMesh;
 use crate::method::plan::{ChartResult, Input};
-use crate::panics::{go_on, hold_back};
 use crate::team::{PerThread, Team, Worker};
+use crate::unwind::{go_on, hold_back};
 
 use super::buffers::State;
 use super::correct::rows::Pairs;

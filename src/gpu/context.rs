@@ -13,11 +13,11 @@ use std::time::Duration;
 use super::identity::describe;
 use super::kernels::Kernel;
 use super::pipelines::{Pipeline, Pipelines};
-use crate::allocation::caught;
 use crate::control::Control;
 use crate::error::{Error, ErrorKind, Result};
 use crate::panics::{contain, lock};
 use crate::report::AdapterInfo;
+use crate::unwind::caught;
 
 /// How a GPU is opened.
 #[derive(Clone, Copy, Debug, Default)]

@@ -5,8 +5,9 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use super::context::Context;
-use crate::allocation::{Collect, caught, copied};
+use crate::allocation::{Collect, copied};
 use crate::error::{Error, ErrorKind, Result};
+use crate::unwind::caught;
 
 /// How long to wait for a callback after the GPU is done: another thread may be about to call it.
 const CALLBACK_TIMEOUT: Duration = Duration::from_secs(10);

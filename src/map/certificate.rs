@@ -5,10 +5,11 @@ pub(crate) mod desc;
 mod error;
 mod strip;
 
-use crate::allocation::{caught, filled};
+use crate::allocation::filled;
 use crate::device::Device;
 use crate::error::Result;
 use crate::team::Team;
+use crate::unwind::caught;
 
 use super::inverse::Outputs;
 use super::smallest_jacobian;

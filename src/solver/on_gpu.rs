@@ -2,18 +2,18 @@
 
 use std::sync::Arc;
 
-use crate::control::stoppable;
 use crate::error::Result;
 use crate::gpu;
 use crate::gpu::context::Context;
 use crate::method::plan::Summary;
+use crate::unwind::caught;
 
 use super::tile_solve::{TileSolution, TileSolve, Warp};
 
 /// Solves the charts that are wanted.
 pub(crate) fn run(memory: &mut gpu::Memory, solve: &TileSolve) -> Result<TileSolution> {
     let context = memory.context.clone();
-    context.contain(|| stoppable(|| run_on_gpu(memory, solve)))?
+    context.contain(|| caught(|| run_on_gpu(memory, solve)))?
 }
 
 /// The last result, if it is on the GPU.

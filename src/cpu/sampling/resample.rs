@@ -3,7 +3,7 @@
 
 use crate::grid::planes::{Plane, SIDE, slot};
 use crate::mesh::NONE;
-use crate::panics::{go_on, hold_back};
+use crate::unwind::{go_on, hold_back};
 
 use super::super::buffers::State;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
