@@ -63,25 +63,25 @@ fn give_memory_back() {
 
 /// Decisions of the environment beside the settings; tests set them directly.
 #[derive(Clone, Copy, Debug, Default)]
-struct Options {
+struct Overrides {
     backend: Option<Backend>,
     adapter_id: Option<AdapterId>,
     threads: Option<Option<NonZeroU32>>,
     gpu: context::Options,
 }
 
-impl Options {
-    fn read(variable: impl Fn(&str) -> Option<String>) -> Result<Options> {
-        let mut options = Options::default();
+impl Overrides {
+    fn read(variable: impl Fn(&str) -> Option<String>) -> Result<Overrides> {
+        let mut overrides = Overrides::default();
         if let Some(value) = variable("VRTM_DEVICE") {
-            options.backend = Some(match (value.as_str(), value.strip_prefix("gpu:")) {
+            overrides.backend = Some(match (value.as_str(), value.strip_prefix("gpu:")) {
                 ("auto", _) => Backend::Auto,
                 ("cpu", _) => Backend::Cpu,
                 ("gpu", _) => Backend::Gpu,
                 (_, Some(uuid)) => {
                     let message = || format!("VRTM_DEVICE: '{uuid}' is no UUID of 32 hexadecimal digits");
                     let id = AdapterId::uuid(uuid).ok_or_else(|| Error::argument(message()))?;
-                    options.adapter_id = Some(id);
+                    overrides.adapter_id = Some(id);
                     Backend::Gpu
                 }
                 _ => {
@@ -94,15 +94,15 @@ impl Options {
             let threads: u32 = value.parse().map_err(|_| {
                 Error::argument(format!("VRTM_THREADS: '{value}' is not a number of threads"))
             })?;
-            options.threads = Some(NonZeroU32::new(threads));
+            overrides.threads = Some(NonZeroU32::new(threads));
         }
         if let Some(value) = variable("VRTM_GPU_LIMITS") {
             if value != "webgpu" {
                 return Err(Error::argument(format!("VRTM_GPU_LIMITS: '{value}' is not webgpu")));
             }
-            options.gpu.webgpu_limits = true;
+            overrides.gpu.webgpu_limits = true;
         }
-        Ok(options)
+        Ok(overrides)
     }
 }
 
@@ -132,7 +132,7 @@ impl Device {
     /// none of that number or identity; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
     /// `Unsupported` for an allocator without the cargo feature `allocator`; `OutOfMemory`.
     pub fn new(settings: &DeviceSettings) -> Result<Device> {
-        Device::with(settings, Options::read(variable)?)
+        Device::with(settings, Overrides::read(variable)?)
     }
 
     /// The same with other variables than the environment's, and with buffers of at most `band` blocks on a GPU.
@@ -144,36 +144,36 @@ impl Device {
     ) -> Result<Device> {
         let find =
             |name: &str| variables.iter().find(|(n, _)| *n == name).map(|(_, value)| value.to_string());
-        let mut options = Options::read(find)?;
-        options.gpu.band = band;
-        Device::with(settings, options)
+        let mut overrides = Overrides::read(find)?;
+        overrides.gpu.band = band;
+        Device::with(settings, overrides)
     }
 
-    fn with(settings: &DeviceSettings, options: Options) -> Result<Device> {
+    fn with(settings: &DeviceSettings, overrides: Overrides) -> Result<Device> {
         if settings.allocator.is_some() && !cfg!(feature = "allocator") {
             let why = "allocator: this build of the library lacks the feature for it";
             return Err(Error::new(ErrorKind::Unsupported, why));
         }
-        in_memory_of(settings, || Device::make(settings, options))
+        in_memory_of(settings, || Device::make(settings, overrides))
     }
 
-    fn make(settings: &DeviceSettings, options: Options) -> Result<Device> {
+    fn make(settings: &DeviceSettings, overrides: Overrides) -> Result<Device> {
         let mut settings = settings.clone();
-        settings.threads = options.threads.unwrap_or(settings.threads);
-        settings.backend = options.backend.unwrap_or(settings.backend);
-        settings.adapter_id = options.adapter_id.or(settings.adapter_id);
-        let origin = if options.backend.is_some() { " (VRTM_DEVICE)" } else { "" };
+        settings.threads = overrides.threads.unwrap_or(settings.threads);
+        settings.backend = overrides.backend.unwrap_or(settings.backend);
+        settings.adapter_id = overrides.adapter_id.or(settings.adapter_id);
+        let origin = if overrides.backend.is_some() { " (VRTM_DEVICE)" } else { "" };
         if let Some(threads) = settings.threads.filter(|threads| threads.get() > MAX_THREADS) {
             return Err(Error::argument(format!("threads: {threads} is over {MAX_THREADS}")));
         }
         let (gpu, reason) = match settings.backend {
             Backend::Cpu => (None, format!("cpu was asked for{origin}")),
             Backend::Gpu => {
-                let (gpu, which) = open(&settings, origin, options)?;
+                let (gpu, which) = open(&settings, origin, overrides)?;
                 (Some(gpu), format!("gpu was asked for{origin}: {which}"))
             }
             Backend::Auto => {
-                let (gpu, why) = choose(settings.adapter_id, options);
+                let (gpu, why) = choose(settings.adapter_id, overrides);
                 (gpu, format!("auto{origin}: {why}"))
             }
         };
@@ -300,7 +300,7 @@ fn in_memory_of<R>(settings: &DeviceSettings, f: impl FnOnce() -> Result<R>) -> 
 }
 
 /// The GPU that was asked for by its number or identity, and which one that is.
-fn open(settings: &DeviceSettings, origin: &str, options: Options) -> Result<(Context, String)> {
+fn open(settings: &DeviceSettings, origin: &str, overrides: Overrides) -> Result<(Context, String)> {
     let unsupported = |why: &str| {
         Error::new(ErrorKind::Unsupported, format!("backend: gpu was asked for{origin}, but {why}"))
     };
@@ -318,7 +318,7 @@ fn open(settings: &DeviceSettings, origin: &str, options: Options) -> Result<(Co
         Some(id) => place(&adapters, id).ok_or_else(|| nowhere(&adapters, id))?,
         None => settings.adapter as usize,
     };
-    let gpu = found.open(index, options.gpu).ok_or_else(|| {
+    let gpu = found.open(index, overrides.gpu).ok_or_else(|| {
         let s = if count == 1 { "" } else { "s" };
         Error::argument(format!("adapter: {index} is out of range, there is {count} adapter{s}"))
     })??;
@@ -343,7 +343,7 @@ fn nowhere(adapters: &[AdapterInfo], id: AdapterId) -> Error {
 }
 
 /// The GPU that `auto` takes, the one that is meant if any is, or the CPU, and why.
-fn choose(id: Option<AdapterId>, options: Options) -> (Option<Context>, String) {
+fn choose(id: Option<AdapterId>, overrides: Overrides) -> (Option<Context>, String) {
     let found = Adapters::new();
     let adapters = found.infos();
     let index = match id.map(|id| (id, place(&adapters, id))) {
@@ -354,7 +354,7 @@ fn choose(id: Option<AdapterId>, options: Options) -> (Option<Context>, String) 
         }
     };
     let hardware = adapters.get(index).is_some_and(|adapter| !adapter.software);
-    match hardware.then(|| found.open(index, options.gpu)).flatten() {
+    match hardware.then(|| found.open(index, overrides.gpu)).flatten() {
         Some(opened) => or_the_cpu(opened),
         None => (None, format!("no hardware GPU (found: {})", found.listed())),
     }

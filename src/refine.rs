@@ -218,7 +218,7 @@ impl Refinement {
     fn with_results<R: Send>(
         &self,
         with_edges: bool,
-        f: impl FnOnce(&Team, &passes::Results) -> Result<R> + Send,
+        f: impl FnOnce(&Team, &passes::Redirections) -> Result<R> + Send,
     ) -> Result<R> {
         let last = self.results.solved_asset()?;
         let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
@@ -229,7 +229,7 @@ impl Refinement {
             // Those of other sets are not asked for.
             let tiles: Vec<_> =
                 tiles.iter().map(|tile| tile.filter(|solved| solved.mesh.uv_set == set)).collected();
-            let results = passes::Results::new(team, &tiles, with_edges)?;
+            let results = passes::Redirections::new(team, &tiles, with_edges)?;
             f(team, &results)
         })
     }

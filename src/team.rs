@@ -39,7 +39,7 @@ impl Crew {
 /// The threads of one call. It runs one job at a time.
 pub struct Team {
     threads: usize,
-    protocol: Protocol<Job>,
+    protocol: Protocol<JobFn>,
     /// Whether a job is running.
     running: AtomicBool,
     control: Option<Arc<Control>>,
@@ -66,9 +66,9 @@ impl Drop for Turn<'_> {
 
 /// A job's function with its lifetime erased.
 #[derive(Clone, Copy)]
-struct Job(*const (dyn Fn(&Worker, usize) + Sync));
+struct JobFn(*const (dyn Fn(&Worker, usize) + Sync));
 // SAFETY: the pointee is Sync.
-unsafe impl Send for Job {}
+unsafe impl Send for JobFn {}
 
 impl Team {
     /// Calls `f` with a team of `threads` of the library's own threads, the calling one among them.
@@ -80,7 +80,7 @@ impl Team {
     /// within a host's function, which one of these threads has called in the middle of its work, it is called on that one
     /// alone.
     pub fn of<R: Send>(crew: &Crew, f: impl FnOnce(&Team) -> R + Send) -> R {
-        let most = if crew.executor.is_some() && is_lent() { 1 } else { Protocol::<Job>::MAX_THREADS };
+        let most = if crew.executor.is_some() && is_lent() { 1 } else { Protocol::<JobFn>::MAX_THREADS };
         let threads = crew.threads.clamp(1, most);
         let (protocol, control) = (Protocol::new(threads), crew.control.clone());
         let team = Team { threads, protocol, running: AtomicBool::new(false), control };
@@ -205,7 +205,7 @@ impl Team {
     fn run_dyn<'a>(&self, caller: &Worker, count: usize, f: &'a (dyn Fn(&Worker, usize) + Sync + 'a)) {
         // SAFETY: only the lifetime changes. The protocol returns or unwinds only after all helpers that may call the
         // function have left the job, and hands the job to none afterwards; `tests/loom` checks that.
-        let job = Job(unsafe {
+        let job = JobFn(unsafe {
             std::mem::transmute::<
                 *const (dyn Fn(&Worker, usize) + Sync + 'a),
                 *const (dyn Fn(&Worker, usize) + Sync + 'static),

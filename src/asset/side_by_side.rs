@@ -19,7 +19,7 @@ const EFFICIENCY: f64 = 0.9;
 const PREPARING: f32 = 0.3;
 
 /// A tile to solve, and its result.
-struct Job<'a> {
+struct Queued<'a> {
     tile: usize,
     state: &'a mut TileState,
     prepared: Prepared,
@@ -36,28 +36,32 @@ pub(super) fn solve(
     crew: &Crew,
     tiles: Vec<(usize, &mut TileState)>,
 ) -> Result<Vec<(usize, Solved)>> {
-    let mut jobs = prepare(call, tiles)?;
+    let mut queue = prepare(call, tiles)?;
     // Longest first, so that no long one is left for one thread at the end.
-    jobs.sort_unstable_by_key(|job| (Reverse(job.nodes), job.tile));
-    let nodes: Vec<u64> = jobs.iter().map(|job| job.nodes).collected();
+    queue.sort_unstable_by_key(|queued| (Reverse(queued.nodes), queued.tile));
+    let nodes: Vec<u64> = queue.iter().map(|queued| queued.nodes).collected();
     // A GPU works on them in the order of their submissions: its threads only tell it what to do.
     let together = if call.device.gpu().is_some() { 0 } else { together(&nodes, call.team.threads()) };
-    let (large, small) = jobs.split_at_mut(together);
-    for job in large {
-        let share = SolveShare { progress: job.progress, ..SolveShare::of_all_threads() };
-        job.result = Some(job.state.solve(call, &share, &job.prepared));
-        if let Some(Err(error)) = &job.result {
+    let (large, small) = queue.split_at_mut(together);
+    for queued in large {
+        let share = SolveShare { progress: queued.progress, ..SolveShare::of_all_threads() };
+        queued.result = Some(queued.state.solve(call, &share, &queued.prepared));
+        if let Some(Err(error)) = &queued.result {
             return Err(error.clone());
         }
     }
     let alone = crew.alone();
-    call.team.fill_large(small, |_, job| {
-        let share = SolveShare { progress: job.progress, learns: false, ..SolveShare::of_all_threads() };
-        let solve = |team: &Team| job.state.solve(&SolveCall { team, ..*call }, &share, &job.prepared);
-        job.result = Some(Team::of(&alone, solve));
+    call.team.fill_large(small, |_, queued| {
+        let share = SolveShare { progress: queued.progress, learns: false, ..SolveShare::of_all_threads() };
+        let solve = |team: &Team| queued.state.solve(&SolveCall { team, ..*call }, &share, &queued.prepared);
+        queued.result = Some(Team::of(&alone, solve));
     });
-    jobs.sort_unstable_by_key(|job| job.tile);
-    jobs.into_iter().filter_map(|job| Some((job.tile, job.result?))).map(|(k, r)| Ok((k, r?))).try_collected()
+    queue.sort_unstable_by_key(|queued| queued.tile);
+    queue
+        .into_iter()
+        .filter_map(|queued| Some((queued.tile, queued.result?)))
+        .map(|(k, r)| Ok((k, r?)))
+        .try_collected()
 }
 
 /// Solves tiles one after the other within a time budget: what is left of it is divided among the tiles that are left.
@@ -83,23 +87,23 @@ pub(super) fn in_turn(
 }
 
 /// Prepares the tiles, one after the other: that is when the host's log is told, on the thread that does the call's work.
-fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Result<Vec<Job<'a>>> {
+fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Result<Vec<Queued<'a>>> {
     let fresh = tiles.iter().any(|(_, state)| state.grid.is_none());
     let (preparing, count) = (if fresh { PREPARING } else { 0.0 }, tiles.len() as f32);
-    let mut jobs = with_capacity(tiles.len());
+    let mut queue = with_capacity(tiles.len());
     for (tile, state) in tiles {
         let prepared = state.prepare(call, tile)?;
         let nodes = prepared.grid.movable.iter().sum();
-        jobs.put(Job { tile, state, prepared, nodes, progress: 0.0, result: None });
+        queue.put(Queued { tile, state, prepared, nodes, progress: 0.0, result: None });
         call.advance(preparing / count);
     }
-    // Even a tile without nodes has a fixed cost.
-    let weight = |job: &Job| (job.nodes + 1000) as f32;
-    let all: f32 = jobs.iter().map(weight).sum();
-    for job in &mut jobs {
-        job.progress = (1.0 - preparing) * weight(job) / all;
+    // Even an empty tile has a fixed cost.
+    let weight = |queued: &Queued| (queued.nodes + 1000) as f32;
+    let all: f32 = queue.iter().map(weight).sum();
+    for queued in &mut queue {
+        queued.progress = (1.0 - preparing) * weight(queued) / all;
     }
-    Ok(jobs)
+    Ok(queue)
 }
 
 /// How many of the tiles, the largest first, are best solved by all threads together.

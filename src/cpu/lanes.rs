@@ -142,14 +142,14 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
         fn baseline<K: Vectorised>(kernel: K) -> K::Output {
             kernel.run::<f32x8<Baseline>>()
         }
-        match level() {
+        match processor_level() {
             // SAFETY: the processor has it.
-            Level::Avx512 => unsafe { avx512(kernel) },
-            Level::Avx2 => vector::token::<Avx2>().vectorize(
+            ProcessorLevel::Avx512 => unsafe { avx512(kernel) },
+            ProcessorLevel::Avx2 => vector::token::<Avx2>().vectorize(
                 #[inline(always)]
                 || kernel.run::<f32x8<Avx2>>(),
             ),
-            Level::Baseline => baseline(kernel),
+            ProcessorLevel::Baseline => baseline(kernel),
         }
     }
     #[cfg(not(target_arch = "x86_64"))]
@@ -159,7 +159,7 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
 /// Processor levels that kernels are compiled for.
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
+pub enum ProcessorLevel {
     /// What the target has at least: SSE2, NEON, WebAssembly's vectors, or whatever the compiler makes of plain loops.
     Baseline,
     /// AVX2, and the bit instructions of processors that have it.
@@ -174,7 +174,7 @@ pub enum Level {
 /// The level in use: the highest that the processor has.
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
 #[inline(always)]
-pub fn level() -> Level {
+pub fn processor_level() -> ProcessorLevel {
     #[cfg(test)]
     return detected().min(forced::most());
     #[cfg(not(test))]
@@ -183,16 +183,16 @@ pub fn level() -> Level {
 
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
 #[inline(always)]
-fn detected() -> Level {
+fn detected() -> ProcessorLevel {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::is_x86_feature_detected as has;
         if fearless_simd::Level::new().as_avx2().is_some() {
             let avx512 = has!("avx512f") && has!("avx512vl") && has!("avx512bw") && has!("avx512dq");
-            return if avx512 { Level::Avx512 } else { Level::Avx2 };
+            return if avx512 { ProcessorLevel::Avx512 } else { ProcessorLevel::Avx2 };
         }
     }
-    Level::Baseline
+    ProcessorLevel::Baseline
 }
 
 /// Tests run solves on the lower levels, too.
@@ -200,26 +200,26 @@ fn detected() -> Level {
 pub mod forced {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
-    use super::Level;
+    use super::ProcessorLevel;
 
     /// All levels, lowest first.
-    pub const LEVELS: &[Level] = &[
-        Level::Baseline,
+    pub const LEVELS: &[ProcessorLevel] = &[
+        ProcessorLevel::Baseline,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2,
+        ProcessorLevel::Avx2,
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512,
+        ProcessorLevel::Avx512,
     ];
 
     static MOST: AtomicUsize = AtomicUsize::new(LEVELS.len() - 1);
 
-    pub fn most() -> Level {
+    pub fn most() -> ProcessorLevel {
         LEVELS[MOST.load(Ordering::Relaxed)]
     }
 
     /// Runs `f` at a level at most. Other tests that run meanwhile may do without the higher ones, too: the bits are the
     /// same.
-    pub fn at_most<R>(level: Level, f: impl FnOnce() -> R) -> R {
+    pub fn at_most<R>(level: ProcessorLevel, f: impl FnOnce() -> R) -> R {
         MOST.store(level as usize, Ordering::Relaxed);
         let result = f();
         MOST.store(LEVELS.len() - 1, Ordering::Relaxed);

@@ -9,7 +9,7 @@ use crate::{Asset, Fetch, FetchKind, ImageLayout, ImageView, ImageViewMut, Pixel
 fn make(backend: Backend, adapter: u32) -> Result<Device> {
     Device::with(
         &DeviceSettings { backend, adapter, threads: NonZeroU32::new(1), ..DeviceSettings::default() },
-        Options::default(),
+        Overrides::default(),
     )
 }
 
@@ -70,8 +70,8 @@ fn the_webgpu_limits_are_a_matter_of_options() {
         return;
     }
     let gpu = context::Options { webgpu_limits: true, ..context::Options::default() };
-    let options = Options { backend: Some(Backend::Gpu), gpu, ..Options::default() };
-    let device = Device::with(&DeviceSettings::default(), options).unwrap();
+    let overrides = Overrides { backend: Some(Backend::Gpu), gpu, ..Overrides::default() };
+    let device = Device::with(&DeviceSettings::default(), overrides).unwrap();
     assert_eq!(device.gpu().unwrap().limits, wgpu::Limits::defaults());
     let reason = device.info().reason;
     assert!(reason.starts_with("gpu was asked for (VRTM_DEVICE): adapter 0 of "), "{reason}");
@@ -167,7 +167,7 @@ fn a_budget_that_is_too_small_is_out_of_memory() {
         threads: NonZeroU32::new(1),
         ..DeviceSettings::default()
     };
-    let device = Device::with(&settings, Options::default()).unwrap();
+    let device = Device::with(&settings, Overrides::default()).unwrap();
     let error = solve(&mut asset(&device).unwrap()).unwrap_err();
     assert_eq!(error.kind, ErrorKind::OutOfMemory);
     assert!(error.message.contains("of the device's 1000 are in use"), "{error}");

@@ -58,13 +58,13 @@ const ALIGNMENT: u64 = 256;
 const MAX_SIDE: usize = 1 << 20;
 
 /// Texel rows that are written by one dispatch, and the bytes of the host's memory that are bound for them.
-struct Band {
+struct RowBand {
     rows: Range<usize>,
     bytes: Range<u64>,
 }
 
 /// Divides the rows into bands whose texels, packed and in the host's memory, fit into a binding.
-fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<Band>> {
+fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<RowBand>> {
     let &ExternalTexels { size, row_stride, offset, is_top_first, .. } = texels;
     let row_bytes = size[0] as u64 * TEXEL_BYTES;
     let room = most.saturating_sub(ALIGNMENT + row_bytes);
@@ -79,12 +79,12 @@ fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<Band>> {
         let at = if is_top_first { size[1] - rows.end } else { rows.start };
         let start = offset + at as u64 * row_stride;
         let end = start + (rows.len() as u64 - 1) * row_stride + row_bytes;
-        Band { rows, bytes: start - start % ALIGNMENT..end }
+        RowBand { rows, bytes: start - start % ALIGNMENT..end }
     };
     Ok((0..size[1]).step_by(rows).map(of).collected())
 }
 
-fn request(texels: &ExternalTexels, band: &Band, cells: [usize; 2], values: Values) -> RedirectRequest {
+fn request(texels: &ExternalTexels, band: &RowBand, cells: [usize; 2], values: Values) -> RedirectRequest {
     let &ExternalTexels { size, row_stride, offset, is_top_first, .. } = texels;
     let step = (row_stride / TEXEL_BYTES) as u32;
     // The row in memory of the band's first row.
@@ -135,7 +135,7 @@ struct Redirection<'a> {
     context: &'a Context,
     pipeline: &'a Pipeline,
     size: [usize; 2],
-    bands: Vec<Band>,
+    bands: Vec<RowBand>,
     /// Per band.
     requests: wgpu::Buffer,
     centres: wgpu::Buffer,

@@ -32,11 +32,11 @@ struct Redirected<'a> {
 }
 
 /// The results that a UV set is redirected by.
-pub(super) struct Results<'a>(Vec<Option<Redirected<'a>>>);
+pub(super) struct Redirections<'a>(Vec<Option<Redirected<'a>>>);
 
-impl<'a> Results<'a> {
+impl<'a> Redirections<'a> {
     /// `with_edges`: also what errors are told by.
-    pub fn new(team: &Team, tiles: &[Option<&'a Solved>], with_edges: bool) -> Result<Results<'a>> {
+    pub fn new(team: &Team, tiles: &[Option<&'a Solved>], with_edges: bool) -> Result<Redirections<'a>> {
         let of = |solved: &'a Solved| -> Result<Redirected<'a>> {
             let level = &solved.grid.levels[0];
             let warped = if with_edges { Warped::new(team, solved)? } else { None };
@@ -48,7 +48,7 @@ impl<'a> Results<'a> {
                 warped,
             })
         };
-        tiles.iter().map(|tile| tile.map(of).transpose()).try_collected().map(Results)
+        tiles.iter().map(|tile| tile.map(of).transpose()).try_collected().map(Redirections)
     }
 
     /// The redirected UVs of points, as corner UVs are told: in a chart's own warp.
@@ -100,7 +100,7 @@ pub(super) fn refine(
     mesh: &Mesh,
     base: &Base,
     splitter: &mut Splitter,
-    results: &Results,
+    results: &Redirections,
     tolerance: f64,
     most: usize,
 ) -> Outcome {
@@ -113,7 +113,7 @@ pub(super) fn refine(
 fn split(
     team: &Team,
     splitter: &mut Splitter,
-    results: &Results,
+    results: &Redirections,
     tolerance: f64,
     most: usize,
     uvs: &mut Vec<[f64; 2]>,
@@ -166,7 +166,13 @@ fn split(
 }
 
 /// Computes what is not known yet. The error of a piece that cannot be split is negated.
-fn measure(team: &Team, splitter: &Splitter, results: &Results, uvs: &mut Vec<[f64; 2]>, errors: &mut [f64]) {
+fn measure(
+    team: &Team,
+    splitter: &Splitter,
+    results: &Redirections,
+    uvs: &mut Vec<[f64; 2]>,
+    errors: &mut [f64],
+) {
     let pieces = &splitter.pieces;
     let known = uvs.len();
     uvs.fill_to(pieces.uv_points.len(), [0.0; 2]);
@@ -192,7 +198,7 @@ fn whole(
     mesh: &Mesh,
     base: &Base,
     pieces: &Pieces,
-    results: &Results,
+    results: &Redirections,
     tolerance: f64,
     uvs: &[[f64; 2]],
 ) -> Vec<bool> {

@@ -13,14 +13,14 @@ const SLACK: f64 = 1e-12;
 
 /// A triangle in the UV plane, in cells.
 #[derive(Clone, Copy, Debug)]
-struct UvTriangle {
+struct ExactTriangle {
     origin: DVec2,
     /// Rows of the 2x2 matrix that takes an offset from `origin` to the barycentric coordinates of corners 1 and 2.
     barycentric: [DVec2; 2],
     neighbours: [u32; 3],
 }
 
-impl UvTriangle {
+impl ExactTriangle {
     fn barycentrics(&self, at: DVec2) -> [f64; 3] {
         let [l1, l2] = self.barycentric.map(|row| row.dot(at - self.origin));
         [1.0 - l1 - l2, l1, l2]
@@ -32,7 +32,7 @@ impl UvTriangle {
 pub(crate) struct Locator {
     nx: usize,
     ny: usize,
-    triangles: Vec<UvTriangle>,
+    triangles: Vec<ExactTriangle>,
     chart_of: Vec<u32>,
     /// The triangle under each node of the grid, or `NONE`.
     under: Vec<u32>,
@@ -49,7 +49,7 @@ impl Locator {
                 let [a, b, c] = t.uv.map(|uv| uv * cells);
                 let (e1, e2) = (b - a, c - a);
                 let det = e1.perp_dot(e2);
-                UvTriangle {
+                ExactTriangle {
                     origin: a,
                     barycentric: [-e2.perp() / det, e1.perp() / det],
                     neighbours: t.neighbours,

@@ -114,22 +114,22 @@ mod posix {
         }
     }
 
-    type Work = Box<dyn FnOnce() + Send>;
+    type Body = Box<dyn FnOnce() + Send>;
 
-    extern "C" fn work(work: *mut c_void) -> *mut c_void {
+    extern "C" fn work(body: *mut c_void) -> *mut c_void {
         // SAFETY: `start` made it for this thread alone.
-        let work = unsafe { Box::from_raw(work.cast::<Work>()) };
-        let _ = catch_unwind(AssertUnwindSafe(work));
+        let body = unsafe { Box::from_raw(body.cast::<Body>()) };
+        let _ = catch_unwind(AssertUnwindSafe(body));
         ptr::null_mut()
     }
 
-    pub fn start(task: Work) -> Option<Thread> {
+    pub fn start(body: Body) -> Option<Thread> {
         #[expect(clippy::disallowed_methods, reason = "of constant size")]
-        let task = Box::into_raw(Box::new(task));
-        let thread = spawn(work, task.cast());
+        let body = Box::into_raw(Box::new(body));
+        let thread = spawn(work, body.cast());
         if thread.is_none() {
             // SAFETY: no thread has got it.
-            drop(unsafe { Box::from_raw(task) });
+            drop(unsafe { Box::from_raw(body) });
         }
         thread.map(Thread)
     }

@@ -87,21 +87,21 @@ struct QuarterPairs<'a> {
 }
 
 /// A row-major 2x2 block per lane.
-type Block<V> = [V; 4];
+type Matrix<V> = [V; 4];
 
 /// The product along x for one row of fine nodes, at eight coarse columns I: the blocks that couple column I of this
 /// row with itself, and with its neighbours to the east, north, north-east and north-west.
 #[derive(Clone, Copy)]
 struct XProduct<V> {
-    diagonal: Block<V>,
-    east: Block<V>,
-    north: Block<V>,
-    north_east: Block<V>,
-    north_west: Block<V>,
+    diagonal: Matrix<V>,
+    east: Matrix<V>,
+    north: Matrix<V>,
+    north_east: Matrix<V>,
+    north_west: Matrix<V>,
     /// `north_west` of column I + 1.
-    next_north_west: Block<V>,
+    next_north_west: Matrix<V>,
     /// `east` of column I - 1. Not used for a block's row -1.
-    previous_east: Block<V>,
+    previous_east: Matrix<V>,
 }
 
 impl Vectorised for QuarterPairs<'_> {
@@ -229,7 +229,7 @@ fn y_product<V: Lanes>(
     middle: &XProduct<V>,
     above: &XProduct<V>,
     weights: &YWeights<V>,
-) -> [Block<V>; 4] {
+) -> [Matrix<V>; 4] {
     let (b, a) = (weights.below, weights.above);
     // Weights of fine row 2J + 1 for coarse row J + 1.
     let rest = V::one() - a;
@@ -255,13 +255,13 @@ fn y_product<V: Lanes>(
 
 /// The pairs along owned edge `e` of the eight nodes from place `at` of the window on.
 #[inline(always)]
-fn pairs<V: Lanes>(pairs: &Pairs, e: usize, at: usize) -> Block<V> {
+fn pairs<V: Lanes>(pairs: &Pairs, e: usize, at: usize) -> Matrix<V> {
     each!([0, 1, 2, 3], |c| V::load(&pairs[4 * e + c], at))
 }
 
 /// The row-major 2x2 block of a symmetric (xx, xy, yy).
 #[inline(always)]
-fn symmetric<V: Lanes>([xx, xy, yy]: [V; 3]) -> Block<V> {
+fn symmetric<V: Lanes>([xx, xy, yy]: [V; 3]) -> Matrix<V> {
     [xx, xy, xy, yy]
 }
 
@@ -276,7 +276,7 @@ fn with_first<V: Lanes>(v: V, first: f32) -> V {
 /// Encodes and stores the pairs of a row of coarse nodes, which are in the order of `EDGES`.
 #[inline(always)]
 fn store_pairs<V: Lanes>(
-    pairs: &[Block<V>; 4],
+    pairs: &[Matrix<V>; 4],
     row: usize,
     movable: &Window<u8>,
     quarter: usize,

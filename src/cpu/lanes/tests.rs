@@ -73,7 +73,7 @@ fn levels_agree() {
     let plain = canonical(Everything.run::<Portable>());
     assert_eq!(best, plain);
     others.for_each(|other| assert_eq!(other, plain));
-    println!("level: {:?}", level());
+    println!("level: {:?}", processor_level());
 }
 
 #[test]
