@@ -30,18 +30,14 @@ pub(crate) mod uv_triangle;
 use std::sync::Arc;
 
 use crate::allocation::copied;
-#[cfg(test)]
-use crate::mesh::Mesh;
 use crate::mesh::TileMesh;
-#[cfg(test)]
-use crate::team::Team;
 use blocks::{Blocks, Part};
 use codes::Lengths;
 use gather::Gather;
 use interpolation::StiffnessPlanes;
 use planes::{NODES, Plane};
 use pose::{Pose, PoseTriangle};
-use survey::{RigidNodes, SurveyLevel};
+use survey::{RigidNodes, Survey, SurveyLevel};
 use uv_triangle::UvTriangle;
 
 /// One level of a tile's grid: all of its data that does not depend on the pose. What does not depend on the rigidity
@@ -148,15 +144,6 @@ impl Grid {
         }
     }
 
-    /// Builds a tile's grid.
-    #[cfg(test)]
-    pub(crate) fn new(mesh: &Mesh, tile: &TileMesh, maps: &maps::TileMaps) -> Grid {
-        Team::with(2, |team| {
-            let survey = survey::Survey::new(team, tile, maps, maps.grid_size());
-            build::grid(team, mesh, maps, survey)
-        })
-    }
-
     /// Fraction of the covered rigid nodes that do not move.
     pub fn frozen(&self) -> f32 {
         survey::frozen_share(&self.rigid_nodes)
@@ -209,6 +196,20 @@ fn block_bytes(k: usize) -> usize {
     let stiffness = if k > 1 { size_of::<StiffnessPlanes>() } else { 0 };
     let place = size_of::<blocks::Block>() + size_of::<node_set::NodeSet>() + (9 + 4 + 1) * 4;
     (2 + 1 + 8 + 1 + 4 + gather) * NODES + stiffness + place
+}
+
+impl Survey<'_> {
+    /// About as many bytes as the grid will have.
+    pub fn grid_bytes(&self) -> u64 {
+        survey_bytes(&self.levels, self.triangles.len())
+    }
+}
+
+/// About as many bytes as a grid with these levels will have.
+fn survey_bytes(levels: &[SurveyLevel], triangles: usize) -> u64 {
+    let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * block_bytes(k);
+    let levels: usize = levels.iter().enumerate().map(per_level).sum();
+    (levels + triangles * TRIANGLE_BYTES) as u64
 }
 
 /// Bytes per node of level 1 that is covered by one triangle.

@@ -28,6 +28,33 @@ struct Header {
 /// See the module's documentation.
 pub(crate) struct Allocator;
 
+impl Record {
+    /// Memory from the host, or null.
+    ///
+    /// # Safety
+    /// `size` is not 0, and `alignment` is a power of two.
+    unsafe fn alloc(&self, size: usize, alignment: usize) -> *mut u8 {
+        // SAFETY: as `HostAllocator::new` demands.
+        let memory = current::in_host(|| unsafe { (self.alloc)(self.user, size, alignment) }).cast::<u8>();
+        if memory.addr() & (alignment - 1) == 0 {
+            return memory;
+        }
+        // Not what was asked for: as good as none.
+        // SAFETY: just returned.
+        unsafe { self.free(memory, size, alignment) };
+        ptr::null_mut()
+    }
+
+    /// Gives memory back.
+    ///
+    /// # Safety
+    /// `alloc` returned it for this size and alignment.
+    unsafe fn free(&self, memory: *mut u8, size: usize, alignment: usize) {
+        // SAFETY: as `HostAllocator::new` demands.
+        current::in_host(|| unsafe { (self.free)(self.user, memory.cast(), size, alignment) });
+    }
+}
+
 /// The layout of a large block with its header, and where the block begins in it.
 fn with_header(block: Layout) -> Option<(Layout, usize)> {
     let alignment = block.align().max(align_of::<Header>());

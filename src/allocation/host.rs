@@ -13,9 +13,9 @@ pub type FreeFn =
 
 /// A host's functions, and how many handles and blocks need them.
 pub(super) struct Record {
-    alloc: AllocFn,
-    free: FreeFn,
-    user: *mut c_void,
+    pub alloc: AllocFn,
+    pub free: FreeFn,
+    pub user: *mut c_void,
     needed_by: AtomicUsize,
 }
 
@@ -95,33 +95,5 @@ impl Record {
             // SAFETY: made by `Box::leak`, and nobody else needs it.
             drop(unsafe { Box::from_raw(record.cast_mut()) });
         }
-    }
-
-    /// Memory from the host, or null.
-    ///
-    /// # Safety
-    /// `size` is not 0, and `alignment` is a power of two.
-    #[cfg(feature = "allocator")]
-    pub unsafe fn alloc(&self, size: usize, alignment: usize) -> *mut u8 {
-        // SAFETY: as `HostAllocator::new` demands.
-        let memory =
-            super::current::in_host(|| unsafe { (self.alloc)(self.user, size, alignment) }).cast::<u8>();
-        if memory.addr() & (alignment - 1) == 0 {
-            return memory;
-        }
-        // Not what was asked for: as good as none.
-        // SAFETY: just returned.
-        unsafe { self.free(memory, size, alignment) };
-        std::ptr::null_mut()
-    }
-
-    /// Gives memory back.
-    ///
-    /// # Safety
-    /// `alloc` returned it for this size and alignment.
-    #[cfg(feature = "allocator")]
-    pub unsafe fn free(&self, memory: *mut u8, size: usize, alignment: usize) {
-        // SAFETY: as `HostAllocator::new` demands.
-        super::current::in_host(|| unsafe { (self.free)(self.user, memory.cast(), size, alignment) });
     }
 }

@@ -4,7 +4,10 @@
 mod vector;
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+use std::ptr::NonNull;
 
+#[cfg(target_arch = "x86_64")]
+use fearless_simd::Avx2;
 #[cfg(not(any(
     all(any(target_arch = "x86", target_arch = "x86_64"), target_feature = "sse2", target_feature = "fxsr"),
     all(target_arch = "aarch64", target_feature = "neon"),
@@ -21,9 +24,7 @@ use fearless_simd::Neon as Baseline;
 use fearless_simd::Sse2 as Baseline;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 use fearless_simd::WasmSimd128 as Baseline;
-use fearless_simd::f32x8;
-#[cfg(target_arch = "x86_64")]
-use fearless_simd::{Avx2, Simd};
+use fearless_simd::{Simd, f32x8};
 
 use crate::grid::codes::Lengths;
 
@@ -145,7 +146,7 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
         match processor_level() {
             // SAFETY: the processor has it.
             ProcessorLevel::Avx512 => unsafe { avx512(kernel) },
-            ProcessorLevel::Avx2 => vector::token::<Avx2>().vectorize(
+            ProcessorLevel::Avx2 => token::<Avx2>().vectorize(
                 #[inline(always)]
                 || kernel.run::<f32x8<Avx2>>(),
             ),
@@ -154,6 +155,15 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
     }
     #[cfg(not(target_arch = "x86_64"))]
     kernel.run::<f32x8<Baseline>>()
+}
+
+/// The token of a level: an empty value, which stands for a processor that has the level's instructions.
+#[inline(always)]
+fn token<S: Simd>() -> S {
+    const { assert!(size_of::<S>() == 0) };
+    // SAFETY: the value is empty, so nothing is read, and what it stands for is true: only `dispatch` chooses a level, and it
+    // checks the processor first.
+    unsafe { NonNull::<S>::dangling().read() }
 }
 
 /// Processor levels that kernels are compiled for.

@@ -62,6 +62,17 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: &TileMaps, survey: Survey) ->
     grid
 }
 
+#[cfg(test)]
+impl Grid {
+    /// Builds a tile's grid.
+    pub fn new(mesh: &Mesh, tile: &crate::mesh::TileMesh, maps: &TileMaps) -> Grid {
+        Team::with(2, |team| {
+            let survey = Survey::new(team, tile, maps, maps.grid_size());
+            grid(team, mesh, maps, survey)
+        })
+    }
+}
+
 /// A surveyed tile's grid with its blocks and nothing in them: it has the sizes of the whole grid, all but those of what
 /// lies under the nodes of level 1.
 pub(crate) fn skeleton(survey: Survey) -> Grid {

@@ -104,11 +104,6 @@ impl<'a> Survey<'a> {
         Survey { coverer, triangles, parts, rigid, levels, movable, counts, rigid_nodes }
     }
 
-    /// About as many bytes as the grid will have.
-    pub fn grid_bytes(&self) -> u64 {
-        survey_bytes(&self.levels, self.triangles.len())
-    }
-
     /// Bytes of the survey itself that the grid does not keep.
     pub fn bytes(&self) -> u64 {
         self.coverer.squares.bytes() as u64
@@ -123,13 +118,6 @@ impl<'a> Survey<'a> {
     pub fn has_rigid_nodes(&self) -> bool {
         self.rigid_nodes.iter().any(|square| square.rigid > 0)
     }
-}
-
-/// About as many bytes as a grid with these levels will have.
-pub(super) fn survey_bytes(levels: &[SurveyLevel], triangles: usize) -> u64 {
-    let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * super::block_bytes(k);
-    let levels: usize = levels.iter().enumerate().map(per_level).sum();
-    (levels + triangles * super::TRIANGLE_BYTES) as u64
 }
 
 /// The movable nodes of each chart; 0 where no part is rigid.

@@ -1,11 +1,52 @@
-//! The tiles of a UV set, welded as the host wants it.
+//! Builds a mesh from a host's arrays: the tiles of its UV sets, welded as the host wants it.
+
+use std::sync::Arc;
 
 use super::charts::{self, Seams, is_seam};
 use super::read::{self, UvSet};
 use super::source::{MeshSource, Weld, WeldBy};
 use super::weld::{Corners, places, reaches};
-use super::{NONE, RawTriangle, TileMesh};
-use crate::allocation::{Collect, Grow, filled, zeroed};
+use super::{Mesh, NONE, RawTriangle, TileMesh, check};
+use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use crate::error::Result;
+use crate::report::AssetInfo;
+
+impl Mesh {
+    /// # Errors
+    /// `InvalidArgument` naming the array and the index of its first invalid element.
+    pub fn new(source: &MeshSource) -> Result<Mesh> {
+        check::check(source)?;
+        let rest: Vec<[f64; 3]> = (0..source.positions.len()).map(|i| source.positions.get3(i)).collected();
+        let mut info = AssetInfo {
+            vertices: rest.len() as u64,
+            corners: source.indices.len() as u64,
+            uv_sets: 1 + source.uv_sets.len() as u32,
+            ..AssetInfo::default()
+        };
+        let welding = Welding::new(source, &rest);
+        let seams = read::seams(source, &mut info);
+        let (mut corners, mut tiles) = (Vec::new(), Vec::new());
+        for (uv_set, uvs) in (0..).zip(std::iter::once(&source.uvs).chain(source.uv_sets)) {
+            let mut set = read::read(source, uvs, uv_set, &mut info);
+            welding.build(&mut set, &seams, uv_set, &mut tiles);
+            corners.put(set.corners);
+        }
+        info.tiles = tiles.len() as u32;
+        info.charts = tiles.iter().map(|tile| tile.charts.len() as u32).sum();
+        info.triangles = tiles.iter().map(|tile| tile.triangles.len() as u64).sum();
+        info.border_edges = tiles.iter().map(TileMesh::border_edges).sum();
+        info.welded_edges = tiles.iter().map(|tile| tile.welds.len() as u64).sum();
+        info.edges_apart = tiles.iter().map(|tile| tile.edges_apart).sum();
+        let torn = 10.0 * welding.tolerance;
+        let place = welding.place;
+        let tiles = tiles.into_iter().map(Arc::new).collected();
+        let indices = copied(source.indices);
+        let mut faces = with_capacity(info.faces as usize + 1);
+        faces.put(0);
+        faces.put_all(check::faces(source).map(|face| face.end as u32));
+        Ok(Mesh { rest, indices, faces, place, corners, tiles, torn, info })
+    }
+}
 
 /// How a mesh is welded.
 pub(super) struct Welding<'a> {

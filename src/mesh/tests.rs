@@ -1,4 +1,5 @@
 use super::*;
+use crate::error::Result;
 use crate::view::Strided;
 
 /// A row of `n` unit quads of UV size `size`, beginning at `origin`.

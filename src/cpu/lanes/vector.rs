@@ -1,23 +1,13 @@
 //! Lanes are vectors of `fearless_simd`, which has them for each processor level. Of its operations only those are called
 //! that IEEE 754 rounds; the fused, approximate and relaxed ones are not.
 
-use std::ptr::NonNull;
-
 #[cfg(target_arch = "x86_64")]
 use fearless_simd::Avx2;
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, f32x8, mask32x8, u8x16, u16x8, u32x8};
 
-use super::{LANES, Lanes, Lengths, Mask, each};
-
-/// The token of a level: an empty value, which stands for a processor that has the level's instructions.
-#[inline(always)]
-pub fn token<S: Simd>() -> S {
-    const { assert!(size_of::<S>() == 0) };
-    // SAFETY: the value is empty, so nothing is read, and what it stands for is true: only `dispatch` chooses a level, and it
-    // checks the processor first.
-    unsafe { NonNull::<S>::dangling().read() }
-}
+use super::{LANES, Lanes, Mask, each, token};
+use crate::grid::codes::Lengths;
 
 /// Whether the level's own maximum and minimum are those of x86 processors, which give the second operand where one is
 /// NaN.
