@@ -13,8 +13,6 @@ use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use super::job::Job;
-use super::refine::SharedRefinement;
 use super::shared::SharedAsset;
 use super::status::{Failure, Outcome, VRTM_ERROR_OUT_OF_MEMORY};
 use crate::asset::Asset;
@@ -66,7 +64,7 @@ pub struct vrtm_refinement {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+pub(super) enum Kind {
     Device = 1,
     Asset = 2,
     Tile = 3,
@@ -79,19 +77,19 @@ const TILE_BITS: u32 = 20;
 /// Tiles that a handle can tell apart.
 const MAX_TILES: usize = 1 << TILE_BITS;
 
-fn pack(kind: Kind, serial: u64, tile: usize) -> u64 {
+pub(super) fn pack(kind: Kind, serial: u64, tile: usize) -> u64 {
     (kind as u64) << (SERIAL_BITS + TILE_BITS) | (tile as u64) << SERIAL_BITS | serial
 }
 
 /// Serial and tile index, if the handle is of that kind.
-fn unpack(kind: Kind, id: u64) -> Option<(u64, usize)> {
+pub(super) fn unpack(kind: Kind, id: u64) -> Option<(u64, usize)> {
     let serial = id & ((1 << SERIAL_BITS) - 1);
     let tile = (id >> SERIAL_BITS) as usize & (MAX_TILES - 1);
     (pack(kind, serial, tile) == id && (kind == Kind::Tile || tile == 0)).then_some((serial, tile))
 }
 
 /// All living objects of one kind. The lock is held for a look-up only, never while an object works or ends.
-struct Table<T> {
+pub(super) struct Table<T> {
     entries: Mutex<Entries<T>>,
 }
 
@@ -101,7 +99,7 @@ struct Entries<T> {
 }
 
 impl<T> Table<T> {
-    const fn new() -> Table<T> {
+    pub const fn new() -> Table<T> {
         Table { entries: Mutex::new(Entries { next: 0, live: BTreeMap::new() }) }
     }
 
@@ -109,7 +107,7 @@ impl<T> Table<T> {
         lock(&self.entries)
     }
 
-    fn insert(&self, value: T) -> Outcome<u64> {
+    pub fn insert(&self, value: T) -> Outcome<u64> {
         let value = Arc::new(value);
         let mut entries = self.lock();
         if entries.next == 0 {
@@ -127,11 +125,11 @@ impl<T> Table<T> {
         Ok(serial)
     }
 
-    fn get(&self, serial: u64) -> Option<Arc<T>> {
+    pub fn get(&self, serial: u64) -> Option<Arc<T>> {
         self.lock().live.get(&serial).cloned()
     }
 
-    fn remove(&self, serial: u64) -> Option<Arc<T>> {
+    pub fn remove(&self, serial: u64) -> Option<Arc<T>> {
         let mut entries = self.lock();
         let removed = entries.live.remove(&serial);
         if entries.live.is_empty() {
@@ -144,10 +142,8 @@ impl<T> Table<T> {
 
 static DEVICES: Table<Device> = Table::new();
 static ASSETS: Table<SharedAsset> = Table::new();
-static JOBS: Table<Job> = Table::new();
-static REFINEMENTS: Table<SharedRefinement> = Table::new();
 
-fn gone(argument: &str, kind: &str, id: u64) -> Failure {
+pub(super) fn gone(argument: &str, kind: &str, id: u64) -> Failure {
     Failure::handle(match id {
         0 => format!("{argument}: the handle is zero"),
         _ => format!("{argument}: the handle {id:#x} is no living {kind}"),
@@ -192,41 +188,6 @@ pub(super) fn remove_asset(handle: vrtm_asset) -> Outcome<()> {
         .and_then(|(serial, _)| ASSETS.remove(serial))
         .map(|asset| asset.end())
         .ok_or_else(|| gone("asset", "asset", handle.id))
-}
-
-pub(super) fn add_job(job: Job) -> Outcome<(vrtm_job, Arc<Job>)> {
-    let serial = JOBS.insert(job)?;
-    let job = JOBS.get(serial).ok_or_else(|| gone("job", "job", serial))?;
-    Ok((vrtm_job { id: pack(Kind::Job, serial, 0) }, job))
-}
-
-pub(super) fn job(handle: vrtm_job) -> Outcome<Arc<Job>> {
-    unpack(Kind::Job, handle.id)
-        .and_then(|(serial, _)| JOBS.get(serial))
-        .ok_or_else(|| gone("job", "job", handle.id))
-}
-
-pub(super) fn remove_job(handle: vrtm_job) -> Outcome<Arc<Job>> {
-    unpack(Kind::Job, handle.id)
-        .and_then(|(serial, _)| JOBS.remove(serial))
-        .ok_or_else(|| gone("job", "job", handle.id))
-}
-
-pub(super) fn add_refinement(refinement: SharedRefinement) -> Outcome<vrtm_refinement> {
-    Ok(vrtm_refinement { id: pack(Kind::Refinement, REFINEMENTS.insert(refinement)?, 0) })
-}
-
-pub(super) fn refinement(handle: vrtm_refinement) -> Outcome<Arc<SharedRefinement>> {
-    unpack(Kind::Refinement, handle.id)
-        .and_then(|(serial, _)| REFINEMENTS.get(serial))
-        .ok_or_else(|| gone("refinement", "refinement", handle.id))
-}
-
-pub(super) fn remove_refinement(handle: vrtm_refinement) -> Outcome<()> {
-    unpack(Kind::Refinement, handle.id)
-        .and_then(|(serial, _)| REFINEMENTS.remove(serial))
-        .map(drop)
-        .ok_or_else(|| gone("refinement", "refinement", handle.id))
 }
 
 /// The handle of a tile of a living asset.

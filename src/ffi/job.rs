@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::desc::{Out, Place, Sized32};
 use super::guard::guard;
-use super::handle::{self, vrtm_asset, vrtm_job};
+use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_job};
 use super::shared::Claim;
 use super::solve::{Wishes, vrtm_solve_options};
 use super::status::{
@@ -204,6 +204,26 @@ impl Job {
     }
 }
 
+static JOBS: Table<Job> = Table::new();
+
+fn add(job: Job) -> Outcome<(vrtm_job, Arc<Job>)> {
+    let serial = JOBS.insert(job)?;
+    let job = JOBS.get(serial).ok_or_else(|| gone("job", "job", serial))?;
+    Ok((vrtm_job { id: pack(Kind::Job, serial, 0) }, job))
+}
+
+fn living(handle: vrtm_job) -> Outcome<Arc<Job>> {
+    unpack(Kind::Job, handle.id)
+        .and_then(|(serial, _)| JOBS.get(serial))
+        .ok_or_else(|| gone("job", "job", handle.id))
+}
+
+fn remove(handle: vrtm_job) -> Outcome<Arc<Job>> {
+    unpack(Kind::Job, handle.id)
+        .and_then(|(serial, _)| JOBS.remove(serial))
+        .ok_or_else(|| gone("job", "job", handle.id))
+}
+
 /// Begins to solve an asset for a pose, and returns at once: the host may go on drawing. Positions and options are
 /// copied; otherwise all is as with vrtm_asset_solve. `*job` is the caller's to destroy.
 ///
@@ -235,7 +255,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         let (positions, dirty_vertices) = device.call(copies)?;
         claim.announce(&wishes.control);
         let work = Work { claim, positions, dirty_vertices, wishes: wishes.without_dirty_vertices() };
-        let (handle, job) = handle::add_job(Job::new(work))?;
+        let (handle, job) = add(Job::new(work))?;
         let own = job.clone();
         #[expect(
             clippy::disallowed_methods,
@@ -251,7 +271,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
                 Some(thread) => *lock(&job.thread) = Some(Thread(thread)),
                 None => {
                     job.cancel();
-                    handle::remove_job(handle)?;
+                    remove(handle)?;
                     let message = "no thread could be started".to_owned();
                     return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
                 }
@@ -274,7 +294,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
 pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_status {
     guard("vrtm_job_wait", || {
         let time = (timeout_ms != VRTM_FOREVER).then(|| Duration::from_millis(timeout_ms.into()));
-        handle::job(job)?.wait(time)
+        living(job)?.wait(time)
     })
 }
 
@@ -285,7 +305,7 @@ pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_s
 pub unsafe extern "C" fn vrtm_job_progress(job: vrtm_job, data: *mut vrtm_job_data) -> vrtm_status {
     guard("vrtm_job_progress", || {
         let out = Out::new(data, "data")?;
-        let job = handle::job(job)?;
+        let job = living(job)?;
         let progress = job.control.progress();
         let now = job.submitted.elapsed().as_secs_f32() * 1000.0;
         let (state, status, ms) = match &*lock(&job.state) {
@@ -307,7 +327,7 @@ pub unsafe extern "C" fn vrtm_job_progress(job: vrtm_job, data: *mut vrtm_job_da
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
     guard("vrtm_job_cancel", || {
-        handle::job(job)?.cancel();
+        living(job)?.cancel();
         Ok(())
     })
 }
@@ -320,12 +340,12 @@ pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_destroy(job: vrtm_job) -> vrtm_status {
     guard("vrtm_job_destroy", || {
-        let living = handle::job(job)?;
+        let living = living(job)?;
         living.check_thread()?;
         living.cancel();
         // How it ended does not matter any more. Until then the handle lives: others may ask how far it is.
         let _ = living.wait(None);
-        let job = handle::remove_job(job)?;
+        let job = remove(job)?;
         let thread = lock(&job.thread).take();
         if let Some(Thread(thread)) = thread {
             thread.join();

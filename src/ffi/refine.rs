@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 
 use super::desc::{self, Out, Place, Sized32};
 use super::guard::guard;
-use super::handle::{self, vrtm_asset, vrtm_refinement};
+use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_refinement};
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
 use super::types::check_reserved;
 use crate::panics::lock;
@@ -147,6 +147,25 @@ impl SharedRefinement {
     }
 }
 
+static REFINEMENTS: Table<SharedRefinement> = Table::new();
+
+fn add(refinement: SharedRefinement) -> Outcome<vrtm_refinement> {
+    Ok(vrtm_refinement { id: pack(Kind::Refinement, REFINEMENTS.insert(refinement)?, 0) })
+}
+
+fn living(handle: vrtm_refinement) -> Outcome<Arc<SharedRefinement>> {
+    unpack(Kind::Refinement, handle.id)
+        .and_then(|(serial, _)| REFINEMENTS.get(serial))
+        .ok_or_else(|| gone("refinement", "refinement", handle.id))
+}
+
+fn remove(handle: vrtm_refinement) -> Outcome<()> {
+    unpack(Kind::Refinement, handle.id)
+        .and_then(|(serial, _)| REFINEMENTS.remove(serial))
+        .map(drop)
+        .ok_or_else(|| gone("refinement", "refinement", handle.id))
+}
+
 /// Refines the mesh of an asset for its last result, for hosts that know UV sets only. Corner UVs of the mesh
 /// itself recover less than the map where the mesh is coarser than what is painted on it: between corners a
 /// renderer interpolates linearly. Here triangles are split until that is nowhere farther from the redirection than
@@ -180,7 +199,7 @@ pub unsafe extern "C" fn vrtm_refinement_create(
         };
         let present = Mutex::new(Arc::new(asset.results.refine(&settings)?));
         let shared = SharedRefinement { present, extending: AtomicBool::new(false) };
-        out.write(handle::add_refinement(shared)?);
+        out.write(add(shared)?);
         Ok(())
     })
 }
@@ -194,7 +213,7 @@ pub unsafe extern "C" fn vrtm_refinement_create(
 /// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_extend(refinement: vrtm_refinement) -> vrtm_status {
-    guard("vrtm_refinement_extend", || handle::refinement(refinement)?.extend())
+    guard("vrtm_refinement_extend", || living(refinement)?.extend())
 }
 
 /// Sizes of a refinement, and what it came to. Never busy.
@@ -207,7 +226,7 @@ pub unsafe extern "C" fn vrtm_refinement_info(
 ) -> vrtm_status {
     guard("vrtm_refinement_info", || {
         let out = Out::new(data, "data")?;
-        let info = handle::refinement(refinement)?.present().info();
+        let info = living(refinement)?.present().info();
         out.write(vrtm_refinement_data {
             struct_size: 0,
             uv_set: info.uv_set,
@@ -235,7 +254,7 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
     pattern: *const vrtm_refinement_pattern,
 ) -> vrtm_status {
     guard("vrtm_refinement_fetch_pattern", || {
-        let refinement = handle::refinement(refinement)?.present();
+        let refinement = living(refinement)?.present();
         // SAFETY: the host's pointer.
         let p = unsafe { desc::read(pattern, "pattern") }?;
         check_reserved(p.reserved, "pattern")?;
@@ -315,7 +334,7 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
     count: usize,
 ) -> vrtm_status {
     guard("vrtm_refinement_fetch_corner_uvs", || {
-        let refinement = handle::refinement(refinement)?.present();
+        let refinement = living(refinement)?.present();
         let corners = refinement.info().corners;
         if count as u64 != corners {
             let message = format!("count is {count}, but the refinement has {corners} corners");
@@ -332,5 +351,5 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_destroy(refinement: vrtm_refinement) -> vrtm_status {
-    guard("vrtm_refinement_destroy", || handle::remove_refinement(refinement))
+    guard("vrtm_refinement_destroy", || remove(refinement))
 }
