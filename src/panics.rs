@@ -12,9 +12,7 @@ use crate::line::Line;
 use crate::unwind::{Stop, why};
 
 #[cfg(feature = "capi")]
-mod hook;
-#[cfg(feature = "capi")]
-pub(crate) use hook::catch;
+pub(crate) mod hook;
 
 /// Bytes of a panic's place; a longer one is cut.
 const PLACE_BYTES: usize = 128;

@@ -4,7 +4,7 @@ use std::ffi::c_void;
 
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
-use crate::panics;
+use crate::panics::hook;
 use crate::team::{Executor, Task};
 
 /// One of the library's tasks, which a host runs by calling it with the `data` that it got along with it.
@@ -82,14 +82,14 @@ unsafe extern "C" fn run_index(data: *mut c_void, index: usize) {
     // SAFETY: what `parallel_for` passed; its call has not returned yet.
     let task = unsafe { *data.cast::<&(dyn Fn(usize) + Sync)>() };
     // The task itself does not unwind: what panics in it is kept for the thread that waits for it.
-    let _ = panics::catch(|| task(index));
+    let _ = hook::catch(|| task(index));
 }
 
 /// Runs a job.
 unsafe extern "C" fn run_task(data: *mut c_void, _: usize) {
     // SAFETY: what `spawn` passed, and the host calls it once.
     let task = unsafe { Box::from_raw(data.cast::<Task>()) };
-    let _ = panics::catch(task);
+    let _ = hook::catch(task);
 }
 
 impl Executor for HostExecutor {

@@ -3,13 +3,13 @@
 
 use super::status::{Outcome, VRTM_OK, set_last_error, status_of, vrtm_status};
 use crate::float_mode::FloatMode;
-use crate::panics;
+use crate::panics::hook;
 
 /// Runs the body of the exported function `name`. Should it panic, a solve that was under way has not replaced its
 /// asset's last result.
 pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_status {
     let _mode = FloatMode::set_default();
-    match panics::catch(body) {
+    match hook::catch(body) {
         Ok(Ok(())) => VRTM_OK,
         Ok(Err(failure)) => {
             set_last_error(name, &failure.message);

@@ -19,7 +19,7 @@ use crate::allocation::{boxed, copied};
 use crate::asset::solve::SolveRequest;
 use crate::control::{Control, this_thread};
 use crate::float_mode::FloatMode;
-use crate::panics::{self, lock};
+use crate::panics::{hook, lock};
 use crate::team::threads;
 use crate::view::Packed;
 
@@ -144,7 +144,7 @@ impl Job {
         let Some(work) = self.begin() else { return };
         self.runs_on.store(this_thread(), Ordering::Relaxed);
         let _mode = FloatMode::set_default();
-        let outcome = panics::catch(|| work.run())
+        let outcome = hook::catch(|| work.run())
             .unwrap_or_else(|panic| Err(Failure { status: status_of(&panic), message: panic.to_string() }));
         self.runs_on.store(0, Ordering::Relaxed);
         self.end(outcome);
