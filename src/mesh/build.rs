@@ -144,8 +144,8 @@ fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
     raw.iter_mut().map(number).collected()
 }
 
-/// What lies together and yet is not connected: cuts; the edges that a mesh out of a game wants welded by position; and those
-/// whose UVs have more noise than their triangles can bear.
+/// Counts what lies together and yet is not connected: cuts; the edges that a mesh out of a game wants welded by position;
+/// and those whose UVs have more noise than their triangles can bear.
 ///
 /// Returns the number of pairs of borders of a tile that have the same places (`place` takes a vertex to its place) and UVs,
 /// with nothing else there: each is one edge that is not connected. Edges that the host made seams do not count.

@@ -1,8 +1,9 @@
-//! The order of the house: a module of `src` imports only modules below it. `src/lib.rs` lists them from the ground up.
+//! The order of the house: a module of `src` imports only modules below it, which `src/lib.rs` lists from the ground up;
+//! and no files import one another in a circle.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The modules of `src/lib.rs` in their order, each with its rank.
 fn ranks(root: &Path) -> BTreeMap<String, usize> {
@@ -19,7 +20,7 @@ fn ranks(root: &Path) -> BTreeMap<String, usize> {
 }
 
 /// All Rust files under a folder, without those of tests.
-fn sources(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
@@ -97,4 +98,104 @@ fn imports_point_down_and_name_the_defining_module() {
     }
     assert!(arrows > 500, "only {arrows} imports were found");
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+/// The files by the paths of their modules, such as `cpu::correct::rows`. Without `lib`, which hands on, and `gpu_absent`,
+/// which stands in for `gpu`.
+fn modules(root: &Path) -> BTreeMap<String, PathBuf> {
+    let mut files = Vec::new();
+    sources(root, &mut files);
+    let name = |file: &Path| {
+        let place = file.strip_prefix(root).unwrap().with_extension("");
+        place.to_str().unwrap().replace(std::path::MAIN_SEPARATOR, "::").replace("::mod", "")
+    };
+    let mut modules: BTreeMap<_, _> = files.iter().map(|file| (name(file), file.clone())).collect();
+    modules.retain(|name, _| name != "lib" && name != "gpu_absent");
+    for (own, file) in modules.clone() {
+        // `#[path = "..."]`, and `mod name;` in the next line.
+        for attribute in fs::read_to_string(&file).unwrap().split("#[path = \"").skip(1) {
+            let (path, rest) = attribute.split_once("\"]").unwrap();
+            let child = rest.split_once("mod ").unwrap().1.split_once(';').unwrap().0;
+            let path = file.parent().unwrap().join(path).canonicalize().unwrap();
+            modules.remove(&name(&path));
+            modules.insert(format!("{own}::{child}"), path);
+        }
+    }
+    modules
+}
+
+/// The paths in a `use` of `tree`: one for each name in its braces.
+fn expand(before: &str, tree: &str, paths: &mut Vec<String>) {
+    let Some((head, list)) = tree.split_once('{') else {
+        return paths.extend((!tree.is_empty()).then(|| format!("{before}{tree}")));
+    };
+    let (mut depth, mut from) = (0, 0);
+    for (at, sign) in list.char_indices() {
+        depth += i32::from(sign == '{') - i32::from(sign == '}');
+        if sign == ',' && depth == 0 || depth < 0 {
+            expand(&format!("{before}{head}"), list[from..at].trim(), paths);
+            from = at + 1;
+        }
+    }
+}
+
+/// All paths in a file's code. In a module within the file, `super` is the file itself.
+fn paths(code: &str) -> Vec<String> {
+    let (mut text, mut within) = (String::new(), false);
+    for line in code.lines() {
+        within = if within { line != "}" } else { line.contains("mod ") && line.ends_with('{') };
+        text += &if within { line.replacen("super::", "self::", 1) } else { line.to_owned() };
+        text.push('\n');
+    }
+    let in_path = |sign: char| sign.is_alphanumeric() || "_:".contains(sign);
+    let mut paths = Vec::new();
+    for statement in text.replace("in crate::", "").split(';') {
+        let is_tree = |tree: &str| tree.chars().all(|sign| in_path(sign) || "{}*, \n".contains(sign));
+        let of_use = statement.rsplit_once("use ").filter(|(_, tree)| is_tree(tree));
+        let (body, tree) = of_use.unwrap_or((statement, ""));
+        expand("", tree, &mut paths);
+        paths.extend(body.split(|sign| !in_path(sign)).filter(|path| path.contains("::")).map(str::to_owned));
+    }
+    paths
+}
+
+/// The module that a path in module `own` leads to, or is in.
+fn module<'a>(own: &str, path: &str, modules: &'a BTreeMap<String, PathBuf>) -> Option<&'a String> {
+    let mut at: Vec<&str> = own.split("::").collect();
+    let first = path.split("::").next().unwrap();
+    if !["crate", "self", "super"].contains(&first) && !modules.contains_key(&format!("{own}::{first}")) {
+        return None;
+    }
+    for name in path.split("::") {
+        match name {
+            "crate" => at.clear(),
+            "self" => {}
+            "super" => _ = at.pop(),
+            name => at.push(name),
+        }
+    }
+    let known = |depth| modules.get_key_value(&at[..depth].join("::"));
+    (1..=at.len()).rev().find_map(known).map(|(name, _)| name)
+}
+
+#[test]
+fn no_files_import_one_another_in_a_circle() {
+    let modules = modules(&Path::new(env!("CARGO_MANIFEST_DIR")).canonicalize().unwrap().join("src"));
+    let mut arrows: BTreeMap<&String, BTreeSet<&String>> = BTreeMap::new();
+    for (own, file) in &modules {
+        let paths = paths(&code(file));
+        let named = paths.iter().filter_map(|path| module(own, path, &modules));
+        arrows.insert(own, named.filter(|name| *name != own).collect());
+    }
+    let mut circles = Vec::new();
+    for own in modules.keys() {
+        let (mut reached, mut open) = (BTreeMap::new(), vec![own]);
+        while let Some(from) = open.pop() {
+            open.extend(arrows[from].iter().filter(|to| reached.insert(**to, from).is_none()));
+        }
+        circles.extend(reached.get(own).map(|from| format!("{from} -> {own}")));
+    }
+    let count: usize = arrows.values().map(BTreeSet::len).sum();
+    assert!(modules.len() > 200 && count > 700, "only {count} arrows between {} files", modules.len());
+    assert!(circles.is_empty(), "files import one another:\n{}", circles.join("\n"));
 }
