@@ -1,6 +1,6 @@
 //! Assembles the Gauss-Newton system of a level from its state (method §7.1): the pairs A_pn of neighbouring movable
 //! nodes, and the right-hand side, which is minus the gradient (matrix and gradient are halves of derivatives).
-//! Instead of the diagonal blocks, the symmetric parts of the row sums are formed, from which `rows` computes diagonals
+//! Instead of the diagonal blocks, the symmetric parts of the row sums are formed, from which `complete` computes diagonals
 //! that make up for the rounding of the pairs.
 
 use super::super::buffers::State;

@@ -16,7 +16,7 @@ use crate::mesh::NONE;
 use crate::team::SharedSlice;
 
 /// Forms the owned pairs of level `finer + 1` from the rows of `finer`, and its row sums from the product A P 1 that
-/// `rows::complete` stored on `finer`.
+/// `complete` stored on `finer`.
 pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut SolvingLevel) {
     let (fine_level, level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     let (sums, words) =
