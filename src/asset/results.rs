@@ -199,7 +199,7 @@ impl Results {
     pub unsafe fn fetch_external(&self, tile: usize, kind: FetchKind, image: &ExternalImage) -> Result<()> {
         let texels = external::check(kind, image)?;
         let device = &self.0.device;
-        device.call(|| external::write(device, &*self.solved(tile)?.solved, kind, &texels))
+        device.call(|| external::write(device, &self.solved(tile)?.solved, kind, &texels))
     }
 
     /// Looks at the map that a fetch of this kind, size and format would write: whether it is one-to-one when it is read
