@@ -343,7 +343,7 @@ public:
     }
 };
 
-// An output image in memory of the host's own Vulkan device: the fields of vrtm_external_image, zero at first.
+// An output image in memory of the host's own Vulkan device: the fields of vrtm_external_image.
 struct ExternalImage : vrtm_external_image {
     ExternalImage() noexcept : vrtm_external_image(vrtm_external_image_init()) {}
 
@@ -406,7 +406,7 @@ private:
 
 using Log = std::function<void(LogLevel level, const char *message)>;
 
-// Settings of a new device: the fields of vrtm_device_desc, zero at first, and the functions of the host.
+// Settings of a new device: the fields of vrtm_device_desc, and the functions of the host.
 struct DeviceDesc : vrtm_device_desc {
     DeviceDesc() noexcept : vrtm_device_desc(vrtm_device_desc_init()) {}
 
@@ -660,7 +660,12 @@ public:
     // Two vertices per seam.
     Mesh &seams(const Indices &pairs) noexcept { return set_list(seam_pairs, pairs); }
     Mesh &textured_faces(const Indices &faces) noexcept { return set_list(textured, faces); }
-    Mesh &weld(Weld weld, float position_tolerance = 0, float uv_tolerance = 0) noexcept
+    Mesh &weld(Weld weld) noexcept
+    {
+        weld_ = weld;
+        return *this;
+    }
+    Mesh &weld(Weld weld, double position_tolerance, double uv_tolerance) noexcept
     {
         weld_ = weld;
         weld_position_tolerance_ = position_tolerance;
@@ -735,14 +740,15 @@ private:
     std::array<std::optional<Indices>, lists> lists_;
     std::optional<UvSet> base_;
     Weld weld_ = Weld::index;
-    float weld_position_tolerance_ = 0, weld_uv_tolerance_ = 0;
+    double weld_position_tolerance_ = vrtm_mesh_desc_init().weld_position_tolerance;
+    double weld_uv_tolerance_ = vrtm_mesh_desc_init().weld_uv_tolerance;
     std::vector<UvSet> sets_;
     std::vector<vrtm_uv_set> c_sets_; // points into sets_
 };
 
 // ---- Tile ----
 
-// A tile's settings: the fields of vrtm_tile_settings, zero at first.
+// A tile's settings: the fields of vrtm_tile_settings, with the defaults at first.
 struct TileSettings : vrtm_tile_settings {
     TileSettings() noexcept : vrtm_tile_settings(vrtm_tile_settings_init()) {}
     TileSettings &set(Overlap wanted) noexcept
@@ -981,7 +987,7 @@ enum class Proceed : bool { no, yes };
 // A function that is told how far a solve is. An exception that leaves it cancels the solve.
 using Progress = std::function<Proceed(float progress)>;
 
-// Options of one solve: the fields of vrtm_solve_options, zero at first, and the lists and the function.
+// Options of one solve: the fields of vrtm_solve_options, with the defaults at first, and the lists and the function.
 struct SolveOptions : vrtm_solve_options {
     SolveOptions() noexcept : vrtm_solve_options(vrtm_solve_options_init()) {}
 

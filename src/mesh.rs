@@ -17,6 +17,7 @@ use glam::DVec2;
 use crate::allocation::Collect;
 use crate::report::AssetInfo;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
+pub(crate) use source::{POSITION_TOLERANCE, UV_TOLERANCE};
 
 /// The index of no triangle, tile, chart or block.
 pub(crate) const NONE: u32 = u32::MAX;

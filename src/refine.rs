@@ -21,7 +21,7 @@ use passes::Outcome;
 use split::{Pieces, Splitter};
 
 /// Half a texel of a texture of 1024 x 1024.
-const TOLERANCE: f64 = 1.0 / 2048.0;
+pub(crate) const TOLERANCE: f64 = 1.0 / 2048.0;
 /// Triangles that a refinement may add unless it is told otherwise.
 const ADDED: u64 = 1_000_000;
 /// More triangles than these have corners that 32 bits cannot count.

@@ -54,7 +54,7 @@ RECORDS = {
     "vrtm_refinement_data": "RefinementInfo",
 }
 
-# Of these the caller sets fields, so that all of them have a default: zero.
+# Of these the caller sets fields, so that all of them have a default.
 SETTINGS = {"vrtm_tile_settings", "vrtm_pbd_settings"}
 
 # Integers that say yes or no.
@@ -69,6 +69,7 @@ class Header:
         for guard in ("VRTM_H", "VRTM_API"):
             self.constants.pop(guard, None)
         self.field_docs = _field_docs(text)
+        self.defaults = _defaults(text)
         self.typedefs: dict[str, c_ast.Node] = {}
         self.structs: dict[str, list[c_ast.Decl]] = {}
         self.functions: dict[str, c_ast.FuncDecl] = {}
@@ -104,7 +105,8 @@ class Header:
                 return self.signature(inner, "CFUNCTYPE({})")
             if isinstance(inner, c_ast.PtrDecl):
                 return "c_void_p"
-            name = inner.type.names[0]
+            # A struct that is defined further down stands there as `struct name`.
+            name = inner.type.name if isinstance(inner.type, c_ast.Struct) else inner.type.names[0]
             if name in self.structs:
                 return f"POINTER({name})"
             return "c_char_p" if name == "char" else "c_void_p"
@@ -114,6 +116,22 @@ class Header:
         if name == "void":
             return "None"
         return self.scalar(name) or name
+
+    def in_order_of_use(self) -> list[str]:
+        """The names of all structs: one stands after those that it holds or points to."""
+        order: list[str] = []
+
+        def add(name: str) -> None:
+            for field in self.structs[name]:
+                for used in re.findall(r"\w+", self.type(field.type)):
+                    if used in self.structs and used not in order:
+                        add(used)
+            order.append(name)
+
+        for name in self.structs:
+            if name not in order:
+                add(name)
+        return order
 
     def signature(self, node: c_ast.FuncDecl, form: str) -> str:
         """A function's result and then its arguments, within `form`."""
@@ -139,8 +157,24 @@ def _plain(text: str) -> str:
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
     text = re.sub(r"//[^\n]*", "", text)
     text = re.sub(r"^#(?:[^\n]*\\\n)*[^\n]*$", "", text, flags=re.M)
-    text = re.sub(r"^VRTM_DEFINE_INIT_.*$|^extern \"C\" \{$|^\}\s*$|\bVRTM_API\b", "", text, flags=re.M)
+    text = re.sub(r"^VRTM_DEFINE_INIT_\w*\([^)]*\)|^extern \"C\" \{$|^\}\s*$|\bVRTM_API\b", "", text, flags=re.M)
     return "".join(f"typedef int {name};\n" for name in SCALARS if name.endswith("_t")) + text
+
+
+def _defaults(text: str) -> dict[str, dict[str, float]]:
+    """What the _init() functions set: {"vrtm_solve_options": {"pbd.iterations": 16, ...}, ...}. All else is zero."""
+    found = {}
+    for struct, body in re.findall(r"^VRTM_DEFINE_INIT_WITH_\((\w+),\n([^)]*)\)", text, re.M):
+        values = re.findall(r"value\.([\w.]+) = ([^;]+);", body)
+        found[struct] = {field: _number(value) for field, value in values}
+    return found
+
+
+def _number(text: str) -> float:
+    """A constant of C: 16, 0.02f, 1.0 / 2048."""
+    number, _, divisor = text.rstrip("f").partition("/")
+    value = float(number) / float(divisor or 1)
+    return int(value) if re.fullmatch(r"\d+", text) else value
 
 
 def _field_docs(text: str) -> dict[tuple[str, str], str]:
@@ -190,10 +224,13 @@ def abi(header: Header) -> str:
             lines += [f"{name} = {header.type(node)}"]
         elif values := header.values(name):
             lines += [f"{name}_values = {values!r}"]
-    for name, decls in header.structs.items():
+    for name in header.in_order_of_use():
+        decls = header.structs[name]
         fields = [f'        ("{d.name}", {header.type(d.type)}),' for d in decls]
         lines += ["", "", f"class {name}(Structure):", "    _fields_ = [", *fields, "    ]"]
-    lines += ["", "", "# Result and arguments of each function."]
+    lines += ["", "", "# What the _init() functions set."]
+    lines += [f"defaults = {header.defaults!r}"]
+    lines += ["", "# Result and arguments of each function."]
     lines += ["functions: dict[str, list] = {"]
     lines += [f'    "{name}": {header.signature(node, "[{}]")},' for name, node in header.functions.items()]
     lines += ["}", ""]
@@ -219,7 +256,7 @@ def records(header: Header) -> str:
         frozen = "" if struct in SETTINGS else "(frozen=True)"
         lines += ["", "", f"@dataclass{frozen}", f"class {name}:", *_doc(header, header.field_docs[struct, ""])]
         for decl in header.structs[struct]:
-            if decl.name == "struct_size" or "reserved" in decl.name:
+            if decl.name == "struct_size":
                 continue
             lines += ["", f"    {decl.name}: {_hint(header, struct, decl)}"]
             lines += _doc(header, header.field_docs[struct, decl.name])
@@ -240,7 +277,14 @@ def _hint(header: Header, struct: str, decl: c_ast.Decl) -> str:
     if decl.name in FLAGS:
         return "bool"
     kind = "float" if header.scalar(name) in ("c_float", "c_double") else "int"
-    return f"{kind} = 0" if struct in SETTINGS else kind
+    return f"{kind} = {_default(header, struct, decl.name)}" if struct in SETTINGS else kind
+
+
+def _default(header: Header, struct: str, field: str) -> float:
+    """What the _init() function of the struct sets, or of the one that holds it."""
+    if struct == "vrtm_pbd_settings":
+        struct, field = "vrtm_solve_options", f"pbd.{field}"
+    return header.defaults[struct].get(field, 0)
 
 
 def _doc(header: Header, text: str) -> list[str]:
@@ -248,7 +292,7 @@ def _doc(header: Header, text: str) -> list[str]:
     text = re.sub(r" ?Start from vrtm_\w+\(\)[^.]*\.", "", text)
     for constant, name in header.names.items():
         text = re.sub(rf"\b{constant}\b", f"'{name}'", text)
-    text = re.sub(r"\bVRTM_OFF\b", "OFF", text).replace("\\", "\\\\").strip()
+    text = text.replace("\\", "\\\\").strip()
     return textwrap.wrap(f'"""{text}"""', 120, initial_indent="    ", subsequent_indent="    ")
 
 

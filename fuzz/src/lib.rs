@@ -227,7 +227,7 @@ impl Sheet {
         let mut uvs = self.positions();
         uvs.data = self.uvs.as_ptr().cast();
         let positions = self.positions();
-        let mut mesh = sized::<vrtm_mesh_desc>();
+        let mut mesh = vrtm_mesh_desc::default();
         mesh.positions = &positions;
         mesh.face_counts = self.counts.as_ptr();
         mesh.face_count = self.counts.len();
@@ -266,7 +266,7 @@ impl Sheet {
 pub unsafe fn small_grids(asset: vrtm_asset) {
     for index in 0..40 {
         let mut tile = vrtm_tile { id: 0 };
-        let mut settings = sized::<vrtm_tile_settings>();
+        let mut settings = vrtm_tile_settings::default();
         settings.grid_width = 16;
         settings.grid_height = 16;
         // SAFETY: all pointers are valid.
@@ -281,7 +281,7 @@ pub unsafe fn small_grids(asset: vrtm_asset) {
 
 /// Mostly good options; the least work, as a rule.
 pub fn options(input: &mut Input) -> vrtm_solve_options {
-    let mut options = sized::<vrtm_solve_options>();
+    let mut options = vrtm_solve_options::default();
     options.quality = input.odd(VRTM_QUALITY_DRAFT, &[VRTM_QUALITY_NORMAL, VRTM_QUALITY_HIGH, -1, 3]);
     options.warm = input.odd(0, &[1, 1, 2]);
     options.temporal_weight = input.odd(0.0, &[0.1, 1e6, -1.0, f32::NAN]);
@@ -293,6 +293,6 @@ pub fn options(input: &mut Input) -> vrtm_solve_options {
     options.pbd.iterations = input.odd(1, &[3, 20]);
     options.threads = input.odd(0, &[1, 2, 5000]);
     options.release_last = input.odd(0, &[1, 2]);
-    options.pbd.smoothing = input.odd(0.0, &[0.5, VRTM_OFF, 1.5, f32::NAN]);
+    options.pbd.smoothing = input.odd(0.8, &[0.5, 0.0, 1.5, f32::NAN]);
     options
 }

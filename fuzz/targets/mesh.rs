@@ -26,7 +26,7 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let (seams, textured) = (indices(&mut input, vertices), indices(&mut input, faces.counts.len()));
 
-    let mut later = Later { mesh: sized::<vrtm_mesh_desc>(), more: [0, input.odd(0, &[1])] };
+    let mut later = Later { mesh: vrtm_mesh_desc::default(), more: [0, input.odd(0, &[1])] };
     let mesh = &mut later.mesh;
     mesh.struct_size =
         input.odd(mesh.struct_size, &[0, 8, mesh.struct_size + 8, mesh.struct_size + 16, 5000]);

@@ -1,7 +1,6 @@
 //! A host's allocator.
 
 use std::ffi::c_void;
-use std::mem::size_of;
 
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
@@ -33,8 +32,6 @@ pub type vrtm_free_fn =
 pub struct vrtm_allocator {
     /// sizeof(vrtm_allocator); set by vrtm_allocator_init().
     pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
     /// Allocates.
     pub alloc: vrtm_alloc_fn,
     /// Frees.
@@ -45,7 +42,6 @@ pub struct vrtm_allocator {
 
 // SAFETY: repr(C), struct_size first, plain numbers, raw pointers and optional functions.
 unsafe impl Sized32 for vrtm_allocator {
-    const FIRST: usize = size_of::<vrtm_allocator>();
     const NAME: &'static str = "vrtm_allocator";
 }
 
@@ -59,7 +55,6 @@ pub(super) unsafe fn read(pointer: *const vrtm_allocator, name: &str) -> Outcome
     }
     // SAFETY: the host's pointer.
     let from = unsafe { desc::read(pointer, name) }?;
-    super::types::check_reserved(from.reserved, name)?;
     let alloc = from.alloc.ok_or_else(|| Failure::argument(format!("{name}.alloc is null")))?;
     let free = from.free.ok_or_else(|| Failure::argument(format!("{name}.free is null")))?;
     // SAFETY: the host vouches for its functions.

@@ -1,7 +1,5 @@
 //! Assets and the look-up of their tiles.
 
-use std::mem::offset_of;
-
 use super::desc::{self, Out, Place, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_device, vrtm_tile};
@@ -15,8 +13,12 @@ use crate::asset::Asset;
 pub struct vrtm_asset_data {
     /// sizeof(vrtm_asset_data); set by vrtm_asset_data_init().
     pub struct_size: u32,
+    /// UV sets, 1 or more.
+    pub uv_sets: u32,
     /// Tiles with at least one triangle.
     pub tiles: u32,
+    /// Charts, over all tiles.
+    pub charts: u32,
     /// Vertices: the length of every array of positions.
     pub vertices: u64,
     /// Faces as given.
@@ -25,21 +27,17 @@ pub struct vrtm_asset_data {
     pub corners: u64,
     /// Triangles kept, over all tiles.
     pub triangles: u64,
-    /// Triangles dropped because their UVs have no area.
-    pub degenerate_triangles: u64,
-    /// Faces some of whose UVs lie outside of their tile; the map is clipped to the tile.
-    pub clipped_faces: u64,
-    /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
-    pub faces_outside: u64,
-    /// Charts, over all tiles.
-    pub charts: u32,
-    /// Zero.
-    pub reserved: u32,
     /// Faces without texture: without UVs, or not among the textured faces. This and the counts of UVs above are over
     /// all UV sets.
     pub faces_untextured: u64,
     /// Faces skipped because they have fewer than 3 corners.
     pub faces_skipped: u64,
+    /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
+    pub faces_outside: u64,
+    /// Faces some of whose UVs lie outside of their tile; the map is clipped to the tile.
+    pub clipped_faces: u64,
+    /// Triangles dropped because their UVs have no area.
+    pub degenerate_triangles: u64,
     /// Sides of triangles at which a chart ends.
     pub border_edges: u64,
     /// Edges inside charts whose two sides have different vertices: welded by position.
@@ -50,13 +48,10 @@ pub struct vrtm_asset_data {
     pub edges_apart: u64,
     /// Seams that are no edge of a face.
     pub seams_unused: u64,
-    /// UV sets, 1 or more.
-    pub uv_sets: u32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_asset_data {
-    const FIRST: usize = offset_of!(vrtm_asset_data, faces_untextured);
     const NAME: &'static str = "vrtm_asset_data";
 }
 
@@ -106,7 +101,6 @@ pub unsafe extern "C" fn vrtm_asset_info(asset: vrtm_asset, info: *mut vrtm_asse
             clipped_faces: info.clipped_faces,
             faces_outside: info.faces_outside,
             charts: info.charts,
-            reserved: 0,
             faces_untextured: info.faces_untextured,
             faces_skipped: info.faces_skipped,
             border_edges: info.border_edges,

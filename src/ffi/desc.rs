@@ -8,12 +8,23 @@ use super::status::{Failure, Outcome};
 /// A struct of the C API that may grow at its end.
 ///
 /// # Safety
-/// `#[repr(C)]`, first field `struct_size: u32`, and all zeros is a valid value.
+/// `#[repr(C)]`, first field `struct_size: u32`, no padding after the last field, and all zeros is a valid value.
 pub(super) unsafe trait Sized32: Copy {
-    /// `sizeof` in the first version that had the struct: no host passes less.
-    const FIRST: usize;
+    /// `sizeof` in the first version that had the struct: no host passes less. A struct that has grown since says here what
+    /// it was.
+    const FIRST: usize = size_of::<Self>();
     /// Its name in C, for messages.
     const NAME: &'static str;
+
+    /// All zeros but for the size: what its _init() function makes, unless it has defaults that are not zero.
+    fn zeroed() -> Self {
+        let mut value = MaybeUninit::<Self>::zeroed();
+        // SAFETY: the size comes first, and all zeros is a valid value (trait contract).
+        unsafe {
+            value.as_mut_ptr().cast::<u32>().write(size_of::<Self>() as u32);
+            value.assume_init()
+        }
+    }
 }
 
 /// No struct will come near this; a larger `struct_size` is uninitialised memory.
@@ -65,11 +76,10 @@ pub(super) unsafe fn read<T: Sized32>(pointer: *const T, name: &str) -> Outcome<
     Ok(value)
 }
 
-/// Like [`read`]; null gives all zeros, which means the defaults.
-pub(super) unsafe fn read_or_default<T: Sized32>(pointer: *const T, name: &str) -> Outcome<T> {
+/// Like [`read`]; null gives the defaults.
+pub(super) unsafe fn read_or_default<T: Sized32 + Default>(pointer: *const T, name: &str) -> Outcome<T> {
     if pointer.is_null() {
-        // SAFETY: all zeros is a valid value (trait contract).
-        return Ok(unsafe { MaybeUninit::zeroed().assume_init() });
+        return Ok(T::default());
     }
     // SAFETY: passed on.
     unsafe { read(pointer, name) }

@@ -1,7 +1,6 @@
 //! Devices and adapters.
 
 use std::ffi::{CString, c_char, c_void};
-use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
@@ -62,8 +61,14 @@ pub struct vrtm_device_desc {
     /// One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu, or
     /// gpu:UUID with the UUID of an adapter) overrides it, for support.
     pub backend: vrtm_backend,
+    /// One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the latter three `adapter_id`
+    /// takes the place of `adapter`, so that vrtm computes on the GPU that the host draws with. If `backend` is GPU
+    /// there must be such an adapter; AUTO takes it if it is a hardware GPU that can be used, and the CPU otherwise.
+    pub adapter_by: vrtm_adapter_by,
     /// Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
     pub adapter: u32,
+    /// The identity of the adapter, in memory order; bytes that it does not have are zero.
+    pub adapter_id: [u8; 16],
     /// CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     /// environment variable VRTM_THREADS overrides it.
     pub threads: u32,
@@ -80,14 +85,6 @@ pub struct vrtm_device_desc {
     pub executor: *const vrtm_executor,
     /// The host's allocator; null (the default) = the system's. The struct is copied.
     pub allocator: *const vrtm_allocator,
-    /// One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the latter three `adapter_id`
-    /// takes the place of `adapter`, so that vrtm computes on the GPU that the host draws with. If `backend` is GPU
-    /// there must be such an adapter; AUTO takes it if it is a hardware GPU that can be used, and the CPU otherwise.
-    pub adapter_by: vrtm_adapter_by,
-    /// Zero.
-    pub reserved: u32,
-    /// The identity of the adapter, in memory order; bytes that it does not have are zero.
-    pub adapter_id: [u8; 16],
 }
 
 /// Description of a device. Start from vrtm_device_data_init().
@@ -98,16 +95,14 @@ pub struct vrtm_device_data {
     pub struct_size: u32,
     /// The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
     pub backend: vrtm_backend,
-    /// CPU threads per solve.
-    pub threads: u32,
-    /// Zero.
-    pub reserved: u32,
-    /// Bytes that all assets of the device hold now.
-    pub bytes_held: u64,
     /// The processor's or adapter's name, UTF-8.
     pub name: [c_char; 128],
     /// Why this backend was chosen, in a sentence, UTF-8; if the GPU went away, it starts with how.
     pub reason: [c_char; 256],
+    /// CPU threads per solve.
+    pub threads: u32,
+    /// Bytes that all assets of the device hold now.
+    pub bytes_held: u64,
 }
 
 /// A GPU that a device can be made on. Start from vrtm_adapter_data_init().
@@ -125,42 +120,45 @@ pub struct vrtm_adapter_data {
     pub driver: [c_char; 128],
     /// The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
     pub api: [c_char; 16],
-    /// 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
-    pub has_uuid: u32,
-    /// 1 if `luid` is known: on Windows. 0 otherwise.
-    pub has_luid: u32,
-    /// VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
-    pub uuid: [u8; 16],
-    /// VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) where
-    /// both UUIDs are those of its own device.
-    pub driver_uuid: [u8; 16],
-    /// The LUID of Direct3D and DXGI, in memory order.
-    pub luid: [u8; 8],
-    /// The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
-    pub registry_id: [u8; 8],
     /// PCI vendor; 0 where the interface does not tell.
     pub vendor: u32,
     /// PCI device of that vendor; 0 where the interface does not tell.
     pub device: u32,
     /// Place on the PCI bus, domain:bus:device.function, hexadecimal; empty where the interface does not tell.
     pub pci_bus: [c_char; 32],
+    /// 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
+    pub has_uuid: u32,
+    /// VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
+    pub uuid: [u8; 16],
+    /// VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) where
+    /// both UUIDs are those of its own device.
+    pub driver_uuid: [u8; 16],
+    /// 1 if `luid` is known: on Windows. 0 otherwise.
+    pub has_luid: u32,
+    /// The LUID of Direct3D and DXGI, in memory order.
+    pub luid: [u8; 8],
+    /// The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
+    pub registry_id: [u8; 8],
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function. So for the other two.
 unsafe impl Sized32 for vrtm_device_desc {
-    const FIRST: usize = offset_of!(vrtm_device_desc, executor);
     const NAME: &'static str = "vrtm_device_desc";
+}
+
+impl Default for vrtm_device_desc {
+    fn default() -> vrtm_device_desc {
+        Sized32::zeroed()
+    }
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_device_data {
-    const FIRST: usize = size_of::<vrtm_device_data>();
     const NAME: &'static str = "vrtm_device_data";
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_adapter_data {
-    const FIRST: usize = offset_of!(vrtm_adapter_data, has_uuid);
     const NAME: &'static str = "vrtm_adapter_data";
 }
 
@@ -192,7 +190,6 @@ impl HostLog {
 }
 
 fn adapter_id(desc: &vrtm_device_desc) -> Outcome<Option<AdapterId>> {
-    super::types::check_reserved(desc.reserved, "desc")?;
     let id = desc.adapter_id;
     let [mut first, mut second] = [[0; 8]; 2];
     first.copy_from_slice(&id[..8]);
@@ -289,7 +286,6 @@ pub unsafe extern "C" fn vrtm_device_info(device: vrtm_device, info: *mut vrtm_d
                 Backend::Gpu => VRTM_BACKEND_GPU,
             },
             threads: info.threads,
-            reserved: 0,
             bytes_held: info.bytes_held,
             name: chars(&info.name),
             reason: chars(&info.reason),

@@ -31,8 +31,6 @@ pub type vrtm_spawn_fn =
 pub struct vrtm_executor {
     /// sizeof(vrtm_executor); set by vrtm_executor_init().
     pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
     /// Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve asks
     /// for. Required.
     pub parallel_for: vrtm_parallel_for_fn,
@@ -44,7 +42,6 @@ pub struct vrtm_executor {
 
 // SAFETY: repr(C), struct_size first, plain numbers and pointers.
 unsafe impl Sized32 for vrtm_executor {
-    const FIRST: usize = size_of::<vrtm_executor>();
     const NAME: &'static str = "vrtm_executor";
 }
 

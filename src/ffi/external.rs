@@ -5,7 +5,7 @@ use super::fetch::{fetch_kind, vrtm_fetch_kind};
 use super::guard::guard;
 use super::handle::{self, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
-use super::types::{check_reserved, origin, pixel_format, vrtm_origin, vrtm_pixel_format};
+use super::types::{origin, pixel_format, vrtm_origin, vrtm_pixel_format};
 use crate::image::external::{ExternalHandle, ExternalImage};
 
 /// What kind of handle a host has exported its memory as.
@@ -38,30 +38,26 @@ pub struct vrtm_external_image {
     pub memory_type: u32,
     /// VRTM_PIXEL_F32 (0, the default).
     pub format: vrtm_pixel_format,
-    /// Bytes from the memory's begin to the first texel of the first row, a multiple of 8.
-    pub offset: u64,
-    /// Bytes from one row to the next, a multiple of 8; 0 = tightly packed. Bytes between rows are not written.
-    pub row_stride: u64,
     /// Texels in u, at least 1.
     pub width: u32,
     /// Texels in v, at least 1.
     pub height: u32,
     /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     pub origin: vrtm_origin,
-    /// Zero.
-    pub reserved: u32,
+    /// Bytes from the memory's begin to the first texel of the first row, a multiple of 8.
+    pub offset: u64,
+    /// Bytes from one row to the next, a multiple of 8; 0 = tightly packed. Bytes between rows are not written.
+    pub row_stride: u64,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_external_image {
-    const FIRST: usize = size_of::<vrtm_external_image>();
     const NAME: &'static str = "vrtm_external_image";
 }
 
 unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<ExternalImage> {
     // SAFETY: the host's pointer.
     let image = unsafe { desc::read(image, name) }?;
-    check_reserved(image.reserved, name)?;
     let bad = || Failure::argument(format!("{name}.handle is {}, no file descriptor", image.handle));
     let handle = match image.handle_kind {
         VRTM_EXTERNAL_OPAQUE_FD => ExternalHandle::OpaqueFd(i32::try_from(image.handle).map_err(|_| bad())?),

@@ -52,7 +52,6 @@ pub struct vrtm_fetch {
 
 // SAFETY: repr(C), struct_size first, plain numbers and a raw pointer.
 unsafe impl Sized32 for vrtm_fetch {
-    const FIRST: usize = size_of::<vrtm_fetch>();
     const NAME: &'static str = "vrtm_fetch";
 }
 

@@ -1,6 +1,6 @@
 //! Jobs: solves that run beside the host's own work.
 
-use std::mem::{offset_of, replace};
+use std::mem::replace;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -51,7 +51,6 @@ pub struct vrtm_job_data {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_job_data {
-    const FIRST: usize = offset_of!(vrtm_job_data, ms) + size_of::<f32>();
     const NAME: &'static str = "vrtm_job_data";
 }
 

@@ -33,8 +33,6 @@ pub struct vrtm_map_desc {
 pub struct vrtm_map_data {
     /// sizeof(vrtm_map_data); set by vrtm_map_data_init().
     pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
     /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one, in the numbers that a
     /// fetch writes: 0 certifies that it is everywhere between the centres of the tile's outermost texels. More than 0
     /// for a map with one_to_one: its numbers are too coarse for its size, and nothing was moved.
@@ -57,13 +55,11 @@ pub struct vrtm_map_data {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_map_desc {
-    const FIRST: usize = size_of::<vrtm_map_desc>();
     const NAME: &'static str = "vrtm_map_desc";
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_map_data {
-    const FIRST: usize = size_of::<vrtm_map_data>();
     const NAME: &'static str = "vrtm_map_data";
 }
 
@@ -107,7 +103,6 @@ fn data_of(report: &MapReport) -> vrtm_map_data {
     let [sufficient_width, sufficient_height] = report.sufficient_size.unwrap_or_default();
     vrtm_map_data {
         struct_size: 0,
-        reserved: 0,
         folds: report.folds,
         min_jacobian: report.min_jacobian,
         error_rms: report.error_rms,

@@ -1,13 +1,11 @@
 //! The description of a mesh.
 
-use std::mem::offset_of;
-
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
-use super::types::{check_reserved, strided, vrtm_array};
+use super::types::{strided, vrtm_array};
 use crate::allocation::Collect;
 use crate::error::{Error, ErrorKind};
-use crate::mesh::{MeshSource, UvSource, Weld, WeldBy};
+use crate::mesh::{MeshSource, POSITION_TOLERANCE, UV_TOLERANCE, UvSource, Weld, WeldBy};
 
 /// By what two corners of different faces are recognised as one, so that charts go on over the edges between them.
 pub type vrtm_weld = i32;
@@ -40,7 +38,8 @@ pub struct vrtm_uv_set {
     pub uv_index_count: usize,
 }
 
-/// A mesh at rest. Start from vrtm_mesh_desc_init(). All arrays are copied before the call returns.
+/// A mesh at rest. Start from vrtm_mesh_desc_init(), which sets the tolerances. All arrays are copied before the call
+/// returns.
 ///
 /// A face's corners stand one after the other: corner k of the mesh has the vertex indices[k] and the UV
 /// uv_indices[k] (or UV k, without uv_indices). Polygons of any size will do; they are triangulated. UVs are
@@ -50,8 +49,6 @@ pub struct vrtm_uv_set {
 pub struct vrtm_mesh_desc {
     /// sizeof(vrtm_mesh_desc); set by vrtm_mesh_desc_init().
     pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
     /// Rest positions, 3 components, any unit of length. Required.
     pub positions: *const vrtm_array,
     /// Corners of each face; null = all faces are triangles, unless `face_offsets` is given. Faces with fewer than 3
@@ -59,6 +56,10 @@ pub struct vrtm_mesh_desc {
     pub face_counts: *const u32,
     /// Number of faces: the length of `face_counts`. Ignored when that is null.
     pub face_count: usize,
+    /// In place of `face_counts`: the first corner of each face, and at the end `index_count`. Null = absent.
+    pub face_offsets: *const u32,
+    /// The length of `face_offsets`: the number of faces plus 1. Ignored when that is null.
+    pub face_offset_count: usize,
     /// Vertex of each corner, less than positions->count. Required.
     pub indices: *const u32,
     /// Number of corners: the length of `indices`.
@@ -74,42 +75,46 @@ pub struct vrtm_mesh_desc {
     pub uv_indices: *const u32,
     /// The length of `uv_indices`: `index_count`. Ignored when that is null.
     pub uv_index_count: usize,
-    /// In place of `face_counts`: the first corner of each face, and at the end `index_count`. Null = absent.
-    pub face_offsets: *const u32,
-    /// The length of `face_offsets`: the number of faces plus 1. Ignored when that is null.
-    pub face_offset_count: usize,
     /// Further UV sets, from set 1 on; the UVs above are set 0. Null = none. Each set has tiles of its own.
     pub uv_sets: *const vrtm_uv_set,
     /// The length of `uv_sets`. Ignored when that is null.
     pub uv_set_count: usize,
-    /// Edges at which charts end in all UV sets: 2 vertices each. Null = none. A pair that is no edge of a face does
-    /// nothing, is counted, and the log warns.
-    pub seams: *const u32,
-    /// The number of these edges: half the length of `seams`. Ignored when that is null.
-    pub seam_count: usize,
     /// The faces that carry the texture, each less than the number of faces, in any order; null = all. The others
     /// are as if they had no UVs.
     pub textured_faces: *const u32,
     /// The length of `textured_faces`. Ignored when that is null.
     pub textured_face_count: usize,
+    /// Edges at which charts end in all UV sets: 2 vertices each. Null = none. A pair that is no edge of a face does
+    /// nothing, is counted, and the log warns.
+    pub seams: *const u32,
+    /// The number of these edges: half the length of `seams`. Ignored when that is null.
+    pub seam_count: usize,
     /// One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
     pub weld: vrtm_weld,
     /// The tolerance of VRTM_WELD_POSITION, the largest distance of vertices that it welds: this fraction (0..1) of the
-    /// longest side of the bounding box at rest, 0 = 1e-5, plus a rounding, 2^-23 (for f64 positions 2^-52) times the
-    /// largest magnitude of a coordinate at rest. A vertex has at most a quarter of its shortest edge; one with an edge
-    /// shorter than half of the tolerance is welded to vertices at equal positions alone.
-    pub weld_position_tolerance: f32,
-    /// Largest difference of welded UVs, in u and in v, 0..1; 0 = 1/2048, half a texel of a map of 1024. Corners of
+    /// longest side of the bounding box at rest; default 1e-5. Unless it is 0, a rounding is added, 2^-23 (for f64
+    /// positions 2^-52) times the largest magnitude of a coordinate at rest. A vertex has at most a quarter of its
+    /// shortest edge; one with an edge shorter than half of the tolerance is welded to vertices at equal positions
+    /// alone.
+    pub weld_position_tolerance: f64,
+    /// Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. Corners of
     /// small triangles have less: a quarter of the least height in UV of the triangles at the vertex.
-    pub weld_uv_tolerance: f32,
-    /// Zero.
-    pub weld_reserved: u32,
+    pub weld_uv_tolerance: f64,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
 unsafe impl Sized32 for vrtm_mesh_desc {
-    const FIRST: usize = offset_of!(vrtm_mesh_desc, face_offsets);
     const NAME: &'static str = "vrtm_mesh_desc";
+}
+
+impl Default for vrtm_mesh_desc {
+    fn default() -> vrtm_mesh_desc {
+        vrtm_mesh_desc {
+            weld_position_tolerance: POSITION_TOLERANCE,
+            weld_uv_tolerance: UV_TOLERANCE,
+            ..Sized32::zeroed()
+        }
+    }
 }
 
 unsafe fn optional<'a>(pointer: *const u32, count: usize, name: &str) -> Outcome<Option<&'a [u32]>> {
@@ -146,20 +151,16 @@ unsafe fn uv_source<'a>(set: &vrtm_uv_set, name: &str) -> Outcome<UvSource<'a>> 
 }
 
 fn weld(desc: &vrtm_mesh_desc) -> Outcome<Weld> {
-    if desc.weld_reserved != 0 {
-        return Err(Failure::argument(format!("desc.weld_reserved is {}, not 0", desc.weld_reserved)));
-    }
     let by = match desc.weld {
         VRTM_WELD_INDEX => WeldBy::Index,
         VRTM_WELD_POSITION => WeldBy::Position,
         VRTM_WELD_OFF => WeldBy::Off,
         other => return Err(Failure::argument(format!("desc.weld is {other}, no VRTM_WELD_ value"))),
     };
-    let given = |x: f32| (x != 0.0).then_some(f64::from(x));
     Ok(Weld {
         by,
-        position_tolerance: given(desc.weld_position_tolerance),
-        uv_tolerance: given(desc.weld_uv_tolerance),
+        position_tolerance: Some(desc.weld_position_tolerance),
+        uv_tolerance: Some(desc.weld_uv_tolerance),
     })
 }
 
@@ -175,7 +176,6 @@ pub(super) unsafe fn more_uvs<'a>(desc: &vrtm_mesh_desc) -> Outcome<Vec<UvSource
 }
 
 pub(super) unsafe fn mesh<'a>(desc: &vrtm_mesh_desc, uv_sets: &'a [UvSource<'a>]) -> Outcome<MeshSource<'a>> {
-    check_reserved(desc.reserved, "desc")?;
     let vrtm_mesh_desc { uvs, u, v, uv_indices, uv_index_count, .. } = *desc;
     // SAFETY: all of these are the host's pointers, valid during the call.
     unsafe {

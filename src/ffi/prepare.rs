@@ -13,8 +13,6 @@ use super::status::{Failure, vrtm_status};
 pub struct vrtm_tile_needs {
     /// sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
     pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
     /// Nodes of the grid that may move: time and memory follow their number.
     pub movable_nodes: u64,
     /// Bytes held once the tile is prepared: maps and grid.
@@ -27,7 +25,6 @@ pub struct vrtm_tile_needs {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_tile_needs {
-    const FIRST: usize = size_of::<vrtm_tile_needs>();
     const NAME: &'static str = "vrtm_tile_needs";
 }
 
@@ -45,7 +42,6 @@ pub unsafe extern "C" fn vrtm_tile_estimate(tile: vrtm_tile, needs: *mut vrtm_ti
         let estimate = asset.read(|asset| Ok(asset.tile_estimate(tile)?))?;
         out.write(vrtm_tile_needs {
             struct_size: 0,
-            reserved: 0,
             movable_nodes: estimate.movable_nodes,
             prepared_bytes: estimate.prepared_bytes,
             preparing_bytes: estimate.preparing_bytes,

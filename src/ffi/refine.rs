@@ -1,6 +1,5 @@
 //! Refinements: corner UVs for a mesh that is split finely enough for them.
 
-use std::mem::offset_of;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -9,12 +8,11 @@ use super::desc::{self, Out, Place, Sized32};
 use super::guard::guard;
 use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_refinement};
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
-use super::types::check_reserved;
 use crate::panics::lock;
 use crate::refine::pattern::RefinementPattern;
-use crate::refine::{Refinement, RefinementSettings};
+use crate::refine::{Refinement, RefinementSettings, TOLERANCE};
 
-/// How a mesh is refined. Start from vrtm_refinement_desc_init(); zero means the default.
+/// How a mesh is refined. Start from vrtm_refinement_desc_init(), which sets the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_refinement_desc {
@@ -22,8 +20,8 @@ pub struct vrtm_refinement_desc {
     pub struct_size: u32,
     /// The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
     pub uv_set: u32,
-    /// Largest error of linear interpolation on a triangle, in UV of a tile, at most 1; 0 = 1/2048, half a texel of
-    /// a texture of 1024. Half of it takes up to three times as many triangles.
+    /// Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048,
+    /// half a texel of a texture of 1024. Half of it takes up to three times as many triangles.
     pub tolerance: f64,
     /// Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million more than
     /// the mesh has. Where there is no room for all, the largest errors are split first.
@@ -69,8 +67,6 @@ pub struct vrtm_refinement_data {
 pub struct vrtm_refinement_pattern {
     /// sizeof(vrtm_refinement_pattern); set by vrtm_refinement_pattern_init().
     pub struct_size: u32,
-    /// Zero.
-    pub reserved: u32,
     /// vrtm_refinement_data.vertices: the room in the arrays by vertex.
     pub vertex_count: usize,
     /// vrtm_refinement_data.faces: the room in the arrays by face.
@@ -98,19 +94,22 @@ pub struct vrtm_refinement_pattern {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_refinement_desc {
-    const FIRST: usize = size_of::<vrtm_refinement_desc>();
     const NAME: &'static str = "vrtm_refinement_desc";
+}
+
+impl Default for vrtm_refinement_desc {
+    fn default() -> vrtm_refinement_desc {
+        vrtm_refinement_desc { tolerance: TOLERANCE, ..Sized32::zeroed() }
+    }
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_refinement_data {
-    const FIRST: usize = offset_of!(vrtm_refinement_data, ms) + size_of::<f32>();
     const NAME: &'static str = "vrtm_refinement_data";
 }
 
 // SAFETY: as above, with raw pointers.
 unsafe impl Sized32 for vrtm_refinement_pattern {
-    const FIRST: usize = size_of::<vrtm_refinement_pattern>();
     const NAME: &'static str = "vrtm_refinement_pattern";
 }
 
@@ -194,7 +193,7 @@ pub unsafe extern "C" fn vrtm_refinement_create(
         let desc = unsafe { desc::read_or_default(desc, "desc") }?;
         let settings = RefinementSettings {
             uv_set: desc.uv_set,
-            tolerance: (desc.tolerance != 0.0).then_some(desc.tolerance),
+            tolerance: Some(desc.tolerance),
             max_triangles: (desc.max_triangles != 0).then_some(desc.max_triangles),
         };
         let present = Mutex::new(Arc::new(asset.results.refine(&settings)?));
@@ -257,7 +256,6 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
         let refinement = living(refinement)?.present();
         // SAFETY: the host's pointer.
         let p = unsafe { desc::read(pattern, "pattern") }?;
-        check_reserved(p.reserved, "pattern")?;
         let info = refinement.info();
         let counts = [
             ("vertex_count", p.vertex_count, info.vertices, "vertices"),

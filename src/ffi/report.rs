@@ -1,7 +1,5 @@
 //! Reports of the last solve.
 
-use std::mem::offset_of;
-
 use super::desc::{Out, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
@@ -56,6 +54,11 @@ pub struct vrtm_tile_report_data {
     pub max_displacement: f32,
     /// 1 if the time budget ended the solve early.
     pub truncated: u32,
+    /// 1 if the asset's last solve left the tile alone: it was frozen, not asked for, or touched by no dirty vertex. The
+    /// other fields are then of the tile's own last solve.
+    pub kept: u32,
+    /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
+    pub welds_torn: u32,
     /// Charts in the tile.
     pub charts: u32,
     /// Charts solved in this call.
@@ -95,18 +98,18 @@ pub struct vrtm_tile_report_data {
     pub ms_relax: f32,
     /// Milliseconds: Gauss-Newton corrections.
     pub ms_correct: f32,
+    /// Milliseconds: iterations of VRTM_SOLVER_PBD.
+    pub ms_pbd: f32,
     /// Milliseconds: the certificate.
     pub ms_certify: f32,
     /// Milliseconds: the latest inversion; not part of the total.
     pub ms_invert: f32,
     /// Milliseconds: the whole solve of this tile, less measuring.
     pub ms_total: f32,
-    /// 1 if the solve was asked to measure: the fields down to `help`, `edges_fixed` and `strain_fixed` are set. They
-    /// speak of the segments between neighbouring nodes whose rigidity is over 0.5 at both ends; those down to `help` of
-    /// the segments that are not fixed at both ends. Otherwise all of them are 0.
+    /// 1 if the solve was asked to measure: the fields below are set, and 0 otherwise. They speak of the segments
+    /// between neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` of those
+    /// that a border, an overlap or the mask fixes at both ends, and all others of the rest.
     pub measured: u32,
-    /// Segments measured.
-    pub edges: u64,
     /// Strain with the mesh's own UVs.
     pub before: vrtm_strain,
     /// Strain with the warp.
@@ -115,23 +118,14 @@ pub struct vrtm_tile_report_data {
     pub harm: f32,
     /// Fraction of the segments whose strain fell by more than 0.10.
     pub help: f32,
-    /// Milliseconds: iterations of VRTM_SOLVER_PBD.
-    pub ms_pbd: f32,
-    /// Zero.
-    pub reserved: u32,
-    /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
-    pub welds_torn: u32,
-    /// 1 if the asset's last solve left the tile alone: it was frozen, not asked for, or touched by no dirty vertex. The
-    /// other fields are then of the tile's own last solve.
-    pub kept: u32,
-    /// Segments that a border, an overlap or the mask fixes at both ends. Their strain is the same with the warp and
-    /// without: the RMS strain of all rigid segments is the root of
-    /// (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with before.rms or after.rms.
-    pub edges_fixed: u64,
-    /// RMS strain of these.
+    /// RMS strain of the segments that are fixed at both ends: the same with the warp and without. The RMS strain of all
+    /// rigid segments is the root of (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with
+    /// before.rms or after.rms.
     pub strain_fixed: f32,
-    /// Zero.
-    pub reserved2: u32,
+    /// Segments that are not fixed at both ends.
+    pub edges: u64,
+    /// Segments that are fixed at both ends.
+    pub edges_fixed: u64,
 }
 
 /// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -144,6 +138,9 @@ pub struct vrtm_asset_report_data {
     pub tiles: u32,
     /// Tiles with at least one chart solved in the last call.
     pub tiles_active: u32,
+    /// Tiles that the last call left alone: frozen, not asked for, or touched by no dirty vertex. Their charts count as
+    /// reused.
+    pub tiles_kept: u32,
     /// Charts solved.
     pub charts_active: u32,
     /// Charts that kept their last result because none of their inputs changed.
@@ -162,9 +159,6 @@ pub struct vrtm_asset_report_data {
     pub ms_total: f32,
     /// 1 if the time budget ended a tile's solve early.
     pub truncated: u32,
-    /// Tiles that the last call left alone: frozen, not asked for, or touched by no dirty vertex. Their charts count as
-    /// reused.
-    pub tiles_kept: u32,
     /// The median, over some thousand edges of the last pose, of their length as a multiple of that at rest. Over 3 or
     /// under 1/3, which the log warns of, the pose is most likely in other units, or its vertices in another order.
     pub median_stretch: f32,
@@ -175,13 +169,11 @@ pub struct vrtm_asset_report_data {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_tile_report_data {
-    const FIRST: usize = offset_of!(vrtm_tile_report_data, ms_pbd);
     const NAME: &'static str = "vrtm_tile_report_data";
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_asset_report_data {
-    const FIRST: usize = offset_of!(vrtm_asset_report_data, tiles_kept);
     const NAME: &'static str = "vrtm_asset_report_data";
 }
 
@@ -253,12 +245,10 @@ pub unsafe extern "C" fn vrtm_tile_report(
             harm: strain.harm,
             help: strain.help,
             ms_pbd: r.times.pbd,
-            reserved: 0,
             welds_torn: r.welds_torn,
             kept: u32::from(r.kept),
             edges_fixed: strain.edges_fixed,
             strain_fixed: strain.fixed,
-            reserved2: 0,
         });
         Ok(())
     })

@@ -1,7 +1,6 @@
 //! Solving, and the one call of a host's compute().
 
 use std::ffi::c_void;
-use std::mem::offset_of;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,7 +10,7 @@ use super::fetch::{targets, vrtm_fetch};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
-use super::types::{check_reserved, flag, strided, strided_and_span, vrtm_array};
+use super::types::{flag, strided, strided_and_span, vrtm_array};
 use crate::allocation::{Collect, Grow, with_capacity};
 use crate::asset::solve::{Fetch, SolveRequest};
 use crate::control::Control;
@@ -37,25 +36,24 @@ pub const VRTM_SOLVER_DESCENT: vrtm_solver = 0;
 /// by 0.08 of its side in the worst pose tried. Redirections stay within the tile.
 pub const VRTM_SOLVER_PBD: vrtm_solver = 1;
 
-/// Settings of VRTM_SOLVER_PBD; zero in a field means its default, and VRTM_OFF in one that is a fraction means 0. A
-/// plain value that never grows.
+/// Settings of VRTM_SOLVER_PBD; vrtm_solve_options_init() sets the defaults. A plain value that never grows.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_pbd_settings {
-    /// Iterations on each level of the grid, 1..1024; 0 = 16. Each projects all constraints once; every fourth is
+    /// Iterations on each level of the grid, 1..1024; default 16. Each projects all constraints once; every fourth is
     /// followed by a regularisation.
     pub iterations: u32,
-    /// Fraction (0..1) of its velocity that a node loses from one regularisation to the next; 0 = none.
+    /// Fraction (0..1) of its velocity that a node loses from one regularisation to the next; default 0.
     pub damping: f32,
-    /// Fraction (0..1) of its turn that a segment takes back after its projection; 0 = none.
+    /// Fraction (0..1) of its turn that a segment takes back after its projection; default 0.
     pub orientation_preservation: f32,
-    /// How much (0..1) as-rigid-as-possible material is smoothed; 0 = 0.8.
+    /// How much (0..1) as-rigid-as-possible material is smoothed; default 0.8.
     pub smoothing: f32,
-    /// Factor (0..1) on the corrections of each level over those of the next finer one; 0 = 0.7.
+    /// Factor (0..1) on the corrections of each level over those of the next finer one; default 0.7.
     pub coarse_correction: f32,
 }
 
-/// Options of one solve; zero in a field means its default. Start from vrtm_solve_options_init().
+/// Options of one solve. Start from vrtm_solve_options_init(), which sets the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_solve_options {
@@ -63,9 +61,6 @@ pub struct vrtm_solve_options {
     pub struct_size: u32,
     /// VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH: of VRTM_SOLVER_DESCENT, as are the two limits below.
     pub quality: vrtm_quality,
-    /// 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
-    /// the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
-    pub warm: u32,
     /// Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
     pub max_corrections: u32,
     /// A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
@@ -79,14 +74,9 @@ pub struct vrtm_solve_options {
     /// returns within 1.2 times the budget and 5 ms, unless the machine is suddenly busier than before. On a GPU that
     /// holds as far as the driver's own delays allow. With a limit the result depends on the speed of the machine.
     pub time_budget_ms: f32,
-    /// 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
-    pub measure: u32,
-    /// Zero.
-    pub reserved: u32,
-    /// VRTM_SOLVER_DESCENT (0, the default) or PBD.
-    pub solver: vrtm_solver,
-    /// Settings of VRTM_SOLVER_PBD.
-    pub pbd: vrtm_pbd_settings,
+    /// 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
+    /// the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
+    pub warm: u32,
     /// With `warm`, of VRTM_SOLVER_DESCENT: how strongly the warp is held to the last result, 0..1e6, in the unit
     /// of the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from
     /// frame to frame falls to between three quarters and a fifth, and the warp of a steady motion is one to two
@@ -94,12 +84,16 @@ pub struct vrtm_solve_options {
     pub temporal_weight: f32,
     /// CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
     pub threads: u32,
+    /// 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
+    pub measure: u32,
     /// 1: the results of the tiles that are solved are dropped before they are solved, which saves their memory: 8 bytes
     /// per node of the blocks in use. They cannot be read then until the solve is done, nor if it fails. 0 (the
     /// default): they can be read all the time.
     pub release_last: u32,
-    /// Zero.
-    pub reserved2: u32,
+    /// VRTM_SOLVER_DESCENT (0, the default) or PBD.
+    pub solver: vrtm_solver,
+    /// Settings of VRTM_SOLVER_PBD.
+    pub pbd: vrtm_pbd_settings,
     /// The tiles to solve, in any order; null = all. The others keep their results.
     pub tiles: *const vrtm_tile,
     /// The length of `tiles`. Ignored when that is null.
@@ -124,8 +118,21 @@ pub type vrtm_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, progr
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_solve_options {
-    const FIRST: usize = offset_of!(vrtm_solve_options, solver);
     const NAME: &'static str = "vrtm_solve_options";
+}
+
+impl Default for vrtm_solve_options {
+    fn default() -> vrtm_solve_options {
+        let pbd = PbdSettings::default().resolved();
+        let pbd = vrtm_pbd_settings {
+            iterations: pbd.iterations,
+            damping: pbd.damping,
+            orientation_preservation: pbd.orientation_preservation,
+            smoothing: pbd.smoothing,
+            coarse_correction: pbd.coarse_correction,
+        };
+        vrtm_solve_options { pbd, ..Sized32::zeroed() }
+    }
 }
 
 /// What a host asks for beside the positions.
@@ -143,7 +150,6 @@ impl<'a> Wishes<'a> {
     pub unsafe fn read(asset: vrtm_asset, pointer: *const vrtm_solve_options) -> Outcome<Wishes<'a>> {
         // SAFETY: the host's pointer.
         let from = unsafe { desc::read_or_default(pointer, "options") }?;
-        check_reserved(from.reserved2, "options")?;
         let mut tiles = None;
         if !from.tiles.is_null() {
             // SAFETY: the host vouches for `tile_count` handles.
@@ -217,7 +223,6 @@ impl HostProgress {
 }
 
 fn options(from: &vrtm_solve_options) -> Outcome<SolveOptions> {
-    check_reserved(from.reserved, "options")?;
     Ok(SolveOptions {
         quality: match from.quality {
             VRTM_QUALITY_NORMAL => Quality::Normal,
@@ -241,14 +246,11 @@ fn options(from: &vrtm_solve_options) -> Outcome<SolveOptions> {
             }
         },
         pbd: PbdSettings {
-            iterations: (from.pbd.iterations != 0).then_some(from.pbd.iterations),
-            damping: fraction(from.pbd.damping, "damping")?,
-            orientation_preservation: fraction(
-                from.pbd.orientation_preservation,
-                "orientation_preservation",
-            )?,
-            smoothing: fraction(from.pbd.smoothing, "smoothing")?,
-            coarse_correction: fraction(from.pbd.coarse_correction, "coarse_correction")?,
+            iterations: Some(from.pbd.iterations),
+            damping: Some(from.pbd.damping),
+            orientation_preservation: Some(from.pbd.orientation_preservation),
+            smoothing: Some(from.pbd.smoothing),
+            coarse_correction: Some(from.pbd.coarse_correction),
         },
     })
 }
@@ -260,16 +262,6 @@ fn time_budget(ms: f32) -> Outcome<Option<Duration>> {
         return Err(Failure::argument(message));
     }
     Ok(Duration::try_from_secs_f32(ms / 1000.0).ok().filter(|_| ms > 0.0))
-}
-
-/// A field of the settings of VRTM_SOLVER_PBD: 0 is its default, and -1 is 0.
-fn fraction(value: f32, name: &str) -> Outcome<Option<f32>> {
-    match value {
-        0.0 => Ok(None),
-        -1.0 => Ok(Some(0.0)),
-        _ if (0.0..=1.0).contains(&value) => Ok(Some(value)),
-        _ => Err(Failure::argument(format!("options.pbd.{name}: {value} is neither in 0..1 nor -1 (none)"))),
-    }
 }
 
 /// Solves every tile for a pose; returns when that is done. `positions` are the deformed positions of all vertices (3
@@ -351,7 +343,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn zeros_mean_the_default_and_what_cannot_be_is_named() {
+    fn a_time_budget_of_zero_is_none_and_what_cannot_be_is_named() {
         let message = |outcome: Outcome<_>| match outcome {
             Err(failure) => failure.message,
             Ok(budget) => panic!("{budget:?}"),
@@ -362,14 +354,6 @@ mod tests {
         for (ms, text) in [(-1.0, "-1"), (f32::NAN, "NaN"), (f32::INFINITY, "inf")] {
             let expected = format!("options.time_budget_ms: {text} is not a finite, non-negative number");
             assert_eq!(message(time_budget(ms)), expected);
-        }
-        for (value, expected) in [(0.0, None), (-1.0, Some(0.0)), (0.25, Some(0.25)), (1.0, Some(1.0))] {
-            assert_eq!(fraction(value, "damping").unwrap(), expected);
-        }
-        for value in [-0.5, 1.5, f32::NAN] {
-            let failure = fraction(value, "damping").unwrap_err();
-            let expected = format!("options.pbd.damping: {value} is neither in 0..1 nor -1 (none)");
-            assert_eq!(failure.message, expected);
         }
     }
 }

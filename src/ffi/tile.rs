@@ -1,12 +1,10 @@
 //! A tile's facts, maps and settings.
 
-use std::mem::offset_of;
-
 use super::desc::{self, Out, Place, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
-use super::types::{check_reserved, flag, image_or_none, strided, vrtm_array, vrtm_image};
+use super::types::{flag, image_or_none, strided, vrtm_array, vrtm_image};
 use crate::settings::{Overlap, TileSettings};
 
 /// Facts of a tile that need no solve. Start from vrtm_tile_data_init().
@@ -17,26 +15,26 @@ pub struct vrtm_tile_data {
     pub struct_size: u32,
     /// UDIM number: 1001 + U + 10 V.
     pub udim: u32,
-    /// Triangles in the tile.
-    pub triangles: u64,
-    /// Nodes of the grid that may move.
-    pub movable_nodes: u64,
+    /// The UV set that it belongs to.
+    pub uv_set: u32,
     /// Charts in the tile: connected pieces of UV triangles.
     pub charts: u32,
-    /// Cells of the grid in u. A grid of w x h cells has (w + 1) x (h + 1) nodes.
-    pub grid_width: u32,
-    /// Cells of the grid in v.
-    pub grid_height: u32,
-    /// Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
-    pub overlap: f32,
+    /// Triangles in the tile.
+    pub triangles: u64,
     /// Sides of triangles at which a chart ends.
     pub border_edges: u64,
     /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
     /// Edges whose two sides lie together and are not connected: see vrtm_asset_data.
     pub edges_apart: u64,
-    /// The UV set that it belongs to.
-    pub uv_set: u32,
+    /// Cells of the grid in u. A grid of w x h cells has (w + 1) x (h + 1) nodes.
+    pub grid_width: u32,
+    /// Cells of the grid in v.
+    pub grid_height: u32,
+    /// Nodes of the grid that may move.
+    pub movable_nodes: u64,
+    /// Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
+    pub overlap: f32,
     /// Fraction (0..1) of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least
     /// 0.5, those that a border, an overlap or the mask fixes. Near 1, a map can have no effect.
     pub frozen: f32,
@@ -49,74 +47,75 @@ pub const VRTM_OVERLAP_FIXED: vrtm_overlap = 0;
 /// The chart with the first face owns them: for mirrored halves that deform alike.
 pub const VRTM_OVERLAP_FIRST_FACE: vrtm_overlap = 1;
 
-/// For a setting whose zero means "the default": no such term at all.
-pub const VRTM_OFF: f32 = -1.0;
-
-/// A tile's settings; zero in a field means its default. Start from vrtm_tile_settings_init().
+/// A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_tile_settings {
     /// sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
     pub struct_size: u32,
-    /// VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
-    pub overlap: vrtm_overlap,
     /// Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
     /// map. Rounded up to a multiple of 16, at most 16384.
     pub grid_width: u32,
     /// Cells of the grid in v, likewise.
     pub grid_height: u32,
-    /// Smoothness of elastic material against the stiffness 1 of rigid material, up to 1e6; 0 = 0.02, VRTM_OFF = none.
-    /// A lower one lets rigid features keep their shape better and makes material of little rigidity more rigid.
+    /// VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
+    pub overlap: vrtm_overlap,
+    /// Smoothness of elastic material against the stiffness 1 of rigid material, 0 to 1e6; default 0.02. A lower one
+    /// lets rigid features keep their shape better and makes material of little rigidity more rigid.
     pub smoothness: f32,
-    /// Smoothness of all material, 1e-6 to 1e6; 0 = 0.0005.
+    /// Smoothness of all material, 1e-6 to 1e6; default 0.0005.
     pub smoothness_floor: f32,
-    /// Weight that keeps rigid features from turning, up to 1e6; 0 = none, the default.
+    /// Weight that keeps rigid features from turning, 0 (the default) to 1e6.
     pub orientation: f32,
-    /// Weight of the penalty on cells that lose their area, up to 1e6; 0 = 0.3, VRTM_OFF = none.
-    pub room: f32,
-    /// Fraction of a cell's area, up to 1, under which that penalty starts; 0 = 0.4, VRTM_OFF = 0.
-    pub room_threshold: f32,
-    /// Zero.
-    pub reserved: u32,
     /// Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
-    /// a tent of half of the tile), up to 1e6; 0 = none, the default. Sparse features then turn to keep their shape,
-    /// dense ones stay in order. For VRTM_SOLVER_PBD it is added to the fraction that a segment turns back.
+    /// a tent of half of the tile), 0 (the default) to 1e6. Sparse features then turn to keep their shape, dense ones
+    /// stay in order. For VRTM_SOLVER_PBD it is added to the fraction that a segment turns back.
     pub orientation_density: f32,
+    /// Weight of the penalty on cells that lose their area, 0 to 1e6; default 0.3.
+    pub room: f32,
+    /// Fraction of a cell's area, 0 to 1, under which that penalty starts; default 0.4.
+    pub room_threshold: f32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_tile_data {
-    const FIRST: usize = offset_of!(vrtm_tile_data, border_edges);
     const NAME: &'static str = "vrtm_tile_data";
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_tile_settings {
-    const FIRST: usize = offset_of!(vrtm_tile_settings, orientation_density);
     const NAME: &'static str = "vrtm_tile_settings";
 }
 
-/// A field of the settings: zero is the default, VRTM_OFF is zero. Other numbers are checked with the settings, which
-/// know nothing of VRTM_OFF.
-fn or_default(name: &str, value: f32, default: f32) -> Outcome<f32> {
-    match value {
-        0.0 => Ok(default),
-        VRTM_OFF => Ok(0.0),
-        _ if value < 0.0 => {
-            let message = format!("settings.{name}: {value} is negative, and not VRTM_OFF (-1) either");
-            Err(Failure::argument(message))
+impl Default for vrtm_tile_settings {
+    fn default() -> vrtm_tile_settings {
+        vrtm_tile_settings {
+            struct_size: size_of::<vrtm_tile_settings>() as u32,
+            ..to_c(&TileSettings::default())
         }
-        _ => Ok(value),
     }
 }
 
-/// The inverse of [`or_default`] for values in use.
-fn or_off(value: f32) -> f32 {
-    if value == 0.0 { VRTM_OFF } else { value }
+/// The settings in the words of C, without the struct's size.
+fn to_c(settings: &TileSettings) -> vrtm_tile_settings {
+    vrtm_tile_settings {
+        struct_size: 0,
+        grid_width: settings.grid[0].unwrap_or(0),
+        grid_height: settings.grid[1].unwrap_or(0),
+        overlap: match settings.overlap {
+            Overlap::Fixed => VRTM_OVERLAP_FIXED,
+            Overlap::FirstFace => VRTM_OVERLAP_FIRST_FACE,
+        },
+        smoothness: settings.smoothness,
+        smoothness_floor: settings.smoothness_floor,
+        orientation: settings.orientation,
+        orientation_density: settings.orientation_density,
+        room: settings.room,
+        room_threshold: settings.room_threshold,
+    }
 }
 
 fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
-    check_reserved(from.reserved, "settings")?;
     let overlap = match from.overlap {
         VRTM_OVERLAP_FIXED => Overlap::Fixed,
         VRTM_OVERLAP_FIRST_FACE => Overlap::FirstFace,
@@ -124,20 +123,14 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
             return Err(Failure::argument(format!("settings.overlap is {other}, no VRTM_OVERLAP_ value")));
         }
     };
-    let default = TileSettings::default();
     Ok(TileSettings {
         grid: [from.grid_width, from.grid_height].map(|n| (n != 0).then_some(n)),
-        smoothness: or_default("smoothness", from.smoothness, default.smoothness)?,
-        // It has no "off": without it a node may have no say in where it goes.
-        smoothness_floor: if from.smoothness_floor == 0.0 {
-            default.smoothness_floor
-        } else {
-            from.smoothness_floor
-        },
+        smoothness: from.smoothness,
+        smoothness_floor: from.smoothness_floor,
         orientation: from.orientation,
         orientation_density: from.orientation_density,
-        room: or_default("room", from.room, default.room)?,
-        room_threshold: or_default("room_threshold", from.room_threshold, default.room_threshold)?,
+        room: from.room,
+        room_threshold: from.room_threshold,
         overlap,
     })
 }
@@ -305,8 +298,7 @@ pub unsafe extern "C" fn vrtm_tile_set_settings(
     })
 }
 
-/// A tile's settings with the defaults filled in (a grid of 0 x 0 still means the rigidity map's size). What comes out
-/// can be passed to vrtm_tile_set_settings as it is.
+/// A tile's settings: what was set, or the defaults. What comes out can be passed to vrtm_tile_set_settings as it is.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `settings` is null or has a wrong struct_size;
 /// VRTM_ERROR_BUSY.
@@ -319,22 +311,7 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
         let out = Out::new(settings, "settings")?;
         let (asset, tile) = handle::tile("tile", tile)?;
         let now = asset.read(|asset| Ok(asset.settings(tile)?))?;
-        out.write(vrtm_tile_settings {
-            struct_size: 0,
-            overlap: match now.overlap {
-                Overlap::Fixed => VRTM_OVERLAP_FIXED,
-                Overlap::FirstFace => VRTM_OVERLAP_FIRST_FACE,
-            },
-            grid_width: now.grid[0].unwrap_or(0),
-            grid_height: now.grid[1].unwrap_or(0),
-            smoothness: or_off(now.smoothness),
-            smoothness_floor: now.smoothness_floor,
-            orientation: now.orientation,
-            room: or_off(now.room),
-            room_threshold: or_off(now.room_threshold),
-            reserved: 0,
-            orientation_density: now.orientation_density,
-        });
+        out.write(to_c(&now));
         Ok(())
     })
 }

@@ -1,7 +1,6 @@
 //! Structs and constants that several functions share.
 
 use std::ffi::c_void;
-use std::mem::offset_of;
 use std::ops::Range;
 
 use super::desc::{self, Sized32};
@@ -65,20 +64,18 @@ pub struct vrtm_image {
     pub struct_size: u32,
     /// One of VRTM_PIXEL_: F32 (0, the default), F16, U16, U8.
     pub format: vrtm_pixel_format,
-    /// The first texel of the first row. Need not be aligned.
-    pub data: *const c_void,
     /// Texels in u, at least 1.
     pub width: u32,
     /// Texels in v, at least 1.
     pub height: u32,
+    /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
+    pub origin: vrtm_origin,
+    /// The first texel of the first row. Need not be aligned.
+    pub data: *const c_void,
     /// Bytes from one texel to the next; 0 = tightly packed.
     pub pixel_stride: usize,
     /// Bytes from one row to the next; 0 = tightly packed.
     pub row_stride: usize,
-    /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
-    pub origin: vrtm_origin,
-    /// Zero.
-    pub reserved: u32,
 }
 
 /// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size will do; the first `channels`
@@ -90,20 +87,12 @@ pub struct vrtm_image_out {
     pub struct_size: u32,
     /// VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
     pub format: vrtm_pixel_format,
-    /// Where the first texel of the first row goes. Need not be aligned.
-    pub data: *mut c_void,
     /// Texels in u, at least 1.
     pub width: u32,
     /// Texels in v, at least 1.
     pub height: u32,
-    /// Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
-    pub pixel_stride: usize,
-    /// Bytes from one row to the next; 0 = tightly packed.
-    pub row_stride: usize,
     /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     pub origin: vrtm_origin,
-    /// Zero.
-    pub reserved: u32,
     /// Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. 3 adds one that is
     /// 0, and 4, for a redirection, one that is 1 where a chart covers the texel's centre and 0 elsewhere.
     pub channels: u32,
@@ -116,23 +105,26 @@ pub struct vrtm_image_out {
     /// times as long for crumpled ones. A part of an image cannot have it (vrtm_tile_fetch_part). 0 (the default) =
     /// every value is that of the redirection at the texel's centre. Ignored for other kinds.
     pub one_to_one: u32,
+    /// Where the first texel of the first row goes. Need not be aligned.
+    pub data: *mut c_void,
+    /// Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
+    pub pixel_stride: usize,
+    /// Bytes from one row to the next; 0 = tightly packed.
+    pub row_stride: usize,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers. So for the other two.
 unsafe impl Sized32 for vrtm_array {
-    const FIRST: usize = size_of::<vrtm_array>();
     const NAME: &'static str = "vrtm_array";
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_image {
-    const FIRST: usize = size_of::<vrtm_image>();
     const NAME: &'static str = "vrtm_image";
 }
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_image_out {
-    const FIRST: usize = offset_of!(vrtm_image_out, channels);
     const NAME: &'static str = "vrtm_image_out";
 }
 
@@ -142,13 +134,6 @@ pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
         0 => Ok(false),
         1 => Ok(true),
         _ => Err(Failure::argument(format!("{name} is {value}, neither 0 nor 1"))),
-    }
-}
-
-pub(super) fn check_reserved(value: u32, name: &str) -> Outcome<()> {
-    match value {
-        0 => Ok(()),
-        _ => Err(Failure::argument(format!("{name}.reserved is {value}, not 0"))),
     }
 }
 
@@ -254,7 +239,6 @@ pub(super) unsafe fn image_or_none<'a>(
     }
     // SAFETY: the host's pointer.
     let image = unsafe { desc::read(image, name) }?;
-    check_reserved(image.reserved, name)?;
     if image.data.is_null() {
         return Err(Failure::argument(format!("{name}.data is null")));
     }
@@ -278,7 +262,6 @@ impl Target {
     pub unsafe fn read(image: *const vrtm_image_out, name: &str, kind: FetchKind) -> Outcome<Target> {
         // SAFETY: the host's pointer.
         let image = unsafe { desc::read(image, name) }?;
-        check_reserved(image.reserved, name)?;
         if image.data.is_null() {
             return Err(Failure::argument(format!("{name}.data is null")));
         }

@@ -75,9 +75,9 @@ pub struct Weld {
 }
 
 /// [`Weld::position_tolerance`], unless given.
-const POSITION_TOLERANCE: f64 = 1e-5;
+pub(crate) const POSITION_TOLERANCE: f64 = 1e-5;
 /// [`Weld::uv_tolerance`], unless given.
-const UV_TOLERANCE: f64 = 1.0 / 2048.0;
+pub(crate) const UV_TOLERANCE: f64 = 1.0 / 2048.0;
 
 impl Weld {
     pub(super) fn check(&self) -> Result<()> {

@@ -114,6 +114,9 @@ static void assets(vrtm_device device, vrtm_asset *asset, vrtm_tile *tile)
     check(found.id == tile->id, "both give the same tile");
     CALL(vrtm_asset_find_tile_of_set(*asset, 1, 1001, &found));
     check(found.id != tile->id, "the other set has another tile");
+    uint32_t udim = 0, of_set = 99;
+    CALL(vrtm_tile_udim(found, &udim, &of_set));
+    check(udim == 1001 && of_set == 1, "a tile has a number and a set");
 }
 
 static void tiles(vrtm_asset asset, vrtm_tile tile)
@@ -130,13 +133,17 @@ static void tiles(vrtm_asset asset, vrtm_tile tile)
     numbers.data = values;
     numbers.count = VERTICES;
     CALL(vrtm_asset_set_vertex_rigidity(asset, &numbers));
+    CALL(vrtm_asset_set_vertex_mask(asset, &numbers));
+    CALL(vrtm_asset_set_vertex_mask(asset, NULL));
+    CALL(vrtm_tile_freeze(tile, 1));
+    CALL(vrtm_tile_freeze(tile, 0));
     CALL(vrtm_tile_set_rigidity(tile, &rigidity));
     CALL(vrtm_tile_update_rigidity(tile, &rigidity, 4, 4, 8, 8));
     CALL(vrtm_tile_set_mask(tile, &rigidity));
     CALL(vrtm_tile_set_mask(tile, NULL));
     CALL(vrtm_tile_get_settings(tile, &settings));
-    check(settings.smoothness > 0, "defaults are filled in");
-    settings.room = VRTM_OFF;
+    check(settings.smoothness == vrtm_tile_settings_init().smoothness, "settings are the defaults at first");
+    settings.room = 0;
     CALL(vrtm_tile_set_settings(tile, &settings));
     CALL(vrtm_tile_set_settings(tile, NULL));
     CALL(vrtm_tile_info(tile, &info));
@@ -188,6 +195,27 @@ static void solves(vrtm_asset asset, vrtm_tile tile)
     check(whole.struct_size == sizeof whole && whole.tiles == 2 && whole.bytes > 0, "so does the asset's");
 }
 
+static void jobs(vrtm_asset asset, vrtm_tile tile)
+{
+    vrtm_job job = {0};
+    vrtm_job_data state = vrtm_job_data_init();
+    vrtm_map_desc desc = vrtm_map_desc_init();
+    vrtm_map_data data = vrtm_map_data_init();
+    vrtm_array positions = vrtm_array_init();
+    positions.data = pose;
+    positions.count = VERTICES;
+    CALL(vrtm_asset_submit(asset, &positions, NULL, &job));
+    CALL(vrtm_job_wait(job, VRTM_FOREVER));
+    CALL(vrtm_job_progress(job, &state));
+    check(state.state == VRTM_JOB_DONE && state.status == VRTM_OK && state.progress == 1, "the job is done");
+    CALL(vrtm_job_cancel(job));
+    CALL(vrtm_job_destroy(job));
+    CALL(vrtm_asset_cancel(asset));
+    desc.width = desc.height = MAP;
+    CALL(vrtm_tile_inspect_map(tile, &desc, &data));
+    check(data.folds == 0 && data.min_jacobian > 0, "the map is certified");
+}
+
 int main(void)
 {
     vrtm_device device = {0};
@@ -202,6 +230,7 @@ int main(void)
     assets(device, &asset, &tile);
     tiles(asset, tile);
     solves(asset, tile);
+    jobs(asset, tile);
     CALL(vrtm_asset_destroy(asset));
     REFUSED(vrtm_asset_destroy(asset), VRTM_ERROR_INVALID_HANDLE);
     check(strstr(vrtm_last_error(), "vrtm_asset_destroy: ") == vrtm_last_error(), "the message names the function");

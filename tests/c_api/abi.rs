@@ -11,12 +11,17 @@ use std::process::Command;
 use crate::tools::{compiler, library, loader_folder, root, scratch};
 
 /// What the first header declares, and the hashes (XXH3, 64 bits) of that header and of the program.
-const FUNCTIONS: usize = 33;
-const HEADER_HASH: u64 = 0x59bb_fce2_5275_b956;
-const PROGRAM_HASH: u64 = 0x753b_2c65_e8ea_7c2d;
+const FUNCTIONS: usize = 43;
+const HEADER_HASH: u64 = 0x2dea_57d3_d267_a275;
+const PROGRAM_HASH: u64 = 0x74c6_8e20_d2cd_9ff8;
 
 fn frozen() -> PathBuf {
     root().join("tests/abi/vrtm-0.1.h")
+}
+
+/// The first header up to what was experimental in it, which promised nothing.
+fn promised() -> String {
+    read(&frozen()).split_once("/* ==== Experimental").unwrap().0.to_owned()
 }
 
 fn program() -> PathBuf {
@@ -76,7 +81,7 @@ fn a_program_of_the_first_version_runs() {
     );
     // It leaves no function out.
     let text = read(&program());
-    let functions = functions(&read(&frozen()));
+    let functions = functions(&promised());
     assert_eq!(functions.len(), FUNCTIONS, "{functions:?}");
     for name in functions {
         assert!(text.contains(&format!("{name}(")), "{name} is not called");
@@ -126,7 +131,7 @@ fn layout_printer(header: &str) -> String {
         "int main(void)\n{".to_owned(),
         format!("puts(\"#include \\\"{}\\\"\");", header.replace('\\', "/")),
     ];
-    for (name, fields) in structs(&read(&frozen())) {
+    for (name, fields) in structs(&promised()) {
         let grows = fields[0].0 == "struct_size";
         let relation = if grows { ">=" } else { "==" };
         lines.push(format!(
@@ -162,9 +167,8 @@ fn compare_layouts(name: &str, header: &Path) -> Result<String, String> {
 /// The first header without its structs and versions, to be read after another header: a compiler takes functions, types
 /// and constants that are declared twice only if they are the same.
 fn declarations() -> String {
-    let text = read(&frozen());
+    let text = promised();
     let body = text.split_once("#define VRTM_H\n").unwrap().1;
-    let (body, _) = body.split_once("#define VRTM_DEFINE_INIT_").unwrap();
     let mut out = String::new();
     let mut rest = body;
     while let Some((before, after)) = rest.split_once("\ntypedef struct ") {

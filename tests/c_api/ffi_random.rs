@@ -201,7 +201,7 @@ impl Host {
         let positions = self.positions();
         let uvs = self.uvs.as_ptr().cast();
         let uvs = self.array(uvs, VERTICES, VRTM_SCALAR_F32, 8);
-        let mut mesh = sized::<vrtm_mesh_desc>();
+        let mut mesh = vrtm_mesh_desc::default();
         mesh.positions = self.odd(&raw const positions, &[ptr::null()]);
         mesh.face_counts = self.odd(self.counts.as_ptr(), &[ptr::null()]);
         mesh.face_count = self.odd(SIDE * SIDE, &[0, 1]);
@@ -227,8 +227,9 @@ impl Host {
         mesh.textured_faces = self.odd(ptr::null(), &[self.indices.as_ptr()]);
         mesh.textured_face_count = self.odd(3, &[0, CORNERS]);
         mesh.weld = self.odd(VRTM_WELD_INDEX, &[VRTM_WELD_POSITION, VRTM_WELD_OFF, -1, 3]);
-        mesh.weld_uv_tolerance = self.odd(0.0, &[-1.0, f32::NAN, 1e-30, 1.0]);
-        mesh.weld_position_tolerance = self.odd(0.0, &[-1.0, f32::INFINITY, 1e-30, 1.0]);
+        mesh.weld_uv_tolerance = self.odd(mesh.weld_uv_tolerance, &[-1.0, f64::NAN, 1e-30, 0.0, 1.0]);
+        mesh.weld_position_tolerance =
+            self.odd(mesh.weld_position_tolerance, &[-1.0, f64::INFINITY, 1e-30, 0.0, 1.0]);
         let device = self.device();
         let mut asset = vrtm_asset { id: 77 };
         // SAFETY: all pointers are null or point to valid memory of at least the claimed size.
@@ -242,7 +243,7 @@ impl Host {
                 if unsafe { vrtm_asset_tile(asset, index, &mut tile) } == VRTM_OK {
                     self.tiles.push(tile.id);
                     // The default grid is 1024 x 1024 where there is no map: too slow for thousands of calls.
-                    let mut settings = sized::<vrtm_tile_settings>();
+                    let mut settings = vrtm_tile_settings::default();
                     settings.grid_width = 16;
                     settings.grid_height = 16;
                     // SAFETY: as above.
@@ -254,7 +255,7 @@ impl Host {
     }
 
     fn solve_options(&mut self) -> vrtm_solve_options {
-        let mut options = sized::<vrtm_solve_options>();
+        let mut options = vrtm_solve_options::default();
         options.quality = self.random.below(3) as i32;
         options.warm = self.odd(0, &[1, 1, 2]);
         options.temporal_weight = self.odd(0.0, &[0.1, 1e6, -1.0, f32::NAN]);
@@ -264,7 +265,7 @@ impl Host {
         options.max_corrections = self.odd(0, &[1, 100]);
         options.solver = self.odd(0, &[1, 1, 2, -1]);
         options.pbd.iterations = self.odd(1, &[0, 3, 5000]);
-        options.pbd.smoothing = self.odd(0.0, &[0.5, VRTM_OFF, 1.5, f32::NAN]);
+        options.pbd.smoothing = self.odd(0.8, &[0.5, 0.0, 1.5, f32::NAN]);
         options
     }
 
@@ -326,16 +327,16 @@ impl Host {
                     }
                 }
                 17 | 18 => {
-                    let mut settings = sized::<vrtm_tile_settings>();
+                    let mut settings = vrtm_tile_settings::default();
                     settings.overlap = self.odd(0, &[1, 2, -1]);
                     settings.grid_width = self.odd(16, &[1, 16, 33, 20000]);
                     settings.grid_height = self.odd(16, &[1, 16, 33, 20000]);
-                    settings.smoothness = self.odd(0.0, &[VRTM_OFF, 1.0, f32::NAN]);
-                    settings.smoothness_floor = self.odd(0.0, &[VRTM_OFF, 1.0, f32::NAN]);
+                    settings.smoothness = self.odd(0.02, &[0.0, 1.0, f32::NAN]);
+                    settings.smoothness_floor = self.odd(0.0005, &[0.0, 1.0, f32::NAN]);
                     settings.orientation = self.odd(0.0, &[0.1, -3.0]);
                     settings.orientation_density = self.odd(0.0, &[0.1, -3.0]);
-                    settings.room = self.odd(0.0, &[VRTM_OFF, 1.0, f32::INFINITY]);
-                    settings.room_threshold = self.odd(0.0, &[VRTM_OFF, 1.0, 1.5]);
+                    settings.room = self.odd(0.3, &[0.0, 1.0, f32::INFINITY]);
+                    settings.room_threshold = self.odd(0.4, &[0.0, 1.0, 1.5]);
                     vrtm_tile_set_settings(self.tile(), &settings)
                 }
                 19 => {

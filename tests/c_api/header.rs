@@ -88,11 +88,56 @@ fn every_struct_with_a_size_has_an_initialiser() {
         if body.contains("struct_size") {
             let first = body.lines().find(|line| !line.trim().is_empty() && !line.contains("//"));
             assert_eq!(first.map(str::trim), Some("uint32_t struct_size;"), "{name}");
-            assert!(GENERATED.contains(&format!("\nVRTM_DEFINE_INIT_({name})")), "{name} has no initialiser");
+            let forms = [format!("\nVRTM_DEFINE_INIT_({name})"), format!("\nVRTM_DEFINE_INIT_WITH_({name},")];
+            assert!(forms.iter().any(|form| GENERATED.contains(form)), "{name} has no initialiser");
             count += 1;
         }
     }
     assert!(count >= 14, "only {count} structs found");
+}
+
+/// The defaults that initialisers set are those of the library, and the fields' comments tell them.
+#[test]
+fn initialisers_set_the_defaults() {
+    use vrtm::ffi::{mesh::vrtm_mesh_desc, refine::vrtm_refinement_desc};
+    use vrtm::ffi::{solve::vrtm_solve_options, tile::vrtm_tile_settings};
+    let (mesh, tile) = (vrtm_mesh_desc::default(), vrtm_tile_settings::default());
+    let (pbd, refinement) = (vrtm_solve_options::default().pbd, vrtm_refinement_desc::default());
+    let single = f64::from;
+    let fields = [
+        ("vrtm_mesh_desc", "", "weld_position_tolerance", mesh.weld_position_tolerance),
+        ("vrtm_mesh_desc", "", "weld_uv_tolerance", mesh.weld_uv_tolerance),
+        ("vrtm_tile_settings", "", "smoothness", single(tile.smoothness)),
+        ("vrtm_tile_settings", "", "smoothness_floor", single(tile.smoothness_floor)),
+        ("vrtm_tile_settings", "", "room", single(tile.room)),
+        ("vrtm_tile_settings", "", "room_threshold", single(tile.room_threshold)),
+        ("vrtm_solve_options", "pbd.", "iterations", f64::from(pbd.iterations)),
+        ("vrtm_solve_options", "pbd.", "smoothing", single(pbd.smoothing)),
+        ("vrtm_solve_options", "pbd.", "coarse_correction", single(pbd.coarse_correction)),
+        ("vrtm_refinement_desc", "", "tolerance", refinement.tolerance),
+    ];
+    let zeros = [tile.orientation, tile.orientation_density, pbd.damping, pbd.orientation_preservation];
+    assert!(zeros.iter().all(|value| *value == 0.0));
+    assert_eq!(GENERATED.matches("    value.").count(), fields.len() + 1, "the size, and these");
+    for (of, path, field, default) in fields {
+        let (_, body) = GENERATED.split_once(&format!("VRTM_DEFINE_INIT_WITH_({of},\n")).unwrap();
+        let (body, _) = body.split_once(')').unwrap();
+        let (_, text) = body.split_once(&format!("value.{path}{field} = ")).unwrap();
+        let text = text.split_once(';').unwrap().0;
+        let number = match (text.strip_suffix('f'), text.split_once(" / ")) {
+            (Some(text), _) => single(text.parse::<f32>().unwrap()),
+            (None, Some((over, under))) => over.parse::<f64>().unwrap() / under.parse::<f64>().unwrap(),
+            (None, None) => text.parse().unwrap(),
+        };
+        assert_eq!(number, default, "{of}.{path}{field}");
+        let holder = if path.is_empty() { of } else { "vrtm_pbd_settings" };
+        let (_, body) = GENERATED.split_once(&format!("typedef struct {holder} {{")).unwrap();
+        let above = body.split_once(&format!(" {field};")).unwrap().0.lines().rev().skip(1);
+        let comment: Vec<_> = above.map_while(|line| line.strip_prefix("    // ")).collect();
+        let comment = comment.into_iter().rev().collect::<Vec<_>>().join(" ");
+        let told = format!("default {}", text.trim_end_matches('f').replace("1.0 / ", "1/"));
+        assert!(comment.contains(&told), "{holder}.{field}: {told:?} is not in {comment:?}");
+    }
 }
 
 /// Compiled hosts contain these numbers: new ones may be added, existing ones never changed.
@@ -105,7 +150,7 @@ fn constants_keep_their_values() {
         PIXEL_F32 0, PIXEL_F16 1, PIXEL_U16 2, PIXEL_U8 3, ORIGIN_TOP 0, ORIGIN_BOTTOM 1, BACKEND_AUTO 0,
         BACKEND_CPU 1, BACKEND_GPU 2, LOG_WARNING 1, LOG_INFO 2, OVERLAP_FIXED 0, OVERLAP_FIRST_FACE 1,
         FETCH_REDIRECTION 0, FETCH_REDIRECTION_DELTA 1, FETCH_WARP 2, QUALITY_NORMAL 0, QUALITY_DRAFT 1,
-        QUALITY_HIGH 2, OFF -1.0";
+        QUALITY_HIGH 2";
     for constant in frozen.split(',') {
         let line = format!("\n#define VRTM_{}\n", constant.trim());
         assert!(GENERATED.contains(&line), "{line:?} is not in vrtm.h");

@@ -194,9 +194,6 @@ static void bad_arguments(void)
     fails("release_last", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
           "options.release_last is 2");
     options.release_last = 0;
-    options.reserved2 = 1;
-    fails("reserved", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT, "reserved");
-    options.reserved2 = 0;
     options.tiles = &foreign.tile;
     options.tile_count = 1;
     fails("a tile of another asset", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,

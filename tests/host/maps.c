@@ -47,14 +47,6 @@ static void kinds(vrtm_tile tile)
     }
     check_that(same, "all kinds tell the same", "");
     check_that(moved > 0 && covered > MAP, "and something", "");
-
-    /* A program of 0.1 knows no channels: its struct ends before them. */
-    memset(udim, 0, sizeof udim);
-    image = image_of(udim);
-    image.struct_size = offsetof(vrtm_image_out, channels);
-    image.channels = image.one_to_one = 99;
-    succeeds("a struct of the first version", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
-    check_that(memcmp(udim, two, sizeof two) == 0, "gives two channels", "");
 }
 
 static void refusals(vrtm_tile tile)

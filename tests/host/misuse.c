@@ -102,7 +102,6 @@ static void meshes(void)
     vrtm_asset other = {77};
     fails("no desc", vrtm_asset_create(device, NULL, &other), BAD, "desc is null");
     WITH(uint32_t, d.mesh.struct_size, 8, bad_mesh("a mesh's struct_size", "desc.struct_size is 8"));
-    WITH(uint32_t, d.mesh.reserved, 1, bad_mesh("reserved", "desc.reserved"));
     typedef const vrtm_array *array;
     typedef const uint32_t *numbers;
     WITH(array, d.mesh.positions, NULL, bad_mesh("no positions", "desc.positions is null"));
@@ -165,10 +164,9 @@ static void meshes(void)
         d.mesh.uv_sets = NULL;
 
         WITH(vrtm_weld, d.mesh.weld, 3, bad_mesh("weld 3", "desc.weld is 3"));
-        WITH(float, d.mesh.weld_uv_tolerance, -1, bad_mesh("a negative tolerance", "desc.weld_uv_tolerance: -1"));
-        WITH(float, d.mesh.weld_uv_tolerance, 1.5f, bad_mesh("a large tolerance", "desc.weld_uv_tolerance: 1.5"));
-        WITH(float, d.mesh.weld_position_tolerance, NAN, bad_mesh("a NaN", "desc.weld_position_tolerance: NaN"));
-        WITH(uint32_t, d.mesh.weld_reserved, 1, bad_mesh("reserved, at the end", "desc.weld_reserved is 1"));
+        WITH(double, d.mesh.weld_uv_tolerance, -1, bad_mesh("a negative tolerance", "desc.weld_uv_tolerance: -1"));
+        WITH(double, d.mesh.weld_uv_tolerance, 1.5, bad_mesh("a large tolerance", "desc.weld_uv_tolerance: 1.5"));
+        WITH(double, d.mesh.weld_position_tolerance, NAN, bad_mesh("a NaN", "desc.weld_position_tolerance: NaN"));
     }
     WITH(array, d.mesh.uvs, NULL, bad_mesh("no uvs", "desc.uvs is null"));
     WITH(array, d.mesh.u, &d.uvs, bad_mesh("uvs twice", "desc.uvs is given"));
@@ -259,7 +257,6 @@ static void maps(void)
     WITH(size_t, image.row_stride, SIZE_MAX, bad_map("a row stride beyond memory", &image, "rigidity: row_stride is 1"));
     WITH(size_t, image.pixel_stride, SIZE_MAX / 2,
          bad_map("a pixel stride beyond memory", &image, "rigidity: pixel_stride is 92"));
-    WITH(uint32_t, image.reserved, 1, bad_map("reserved", &image, "rigidity.reserved"));
     static float values[4][4];
     values[2][1] = NAN;
     image.data = values;
@@ -283,10 +280,10 @@ static void maps(void)
 
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     WITH(float, settings.room, -2,
-         fails("room -2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room: -2 is negative, and not VRTM_OFF"));
+         fails("room -2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room: -2 is not in"));
     WITH(float, settings.smoothness, NAN,
          fails("smoothness NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness"));
-    WITH(float, settings.smoothness_floor, VRTM_OFF,
+    WITH(float, settings.smoothness_floor, 0,
          fails("no floor", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness_floor"));
     WITH(float, settings.room_threshold, 2,
          fails("threshold 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room_threshold"));

@@ -96,7 +96,7 @@ int main(void)
     succeeds("get_settings", vrtm_tile_get_settings(tile, &settings));
     check_that(settings.smoothness > 0.01f && settings.room > 0.2f && settings.struct_size == sizeof settings,
                "get_settings fills the defaults in", "");
-    settings.room = VRTM_OFF;
+    settings.room = 0;
     settings.smoothness = 0.1f;
     succeeds("set_settings", vrtm_tile_set_settings(tile, &settings));
     vrtm_tile_settings back = vrtm_tile_settings_init();

@@ -268,11 +268,11 @@ void meshes(const vrtm::Device &device)
     mesh.uvs(vrtm::Array(s.uvs, VERTICES)).uv_indices(corners).face_offsets(offsets);
     check_that(data_of(mesh).faces == FACES && data_of(mesh).uv_sets == 1, "face offsets", "");
     const std::vector<int> seams = {SIDE + 2, SIDE + 3, 0, 2}, half = {0, 1, 2};
-    mesh.seams(seams).textured_faces(half).weld(vrtm::Weld::position, 1e-4f, 1e-3f);
+    mesh.seams(seams).textured_faces(half).weld(vrtm::Weld::position, 1e-4, 1e-3);
     vrtm_asset_data data = data_of(mesh);
     check_that(data.seams_unused == 1 && data.faces_untextured == FACES - 3, "seams, and faces with texture", "");
     const vrtm_mesh_desc c = mesh.c();
-    check_that(c.weld == VRTM_WELD_POSITION && c.weld_position_tolerance == 1e-4f && c.weld_uv_tolerance == 1e-3f &&
+    check_that(c.weld == VRTM_WELD_POSITION && c.weld_position_tolerance == 1e-4 && c.weld_uv_tolerance == 1e-3 &&
                    c.seam_count == 2,
                "welding", "");
     const std::vector<int> no_faces;

@@ -88,8 +88,8 @@ def test_settings(asset):
     tile = asset.tile(1001)
     tile.set_settings(smoothness=0.05, overlap="first_face")
     assert tile.settings.smoothness == pytest.approx(0.05) and tile.settings.overlap == "first_face"
-    tile.set_settings(tile.settings, room=vrtm.OFF)
-    assert tile.settings.smoothness == pytest.approx(0.05) and tile.settings.room == vrtm.OFF
+    tile.set_settings(tile.settings, room=0)
+    assert tile.settings.smoothness == pytest.approx(0.05) and tile.settings.room == 0
     refused(TypeError, "stiffness: there is no such setting", tile.set_settings, stiffness=1)
     refused(ValueError, "overlap: 'last'", tile.set_settings, overlap="last")
     refused(vrtm.InvalidArgumentError, "smoothness", tile.set_settings, smoothness=-3)

@@ -1,5 +1,5 @@
-//! Writes the C header from `src/ffi`: one section per file, put into the template `src/ffi/vrtm.h.in`, so that a
-//! function stands beside its structs.
+//! Writes the C header from `src/ffi` into the template `src/ffi/vrtm.h.in`. `@name@` in the template is the type, with its
+//! constants, or the function of that name; or, if it is the name of a file, all of it that has no place of its own.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -27,8 +27,17 @@ const SECTIONS: [&str; 17] = [
 pub fn header(root: &Path) -> Result<String, String> {
     let config = cbindgen::Config::from_file(root.join("cbindgen.toml"))?;
     let template = root.join("src/ffi/vrtm.h.in");
-    let mut header =
+    let text =
         std::fs::read_to_string(&template).map_err(|error| format!("{}: {error}", template.display()))?;
+    let mut header = text.clone();
+    let mut place = |name: &str, text: &str| {
+        let place = format!("@{name}@");
+        if header.matches(&place).count() != 1 {
+            return Err(format!("{}: {place} must stand there once", template.display()));
+        }
+        header = header.replace(&place, text);
+        Ok(())
+    };
     for name in SECTIONS {
         let source = root.join(format!("src/ffi/{name}.rs"));
         let mut config = config.clone();
@@ -41,17 +50,45 @@ pub fn header(root: &Path) -> Result<String, String> {
         let mut section = Vec::new();
         bindings.write(&mut section);
         let section = String::from_utf8(section).map_err(|error| error.to_string())?;
-        let place = format!("@{name}@");
-        if header.matches(&place).count() != 1 {
-            return Err(format!("{}: {place} must stand there once", template.display()));
+        let mut rest = Vec::new();
+        for item in constants_below_their_type(&plain_types(&section), &source)? {
+            match text.contains(&format!("@{}@", item_name(&item))) {
+                true => place(item_name(&item), &item)?,
+                false => rest.push(item),
+            }
         }
-        header = header.replace(&place, constants_below_their_type(&plain_types(&section), &source)?.trim());
+        place(name, &rest.join("\n\n"))?;
     }
-    Ok(header)
+    // A struct that is defined further down is declared by a line of the template.
+    let declared: Vec<_> =
+        text.lines().filter_map(|line| line.strip_prefix("struct ")?.strip_suffix(';')).collect();
+    for name in declared {
+        header = header.replace(&format!("const {name} *"), &format!("const struct {name} *"));
+    }
+    match header.split('@').nth(1) {
+        None => Ok(header),
+        Some(name) => Err(format!("{}: there is no {name}", template.display())),
+    }
 }
 
-/// cbindgen writes all constants of a typedef'd type at the end: each belongs right below its type.
-fn constants_below_their_type(section: &str, source: &Path) -> Result<String, String> {
+/// The name of a struct, a type or a function, which may be followed by constants.
+fn item_name(item: &str) -> &str {
+    let code = item.lines().position(|line| !line.starts_with("//")).map_or("", |first| {
+        let comments: usize = item.lines().take(first).map(|line| line.len() + 1).sum();
+        &item[comments..]
+    });
+    let head = match (code.strip_prefix("#define "), code.find("(*")) {
+        (Some(name), _) => name.split(' ').next().unwrap_or(""),
+        (None, Some(at)) if code.starts_with("typedef") && !code.starts_with("typedef struct") => {
+            code[at + 2..].split(')').next().unwrap_or("")
+        }
+        _ => code.split(['(', ';', '{']).next().unwrap_or(""),
+    };
+    head.trim().rsplit([' ', '\n', '*']).next().unwrap_or("")
+}
+
+/// The items of a section. cbindgen writes all constants of a typedef'd type at the end: each belongs right below its type.
+fn constants_below_their_type(section: &str, source: &Path) -> Result<Vec<String>, String> {
     let text = std::fs::read_to_string(source).map_err(|error| format!("{}: {error}", source.display()))?;
     let types: HashMap<&str, &str> = text
         .lines()
@@ -65,15 +102,16 @@ fn constants_below_their_type(section: &str, source: &Path) -> Result<String, St
     };
     let (constants, others): (Vec<_>, Vec<_>) =
         section.trim().split("\n\n").partition(|paragraph| type_of(paragraph).is_some());
-    let mut ordered = Vec::new();
+    let mut items = Vec::new();
     for paragraph in others {
-        ordered.push(paragraph);
+        let mut item = vec![paragraph];
         if let Some((_, name)) = paragraph.rsplit_once("typedef int32_t ") {
             let name = name.trim_end_matches(';');
-            ordered.extend(constants.iter().filter(|constant| type_of(constant) == Some(name)));
+            item.extend(constants.iter().filter(|constant| type_of(constant) == Some(name)));
         }
+        items.push(item.join("\n\n"));
     }
-    Ok(ordered.join("\n\n"))
+    Ok(items)
 }
 
 /// cbindgen leaves out a type that no function of the same file uses, unless it is asked for.

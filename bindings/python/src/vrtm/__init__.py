@@ -53,13 +53,9 @@ from ._records import (
 from ._refinement import Pattern, Refinement
 from ._tile import Tile
 
-#: For a setting whose zero means "the default": no such term at all.
-OFF = -1.0
-
 __version__ = version()
 
 __all__ = [
-    "OFF",
     "Adapter",
     "Asset",
     "AssetInfo",

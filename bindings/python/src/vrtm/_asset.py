@@ -60,8 +60,8 @@ class Asset:
         seams: Any = None,
         textured_faces: Any = None,
         weld: str = "index",
-        weld_position_tolerance: float = 0.0,
-        weld_uv_tolerance: float = 0.0,
+        weld_position_tolerance: float = 1e-5,
+        weld_uv_tolerance: float = 1 / 2048,
     ) -> None:
         if not isinstance(device, Device):
             raise TypeError(f"device: {device!r} is no vrtm.Device")
@@ -190,9 +190,9 @@ class Asset:
             array[...] = written
         return array
 
-    def refine(self, uv_set: int = 0, *, tolerance: float = 0.0, max_triangles: int = 0) -> Refinement:
+    def refine(self, uv_set: int = 0, *, tolerance: float = 1 / 2048, max_triangles: int = 0) -> Refinement:
         """The mesh with its triangles split where linear interpolation of the last result's UVs would err by more than
-        `tolerance`, in UV of a tile (0 = 1/2048), into at most `max_triangles` (0 = a million more than the mesh
+        `tolerance`, in UV of a tile, into at most `max_triangles` (0 = a million more than the mesh
         has)."""
         return Refinement(self, uv_set, tolerance, max_triangles)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 import os
 import sys
 from pathlib import Path
@@ -58,7 +59,10 @@ def check(status: int) -> None:
 
 
 def new(struct: type[Struct]) -> Struct:
-    """A struct as its _init() function makes it: zeros, and its size."""
+    """A struct as its _init() function makes it: its size, the defaults, and zeros."""
     value = struct()
     value.struct_size = ctypes.sizeof(struct)  # type: ignore[attr-defined]
+    for path, default in _abi.defaults.get(struct.__name__, {}).items():
+        *outer, field = path.split(".")
+        setattr(functools.reduce(getattr, outer, value), field, default)
     return value

@@ -26,8 +26,8 @@ def mesh(
     seams: Any = None,
     textured_faces: Any = None,
     weld: str = "index",
-    weld_position_tolerance: float = 0.0,
-    weld_uv_tolerance: float = 0.0,
+    weld_position_tolerance: float = 1e-5,
+    weld_uv_tolerance: float = 1 / 2048,
 ) -> _abi.vrtm_mesh_desc:
     """The struct for vrtm_asset_create. The arguments are those of Asset."""
     desc = new(_abi.vrtm_mesh_desc)
