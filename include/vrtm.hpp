@@ -4,10 +4,10 @@
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
  *
- * Nothing here adds to what vrtm.h says: it is the manual. Every function that can fail has two forms. `try_solve(...)`
- * returns a Result, which is true if the call succeeded and otherwise has its status and its message; `solve(...)`
- * throws vrtm::Error instead. A program that is built without exceptions has the first form only. Functions that return
- * a std::vector, take a std::function or add to a list allocate as those do.
+ * Nothing here adds to what vrtm.h says: it is the manual. Every function that can fail returns a Result, which is true
+ * if the call succeeded and otherwise has its status and its message. `solve(...).value()` throws vrtm::Error instead,
+ * and is not there in a program that is built without exceptions. Functions that return a std::vector, take a
+ * std::function or add to a list allocate as those do.
  *
  * Array, Image, ImageOut and Indices are views: the memory that they show stays the caller's, and must be there when
  * the library reads or writes it, which it does during the call.
@@ -33,7 +33,7 @@
 #include <utility>
 #include <vector>
 
-// 1 if calls may throw. Define it as 0 before the header to do without the throwing forms in any case.
+// 1 if calls may throw. Define it as 0 before the header to do without Result::value() in any case.
 #if !defined(VRTM_EXCEPTIONS)
 #if defined(__cpp_exceptions) || defined(_CPPUNWIND)
 #define VRTM_EXCEPTIONS 1
@@ -507,7 +507,7 @@ private:
 
 // The GPUs that a device can be made on; DeviceDesc::adapter is an index into it, and DeviceDesc::set_uuid() takes one's
 // identity.
-inline Result<std::vector<vrtm_adapter_data>> try_adapters()
+inline Result<std::vector<vrtm_adapter_data>> adapters()
 {
     std::uint32_t count = 0;
     Result<> result(vrtm_adapter_count(&count));
@@ -569,7 +569,7 @@ public:
     // Empty: no device.
     Device() noexcept = default;
 
-    static Result<Device> try_create(const DeviceDesc &desc = DeviceDesc())
+    static Result<Device> create(const DeviceDesc &desc = DeviceDesc())
     {
         vrtm_device handle{};
         const vrtm_status status = vrtm_device_create(&desc, &handle);
@@ -583,17 +583,12 @@ public:
     // Ends the handle, if there is one.
     void reset() noexcept { *this = Device(); }
 
-    Result<vrtm_device_data> try_info() const noexcept
+    Result<vrtm_device_data> info() const noexcept
     {
         vrtm_device_data data = vrtm_device_data_init();
         const vrtm_status status = vrtm_device_info(handle(), &data);
         return {data, status};
     }
-
-#if VRTM_EXCEPTIONS
-    static Device create(const DeviceDesc &desc = DeviceDesc()) { return try_create(desc).value(); }
-    vrtm_device_data info() const { return try_info().value(); }
-#endif
 
 private:
     friend class Asset;
@@ -770,62 +765,62 @@ public:
     friend bool operator==(Tile a, Tile b) noexcept { return a.handle_.id == b.handle_.id; }
     friend bool operator!=(Tile a, Tile b) noexcept { return a.handle_.id != b.handle_.id; }
 
-    Result<std::uint32_t> try_udim() const noexcept
+    Result<std::uint32_t> udim() const noexcept
     {
         std::uint32_t udim = 0;
         const vrtm_status status = vrtm_tile_udim(handle_, &udim, nullptr);
         return {udim, status};
     }
-    Result<std::uint32_t> try_uv_set() const noexcept
+    Result<std::uint32_t> uv_set() const noexcept
     {
         std::uint32_t udim = 0, uv_set = 0;
         const vrtm_status status = vrtm_tile_udim(handle_, &udim, &uv_set);
         return {uv_set, status};
     }
-    Result<vrtm_tile_data> try_info() const noexcept
+    Result<vrtm_tile_data> info() const noexcept
     {
         vrtm_tile_data data = vrtm_tile_data_init();
         const vrtm_status status = vrtm_tile_info(handle_, &data);
         return {data, status};
     }
 
-    Result<> try_set_rigidity(const Image &map) const noexcept
+    Result<> set_rigidity(const Image &map) const noexcept
     {
         return Result<>(vrtm_tile_set_rigidity(handle_, &map.c()));
     }
     // Takes the map away.
-    Result<> try_set_rigidity(std::nullptr_t) const noexcept
+    Result<> set_rigidity(std::nullptr_t) const noexcept
     {
         return Result<>(vrtm_tile_set_rigidity(handle_, nullptr));
     }
-    Result<> try_update_rigidity(const Image &map, std::uint32_t x, std::uint32_t y, std::uint32_t width,
+    Result<> update_rigidity(const Image &map, std::uint32_t x, std::uint32_t y, std::uint32_t width,
                                  std::uint32_t height) const noexcept
     {
         return Result<>(vrtm_tile_update_rigidity(handle_, &map.c(), x, y, width, height));
     }
-    Result<> try_set_mask(const Image &mask) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, &mask.c())); }
+    Result<> set_mask(const Image &mask) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, &mask.c())); }
     // Takes the mask away.
-    Result<> try_set_mask(std::nullptr_t) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, nullptr)); }
+    Result<> set_mask(std::nullptr_t) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, nullptr)); }
 
-    Result<> try_set_settings(const TileSettings &settings) const noexcept
+    Result<> set_settings(const TileSettings &settings) const noexcept
     {
         return Result<>(vrtm_tile_set_settings(handle_, &settings));
     }
     // All defaults.
-    Result<> try_set_settings(std::nullptr_t) const noexcept
+    Result<> set_settings(std::nullptr_t) const noexcept
     {
         return Result<>(vrtm_tile_set_settings(handle_, nullptr));
     }
-    Result<TileSettings> try_settings() const noexcept
+    Result<TileSettings> settings() const noexcept
     {
         TileSettings settings;
         const vrtm_status status = vrtm_tile_get_settings(handle_, &settings);
         return {settings, status};
     }
 
-    Result<> try_freeze(bool frozen) const noexcept { return Result<>(vrtm_tile_freeze(handle_, frozen ? 1 : 0)); }
+    Result<> freeze(bool frozen) const noexcept { return Result<>(vrtm_tile_freeze(handle_, frozen ? 1 : 0)); }
 
-    Result<vrtm_tile_needs> try_estimate() const noexcept
+    Result<vrtm_tile_needs> estimate() const noexcept
     {
         vrtm_tile_needs needs = vrtm_tile_needs_init();
         const vrtm_status status = vrtm_tile_estimate(handle_, &needs);
@@ -833,7 +828,7 @@ public:
     }
 
     // The prepared tile, for load().
-    Result<std::vector<unsigned char>> try_save() const
+    Result<std::vector<unsigned char>> save() const
     {
         std::size_t size = 0;
         vrtm_status status = vrtm_tile_save(handle_, nullptr, 0, &size);
@@ -844,87 +839,51 @@ public:
         return {std::move(data), status};
     }
     // The same into the caller's memory; gives the size. With null and 0 it only tells the size.
-    Result<std::size_t> try_save(void *data, std::size_t capacity) const noexcept
+    Result<std::size_t> save(void *data, std::size_t capacity) const noexcept
     {
         std::size_t size = 0;
         const vrtm_status status = vrtm_tile_save(handle_, data, capacity, &size);
         return {size, status};
     }
-    Result<> try_load(const void *data, std::size_t size) const noexcept
+    Result<> load(const void *data, std::size_t size) const noexcept
     {
         return Result<>(vrtm_tile_load(handle_, data, size));
     }
-    Result<> try_load(const std::vector<unsigned char> &data) const noexcept
+    Result<> load(const std::vector<unsigned char> &data) const noexcept
     {
-        return try_load(data.data(), data.size());
+        return load(data.data(), data.size());
     }
 
-    Result<> try_fetch(FetchKind kind, const ImageOut &image) const noexcept
+    Result<> fetch(FetchKind kind, const ImageOut &image) const noexcept
     {
         return Result<>(vrtm_tile_fetch(handle_, vrtm::value(kind), &image.c()));
     }
-    Result<> try_fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y,
+    Result<> fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y,
                             std::uint32_t width, std::uint32_t height) const noexcept
     {
         return Result<>(vrtm_tile_fetch_part(handle_, vrtm::value(kind), &image.c(), x, y, width, height));
     }
 
     // A redirection into memory of the host's own Vulkan device.
-    Result<> try_fetch_external(FetchKind kind, const vrtm_external_image &image) const noexcept
+    Result<> fetch_external(FetchKind kind, const vrtm_external_image &image) const noexcept
     {
         return Result<>(vrtm_tile_fetch_external(handle_, vrtm::value(kind), &image));
     }
 
     // What the map of a fetch would be when it is read with bilinear interpolation.
-    Result<vrtm_map_data> try_inspect_map(const MapDesc &map) const noexcept
+    Result<vrtm_map_data> inspect_map(const MapDesc &map) const noexcept
     {
         vrtm_map_data data = vrtm_map_data_init();
         const vrtm_status status = vrtm_tile_inspect_map(handle_, &map.c(), &data);
         return {data, status};
     }
 
-    Result<vrtm_tile_report_data> try_report() const noexcept
+    Result<vrtm_tile_report_data> report() const noexcept
     {
         vrtm_tile_report_data report = vrtm_tile_report_data_init();
         const vrtm_status status = vrtm_tile_report(handle_, &report);
         return {report, status};
     }
-
-#if VRTM_EXCEPTIONS
-    std::uint32_t udim() const { return try_udim().value(); }
-    std::uint32_t uv_set() const { return try_uv_set().value(); }
-    vrtm_tile_data info() const { return try_info().value(); }
-    void set_rigidity(const Image &map) const { try_set_rigidity(map).value(); }
-    void set_rigidity(std::nullptr_t) const { try_set_rigidity(nullptr).value(); }
-    void update_rigidity(const Image &map, std::uint32_t x, std::uint32_t y, std::uint32_t width,
-                         std::uint32_t height) const
-    {
-        try_update_rigidity(map, x, y, width, height).value();
-    }
-    void set_mask(const Image &mask) const { try_set_mask(mask).value(); }
-    void set_mask(std::nullptr_t) const { try_set_mask(nullptr).value(); }
-    void set_settings(const TileSettings &settings) const { try_set_settings(settings).value(); }
-    void set_settings(std::nullptr_t) const { try_set_settings(nullptr).value(); }
-    TileSettings settings() const { return try_settings().value(); }
-    void freeze(bool frozen) const { try_freeze(frozen).value(); }
-    vrtm_tile_needs estimate() const { return try_estimate().value(); }
-    std::vector<unsigned char> save() const { return try_save().value(); }
-    std::size_t save(void *data, std::size_t capacity) const { return try_save(data, capacity).value(); }
-    void load(const void *data, std::size_t size) const { try_load(data, size).value(); }
-    void load(const std::vector<unsigned char> &data) const { try_load(data).value(); }
-    void fetch(FetchKind kind, const ImageOut &image) const { try_fetch(kind, image).value(); }
-    void fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y, std::uint32_t width,
-                    std::uint32_t height) const
-    {
-        try_fetch_part(kind, image, x, y, width, height).value();
-    }
-    void fetch_external(FetchKind kind, const vrtm_external_image &image) const
-    {
-        try_fetch_external(kind, image).value();
-    }
-    vrtm_map_data inspect_map(const MapDesc &map) const { return try_inspect_map(map).value(); }
-    vrtm_tile_report_data report() const { return try_report().value(); }
-#endif
 
 private:
     vrtm_tile handle_{};
@@ -1100,38 +1059,22 @@ public:
         return *this;
     }
 
-    // What Asset::try_solve would have returned.
-    Result<> try_wait() const noexcept { return Result<>(vrtm_job_wait(handle(), VRTM_FOREVER)); }
+    // What Asset::solve would have returned.
+    Result<> wait() const noexcept { return Result<>(vrtm_job_wait(handle(), VRTM_FOREVER)); }
     // The same, or Code::timeout. 0 only looks.
     template <class Rep, class Period>
-    Result<> try_wait_for(const std::chrono::duration<Rep, Period> &time) const noexcept
+    Result<> wait_for(const std::chrono::duration<Rep, Period> &time) const noexcept
     {
         return Result<>(vrtm_job_wait(handle(), whole_ms(std::chrono::duration<double, std::milli>(time).count())));
     }
-    Result<JobData> try_progress() const noexcept
+    Result<JobData> progress() const noexcept
     {
         vrtm_job_data c = vrtm_job_data_init();
         const vrtm_status status = vrtm_job_progress(handle(), &c);
         return {JobData{JobState(c.state), Code(c.status), c.progress, std::chrono::duration<float, std::milli>(c.ms)},
                 status};
     }
-    Result<> try_cancel() const noexcept { return Result<>(vrtm_job_cancel(handle())); }
-
-#if VRTM_EXCEPTIONS
-    void wait() const { try_wait().value(); }
-    // Whether the job is done; throws if it failed.
-    template <class Rep, class Period> bool wait_for(const std::chrono::duration<Rep, Period> &time) const
-    {
-        const Result<> result = try_wait_for(time);
-        if (result.code() == Code::timeout) {
-            return false;
-        }
-        result.value();
-        return true;
-    }
-    JobData progress() const { return try_progress().value(); }
-    void cancel() const { try_cancel().value(); }
-#endif
+    Result<> cancel() const noexcept { return Result<>(vrtm_job_cancel(handle())); }
 
 private:
     friend class Asset;
@@ -1181,16 +1124,16 @@ public:
     void reset() noexcept { *this = Refinement(); }
 
     // Refines further, for the asset's last result.
-    Result<> try_extend() const noexcept { return Result<>(vrtm_refinement_extend(handle())); }
-    Result<vrtm_refinement_data> try_info() const noexcept
+    Result<> extend() const noexcept { return Result<>(vrtm_refinement_extend(handle())); }
+    Result<vrtm_refinement_data> info() const noexcept
     {
         vrtm_refinement_data data = vrtm_refinement_data_init();
         const vrtm_status status = vrtm_refinement_info(handle(), &data);
         return {data, status};
     }
-    Result<RefinementPattern> try_pattern() const
+    Result<RefinementPattern> pattern() const
     {
-        const Result<vrtm_refinement_data> data = try_info();
+        const Result<vrtm_refinement_data> data = info();
         Result<> result = data;
         RefinementPattern p;
         if (result) {
@@ -1206,40 +1149,31 @@ public:
             c.corner_sources = sized(p.corner_sources, 3 * c.corner_count);
             c.corner_weights = sized(p.corner_weights, 3 * c.corner_count);
             c.corner_uvs = sized(p.corner_uvs, 2 * c.corner_count);
-            result = try_pattern(c);
+            result = pattern(c);
         }
         return {std::move(p), result};
     }
     // The same into the caller's arrays.
-    Result<> try_pattern(const vrtm_refinement_pattern &pattern) const noexcept
+    Result<> pattern(const vrtm_refinement_pattern &pattern) const noexcept
     {
         return Result<>(vrtm_refinement_fetch_pattern(handle(), &pattern));
     }
     // The last result's: one pair (u, v) per corner of the refined mesh.
-    Result<std::vector<float>> try_corner_uvs() const
+    Result<std::vector<float>> corner_uvs() const
     {
-        const Result<vrtm_refinement_data> data = try_info();
+        const Result<vrtm_refinement_data> data = info();
         std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
         Result<> result = data;
         if (result) {
-            result = try_corner_uvs(uvs.data(), uvs.size() / 2);
+            result = corner_uvs(uvs.data(), uvs.size() / 2);
         }
         return {std::move(uvs), result};
     }
     // The same into the caller's memory: `count` pairs, as many as the refinement has corners.
-    Result<> try_corner_uvs(float *uvs, std::size_t count) const noexcept
+    Result<> corner_uvs(float *uvs, std::size_t count) const noexcept
     {
         return Result<>(vrtm_refinement_fetch_corner_uvs(handle(), uvs, count));
     }
-
-#if VRTM_EXCEPTIONS
-    void extend() const { try_extend().value(); }
-    vrtm_refinement_data info() const { return try_info().value(); }
-    RefinementPattern pattern() const { return try_pattern().value(); }
-    void pattern(const vrtm_refinement_pattern &pattern) const { try_pattern(pattern).value(); }
-    std::vector<float> corner_uvs() const { return try_corner_uvs().value(); }
-    void corner_uvs(float *uvs, std::size_t count) const { try_corner_uvs(uvs, count).value(); }
-#endif
 
 private:
     friend class Asset;
@@ -1261,11 +1195,11 @@ public:
     // Empty: no asset.
     Asset() noexcept = default;
 
-    static Result<Asset> try_create(const Device &device, const Mesh &mesh) noexcept
+    static Result<Asset> create(const Device &device, const Mesh &mesh) noexcept
     {
-        return try_create(device, mesh.c());
+        return create(device, mesh.c());
     }
-    static Result<Asset> try_create(const Device &device, const vrtm_mesh_desc &mesh) noexcept
+    static Result<Asset> create(const Device &device, const vrtm_mesh_desc &mesh) noexcept
     {
         vrtm_asset handle{};
         const vrtm_status status = vrtm_asset_create(device.handle(), &mesh, &handle);
@@ -1279,81 +1213,81 @@ public:
     // Ends the handle, if there is one.
     void reset() noexcept { *this = Asset(); }
 
-    Result<vrtm_asset_data> try_info() const noexcept
+    Result<vrtm_asset_data> info() const noexcept
     {
         vrtm_asset_data data = vrtm_asset_data_init();
         const vrtm_status status = vrtm_asset_info(handle(), &data);
         return {data, status};
     }
 
-    Result<std::uint32_t> try_tile_count() const noexcept
+    Result<std::uint32_t> tile_count() const noexcept
     {
         std::uint32_t count = 0;
         const vrtm_status status = vrtm_asset_tile_count(handle(), &count);
         return {count, status};
     }
-    Result<Tile> try_tile(std::uint32_t index) const noexcept
+    Result<Tile> tile(std::uint32_t index) const noexcept
     {
         vrtm_tile tile{};
         const vrtm_status status = vrtm_asset_tile(handle(), index, &tile);
         return {Tile(tile), status};
     }
     // All tiles: those of UV set 0 in the order of their UDIM numbers, then those of set 1, and so on.
-    Result<std::vector<Tile>> try_tiles() const
+    Result<std::vector<Tile>> tiles() const
     {
-        const Result<std::uint32_t> count = try_tile_count();
+        const Result<std::uint32_t> count = tile_count();
         Result<> result = count;
         std::vector<Tile> tiles;
         for (std::uint32_t i = 0; i < *count && result; ++i) {
-            const Result<Tile> tile = try_tile(i);
-            result = tile;
-            tiles.push_back(*tile);
+            const Result<Tile> next = tile(i);
+            result = next;
+            tiles.push_back(*next);
         }
         return {std::move(tiles), result};
     }
-    Result<Tile> try_find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const noexcept
+    Result<Tile> find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const noexcept
     {
         vrtm_tile tile{};
         const vrtm_status status = vrtm_asset_find_tile_of_set(handle(), uv_set, udim, &tile);
         return {Tile(tile), status};
     }
 
-    Result<> try_set_vertex_rigidity(const Array &rigidity) const noexcept
+    Result<> set_vertex_rigidity(const Array &rigidity) const noexcept
     {
         return Result<>(vrtm_asset_set_vertex_rigidity(handle(), &rigidity.c()));
     }
     // Takes it away.
-    Result<> try_set_vertex_rigidity(std::nullptr_t) const noexcept
+    Result<> set_vertex_rigidity(std::nullptr_t) const noexcept
     {
         return Result<>(vrtm_asset_set_vertex_rigidity(handle(), nullptr));
     }
 
-    Result<> try_set_vertex_mask(const Array &mask) const noexcept
+    Result<> set_vertex_mask(const Array &mask) const noexcept
     {
         return Result<>(vrtm_asset_set_vertex_mask(handle(), &mask.c()));
     }
     // Takes it away.
-    Result<> try_set_vertex_mask(std::nullptr_t) const noexcept
+    Result<> set_vertex_mask(std::nullptr_t) const noexcept
     {
         return Result<>(vrtm_asset_set_vertex_mask(handle(), nullptr));
     }
 
-    Result<> try_solve(const Array &positions, const SolveOptions &options = SolveOptions()) const noexcept
+    Result<> solve(const Array &positions, const SolveOptions &options = SolveOptions()) const noexcept
     {
         const vrtm_solve_options c = options.c();
         return Result<>(vrtm_asset_solve(handle(), &positions.c(), &c));
     }
-    Result<> try_redirect(const Array &positions, const Fetches &fetches,
+    Result<> redirect(const Array &positions, const Fetches &fetches,
                           const SolveOptions &options = SolveOptions()) const noexcept
     {
         const vrtm_solve_options c = options.c();
         return Result<>(vrtm_asset_redirect(handle(), &positions.c(), &c, fetches.c(), fetches.size()));
     }
     // Cancels the solve that is under way, of another thread or a job.
-    Result<> try_cancel() const noexcept { return Result<>(vrtm_asset_cancel(handle())); }
+    Result<> cancel() const noexcept { return Result<>(vrtm_asset_cancel(handle())); }
 
     // The job keeps a copy of the progress function.
-    Result<Job> try_submit(const Array &positions, const SolveOptions &options = SolveOptions()) const
+    Result<Job> submit(const Array &positions, const SolveOptions &options = SolveOptions()) const
     {
         Job job;
         job.progress_ = std::unique_ptr<const Progress>(new Progress(options.progress_));
@@ -1365,24 +1299,24 @@ public:
     }
 
     // One pair (u, v) per face corner.
-    Result<std::vector<float>> try_corner_uvs(std::uint32_t uv_set = 0) const
+    Result<std::vector<float>> corner_uvs(std::uint32_t uv_set = 0) const
     {
-        const Result<vrtm_asset_data> data = try_info();
+        const Result<vrtm_asset_data> data = info();
         std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
         Result<> result = data;
         if (result) {
-            result = try_corner_uvs(uvs.data(), uvs.size() / 2, uv_set);
+            result = corner_uvs(uvs.data(), uvs.size() / 2, uv_set);
         }
         return {std::move(uvs), result};
     }
     // The same into the caller's memory: `count` pairs, as many as the mesh has corners.
-    Result<> try_corner_uvs(float *uvs, std::size_t count, std::uint32_t uv_set = 0) const noexcept
+    Result<> corner_uvs(float *uvs, std::size_t count, std::uint32_t uv_set = 0) const noexcept
     {
         return Result<>(vrtm_asset_fetch_corner_uvs_of_set(handle(), uv_set, uvs, count));
     }
 
     // For the last result.
-    Result<Refinement> try_refine(const RefinementDesc &desc = RefinementDesc()) const noexcept
+    Result<Refinement> refine(const RefinementDesc &desc = RefinementDesc()) const noexcept
     {
         vrtm_refinement handle_of_refinement{};
         const vrtm_status status = vrtm_refinement_create(handle(), &desc, &handle_of_refinement);
@@ -1391,54 +1325,16 @@ public:
         return {std::move(refinement), status};
     }
 
-    Result<vrtm_asset_report_data> try_report() const noexcept
+    Result<vrtm_asset_report_data> report() const noexcept
     {
         vrtm_asset_report_data report = vrtm_asset_report_data_init();
         const vrtm_status status = vrtm_asset_report(handle(), &report);
         return {report, status};
     }
 
-#if VRTM_EXCEPTIONS
-    static Asset create(const Device &device, const Mesh &mesh) { return try_create(device, mesh).value(); }
-    static Asset create(const Device &device, const vrtm_mesh_desc &mesh) { return try_create(device, mesh).value(); }
-    vrtm_asset_data info() const { return try_info().value(); }
-    std::uint32_t tile_count() const { return try_tile_count().value(); }
-    Tile tile(std::uint32_t index) const { return try_tile(index).value(); }
-    std::vector<Tile> tiles() const { return try_tiles().value(); }
-    Tile find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const { return try_find_tile(udim, uv_set).value(); }
-    void set_vertex_rigidity(const Array &rigidity) const { try_set_vertex_rigidity(rigidity).value(); }
-    void set_vertex_rigidity(std::nullptr_t) const { try_set_vertex_rigidity(nullptr).value(); }
-    void set_vertex_mask(const Array &mask) const { try_set_vertex_mask(mask).value(); }
-    void set_vertex_mask(std::nullptr_t) const { try_set_vertex_mask(nullptr).value(); }
-    void solve(const Array &positions, const SolveOptions &options = SolveOptions()) const
-    {
-        try_solve(positions, options).value();
-    }
-    void redirect(const Array &positions, const Fetches &fetches, const SolveOptions &options = SolveOptions()) const
-    {
-        try_redirect(positions, fetches, options).value();
-    }
-    void cancel() const { try_cancel().value(); }
-    Job submit(const Array &positions, const SolveOptions &options = SolveOptions()) const
-    {
-        return try_submit(positions, options).value();
-    }
-    std::vector<float> corner_uvs(std::uint32_t uv_set = 0) const { return try_corner_uvs(uv_set).value(); }
-    void corner_uvs(float *uvs, std::size_t count, std::uint32_t uv_set = 0) const
-    {
-        try_corner_uvs(uvs, count, uv_set).value();
-    }
-    Refinement refine(const RefinementDesc &desc = RefinementDesc()) const { return try_refine(desc).value(); }
-    vrtm_asset_report_data report() const { return try_report().value(); }
-#endif
-
 private:
     detail::Owner<vrtm_asset> owner_;
 };
-
-#if VRTM_EXCEPTIONS
-inline std::vector<vrtm_adapter_data> adapters() { return try_adapters().value(); }
-#endif
 
 } // namespace vrtm
 

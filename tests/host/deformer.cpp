@@ -40,8 +40,8 @@ class DeformerNode {
 public:
     DeformerNode(const vrtm::Device &device, const sheet &mesh) : mesh_(mesh), asset_(make(device, mesh))
     {
-        tile_ = asset_.find_tile(1001);
-        tile_.set_rigidity({&mesh_.rigidity[0][0], MAP, MAP});
+        tile_ = asset_.find_tile(1001).value();
+        tile_.set_rigidity({&mesh_.rigidity[0][0], MAP, MAP}).value();
     }
 
     Output compute(int frame)
@@ -51,8 +51,8 @@ public:
         Output output;
         asset_.redirect({points.data(), VERTICES, 4 * sizeof(double)},
                         {{tile_, {output.redirection.data(), MAP, MAP}},
-                         {tile_, {output.warp.data(), MAP + 1, MAP + 1}, vrtm::FetchKind::warp}});
-        output.corners = asset_.corner_uvs();
+                         {tile_, {output.warp.data(), MAP + 1, MAP + 1}, vrtm::FetchKind::warp}}).value();
+        output.corners = asset_.corner_uvs().value();
         return output;
     }
 
@@ -60,17 +60,17 @@ public:
     {
         sheet painted = mesh_;
         std::memmove(&painted.rigidity[0][0], &mesh_.rigidity[offset][0], sizeof(painted.rigidity) - offset * MAP);
-        tile_.set_rigidity({&painted.rigidity[0][0], MAP, MAP});
+        tile_.set_rigidity({&painted.rigidity[0][0], MAP, MAP}).value();
     }
 
-    vrtm_tile_report_data report() const { return tile_.report(); }
+    vrtm_tile_report_data report() const { return tile_.report().value(); }
 
 private:
     static vrtm::Asset make(const vrtm::Device &device, const sheet &mesh)
     {
         sheet_desc desc;
         sheet_describe(&mesh, &desc);
-        return vrtm::Asset::create(device, desc.mesh);
+        return vrtm::Asset::create(device, desc.mesh).value();
     }
 
     const sheet &mesh_;
@@ -128,7 +128,7 @@ void thread_counts(const sheet &mesh, const std::vector<Output> &expected)
     for (std::uint32_t threads = 1; threads <= 5; threads += 2) {
         vrtm::DeviceDesc desc;
         desc.threads = threads;
-        const vrtm::Device device = vrtm::Device::create(desc);
+        const vrtm::Device device = vrtm::Device::create(desc).value();
         DeformerNode node(device, mesh);
         char name[64];
         std::snprintf(name, sizeof name, "the same bits with %u threads", threads);
@@ -207,35 +207,35 @@ void callbacks(const sheet &flat)
     vrtm::DeviceDesc desc;
     desc.set_log([&nested](vrtm::LogLevel, const char *) {
         nested.calls += 1;
-        if (nested.tile && nested.tile.try_info().code() == vrtm::Code::busy) {
+        if (nested.tile && nested.tile.info().code() == vrtm::Code::busy) {
             nested.refused += 1;
         }
-        vrtm::Device::create();
+        vrtm::Device::create().value();
     });
-    const vrtm::Device device = vrtm::Device::create(desc);
+    const vrtm::Device device = vrtm::Device::create(desc).value();
     sheet_desc d;
     sheet_describe(&mesh, &d);
-    const vrtm::Asset asset = vrtm::Asset::create(device, d.mesh);
-    nested.tile = asset.find_tile(1001);
-    nested.tile.set_rigidity({&mesh.rigidity[0][0], MAP, MAP});
-    asset.solve({mesh.points, VERTICES});
+    const vrtm::Asset asset = vrtm::Asset::create(device, d.mesh).value();
+    nested.tile = asset.find_tile(1001).value();
+    nested.tile.set_rigidity({&mesh.rigidity[0][0], MAP, MAP}).value();
+    asset.solve({mesh.points, VERTICES}).value();
     check_that(nested.calls > 0, "a log function may call back", "");
     check_that(nested.refused > 0, "and finds the asset busy", "");
-    check_that(nested.tile.info().overlap > 0, "which it is no longer then", "");
+    check_that(nested.tile.info().value().overlap > 0, "which it is no longer then", "");
 }
 
 void raii(const vrtm::Device &device, const sheet &mesh)
 {
     sheet_desc d;
     sheet_describe(&mesh, &d);
-    vrtm::Asset first = vrtm::Asset::create(device, d.mesh);
+    vrtm::Asset first = vrtm::Asset::create(device, d.mesh).value();
     const vrtm_asset handle = first.handle();
     vrtm::Asset second(std::move(first));
     check_that(second.handle().id == handle.id && first.handle().id == 0, "an asset can be moved", "");
-    check_that(second.tiles().size() == 1 && second.info().corners == CORNERS, "and still answers", "");
+    check_that(second.tiles().value().size() == 1 && second.info().value().corners == CORNERS, "and still answers", "");
     bool thrown = false;
     try {
-        second.find_tile(1099);
+        second.find_tile(1099).value();
     } catch (const vrtm::Error &error) {
         thrown = error.code() == vrtm::Code::invalid_argument && std::strstr(error.what(), "udim") != nullptr;
     }
@@ -251,7 +251,7 @@ int main()
     try {
         static sheet mesh;
         sheet_make(&mesh);
-        const vrtm::Device device = vrtm::Device::create();
+        const vrtm::Device device = vrtm::Device::create().value();
         DeformerNode node(device, mesh);
         const std::vector<Output> expected = in_order(node);
         one_node(device, mesh, expected);
@@ -260,7 +260,7 @@ int main()
         one_node_twice(device, mesh, expected);
         callbacks(mesh);
         raii(device, mesh);
-        check_that(device.info().bytes_held > 0, "the device counts what its assets hold", "");
+        check_that(device.info().value().bytes_held > 0, "the device counts what its assets hold", "");
     } catch (const vrtm::Error &error) {
         check_that(0, "no exception", error.what());
     }

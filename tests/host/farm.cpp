@@ -22,12 +22,12 @@ vrtm::Asset make(const vrtm::Device &device)
     const vrtm::Indices corners(s.indices, CORNERS), counts(s.counts, FACES);
     vrtm::Mesh mesh(vrtm::Array(s.points, VERTICES), corners);
     mesh.uvs(vrtm::Array(s.uvs, VERTICES)).uv_indices(corners).face_counts(counts);
-    vrtm::Asset asset = vrtm::Asset::create(device, mesh);
-    const vrtm::Tile tile = asset.find_tile(1001);
-    tile.set_rigidity({&s.rigidity[0][0], MAP, MAP});
+    vrtm::Asset asset = vrtm::Asset::create(device, mesh).value();
+    const vrtm::Tile tile = asset.find_tile(1001).value();
+    tile.set_rigidity({&s.rigidity[0][0], MAP, MAP}).value();
     vrtm::TileSettings settings;
     settings.grid_width = settings.grid_height = 256;
-    tile.set_settings(settings);
+    tile.set_settings(settings).value();
     return asset;
 }
 
@@ -35,8 +35,8 @@ vrtm::Asset make(const vrtm::Device &device)
 std::vector<Bytes> prepare(const vrtm::Asset &asset)
 {
     std::vector<Bytes> saved;
-    for (const vrtm::Tile tile : asset.tiles()) {
-        saved.push_back(tile.save());
+    for (const vrtm::Tile tile : asset.tiles().value()) {
+        saved.push_back(tile.save().value());
     }
     return saved;
 }
@@ -45,9 +45,9 @@ std::vector<Bytes> prepare(const vrtm::Asset &asset)
 int load(const vrtm::Asset &asset, const std::vector<Bytes> &saved)
 {
     int refused = 0;
-    const std::vector<vrtm::Tile> tiles = asset.tiles();
+    const std::vector<vrtm::Tile> tiles = asset.tiles().value();
     for (std::size_t i = 0; i < tiles.size() && i < saved.size(); ++i) {
-        refused += tiles[i].try_load(saved[i]) ? 0 : 1;
+        refused += tiles[i].load(saved[i]) ? 0 : 1;
     }
     return refused;
 }
@@ -56,8 +56,8 @@ int load(const vrtm::Asset &asset, const std::vector<Bytes> &saved)
 bool fits(const vrtm::Asset &asset, std::uint64_t bytes)
 {
     std::uint64_t prepared = 0, peak = 0;
-    for (const vrtm::Tile tile : asset.tiles()) {
-        const vrtm_tile_needs needs = tile.estimate();
+    for (const vrtm::Tile tile : asset.tiles().value()) {
+        const vrtm_tile_needs needs = tile.estimate().value();
         prepared += needs.prepared_bytes;
         peak += needs.solving_bytes;
     }
@@ -70,13 +70,13 @@ void final_frame(const vrtm::Asset &asset, const vrtm::Array &positions, std::ui
 {
     vrtm::SolveOptions options;
     options.release_last = 1;
-    asset.solve(positions, options);
+    asset.solve(positions, options).value();
     const std::uint32_t rows = 64;
     Band band(2 * std::size_t(size) * rows);
-    for (const vrtm::Tile tile : asset.tiles()) {
+    for (const vrtm::Tile tile : asset.tiles().value()) {
         for (std::uint32_t y = 0; y < size; y += rows) {
             const std::uint32_t height = y + rows < size ? rows : size - y;
-            tile.fetch_part(vrtm::FetchKind::redirection, {band.data(), size, height}, 0, y, size, size);
+            tile.fetch_part(vrtm::FetchKind::redirection, {band.data(), size, height}, 0, y, size, size).value();
             write(tile, y, height, band);
         }
     }
@@ -111,7 +111,7 @@ int main()
         sheet_pose(&s, frame, pose[frame]);
     }
     try {
-        const vrtm::Device device = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu));
+        const vrtm::Device device = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu)).value();
         const vrtm::Asset first = make(device);
         const std::vector<Bytes> saved = prepare(first);
         check_that(!saved.empty() && !saved[0].empty(), "tiles are saved", "");
@@ -121,10 +121,10 @@ int main()
         }
         check_that(expected[0] != expected[1] && expected[1].size() == 2 * 200 * 200, "frames in order", "");
         Band at_once(2 * 200 * 200);
-        first.tile(0).fetch(vrtm::FetchKind::redirection, {at_once.data(), 200, 200});
+        first.tile(0).value().fetch(vrtm::FetchKind::redirection, {at_once.data(), 200, 200}).value();
         check_that(at_once == expected.back(), "the bands are the map", "");
 
-        const vrtm::Device other = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu));
+        const vrtm::Device other = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu)).value();
         const vrtm::Asset worker = make(other);
         check_that(fits(worker, std::uint64_t(1) << 30) && !fits(worker, 1 << 20), "what it takes is known before", "");
         check_that(load(worker, saved) == 0, "another machine loads them", vrtm_last_error());
@@ -139,8 +139,8 @@ int main()
         check_that(load(careful, damaged) == 1, "a damaged file is refused", "");
         check_that(whole(careful, {pose[3], VERTICES}, 200) == expected[3], "and the tile prepared instead", "");
 
-        first.solve({pose[4], VERTICES}, dragging());
-        check_that(first.report().folds == 0, "a draft while dragging", "");
+        first.solve({pose[4], VERTICES}, dragging()).value();
+        check_that(first.report().value().folds == 0, "a draft while dragging", "");
         check_that(whole(first, {pose[5], VERTICES}, 200) == expected[5], "leaves no trace in the next frame", "");
     } catch (const vrtm::Error &error) {
         check_that(0, "no exception", error.what());

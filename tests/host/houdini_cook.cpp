@@ -76,27 +76,27 @@ public:
         if (!cache.asset || cache.topology_id != rest->topology_id) {
             vrtm::Mesh mesh(vrtm::Array::of<float>(rest->positions.data(), rest->positions.size()), rest->points);
             mesh.face_counts(rest->counts).uvs(vrtm::Array::of<float>(rest->uvs.data(), rest->uvs.size()));
-            vrtm::Asset asset = vrtm::Asset::create(device_, mesh);
+            vrtm::Asset asset = vrtm::Asset::create(device_, mesh).value();
             const int made = cache.assets_made + 1;
-            const vrtm::Tile tile = asset.find_tile(1001);
+            const vrtm::Tile tile = asset.find_tile(1001).value();
             cache = NodeCache{std::move(asset), tile, rest->topology_id, 0, 0, made};
         }
         if (cache.map_id != parameters.rigidity->id) {
-            cache.tile.set_rigidity({parameters.rigidity->texels.data(), MAP, MAP});
+            cache.tile.set_rigidity({parameters.rigidity->texels.data(), MAP, MAP}).value();
             cache.map_id = parameters.rigidity->id;
         }
         if (cache.grid != parameters.grid) {
             vrtm::TileSettings settings;
             settings.grid_width = settings.grid_height = parameters.grid;
-            cache.tile.set_settings(settings);
+            cache.tile.set_settings(settings).value();
             cache.grid = parameters.grid;
         }
         vrtm::SolveOptions options;
         options.set(parameters.quality);
         options.set_progress([&interrupt](float) { return interrupt.poll() ? vrtm::Proceed::no : vrtm::Proceed::yes; });
-        cache.asset.solve(vrtm::Array::of<float>(posed->positions.data(), posed->positions.size()), options);
+        cache.asset.solve(vrtm::Array::of<float>(posed->positions.data(), posed->positions.size()), options).value();
         std::vector<float> uvs(2 * posed->uvs.size());
-        cache.asset.corner_uvs(uvs.data(), posed->uvs.size());
+        cache.asset.corner_uvs(uvs.data(), posed->uvs.size()).value();
 
         const auto output = std::make_shared<Detail>(*posed);
         for (std::size_t i = 0; i < output->uvs.size(); ++i) {
@@ -301,7 +301,7 @@ int main()
     try {
         vrtm::DeviceDesc desc;
         desc.set(vrtm::Backend::cpu);
-        const Verb verb(vrtm::Device::create(desc));
+        const Verb verb(vrtm::Device::create(desc).value());
         const std::vector<ConstDetail> expected = alone(verb, parameters_at_first(), at_rest(1), 8);
         check_that(!same(expected[2], expected[3]), "the frames differ", "");
         caching(verb, expected);

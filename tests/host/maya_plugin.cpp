@@ -51,25 +51,25 @@ private:
             mesh.face_counts(m.counts)
                 .uvs(vrtm::Array(m.u.data(), m.u.size()), vrtm::Array(m.v.data(), m.v.size()))
                 .uv_indices(m.uv_ids);
-            vrtm::Result<vrtm::Asset> asset = vrtm::Asset::try_create(device_, mesh);
+            vrtm::Result<vrtm::Asset> asset = vrtm::Asset::create(device_, mesh);
             if (!asset) {
                 return asset;
             }
-            const vrtm::Result<vrtm::Tile> tile = asset->try_find_tile(1001);
+            const vrtm::Result<vrtm::Tile> tile = asset->find_tile(1001);
             if (!tile) {
                 return tile;
             }
             seat = Seat{std::move(*asset), *tile, in.mesh, nullptr, nullptr, nullptr};
         }
         if (seat.rigidity != in.rigidity) {
-            if (vrtm::Result<> result = set_map(in.rigidity, [&](auto map) { return seat.tile.try_set_rigidity(map); });
+            if (vrtm::Result<> result = set_map(in.rigidity, [&](auto map) { return seat.tile.set_rigidity(map); });
                 !result) {
                 return result;
             }
             seat.rigidity = in.rigidity;
         }
         if (seat.mask != in.mask) {
-            if (vrtm::Result<> result = set_map(in.mask, [&](auto map) { return seat.tile.try_set_mask(map); }); !result) {
+            if (vrtm::Result<> result = set_map(in.mask, [&](auto map) { return seat.tile.set_mask(map); }); !result) {
                 return result;
             }
             seat.mask = in.mask;
@@ -77,7 +77,7 @@ private:
         if (seat.settings != in.settings) {
             vrtm::TileSettings settings;
             settings.grid_width = settings.grid_height = in.settings->grid;
-            if (vrtm::Result<> result = seat.tile.try_set_settings(settings); !result) {
+            if (vrtm::Result<> result = seat.tile.set_settings(settings); !result) {
                 return result;
             }
             seat.settings = in.settings;
@@ -99,7 +99,7 @@ private:
         std::vector<float> map(2 * std::size_t(out.size) * out.size);
         const vrtm::Array points(in.points.data(), in.points.size() / 4, 4 * sizeof(double));
         vrtm::Result<> result =
-            seat.asset.try_redirect(points, {{seat.tile, vrtm::ImageOut(map.data(), out.size, out.size)}}, options);
+            seat.asset.redirect(points, {{seat.tile, vrtm::ImageOut(map.data(), out.size, out.size)}}, options);
         if (result) {
             out.redirection = std::move(map);
         }
@@ -162,13 +162,13 @@ public:
             /* Not std::make_shared: with gcc it would keep this library in memory when it is unloaded. */
             desc.set_executor(std::shared_ptr<Threads>(new Threads{host_}));
         }
-        vrtm::Result<vrtm::Device> device = vrtm::Device::try_create(desc);
+        vrtm::Result<vrtm::Device> device = vrtm::Device::create(desc);
         device_ = std::move(*device);
         return device;
     }
 
     std::unique_ptr<Node> create_node() override { return std::unique_ptr<Node>(new WarpNode(device_, host_)); }
-    std::uint64_t bytes_held() const override { return device_.try_info()->bytes_held; }
+    std::uint64_t bytes_held() const override { return device_.info()->bytes_held; }
 
 private:
     const Host host_;

@@ -42,18 +42,18 @@ public:
         const vrtm::Indices corners(s.indices, CORNERS), counts(s.counts, FACES);
         vrtm::Mesh mesh(vrtm::Array(s.points, VERTICES), corners);
         mesh.uvs(vrtm::Array(s.uvs, VERTICES)).uv_indices(corners).face_counts(counts);
-        asset_ = vrtm::Asset::create(device, mesh);
-        tile_ = asset_.find_tile(1001);
-        tile_.set_rigidity({&s.rigidity[0][0], MAP, MAP});
+        asset_ = vrtm::Asset::create(device, mesh).value();
+        tile_ = asset_.find_tile(1001).value();
+        tile_.set_rigidity({&s.rigidity[0][0], MAP, MAP}).value();
         vrtm::TileSettings settings;
         settings.grid_width = settings.grid_height = grid;
-        tile_.set_settings(settings);
+        tile_.set_settings(settings).value();
     }
 
     /* The picture of a pose, without any haste. */
     Picture still(const Pose &pose)
     {
-        asset_.solve(points(pose));
+        asset_.solve(points(pose)).value();
         return draw();
     }
 
@@ -62,7 +62,7 @@ public:
     {
         const bool cancelled = job_ && cancel();
         const Clock::time_point start = Clock::now();
-        job_ = asset_.submit(points(pose));
+        job_ = asset_.submit(points(pose)).value();
         longest_submit = std::max(longest_submit, ms_since(start));
         return cancelled;
     }
@@ -73,11 +73,11 @@ public:
         Picture picture(2 * screen * screen);
         Clock::time_point start = Clock::now();
         const vrtm::Result<> fetched =
-            tile_.try_fetch(vrtm::FetchKind::redirection, {picture.data(), screen, screen});
+            tile_.fetch(vrtm::FetchKind::redirection, {picture.data(), screen, screen});
         longest_fetch = std::max(longest_fetch, ms_since(start));
         start = Clock::now();
-        const vrtm::Result<vrtm_tile_report_data> report = tile_.try_report();
-        const vrtm::Result<vrtm::Tile> found = asset_.try_find_tile(1001);
+        const vrtm::Result<vrtm_tile_report_data> report = tile_.report();
+        const vrtm::Result<vrtm::Tile> found = asset_.find_tile(1001);
         longest_other = std::max(longest_other, ms_since(start));
         refused += !fetched || !report || !found;
         drawn += 1;
@@ -88,7 +88,7 @@ public:
     bool ready()
     {
         const Clock::time_point start = Clock::now();
-        const vrtm::JobData data = job_.progress();
+        const vrtm::JobData data = job_.progress().value();
         longest_other = std::max(longest_other, ms_since(start));
         rises = rises && data.progress >= last_progress_;
         last_progress_ = data.state == vrtm::JobState::done ? 0 : data.progress;
@@ -104,9 +104,9 @@ public:
     bool cancel()
     {
         const Clock::time_point start = Clock::now();
-        job_.cancel();
+        job_.cancel().value();
         longest_other = std::max(longest_other, ms_since(start));
-        const vrtm::Result<> end = job_.try_wait();
+        const vrtm::Result<> end = job_.wait();
         if (end.code() == vrtm::Code::cancelled) {
             cancels.push_back(ms_since(start));
         }
@@ -236,7 +236,7 @@ int main(int count, char **arguments)
     const std::uint32_t grid = count > 1 ? std::uint32_t(std::strtoul(arguments[1], nullptr, 10)) : 512;
     sheet_make(&s);
     try {
-        const vrtm::Device device = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu));
+        const vrtm::Device device = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu)).value();
         at(device, grid);
     } catch (const vrtm::Error &error) {
         check_that(0, "no exception", error.what());

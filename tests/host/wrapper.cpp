@@ -72,14 +72,14 @@ vrtm::Image rigidity() { return vrtm::Image(&s.rigidity[0][0], MAP, MAP); }
 
 vrtm::Device cpu()
 {
-    return *vrtm::Device::try_create(vrtm::DeviceDesc().set(vrtm::Backend::cpu));
+    return *vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu));
 }
 
 /* An asset with its rigidity. */
 vrtm::Asset ready(const vrtm::Device &device)
 {
-    vrtm::Asset asset = *vrtm::Asset::try_create(device, quads());
-    const vrtm::Result<> set = asset.try_find_tile(1001)->try_set_rigidity(rigidity());
+    vrtm::Asset asset = *vrtm::Asset::create(device, quads());
+    const vrtm::Result<> set = asset.find_tile(1001)->set_rigidity(rigidity());
     check_that(bool(set), "an asset with a map", set.message());
     return asset;
 }
@@ -88,7 +88,7 @@ Map redirection(const vrtm::Asset &asset, const vrtm::Array &points)
 {
     Map map(2 * MAP * MAP);
     const vrtm::Result<> result =
-        asset.try_redirect(points, {{*asset.try_find_tile(1001), vrtm::ImageOut(map.data(), MAP, MAP)}});
+        asset.redirect(points, {{*asset.find_tile(1001), vrtm::ImageOut(map.data(), MAP, MAP)}});
     return result ? map : Map();
 }
 
@@ -106,8 +106,8 @@ void results()
 {
     const vrtm::Result<> good;
     check_that(good && good.message()[0] == 0, "a result is good at first", "");
-    vrtm::Result<vrtm_asset_data> bad = vrtm::Asset().try_info();
-    const vrtm::Result<vrtm::Tile> other = vrtm::Asset().try_find_tile(1001);
+    vrtm::Result<vrtm_asset_data> bad = vrtm::Asset().info();
+    const vrtm::Result<vrtm::Tile> other = vrtm::Asset().find_tile(1001);
     refuses("a failed result", bad, vrtm::Code::invalid_handle, "vrtm_asset_info");
     refuses("and another, with its own message", other, vrtm::Code::invalid_handle, "vrtm_asset_find_tile");
     check_that(bad->corners == 0 && (*bad).tiles == 0 && !*other, "has nothing to give", "");
@@ -138,8 +138,8 @@ void arrays(const vrtm::Device &device)
     check_that(same(redirection(asset, vrtm::Array::of<float>(vectors.data(), VERTICES)), expected), "own vectors", "");
     check_that(same(redirection(asset, {packed.data(), VERTICES}), expected), "packed doubles", "");
     check_that(same(redirection(asset, {vrtm::Scalar::f64, packed.data(), VERTICES}), expected), "without a type", "");
-    refuses("a missing vertex", asset.try_solve({pose, VERTICES - 1}), vrtm::Code::invalid_argument, "168 elements");
-    refuses("two components", asset.try_solve({s.uvs, VERTICES}), vrtm::Code::invalid_argument, "stride");
+    refuses("a missing vertex", asset.solve({pose, VERTICES - 1}), vrtm::Code::invalid_argument, "168 elements");
+    refuses("two components", asset.solve({s.uvs, VERTICES}), vrtm::Code::invalid_argument, "stride");
 
     /* u and v as arrays of their own. */
     std::vector<float> u, v;
@@ -149,23 +149,23 @@ void arrays(const vrtm::Device &device)
     }
     vrtm::Mesh mesh = quads();
     mesh.uvs(vrtm::Array(u.data(), VERTICES), vrtm::Array(v.data(), VERTICES));
-    asset = *vrtm::Asset::try_create(device, mesh);
-    works("an asset of separate u and v", asset.try_find_tile(1001)->try_set_rigidity(rigidity()));
+    asset = *vrtm::Asset::create(device, mesh);
+    works("an asset of separate u and v", asset.find_tile(1001)->set_rigidity(rigidity()));
     check_that(same(redirection(asset, {pose, VERTICES}), expected), "gives the same", "");
 }
 
 void images(const vrtm::Device &device)
 {
     vrtm::Asset asset = ready(device);
-    const vrtm::Tile tile = *asset.try_find_tile(1001);
-    check_that(*tile.try_udim() == 1001 && *tile.try_uv_set() == 0, "is 1001 of set 0", "");
-    refuses("no tile has no number", vrtm::Tile().try_udim(), vrtm::Code::invalid_handle, "vrtm_tile_udim");
+    const vrtm::Tile tile = *asset.find_tile(1001);
+    check_that(*tile.udim() == 1001 && *tile.uv_set() == 0, "is 1001 of set 0", "");
+    refuses("no tile has no number", vrtm::Tile().udim(), vrtm::Code::invalid_handle, "vrtm_tile_udim");
     const Map expected = redirection(asset, {pose, VERTICES});
     const auto gives_the_same = [&](const char *what, const vrtm::Image &image) {
         const Map none(2 * MAP * MAP);
-        const vrtm::Result<> taken = tile.try_set_rigidity(nullptr);
+        const vrtm::Result<> taken = tile.set_rigidity(nullptr);
         const Map without = redirection(asset, {pose, VERTICES});
-        const vrtm::Result<> set = tile.try_set_rigidity(image);
+        const vrtm::Result<> set = tile.set_rigidity(image);
         check_that(taken && set && !same(without, expected) && same(redirection(asset, {pose, VERTICES}), expected), what,
                    set.message());
     };
@@ -192,35 +192,35 @@ void images(const vrtm::Device &device)
                    vrtm::Image(rgba.data() + 2, MAP, MAP).pixel_stride(4).row_stride(4 * MAP + 64));
 
     Map rows(2 * MAP * MAP), wide(4 * MAP * MAP, -1), delta(2 * MAP * MAP), texel(2);
-    works("fetch from the bottom", tile.try_fetch(vrtm::FetchKind::redirection,
+    works("fetch from the bottom", tile.fetch(vrtm::FetchKind::redirection,
                                                   vrtm::ImageOut(rows.data(), MAP, MAP).origin(vrtm::Origin::bottom)));
     works("fetch two channels of four",
-          tile.try_fetch(vrtm::FetchKind::redirection,
+          tile.fetch(vrtm::FetchKind::redirection,
                          vrtm::ImageOut(wide.data() + 2, MAP, MAP).pixel_stride(16).row_stride(16 * MAP)));
-    works("fetch the delta", tile.try_fetch(vrtm::FetchKind::redirection_delta, {delta.data(), MAP, MAP}));
+    works("fetch the delta", tile.fetch(vrtm::FetchKind::redirection_delta, {delta.data(), MAP, MAP}));
     Map with_coverage(4 * MAP * MAP);
     works("fetch four channels, one-to-one",
-          tile.try_fetch(vrtm::FetchKind::redirection_udim,
+          tile.fetch(vrtm::FetchKind::redirection_udim,
                          vrtm::ImageOut(with_coverage.data(), MAP, MAP).channels(4).one_to_one()));
     vrtm::ImageOut back(with_coverage.data(), MAP, MAP);
     back.one_to_one().one_to_one(false).channels(3);
     check_that(back.c().one_to_one == 0 && back.c().channels == 3, "an image's settings", "");
     check_that(with_coverage[4 * (MAP / 2 * MAP + MAP / 2) + 3] == 1 && with_coverage[3] == 0, "coverage", "");
     const vrtm::Result<vrtm_map_data> looked_at =
-        tile.try_inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16).one_to_one());
+        tile.inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16).one_to_one());
     works("looks at a map", looked_at);
     check_that(looked_at->folds == 0 && looked_at->error_rms > 0, "its figures", "");
-    refuses("no map", tile.try_inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
+    refuses("no map", tile.inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
     works("fetch a part",
-          tile.try_fetch_part(vrtm::FetchKind::redirection, {texel.data(), 1, 1}, 21, 40, MAP, MAP));
+          tile.fetch_part(vrtm::FetchKind::redirection, {texel.data(), 1, 1}, 21, 40, MAP, MAP));
     refuses("memory of a GPU on the CPU",
-            tile.try_fetch_external(vrtm::FetchKind::redirection,
+            tile.fetch_external(vrtm::FetchKind::redirection,
                                     vrtm::ExternalImage(0, 8 * MAP * MAP, 0, MAP, MAP).set(vrtm::Origin::bottom)),
             vrtm::Code::unsupported, "the CPU");
-    refuses("no memory", tile.try_fetch_external(vrtm::FetchKind::redirection, vrtm::ExternalImage()),
+    refuses("no memory", tile.fetch_external(vrtm::FetchKind::redirection, vrtm::ExternalImage()),
             vrtm::Code::invalid_argument, "image.handle_kind");
     std::vector<std::uint16_t> half_delta(2 * MAP * MAP);
-    works("fetch f16", tile.try_fetch(vrtm::FetchKind::redirection_delta,
+    works("fetch f16", tile.fetch(vrtm::FetchKind::redirection_delta,
                                       {vrtm::PixelFormat::f16, half_delta.data(), MAP, MAP}));
     bool flipped = true, channels = true, halved = true;
     for (int y = 0; y < MAP; ++y) {
@@ -260,9 +260,9 @@ void meshes(const vrtm::Device &device)
         offsets.push_back(4 * k);
     }
     const auto data_of = [&](const vrtm::Mesh &mesh) {
-        const vrtm::Result<vrtm::Asset> asset = vrtm::Asset::try_create(device, mesh);
+        const vrtm::Result<vrtm::Asset> asset = vrtm::Asset::create(device, mesh);
         check_that(bool(asset), "an asset", asset.message());
-        return *asset->try_info();
+        return *asset->info();
     };
     vrtm::Mesh mesh(vrtm::Array(s.points, VERTICES), corners);
     mesh.uvs(vrtm::Array(s.uvs, VERTICES)).uv_indices(corners).face_offsets(offsets);
@@ -298,15 +298,15 @@ void meshes(const vrtm::Device &device)
     check_that(data_of(copy).uv_sets == 3 && data_of(assigned).uv_sets == 3, "copies of a mesh with UV sets", "");
     assigned = std::move(moved);
     check_that(data_of(assigned).uv_sets == 3, "and moved ones", "");
-    const vrtm::Asset asset = *vrtm::Asset::try_create(device, assigned);
-    check_that(asset.try_find_tile(1002, 2) && !asset.try_find_tile(1002, 1), "each set has its own tiles", "");
-    const std::vector<vrtm::Tile> tiles = *asset.try_tiles();
-    check_that(*asset.try_tile_count() == 3 && tiles.size() == 3 && tiles[2] == *asset.try_tile(2) &&
+    const vrtm::Asset asset = *vrtm::Asset::create(device, assigned);
+    check_that(asset.find_tile(1002, 2) && !asset.find_tile(1002, 1), "each set has its own tiles", "");
+    const std::vector<vrtm::Tile> tiles = *asset.tiles();
+    check_that(*asset.tile_count() == 3 && tiles.size() == 3 && tiles[2] == *asset.tile(2) &&
                    tiles[1] != tiles[2],
                "tiles by their index", "");
     const vrtm_mesh_desc raw = assigned.c();
-    check_that(bool(vrtm::Asset::try_create(device, raw)), "a mesh in the words of C", "");
-    refuses("a mesh that is wrong", vrtm::Asset::try_create(device, quads().uv_indices(counts)),
+    check_that(bool(vrtm::Asset::create(device, raw)), "a mesh in the words of C", "");
+    refuses("a mesh that is wrong", vrtm::Asset::create(device, quads().uv_indices(counts)),
             vrtm::Code::invalid_argument, "uv_indices");
 }
 
@@ -314,23 +314,23 @@ void devices()
 {
     vrtm::Device empty;
     check_that(!empty && empty.handle().id == 0, "an empty device", "");
-    refuses("knows nothing", empty.try_info(), vrtm::Code::invalid_handle, "vrtm_device_info");
-    refuses("and has no assets", vrtm::Asset::try_create(empty, quads()), vrtm::Code::invalid_handle, "device");
+    refuses("knows nothing", empty.info(), vrtm::Code::invalid_handle, "vrtm_device_info");
+    refuses("and has no assets", vrtm::Asset::create(empty, quads()), vrtm::Code::invalid_handle, "device");
     vrtm::DeviceDesc desc;
     desc.threads = 1025;
-    const vrtm::Result<vrtm::Device> wrong = vrtm::Device::try_create(desc);
+    const vrtm::Result<vrtm::Device> wrong = vrtm::Device::create(desc);
     check_that(!*wrong, "a device that failed is empty", "");
     refuses("and says why", wrong, vrtm::Code::invalid_argument, "threads");
     vrtm::Device first = cpu();
     const vrtm_device handle = first.handle();
-    check_that(vrtm::Backend(first.try_info()->backend) == vrtm::Backend::cpu, "a device on the CPU", "");
+    check_that(vrtm::Backend(first.info()->backend) == vrtm::Backend::cpu, "a device on the CPU", "");
     vrtm::Device second(std::move(first));
     check_that(!first && second && second.handle().id == handle.id, "moves", "");
     first = std::move(second);
     check_that(first && !second, "and moves back", "");
     first.reset();
     check_that(!first && vrtm_device_destroy(handle) == VRTM_ERROR_INVALID_HANDLE, "and ends", "");
-    const auto adapters = vrtm::try_adapters();
+    const auto adapters = vrtm::adapters();
     std::uint32_t count = 0;
     check_that(adapters && vrtm_adapter_count(&count) == VRTM_OK && adapters->size() == count, "the adapters", "");
     if (count > 0) {
@@ -338,14 +338,14 @@ void devices()
         desc.set(vrtm::Backend::gpu);
         const vrtm_adapter_data &one = adapters->front();
         if (one.has_uuid) {
-            works("a GPU by its UUID", vrtm::Device::try_create(desc.set_uuid(one.uuid)));
+            works("a GPU by its UUID", vrtm::Device::create(desc.set_uuid(one.uuid)));
         }
         const unsigned char nobody[16] = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16};
-        refuses("no such UUID", vrtm::Device::try_create(desc.set_uuid(nobody)), vrtm::Code::invalid_argument,
+        refuses("no such UUID", vrtm::Device::create(desc.set_uuid(nobody)), vrtm::Code::invalid_argument,
                 "no adapter has the UUID 01020304-0506-0708-090a-0b0c0d0e0f10");
-        refuses("no such LUID", vrtm::Device::try_create(desc.set_luid(nobody)), vrtm::Code::invalid_argument,
+        refuses("no such LUID", vrtm::Device::create(desc.set_luid(nobody)), vrtm::Code::invalid_argument,
                 "no adapter has the LUID 0102030405060708;");
-        refuses("no such registry ID", vrtm::Device::try_create(desc.set_registry_id(77)),
+        refuses("no such registry ID", vrtm::Device::create(desc.set_registry_id(77)),
                 vrtm::Code::invalid_argument, "no adapter has the registry ID 77;");
     }
 }
@@ -365,8 +365,8 @@ void logs()
             throw std::runtime_error("not the library's business");
 #endif
         });
-        const vrtm::Device device = *vrtm::Device::try_create(desc);
-        asset = *vrtm::Asset::try_create(device, quads().seams(no_edge));
+        const vrtm::Device device = *vrtm::Device::create(desc);
+        asset = *vrtm::Asset::create(device, quads().seams(no_edge));
     }
     bool warned = false;
     for (const std::string &line : *said) {
@@ -414,14 +414,14 @@ void executors(const Map &expected)
     vrtm::DeviceDesc desc;
     desc.set(vrtm::Backend::cpu).set_executor(pool);
     desc.threads = 3;
-    vrtm::Asset asset = ready(*vrtm::Device::try_create(desc));
+    vrtm::Asset asset = ready(*vrtm::Device::create(desc));
     check_that(same(redirection(asset, {pose, VERTICES}), expected) && pool->loops > 0, "a host's threads", "");
-    vrtm::Job job = *asset.try_submit({s.points, VERTICES});
-    check_that(pool->queued == 1 && job.try_wait_for(std::chrono::milliseconds(0)).code() == vrtm::Code::timeout,
+    vrtm::Job job = *asset.submit({s.points, VERTICES});
+    check_that(pool->queued == 1 && job.wait_for(std::chrono::milliseconds(0)).code() == vrtm::Code::timeout,
                "a job waits in the host's queue", "");
     pool->queue.at(0)();
     pool->queue.clear();
-    works("and is done when the host has run it", job.try_wait_for(std::chrono::milliseconds(0)));
+    works("and is done when the host has run it", job.wait_for(std::chrono::milliseconds(0)));
     desc = vrtm::DeviceDesc();
     check_that(pool.use_count() > 1, "the asset keeps the host's threads alive", "");
     asset.reset();
@@ -432,9 +432,9 @@ void executors(const Map &expected)
     const auto loops = std::make_shared<LoopsOnly>();
     desc.set(vrtm::Backend::cpu).set_executor(loops);
     desc.threads = 2;
-    asset = ready(*vrtm::Device::try_create(desc));
-    job = *asset.try_submit({pose, VERTICES});
-    works("an executor without a queue", job.try_wait());
+    asset = ready(*vrtm::Device::create(desc));
+    job = *asset.submit({pose, VERTICES});
+    works("an executor without a queue", job.wait());
     check_that(loops->loops > 0, "runs the loops", "");
 }
 
@@ -465,11 +465,11 @@ void allocators(const Map &expected)
     const auto memory = std::make_shared<Memory>();
     vrtm::DeviceDesc desc;
     desc.set(vrtm::Backend::cpu).set_allocator(memory);
-    vrtm::Asset asset = ready(*vrtm::Device::try_create(desc));
+    vrtm::Asset asset = ready(*vrtm::Device::create(desc));
     desc = vrtm::DeviceDesc();
     check_that(same(redirection(asset, {pose, VERTICES}), expected) && memory->taken > 0, "a host's memory", "");
     memory->empty = true;
-    refuses("which has run out", asset.try_find_tile(1001)->try_set_rigidity(rigidity()), vrtm::Code::out_of_memory, "");
+    refuses("which has run out", asset.find_tile(1001)->set_rigidity(rigidity()), vrtm::Code::out_of_memory, "");
     memory->empty = false;
     check_that(memory->blocks > 0 && memory.use_count() > 1, "is kept by the asset", "");
     asset.reset();
@@ -480,33 +480,33 @@ void tiles(const vrtm::Device &device)
 {
     const vrtm::Tile none;
     check_that(!none && none == vrtm::Tile(vrtm_tile{}), "an empty tile", "");
-    refuses("knows nothing", none.try_info(), vrtm::Code::invalid_handle, "vrtm_tile_info");
+    refuses("knows nothing", none.info(), vrtm::Code::invalid_handle, "vrtm_tile_info");
     vrtm::Asset asset = ready(device);
-    const vrtm::Tile tile = *asset.try_find_tile(1001);
+    const vrtm::Tile tile = *asset.find_tile(1001);
     check_that(tile && vrtm::Tile(tile.handle()) == tile && tile != none, "a tile", "");
-    refuses("has no report yet", tile.try_report(), vrtm::Code::not_solved, "vrtm_tile_report");
-    check_that(tile.try_info()->udim == 1001 && tile.try_info()->grid_width == MAP, "its data", "");
-    check_that(tile.try_estimate()->movable_nodes > 0, "its needs", "");
+    refuses("has no report yet", tile.report(), vrtm::Code::not_solved, "vrtm_tile_report");
+    check_that(tile.info()->udim == 1001 && tile.info()->grid_width == MAP, "its data", "");
+    check_that(tile.estimate()->movable_nodes > 0, "its needs", "");
 
     vrtm::TileSettings settings;
     settings.set(vrtm::Overlap::first_face).grid_width = 128;
     settings.grid_height = 96;
-    works("settings", tile.try_set_settings(settings));
-    const vrtm::TileSettings read = *tile.try_settings();
+    works("settings", tile.set_settings(settings));
+    const vrtm::TileSettings read = *tile.settings();
     check_that(read.grid_width == 128 && vrtm::Overlap(read.overlap) == vrtm::Overlap::first_face &&
-                   tile.try_info()->grid_height == 96,
+                   tile.info()->grid_height == 96,
                "are taken", "");
     settings.room = -3;
-    refuses("wrong settings", tile.try_set_settings(settings), vrtm::Code::invalid_argument, "room");
-    works("no settings", tile.try_set_settings(nullptr));
-    check_that(tile.try_settings()->grid_width == 0 && tile.try_info()->grid_width == MAP, "are the defaults", "");
+    refuses("wrong settings", tile.set_settings(settings), vrtm::Code::invalid_argument, "room");
+    works("no settings", tile.set_settings(nullptr));
+    check_that(tile.settings()->grid_width == 0 && tile.info()->grid_width == MAP, "are the defaults", "");
 
     const Map expected = redirection(asset, {pose, VERTICES});
-    check_that(tile.try_report()->udim == 1001 && tile.try_report()->folds == 0, "a report", "");
+    check_that(tile.report()->udim == 1001 && tile.report()->folds == 0, "a report", "");
     const std::vector<std::uint8_t> fixed(MAP * MAP, 0);
-    works("a mask", tile.try_set_mask({fixed.data(), MAP, MAP}));
+    works("a mask", tile.set_mask({fixed.data(), MAP, MAP}));
     check_that(!same(redirection(asset, {pose, VERTICES}), expected), "holds all", "");
-    works("no mask", tile.try_set_mask(nullptr));
+    works("no mask", tile.set_mask(nullptr));
     check_that(same(redirection(asset, {pose, VERTICES}), expected), "lets all go", "");
 
     /* A stroke, and the same map as a whole. */
@@ -515,38 +515,38 @@ void tiles(const vrtm::Device &device)
         std::memset(&painted.rigidity[y][8], 255, 24);
     }
     const vrtm::Image map(&painted.rigidity[0][0], MAP, MAP);
-    works("a stroke", tile.try_update_rigidity(map, 8, 20, 24, 10));
+    works("a stroke", tile.update_rigidity(map, 8, 20, 24, 10));
     const Map stroked = redirection(asset, {pose, VERTICES});
-    works("the whole map", tile.try_set_rigidity(map));
+    works("the whole map", tile.set_rigidity(map));
     check_that(!same(stroked, expected) && same(redirection(asset, {pose, VERTICES}), stroked), "are the same", "");
-    refuses("a stroke beside the map", tile.try_update_rigidity(map, 60, 0, 8, 1), vrtm::Code::invalid_argument,
+    refuses("a stroke beside the map", tile.update_rigidity(map, 60, 0, 8, 1), vrtm::Code::invalid_argument,
             "8x1");
 
-    const std::vector<unsigned char> saved = *tile.try_save();
-    const vrtm::Result<std::size_t> size = tile.try_save(nullptr, 0);
+    const std::vector<unsigned char> saved = *tile.save();
+    const vrtm::Result<std::size_t> size = tile.save(nullptr, 0);
     std::vector<unsigned char> again(*size);
-    check_that(size && *size == saved.size() && *tile.try_save(again.data(), again.size()) == *size && again == saved,
+    check_that(size && *size == saved.size() && *tile.save(again.data(), again.size()) == *size && again == saved,
                "a saved tile", "");
-    refuses("too little room", tile.try_save(again.data(), 1), vrtm::Code::invalid_argument, "capacity");
+    refuses("too little room", tile.save(again.data(), 1), vrtm::Code::invalid_argument, "capacity");
     const vrtm::Asset other = ready(device);
-    refuses("a tile of another map", other.try_find_tile(1001)->try_load(saved), vrtm::Code::invalid_argument, "");
-    works("its own map", other.try_find_tile(1001)->try_set_rigidity(map));
-    works("loads", other.try_find_tile(1001)->try_load(saved));
-    works("from the caller's memory", other.try_find_tile(1001)->try_load(saved.data(), saved.size()));
+    refuses("a tile of another map", other.find_tile(1001)->load(saved), vrtm::Code::invalid_argument, "");
+    works("its own map", other.find_tile(1001)->set_rigidity(map));
+    works("loads", other.find_tile(1001)->load(saved));
+    works("from the caller's memory", other.find_tile(1001)->load(saved.data(), saved.size()));
     check_that(same(redirection(other, {pose, VERTICES}), stroked), "and solves the same", "");
 
-    works("freeze", tile.try_freeze(true));
-    check_that(same(redirection(asset, {s.points, VERTICES}), stroked) && tile.try_report()->kept == 1, "keeps", "");
-    works("let go", tile.try_freeze(false));
+    works("freeze", tile.freeze(true));
+    check_that(same(redirection(asset, {s.points, VERTICES}), stroked) && tile.report()->kept == 1, "keeps", "");
+    works("let go", tile.freeze(false));
     check_that(!same(redirection(asset, {s.points, VERTICES}), stroked), "solves again", "");
 }
 
 void outputs(const vrtm::Device &device)
 {
     vrtm::Asset asset = ready(device);
-    const vrtm::Tile tile = *asset.try_find_tile(1001);
-    refuses("no corner UVs yet", asset.try_corner_uvs(), vrtm::Code::not_solved, "");
-    refuses("no report yet", asset.try_report(), vrtm::Code::not_solved, "vrtm_asset_report");
+    const vrtm::Tile tile = *asset.find_tile(1001);
+    refuses("no corner UVs yet", asset.corner_uvs(), vrtm::Code::not_solved, "");
+    refuses("no report yet", asset.report(), vrtm::Code::not_solved, "vrtm_asset_report");
     const Map expected = redirection(asset, {pose, VERTICES});
     Map map(2 * MAP * MAP), warp(2 * (MAP + 1) * (MAP + 1)), fetched(warp.size());
     /* The descriptions of the images are gone when the list is used. */
@@ -561,41 +561,41 @@ void outputs(const vrtm::Device &device)
     check_that(fetches.size() == 101 && fetches.c()[0].image->data == map.data() &&
                    fetches.c()[100].image->data == warp.data() && fetches.c()[100].kind == VRTM_FETCH_WARP,
                "a list that grows keeps its images", "");
-    refuses("images that overlap", asset.try_redirect({pose, VERTICES}, fetches), vrtm::Code::invalid_argument,
+    refuses("images that overlap", asset.redirect({pose, VERTICES}, fetches), vrtm::Code::invalid_argument,
             "fetches");
     fetches = {{tile, {map.data(), MAP, MAP}}, {tile, {warp.data(), MAP + 1, MAP + 1}, vrtm::FetchKind::warp}};
     const vrtm::Fetches copy(fetches), moved(std::move(fetches));
     vrtm::SolveOptions options;
     options.threads = 1;
-    works("a list that was copied", asset.try_redirect({pose, VERTICES}, copy, options));
+    works("a list that was copied", asset.redirect({pose, VERTICES}, copy, options));
     check_that(same(map, expected) && copy.c()[0].image != moved.c()[0].image, "has images of its own", "");
-    works("a list that was moved", asset.try_redirect({pose, VERTICES}, moved));
-    works("the warp", tile.try_fetch(vrtm::FetchKind::warp, {fetched.data(), MAP + 1, MAP + 1}));
+    works("a list that was moved", asset.redirect({pose, VERTICES}, moved));
+    works("the warp", tile.fetch(vrtm::FetchKind::warp, {fetched.data(), MAP + 1, MAP + 1}));
     check_that(same(warp, fetched), "is what fetch gives", "");
 
-    const vrtm::Result<std::vector<float>> uvs = asset.try_corner_uvs();
+    const vrtm::Result<std::vector<float>> uvs = asset.corner_uvs();
     Map own(2 * CORNERS), of_set(2 * CORNERS);
     works("corner UVs", uvs);
-    works("into a buffer", asset.try_corner_uvs(own.data(), CORNERS));
-    works("of a UV set", asset.try_corner_uvs(of_set.data(), CORNERS, 0));
+    works("into a buffer", asset.corner_uvs(own.data(), CORNERS));
+    works("of a UV set", asset.corner_uvs(of_set.data(), CORNERS, 0));
     check_that(same(own, *uvs) && same(of_set, own) && own.size() == 2 * CORNERS, "are the same", "");
-    refuses("a UV set that is not there", asset.try_corner_uvs(1), vrtm::Code::invalid_argument, "uv_set");
-    refuses("too few corners", asset.try_corner_uvs(own.data(), 3), vrtm::Code::invalid_argument, "count");
-    check_that(asset.try_report()->tiles == 1 && asset.try_report()->folds == 0, "an asset's report", "");
-    check_that(asset.try_report()->median_stretch > 0, "has the stretch of the pose's edges", "");
+    refuses("a UV set that is not there", asset.corner_uvs(1), vrtm::Code::invalid_argument, "uv_set");
+    refuses("too few corners", asset.corner_uvs(own.data(), 3), vrtm::Code::invalid_argument, "count");
+    check_that(asset.report()->tiles == 1 && asset.report()->folds == 0, "an asset's report", "");
+    check_that(asset.report()->median_stretch > 0, "has the stretch of the pose's edges", "");
 
     const std::vector<float> elastic(VERTICES, 0), rigid(VERTICES, 1);
-    works("no map", tile.try_set_rigidity(nullptr));
-    works("rigidity per vertex", asset.try_set_vertex_rigidity({rigid.data(), VERTICES}));
-    check_that(tile.try_estimate()->movable_nodes > 0 && tile.try_info()->grid_width == 1024, "is taken", "");
-    works("a mask per vertex", asset.try_set_vertex_mask({elastic.data(), VERTICES}));
-    check_that(tile.try_estimate()->movable_nodes == 0, "holds all", "");
-    works("no mask per vertex", asset.try_set_vertex_mask(nullptr));
-    check_that(tile.try_estimate()->movable_nodes > 0, "holds nothing", "");
-    refuses("too little of a mask", asset.try_set_vertex_mask({elastic.data(), 3}), vrtm::Code::invalid_argument,
+    works("no map", tile.set_rigidity(nullptr));
+    works("rigidity per vertex", asset.set_vertex_rigidity({rigid.data(), VERTICES}));
+    check_that(tile.estimate()->movable_nodes > 0 && tile.info()->grid_width == 1024, "is taken", "");
+    works("a mask per vertex", asset.set_vertex_mask({elastic.data(), VERTICES}));
+    check_that(tile.estimate()->movable_nodes == 0, "holds all", "");
+    works("no mask per vertex", asset.set_vertex_mask(nullptr));
+    check_that(tile.estimate()->movable_nodes > 0, "holds nothing", "");
+    refuses("too little of a mask", asset.set_vertex_mask({elastic.data(), 3}), vrtm::Code::invalid_argument,
             "3 elements");
-    works("no rigidity per vertex", asset.try_set_vertex_rigidity(nullptr));
-    refuses("too little of it", asset.try_set_vertex_rigidity({elastic.data(), 3}), vrtm::Code::invalid_argument,
+    works("no rigidity per vertex", asset.set_vertex_rigidity(nullptr));
+    refuses("too little of it", asset.set_vertex_rigidity({elastic.data(), 3}), vrtm::Code::invalid_argument,
             "3 elements");
 }
 
@@ -609,74 +609,74 @@ void options(const vrtm::Device &device, const Map &expected)
     }
     vrtm::Mesh mesh = quads();
     mesh.add_uv_set(vrtm::UvSet(vrtm::Array(moved.data(), VERTICES)).uv_indices(corners));
-    const vrtm::Asset asset = *vrtm::Asset::try_create(device, mesh);
-    const std::vector<vrtm::Tile> tiles = *asset.try_tiles();
+    const vrtm::Asset asset = *vrtm::Asset::create(device, mesh);
+    const std::vector<vrtm::Tile> tiles = *asset.tiles();
     for (const vrtm::Tile tile : tiles) {
-        works("a map", tile.try_set_rigidity(rigidity()));
+        works("a map", tile.set_rigidity(rigidity()));
     }
-    const auto kept = [&] { return std::array<int, 2>{int(tiles[0].try_report()->kept), int(tiles[1].try_report()->kept)}; };
+    const auto kept = [&] { return std::array<int, 2>{int(tiles[0].report()->kept), int(tiles[1].report()->kept)}; };
     const std::array<int, 2> neither{0, 0}, second{0, 1}, both{1, 1};
     vrtm::SolveOptions all;
-    works("all tiles", asset.try_solve({s.points, VERTICES}));
+    works("all tiles", asset.solve({s.points, VERTICES}));
     vrtm::SolveOptions one;
     one.set_tiles({tiles[0]});
-    works("one tile", asset.try_solve({pose, VERTICES}, one));
+    works("one tile", asset.solve({pose, VERTICES}, one));
     check_that(kept() == second, "is solved", "");
     vrtm::SolveOptions copy(one);
     one = vrtm::SolveOptions();
-    works("a copy of the options", asset.try_solve({s.points, VERTICES}, copy));
+    works("a copy of the options", asset.solve({s.points, VERTICES}, copy));
     check_that(kept() == second, "has the tile, too", "");
-    works("a list without tiles", asset.try_solve({pose, VERTICES}, copy.set_tiles({})));
+    works("a list without tiles", asset.solve({pose, VERTICES}, copy.set_tiles({})));
     check_that(kept() == both, "is none, not all", "");
-    works("all tiles again", asset.try_solve({pose, VERTICES}, copy.set_all_tiles()));
+    works("all tiles again", asset.solve({pose, VERTICES}, copy.set_all_tiles()));
     check_that(kept() == neither, "are solved", "");
     const std::vector<int> none, some = {5};
-    works("no dirty vertex", asset.try_solve({s.points, VERTICES}, all.set_dirty_vertices(none)));
+    works("no dirty vertex", asset.solve({s.points, VERTICES}, all.set_dirty_vertices(none)));
     check_that(kept() == both, "solves nothing", "");
-    works("one dirty vertex", asset.try_solve({s.points, VERTICES}, all.set_dirty_vertices(some)));
+    works("one dirty vertex", asset.solve({s.points, VERTICES}, all.set_dirty_vertices(some)));
     check_that(kept() == neither, "solves its tiles", "");
-    works("no vertex, by an empty list", asset.try_solve({pose, VERTICES}, all.set_dirty_vertices({})));
+    works("no vertex, by an empty list", asset.solve({pose, VERTICES}, all.set_dirty_vertices({})));
     check_that(kept() == both, "solves nothing", "");
-    works("any vertex", asset.try_solve({pose, VERTICES}, all.set_all_dirty()));
+    works("any vertex", asset.solve({pose, VERTICES}, all.set_all_dirty()));
     check_that(kept() == neither, "solves all", "");
     check_that(same(redirection(asset, {pose, VERTICES}), expected), "with the bits of a tile alone", "");
     vrtm::SolveOptions draft;
     draft.set(vrtm::Quality::draft).set(vrtm::Solver::pbd).pbd.iterations = 1;
     check_that(draft.quality == VRTM_QUALITY_DRAFT && draft.solver == VRTM_SOLVER_PBD, "quality and solver", "");
-    works("the paper's solver", asset.try_solve({pose, VERTICES}, draft));
+    works("the paper's solver", asset.solve({pose, VERTICES}, draft));
     draft.tolerance = 2;
-    refuses("a wrong option", asset.try_solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "tolerance");
+    refuses("a wrong option", asset.solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "tolerance");
 }
 
 void refinements(const vrtm::Device &device)
 {
     const vrtm::Refinement empty;
     check_that(!empty && empty.handle().id == 0, "an empty refinement", "");
-    refuses("has no pattern", empty.try_pattern(), vrtm::Code::invalid_handle, "refinement");
-    refuses("and no UVs", empty.try_corner_uvs(), vrtm::Code::invalid_handle, "refinement");
+    refuses("has no pattern", empty.pattern(), vrtm::Code::invalid_handle, "refinement");
+    refuses("and no UVs", empty.corner_uvs(), vrtm::Code::invalid_handle, "refinement");
     vrtm::Asset asset = ready(device);
-    refuses("a refinement before a solve", asset.try_refine(), vrtm::Code::not_solved, "solve first");
-    works("a solve", asset.try_solve({s.points, VERTICES}));
+    refuses("a refinement before a solve", asset.refine(), vrtm::Code::not_solved, "solve first");
+    works("a solve", asset.solve({s.points, VERTICES}));
     vrtm::RefinementDesc desc;
     desc.tolerance = 1e-3;
-    vrtm::Refinement refinement = *asset.try_refine(desc);
-    check_that(refinement.try_info()->faces == FACES, "nothing to refine", "");
-    works("a pose", asset.try_solve({pose, VERTICES}));
-    works("extend", refinement.try_extend());
-    const vrtm_refinement_data data = *refinement.try_info();
+    vrtm::Refinement refinement = *asset.refine(desc);
+    check_that(refinement.info()->faces == FACES, "nothing to refine", "");
+    works("a pose", asset.solve({pose, VERTICES}));
+    works("extend", refinement.extend());
+    const vrtm_refinement_data data = *refinement.info();
     check_that(data.faces > FACES && data.reached == 1 && data.error <= desc.tolerance, "refines", "");
-    const vrtm::RefinementPattern pattern = *refinement.try_pattern();
+    const vrtm::RefinementPattern pattern = *refinement.pattern();
     check_that(pattern.face_sources.size() == data.faces && pattern.corner_uvs.size() == 2 * data.corners &&
                    pattern.vertex_sources[3 * (VERTICES - 1)] == VERTICES - 1,
                "its pattern", "");
     std::vector<float> uvs(2 * static_cast<std::size_t>(data.corners));
-    works("corner UVs", refinement.try_corner_uvs(uvs.data(), uvs.size() / 2));
-    check_that(uvs == *refinement.try_corner_uvs() && uvs != pattern.corner_uvs, "are redirected", "");
+    works("corner UVs", refinement.corner_uvs(uvs.data(), uvs.size() / 2));
+    check_that(uvs == *refinement.corner_uvs() && uvs != pattern.corner_uvs, "are redirected", "");
     asset.reset();
     const vrtm::Refinement moved(std::move(refinement));
-    check_that(!refinement && moved.try_info()->corners == data.corners, "it goes on without the asset", "");
+    check_that(!refinement && moved.info()->corners == data.corners, "it goes on without the asset", "");
     desc.tolerance = 2;
-    refuses("a wrong tolerance", ready(device).try_refine(desc), vrtm::Code::invalid_argument, "tolerance");
+    refuses("a wrong tolerance", ready(device).refine(desc), vrtm::Code::invalid_argument, "tolerance");
 }
 
 /* A solve that takes a while: 1024 x 1024 cells. */
@@ -685,7 +685,7 @@ vrtm::Asset slow(const vrtm::Device &device)
     vrtm::Asset asset = ready(device);
     vrtm::TileSettings settings;
     settings.grid_width = settings.grid_height = 1024;
-    works("a large grid", asset.try_find_tile(1001)->try_set_settings(settings));
+    works("a large grid", asset.find_tile(1001)->set_settings(settings));
     return asset;
 }
 
@@ -699,29 +699,29 @@ void progress(const vrtm::Device &device)
         return vrtm::Proceed::yes;
     });
     const vrtm::SolveOptions copy(options);
-    works("a solve with progress", asset.try_solve({pose, VERTICES}, copy));
+    works("a solve with progress", asset.solve({pose, VERTICES}, copy));
     bool rises = !told.empty();
     for (std::size_t i = 1; i < told.size(); ++i) {
         rises = rises && told[i] >= told[i - 1] && told[i] <= 1;
     }
     check_that(rises, "tells how far it is", "");
     options.set_progress([](float) { return vrtm::Proceed::no; });
-    refuses("a function that cancels", asset.try_solve({other, VERTICES}, options), vrtm::Code::cancelled, "");
+    refuses("a function that cancels", asset.solve({other, VERTICES}, options), vrtm::Code::cancelled, "");
 #if VRTM_EXCEPTIONS
     options.set_progress([](float) -> vrtm::Proceed { throw std::runtime_error("stop"); });
-    refuses("one that throws", asset.try_solve({other, VERTICES}, options), vrtm::Code::cancelled, "");
+    refuses("one that throws", asset.solve({other, VERTICES}, options), vrtm::Code::cancelled, "");
 #endif
     options.set_progress(nullptr);
-    works("no function", asset.try_solve({other, VERTICES}, options));
+    works("no function", asset.solve({other, VERTICES}, options));
 }
 
 void jobs(const vrtm::Device &device)
 {
     const vrtm::Job empty;
     check_that(!empty && empty.handle().id == 0, "an empty job", "");
-    refuses("cannot be waited for", empty.try_wait(), vrtm::Code::invalid_handle, "vrtm_job_wait");
+    refuses("cannot be waited for", empty.wait(), vrtm::Code::invalid_handle, "vrtm_job_wait");
     const vrtm::Asset asset = slow(device);
-    const vrtm::Result<vrtm::Job> wrong = asset.try_submit({s.uvs, VERTICES});
+    const vrtm::Result<vrtm::Job> wrong = asset.submit({s.uvs, VERTICES});
     check_that(!*wrong, "a job that failed is empty", "");
     refuses("and says why", wrong, vrtm::Code::invalid_argument, "positions");
 
@@ -735,36 +735,36 @@ void jobs(const vrtm::Device &device)
             calls += *owned;
             return vrtm::Proceed::yes;
         });
-        job = *asset.try_submit({pose, VERTICES}, options);
+        job = *asset.submit({pose, VERTICES}, options);
     }
     check_that(job && owned.use_count() == 2, "a job keeps its function", "");
-    refuses("the asset is busy", asset.try_solve({pose, VERTICES}), vrtm::Code::busy, "");
+    refuses("the asset is busy", asset.solve({pose, VERTICES}), vrtm::Code::busy, "");
     vrtm::Job moved(std::move(job));
-    refuses("and the job not done at once", moved.try_wait_for(std::chrono::microseconds(1)), vrtm::Code::timeout, "");
-    check_that(!job && moved.try_progress()->state == vrtm::JobState::running, "it runs", "");
-    works("wait", moved.try_wait());
-    const vrtm::JobData data = *moved.try_progress();
+    refuses("and the job not done at once", moved.wait_for(std::chrono::microseconds(1)), vrtm::Code::timeout, "");
+    check_that(!job && moved.progress()->state == vrtm::JobState::running, "it runs", "");
+    works("wait", moved.wait());
+    const vrtm::JobData data = *moved.progress();
     check_that(data.state == vrtm::JobState::done && data.code == vrtm::Code::ok && data.progress == 1 &&
                    data.time > std::chrono::microseconds(1),
                "it is done", "");
-    works("wait for hours", moved.try_wait_for(std::chrono::hours(24 * 365)));
-    works("cancel what is done", moved.try_cancel());
-    works("changes nothing", moved.try_wait_for(std::chrono::duration<double>(-1)));
+    works("wait for hours", moved.wait_for(std::chrono::hours(24 * 365)));
+    works("cancel what is done", moved.cancel());
+    works("changes nothing", moved.wait_for(std::chrono::duration<double>(-1)));
     moved.reset();
     check_that(calls > 0 && !moved && owned.use_count() == 1, "its function goes with it", "");
 
     vrtm::SolveOptions high;
     high.set(vrtm::Quality::high);
-    job = *asset.try_submit({other, VERTICES}, high);
-    works("cancel", job.try_cancel());
-    refuses("ends it", job.try_wait(), vrtm::Code::cancelled, "cancelled");
+    job = *asset.submit({other, VERTICES}, high);
+    works("cancel", job.cancel());
+    refuses("ends it", job.wait(), vrtm::Code::cancelled, "cancelled");
     job.reset();
-    job = *asset.try_submit({other, VERTICES}, high);
-    works("cancel the asset's solve", asset.try_cancel());
-    refuses("ends it, too", job.try_wait(), vrtm::Code::cancelled, "cancelled");
+    job = *asset.submit({other, VERTICES}, high);
+    works("cancel the asset's solve", asset.cancel());
+    refuses("ends it, too", job.wait(), vrtm::Code::cancelled, "cancelled");
     job.reset();
-    { const vrtm::Job forgotten = *asset.try_submit({other, VERTICES}, high); }
-    works("a forgotten job is over", asset.try_solve({pose, VERTICES}));
+    { const vrtm::Job forgotten = *asset.submit({other, VERTICES}, high); }
+    works("a forgotten job is over", asset.solve({pose, VERTICES}));
 }
 
 } // namespace

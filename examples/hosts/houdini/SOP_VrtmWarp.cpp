@@ -50,7 +50,7 @@ const vrtm::Device &device()
     static const vrtm::Device device = [] {
         vrtm::DeviceDesc desc;
         desc.set(vrtm::Backend::cpu).set_executor(std::shared_ptr<HoudiniThreads>(new HoudiniThreads));
-        return vrtm::Device::create(desc);
+        return vrtm::Device::create(desc).value();
     }();
     return device;
 }
@@ -166,25 +166,25 @@ void SOP_VrtmWarp::warp(const GU_Detail *rest_geometry, int cells, vrtm::Quality
         rest_.reset();
         vrtm::Mesh mesh(vrtm::Array::of<float>(rest.positions.data(), rest.positions.size()), rest.points);
         mesh.face_counts(rest.counts).uvs(vrtm::Array::of<float>(rest.uvs.data(), rest.uvs.size()));
-        asset_ = vrtm::Asset::create(device(), mesh);
-        asset_.set_vertex_rigidity(vrtm::Array(rest.rigidity.data(), rest.rigidity.size()));
+        asset_ = vrtm::Asset::create(device(), mesh).value();
+        asset_.set_vertex_rigidity(vrtm::Array(rest.rigidity.data(), rest.rigidity.size())).value();
         rest_.reset(new Rest(std::move(rest)));
     }
-    for (const vrtm::Tile tile : asset_.tiles()) {
+    for (const vrtm::Tile tile : asset_.tiles().value()) {
         vrtm::TileSettings settings;
         settings.grid_width = settings.grid_height = std::uint32_t(cells);
         /* Of no effect if they are the same as before. */
-        tile.set_settings(settings);
+        tile.set_settings(settings).value();
     }
     vrtm::SolveOptions options;
     options.set(quality).set_progress(
         [&interrupt](float) { return interrupt.wasInterrupted() ? vrtm::Proceed::no : vrtm::Proceed::yes; });
     const std::vector<UT_Vector3> positions = positions_of(gdp);
-    asset_.solve(vrtm::Array::of<float>(positions.data(), positions.size()), options);
+    asset_.solve(vrtm::Array::of<float>(positions.data(), positions.size()), options).value();
 
     /* The input's topology is that of the rest geometry, and so are the offsets of its vertices. */
     std::vector<float> uvs(2 * rest_->vertices.size());
-    asset_.corner_uvs(uvs.data(), rest_->vertices.size());
+    asset_.corner_uvs(uvs.data(), rest_->vertices.size()).value();
     const GA_RWHandleV3 uv(gdp->addFloatTuple(GA_ATTRIB_VERTEX, "uv", 3));
     for (std::size_t corner = 0; corner < rest_->vertices.size(); ++corner) {
         uv.set(rest_->vertices[corner], UT_Vector3(uvs[2 * corner], uvs[2 * corner + 1], 0));

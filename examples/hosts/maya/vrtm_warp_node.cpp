@@ -178,23 +178,23 @@ std::unique_ptr<Seat> VrtmWarpNode::take_seat(const MFnMesh &mesh)
     description.face_counts(rest.counts)
         .uvs(vrtm::Array(rest.u.data(), rest.u.size()), vrtm::Array(rest.v.data(), rest.v.size()))
         .uv_indices(rest.uv_ids);
-    vrtm::Asset asset = vrtm::Asset::create(device, description);
+    vrtm::Asset asset = vrtm::Asset::create(device, description).value();
     return std::unique_ptr<Seat>(new Seat{std::move(rest), std::move(asset), {}, -1});
 }
 
 /* The map of the first tile; one map per tile would be a list of files. */
 void VrtmWarpNode::set_map(Seat &seat, const MString &file, int cells)
 {
-    const vrtm::Tile tile = seat.asset.tile(0);
+    const vrtm::Tile tile = seat.asset.tile(0).value();
     if (seat.map != file.asChar()) {
         MImage image;
         unsigned width = 0, height = 0;
         if (file.length() == 0) {
-            tile.set_rigidity(nullptr);
+            tile.set_rigidity(nullptr).value();
         } else if (image.readFromFile(file) && image.getSize(width, height)) {
             /* RGBA, from the bottom: the red channel is taken. */
             tile.set_rigidity(
-                vrtm::Image(image.pixels(), width, height).pixel_stride(4).origin(vrtm::Origin::bottom));
+                vrtm::Image(image.pixels(), width, height).pixel_stride(4).origin(vrtm::Origin::bottom)).value();
         } else {
             MGlobal::displayWarning(MString("vrtm: cannot read ") + file);
         }
@@ -203,7 +203,7 @@ void VrtmWarpNode::set_map(Seat &seat, const MString &file, int cells)
     if (seat.grid != cells) {
         vrtm::TileSettings settings;
         settings.grid_width = settings.grid_height = std::uint32_t(cells);
-        tile.set_settings(settings);
+        tile.set_settings(settings).value();
         seat.grid = cells;
     }
 }
@@ -226,12 +226,12 @@ MStatus VrtmWarpNode::compute(const MPlug &plug, MDataBlock &block)
         vrtm::SolveOptions options;
         options.set(vrtm::Quality(block.inputValue(quality).asShort()));
         const std::vector<double> points = points_of(in);
-        seat->asset.solve(vrtm::Array(points.data(), points.size() / 4, 4 * sizeof(double)), options);
+        seat->asset.solve(vrtm::Array(points.data(), points.size() / 4, 4 * sizeof(double)), options).value();
 
         /* Corners that share a UV move alike, so each UV gets the value of any of its corners. */
         const std::vector<int> &uv_ids = seat->rest.uv_ids;
         std::vector<float> corners(2 * uv_ids.size()), u = seat->rest.u, v = seat->rest.v;
-        seat->asset.corner_uvs(corners.data(), uv_ids.size());
+        seat->asset.corner_uvs(corners.data(), uv_ids.size()).value();
         for (std::size_t corner = 0; corner < uv_ids.size(); ++corner) {
             if (uv_ids[corner] >= 0) {
                 u[std::size_t(uv_ids[corner])] = corners[2 * corner];
@@ -266,7 +266,7 @@ MStatus initializePlugin(MObject object)
             MGlobal::displayWarning(MString("vrtm: ") + message);
         }
     });
-    vrtm::Result<vrtm::Device> made = vrtm::Device::try_create(desc);
+    vrtm::Result<vrtm::Device> made = vrtm::Device::create(desc);
     if (!made) {
         MGlobal::displayError(MString("vrtm: ") + made.message());
         return MS::kFailure;
