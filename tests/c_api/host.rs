@@ -126,7 +126,7 @@ fn a_c_host_estimates_saves_and_repaints_tiles() {
 
 #[test]
 fn a_host_fetches_all_kinds_of_maps() {
-    run_host("maps.c", 39);
+    run_host("maps.c", 37);
 }
 
 #[test]
