@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 
+#[cfg(any(test, feature = "gpu"))]
 use crate::error::Result;
 use crate::panics::lock;
 use crate::unwind::{Stop, unwind};

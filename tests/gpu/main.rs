@@ -1,5 +1,10 @@
 //! GPUs: finding and opening them, their results beside those of the CPU, and drawing through maps.
 
+#![allow(
+    clippy::duplicate_mod,
+    reason = "`common` and the example `render` bring the built-in scenes along, each for itself"
+)]
+
 #[path = "../common/mod.rs"]
 mod common;
 
