@@ -11,22 +11,21 @@ use crate::allocation::HostAllocator;
 pub type vrtm_alloc_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, size: usize, alignment: usize) -> *mut c_void>;
 
-/// A host's function that takes memory back, with the size and the alignment that it was asked for with. Never called
-/// with null.
+/// A host's function that frees memory, given the size and alignment of its allocation. Never called with null.
 pub type vrtm_free_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, pointer: *mut c_void, size: usize, alignment: usize)>;
 
-/// A host's allocator, for all memory of a device whose size follows from input: meshes, maps, grids, results, a
-/// solve's arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the
-/// system, as does what a GPU's driver takes. Start from vrtm_allocator_init().
+/// A host's allocator, for all memory of a device that is sized by user input: meshes, maps, grids, results, a solve's
+/// arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the system,
+/// as does the memory of a GPU's driver. Start from vrtm_allocator_init().
 ///
 /// Both functions are called on any thread that works in a call, also by several at once. They must return normally
 /// (no exception, no longjmp) and must not call vrtm. They and `user` must stay valid until the device and all of its
 /// assets are destroyed; by then everything has been freed.
 ///
 /// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY: nothing was written, the asset is as it was,
-/// and the call may be made again. Memory that the code for GPUs takes on its own comes from the system where `alloc`
-/// returns null.
+/// and the call may be made again. Internal allocations of the GPU code fall back to the system if `alloc` returns
+/// null.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_allocator {
@@ -36,7 +35,7 @@ pub struct vrtm_allocator {
     pub alloc: vrtm_alloc_fn,
     /// Frees.
     pub free: vrtm_free_fn,
-    /// Passed to both as it is.
+    /// Passed unchanged to both functions.
     pub user: *mut c_void,
 }
 
@@ -45,10 +44,9 @@ unsafe impl Sized32 for vrtm_allocator {
     const NAME: &'static str = "vrtm_allocator";
 }
 
-/// The allocator that `pointer` describes; null = the system's.
+/// Reads a host's allocator; null gives `None`, the system's allocator.
 ///
-/// # Safety
-/// That of the header.
+/// # Safety The contract of pointers at the head of the header.
 pub(super) unsafe fn read(pointer: *const vrtm_allocator, name: &str) -> Outcome<Option<HostAllocator>> {
     if pointer.is_null() {
         return Ok(None);

@@ -27,14 +27,14 @@ pub struct vrtm_asset_data {
     pub corners: u64,
     /// Triangles kept, over all tiles.
     pub triangles: u64,
-    /// Faces without texture: without UVs, or not among the textured faces. This and the counts of UVs above are over
-    /// all UV sets.
+    /// Untextured faces: without UVs, or not among the textured faces. Like the other counts that concern UVs, a sum
+    /// over all UV sets.
     pub faces_untextured: u64,
     /// Faces skipped because they have fewer than 3 corners.
     pub faces_skipped: u64,
     /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
     pub faces_outside: u64,
-    /// Faces some of whose UVs lie outside of their tile; the map is clipped to the tile.
+    /// Faces with UVs outside their tile; the map is clipped to the tile.
     pub clipped_faces: u64,
     /// Triangles dropped because their UVs have no area.
     pub degenerate_triangles: u64,
@@ -42,11 +42,11 @@ pub struct vrtm_asset_data {
     pub border_edges: u64,
     /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
-    /// Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
-    /// there. They are cuts; or the mesh wants VRTM_WELD_POSITION; or the noise of its UVs is large against its
-    /// triangles.
+    /// Edges whose two sides have the same positions and UVs, within the tolerances, but are not connected: charts end
+    /// there. Either they are deliberate cuts, or the mesh needs VRTM_WELD_POSITION, or its UVs are noisy compared with
+    /// the size of its triangles.
     pub edges_apart: u64,
-    /// Seams that are no edge of a face.
+    /// Seams that are not an edge of any face.
     pub seams_unused: u64,
 }
 
@@ -55,7 +55,7 @@ unsafe impl Sized32 for vrtm_asset_data {
     const NAME: &'static str = "vrtm_asset_data";
 }
 
-/// Makes an asset from a mesh. `*asset` is the caller's to destroy; it may outlive `device`.
+/// Makes an asset from a mesh. The caller destroys `*asset`; it may outlive `device`.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the array and the index, for null, an
 /// index out of range, a value that is not finite, counts that do not add up, a face with UVs at some corners only, a
@@ -113,8 +113,8 @@ pub unsafe extern "C" fn vrtm_asset_info(asset: vrtm_asset, info: *mut vrtm_asse
     })
 }
 
-/// Ends an asset and all of its tile handles. If another thread is in a call on the asset, or a job is, a solve is
-/// cancelled, any other call runs to its end, and the memory is freed then; this does not wait for it. With a device's
+/// Destroys an asset and all of its tile handles. If another thread or a job is using the asset, a solve is cancelled,
+/// any other call runs to its end, and the memory is freed afterwards; this function does not wait. With a device's
 /// last asset, free pages of the process's heap go back to the system (on Linux with glibc, by malloc_trim).
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
@@ -123,7 +123,7 @@ pub unsafe extern "C" fn vrtm_asset_destroy(asset: vrtm_asset) -> vrtm_status {
     guard("vrtm_asset_destroy", || handle::remove_asset(asset))
 }
 
-/// Number of tiles that hold at least one triangle. Never busy.
+/// Number of tiles with at least one triangle. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 #[unsafe(no_mangle)]
@@ -153,7 +153,7 @@ pub unsafe extern "C" fn vrtm_asset_tile(asset: vrtm_asset, index: u32, tile: *m
     })
 }
 
-/// The tile with a UDIM number (1001 + U + 10 V), of UV set 0.
+/// The tile with a UDIM number (1001 + U + 10 V) in UV set 0.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
 /// null. Never busy.
@@ -166,7 +166,7 @@ pub unsafe extern "C" fn vrtm_asset_find_tile(
     guard("vrtm_asset_find_tile", || find_tile(asset, 0, udim, tile))
 }
 
-/// The tile with a UDIM number, of a UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+/// The tile with a UDIM number in the UV set `uv_set`, 0 <= uv_set < vrtm_asset_data.uv_sets.
 ///
 /// Errors: those of vrtm_asset_find_tile.
 #[unsafe(no_mangle)]

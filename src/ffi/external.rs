@@ -8,20 +8,20 @@ use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{origin, pixel_format, vrtm_origin, vrtm_pixel_format};
 use crate::image::external::{ExternalHandle, ExternalImage};
 
-/// What kind of handle a host has exported its memory as.
+/// The kind of handle that a host has exported its memory as.
 pub type vrtm_external_kind = i32;
 /// A file descriptor from vkGetMemoryFdKHR with VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT: on Linux.
 pub const VRTM_EXTERNAL_OPAQUE_FD: vrtm_external_kind = 1;
 /// An NT handle from vkGetMemoryWin32HandleKHR with VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_WIN32_BIT: on Windows.
-/// Written and compiled, but never run by the authors of this version.
+/// Compiled, but never run by the authors of this version.
 pub const VRTM_EXTERNAL_OPAQUE_WIN32: vrtm_external_kind = 2;
 
-/// An output image in memory of the host's own Vulkan device: rows of texels, two 32-bit floats each, as a buffer holds
-/// them that is drawn from or copied to an image (VK_FORMAT_R32G32_SFLOAT). Start from vrtm_external_image_init().
+/// An output image in memory of the host's own Vulkan device: rows of texels of two 32-bit floats each, laid out as in
+/// a buffer that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT). Start from
+/// vrtm_external_image_init().
 ///
 /// The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
-/// whose deviceUUID and driverUUID are those of the adapter (vrtm_adapter_data), which is what Vulkan demands of both
-/// sides.
+/// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_data), as Vulkan requires.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_external_image {
@@ -29,8 +29,8 @@ pub struct vrtm_external_image {
     pub struct_size: u32,
     /// One of VRTM_EXTERNAL_. Required.
     pub handle_kind: vrtm_external_kind,
-    /// The file descriptor, or the handle's bits. It stays the caller's: the library imports a duplicate of a
-    /// descriptor, so that the same one can be handed over again for the next frame, and the caller closes its own.
+    /// The file descriptor, or the handle's bits. The caller keeps ownership: the library imports a duplicate of a
+    /// descriptor, so that the same descriptor can be passed again for the next frame, and the caller closes it.
     pub handle: u64,
     /// VkMemoryAllocateInfo::allocationSize of the memory. Required.
     pub memory_size: u64,
@@ -44,7 +44,7 @@ pub struct vrtm_external_image {
     pub height: u32,
     /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     pub origin: vrtm_origin,
-    /// Bytes from the memory's begin to the first texel of the first row, a multiple of 8.
+    /// Bytes from the start of the memory to the first texel of the first row, a multiple of 8.
     pub offset: u64,
     /// Bytes from one row to the next, a multiple of 8; 0 = tightly packed. Bytes between rows are not written.
     pub row_stride: u64,
@@ -80,23 +80,23 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
 }
 
 /// Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
-/// (vrtm_device_desc.adapter_by), without a way through the CPU. The texels are, bit by bit, those of vrtm_tile_fetch.
+/// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_tile_fetch bit for
+/// bit.
 ///
-/// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. The others are computed on the CPU and not offered
-/// here, nor are f16, a third or fourth channel, one_to_one, parts of an image, images in VkImage, memory that is
-/// dedicated to a resource, D3D12 resources, and semaphores: take vrtm_tile_fetch.
+/// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. Other kinds are computed on the CPU and not supported
+/// here; nor are f16, a third or fourth channel, one_to_one, parts of an image, VkImage, memory dedicated to a
+/// resource, D3D12 resources or semaphores. Use vrtm_tile_fetch for these.
 ///
-/// Synchronisation: nothing on the host's device may use the texels while the call lasts. It returns when the GPU has
-/// written them, so that the host needs no semaphore; work that the host submits afterwards reads them, once it has
-/// acquired its buffer from VK_QUEUE_FAMILY_EXTERNAL as Vulkan has it (as vrtm releases it to that family), if its
-/// sharing mode is exclusive. Where bytes of the buffer are to keep their content, the host releases it to that
-/// family beforehand.
+/// Synchronisation: nothing on the host's device may use the texels during the call. The call returns when the GPU has
+/// written them, so that the host needs no semaphore. If the buffer's sharing mode is exclusive, the host first
+/// acquires it from VK_QUEUE_FAMILY_EXTERNAL, to which vrtm releases it. To preserve other bytes of the buffer, the
+/// host releases it to that family before the call.
 ///
 /// Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 /// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
-/// naming the field, for an unknown value, a zero size, an offset or stride that is short or no multiple of 8, memory
-/// that is too small, a handle that is no memory, or a memory type that holds no buffers. Nothing is written then.
-/// After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
+/// naming the field, for an unknown value, a zero size, an offset or stride that is too short or not a multiple of 8,
+/// memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers. On
+/// these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch_external(
     tile: vrtm_tile,

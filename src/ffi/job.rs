@@ -23,17 +23,17 @@ use crate::panics::{hook, lock};
 use crate::team::threads;
 use crate::view::Packed;
 
-/// For vrtm_job_wait: as long as it takes.
+/// For vrtm_job_wait: wait as long as it takes.
 pub const VRTM_FOREVER: u32 = u32::MAX;
 
 /// What a job is doing.
 pub type vrtm_job_state = i32;
 /// It has not begun, or is under way.
 pub const VRTM_JOB_RUNNING: vrtm_job_state = 0;
-/// It is over: vrtm_job_data.status says how it ended.
+/// It has ended: vrtm_job_data.status says how.
 pub const VRTM_JOB_DONE: vrtm_job_state = 1;
 
-/// How far a job is. Start from vrtm_job_data_init().
+/// The state and progress of a job. Start from vrtm_job_data_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_job_data {
@@ -43,9 +43,9 @@ pub struct vrtm_job_data {
     pub state: vrtm_job_state,
     /// How it ended: VRTM_OK or an error; VRTM_OK while it is running.
     pub status: vrtm_status,
-    /// The fraction (0..1) that is done, by prediction. It never falls.
+    /// Predicted fraction (0..1) of the work that is done; it never decreases.
     pub progress: f32,
-    /// Milliseconds since it was submitted, until it was done.
+    /// Milliseconds from submission until now, or until the job ended.
     pub ms: f32,
 }
 
@@ -60,9 +60,9 @@ pub(super) struct Job {
     control: Arc<Control>,
     submitted: Instant,
     state: Mutex<State>,
-    /// Told when the job is done.
+    /// Notified when the job is done.
     done: Condvar,
-    /// The thread that it runs on; 0 before and after.
+    /// The thread that runs the job; 0 before it starts and after it ends.
     runs_on: AtomicUsize,
     /// The library's own thread, if it has one.
     thread: Mutex<Option<Thread>>,
@@ -78,7 +78,7 @@ impl std::fmt::Debug for Thread {
 
 #[derive(Debug)]
 enum State {
-    /// No thread has begun it.
+    /// No thread has begun the job.
     Waiting(Box<Work>),
     Running,
     Done {
@@ -149,7 +149,7 @@ impl Job {
         self.end(outcome);
     }
 
-    /// The work is gone, and the asset with it: others may use it.
+    /// Records how the job ended. The work was dropped before, so the asset is free for other calls.
     fn end(&self, outcome: Outcome<()>) {
         let ms = self.submitted.elapsed().as_secs_f32() * 1000.0;
         *lock(&self.state) = State::Done { outcome, ms };
@@ -159,15 +159,15 @@ impl Job {
     fn cancel(&self) {
         self.control.cancel();
         let waiting = matches!(&*lock(&self.state), State::Waiting(_));
-        // Nobody has begun it, and a host's queue may take long to come to it.
+        // A host's queue may take long to start a waiting job: end it here.
         if waiting && let Some(work) = self.begin() {
             drop(work);
             self.end(Err(cancelled()));
         }
     }
 
-    /// An error on a thread that does the work, which would wait for itself: the one that runs the job, or the one of a
-    /// host's threads on which the first task runs, which calls the host's functions.
+    /// An error on a thread that does the job's work, since it would wait for itself: the thread that runs the job, or
+    /// the host's thread that runs the first task and calls the host's functions.
     fn check_thread(&self) -> Outcome<()> {
         if self.runs_on.load(Ordering::Relaxed) != this_thread() && !self.control.works_here() {
             return Ok(());
@@ -176,11 +176,11 @@ impl Job {
         Err(Failure { status: VRTM_ERROR_BUSY, message })
     }
 
-    /// Waits for its end.
+    /// Waits for the job to end; `None` waits as long as it takes.
     fn wait(&self, time: Option<Duration>) -> Outcome<()> {
         self.check_thread()?;
         if time.is_none() {
-            // Should no thread have begun it: this one has nothing else to do.
+            // If no thread has begun the job, this one does its work: it has nothing else to do.
             self.run();
         }
         let end = time.map(|time| Instant::now() + time);
@@ -223,15 +223,15 @@ fn remove(handle: vrtm_job) -> Outcome<Arc<Job>> {
         .ok_or_else(|| gone("job", "job", handle.id))
 }
 
-/// Begins to solve an asset for a pose, and returns at once: the host may go on drawing. Positions and options are
-/// copied; otherwise all is as with vrtm_asset_solve. `*job` is the caller's to destroy.
+/// Begins to solve an asset for a pose, and returns at once, so that the host can keep drawing. Positions and options
+/// are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`.
 ///
-/// Until the job is done, it has the asset for itself: calls that solve or change it give VRTM_ERROR_BUSY, and results
-/// and reports are those of the last solve. A job keeps what it needs alive: destroying the asset cancels it, destroying
-/// the device does nothing to it. It runs on a thread of its own, which ends with the job, or in the host's queue, if
-/// the device has an executor with `spawn`.
+/// Until the job is done, it has exclusive use of the asset: calls that solve or change the asset give VRTM_ERROR_BUSY,
+/// and results and reports are those of the last solve. A job keeps what it needs alive: destroying the asset cancels
+/// it, destroying the device does not affect it. It runs in the host's queue if the device has an executor with
+/// `spawn`, and otherwise on a thread of its own, which ends with the job.
 ///
-/// Errors: those of vrtm_asset_solve, but for what only comes up while solving, which vrtm_job_wait tells of;
+/// Errors: those of vrtm_asset_solve, except those that occur while solving, which vrtm_job_wait returns;
 /// VRTM_ERROR_INVALID_ARGUMENT if `job` is null; VRTM_ERROR_OUT_OF_MEMORY, also if no thread can be started.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_submit(
@@ -281,10 +281,10 @@ pub unsafe extern "C" fn vrtm_asset_submit(
     })
 }
 
-/// Waits until a job is done, for at most so many milliseconds; 0 only looks, VRTM_FOREVER waits as long as it takes.
-/// Any number of threads may wait, and each may wait again afterwards.
+/// Waits until a job is done, for at most `timeout_ms` milliseconds; 0 returns at once, VRTM_FOREVER waits as long as
+/// it takes. Any number of threads may wait, and each may wait again afterwards.
 ///
-/// A job that no thread has begun by then is done by the first thread that waits for it as long as it takes.
+/// If no thread has begun the job yet, the first thread that waits with VRTM_FOREVER does its work.
 ///
 /// Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
 /// VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
@@ -297,7 +297,7 @@ pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_s
     })
 }
 
-/// How far a job is. Never waits.
+/// Gets the state and progress of a job. Never waits.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
@@ -319,8 +319,8 @@ pub unsafe extern "C" fn vrtm_job_progress(job: vrtm_job, data: *mut vrtm_job_da
     })
 }
 
-/// Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. One that has
-/// its result already ends as it would have. Never waits.
+/// Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. A job that
+/// already has its result ends normally. Never waits.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE.
 #[unsafe(no_mangle)]
@@ -331,8 +331,8 @@ pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
     })
 }
 
-/// Ends a job's handle. A job that is not done is cancelled, and this waits for its end, and for that of its thread:
-/// after it nothing of the job is left. Destroy all jobs before the library is unloaded.
+/// Destroys a job. A job that is not done is cancelled. The call waits until the job and its thread have ended. Destroy
+/// all jobs before the library is unloaded.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the job's
 /// work, as in its own progress function.
@@ -342,7 +342,8 @@ pub unsafe extern "C" fn vrtm_job_destroy(job: vrtm_job) -> vrtm_status {
         let living = living(job)?;
         living.check_thread()?;
         living.cancel();
-        // How it ended does not matter any more. Until then the handle lives: others may ask how far it is.
+        // The outcome no longer matters. The handle stays valid while waiting, so that other threads can ask for
+        // progress.
         let _ = living.wait(None);
         let job = remove(job)?;
         let thread = lock(&job.thread).take();

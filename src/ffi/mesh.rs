@@ -7,17 +7,17 @@ use crate::allocation::Collect;
 use crate::error::{Error, ErrorKind};
 use crate::mesh::{MeshSource, POSITION_TOLERANCE, UV_TOLERANCE, UvSource, Weld, WeldBy};
 
-/// By what two corners of different faces are recognised as one, so that charts go on over the edges between them.
+/// How corners of different faces are recognised as one corner, so that a chart continues across the edge between them.
 pub type vrtm_weld = i32;
-/// The same vertex, and UVs within the tolerance; the default. The host's vertices say what hangs together: what is cut
-/// in the modelling program is cut here, lips that are closed at rest included, and no pose changes that.
+/// The same vertex, and UVs within the tolerance; the default. The host's vertices define connectivity: a cut in the
+/// modelling program is a cut here, even between lips that are closed at rest, and in every pose.
 pub const VRTM_WELD_INDEX: vrtm_weld = 0;
-/// Also different vertices whose rest positions lie within the tolerance (vrtm_mesh_desc.weld_position_tolerance):
-/// for meshes out of games, where vertices are doubled along hard edges and seams. A pose tears an edge between
-/// such vertices where those at either of its ends lie farther apart, along x, y or z, than ten times the
-/// tolerance, its rounding included, plus 8 e times the largest magnitude of their six coordinates in the pose; e
-/// is 2^-23 for f32 positions and 2^-52 for f64. Charts end there in this pose, the result is that of the mesh cut
-/// there, and the log warns.
+/// As VRTM_WELD_INDEX, and also different vertices whose rest positions lie within the tolerance
+/// (vrtm_mesh_desc.weld_position_tolerance): for game meshes, whose vertices are duplicated along hard edges and seams.
+/// A pose tears a welded edge if the two vertices at either of its ends lie farther apart, along x, y or z, than ten
+/// times the tolerance (with its rounding) plus 8 e times the largest magnitude of their six posed coordinates; e is
+/// 2^-23 for f32 positions and 2^-52 for f64. In such a pose charts end at the edge, as if the mesh were cut there, and
+/// the log warns.
 pub const VRTM_WELD_POSITION: vrtm_weld = 1;
 /// The same vertex, and exactly the same UV.
 pub const VRTM_WELD_OFF: vrtm_weld = 2;
@@ -41,9 +41,9 @@ pub struct vrtm_uv_set {
 /// A mesh at rest. Start from vrtm_mesh_desc_init(), which sets the tolerances. All arrays are copied before the call
 /// returns.
 ///
-/// A face's corners stand one after the other: corner k of the mesh has the vertex indices[k] and the UV
-/// uv_indices[k] (or UV k, without uv_indices). Polygons of any size will do; they are triangulated. UVs are
-/// face-varying, v points up, and a face belongs to the UDIM tile 1001 + floor(u) + 10 floor(v) of its UV centroid.
+/// The corners of a face are consecutive: corner k of the mesh has the vertex indices[k] and the UV uv_indices[k] (or
+/// UV k, without uv_indices). Polygons may have any number of corners; they are triangulated. UVs are face-varying, v
+/// points up, and a face belongs to the UDIM tile 1001 + floor(u) + 10 floor(v) of its UV centroid.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_mesh_desc {
@@ -52,11 +52,11 @@ pub struct vrtm_mesh_desc {
     /// Rest positions, 3 components, any unit of length. Required.
     pub positions: *const vrtm_array,
     /// Corners of each face; null = all faces are triangles, unless `face_offsets` is given. Faces with fewer than 3
-    /// corners (points, lines) are skipped and counted; their corners keep their places in the order.
+    /// corners (points, lines) are skipped and counted; their corners still count in the order.
     pub face_counts: *const u32,
     /// Number of faces: the length of `face_counts`. Ignored when that is null.
     pub face_count: usize,
-    /// In place of `face_counts`: the first corner of each face, and at the end `index_count`. Null = absent.
+    /// Instead of `face_counts`: the first corner of each face, followed by `index_count`. Null = absent.
     pub face_offsets: *const u32,
     /// The length of `face_offsets`: the number of faces plus 1. Ignored when that is null.
     pub face_offset_count: usize,
@@ -70,35 +70,35 @@ pub struct vrtm_mesh_desc {
     pub u: *const vrtm_array,
     /// v of each UV (1 component), as many as `u`.
     pub v: *const vrtm_array,
-    /// UV of each corner; null = one UV per corner, in the order of the corners. A face all of whose corners have
-    /// UINT32_MAX has no texture: it belongs to no tile, and its corners keep their places in the order.
+    /// UV of each corner; null = one UV per corner, in the order of the corners. A face whose corners all have
+    /// UINT32_MAX is untextured: it belongs to no tile, but its corners still count in the order.
     pub uv_indices: *const u32,
     /// The length of `uv_indices`: `index_count`. Ignored when that is null.
     pub uv_index_count: usize,
-    /// Further UV sets, from set 1 on; the UVs above are set 0. Null = none. Each set has tiles of its own.
+    /// Further UV sets, starting with set 1; the UVs above are set 0. Null = none. Each set has its own tiles.
     pub uv_sets: *const vrtm_uv_set,
     /// The length of `uv_sets`. Ignored when that is null.
     pub uv_set_count: usize,
-    /// The faces that carry the texture, each less than the number of faces, in any order; null = all. The others
-    /// are as if they had no UVs.
+    /// The faces that carry the texture, each less than the number of faces, in any order; null = all. The other faces
+    /// are treated as if they had no UVs.
     pub textured_faces: *const u32,
     /// The length of `textured_faces`. Ignored when that is null.
     pub textured_face_count: usize,
-    /// Edges at which charts end in all UV sets: 2 vertices each. Null = none. A pair that is no edge of a face does
-    /// nothing, is counted, and the log warns.
+    /// Edges at which charts end in all UV sets: 2 vertices each. Null = none. A pair that is not an edge of any face
+    /// has no effect; it is counted, and the log warns.
     pub seams: *const u32,
     /// The number of these edges: half the length of `seams`. Ignored when that is null.
     pub seam_count: usize,
     /// One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
     pub weld: vrtm_weld,
     /// The tolerance of VRTM_WELD_POSITION, the largest distance of vertices that it welds: this fraction (0..1) of the
-    /// longest side of the bounding box at rest; default 1e-5. Unless it is 0, a rounding is added, 2^-23 (for f64
-    /// positions 2^-52) times the largest magnitude of a coordinate at rest. A vertex has at most a quarter of its
-    /// shortest edge; one with an edge shorter than half of the tolerance is welded to vertices at equal positions
-    /// alone.
+    /// longest side of the bounding box at rest; default 1e-5. Unless it is 0, an allowance for rounding is added:
+    /// 2^-23 (2^-52 for f64 positions) times the largest magnitude of a rest coordinate. The tolerance of a vertex is
+    /// at most a quarter of its shortest edge; a vertex with an edge shorter than half of the tolerance is welded only
+    /// to vertices at the same position.
     pub weld_position_tolerance: f64,
-    /// Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. Corners of
-    /// small triangles have less: a quarter of the least height in UV of the triangles at the vertex.
+    /// Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
+    /// smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex.
     pub weld_uv_tolerance: f64,
 }
 
@@ -125,7 +125,7 @@ unsafe fn optional<'a>(pointer: *const u32, count: usize, name: &str) -> Outcome
     unsafe { desc::slice(pointer, count, name) }.map(Some)
 }
 
-/// A UV set, whose arrays begin with `name` in messages.
+/// Reads a UV set; messages name its arrays as fields of `name`.
 unsafe fn uv_source<'a>(set: &vrtm_uv_set, name: &str) -> Outcome<UvSource<'a>> {
     let vrtm_uv_set { uvs, u, v, uv_indices, uv_index_count } = *set;
     // SAFETY: all of these are the host's pointers, valid during the call.
@@ -204,7 +204,7 @@ pub(super) unsafe fn mesh<'a>(desc: &vrtm_mesh_desc, uv_sets: &'a [UvSource<'a>]
     }
 }
 
-/// The core speaks of `uvs.u`, `uv_sets[0].u` and `weld.uv_tolerance`, which have other names here.
+/// Translates the core's names in a message, such as `uvs.u` and `weld.uv_tolerance`, into those of the C struct.
 pub(super) fn in_c_words(error: Error, mesh: &MeshSource) -> Error {
     if error.kind != ErrorKind::InvalidArgument {
         return error;

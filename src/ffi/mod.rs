@@ -1,9 +1,9 @@
-//! The C API: guard, check, delegate. No maths here.
+//! The C API: it guards against panics, checks arguments and delegates to the core. It computes nothing itself.
 //!
-//! Every exported function runs in `guard::guard`, which keeps panics in and turns a failure into a status and
-//! a message for the calling thread. Handles are looked up in `handle`, structs that may grow are read and
-//! written by `desc`. The types and doc comments of these files are the C header (`include/vrtm.h`), so they
-//! speak to a C programmer; functions must not come from macros, which cbindgen does not see.
+//! Every exported function runs in `guard::guard`, which catches panics and turns a failure into a status and a message
+//! for the calling thread. `handle` looks up handles; `desc` reads and writes structs that may grow. The types and doc
+//! comments of these files are the C header (`include/vrtm.h`), so they address a C programmer. Functions must not come
+//! from macros, which cbindgen does not expand.
 
 #![allow(non_camel_case_types)] // The names are those of the C header.
 #![allow(clippy::missing_safety_doc)] // The contract of all pointers stands once, at the head of the header.

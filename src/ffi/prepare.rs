@@ -1,4 +1,4 @@
-//! What preparing a tile takes, and prepared tiles as bytes.
+//! Estimating what it takes to prepare a tile; saving and loading prepared tiles.
 
 use std::ffi::c_void;
 
@@ -7,13 +7,13 @@ use super::guard::guard;
 use super::handle::{self, vrtm_tile};
 use super::status::{Failure, vrtm_status};
 
-/// What a tile takes, before any of it is taken. Start from vrtm_tile_needs_init().
+/// The predicted cost of preparing and solving a tile. Start from vrtm_tile_needs_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_tile_needs {
     /// sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
     pub struct_size: u32,
-    /// Nodes of the grid that may move: time and memory follow their number.
+    /// Nodes of the grid that may move: time and memory grow with their number.
     pub movable_nodes: u64,
     /// Bytes held once the tile is prepared: maps and grid.
     pub prepared_bytes: u64,
@@ -28,9 +28,9 @@ unsafe impl Sized32 for vrtm_tile_needs {
     const NAME: &'static str = "vrtm_tile_needs";
 }
 
-/// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. This
-/// takes a small part of the time and memory of preparing the tile, and keeps nothing. A device's memory_budget is
-/// checked in the same way before a tile is prepared.
+/// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
+/// a small fraction of the time and memory of preparing the tile, and caches nothing. The same estimate is checked
+/// against a device's memory_budget before a tile is prepared.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
 /// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -52,8 +52,9 @@ pub unsafe extern "C" fn vrtm_tile_estimate(tile: vrtm_tile, needs: *mut vrtm_ti
 }
 
 /// Writes a prepared tile to the host's memory, for vrtm_tile_load on another machine or in a later session. Prepares
-/// the tile if need be. `size` gets the number of bytes that it takes: call once with `data` null and `capacity` 0 to
-/// learn it, then with as much memory. The bytes hold what follows from mesh, maps and settings, not these themselves.
+/// the tile if necessary. `size` gets the number of bytes: call once with `data` null and `capacity` 0 to learn it,
+/// then with a buffer of that size. The bytes hold what is derived from mesh, maps and settings, not the mesh, maps and
+/// settings themselves.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `size` is null, or if `data` is neither null nor
 /// large enough; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
@@ -88,15 +89,15 @@ pub unsafe extern "C" fn vrtm_tile_save(
     })
 }
 
-/// Takes a tile that was prepared elsewhere, so that it need not be prepared here. Mesh, maps and settings have to be
-/// those that it was saved with; they are compared, and set before this call. `size` is the number of bytes. They may
-/// come from anywhere: what is not a saved tile, or was damaged, is refused. The checksum is no signature: bytes that
-/// somebody has changed, and the checksum with them, may be taken, and at worst lead to another warp, which is certified
-/// as any other. They never lead to a crash.
+/// Loads a tile that was prepared elsewhere, so that it need not be prepared here. Before this call, set the mesh, maps
+/// and settings that the tile was saved with; they are compared. `size` is the number of bytes. The bytes need not be
+/// trusted: anything but an intact saved tile is refused. The checksum is not a signature: bytes that were changed on
+/// purpose, together with their checksum, may be accepted. At worst they give a different warp, which is certified like
+/// any other; they never cause a crash.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged or of another
-/// version of the format, or that were saved with another mesh, map or setting; VRTM_ERROR_BUSY;
-/// VRTM_ERROR_OUT_OF_MEMORY. On any error the tile is as before.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged, in another
+/// version of the format, or saved with another mesh, map or setting; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any
+/// error the tile is as before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_load(tile: vrtm_tile, data: *const c_void, size: usize) -> vrtm_status {
     guard("vrtm_tile_load", || {

@@ -15,7 +15,7 @@ pub struct vrtm_tile_data {
     pub struct_size: u32,
     /// UDIM number: 1001 + U + 10 V.
     pub udim: u32,
-    /// The UV set that it belongs to.
+    /// The UV set that the tile belongs to.
     pub uv_set: u32,
     /// Charts in the tile: connected pieces of UV triangles.
     pub charts: u32,
@@ -25,7 +25,7 @@ pub struct vrtm_tile_data {
     pub border_edges: u64,
     /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
-    /// Edges whose two sides lie together and are not connected: see vrtm_asset_data.
+    /// Edges whose two sides coincide but are not connected: see vrtm_asset_data.edges_apart.
     pub edges_apart: u64,
     /// Cells of the grid in u. A grid of w x h cells has (w + 1) x (h + 1) nodes.
     pub grid_width: u32,
@@ -35,16 +35,16 @@ pub struct vrtm_tile_data {
     pub movable_nodes: u64,
     /// Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
     pub overlap: f32,
-    /// Fraction (0..1) of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least
-    /// 0.5, those that a border, an overlap or the mask fixes. Near 1, a map can have no effect.
+    /// Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
+    /// that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     pub frozen: f32,
 }
 
-/// Who owns texels that faces of different charts, or two layers of one chart, share.
+/// Which chart moves texels that several charts, or two layers of one chart, share.
 pub type vrtm_overlap = i32;
-/// They do not move, so that nothing gets worse; the default.
+/// Shared texels do not move, so that nothing gets worse; the default.
 pub const VRTM_OVERLAP_FIXED: vrtm_overlap = 0;
-/// The chart with the first face owns them: for mirrored halves that deform alike.
+/// The chart with the first face moves them: for mirrored halves that deform alike.
 pub const VRTM_OVERLAP_FIRST_FACE: vrtm_overlap = 1;
 
 /// A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
@@ -56,20 +56,20 @@ pub struct vrtm_tile_settings {
     /// Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
     /// map. Rounded up to a multiple of 16, at most 16384.
     pub grid_width: u32,
-    /// Cells of the grid in v, likewise.
+    /// Cells of the grid in v, with the same rules as `grid_width`.
     pub grid_height: u32,
     /// VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
     pub overlap: vrtm_overlap,
-    /// Smoothness of elastic material against the stiffness 1 of rigid material, 0 to 1e6; default 0.02. A lower one
-    /// lets rigid features keep their shape better and makes material of little rigidity more rigid.
+    /// Smoothness of elastic material against the stiffness 1 of rigid material, 0 to 1e6; default 0.02. Lower values
+    /// keep the shape of rigid features better, and make material of low rigidity more rigid.
     pub smoothness: f32,
     /// Smoothness of all material, 1e-6 to 1e6; default 0.0005.
     pub smoothness_floor: f32,
     /// Weight that keeps rigid features from turning, 0 (the default) to 1e6.
     pub orientation: f32,
-    /// Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
-    /// a tent of half of the tile), 0 (the default) to 1e6. Sparse features then turn to keep their shape, dense ones
-    /// stay in order. For VRTM_SOLVER_PBD it is added to the fraction that a segment turns back.
+    /// Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over a
+    /// tent of half of the tile), 0 (the default) to 1e6. Sparse features then turn to keep their shape, and dense ones
+    /// keep their orientation. VRTM_SOLVER_PBD adds it to the fraction of its turn that a segment takes back.
     pub orientation_density: f32,
     /// Weight of the penalty on cells that lose their area, 0 to 1e6; default 0.3.
     pub room: f32,
@@ -96,7 +96,7 @@ impl Default for vrtm_tile_settings {
     }
 }
 
-/// The settings in the words of C, without the struct's size.
+/// The settings as the C struct, without its size.
 fn to_c(settings: &TileSettings) -> vrtm_tile_settings {
     vrtm_tile_settings {
         struct_size: 0,
@@ -135,8 +135,8 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
     })
 }
 
-/// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info it prepares
-/// nothing. Never busy.
+/// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info, it does not prepare
+/// the tile. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `udim` is null.
 #[unsafe(no_mangle)]
@@ -183,9 +183,10 @@ pub unsafe extern "C" fn vrtm_tile_info(tile: vrtm_tile, info: *mut vrtm_tile_da
     })
 }
 
-/// Sets a tile's rigidity: 0 is infinitely elastic, 1 as rigid as possible; values outside are clamped. Any size; it is
-/// resampled to the grid. Null takes the map away: a tile without rigidity does not move at all. The last result stays
-/// readable until the next solve. May be called between frames; only what depends on it is rebuilt.
+/// Sets a tile's rigidity: 0 is infinitely elastic, 1 as rigid as possible; values outside are clamped. The map may
+/// have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does not move at all. The
+/// last result stays readable until the next solve. May be called between frames; only data that depends on the map is
+/// rebuilt.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
 /// zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -199,14 +200,15 @@ pub unsafe extern "C" fn vrtm_tile_set_rigidity(tile: vrtm_tile, rigidity: *cons
     })
 }
 
-/// Takes a part of a tile's rigidity map anew, after a stroke of a brush for instance: `width` x `height` texels from
-/// the column `x` and the row `y`, as they lie in memory. `rigidity` describes the whole map, with the size and the
-/// format of the one that was set; its other texels are not read. A small part takes a small fraction of the time that
-/// setting the map takes, unless a chart gets its first rigidity or loses its last, or orientation_density is in use:
-/// then the tile is prepared anew.
+/// Updates a part of a tile's rigidity map, for instance after a brush stroke: `width` x `height` texels from the
+/// column `x` and the row `y`, in memory order. `rigidity` describes the whole map, with the size and the format of the
+/// one that was set; its other texels are not read. Updating a small part takes a small fraction of the time of setting
+/// the map, unless a chart gains its first rigidity or loses its last, or orientation_density is in use: then the tile
+/// is prepared again.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if there is no map of this size and format, if the
-/// part is empty or not inside of it, and as vrtm_tile_set_rigidity; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the tile has no map of this size and format, if
+/// the part is empty or not inside the map, and in the cases of vrtm_tile_set_rigidity; VRTM_ERROR_BUSY;
+/// VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_update_rigidity(
     tile: vrtm_tile,
@@ -225,8 +227,8 @@ pub unsafe extern "C" fn vrtm_tile_update_rigidity(
     })
 }
 
-/// Sets a tile's warp mask: what lies under a texel of less than 0.5 does not move. Null: all may move, the default.
-/// Otherwise as vrtm_tile_set_rigidity.
+/// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null: all may move, the default. In other
+/// respects as vrtm_tile_set_rigidity.
 ///
 /// Errors: those of vrtm_tile_set_rigidity.
 #[unsafe(no_mangle)]
@@ -240,7 +242,7 @@ pub unsafe extern "C" fn vrtm_tile_set_mask(tile: vrtm_tile, mask: *const vrtm_i
 }
 
 /// Sets the rigidity of all tiles from one value per vertex (1 component, as many as vertices, 0..1), linear over each
-/// triangle. Null takes it away. A tile's grid then has the size in its settings, or 1024 x 1024.
+/// triangle. Null removes it. Without a rigidity map, a tile's grid has the size in its settings, or 1024 x 1024.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 /// value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -262,7 +264,7 @@ pub unsafe extern "C" fn vrtm_asset_set_vertex_rigidity(
 }
 
 /// Sets the warp mask of all tiles from one value per vertex (1 component, as many as vertices), linear over each
-/// triangle: what is under 0.5 does not move. Null: all may move, the default.
+/// triangle: points below 0.5 do not move. Null: all may move, the default.
 ///
 /// Errors: those of vrtm_asset_set_vertex_rigidity.
 #[unsafe(no_mangle)]
@@ -298,7 +300,7 @@ pub unsafe extern "C" fn vrtm_tile_set_settings(
     })
 }
 
-/// A tile's settings: what was set, or the defaults. What comes out can be passed to vrtm_tile_set_settings as it is.
+/// Gets a tile's settings, as set or the defaults. The struct can be passed to vrtm_tile_set_settings unchanged.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `settings` is null or has a wrong struct_size;
 /// VRTM_ERROR_BUSY.
@@ -316,8 +318,7 @@ pub unsafe extern "C" fn vrtm_tile_get_settings(
     })
 }
 
-/// Freezes a tile (1) or lets it go (0): solves leave a frozen tile alone, so that it keeps its result, or stays without
-/// one.
+/// Freezes a tile (1) or unfreezes it (0): solves skip a frozen tile, so that it keeps its result, if it has one.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `frozen` is neither 0 nor 1; VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]
