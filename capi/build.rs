@@ -1,10 +1,11 @@
-//! Writes the name into the shared library by which programs find it when they start: libvrtm.so.0, or
+//! Writes into the shared library the name by which programs find it when they start: libvrtm.so.0, or
 //! @rpath/libvrtm.0.dylib on macOS. The number is the major version: it changes when compiled programs would no longer
-//! run (the head of include/vrtm.h says what may change before). On Windows a DLL has its file's name.
+//! run (the head of include/vrtm.h says what may change within a major version). On Windows programs find a DLL by its
+//! file name.
 //!
-//! The list of exported symbols needs nothing here: rustc hands the linker one that holds the functions of `src/ffi` and
-//! nothing else, and tests/c_api/header.rs compares it with the header. It has no version names, since GNU's linker does not
-//! take a second list beside it.
+//! Exported symbols need no work here: rustc passes the linker a list of exactly the functions of `src/ffi`, and
+//! tests/c_api/header.rs compares the exports with the header. Symbols have no version names, since GNU's linker does
+//! not accept a second list.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

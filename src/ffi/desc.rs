@@ -1,4 +1,4 @@
-//! Pointers of a host become checked Rust values: structs that may grow, arrays, bytes.
+//! Checks a host's pointers and converts them to Rust values: structs that may grow, arrays, bytes.
 
 use std::mem::{MaybeUninit, align_of, size_of};
 use std::ptr;
@@ -10,13 +10,13 @@ use super::status::{Failure, Outcome};
 /// # Safety
 /// `#[repr(C)]`, first field `struct_size: u32`, no padding after the last field, and all zeros is a valid value.
 pub(super) unsafe trait Sized32: Copy {
-    /// `sizeof` in the first version that had the struct: no host passes less. A struct that has grown since says here what
-    /// it was.
+    /// `sizeof` in the first version that had the struct: no host passes less. A struct that has grown since overrides
+    /// this.
     const FIRST: usize = size_of::<Self>();
     /// Its name in C, for messages.
     const NAME: &'static str;
 
-    /// All zeros but for the size: what its _init() function makes, unless it has defaults that are not zero.
+    /// All zeros except for the size: the result of its _init() function, unless it has nonzero defaults.
     fn zeroed() -> Self {
         let mut value = MaybeUninit::<Self>::zeroed();
         // SAFETY: the size comes first, and all zeros is a valid value (trait contract).
@@ -27,7 +27,7 @@ pub(super) unsafe trait Sized32: Copy {
     }
 }
 
-/// No struct will come near this; a larger `struct_size` is uninitialised memory.
+/// Far larger than any struct: a larger `struct_size` must be uninitialised memory.
 const LARGEST: usize = 4096;
 
 fn checked_size<T: Sized32>(pointer: *const T, name: &str) -> Outcome<usize> {
@@ -55,7 +55,8 @@ fn check_pointer<T>(pointer: *const T, name: &str) -> Outcome<()> {
     Ok(())
 }
 
-/// Reads a host's struct: fields that it does not have are zero, fields that this library does not have must be.
+/// Reads a host's struct. Fields that an older host lacks become zero; fields that this library does not know must be
+/// zero.
 pub(super) unsafe fn read<T: Sized32>(pointer: *const T, name: &str) -> Outcome<T> {
     let size = checked_size(pointer, name)?;
     let known = size.min(size_of::<T>());
@@ -85,7 +86,7 @@ pub(super) unsafe fn read_or_default<T: Sized32 + Default>(pointer: *const T, na
     unsafe { read(pointer, name) }
 }
 
-/// A host's struct that is to be filled: checked before the work, written after it.
+/// A host's output struct: checked before the work, written after it.
 pub(super) struct Out<T> {
     pointer: *mut T,
     size: usize,
@@ -97,7 +98,8 @@ impl<T: Sized32> Out<T> {
         Ok(Out { pointer, size })
     }
 
-    /// Writes the fields that the host has; `struct_size` stays the host's, fields beyond ours become zero.
+    /// Writes the fields that the host knows; its `struct_size` is kept, and fields that this library does not know
+    /// become zero.
     pub fn write(self, value: T) {
         let skip = size_of::<u32>();
         let known = self.size.min(size_of::<T>());
@@ -114,7 +116,7 @@ impl<T: Sized32> Out<T> {
     }
 }
 
-/// A place for one plain value, such as a handle or a count.
+/// A host's pointer to one plain output value, such as a handle or a count.
 pub(super) struct Place<T>(*mut T);
 
 impl<T: Copy> Place<T> {
@@ -145,7 +147,7 @@ pub(super) unsafe fn slice<'a, T: Copy>(pointer: *const T, count: usize, name: &
     Ok(unsafe { std::slice::from_raw_parts(pointer, count) })
 }
 
-/// A host's array of plain numbers that is to be written.
+/// A host's array of plain numbers to write to.
 pub(super) unsafe fn slice_mut<'a, T: Copy>(
     pointer: *mut T,
     count: usize,

@@ -15,12 +15,12 @@ use crate::settings::{AdapterId, Backend, DeviceSettings, LogFn, LogLevel};
 
 /// Where assets are solved.
 pub type vrtm_backend = i32;
-/// A hardware GPU if there is one, discrete before integrated, and the CPU otherwise, also if the GPU cannot be opened;
-/// the default. A software driver counts as no GPU. vrtm_device_info says what was chosen and why.
+/// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened; the default. A
+/// software driver does not count as a GPU. vrtm_device_info says what was chosen and why.
 pub const VRTM_BACKEND_AUTO: vrtm_backend = 0;
 /// The CPU.
 pub const VRTM_BACKEND_CPU: vrtm_backend = 1;
-/// The GPU that vrtm_device_desc.adapter names, also if it is a software driver; never falls back to the CPU.
+/// The GPU that vrtm_device_desc selects, even a software driver; never falls back to the CPU.
 pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
 
 /// How vrtm_device_desc names a GPU.
@@ -30,8 +30,8 @@ pub const VRTM_ADAPTER_BY_NUMBER: vrtm_adapter_by = 0;
 /// By its UUID, 16 bytes: VkPhysicalDeviceIDProperties::deviceUUID of the host's own VkPhysicalDevice.
 pub const VRTM_ADAPTER_BY_UUID: vrtm_adapter_by = 1;
 /// By its LUID, 8 bytes: the host's DXGI_ADAPTER_DESC1::AdapterLuid, ID3D12Device::GetAdapterLuid(), or, on Windows,
-/// VkPhysicalDeviceIDProperties::deviceLUID. A GPU that is listed through Vulkan and through Direct3D 12 is taken
-/// through the one that comes first.
+/// VkPhysicalDeviceIDProperties::deviceLUID. A GPU that is listed both for Vulkan and for Direct3D 12 is used through
+/// the first of the two.
 pub const VRTM_ADAPTER_BY_LUID: vrtm_adapter_by = 2;
 /// By its registry ID, 8 bytes: the number MTLDevice.registryID.
 pub const VRTM_ADAPTER_BY_REGISTRY_ID: vrtm_adapter_by = 3;
@@ -44,14 +44,14 @@ pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
 pub const VRTM_LOG_INFO: vrtm_log_level = 2;
 
 /// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
-/// threads, if the device has an executor, and on a job's thread); several threads may be in it at once. `message` is
-/// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; those that use the asset of
-/// the call it was called from give VRTM_ERROR_BUSY, and so does waiting for the job. It must return normally: no
-/// exception, no longjmp.
+/// threads, if the device has an executor, and on a job's thread); several threads may call it at once. `message` is
+/// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; calls that use the asset of
+/// the current call give VRTM_ERROR_BUSY, as does waiting for the current job. It must return normally: no exception,
+/// no longjmp.
 pub type vrtm_log_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
 
-/// Settings of a new device. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
+/// Settings of a new device. Start from vrtm_device_desc_init(), whose defaults are: automatic backend, all cores, no
 /// memory budget, no log.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -61,27 +61,27 @@ pub struct vrtm_device_desc {
     /// One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu, or
     /// gpu:UUID with the UUID of an adapter) overrides it, for support.
     pub backend: vrtm_backend,
-    /// One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the latter three `adapter_id`
-    /// takes the place of `adapter`, so that vrtm computes on the GPU that the host draws with. If `backend` is GPU
-    /// there must be such an adapter; AUTO takes it if it is a hardware GPU that can be used, and the CPU otherwise.
+    /// One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the last three, `adapter_id` is
+    /// used instead of `adapter`, so that vrtm can compute on the GPU that the host draws with. With `backend` GPU, the
+    /// adapter must exist; AUTO uses it if it is a usable hardware GPU, and the CPU otherwise.
     pub adapter_by: vrtm_adapter_by,
     /// Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
     pub adapter: u32,
-    /// The identity of the adapter, in memory order; bytes that it does not have are zero.
+    /// The identity of the adapter, in memory order; unused bytes are zero.
     pub adapter_id: [u8; 16],
     /// CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     /// environment variable VRTM_THREADS overrides it.
     pub threads: u32,
-    /// Most bytes that all assets of the device may hold together; 0 = no limit. A call that would exceed it gives
+    /// Maximum bytes that all assets of the device may hold together; 0 = no limit. A call that would exceed it gives
     /// VRTM_ERROR_OUT_OF_MEMORY.
     pub memory_budget: u64,
-    /// Where messages go; null (the default) = nowhere. The function and `log_user` must stay valid until the device
+    /// Receives log messages; null (the default) = no log. The function and `log_user` must stay valid until the device
     /// and all of its assets are destroyed.
     pub log: vrtm_log_fn,
-    /// Passed to `log` as it is.
+    /// Passed to `log` unchanged.
     pub log_user: *mut c_void,
-    /// The host's threads, copied; null (the default) = solves and fetches have threads of the library's own, which end
-    /// with the call.
+    /// The host's threads; null (the default) = the library starts threads for each solve or fetch, which end with the
+    /// call. The struct is copied.
     pub executor: *const vrtm_executor,
     /// The host's allocator; null (the default) = the system's. The struct is copied.
     pub allocator: *const vrtm_allocator,
@@ -97,11 +97,11 @@ pub struct vrtm_device_data {
     pub backend: vrtm_backend,
     /// The processor's or adapter's name, UTF-8.
     pub name: [c_char; 128],
-    /// Why this backend was chosen, in a sentence, UTF-8; if the GPU went away, it starts with how.
+    /// Why this backend was chosen, in a sentence, UTF-8. If the GPU was lost, the cause comes first.
     pub reason: [c_char; 256],
     /// CPU threads per solve.
     pub threads: u32,
-    /// Bytes that all assets of the device hold now.
+    /// Bytes that all assets of the device currently hold.
     pub bytes_held: u64,
 }
 
@@ -111,8 +111,8 @@ pub struct vrtm_device_data {
 pub struct vrtm_adapter_data {
     /// sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
     pub struct_size: u32,
-    /// 1 for an adapter that is emulated on the CPU (or does not say that it is hardware): VRTM_BACKEND_AUTO never
-    /// takes it. 0 otherwise.
+    /// 1 for an adapter that is emulated on the CPU (or does not identify as hardware): VRTM_BACKEND_AUTO never chooses
+    /// it. 0 otherwise.
     pub software: u32,
     /// The adapter's name, UTF-8.
     pub name: [c_char; 128],
@@ -120,18 +120,18 @@ pub struct vrtm_adapter_data {
     pub driver: [c_char; 128],
     /// The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
     pub api: [c_char; 16],
-    /// PCI vendor; 0 where the interface does not tell.
+    /// PCI vendor ID; 0 if the interface does not report it.
     pub vendor: u32,
-    /// PCI device of that vendor; 0 where the interface does not tell.
+    /// PCI device ID of the vendor; 0 if the interface does not report it.
     pub device: u32,
-    /// Place on the PCI bus, domain:bus:device.function, hexadecimal; empty where the interface does not tell.
+    /// Place on the PCI bus, domain:bus:device.function, hexadecimal; empty if the interface does not report it.
     pub pci_bus: [c_char; 32],
     /// 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
     pub has_uuid: u32,
     /// VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
     pub uuid: [u8; 16],
-    /// VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) where
-    /// both UUIDs are those of its own device.
+    /// VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) if both
+    /// UUIDs equal those of its own device.
     pub driver_uuid: [u8; 16],
     /// 1 if `luid` is known: on Windows. 0 otherwise.
     pub has_luid: u32,
@@ -141,7 +141,8 @@ pub struct vrtm_adapter_data {
     pub registry_id: [u8; 8],
 }
 
-// SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function. So for the other two.
+// SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function, as in the two structs
+// below.
 unsafe impl Sized32 for vrtm_device_desc {
     const NAME: &'static str = "vrtm_device_desc";
 }
@@ -239,19 +240,19 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     })
 }
 
-/// Makes a device. `desc` may be null, which means all defaults. `*device` is the caller's to destroy.
+/// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`.
 ///
 /// Looking for GPUs and opening one loads drivers, which takes tens of milliseconds, the first time more; an open GPU
-/// holds threads of its driver until the device and all of its assets are destroyed. So make one device and keep it.
-/// The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
+/// keeps threads of its driver alive until the device and all of its assets are destroyed. So make one device and keep
+/// it. The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
 ///
 /// The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
 /// buffers of 256 MiB) and without optional features, for support.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
-/// has (VRTM_BACKEND_GPU; the message lists those that there are), more than 1024 threads, an allocator without a
+/// has (VRTM_BACKEND_GPU; the message lists the available ones), more than 1024 threads, an allocator without a
 /// function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and for an allocator if the
+/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was found or it cannot be opened, and for an allocator if the
 /// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
@@ -269,8 +270,8 @@ pub unsafe extern "C" fn vrtm_device_create(
     })
 }
 
-/// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works after a lost GPU,
-/// too.
+/// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
+/// was lost.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
@@ -294,8 +295,8 @@ pub unsafe extern "C" fn vrtm_device_info(device: vrtm_device, info: *mut vrtm_d
     })
 }
 
-/// Ends a device's handle. Assets that were made on it keep what they need and go on working until they are
-/// destroyed themselves, in any order; so does the log function.
+/// Destroys a device's handle. Assets that were made on it, and the log function, remain in use until the assets are
+/// destroyed, in any order.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
@@ -304,9 +305,9 @@ pub unsafe extern "C" fn vrtm_device_destroy(device: vrtm_device) -> vrtm_status
 }
 
 /// Number of GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits,
-/// through Vulkan, Direct3D 12 or Metal. Hardware stands before software, discrete before integrated; the order stays
-/// while the machine and its drivers do. 0 without a GPU or a driver. Each call loads the drivers, which takes tens of
-/// milliseconds.
+/// through Vulkan, Direct3D 12 or Metal. Hardware is listed before software, discrete before integrated; the order is
+/// stable as long as the machine and its drivers do not change. 0 without a GPU or a driver. Each call loads the
+/// drivers, which takes tens of milliseconds.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 #[unsafe(no_mangle)]
@@ -318,7 +319,7 @@ pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
     })
 }
 
-/// Describes adapter `index`, 0 <= index < vrtm_adapter_count. It takes as long as vrtm_adapter_count.
+/// Describes adapter `index`, 0 <= index < vrtm_adapter_count. Takes as long as vrtm_adapter_count.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]

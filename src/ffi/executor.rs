@@ -1,4 +1,4 @@
-//! A host's threads in the place of the library's own.
+//! Lets a host run the library's work on its own threads.
 
 use std::ffi::c_void;
 
@@ -7,25 +7,24 @@ use super::status::{Failure, Outcome};
 use crate::panics::hook;
 use crate::team::{Executor, Task};
 
-/// One of the library's tasks, which a host runs by calling it with the `data` that it got along with it.
+/// One of the library's tasks: the host runs it by calling it with the `data` that came with it.
 pub type vrtm_task_fn = Option<unsafe extern "C" fn(data: *mut c_void, index: usize)>;
 
 /// A host's parallel loop, such as TBB's parallel_for: it calls `task(data, index)` for each index from 0 to `count` -
-/// 1, once, on any threads and in any order, side by side or one after the other, and returns when all of these calls
+/// 1, exactly once, on any threads and in any order, in parallel or in sequence, and returns when all of these calls
 /// have returned. It may be called by several threads at once. The first task to begin does the work of the call, and
-/// the others help it: so it is well for the calling thread to run tasks, too, and no harm if no other does. It must
-/// return normally: no exception, no longjmp.
+/// the others help it, so the calling thread should run tasks too; it may even run all of them. It must return
+/// normally: no exception, no longjmp.
 pub type vrtm_parallel_for_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, count: usize, task: vrtm_task_fn, data: *mut c_void)>;
 
-/// A host's task queue: it calls `task(data, 0)` once, on any thread, at any time, now or later. It must return
-/// normally.
+/// A host's task queue: it calls `task(data, 0)` once, on any thread, immediately or later. It must return normally.
 pub type vrtm_spawn_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, task: vrtm_task_fn, data: *mut c_void)>;
 
-/// A host's threads, on which all work is done in place of the library's own threads, with the same bits. Start from
-/// vrtm_executor_init(). The functions and `user` must stay valid until the device, all of its assets and all of their
-/// jobs are destroyed.
+/// A host's threads, which do all work instead of the library's own threads, with the same results bit for bit. Start
+/// from vrtm_executor_init(). The functions and `user` must stay valid until the device, all of its assets and all of
+/// their jobs are destroyed.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_executor {
@@ -34,9 +33,9 @@ pub struct vrtm_executor {
     /// Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve asks
     /// for. Required.
     pub parallel_for: vrtm_parallel_for_fn,
-    /// Runs jobs; null = each job has a thread of the library's own.
+    /// Runs jobs; null = the library starts a thread for each job.
     pub spawn: vrtm_spawn_fn,
-    /// Passed to both as it is.
+    /// Passed unchanged to both functions.
     pub user: *mut c_void,
 }
 
@@ -61,7 +60,7 @@ unsafe impl Send for HostExecutor {}
 unsafe impl Sync for HostExecutor {}
 
 impl HostExecutor {
-    /// Null is none.
+    /// Reads a host's executor; null gives `None`.
     pub unsafe fn read(executor: *const vrtm_executor, name: &str) -> Outcome<Option<HostExecutor>> {
         if executor.is_null() {
             return Ok(None);
@@ -76,15 +75,15 @@ impl HostExecutor {
 
 /// Runs one index of a parallel loop.
 unsafe extern "C" fn run_index(data: *mut c_void, index: usize) {
-    // SAFETY: what `parallel_for` passed; its call has not returned yet.
+    // SAFETY: the pointer that `parallel_for` passed; its call has not returned yet.
     let task = unsafe { *data.cast::<&(dyn Fn(usize) + Sync)>() };
-    // The task itself does not unwind: what panics in it is kept for the thread that waits for it.
+    // The task itself does not unwind: it stores a panic for the thread that waits for it.
     let _ = hook::catch(|| task(index));
 }
 
 /// Runs a job.
 unsafe extern "C" fn run_task(data: *mut c_void, _: usize) {
-    // SAFETY: what `spawn` passed, and the host calls it once.
+    // SAFETY: the pointer that `spawn` passed, and the host calls this once.
     let task = unsafe { Box::from_raw(data.cast::<Task>()) };
     let _ = hook::catch(task);
 }

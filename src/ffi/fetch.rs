@@ -10,36 +10,38 @@ use super::types::{Target, vrtm_image_out};
 use crate::allocation::{Collect, Grow};
 use crate::map::FetchKind;
 
-/// Content of a fetched image: two channels (u, v) per texel, if not said otherwise.
+/// Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
 pub type vrtm_fetch_kind = i32;
 /// The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
-/// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds
-/// ((x + 0.5) / width, (y + 0.5) / height). Take f32: from 1024 texels on, f16 cannot tell neighbours apart.
+/// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds ((x + 0.5) /
+/// width, (y + 0.5) / height). Use f32: from 1024 texels on, f16 cannot distinguish neighbouring texels.
 pub const VRTM_FETCH_REDIRECTION: vrtm_fetch_kind = 0;
-/// The same less the texel centre itself: what to add to a UV; 0 where nothing moves. Good in f16 too.
+/// The redirection minus the texel's own centre: the offset to add to a UV; 0 where nothing moves. f16 is sufficient.
 pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
 /// The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
-/// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of
-/// a row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the
-/// grid's nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the
-/// cell's corner of least u and v to that of greatest: all outputs of a result agree on that, so that at any size
-/// the warp of a redirected UV is that UV. Take f32.
+/// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of a
+/// row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the grid's
+/// nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the cell's corner
+/// of least u and v to the corner of greatest u and v. All outputs of a result use this split, so that at any size the
+/// warp maps a redirected UV back to the UV. Use f32.
 pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
-/// The redirection plus the offset of the tile (U, V) among the UDIM tiles: UVs as those of the mesh, to be looked up in
-/// all tiles of a texture. Take f32.
+/// The redirection plus the offset (U, V) of the UDIM tile: UVs in the mesh's own range, for lookups in a texture of
+/// several tiles. Use f32.
 pub const VRTM_FETCH_REDIRECTION_UDIM: vrtm_fetch_kind = 3;
-/// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv; 1,
-/// 0, 0, 1 where nothing moves. What turns with a feature, as a tangent-space normal does, turns with it. Good in f16.
+/// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv;
+/// 1, 0, 0, 1 where nothing moves. Use them to rotate texture values that turn with a feature, such as tangent-space
+/// normals. f16 is sufficient.
 pub const VRTM_FETCH_JACOBIAN: vrtm_fetch_kind = 4;
-/// One channel: the largest singular value of that. A lookup's footprint is at most so many times wider in the texture
-/// than on the surface: for renderers that filter by a width which they take from the mesh's own UVs. Good in f16.
+/// One channel: the largest singular value of the Jacobian. The footprint of a lookup is at most this factor wider in
+/// the texture than on the surface: for renderers that derive their filter width from the mesh's own UVs. f16 is
+/// sufficient.
 pub const VRTM_FETCH_FILTER_SCALE: vrtm_fetch_kind = 5;
 
 /// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_fetch {
-    /// sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
+    /// sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
     pub struct_size: u32,
     /// One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
     /// FILTER_SCALE.
@@ -67,11 +69,11 @@ pub(super) fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind
     }
 }
 
-/// A checked fetch: the image's name for messages, the tile's index, what, and where to.
+/// A checked fetch: the image's name for messages, the tile's index, the kind of output and its destination.
 pub(super) type Wanted = (String, usize, FetchKind, Target);
 
-/// Reads a host's array of fetches for `asset`, and checks that no two outputs share a byte that is
-/// written, nor any a byte with `input`.
+/// Reads a host's array of fetches for `asset`, and checks that no two outputs write the same byte, and that none
+/// overlaps `input`.
 pub(super) unsafe fn targets(
     asset: vrtm_asset,
     fetches: *const vrtm_fetch,
@@ -82,7 +84,7 @@ pub(super) unsafe fn targets(
     if count == 0 {
         return Ok(all);
     }
-    // SAFETY: the host vouches for `count` structs, as far apart as the first one's struct_size says.
+    // SAFETY: the host vouches for `count` structs, spaced by the first one's struct_size.
     let stride = unsafe { desc::read(fetches, "fetches") }?.struct_size;
     for index in 0..count {
         let name = format!("fetches[{index}]");
@@ -111,9 +113,9 @@ pub(super) unsafe fn targets(
     Ok(all)
 }
 
-/// Two views that write the same bytes would be undefined behaviour: they are an error instead. Images may lie between
-/// each other's texels, as two pairs of channels of one image do. The positions are read as a slice of all bytes that
-/// they span, in which nothing may be written.
+/// Rejects outputs that write the same byte, which would be undefined behaviour. Images may be interleaved, such as two
+/// pairs of channels of one image. Positions are read as one slice of all bytes that they span, so no output may write
+/// there.
 fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
     let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
     let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collected();
@@ -134,7 +136,8 @@ fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
     Ok(())
 }
 
-/// Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
+/// Writes one output of the last solve into the caller's memory. Any size is allowed; the result does not depend on
+/// other fetches.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 /// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
@@ -157,12 +160,12 @@ pub unsafe extern "C" fn vrtm_tile_fetch(
     })
 }
 
-/// Writes a part of one output of the last solve, for images that are too large to be held at once: of an image of
-/// `width` x `height` texels, those from the column `x` and the row `y` that `image` has room for. Rows are counted in
-/// the order of image->origin. On the CPU the parts are, bit by bit, those of the whole image. A redirection that is
-/// one_to_one depends on the whole map, and cannot be had in parts: fetch it whole.
+/// Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
+/// image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
+/// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit. A
+/// redirection with one_to_one depends on the whole map and must be fetched whole.
 ///
-/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside of the whole;
+/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image;
 /// VRTM_ERROR_UNSUPPORTED for a redirection with image->one_to_one, unless the part is the whole.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch_part(
@@ -203,9 +206,9 @@ pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
     guard("vrtm_asset_fetch_corner_uvs", || unsafe { corner_uvs(asset, 0, uvs, count) })
 }
 
-/// The same of a UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+/// As vrtm_asset_fetch_corner_uvs, for any UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
 ///
-/// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT if there is no such set.
+/// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs_of_set(
     asset: vrtm_asset,

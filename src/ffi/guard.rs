@@ -1,12 +1,11 @@
-//! The guard that every exported function runs in: errors and panics inside become a status and a message, and the
-//! processor's floating-point mode is the default one.
+//! The guard that every exported function runs in: it turns errors and panics into a status and a message, and sets the
+//! processor's default floating-point mode.
 
 use super::status::{Outcome, VRTM_OK, set_last_error, status_of, vrtm_status};
 use crate::float_mode::FloatMode;
 use crate::panics::hook;
 
-/// Runs the body of the exported function `name`. Should it panic, a solve that was under way has not replaced its
-/// asset's last result.
+/// Runs the body of the exported function `name`. A solve that panics leaves its asset's last result in place.
 pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_status {
     let _mode = FloatMode::set_default();
     match hook::catch(body) {

@@ -1,4 +1,4 @@
-//! Handles: plain numbers that are checked on every use, so that a wrong one is an error and never a wild pointer.
+//! Handles: plain numbers that are checked on every use, so that a wrong handle is an error and never a wild pointer.
 //!
 //! An object's serial number is never given out twice, which makes a stale handle impossible to mistake for a
 //! living one. Serials start at a random number, so that handles of another copy of the library fail as well.
@@ -19,7 +19,8 @@ use crate::asset::Asset;
 use crate::device::Device;
 use crate::panics::lock;
 
-/// A device: where assets are solved. Made by vrtm_device_create, ended by vrtm_device_destroy. Zero is no device.
+/// A device: where assets are solved. Created by vrtm_device_create, destroyed by vrtm_device_destroy. Zero = no
+/// device.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_device {
@@ -27,8 +28,8 @@ pub struct vrtm_device {
     pub id: u64,
 }
 
-/// An asset: one mesh with its tiles, their maps, settings and results. Made by vrtm_asset_create, ended by
-/// vrtm_asset_destroy. Zero is no asset.
+/// An asset: one mesh with its tiles, their maps, settings and results. Created by vrtm_asset_create, destroyed by
+/// vrtm_asset_destroy. Zero = no asset.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_asset {
@@ -36,8 +37,8 @@ pub struct vrtm_asset {
     pub id: u64,
 }
 
-/// A tile: one UDIM unit square of an asset. It belongs to the asset and ends with it; there is nothing to destroy.
-/// Handles of the same tile are equal. Zero is no tile.
+/// A tile: one UDIM unit square of an asset. It belongs to the asset and is destroyed with it. Handles of the same tile
+/// are equal. Zero = no tile.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_tile {
@@ -45,8 +46,8 @@ pub struct vrtm_tile {
     pub id: u64,
 }
 
-/// A job: one solve that runs beside the host's own work. Made by vrtm_asset_submit, ended by vrtm_job_destroy. Zero is
-/// no job.
+/// A job: one solve that runs beside the host's own work. Created by vrtm_asset_submit, destroyed by vrtm_job_destroy.
+/// Zero = no job.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_job {
@@ -54,8 +55,8 @@ pub struct vrtm_job {
     pub id: u64,
 }
 
-/// A refinement: an asset's mesh with its triangles split, for hosts that know UV sets only. Made by
-/// vrtm_refinement_create, ended by vrtm_refinement_destroy. Zero is no refinement.
+/// A refinement: an asset's mesh with its triangles split, for hosts that support only UV sets. Created by
+/// vrtm_refinement_create, destroyed by vrtm_refinement_destroy. Zero = no refinement.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_refinement {
@@ -74,21 +75,21 @@ pub(super) enum Kind {
 
 const SERIAL_BITS: u32 = 40;
 const TILE_BITS: u32 = 20;
-/// Tiles that a handle can tell apart.
+/// Number of tiles that a handle can distinguish.
 const MAX_TILES: usize = 1 << TILE_BITS;
 
 pub(super) fn pack(kind: Kind, serial: u64, tile: usize) -> u64 {
     (kind as u64) << (SERIAL_BITS + TILE_BITS) | (tile as u64) << SERIAL_BITS | serial
 }
 
-/// Serial and tile index, if the handle is of that kind.
+/// Serial number and tile index, if the handle has this kind.
 pub(super) fn unpack(kind: Kind, id: u64) -> Option<(u64, usize)> {
     let serial = id & ((1 << SERIAL_BITS) - 1);
     let tile = (id >> SERIAL_BITS) as usize & (MAX_TILES - 1);
     (pack(kind, serial, tile) == id && (kind == Kind::Tile || tile == 0)).then_some((serial, tile))
 }
 
-/// All living objects of one kind. The lock is held for a look-up only, never while an object works or ends.
+/// All living objects of one kind. The lock is held only for look-ups, never while an object works or is dropped.
 pub(super) struct Table<T> {
     entries: Mutex<Entries<T>>,
 }
@@ -182,7 +183,7 @@ pub(super) fn asset(handle: vrtm_asset) -> Outcome<Arc<SharedAsset>> {
         .ok_or_else(|| gone("asset", "asset", handle.id))
 }
 
-/// Ends an asset's handle, and cancels a solve of it that is under way.
+/// Removes an asset's handle and cancels a solve in progress.
 pub(super) fn remove_asset(handle: vrtm_asset) -> Outcome<()> {
     unpack(Kind::Asset, handle.id)
         .and_then(|(serial, _)| ASSETS.remove(serial))
@@ -226,7 +227,7 @@ mod tests {
         assert!(remove_device(handle).is_ok());
         assert!(device(handle).is_err());
         assert!(remove_device(handle).is_err());
-        // The next one never looks like an old one.
+        // A new handle never equals an old one.
         let next = new_device();
         assert_ne!(next, handle);
         assert!(device(handle).is_err());
@@ -240,7 +241,7 @@ mod tests {
             let failure = device(vrtm_device { id }).unwrap_err();
             assert!(failure.message.starts_with("device: the handle"), "{}", failure.message);
         }
-        // A device's number is no asset's and no tile's.
+        // A device's number is not a valid asset or tile.
         assert!(asset(vrtm_asset { id: living.id }).is_err());
         assert!(tile("tile", vrtm_tile { id: living.id }).is_err());
         assert!(remove_device(living).is_ok());

@@ -8,7 +8,7 @@ use super::status::{Outcome, vrtm_status};
 use super::types::{flag, pixel_format, vrtm_pixel_format};
 use crate::map::certificate::desc::{MapDesc, MapReport};
 
-/// A redirection map that may be fetched. Start from vrtm_map_desc_init().
+/// The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_map_desc {
@@ -26,30 +26,31 @@ pub struct vrtm_map_desc {
     pub one_to_one: u32,
 }
 
-/// What a redirection map gives when it is read with bilinear interpolation. Errors are lengths in UV: times the size of
-/// a texture they are texels of it. Start from vrtm_map_data_init().
+/// How accurate a redirection map is when it is read with bilinear interpolation. Errors are lengths in UV; multiply
+/// them by a texture's size to get its texels. Start from vrtm_map_data_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_map_data {
     /// sizeof(vrtm_map_data); set by vrtm_map_data_init().
     pub struct_size: u32,
-    /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one, in the numbers that a
-    /// fetch writes: 0 certifies that it is everywhere between the centres of the tile's outermost texels. More than 0
-    /// for a map with one_to_one: its numbers are too coarse for its size, and nothing was moved.
+    /// Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
+    /// not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
+    /// texels. If a map with one_to_one has more than 0, its format is too coarse for its size, and no value was moved.
     pub folds: u64,
     /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
     pub min_jacobian: f64,
-    /// Root of the mean square error over the tile's charts, against the redirection itself.
+    /// Root mean square error over the tile's charts, relative to the exact redirection.
     pub error_rms: f64,
     /// 99th percentile of the error over the charts, rounded up by at most one percent.
     pub error_p99: f64,
     /// Largest error in the charts.
     pub error_max: f64,
-    /// A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter
-    /// and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size if
-    /// the numbers are fine enough: f32, or f16 of the delta unless what moves far is squeezed.
+    /// Width at which the map has no folds: the given size, or the first that works of two and four times that size,
+    /// then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds; one_to_one removes
+    /// all folds at any size if the format is precise enough: f32, or f16 for REDIRECTION_DELTA unless a region moves
+    /// far and is squeezed.
     pub sufficient_width: u32,
-    /// The same in v.
+    /// Height at which the map has no folds; see `sufficient_width`.
     pub sufficient_height: u32,
 }
 
@@ -63,15 +64,16 @@ unsafe impl Sized32 for vrtm_map_data {
     const NAME: &'static str = "vrtm_map_data";
 }
 
-/// Looks at the map that a vrtm_tile_fetch of this kind, size and format would write of the last result. A warp without
-/// folds has an inverse without folds, but a map holds that at texel centres only, and what a renderer interpolates
-/// between them may fold where the warp squeezes. This tells whether it does, how far it is from the redirection, and
-/// which size suffices. It takes about as long as fetching the map and one of twice its or the grid's size, and more if
-/// it has to look for another size. A map with one_to_one is counted as it is written. Others are computed on the CPU:
-/// where a GPU writes them, single quads that all but fold may count otherwise.
+/// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A warp
+/// without folds has an inverse without folds, but a map samples the inverse at texel centres only, and a renderer's
+/// interpolation between them may fold where the warp squeezes. This function reports whether it folds, how far it is
+/// from the exact redirection, and which size suffices. It takes about as long as fetching the map and a second map of
+/// twice its size or the grid's, and longer if it has to search for another size. With one_to_one, the map is inspected
+/// exactly as it would be written. Other maps are computed on the CPU: if a GPU writes them, single quads that almost
+/// fold may be counted differently.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is no redirection, or a size
+/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
 /// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_inspect_map(

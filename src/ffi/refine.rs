@@ -1,4 +1,4 @@
-//! Refinements: corner UVs for a mesh that is split finely enough for them.
+//! Refinements: meshes split until interpolated corner UVs are accurate.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -20,15 +20,15 @@ pub struct vrtm_refinement_desc {
     pub struct_size: u32,
     /// The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
     pub uv_set: u32,
-    /// Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048,
-    /// half a texel of a texture of 1024. Half of it takes up to three times as many triangles.
+    /// Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
+    /// a texel of a texture of 1024. Halving it needs up to three times as many triangles.
     pub tolerance: f64,
-    /// Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million more than
-    /// the mesh has. Where there is no room for all, the largest errors are split first.
+    /// Maximum number of triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million
+    /// more than the mesh has. If the limit is reached, the largest errors are split first.
     pub max_triangles: u64,
 }
 
-/// Sizes of a refinement, and what it came to. Start from vrtm_refinement_data_init().
+/// Sizes and accuracy of a refinement. Start from vrtm_refinement_data_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_refinement_data {
@@ -44,24 +44,23 @@ pub struct vrtm_refinement_data {
     pub corners: u64,
     /// Triangles, a polygon of n corners counting as n - 2.
     pub triangles: u64,
-    /// Bytes that it holds, beside the mesh and the results.
+    /// Bytes held by the refinement, excluding the mesh and the results.
     pub bytes: u64,
     /// The tolerance, in UV of a tile.
     pub tolerance: f64,
-    /// Largest error, in UV of a tile, that was left in the result that it was last made or extended for.
+    /// Largest remaining error, in UV of a tile, for the result that the refinement was created or last extended for.
     pub error: f64,
-    /// 1 if that is within the tolerance; 0 if there was no room for more triangles.
+    /// 1 if `error` is within the tolerance; 0 if max_triangles was reached before.
     pub reached: u32,
-    /// Milliseconds that making it took, or extending it the last time.
+    /// Milliseconds that the creation or the last extension took.
     pub ms: f32,
 }
 
-/// Where the pattern of a refinement is written: the caller's arrays, of which null ones are left out. From it a
-/// host interpolates positions and all else that its vertices and corners have. Start from
-/// vrtm_refinement_pattern_init().
+/// Where to write the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern a host
+/// interpolates positions and all other values per vertex or corner. Start from vrtm_refinement_pattern_init().
 ///
-/// Sources come in threes, with weights that add up to 1. What needs fewer than three has weight 0 for the rest,
-/// which repeat the first.
+/// Each vertex and corner has three sources, with weights that add up to 1. If fewer are needed, the others repeat the
+/// first source with weight 0.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_refinement_pattern {
@@ -73,22 +72,22 @@ pub struct vrtm_refinement_pattern {
     pub face_count: usize,
     /// vrtm_refinement_data.corners: the room in the arrays by corner.
     pub corner_count: usize,
-    /// Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their order, each with itself
-    /// as its source.
+    /// Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their original order, each its
+    /// own source.
     pub vertex_sources: *mut u32,
-    /// Three per vertex: what each of them weighs.
+    /// Three per vertex: the weights of `vertex_sources`.
     pub vertex_weights: *mut f32,
-    /// One per face: the face of the mesh that it lies in. They come in the order of the mesh's faces.
+    /// One per face: the face of the mesh that contains it. Faces are sorted by the mesh's faces.
     pub face_sources: *mut u32,
-    /// One per face: its number of corners. 3 for a part of a face; a face that was left alone keeps its own.
+    /// One per face: its number of corners. 3 for a part of a face; an unsplit face keeps its number of corners.
     pub face_corners: *mut u32,
-    /// One per corner: its vertex.
+    /// One per corner: the index of its vertex.
     pub corner_vertices: *mut u32,
-    /// Three per corner: corners of the mesh, of the triangle of the face that it lies in.
+    /// Three per corner: corners of the mesh that form the triangle containing it.
     pub corner_sources: *mut u32,
-    /// Three per corner: what each of them weighs.
+    /// Three per corner: the weights of `corner_sources`.
     pub corner_weights: *mut f32,
-    /// Two per corner: its original UV in the set, with the tile's offset. It is what its sources' UVs make.
+    /// Two per corner: its original UV in the set, with the tile's offset: the weighted sum of its sources' UVs.
     pub corner_uvs: *mut f32,
 }
 
@@ -113,7 +112,7 @@ unsafe impl Sized32 for vrtm_refinement_pattern {
     const NAME: &'static str = "vrtm_refinement_pattern";
 }
 
-/// A refinement shared by threads: readers have the present one, also while it is extended.
+/// A refinement shared by threads: readers get the present version, even while another thread extends it.
 #[derive(Debug)]
 pub(super) struct SharedRefinement {
     present: Mutex<Arc<Refinement>>,
@@ -140,7 +139,7 @@ impl SharedRefinement {
         let mut next = (*self.present()).clone();
         next.extend()?;
         let next = Arc::new(next);
-        // The old one is dropped when the lock is open again.
+        // The old version is dropped after the lock is released.
         let _old = std::mem::replace(&mut *lock(&self.present), next);
         Ok(())
     }
@@ -165,18 +164,18 @@ fn remove(handle: vrtm_refinement) -> Outcome<()> {
         .ok_or_else(|| gone("refinement", "refinement", handle.id))
 }
 
-/// Refines the mesh of an asset for its last result, for hosts that know UV sets only. Corner UVs of the mesh
-/// itself recover less than the map where the mesh is coarser than what is painted on it: between corners a
-/// renderer interpolates linearly. Here triangles are split until that is nowhere farther from the redirection than
-/// the tolerance.
+/// Refines the mesh of an asset for its last result, for hosts that support only UV sets. Where the mesh is coarser
+/// than the painted detail, its own corner UVs recover less than the map, since a renderer interpolates linearly
+/// between corners. Here triangles are split until the interpolated UV is nowhere farther from the redirection than the
+/// tolerance.
 ///
-/// Edges are split at their middle, for all faces that have them, also across seams and borders of charts: no
-/// cracks open, and no angle gets much smaller than half of the least one. A face that needs no split stays as it
-/// is, a quadrilateral only if it keeps the tolerance whichever way a renderer cuts it. Where nothing moves,
-/// nothing is split. The pattern depends on the result and on `desc` alone. `desc` may be null: the defaults.
+/// Edges are split at their midpoints, in all faces that share them, also across seams and chart borders: no cracks
+/// open, and no angle gets much smaller than half of the mesh's smallest one. A face that needs no split stays
+/// unchanged; a quadrilateral stays whole only if it keeps the tolerance along either diagonal. Where nothing moves,
+/// nothing is split. The pattern depends only on the result and on `desc`. `desc` may be null: the defaults.
 ///
-/// `*refinement` is the caller's to destroy. It keeps what it needs alive, the mesh and the last result among it,
-/// and may be used when the asset is destroyed. Never busy: it reads the last good result, also during a solve.
+/// The caller destroys `*refinement`. It keeps the data that it needs alive, including the mesh and the last result,
+/// and may be used after the asset is destroyed. Never busy: it reads the last good result, even during a solve.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for
 /// a UV set or a tolerance out of range, or if `refinement` is null; VRTM_ERROR_OUT_OF_MEMORY.
@@ -203,10 +202,11 @@ pub unsafe extern "C" fn vrtm_refinement_create(
     })
 }
 
-/// Refines further, for the asset's last result. What was split stays split: a refinement that was extended for each
-/// frame of a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces and corners
-/// are numbered anew. vrtm_refinement_info tells the new sizes. Where all frames are to keep the tolerance, go round
-/// them until the number of triangles stays: a split for one may push another slightly over it.
+/// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame of
+/// a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and corners
+/// are renumbered. vrtm_refinement_info gives the new sizes. To keep the tolerance in all frames, repeat the pass over
+/// the frames until the number of triangles no longer changes: a split for one frame may push another slightly over the
+/// tolerance.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
 /// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
@@ -215,7 +215,7 @@ pub unsafe extern "C" fn vrtm_refinement_extend(refinement: vrtm_refinement) -> 
     guard("vrtm_refinement_extend", || living(refinement)?.extend())
 }
 
-/// Sizes of a refinement, and what it came to. Never busy.
+/// Gets the sizes and the accuracy of a refinement. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
@@ -246,7 +246,7 @@ pub unsafe extern "C" fn vrtm_refinement_info(
 /// Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
-/// is not that of vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
+/// differs from vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
     refinement: vrtm_refinement,
@@ -287,7 +287,7 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
     })
 }
 
-/// Arrays that are to be written, none of which may overlap another: their names and addresses.
+/// Names and addresses of the output arrays, which must not overlap.
 #[derive(Default)]
 struct Spans([(&'static str, Range<usize>); 8], usize);
 
@@ -311,17 +311,17 @@ impl Spans {
             }
         }
         (self.0[self.1], self.1) = ((name, span), self.1 + 1);
-        // SAFETY: passed on; no other array of this call has its bytes.
+        // SAFETY: passed on; no other array of this call overlaps this one.
         unsafe { desc::slice_mut(pointer, count, &format!("pattern.{name}")) }.map(Some)
     }
 }
 
-/// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v),
-/// with the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Every frame: solve,
-/// then this. At corners of the mesh they are those of vrtm_asset_fetch_corner_uvs_of_set, bit by bit. `count` is
-/// the number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
+/// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v), with
+/// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Call it after each frame's
+/// solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs_of_set bit for bit. `count` is the
+/// number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
 ///
-/// A pose that the refinement was not made or extended for may err by more than the tolerance.
+/// For a pose that the refinement was not created or extended for, the error may exceed the tolerance.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `uvs` is null or `count` is not the number of
 /// corners; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
@@ -344,7 +344,7 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
     })
 }
 
-/// Ends a refinement's handle. Calls that are using it run to their end, and the memory is freed then.
+/// Destroys a refinement. Calls that are using it run to their end; the memory is freed afterwards.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]

@@ -6,8 +6,8 @@ use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::vrtm_status;
 use crate::report::{Strain, StrainReport};
 
-/// One distribution of strain: deformed length over rest length, minus 1, of segments that are fixed in the texture. A
-/// plain value that never grows.
+/// Statistics of strain: deformed length over rest length, minus 1, of segments that are fixed in the texture. A plain
+/// value that never grows.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_strain {
@@ -39,14 +39,14 @@ pub struct vrtm_tile_report_data {
     pub grid_width: u32,
     /// Cells of the grid in v.
     pub grid_height: u32,
-    /// Energy of the identity, summed over the charts that were solved or reused; 0, as that of the result, where a time
-    /// budget left no time to compute it.
+    /// Energy of the identity, summed over the charts that were solved or reused. It and `energy` are 0 if a time
+    /// budget left no time to compute them.
     pub energy_before: f64,
     /// Energy of the result.
     pub energy: f64,
-    /// Smallest corner Jacobian of the result (1 at rest), found in double precision (on a GPU in single precision,
-    /// less a bound of the rounding: never more than the true one): greater than 0 certifies that the warp is
-    /// one-to-one and onto.
+    /// Smallest corner Jacobian of the result (1 at rest), computed in double precision (on a GPU in single precision
+    /// minus a bound of the rounding error, so never too large): greater than 0 certifies that the warp is one-to-one
+    /// and onto.
     pub min_jacobian: f64,
     /// Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     pub folds: u64,
@@ -54,8 +54,8 @@ pub struct vrtm_tile_report_data {
     pub max_displacement: f32,
     /// 1 if the time budget ended the solve early.
     pub truncated: u32,
-    /// 1 if the asset's last solve left the tile alone: it was frozen, not asked for, or touched by no dirty vertex. The
-    /// other fields are then of the tile's own last solve.
+    /// 1 if the asset's last solve skipped the tile: it was frozen, not requested, or touched by no dirty vertex. The
+    /// other fields then describe the tile's own last solve.
     pub kept: u32,
     /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     pub welds_torn: u32,
@@ -65,7 +65,7 @@ pub struct vrtm_tile_report_data {
     pub charts_active: u32,
     /// Charts that kept their last result because none of their inputs changed.
     pub charts_reused: u32,
-    /// Charts that are the identity: nothing rigid, nothing movable, or deformed without any strain.
+    /// Charts whose warp is the identity: nothing rigid, nothing movable, or deformed without strain.
     pub charts_identity: u32,
     /// Charts that fell back to the identity because nothing better was found.
     pub charts_fallback: u32,
@@ -73,20 +73,20 @@ pub struct vrtm_tile_report_data {
     pub levels: u32,
     /// Blocks of 16 x 16 nodes that were visited on the finest level.
     pub blocks_active: u64,
-    /// Blocks of the whole tile.
+    /// All blocks of the tile.
     pub blocks: u64,
     /// Movable nodes of the solved charts on the finest level.
     pub nodes_active: u64,
     /// Relaxation sweeps, or iterations of VRTM_SOLVER_PBD, over all levels.
     pub sweeps: u32,
-    /// Corrections, over all levels.
+    /// Gauss-Newton corrections, over all levels.
     pub corrections: u32,
-    /// Node updates by these, over all levels.
+    /// Node updates by relaxation sweeps or iterations, over all levels.
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,
-    /// Milliseconds: positions to triangles and their metrics. The stages' times are taken on the device; on a GPU
-    /// without timestamps they are 0, and only the total is told.
+    /// Milliseconds: positions to triangles and their metrics. The times of stages are measured on the device; on a GPU
+    /// without timestamps they are 0, and only the total is known.
     pub ms_surface: f32,
     /// Milliseconds: maps to grids; 0 unless a map or a setting changed.
     pub ms_maps: f32,
@@ -102,13 +102,13 @@ pub struct vrtm_tile_report_data {
     pub ms_pbd: f32,
     /// Milliseconds: the certificate.
     pub ms_certify: f32,
-    /// Milliseconds: the latest inversion; not part of the total.
+    /// Milliseconds: the latest inversion of the warp; not part of the total.
     pub ms_invert: f32,
-    /// Milliseconds: the whole solve of this tile, less measuring.
+    /// Milliseconds: the whole solve of this tile, without measuring strain.
     pub ms_total: f32,
-    /// 1 if the solve was asked to measure: the fields below are set, and 0 otherwise. They speak of the segments
-    /// between neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` of those
-    /// that a border, an overlap or the mask fixes at both ends, and all others of the rest.
+    /// 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
+    /// neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the segments
+    /// that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
     pub measured: u32,
     /// Strain with the mesh's own UVs.
     pub before: vrtm_strain,
@@ -118,9 +118,9 @@ pub struct vrtm_tile_report_data {
     pub harm: f32,
     /// Fraction of the segments whose strain fell by more than 0.10.
     pub help: f32,
-    /// RMS strain of the segments that are fixed at both ends: the same with the warp and without. The RMS strain of all
-    /// rigid segments is the root of (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with
-    /// before.rms or after.rms.
+    /// RMS strain of the segments that are fixed at both ends; the warp does not change it. The RMS strain of all rigid
+    /// segments is the root of (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with before.rms
+    /// or after.rms.
     pub strain_fixed: f32,
     /// Segments that are not fixed at both ends.
     pub edges: u64,
@@ -138,14 +138,14 @@ pub struct vrtm_asset_report_data {
     pub tiles: u32,
     /// Tiles with at least one chart solved in the last call.
     pub tiles_active: u32,
-    /// Tiles that the last call left alone: frozen, not asked for, or touched by no dirty vertex. Their charts count as
+    /// Tiles that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their charts count as
     /// reused.
     pub tiles_kept: u32,
     /// Charts solved.
     pub charts_active: u32,
     /// Charts that kept their last result because none of their inputs changed.
     pub charts_reused: u32,
-    /// Charts that are the identity.
+    /// Charts whose warp is the identity.
     pub charts_identity: u32,
     /// Movable nodes of the solved charts.
     pub nodes_active: u64,
@@ -155,15 +155,15 @@ pub struct vrtm_asset_report_data {
     pub folds: u64,
     /// Bytes held for the asset.
     pub bytes: u64,
-    /// Milliseconds of the last solve by the clock, less measuring.
+    /// Wall-clock milliseconds of the last solve, without measuring strain.
     pub ms_total: f32,
     /// 1 if the time budget ended a tile's solve early.
     pub truncated: u32,
-    /// The median, over some thousand edges of the last pose, of their length as a multiple of that at rest. Over 3 or
-    /// under 1/3, which the log warns of, the pose is most likely in other units, or its vertices in another order.
+    /// Median ratio of posed length to rest length, over a few thousand edges. If it is over 3 or under 1/3, the log
+    /// warns: the pose probably has other units, or its vertices are in another order.
     pub median_stretch: f32,
-    /// The share of these edges, 0..1, that are more than 3 times as long as at rest. Over 0.05, which the log warns
-    /// of, the pose's vertices are most likely in another order than the mesh's.
+    /// Share (0..1) of these edges that are more than 3 times as long as at rest. If it is over 0.05, the log warns:
+    /// the pose's vertices are probably in another order than the mesh's.
     pub stretched_share: f32,
 }
 

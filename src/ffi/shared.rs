@@ -1,6 +1,6 @@
-//! An asset that several threads use. Constant data and results can be read at any time; the rest is used by one call that
-//! changes it, or by any number of calls that read it. Nothing ever waits: a callback that calls back into the asset would
-//! wait for itself.
+//! An asset shared by several threads. Constant data and results can be read at any time; other data is used either by
+//! one call that changes it or by any number of calls that read it. Calls fail as busy instead of waiting, since a
+//! callback that calls into the asset would wait for itself.
 
 use std::cell::UnsafeCell;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -16,14 +16,14 @@ use crate::report::AssetInfo;
 /// An asset shared by threads.
 #[derive(Debug)]
 pub(super) struct SharedAsset {
-    /// Read from the mesh.
+    /// Facts about the mesh.
     pub info: AssetInfo,
     pub results: Results,
     tiles: usize,
-    /// Calls that read the asset; `WRITER` if one changes it.
+    /// Number of calls that read the asset; `WRITER` while one call changes it.
     users: AtomicUsize,
     asset: UnsafeCell<Asset>,
-    /// The hold on the solve that is under way.
+    /// Control of the solve in progress.
     solving: Mutex<Option<Arc<Control>>>,
     /// Whether the handle was destroyed.
     ended: AtomicBool,
@@ -51,7 +51,7 @@ impl SharedAsset {
         self.tiles
     }
 
-    /// For calls that only read; they do not get into each other's way.
+    /// For calls that only read; any number may run at once.
     pub fn read<R>(&self, body: impl FnOnce(&Asset) -> Outcome<R>) -> Outcome<R> {
         struct Reading<'a>(&'a AtomicUsize);
         impl Drop for Reading<'_> {
@@ -71,7 +71,7 @@ impl SharedAsset {
         body(self.claim()?.asset())
     }
 
-    /// The asset for one call or one job alone.
+    /// Claims the asset for exclusive use by one call or job.
     pub fn claim(self: &Arc<Self>) -> Outcome<Claim> {
         self.users
             .compare_exchange(0, WRITER, Ordering::Acquire, Ordering::Relaxed)
@@ -79,14 +79,14 @@ impl SharedAsset {
             .map_err(|_| busy())
     }
 
-    /// Cancels the solve that is under way, if there is one.
+    /// Cancels the solve in progress, if any.
     pub fn cancel(&self) {
         if let Some(control) = &*self.solving() {
             control.cancel();
         }
     }
 
-    /// The handle was destroyed: nobody waits for results any more.
+    /// Called when the handle is destroyed: cancels the solve in progress and all later ones.
     pub fn end(&self) {
         self.ended.store(true, Ordering::SeqCst);
         self.cancel();
@@ -97,17 +97,17 @@ impl SharedAsset {
     }
 }
 
-/// An asset that one call or job has for itself, until this is dropped. It keeps the asset alive.
+/// Exclusive use of an asset by one call or job until it is dropped. Keeps the asset alive.
 #[derive(Debug)]
 pub(super) struct Claim(Arc<SharedAsset>);
 
 impl Claim {
     pub fn asset(&mut self) -> &mut Asset {
-        // SAFETY: there is one claim at a time, and no reader meanwhile; the borrow of the claim is the asset's.
+        // SAFETY: only one claim exists at a time, without readers, and the asset is borrowed as long as the claim.
         unsafe { &mut *self.0.asset.get() }
     }
 
-    /// From now on the asset's owner can cancel what the claim was made for, whether it has begun or not.
+    /// Registers the solve that the claim is for, so that the asset's owner can cancel it, even before it begins.
     pub fn announce(&self, control: &Arc<Control>) {
         *self.0.solving() = Some(control.clone());
         if self.0.ended.load(Ordering::SeqCst) {
@@ -124,7 +124,7 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Before others may claim the asset, and announce what they do.
+        // Clear this first: once the asset is released, another claim may announce its own solve.
         *self.0.solving() = None;
         self.0.users.store(0, Ordering::Release);
     }
@@ -166,7 +166,7 @@ mod tests {
             Ok(asset.write(|_| Ok(())).unwrap_err().status)
         });
         assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
-        // Readers do not hinder each other, but a writer waits for none of them.
+        // Readers do not block each other, and a writer fails instead of waiting for them.
         let inner = asset.read(|_| {
             assert!(asset.read(|_| Ok(())).is_ok());
             Ok(asset.write(|_| Ok(())).unwrap_err().status)
@@ -190,7 +190,7 @@ mod tests {
         let claim = asset.claim().unwrap();
         assert_eq!(asset.claim().unwrap_err().status, VRTM_ERROR_BUSY);
         assert_eq!(asset.read(|_| Ok(())).unwrap_err().status, VRTM_ERROR_BUSY);
-        // Results can be read meanwhile: there are none yet.
+        // Results can be read meanwhile; this asset is not solved yet.
         assert_eq!(asset.results.report().unwrap_err().kind, crate::ErrorKind::NotSolved);
         std::thread::scope(|scope| scope.spawn(move || drop(claim)).join().unwrap());
         assert!(asset.claim().is_ok());
@@ -235,7 +235,7 @@ mod tests {
         assert_eq!(solve(|asset| asset.cancel()).unwrap_err().status, VRTM_ERROR_CANCELLED);
         assert!(solve(|_| ()).is_ok());
         assert_eq!(solve(|asset| asset.end()).unwrap_err().status, VRTM_ERROR_CANCELLED);
-        // It has ended for good.
+        // An ended asset stays ended.
         assert_eq!(solve(|_| ()).unwrap_err().status, VRTM_ERROR_CANCELLED);
     }
 }

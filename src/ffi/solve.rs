@@ -1,4 +1,4 @@
-//! Solving, and the one call of a host's compute().
+//! Solving, and solving and fetching in one call, for a host's compute().
 
 use std::ffi::c_void;
 use std::num::NonZeroU32;
@@ -19,11 +19,11 @@ use crate::view::Strided;
 
 /// How much work a solve does on each level of its grid.
 pub type vrtm_quality = i32;
-/// One correction on each level, and more on the finest where a chart is crowded; the default.
+/// One correction on each level, and more on the finest level in crowded charts; the default.
 pub const VRTM_QUALITY_NORMAL: vrtm_quality = 0;
-/// The same, but relaxation alone on the finest level: a preview.
+/// As VRTM_QUALITY_NORMAL, but with relaxation only on the finest level: a preview.
 pub const VRTM_QUALITY_DRAFT: vrtm_quality = 1;
-/// More sweeps, and corrections until little is left to gain.
+/// More sweeps, and corrections until they gain little.
 pub const VRTM_QUALITY_HIGH: vrtm_quality = 2;
 
 /// How a solve finds its warp.
@@ -31,9 +31,9 @@ pub type vrtm_solver = i32;
 /// Gauss-Newton corrections and relaxation, which never folds; the default.
 pub const VRTM_SOLVER_DESCENT: vrtm_solver = 0;
 /// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
-/// its result is returned as it is, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
-/// folds, a texel has several places to look at and gets one of them. Nodes may leave their charts, and the tile:
-/// by 0.08 of its side in the worst pose tried. Redirections stay within the tile.
+/// its result is returned unchecked, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
+/// folds, a texel has several possible lookups and gets one of them. Nodes may leave their charts, and even the tile,
+/// by 0.08 of its side in the worst pose tested. Redirections stay within the tile.
 pub const VRTM_SOLVER_PBD: vrtm_solver = 1;
 
 /// Settings of VRTM_SOLVER_PBD; vrtm_solve_options_init() sets the defaults. A plain value that never grows.
@@ -59,36 +59,36 @@ pub struct vrtm_pbd_settings {
 pub struct vrtm_solve_options {
     /// sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     pub struct_size: u32,
-    /// VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH: of VRTM_SOLVER_DESCENT, as are the two limits below.
+    /// VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH. This and the two limits below apply to VRTM_SOLVER_DESCENT
+    /// only.
     pub quality: vrtm_quality,
-    /// Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
+    /// Maximum corrections per level, 0..64, overriding the quality's limit; 0 = the quality's own.
     pub max_corrections: u32,
     /// A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
-    /// original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a
-    /// quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
+    /// original UVs is added), or when the gain of a level's first correction matches the prediction of its quadratic
+    /// model to a quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
     pub tolerance: f32,
-    /// The milliseconds that the call may take, its fetches, measuring and what follows a change of maps or settings
-    /// left out; 0 = no limit. The result is that of the best level of the grid that there is time for, brought up to
-    /// the finest one and certified: never worse than the identity, and the identity itself if there is no time for any
-    /// (the report is then `truncated`, with energies of 0). What work takes is predicted from the last solves: the call
-    /// returns within 1.2 times the budget and 5 ms, unless the machine is suddenly busier than before. On a GPU that
-    /// holds as far as the driver's own delays allow. With a limit the result depends on the speed of the machine.
+    /// Milliseconds that the call may take, excluding fetches, measuring and rebuilding after a change of maps or
+    /// settings; 0 = no limit. The result comes from the finest level of the grid that the time allows, interpolated to
+    /// the finest level and certified: never worse than the identity, and the identity itself if no level fits (the
+    /// report is then `truncated`, with energies of 0). Costs are predicted from the last solves: the call returns
+    /// within 1.2 times the budget plus 5 ms, unless the machine is suddenly busier than before. On a GPU this holds up
+    /// to delays of the driver. With a limit the result depends on the speed of the machine.
     pub time_budget_ms: f32,
     /// 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     /// the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
     pub warm: u32,
-    /// With `warm`, of VRTM_SOLVER_DESCENT: how strongly the warp is held to the last result, 0..1e6, in the unit
-    /// of the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from
-    /// frame to frame falls to between three quarters and a fifth, and the warp of a steady motion is one to two
-    /// frames late. Without `warm` it has no effect.
+    /// With `warm` and VRTM_SOLVER_DESCENT: how strongly the warp is pulled towards the last result, 0..1e6, in the
+    /// unit of the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: 0.1 reduces jumps between
+    /// frames to between three quarters and a fifth, and delays the warp of a steady motion by one to two frames.
+    /// Without `warm` it has no effect.
     pub temporal_weight: f32,
     /// CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
     pub threads: u32,
     /// 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
     pub measure: u32,
-    /// 1: the results of the tiles that are solved are dropped before they are solved, which saves their memory: 8 bytes
-    /// per node of the blocks in use. They cannot be read then until the solve is done, nor if it fails. 0 (the
-    /// default): they can be read all the time.
+    /// 1: drop the last results of the solved tiles before solving, which saves 8 bytes per node of the blocks in use.
+    /// These results cannot be read until the solve succeeds. 0 (the default): results can be read at any time.
     pub release_last: u32,
     /// VRTM_SOLVER_DESCENT (0, the default) or PBD.
     pub solver: vrtm_solver,
@@ -98,22 +98,23 @@ pub struct vrtm_solve_options {
     pub tiles: *const vrtm_tile,
     /// The length of `tiles`. Ignored when that is null.
     pub tile_count: usize,
-    /// The vertices that have moved since the last solve, in any order; null = any may have. Tiles that none of them
-    /// touches keep their results, unless they have none, or their maps, settings or these options have changed since.
+    /// The vertices that have moved since the last solve, in any order; null = any vertex may have moved. Tiles that
+    /// none of these vertices touches keep their results, unless they have no result yet, or their maps, settings or
+    /// these options have changed.
     pub dirty_vertices: *const u32,
     /// The length of `dirty_vertices`. Ignored when that is null.
     pub dirty_vertex_count: usize,
-    /// Called about 500 times per second while the tiles are solved, on the thread that does the work: the calling one,
-    /// unless the device has an executor, or the job's. Null = nobody is told.
+    /// Called about 500 times per second while the tiles are solved, on the thread that does the work: the calling
+    /// thread or the job's, or one of the executor's if the device has one. Null = no progress function.
     pub progress: vrtm_progress_fn,
-    /// Passed to `progress` as it is. Both must stay valid until the call returns, or the job is destroyed.
+    /// Passed to `progress` unchanged. Both must stay valid until the call returns, or the job is destroyed.
     pub progress_user: *mut c_void,
 }
 
-/// A host's function that is told how far a solve is: 0..1, by prediction, never falling. If it returns anything but 0,
-/// the solve is cancelled. It may call vrtm functions: results of the asset can be read, and what would change the asset
-/// gives VRTM_ERROR_BUSY. On a device with an executor, what it asks for is computed on its own thread alone, so that it
-/// never waits for threads that wait for it. It must return normally: no exception, no longjmp.
+/// A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
+/// value, the solve is cancelled. It may call vrtm functions: results of the asset can be read, and calls that would
+/// change the asset give VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that
+/// they never wait for threads that wait for this function. It must return normally: no exception, no longjmp.
 pub type vrtm_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, progress: f32) -> u32>;
 
 // SAFETY: repr(C), struct_size first, plain numbers.
@@ -135,7 +136,7 @@ impl Default for vrtm_solve_options {
     }
 }
 
-/// What a host asks for beside the positions.
+/// A host's checked options for one solve.
 pub(super) struct Wishes<'a> {
     options: SolveOptions,
     threads: Option<NonZeroU32>,
@@ -197,13 +198,13 @@ impl<'a> Wishes<'a> {
         }
     }
 
-    /// The same without the host's list of dirty vertices, for a job, which keeps a copy.
+    /// These options without the host's list of dirty vertices, of which a job keeps a copy.
     pub fn without_dirty_vertices<'b>(self) -> Wishes<'b> {
         Wishes { dirty_vertices: None, ..self }
     }
 }
 
-/// A host's function that is told the progress.
+/// A host's progress function and its user data.
 struct HostProgress {
     call: unsafe extern "C" fn(*mut c_void, f32) -> u32,
     user: *mut c_void,
@@ -215,7 +216,7 @@ unsafe impl Send for HostProgress {}
 unsafe impl Sync for HostProgress {}
 
 impl HostProgress {
-    /// Whether the host cancels.
+    /// Reports progress; true if the host cancels.
     fn tell(&self, progress: f32) -> bool {
         // SAFETY: the host vouches for the function and for its user data.
         unsafe { (self.call)(self.user, progress) != 0 }
@@ -255,7 +256,7 @@ fn options(from: &vrtm_solve_options) -> Outcome<SolveOptions> {
     })
 }
 
-/// Milliseconds, 0 for no limit. A limit beyond what a duration can hold is none.
+/// Milliseconds, 0 for no limit. A limit too large for a `Duration` counts as no limit.
 fn time_budget(ms: f32) -> Outcome<Option<Duration>> {
     if !(ms >= 0.0 && ms.is_finite()) {
         let message = format!("options.time_budget_ms: {ms} is not a finite, non-negative number");
@@ -264,7 +265,7 @@ fn time_budget(ms: f32) -> Outcome<Option<Duration>> {
     Ok(Duration::try_from_secs_f32(ms / 1000.0).ok().filter(|_| ms > 0.0))
 }
 
-/// Solves every tile for a pose; returns when that is done. `positions` are the deformed positions of all vertices (3
+/// Solves every tile for a pose; returns when all are done. `positions` are the deformed positions of all vertices (3
 /// components, as many and in the same order as at rest). `options` may be null: all defaults. On any error the last
 /// good result stays readable.
 ///
@@ -291,11 +292,11 @@ pub unsafe extern "C" fn vrtm_asset_solve(
     })
 }
 
-/// Solves every tile for a pose and writes `count` outputs, in one call: what a host's compute() needs for a frame. As
-/// vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are checked before
-/// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No two images may
-/// write the same byte, but they may lie between each other's texels, as two pairs of channels of one image do. None may
-/// overlap the memory that the positions span.
+/// Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
+/// Equivalent to vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are
+/// checked before any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No
+/// two images may write the same byte, but they may be interleaved, such as two pairs of channels of one image. No
+/// image may overlap the memory that the positions span.
 ///
 /// Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile of another asset and
 /// for images that overlap. On an error no image is written, unless a GPU fails while the images are written.
@@ -313,7 +314,8 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
         let (view, wishes) =
             unsafe { (strided_and_span(positions, 3, "positions")?, Wishes::read(asset, options)?) };
         let (positions, span) = view;
-        // SAFETY: as above; `targets` checks that no two of the images share a byte, nor do they with the positions.
+        // SAFETY: as above; `targets` checks that no two of the images write the same byte, and that none overlaps the
+        // positions.
         let targets = unsafe { targets(asset, fetches, count, span) }?;
         let mut wanted = with_capacity(targets.len());
         for (name, tile, kind, target) in &targets {
@@ -325,9 +327,9 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
     })
 }
 
-/// Cancels the solve of an asset that is under way, be it another thread's call or a job: it gives VRTM_ERROR_CANCELLED
-/// soon after, and the last good result stays. One that has its result already is not cancelled any more. Without a
-/// solve it does nothing. Never busy.
+/// Cancels the solve of an asset that is in progress, whether another thread's call or a job: it soon gives
+/// VRTM_ERROR_CANCELLED, and the last good result stays. A solve that already has its result is not cancelled. Does
+/// nothing if no solve is in progress. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE.
 #[unsafe(no_mangle)]

@@ -21,7 +21,7 @@ pub const VRTM_VERSION: u32 = VRTM_VERSION_MAJOR * 1000000 + VRTM_VERSION_MINOR 
 /// may add some, so treat any value but VRTM_OK as a failure.
 pub type vrtm_status = i32;
 
-/// The call did all of what it says.
+/// The call succeeded.
 pub const VRTM_OK: vrtm_status = 0;
 /// An argument is null, out of its range, of a wrong size, or holds a NaN or an infinity.
 pub const VRTM_ERROR_INVALID_ARGUMENT: vrtm_status = 1;
@@ -29,14 +29,15 @@ pub const VRTM_ERROR_INVALID_ARGUMENT: vrtm_status = 1;
 pub const VRTM_ERROR_INVALID_HANDLE: vrtm_status = 2;
 /// The backend, format or combination is not available in this build or on this machine.
 pub const VRTM_ERROR_UNSUPPORTED: vrtm_status = 3;
-/// The memory, or the device's memory budget, does not suffice.
+/// Out of memory, or over the device's memory budget.
 pub const VRTM_ERROR_OUT_OF_MEMORY: vrtm_status = 4;
-/// There is no result to read: solve first.
+/// The asset has no result yet: solve first.
 pub const VRTM_ERROR_NOT_SOLVED: vrtm_status = 5;
 /// Another call is using the asset; try again when it has returned.
 pub const VRTM_ERROR_BUSY: vrtm_status = 6;
-/// The GPU went away: a driver reset, a crash, a removed adapter. From then on every call that uses the device or its
-/// assets gives this, but for those that describe or destroy them. Destroy them, and make a new device and new assets.
+/// The GPU was lost: a driver reset, a crash, a removed adapter. From then on every call that uses the device or its
+/// assets gives this status, except calls that describe or destroy them. Destroy them, and make a new device and new
+/// assets.
 pub const VRTM_ERROR_DEVICE_LOST: vrtm_status = 7;
 /// A defect of the library; please report the message. The asset keeps its last good result.
 pub const VRTM_ERROR_INTERNAL: vrtm_status = 8;
@@ -52,8 +53,8 @@ pub extern "C" fn vrtm_version() -> u32 {
     VRTM_VERSION
 }
 
-/// The name of a status, such as "VRTM_ERROR_BUSY"; "unknown status" for any other value. The string is static and
-/// not to be freed. Never fails. It is valid until the library is unloaded.
+/// The name of a status, such as "VRTM_ERROR_BUSY"; "unknown status" for any other value. The string is static: do not
+/// free it. It is valid until the library is unloaded. Never fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn vrtm_status_string(status: vrtm_status) -> *const c_char {
     let name: &'static CStr = match status {
@@ -73,16 +74,16 @@ pub extern "C" fn vrtm_status_string(status: vrtm_status) -> *const c_char {
     name.as_ptr()
 }
 
-/// What went wrong in the last call of this thread that failed: one UTF-8 line of at most 511 bytes with the
-/// function and the argument, as in "vrtm_asset_create: desc.indices is null"; "" if none has failed. A call that
-/// succeeds leaves it alone. The string belongs to the library and to the calling thread, and is valid until that
-/// thread's next failing call or its end. Never fails.
+/// Message of this thread's last failed call: one UTF-8 line of at most 511 bytes with the function and the argument,
+/// as in "vrtm_asset_create: desc.indices is null"; "" if no call has failed. A successful call does not change it. The
+/// string belongs to the library and to the calling thread, and is valid until that thread's next failing call or its
+/// end. Never fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn vrtm_last_error() -> *const c_char {
     LAST_ERROR.try_with(|text| text.get().cast_const().cast()).unwrap_or(c"".as_ptr())
 }
 
-/// Why a call failed; becomes the status and the thread's message.
+/// The status and message of a failed call.
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub status: vrtm_status,
@@ -118,7 +119,7 @@ impl From<Error> for Failure {
     }
 }
 
-/// The status of a call that a panic, or missing memory, has ended.
+/// The status of a call that a panic or a failed allocation ended.
 pub(super) fn status_of(panic: &Panicked) -> vrtm_status {
     if panic.out_of_memory().is_some() { VRTM_ERROR_OUT_OF_MEMORY } else { VRTM_ERROR_INTERNAL }
 }
@@ -128,8 +129,8 @@ pub(super) type Outcome<T> = Result<T, Failure>;
 
 const MESSAGE_BYTES: usize = 512;
 
-// Plain bytes, initialised at compile time: no destructor is registered with the thread, which would keep the
-// library from being unloaded or run after it was.
+// Plain bytes, initialised at compile time: no destructor is registered with the thread, which would prevent unloading
+// the library, or run after it was unloaded.
 thread_local! {
     static LAST_ERROR: UnsafeCell<[u8; MESSAGE_BYTES]> = const { UnsafeCell::new([0; MESSAGE_BYTES]) };
 }
@@ -137,13 +138,13 @@ thread_local! {
 /// Keeps a message for [`vrtm_last_error`].
 pub(super) fn set_last_error(function: &str, message: impl fmt::Display) {
     let mut line = Line::<MESSAGE_BYTES>::new();
-    // A line that is full is cut: that is no failure.
+    // Too long a message is cut, which is not a failure.
     let _ = write!(line, "{function}: {message}");
     // SAFETY: the storage belongs to this thread, and no reference into it is ever made.
     let _ = LAST_ERROR.try_with(|text| unsafe { text.get().write(*line.bytes()) });
 }
 
-/// `text` as a C array of a struct that a host gets.
+/// `text` as a zero-terminated C array, cut to fit, for a field of an output struct.
 pub(super) fn chars<const N: usize>(text: &str) -> [c_char; N] {
     let mut line = Line::<N>::new();
     let _ = line.write_str(text);

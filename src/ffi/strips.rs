@@ -1,21 +1,23 @@
-//! Which bytes of memory an image's texels are, and whether two images share one.
+//! The bytes of memory that an image's texels occupy, and whether two images share a byte.
 
 use std::ops::Range;
 
-/// Pieces of memory of one size, in rows: texels.
+/// Pieces of memory of equal size, arranged in rows: the texels of an image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Strips {
     /// Address of the first piece.
     pub start: usize,
     /// Bytes of a piece.
     pub size: usize,
-    /// Number of pieces in a row and bytes from one to the next; the same for rows. Neither pieces nor rows overlap.
+    /// Number of pieces in a row and bytes from one piece to the next, then number of rows and bytes from one row to
+    /// the next. Neither pieces nor rows overlap.
     pub steps: [(usize, usize); 2],
 }
 
 impl Strips {
-    /// Whether a byte belongs to both. Rows of pieces in between one another, as two parts of one image are, share none.
-    /// The time is that of a look at each row if the pieces of both are equally far apart, else at each piece.
+    /// Whether the two share a byte. Interleaved pieces, such as two parts of one image, share none. Takes time
+    /// proportional to the number of rows if the pieces of both have the same spacing, and otherwise to the number of
+    /// pieces.
     pub fn meet(&self, other: &Strips) -> bool {
         let (mut own, mut others) = (0, 0);
         while own < self.steps[1].0 && others < other.steps[1].0 {
@@ -23,7 +25,7 @@ impl Strips {
             if a.start < b.end && b.start < a.end && self.rows_meet(a.start, other, b.start) {
                 return true;
             }
-            // The row that ends first meets no further one.
+            // The row that ends first overlaps no later row.
             if a.end <= b.end { own += 1 } else { others += 1 }
         }
         false
@@ -36,7 +38,7 @@ impl Strips {
         start..start + (count - 1) * step + self.size
     }
 
-    /// Whether the row that begins at `a` shares a byte with that of `other` that begins at `b`.
+    /// Whether the row that begins at `a` shares a byte with the row of `other` that begins at `b`.
     fn rows_meet(&self, a: usize, other: &Strips, b: usize) -> bool {
         let ([(count, step), _], [(other_count, other_step), _]) = (self.steps, other.steps);
         if b < a {
@@ -45,7 +47,7 @@ impl Strips {
         // The first pieces of this row that could reach the other row's beginning.
         let mut own = ((b - a) / step).min(count - 1);
         if step == other_step {
-            // All further pieces lie to one another as these.
+            // With equal spacing, later pairs of pieces have the same offset as this one.
             let near = |k: usize| k < count && a + k * step < b + other.size && b < a + k * step + self.size;
             return near(own) || near(own + 1);
         }
@@ -65,7 +67,7 @@ impl Strips {
 mod tests {
     use super::*;
 
-    /// The same, byte by byte.
+    /// `Strips::meet` by comparing all bytes.
     fn plainly(a: &Strips, b: &Strips) -> bool {
         let bytes = |s: &Strips| {
             let [(count, step), (rows, row_step)] = s.steps;
@@ -88,7 +90,7 @@ mod tests {
         assert!(!part(4104, 8).meet(&part(4096, 8)));
         assert!(part(4096, 8).meet(&part(4103, 8)));
         assert!(part(4104, 8).meet(&part(4111, 8)) && !part(4104, 8).meet(&part(4112, 8)));
-        // The next free place behind the whole image, and its last texel.
+        // The first address after the whole image, and its last texel.
         let end = 4096 + 512 * 16 * 1024;
         assert!(!part(4096, 8).meet(&part(end, 8)) && part(4096, 8).meet(&part(end - 16, 8)));
     }

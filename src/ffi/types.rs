@@ -18,9 +18,10 @@ pub const VRTM_SCALAR_F32: vrtm_scalar = 0;
 /// 64-bit float.
 pub const VRTM_SCALAR_F64: vrtm_scalar = 1;
 
-/// A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). How many components
-/// an element has follows from the use: 3 for positions (a fourth, as in Maya's double4, is skipped by the stride), 2
-/// for UV pairs, 1 for single values. The data need not be aligned. It is read during the call only.
+/// A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). The function or field
+/// that takes the array determines the number of components per element: 3 for positions (a fourth, as in Maya's
+/// double4, is skipped by the stride), 2 for UV pairs, 1 for single values. The data need not be aligned. It is read
+/// during the call only.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_array {
@@ -47,16 +48,16 @@ pub const VRTM_PIXEL_U16: vrtm_pixel_format = 2;
 /// 8-bit integer, 0..255 for 0..1. Inputs only.
 pub const VRTM_PIXEL_U8: vrtm_pixel_format = 3;
 
-/// Which end of a tile the first row of an image is.
+/// Where in the tile the first row of an image lies.
 pub type vrtm_origin = i32;
 /// The first row is at v = 1, as in image files; the default.
 pub const VRTM_ORIGIN_TOP: vrtm_origin = 0;
 /// The first row is at v = 0, as in OpenGL textures.
 pub const VRTM_ORIGIN_BOTTOM: vrtm_origin = 1;
 
-/// An input image with one channel: a rigidity map or a warp mask. It covers its tile whole; texel (x, y) from the
-/// corner (0, 0) has its centre at u = (x + 0.5) / width, v = (y + 0.5) / height. Start from vrtm_image_init(). To
-/// use one channel of several, point `data` at it and set `pixel_stride`. The data is copied before the call returns.
+/// An input image with one channel: a rigidity map or a warp mask. It covers the whole tile; texel (x, y) from the
+/// corner (0, 0) has its centre at u = (x + 0.5) / width, v = (y + 0.5) / height. Start from vrtm_image_init(). To use
+/// one channel of several, point `data` at it and set `pixel_stride`. The data is copied before the call returns.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_image {
@@ -78,8 +79,8 @@ pub struct vrtm_image {
     pub row_stride: usize,
 }
 
-/// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size will do; the first `channels`
-/// channels of each texel are written, and the bytes that a stride skips are left as they are.
+/// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size is allowed; the first `channels`
+/// channels of each texel are written, and bytes that a stride skips are left unchanged.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_image_out {
@@ -93,19 +94,20 @@ pub struct vrtm_image_out {
     pub height: u32,
     /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     pub origin: vrtm_origin,
-    /// Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. 3 adds one that is
-    /// 0, and 4, for a redirection, one that is 1 where a chart covers the texel's centre and 0 elsewhere.
+    /// Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. With 3, the third
+    /// channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
+    /// elsewhere.
     pub channels: u32,
-    /// 1 = a redirection is one-to-one also when a renderer interpolates between its texels: values around folds of the
-    /// interpolated map are moved for that, by less than a texel in most maps, and by several where a warp is crumpled
-    /// or numbers have 16 bits (vrtm_tile_inspect_map tells the error). In f32 no map is known that is left with folds.
-    /// Numbers of 16 bits may be too coarse for the map's size: the values are then those without one_to_one, the log
-    /// warns, and vrtm_tile_inspect_map with the same settings counts the `folds`; the call succeeds. The call takes 9
-    /// bytes per texel and up to 11 MB more. It takes little longer than without for most maps, and up to two hundred
-    /// times as long for crumpled ones. A part of an image cannot have it (vrtm_tile_fetch_part). 0 (the default) =
+    /// 1 = make a redirection one-to-one even when a renderer interpolates between its texels: values around folds of
+    /// the interpolated map are moved, by less than a texel in most maps, and by several where a warp is crumpled or
+    /// the format is f16 (vrtm_tile_inspect_map reports the error). No f32 map is known that keeps folds. f16 may be
+    /// too coarse for the map's size: the call then succeeds, writes the values as without one_to_one, the log warns,
+    /// and vrtm_tile_inspect_map with the same settings counts the `folds`. The call needs 9 bytes per texel and up to
+    /// 11 MB of additional memory. It takes little longer than without one_to_one for most maps, and up to two hundred
+    /// times as long for crumpled ones. Not available for a part of an image (vrtm_tile_fetch_part). 0 (the default) =
     /// every value is that of the redirection at the texel's centre. Ignored for other kinds.
     pub one_to_one: u32,
-    /// Where the first texel of the first row goes. Need not be aligned.
+    /// Where to write the first texel of the first row. Need not be aligned.
     pub data: *mut c_void,
     /// Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     pub pixel_stride: usize,
@@ -113,7 +115,7 @@ pub struct vrtm_image_out {
     pub row_stride: usize,
 }
 
-// SAFETY: repr(C), struct_size first, plain numbers and raw pointers. So for the other two.
+// SAFETY: repr(C), struct_size first, plain numbers and raw pointers, as in the two structs below.
 unsafe impl Sized32 for vrtm_array {
     const NAME: &'static str = "vrtm_array";
 }
@@ -128,7 +130,7 @@ unsafe impl Sized32 for vrtm_image_out {
     const NAME: &'static str = "vrtm_image_out";
 }
 
-/// A 0/1 field of a struct.
+/// Reads a field of a struct that must be 0 or 1.
 pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
     match value {
         0 => Ok(false),
@@ -137,7 +139,7 @@ pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
     }
 }
 
-/// A host's array as a view; the host vouches for the memory that the array spans.
+/// A view of a host's array; the host guarantees that the memory it spans is valid.
 pub(super) unsafe fn strided<'a>(
     array: *const vrtm_array,
     components: usize,
@@ -147,7 +149,7 @@ pub(super) unsafe fn strided<'a>(
     unsafe { strided_and_span(array, components, name) }.map(|(view, _)| view)
 }
 
-/// The same with the addresses that it spans.
+/// A view of a host's array, and the range of addresses that it spans.
 pub(super) unsafe fn strided_and_span<'a>(
     array: *const vrtm_array,
     components: usize,
@@ -178,7 +180,7 @@ pub(super) unsafe fn strided_and_span<'a>(
         let bytes = (array.count - 1).checked_mul(stride).and_then(|n| n.checked_add(element));
         bytes.filter(|&n| n <= most)
     };
-    // The stride is to blame if as many elements would fit without it.
+    // Blame the stride if the elements would fit when tightly packed.
     let bytes = span(stride).ok_or_else(|| {
         let (count, far) = (array.count, "exceed the address space");
         Failure::argument(match span(element) {
@@ -193,7 +195,7 @@ pub(super) unsafe fn strided_and_span<'a>(
     Ok((view, start..start + bytes.len()))
 }
 
-/// The number format of a struct called `name`.
+/// Checks the pixel format of the struct that messages call `name`.
 pub(super) fn pixel_format(format: vrtm_pixel_format, name: &str) -> Outcome<PixelFormat> {
     match format {
         VRTM_PIXEL_F32 => Ok(PixelFormat::F32),
@@ -204,7 +206,7 @@ pub(super) fn pixel_format(format: vrtm_pixel_format, name: &str) -> Outcome<Pix
     }
 }
 
-/// The origin of a struct called `name`.
+/// Checks the origin of the struct that messages call `name`.
 pub(super) fn origin(origin: vrtm_origin, name: &str) -> Outcome<Origin> {
     match origin {
         VRTM_ORIGIN_TOP => Ok(Origin::Top),
@@ -223,13 +225,13 @@ fn layout(
     let format = pixel_format(format, name)?;
     let origin = self::origin(origin, name)?;
     let [width, height] = size;
-    // 0 means packed.
+    // In C, a stride of 0 means packed.
     let [pixel_stride, row_stride] = strides.map(|stride| (stride != 0).then_some(stride));
     let packed = ImageLayout::packed(width, height, format);
     Ok(ImageLayout { pixel_stride, row_stride, origin, ..packed })
 }
 
-/// A host's map as a view; null is `None`.
+/// A view of a host's map; null gives `None`.
 pub(super) unsafe fn image_or_none<'a>(
     image: *const vrtm_image,
     name: &str,
@@ -250,7 +252,7 @@ pub(super) unsafe fn image_or_none<'a>(
     Ok(Some(ImageView::new(name, bytes, layout)?))
 }
 
-/// An output image that was checked, but is no view yet: several may be alive at once.
+/// A checked output image that is not a view yet, so that several may exist at once.
 pub(super) struct Target {
     data: *mut u8,
     layout: ImageLayout,
@@ -258,7 +260,7 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// Of an output of this kind.
+    /// Reads and checks the description of an output of this kind.
     pub unsafe fn read(image: *const vrtm_image_out, name: &str, kind: FetchKind) -> Outcome<Target> {
         // SAFETY: the host's pointer.
         let image = unsafe { desc::read(image, name) }?;
