@@ -33,7 +33,7 @@
 #include <utility>
 #include <vector>
 
-// 1 if calls may throw. Define it as 0 before the header to do without Result::value() in any case.
+// 1 if calls may throw. Define it as 0 before including the header to remove Result::value().
 #if !defined(VRTM_EXCEPTIONS)
 #if defined(__cpp_exceptions) || defined(_CPPUNWIND)
 #define VRTM_EXCEPTIONS 1
@@ -92,15 +92,15 @@ enum class Quality : vrtm_quality {
 enum class Solver : vrtm_solver { descent = VRTM_SOLVER_DESCENT, pbd = VRTM_SOLVER_PBD };
 enum class JobState : vrtm_job_state { running = VRTM_JOB_RUNNING, done = VRTM_JOB_DONE };
 
-// The number that vrtm.h has for a constant: `settings.overlap = vrtm::value(vrtm::Overlap::fixed)`. The other way
-// round is `vrtm::Backend(info.backend)`.
+// The number of a constant in vrtm.h: `settings.overlap = vrtm::value(vrtm::Overlap::fixed)`. Convert a number back
+// with `vrtm::Backend(info.backend)`.
 template <class E, class = std::enable_if_t<std::is_enum<E>::value>>
 constexpr std::underlying_type_t<E> value(E constant) noexcept
 {
     return static_cast<std::underlying_type_t<E>>(constant);
 }
 
-// Such as "VRTM_ERROR_BUSY".
+// The name of a status, such as "VRTM_ERROR_BUSY".
 inline const char *name(Code code) noexcept { return vrtm_status_string(value(code)); }
 
 // The version of the library that is loaded, to compare with VRTM_VERSION.
@@ -110,12 +110,12 @@ inline std::uint32_t version() noexcept { return vrtm_version(); }
 
 template <class T = void> class Result;
 
-// How a call ended. It owns its message, without allocating.
+// The outcome of a call. It stores its message without allocating.
 template <> class [[nodiscard]] Result<void> {
 public:
     Result() noexcept = default;
 
-    // Of the last call of this thread.
+    // The outcome of this thread's last call.
     explicit Result(vrtm_status status) noexcept : code_(Code(status))
     {
         if (code_ != Code::ok) {
@@ -127,7 +127,7 @@ public:
 
     explicit operator bool() const noexcept { return code_ == Code::ok; }
     Code code() const noexcept { return code_; }
-    // What went wrong, as vrtm_last_error() said it; "" if nothing did.
+    // The message of vrtm_last_error(); "" if the call succeeded.
     const char *message() const noexcept { return message_; }
 
 #if VRTM_EXCEPTIONS
@@ -140,13 +140,13 @@ private:
     char message_[512] = {};
 };
 
-// How a call ended, and what it gave.
+// The outcome of a call, and its value.
 template <class T> class [[nodiscard]] Result : public Result<void> {
 public:
     Result(T value, vrtm_status status) noexcept : Result<void>(status), value_(std::move(value)) {}
     Result(T value, const Result<void> &result) noexcept : Result<void>(result), value_(std::move(value)) {}
 
-    // What the call gave; empty or zero if it failed.
+    // The call's value; empty or zero if it failed.
     T &operator*() & noexcept { return value_; }
     const T &operator*() const & noexcept { return value_; }
     T operator*() && noexcept { return std::move(value_); }
@@ -154,7 +154,7 @@ public:
     const T *operator->() const noexcept { return &value_; }
 
 #if VRTM_EXCEPTIONS
-    // What the call gave. Throws vrtm::Error if it failed.
+    // The call's value. Throws vrtm::Error if it failed.
     T value() &&
     {
         Result<void>::value();
@@ -172,7 +172,7 @@ private:
 };
 
 #if VRTM_EXCEPTIONS
-// A call that failed.
+// The exception of a failed call.
 class Error : public std::runtime_error {
 public:
     explicit Error(const Result<void> &result) : std::runtime_error(result.message()), code_(result.code()) {}
@@ -210,13 +210,13 @@ public:
         c_.count = count;
         c_.stride = stride;
     }
-    // Such as `double (*points)[4]`, as Maya has them: the fourth coordinate is skipped.
+    // Arrays such as Maya's `double (*points)[4]`, whose fourth coordinate is skipped.
     template <class S, std::size_t N>
     Array(const S (*vectors)[N], std::size_t count) noexcept
         : Array(reinterpret_cast<const S *>(vectors), count, sizeof *vectors)
     {
     }
-    // The host's own vectors, which start with components of type S: `Array::of<float>(points, count)`.
+    // The host's own vector type, which starts with components of type S: `Array::of<float>(points, count)`.
     template <class S, class V> static Array of(const V *vectors, std::size_t count) noexcept
     {
         static_assert(sizeof(V) >= sizeof(S), "a vector has at least one component");
@@ -229,7 +229,7 @@ private:
     vrtm_array c_ = vrtm_array_init();
 };
 
-// A list of indices or counts, unsigned or, as in Maya, `int`. An empty one is a list of nothing.
+// A list of indices or counts, unsigned or, as in Maya, `int`. An empty list is not the same as no list.
 class Indices {
 public:
     Indices() noexcept = default;
@@ -240,12 +240,12 @@ public:
             data_ = data;
         }
     }
-    // Signed and unsigned numbers of one size may be read as each other; a negative one is out of any range.
+    // Signed and unsigned integers of one size may alias; a negative one is out of range for any index.
     Indices(const std::int32_t *data, std::size_t count) noexcept
         : Indices(reinterpret_cast<const std::uint32_t *>(data), count)
     {
     }
-    // A std::vector, std::array, std::span and the like. It must live on, so no temporary one will do.
+    // A std::vector, std::array, std::span and the like. It must outlive this object, so temporaries are rejected.
     template <class List, class = decltype(std::declval<const List &>().data())>
     Indices(const List &list) noexcept : Indices(list.data(), list.size())
     {
@@ -256,7 +256,7 @@ public:
     std::size_t size() const noexcept { return count_; }
 
 private:
-    // Not null, and nothing is ever read there. (A static object would keep a plug-in in memory after its unload.)
+    // A non-null address that is never read. (A static object would keep a plug-in in memory after its unload.)
     const std::uint32_t *data_ = reinterpret_cast<const std::uint32_t *>(alignof(std::uint32_t));
     std::size_t count_ = 0;
 };
@@ -299,7 +299,7 @@ private:
 };
 } // namespace detail
 
-// An input image with one channel. 16 bits may be integers or floats: these take the constructor with the format.
+// An input image with one channel. Since 16 bits may be integers or floats, they need the constructor with a format.
 class Image : public detail::ImageBase<Image, vrtm_image> {
 public:
     Image(const float *data, std::uint32_t width, std::uint32_t height) noexcept
@@ -329,13 +329,14 @@ public:
     {
         c_.data = data;
     }
-    // 3: one that is 0 follows u and v. 4, for a redirection: then one that is 1 where a chart is and 0 elsewhere.
+    // 3 adds a channel of 0 after u and v. 4, for a redirection, adds one that is 1 where a chart covers the texel and
+    // 0 elsewhere.
     ImageOut &channels(std::uint32_t count) noexcept
     {
         c_.channels = count;
         return *this;
     }
-    // A redirection that is one-to-one also where a renderer interpolates between its texels.
+    // Makes a redirection one-to-one even where a renderer interpolates between its texels.
     ImageOut &one_to_one(bool wanted = true) noexcept
     {
         c_.one_to_one = wanted;
@@ -347,7 +348,7 @@ public:
 struct ExternalImage : vrtm_external_image {
     ExternalImage() noexcept : vrtm_external_image(vrtm_external_image_init()) {}
 
-    // A file descriptor of the memory, which stays the caller's, with the size and the type that it was allocated with.
+    // A file descriptor of the memory, which the caller still owns, and the size and type of its allocation.
     ExternalImage(int fd, std::uint64_t size_of_memory, std::uint32_t type_of_memory, std::uint32_t texels_in_u,
                   std::uint32_t texels_in_v) noexcept
         : ExternalImage()
@@ -367,7 +368,7 @@ struct ExternalImage : vrtm_external_image {
     }
 };
 
-// A redirection map that may be fetched, to be looked at by Tile::inspect_map().
+// The kind, format and size of a redirection map for Tile::inspect_map().
 class MapDesc {
 public:
     MapDesc(std::uint32_t width, std::uint32_t height, FetchKind kind = FetchKind::redirection,
@@ -416,13 +417,14 @@ struct DeviceDesc : vrtm_device_desc {
         return *this;
     }
 
-    // The GPU with these 16 bytes of UUID, or 8 of LUID, in place of the number `adapter`: that which the host draws with.
+    // Selects the GPU with this UUID (16 bytes) or LUID (8 bytes) instead of the number `adapter`: the GPU that the
+    // host draws with.
     DeviceDesc &set_uuid(const void *uuid) noexcept { return set_id(VRTM_ADAPTER_BY_UUID, uuid, 16); }
     DeviceDesc &set_luid(const void *luid) noexcept { return set_id(VRTM_ADAPTER_BY_LUID, luid, 8); }
-    // The GPU with this MTLDevice.registryID.
+    // Selects the GPU with this MTLDevice.registryID.
     DeviceDesc &set_registry_id(std::uint64_t id) noexcept { return set_id(VRTM_ADAPTER_BY_REGISTRY_ID, &id, 8); }
 
-    // The device, its assets and their jobs keep the function alive. An exception that leaves it is lost.
+    // The device, its assets and their jobs keep the function alive. Exceptions that it throws are ignored.
     DeviceDesc &set_log(Log function)
     {
         const std::shared_ptr<Log> kept(new Log(std::move(function)));
@@ -460,8 +462,8 @@ struct DeviceDesc : vrtm_device_desc {
         return *this;
     }
 
-    // The host's allocator: any object with `void *allocate(std::size_t size, std::size_t alignment)`, which gives null
-    // if there is no memory, and `void deallocate(void *pointer, std::size_t size, std::size_t alignment)`. They must
+    // The host's allocator: any object with `void *allocate(std::size_t size, std::size_t alignment)`, which returns
+    // null if out of memory, and `void deallocate(void *pointer, std::size_t size, std::size_t alignment)`. They must
     // not throw. The device, its assets and their jobs keep it alive.
     template <class Memory> DeviceDesc &set_allocator(std::shared_ptr<Memory> memory)
     {
@@ -482,7 +484,7 @@ struct DeviceDesc : vrtm_device_desc {
         return *this;
     }
 
-    // What keeps the functions above alive.
+    // Keeps the functions above alive.
     std::shared_ptr<const void> keep_log, keep_executor, keep_allocator;
 
 private:
@@ -505,8 +507,8 @@ private:
     template <class Pool> static vrtm_spawn_fn spawn_of(...) noexcept { return nullptr; }
 };
 
-// The GPUs that a device can be made on; DeviceDesc::adapter is an index into it, and DeviceDesc::set_uuid() takes one's
-// identity.
+// The GPUs that a device can be made on; DeviceDesc::adapter is an index into this list, and DeviceDesc::set_uuid()
+// takes the UUID of one.
 inline Result<std::vector<vrtm_adapter_data>> adapters()
 {
     std::uint32_t count = 0;
@@ -520,7 +522,7 @@ inline Result<std::vector<vrtm_adapter_data>> adapters()
 
 namespace detail {
 
-// What a handle's functions need: the log, the executor and the allocator.
+// The host's functions that an object needs: log, executor and allocator.
 using Keep = std::array<std::shared_ptr<const void>, 3>;
 
 // Overloads for Owner. (A function of a DLL cannot be a template's argument.)
@@ -529,7 +531,7 @@ inline void destroy(vrtm_asset asset) noexcept { static_cast<void>(vrtm_asset_de
 inline void destroy(vrtm_job job) noexcept { static_cast<void>(vrtm_job_destroy(job)); }
 inline void destroy(vrtm_refinement refinement) noexcept { static_cast<void>(vrtm_refinement_destroy(refinement)); }
 
-// The end of a handle, which may be zero, and what it needs until then.
+// Owns a handle, which may be zero, and the host's functions that it needs until it is destroyed.
 template <class Handle> class Owner {
 public:
     Owner() noexcept = default;
@@ -580,7 +582,7 @@ public:
 
     explicit operator bool() const noexcept { return handle().id != 0; }
     vrtm_device handle() const noexcept { return owner_.handle(); }
-    // Ends the handle, if there is one.
+    // Destroys the handle, unless it is empty.
     void reset() noexcept { *this = Device(); }
 
     Result<vrtm_device_data> info() const noexcept
@@ -626,7 +628,7 @@ private:
     std::optional<Indices> indices_;
 };
 
-// A mesh at rest: a vrtm_mesh_desc that owns its arrays' descriptions. What is not set is absent.
+// A mesh at rest: a vrtm_mesh_desc that owns its arrays' descriptions. Optional parts that are not set are absent.
 class Mesh {
 public:
     Mesh(const Array &positions, const Indices &indices) noexcept : positions_(positions), indices_(indices) {}
@@ -743,7 +745,7 @@ private:
 
 // ---- Tile ----
 
-// A tile's settings: the fields of vrtm_tile_settings, with the defaults at first.
+// A tile's settings: the fields of vrtm_tile_settings, initially the defaults.
 struct TileSettings : vrtm_tile_settings {
     TileSettings() noexcept : vrtm_tile_settings(vrtm_tile_settings_init()) {}
     TileSettings &set(Overlap wanted) noexcept
@@ -788,7 +790,7 @@ public:
     {
         return Result<>(vrtm_tile_set_rigidity(handle_, &map.c()));
     }
-    // Takes the map away.
+    // Removes the map.
     Result<> set_rigidity(std::nullptr_t) const noexcept
     {
         return Result<>(vrtm_tile_set_rigidity(handle_, nullptr));
@@ -799,14 +801,14 @@ public:
         return Result<>(vrtm_tile_update_rigidity(handle_, &map.c(), x, y, width, height));
     }
     Result<> set_mask(const Image &mask) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, &mask.c())); }
-    // Takes the mask away.
+    // Removes the mask.
     Result<> set_mask(std::nullptr_t) const noexcept { return Result<>(vrtm_tile_set_mask(handle_, nullptr)); }
 
     Result<> set_settings(const TileSettings &settings) const noexcept
     {
         return Result<>(vrtm_tile_set_settings(handle_, &settings));
     }
-    // All defaults.
+    // Resets all settings to their defaults.
     Result<> set_settings(std::nullptr_t) const noexcept
     {
         return Result<>(vrtm_tile_set_settings(handle_, nullptr));
@@ -838,7 +840,7 @@ public:
         }
         return {std::move(data), status};
     }
-    // The same into the caller's memory; gives the size. With null and 0 it only tells the size.
+    // Saves into the caller's memory; returns the size. With null and 0 it only returns the size.
     Result<std::size_t> save(void *data, std::size_t capacity) const noexcept
     {
         std::size_t size = 0;
@@ -870,7 +872,7 @@ public:
         return Result<>(vrtm_tile_fetch_external(handle_, vrtm::value(kind), &image));
     }
 
-    // What the map of a fetch would be when it is read with bilinear interpolation.
+    // Inspects the map that a fetch would write, read with bilinear interpolation.
     Result<vrtm_map_data> inspect_map(const MapDesc &map) const noexcept
     {
         vrtm_map_data data = vrtm_map_data_init();
@@ -898,8 +900,8 @@ struct Fetch {
     FetchKind kind = FetchKind::redirection;
 };
 
-// The outputs of Asset::redirect: descriptions that it owns, of memory that is the caller's. Fill it once, and use it
-// for every frame.
+// The outputs of Asset::redirect: it owns their descriptions, not the images' memory. Fill it once and use it for every
+// frame.
 class Fetches {
 public:
     Fetches() noexcept = default;
@@ -940,13 +942,14 @@ private:
     std::vector<vrtm_fetch> fetches_; // point into images_
 };
 
-// What a progress function wants.
+// The decision of a progress function.
 enum class Proceed : bool { no, yes };
 
-// A function that is told how far a solve is. An exception that leaves it cancels the solve.
+// A function that receives a solve's progress. If it throws, the solve is cancelled.
 using Progress = std::function<Proceed(float progress)>;
 
-// Options of one solve: the fields of vrtm_solve_options, with the defaults at first, and the lists and the function.
+// Options of one solve: the fields of vrtm_solve_options, initially the defaults, and the lists and the progress
+// function.
 struct SolveOptions : vrtm_solve_options {
     SolveOptions() noexcept : vrtm_solve_options(vrtm_solve_options_init()) {}
 
@@ -960,7 +963,7 @@ struct SolveOptions : vrtm_solve_options {
         solver = vrtm::value(wanted);
         return *this;
     }
-    // The tiles to solve, copied; an empty list is none.
+    // The tiles to solve, copied; an empty list means no tiles.
     SolveOptions &set_tiles(const std::vector<Tile> &wanted)
     {
         tiles_.emplace();
@@ -975,7 +978,7 @@ struct SolveOptions : vrtm_solve_options {
         tiles = nullptr;
         return *this;
     }
-    // The vertices that have moved, not copied; an empty list is none.
+    // The vertices that have moved, not copied; an empty list means no vertices.
     SolveOptions &set_dirty_vertices(const Indices &moved) noexcept
     {
         dirty_vertices = moved.data();
@@ -1000,12 +1003,12 @@ struct SolveOptions : vrtm_solve_options {
 private:
     friend class Asset;
 
-    // With a progress function that may be a copy of this one's.
+    // The options with the given progress function, which may be a copy of this one's.
     vrtm_solve_options c_with(const Progress *function) const noexcept
     {
         vrtm_solve_options c = *this;
         if (tiles_) {
-            // Not null, which would be all of them.
+            // Not null, which would mean all.
             c.tiles = tiles_->empty() ? reinterpret_cast<const vrtm_tile *>(alignof(vrtm_tile)) : tiles_->data();
             c.tile_count = tiles_->size();
         }
@@ -1032,7 +1035,7 @@ private:
 
 // ---- Jobs ----
 
-// How far a job is.
+// The state and progress of a job.
 struct JobData {
     JobState state;
     Code code;
@@ -1040,7 +1043,7 @@ struct JobData {
     std::chrono::duration<float, std::milli> time;
 };
 
-// One solve that runs beside the host's own work. Its end cancels it, and waits for it.
+// One solve that runs beside the host's own work. The destructor cancels the job and waits for it.
 class Job {
 public:
     // Empty: no job.
@@ -1053,15 +1056,15 @@ public:
     Job(Job &&) noexcept = default;
     Job &operator=(Job &&other) noexcept
     {
-        // The job first: it may be calling the function.
+        // Destroy the job first: it may be calling the function.
         owner_ = std::move(other.owner_);
         progress_ = std::move(other.progress_);
         return *this;
     }
 
-    // What Asset::solve would have returned.
+    // Waits for the job; returns what Asset::solve would have returned.
     Result<> wait() const noexcept { return Result<>(vrtm_job_wait(handle(), VRTM_FOREVER)); }
-    // The same, or Code::timeout. 0 only looks.
+    // Waits for a limited time; Code::timeout if the job is not done. 0 returns at once.
     template <class Rep, class Period>
     Result<> wait_for(const std::chrono::duration<Rep, Period> &time) const noexcept
     {
@@ -1079,7 +1082,7 @@ public:
 private:
     friend class Asset;
 
-    // Rounded up; what is longer than 49 days waits 49 days.
+    // Milliseconds are rounded up, and limited to 49 days.
     static std::uint32_t whole_ms(double ms) noexcept
     {
         if (!(ms > 0)) {
@@ -1092,7 +1095,7 @@ private:
         return whole < ms ? whole + 1 : whole;
     }
 
-    // Declared first, so that it ends last.
+    // Declared first, so that it is destroyed last.
     std::unique_ptr<const Progress> progress_;
     detail::Owner<vrtm_job> owner_;
 };
@@ -1112,7 +1115,7 @@ struct RefinementPattern {
     std::vector<float> corner_weights, corner_uvs;
 };
 
-// An asset's mesh with its triangles split, for hosts that know UV sets only.
+// An asset's mesh with its triangles split, for hosts that support only UV sets.
 class Refinement {
 public:
     // Empty: no refinement.
@@ -1120,7 +1123,7 @@ public:
 
     explicit operator bool() const noexcept { return handle().id != 0; }
     vrtm_refinement handle() const noexcept { return owner_.handle(); }
-    // Ends the handle, if there is one.
+    // Destroys the handle, unless it is empty.
     void reset() noexcept { *this = Refinement(); }
 
     // Refines further, for the asset's last result.
@@ -1153,12 +1156,12 @@ public:
         }
         return {std::move(p), result};
     }
-    // The same into the caller's arrays.
+    // Writes the pattern into the caller's arrays.
     Result<> pattern(const vrtm_refinement_pattern &pattern) const noexcept
     {
         return Result<>(vrtm_refinement_fetch_pattern(handle(), &pattern));
     }
-    // The last result's: one pair (u, v) per corner of the refined mesh.
+    // UVs of the last result: one pair (u, v) per corner of the refined mesh.
     Result<std::vector<float>> corner_uvs() const
     {
         const Result<vrtm_refinement_data> data = info();
@@ -1169,7 +1172,7 @@ public:
         }
         return {std::move(uvs), result};
     }
-    // The same into the caller's memory: `count` pairs, as many as the refinement has corners.
+    // Writes the UVs into the caller's memory: `count` pairs, as many as the refinement has corners.
     Result<> corner_uvs(float *uvs, std::size_t count) const noexcept
     {
         return Result<>(vrtm_refinement_fetch_corner_uvs(handle(), uvs, count));
@@ -1210,7 +1213,7 @@ public:
 
     explicit operator bool() const noexcept { return handle().id != 0; }
     vrtm_asset handle() const noexcept { return owner_.handle(); }
-    // Ends the handle, if there is one.
+    // Destroys the handle, unless it is empty.
     void reset() noexcept { *this = Asset(); }
 
     Result<vrtm_asset_data> info() const noexcept
@@ -1256,7 +1259,7 @@ public:
     {
         return Result<>(vrtm_asset_set_vertex_rigidity(handle(), &rigidity.c()));
     }
-    // Takes it away.
+    // Removes the values.
     Result<> set_vertex_rigidity(std::nullptr_t) const noexcept
     {
         return Result<>(vrtm_asset_set_vertex_rigidity(handle(), nullptr));
@@ -1266,7 +1269,7 @@ public:
     {
         return Result<>(vrtm_asset_set_vertex_mask(handle(), &mask.c()));
     }
-    // Takes it away.
+    // Removes the values.
     Result<> set_vertex_mask(std::nullptr_t) const noexcept
     {
         return Result<>(vrtm_asset_set_vertex_mask(handle(), nullptr));
@@ -1283,7 +1286,7 @@ public:
         const vrtm_solve_options c = options.c();
         return Result<>(vrtm_asset_redirect(handle(), &positions.c(), &c, fetches.c(), fetches.size()));
     }
-    // Cancels the solve that is under way, of another thread or a job.
+    // Cancels the solve in progress, on another thread or of a job.
     Result<> cancel() const noexcept { return Result<>(vrtm_asset_cancel(handle())); }
 
     // The job keeps a copy of the progress function.
@@ -1298,7 +1301,7 @@ public:
         return {std::move(job), status};
     }
 
-    // One pair (u, v) per face corner.
+    // Redirected UVs: one pair (u, v) per face corner.
     Result<std::vector<float>> corner_uvs(std::uint32_t uv_set = 0) const
     {
         const Result<vrtm_asset_data> data = info();
@@ -1309,13 +1312,13 @@ public:
         }
         return {std::move(uvs), result};
     }
-    // The same into the caller's memory: `count` pairs, as many as the mesh has corners.
+    // Writes the UVs into the caller's memory: `count` pairs, as many as the mesh has corners.
     Result<> corner_uvs(float *uvs, std::size_t count, std::uint32_t uv_set = 0) const noexcept
     {
         return Result<>(vrtm_asset_fetch_corner_uvs_of_set(handle(), uv_set, uvs, count));
     }
 
-    // For the last result.
+    // Refines the mesh for the last result.
     Result<Refinement> refine(const RefinementDesc &desc = RefinementDesc()) const noexcept
     {
         vrtm_refinement handle_of_refinement{};

@@ -13,7 +13,7 @@ FLOATS = {np.dtype(np.float32): _abi.VRTM_SCALAR_F32, np.dtype(np.float64): _abi
 
 
 class Pinned:
-    """Structs for one call, and what they point to, which must live as long."""
+    """Structs for one call, and the memory that they point to, which must live as long."""
 
     def __init__(self) -> None:
         self._kept: list[Any] = []
@@ -23,8 +23,8 @@ class Pinned:
         return value
 
     def vectors(self, name: str, value: Any, components: int, *, more: int = 0) -> _abi.vrtm_array:
-        """An array of vectors, (count, components), or of numbers, (count,). `more`: so many further components are
-        allowed and left out."""
+        """An array of vectors, (count, components), or of numbers, (count,). `more`: the number of further components
+        that are allowed and ignored."""
         array = floats(name, value)
         if components == 1 and array.ndim == 1:
             array = array[:, None]
@@ -43,12 +43,12 @@ class Pinned:
         return self.keep(struct)
 
     def indices(self, name: str, value: Any, *, none: bool = False) -> np.ndarray:
-        """Numbers of 32 bits without sign, in one dimension. `none`: -1 is allowed, for "none"."""
+        """A one-dimensional array of unsigned 32-bit integers. `none`: -1 is allowed and means "none"."""
         array = np.asarray(value)
         if array.dtype.kind not in "iu" and array.size:
             raise TypeError(f"{name}: holds {array.dtype}, not integers")
         array = array.reshape(-1)
-        # Of 32 bits without sign there is nothing to check, and -1 has the bits that mean "none".
+        # Unsigned 32-bit integers need no check, and -1 has the bits that mean "none".
         if array.dtype.newbyteorder("=") != np.uint32 and array.size:
             least, most = int(array.min()), int(array.max())
             if least < (-1 if none else 0) or most > 0xFFFFFFFF:
@@ -60,18 +60,18 @@ class Pinned:
 
 
 def floats(name: str, value: Any) -> np.ndarray:
-    """An array of f32 or f64: itself if it is one, else converted."""
+    """An array of f32 or f64: returned unchanged if it has such a type, else converted."""
     array = np.asarray(value)
     if array.dtype in FLOATS and array.dtype.isnative:
         return array
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{name}: holds {array.dtype}, not numbers")
-    # What has no more bits than f32 holds fits into it.
+    # Types without more bits than f32 are converted to it without loss.
     return array.astype(np.float32 if array.dtype.itemsize <= 2 or array.dtype.str[1:] == "f4" else np.float64)
 
 
 def output(name: str, out: Any, shape: tuple[int, ...], dtype: Any = np.float32) -> np.ndarray:
-    """A contiguous array to be filled: the caller's if it is fit, or a new one."""
+    """A contiguous output array: the caller's if it is suitable, or a new one."""
     if out is None:
         return np.empty(shape, dtype)
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != dtype:

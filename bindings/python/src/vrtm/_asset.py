@@ -33,14 +33,14 @@ class Asset:
     positions       rest positions, (vertices, 3) or (vertices, 4) of float32 or float64, any unit of length
     indices         the vertex of each face corner, (corners,) of integers; or (faces, n), a row per face
     face_counts     corners of each face, (faces,); None = triangles
-    face_offsets    in its place, the first corner of each face and at the end the number of corners, (faces + 1,)
+    face_offsets    instead of face_counts: the first corner of each face, then the number of corners, (faces + 1,)
     uvs             UVs, (count, 2), v up, in UDIM tiles; or a pair of arrays (u, v)
     uv_indices      the UV of each corner, (corners,), -1 at all corners of a face without texture; None = one per
                     corner
     uv_sets         further UV sets, from set 1 on: UVs, or pairs (uvs, uv_indices)
     seams           edges at which charts end, (count, 2) vertices
     textured_faces  the faces that carry the texture; None = all
-    weld            by what faces hang together: "index" (the default), "position" for meshes out of games, "off"
+    weld            how faces are connected: "index" (the default), "position" for game meshes, "off"
 
     The asset keeps copies: the arrays may be changed afterwards. Raises InvalidArgumentError, which names the array and
     the index. May be used with `with`, which closes the asset.
@@ -98,7 +98,7 @@ class Asset:
 
     @property
     def info(self) -> AssetInfo:
-        """Counts of what the mesh has, and of what is wrong with it."""
+        """Counts of the mesh's parts, and of its defects."""
         struct = new(_abi.vrtm_asset_data)
         check(library.vrtm_asset_info(self._handle, ctypes.byref(struct)))
         return record(AssetInfo, struct)
@@ -117,8 +117,8 @@ class Asset:
         return next(tile for tile in self._tiles if tile._handle.id == handle.id)
 
     def set_vertex_rigidity(self, values: Any | None) -> None:
-        """The rigidity of all tiles by values per vertex, (vertices,) of 0 (elastic) to 1 (rigid); None takes it
-        away."""
+        """The rigidity of all tiles by values per vertex, (vertices,) of 0 (elastic) to 1 (rigid); None removes
+        it."""
         self._set_vertices(library.vrtm_asset_set_vertex_rigidity, values)
 
     def set_vertex_mask(self, values: Any | None) -> None:
@@ -132,7 +132,7 @@ class Asset:
     def solve(self, positions: Any, **options: Unpack[SolveOptions]) -> AssetReport:
         """Solves all tiles for a pose: positions (vertices, 3) in the order of the rest positions. Returns a report.
 
-        Ctrl-C ends it: the last result stays. The options are those of SolveOptions.
+        Ctrl-C cancels the solve; the last result stays. The options are those of SolveOptions.
         """
         self._run(positions, [], options)
         return self.report()
@@ -141,7 +141,7 @@ class Asset:
         self, positions: Any, fetches: Sequence[Fetch | Tile], **options: Unpack[SolveOptions]
     ) -> list[np.ndarray]:
         """Solves for a pose and returns an image for each of `fetches`, in one call: as solve and Tile.fetch, but
-        nothing else can use the asset in between. A Tile alone stands for its redirection map at the grid's size."""
+        nothing else can use the asset in between. A bare Tile means its redirection map at the grid's size."""
         return self._run(positions, [f if isinstance(f, Fetch) else Fetch(f) for f in fetches], options)
 
     def _run(self, positions: Any, fetches: list[Fetch], options: SolveOptions) -> list[np.ndarray]:
@@ -170,18 +170,18 @@ class Asset:
         return Job(self, positions, options)
 
     def cancel(self) -> None:
-        """Cancels the solve that is under way, on another thread or as a job. Without one it does nothing."""
+        """Cancels the solve in progress, on another thread or in a job. Does nothing if no solve is in progress."""
         check(library.vrtm_asset_cancel(self._handle))
 
     def report(self) -> AssetReport:
-        """What the last solve came to, over all tiles. Raises NotSolvedError before the first."""
+        """The report of the last solve, over all tiles. Raises NotSolvedError before the first solve."""
         struct = new(_abi.vrtm_asset_report_data)
         check(library.vrtm_asset_report(self._handle, ctypes.byref(struct)))
         return record(AssetReport, struct)
 
     def corner_uvs(self, uv_set: int = 0, *, out: np.ndarray | None = None) -> np.ndarray:
         """The redirected UV of each face corner, (corners, 2) of float32, with the tile's place added as in the mesh's
-        own UVs. They recover less than the map where the mesh is coarser than what is painted on it: see refine."""
+        own UVs. They recover less than the map where the mesh is coarser than the painted detail: see refine."""
         array = output("out", out, (self._corners, 2))
         written = np.ascontiguousarray(array)
         uv_set = natural("uv_set", uv_set, 32)
@@ -197,7 +197,7 @@ class Asset:
         return Refinement(self, uv_set, tolerance, max_triangles)
 
     def close(self) -> None:
-        """Ends the asset and all of its tiles; what is being solved is cancelled. Refinements go on working."""
+        """Ends the asset and all of its tiles, and cancels a solve in progress. Refinements stay usable."""
         self._end()
 
     @property

@@ -1,4 +1,4 @@
-"""Long calls, which Ctrl-C is to end."""
+"""Long calls that Ctrl-C can cancel."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TypeVar
 
 Result = TypeVar("Result")
 
-# How often the main thread looks whether Ctrl-C was pressed, in seconds; the end of a call wakes it at once.
+# Seconds between the main thread's checks for Ctrl-C; the end of a call wakes it at once.
 _LOOK = 0.1
 
 
 def interruptible(call: Callable[[], Result], cancel: Callable[[], object]) -> Result:
-    """Runs a call that can be cancelled. Python handles signals on its main thread alone, and not while that is inside
-    the library: so there the call runs on a thread of its own, and KeyboardInterrupt cancels it."""
+    """Runs a call that can be cancelled. Python handles signals only on its main thread, and not while that thread is
+    inside the library. So there the call runs on a separate thread, and KeyboardInterrupt cancels it."""
     if threading.current_thread() is not threading.main_thread():
         return call()
     results: list[Result] = []
@@ -35,7 +35,7 @@ def interruptible(call: Callable[[], Result], cancel: Callable[[], object]) -> R
         while not ended.wait(_LOOK):
             pass
     except BaseException:
-        # It may have been cancelled before it began to solve: then once more.
+        # The first cancel has no effect before the solve begins, so cancel again.
         while not ended.is_set():
             cancel()
             ended.wait(0.005)

@@ -22,7 +22,7 @@ def _to_logging(level: str, message: str) -> None:
 
 
 def adapters() -> list[Adapter]:
-    """The GPUs that a device can be made on, hardware first; a device takes the place in this list as `adapter`. Empty
+    """The GPUs that a device can be made on, hardware first; a device's `adapter` is an index into this list. Empty
     without a GPU or a driver. This loads drivers, which takes tens of milliseconds."""
     count = ctypes.c_uint32()
     check(library.vrtm_adapter_count(ctypes.byref(count)))
@@ -37,18 +37,18 @@ def adapters() -> list[Adapter]:
 class Device:
     """Where assets are solved: a GPU or the CPU. Make one and keep it.
 
-    backend         "auto" (a hardware GPU if there is one, else the CPU), "cpu" or "gpu"
-    adapter         which GPU: its place in adapters()
-    adapter_uuid    which GPU, in place of that: the 16 bytes of its UUID, as Vulkan tells it (Adapter.uuid), so that
-                    the device is on the GPU of another program. "gpu" takes no other, "auto" the CPU if it cannot be
-                    used
-    adapter_luid    the same by the 8 bytes of the LUID that Direct3D tells
+    backend         "auto" (a hardware GPU if available, else the CPU), "cpu" or "gpu"
+    adapter         which GPU: its index in adapters()
+    adapter_uuid    which GPU, instead of its index: the 16 bytes of its Vulkan UUID (Adapter.uuid), so that
+                    the device is on the GPU of another program. "gpu" requires this GPU; "auto" uses the CPU if
+                    this GPU cannot be used
+    adapter_luid    which GPU, instead of its index: the 8 bytes of its Direct3D LUID
     threads         CPU threads that one solve uses; 0 = one per core. Results do not depend on it
-    memory_budget   most bytes that all assets of the device may hold; 0 = no limit
+    memory_budget   maximum bytes that all assets of the device may hold; 0 = no limit
     log             called with "warning" or "info" and a line of text, on the thread of the call (a job has a thread of
                     its own); None = Python's logger "vrtm"
 
-    Raises UnsupportedError if there is no such GPU. Assets keep what they need of a device and may outlive it. May be
+    Raises UnsupportedError if the GPU was not found. Assets keep what they need of a device and may outlive it. May be
     used with `with`, which closes it.
     """
 
@@ -76,7 +76,7 @@ class Device:
         def line(_user: int, level: int, message: bytes) -> None:
             tell(name_of("log_level", level), message.decode(errors="replace"))
 
-        # The assets keep it, too: the library calls it as long as one of them lives.
+        # The assets keep the log function alive, too: the library calls it as long as one of them exists.
         self._log = desc.log = _abi.vrtm_log_fn(line)
         handle = _abi.vrtm_device()
         check(library.vrtm_device_create(ctypes.byref(desc), ctypes.byref(handle)))
@@ -85,13 +85,13 @@ class Device:
 
     @property
     def info(self) -> DeviceInfo:
-        """What was chosen and why, and how much memory its assets hold."""
+        """The chosen backend, the reason, and how much memory the device's assets hold."""
         struct = new(_abi.vrtm_device_data)
         check(library.vrtm_device_info(self._handle, ctypes.byref(struct)))
         return record(DeviceInfo, struct)
 
     def close(self) -> None:
-        """Ends the device. Assets that were made on it go on working."""
+        """Ends the device. Assets that were made on it stay usable."""
         self._end()
 
     @property
@@ -110,7 +110,7 @@ class Device:
 
 
 def _set_id(desc: ctypes.Structure, uuid: bytes | None, luid: bytes | None) -> None:
-    """Names the adapter by its identity, if one is given."""
+    """Sets the adapter's identity in the struct, if one is given."""
     if uuid is not None and luid is not None:
         raise ValueError("adapter_luid: adapter_uuid is given, too")
     for name, by, value, size in (("adapter_uuid", "uuid", uuid, 16), ("adapter_luid", "luid", luid, 8)):
@@ -124,7 +124,7 @@ def _set_id(desc: ctypes.Structure, uuid: bytes | None, luid: bytes | None) -> N
 
 
 def natural(name: str, value: Any, bits: int) -> int:
-    """A number without sign, which ctypes would cut to so many bits without a word."""
+    """Checks an unsigned number, which ctypes would silently truncate to its number of bits."""
     try:
         number = value.__index__()
     except AttributeError:

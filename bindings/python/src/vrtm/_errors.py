@@ -9,7 +9,7 @@ from . import _abi
 
 
 class Error(Exception):
-    """A call of the library failed. What was there before it, is there still."""
+    """A call of the library failed. It left earlier results and settings unchanged."""
 
     def __init__(self, status: int, status_name: str, message: str) -> None:
         super().__init__(message or status_name)
@@ -21,7 +21,7 @@ class Error(Exception):
         self.message = message
 
     def __reduce__(self) -> tuple:
-        # With all three, so that the exception can cross from one process to another.
+        # With all three arguments, so that the exception can be pickled for another process.
         return type(self), (self.status, self.status_name, self.message)
 
 
@@ -38,11 +38,11 @@ class UnsupportedError(Error):
 
 
 class OutOfMemoryError(Error, MemoryError):
-    """The memory, or the device's memory budget, does not suffice."""
+    """Out of memory, or over the device's memory budget."""
 
 
 class NotSolvedError(Error):
-    """There is no result to read: solve first."""
+    """The asset has no result yet: solve first."""
 
 
 class BusyError(Error):
@@ -50,7 +50,7 @@ class BusyError(Error):
 
 
 class DeviceLostError(Error):
-    """The GPU went away. Close the assets and the device, and make new ones."""
+    """The GPU was lost. Close the assets and the device, and make new ones."""
 
 
 class InternalError(Error):

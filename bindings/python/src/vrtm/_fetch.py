@@ -1,4 +1,4 @@
-"""What Asset.redirect is asked for."""
+"""The outputs to request from Asset.redirect."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Fetch:
         self._more |= {"one_to_one": one_to_one, "out": out}
 
     def target(self, pinned: Pinned) -> Target:
-        """Where it is written."""
+        """The array that the output is written to."""
         size = self.tile._size(self.kind, self._size, self._more["out"], next=True)
         return Target(pinned, self.kind, size, **self._more)
 

@@ -18,7 +18,7 @@ PIXELS = {
     np.dtype(np.uint8): _abi.VRTM_PIXEL_U8,
 }
 
-#: Channels of each kind of output, if the caller asks for no other number.
+#: Channels of each kind of output, unless the caller asks for another number.
 CHANNELS = {"jacobian": 4, "filter_scale": 1}
 
 
@@ -50,13 +50,13 @@ def image(pinned: Pinned, name: str, value: Any, channel: int, origin: str) -> _
 
 
 def _strides(array: np.ndarray) -> tuple[int, int]:
-    """Bytes from row to row and from texel to texel; where there is only one, its stride means nothing."""
+    """Bytes from row to row and from texel to texel; with a single row or texel, its stride has no meaning."""
     row, pixel = array.strides[:2]
     return (row if array.shape[0] > 1 else 0, pixel if array.shape[1] > 1 else 0)
 
 
 def _fits(array: np.ndarray, texel: int) -> bool:
-    """Whether the texels, of so many bytes, lie in rising order and apart from each other."""
+    """Whether texels of this many bytes lie in ascending order without overlap."""
     height, width = array.shape[:2]
     row, pixel = _strides(array)
     end = (pixel or texel) * (width - 1) + texel
@@ -81,7 +81,7 @@ class Target:
         dtype = pixel_type(dtype if out is None else getattr(out, "dtype", dtype))
         width, height = size
         shape = (height, width, channels or CHANNELS.get(kind, 2))
-        #: What the caller gets.
+        #: The array that the caller gets.
         self.array = output("out", out, shape, dtype)
         texel = shape[2] * dtype.itemsize
         direct = self.array.strides[2] == dtype.itemsize or shape[2] == 1
@@ -104,7 +104,7 @@ class Target:
 
 
 def pixel_type(dtype: Any) -> np.dtype:
-    """A number format that outputs may have."""
+    """Checks the number format of an output."""
     dtype = np.dtype(dtype)
     if dtype not in (np.dtype(np.float32), np.dtype(np.float16)):
         raise ValueError(f"dtype: {dtype} is neither float32 nor float16")

@@ -40,10 +40,10 @@ class Job(concurrent.futures.Future):
         )
         self._asset = asset
         self._handle = handle
-        # Handles are numbers that are never given out again: to cancel a job that has ended does nothing.
+        # Handles are numbers that are never reused: cancelling a job that has ended does nothing.
         self._final_progress: float | None = None
         _running.add(self)
-        # It keeps the job, and so the asset and the progress function, alive until the end.
+        # The thread keeps the job, and so the asset and the progress function, alive until the end.
         self._thread = threading.Thread(target=self._wait, name="vrtm job", daemon=True)
         self._thread.start()
 
@@ -58,7 +58,7 @@ class Job(concurrent.futures.Future):
             except Exception as raised:
                 error = raised
             self._final_progress = self.progress
-            # After this the library uses nothing of the job any more, and no handle is left.
+            # After this the library no longer uses the job, and its handle is destroyed.
             library.vrtm_job_destroy(self._handle)
         finally:
             _running.discard(self)
@@ -76,39 +76,39 @@ class Job(concurrent.futures.Future):
 
     @property
     def progress(self) -> float:
-        """The fraction (0..1) that is done, by prediction. It never falls."""
+        """Predicted fraction (0..1) of the work that is done; it never decreases."""
         if self._final_progress is not None:
             return self._final_progress
         struct = new(_abi.vrtm_job_data)
         if library.vrtm_job_progress(self._handle, ctypes.byref(struct)) != _abi.VRTM_OK:
-            # It ended in between.
+            # The job ended in the meantime.
             return self._final_progress if self._final_progress is not None else 1.0
         return struct.progress
 
     def cancel(self) -> bool:
-        """Cancels the solve; returns at once, False if it was done already. A solve that has its result by then ends as
-        it would have."""
+        """Cancels the solve; returns at once, False if it was done already. A solve that already has its result ends
+        normally."""
         if self.done():
             return self.cancelled()
         library.vrtm_job_cancel(self._handle)
         return True
 
     def running(self) -> bool:
-        """Whether it is not done yet."""
+        """Whether the job is not done yet."""
         return not self.done()
 
     def result(self, timeout: float | None = None) -> AssetReport:
-        """Waits for the end, for at most so many seconds; returns the asset's report or raises what went wrong."""
+        """Waits for the end, for at most `timeout` seconds; returns the asset's report or raises the job's error."""
         with _translated():
             return super().result(timeout)
 
     def exception(self, timeout: float | None = None) -> BaseException | None:
-        """Waits for the end; returns what went wrong, or None."""
+        """Waits for the end; returns the job's exception, or None."""
         with _translated():
             return super().exception(timeout)
 
     def close(self) -> None:
-        """Cancels it and waits for its end."""
+        """Cancels the job and waits for its end."""
         self.cancel()
         if threading.current_thread() is not self._thread:
             self._thread.join()
@@ -118,7 +118,7 @@ class Job(concurrent.futures.Future):
 
 
 class _translated:
-    """Turns the exceptions of futures into those of this package, which are kinds of them."""
+    """Turns the exceptions of futures into those of this package, which are their subclasses."""
 
     def __enter__(self) -> None:
         pass

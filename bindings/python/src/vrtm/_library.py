@@ -52,14 +52,15 @@ def version() -> str:
 
 
 def check(status: int) -> None:
-    """Raises the exception for a status, unless it is VRTM_OK. On the thread of the call, whose message it takes."""
+    """Raises the exception for a status, unless it is VRTM_OK. Call it on the thread of the failed call, whose message
+    it reads."""
     if status != _abi.VRTM_OK:
         name = library.vrtm_status_string(status).decode()
         raise error_of(status, name, library.vrtm_last_error().decode(errors="replace"))
 
 
 def new(struct: type[Struct]) -> Struct:
-    """A struct as its _init() function makes it: its size, the defaults, and zeros."""
+    """A struct initialised as by its _init() function: its size, the defaults, and zeros."""
     value = struct()
     value.struct_size = ctypes.sizeof(struct)  # type: ignore[attr-defined]
     for path, default in _abi.defaults.get(struct.__name__, {}).items():

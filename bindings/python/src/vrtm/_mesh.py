@@ -34,7 +34,7 @@ def mesh(
     desc.positions = ctypes.pointer(pinned.vectors("positions", positions, 3, more=1))
     corners = np.asarray(indices)
     if corners.ndim == 2 and face_counts is None and face_offsets is None:
-        # A row per face.
+        # One row per face.
         face_counts = np.full(corners.shape[0], corners.shape[1], np.uint32)
     _list(pinned, desc, "indices", corners, "index_count")
     _list(pinned, desc, "face_counts", face_counts, "face_count")
@@ -73,7 +73,7 @@ def _uvs(pinned: Pinned, struct: ctypes.Structure, name: str, uvs: Any, indices_
     if uvs is None:
         raise ValueError(f"{name}: a mesh without UVs has no texture")
     if isinstance(uvs, tuple) and len(uvs) == 2 and np.ndim(uvs[0]) == 1:
-        # u and v in arrays of their own.
+        # u and v in separate arrays.
         struct.u = ctypes.pointer(pinned.vectors(f"{name}[0]", uvs[0], 1))
         struct.v = ctypes.pointer(pinned.vectors(f"{name}[1]", uvs[1], 1))
     else:

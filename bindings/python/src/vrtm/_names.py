@@ -1,4 +1,4 @@
-"""Names in place of the header's constants, and the library's structs as dataclasses."""
+"""Names instead of the header's constants, and the library's structs as dataclasses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def value_of(argument: str, name: Any, shown: str | None = None) -> int:
 
 
 def name_of(argument: str, value: int) -> str:
-    """The name of a value; of one that a newer library has, the number."""
+    """The name of a value; the number itself if only a newer library knows it."""
     return next((n for n, v in values(argument).items() if v == value), str(value))
 
 
@@ -34,7 +34,7 @@ _NAMED = {"backend", "overlap"}
 
 
 def record(cls: type[Record], struct: ctypes.Structure) -> Record:
-    """A struct that the library has filled, as its dataclass."""
+    """Converts a struct that the library has filled to its dataclass."""
     fields = {}
     for name, hint in cls.__annotations__.items():
         value = getattr(struct, name)
@@ -53,7 +53,7 @@ def record(cls: type[Record], struct: ctypes.Structure) -> Record:
 
 
 def fill(struct: ctypes.Structure, settings: Any) -> None:
-    """The other way round: the fields of a dataclass of settings into its struct."""
+    """Copies the fields of a dataclass of settings into its struct."""
     for name in type(settings).__annotations__:
         value = getattr(settings, name)
         value = value_of(name, value) if name in _NAMED else value

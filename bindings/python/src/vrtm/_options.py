@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 class SolveOptions(TypedDict, total=False):
-    """Keyword arguments of Asset.solve, redirect and submit; what is left out has the library's default."""
+    """Keyword arguments of Asset.solve, redirect and submit; omitted options have the library's defaults."""
 
     quality: str
     """"normal" (the default), "draft" or "high"."""
     warm: bool
     """Start from the last result: faster on small changes, but the result depends on the order of the frames."""
     temporal_weight: float
-    """With `warm`, how strongly the warp is held to the last result; 0.03 to 0.3 is a useful range."""
+    """With `warm`, how strongly the warp is pulled towards the last result; 0.03 to 0.3 is a useful range."""
     max_corrections: int
-    """Most corrections per level, 0..64; 0 = the quality's own."""
+    """Maximum corrections per level, 0..64; 0 = the quality's own."""
     tolerance: float
     """A chart is done when a correction gains less than this fraction of its energy; 0 = the quality's own."""
     time_budget_ms: float
@@ -37,7 +37,7 @@ class SolveOptions(TypedDict, total=False):
     solver: str
     """"descent" (the default) or "pbd", the paper's own, for comparison."""
     pbd: PbdSettings | None
-    """Settings of the latter."""
+    """Settings of the solver "pbd"."""
     threads: int
     """CPU threads of this solve; 0 = the device's."""
     release_last: bool
@@ -52,7 +52,7 @@ class SolveOptions(TypedDict, total=False):
 
 
 class Progress:
-    """A progress function for the library: it holds on to what the caller's function raised."""
+    """A progress function for the library: it keeps the exception that the caller's function raised."""
 
     def __init__(self, function: Callable[[float], Any]) -> None:
         if not callable(function):

@@ -1,4 +1,4 @@
-"""Refinements: meshes split for hosts that know UV sets only."""
+"""Refinements: meshes split for hosts that support only UV sets."""
 
 from __future__ import annotations
 
@@ -22,30 +22,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Pattern:
-    """How the refined mesh follows from the mesh. Sources come in threes, with weights that add up to 1: positions of
-    the refined mesh are (positions[vertex_sources] * vertex_weights[..., None]).sum(1)."""
+    """How the refined mesh is built from the mesh. Vertices and corners have three sources each, with weights that add
+    up to 1: positions of the refined mesh are (positions[vertex_sources] * vertex_weights[..., None]).sum(1)."""
 
     vertex_sources: np.ndarray
     """(vertices, 3) of uint32: vertices of the mesh. The mesh's own vertices come first."""
     vertex_weights: np.ndarray
-    """(vertices, 3) of float32."""
+    """(vertices, 3) of float32: the weights of vertex_sources."""
     face_sources: np.ndarray
-    """(faces,) of uint32: the face of the mesh that each lies in."""
+    """(faces,) of uint32: the face of the mesh that contains each face."""
     face_corners: np.ndarray
     """(faces,) of uint32: the number of corners."""
     corner_vertices: np.ndarray
     """(corners,) of uint32: the vertex of each corner."""
     corner_sources: np.ndarray
-    """(corners, 3) of uint32: corners of the mesh."""
+    """(corners, 3) of uint32: source corners of the mesh."""
     corner_weights: np.ndarray
-    """(corners, 3) of float32."""
+    """(corners, 3) of float32: the weights of corner_sources."""
     corner_uvs: np.ndarray
     """(corners, 2) of float32: the original UVs, with the tile's place added."""
 
 
 class Refinement:
-    """The mesh of an asset, its triangles split where interpolated UVs would err; made by Asset.refine. It keeps what
-    it needs, and may be used when the asset is closed."""
+    """The mesh of an asset, its triangles split where interpolated UVs would err; made by Asset.refine. It keeps the
+    data that it needs, and may be used after the asset is closed."""
 
     def __init__(self, asset: Asset, uv_set: int, tolerance: float, max_triangles: int) -> None:
         desc = new(_abi.vrtm_refinement_desc)
@@ -59,18 +59,18 @@ class Refinement:
 
     @property
     def info(self) -> RefinementInfo:
-        """Its sizes, and what it came to."""
+        """Sizes and accuracy of the refinement."""
         struct = new(_abi.vrtm_refinement_data)
         check(library.vrtm_refinement_info(self._handle, ctypes.byref(struct)))
         return record(RefinementInfo, struct)
 
     def extend(self) -> None:
-        """Splits further, for the asset's last result. What was split stays split: extended for each frame of a shot,
-        it has one topology for all of them."""
+        """Splits further, for the asset's last result. Existing splits stay: extended for each frame of a shot,
+        the refinement has one topology for all frames."""
         check(library.vrtm_refinement_extend(self._handle))
 
     def pattern(self) -> Pattern:
-        """How it follows from the mesh. It changes only when the refinement is extended."""
+        """How the refined mesh is built from the mesh. It changes only when the refinement is extended."""
         info = self.info
         counts = {"vertex": info.vertices, "face": info.faces, "corner": info.corners}
         struct = new(_abi.vrtm_refinement_pattern)
@@ -97,7 +97,7 @@ class Refinement:
         return array
 
     def close(self) -> None:
-        """Ends it."""
+        """Destroys the refinement."""
         self._end()
 
     def __enter__(self) -> Refinement:

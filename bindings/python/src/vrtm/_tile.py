@@ -25,13 +25,13 @@ class Tile:
 
     def __init__(self, asset: Asset, handle: _abi.vrtm_tile) -> None:
         self._handle = handle
-        #: The asset that it belongs to.
+        #: The asset that the tile belongs to.
         self.asset = asset
         udim, uv_set = ctypes.c_uint32(), ctypes.c_uint32()
         check(library.vrtm_tile_udim(handle, ctypes.byref(udim), ctypes.byref(uv_set)))
         #: UDIM number, 1001 + U + 10 V.
         self.udim: int = udim.value
-        #: The UV set that it belongs to.
+        #: The UV set that the tile belongs to.
         self.uv_set: int = uv_set.value
 
     @property
@@ -45,13 +45,13 @@ class Tile:
     def set_rigidity(self, rigidity: Any | None, *, channel: int = 0, origin: str = "top") -> None:
         """Sets what is rigid: an image (height, width) or (height, width, channels) of uint8, uint16, float16 or
         float32, 0 (elastic) to 1 (rigid; for integers their largest value), of any size. `origin`: "top" if the first
-        row is at v = 1, as in image files, or "bottom". None takes it away: then nothing in the tile moves."""
+        row is at v = 1, as in image files, or "bottom". None removes it: then nothing in the tile moves."""
         self._set(library.vrtm_tile_set_rigidity, "rigidity", rigidity, channel, origin)
 
     def update_rigidity(
         self, rigidity: Any, x: int, y: int, width: int, height: int, *, channel: int = 0, origin: str = "top"
     ) -> None:
-        """Takes a part of the rigidity map anew, after a stroke of a brush: `width` x `height` texels from column `x`
+        """Updates a part of the rigidity map, after a brush stroke: `width` x `height` texels from column `x`
         and row `y` of the array. `rigidity` is the whole map, with the size and format of the one that was set."""
         pinned = Pinned()
         part = (natural(name, value, 32) for name, value in zip(("x", "y", "width", "height"), (x, y, width, height)))
@@ -59,7 +59,7 @@ class Tile:
         check(library.vrtm_tile_update_rigidity(self._handle, ctypes.byref(struct), *part))
 
     def set_mask(self, mask: Any | None, *, channel: int = 0, origin: str = "top") -> None:
-        """Sets the warp mask: what lies under a texel of less than 0.5 does not move. None: all may move."""
+        """Sets the warp mask: points under a texel below 0.5 do not move. None: all may move."""
         self._set(library.vrtm_tile_set_mask, "mask", mask, channel, origin)
 
     def _set(self, function: Any, name: str, value: Any | None, channel: int, origin: str) -> None:
@@ -88,11 +88,11 @@ class Tile:
         check(library.vrtm_tile_set_settings(self._handle, ctypes.byref(struct)))
 
     def freeze(self, frozen: bool = True) -> None:
-        """Freezes the tile, or lets it go: solves leave a frozen tile alone, so that it keeps its result."""
+        """Freezes or unfreezes the tile: solves skip a frozen tile, so that it keeps its result."""
         check(library.vrtm_tile_freeze(self._handle, int(bool(frozen))))
 
     def estimate(self) -> TileNeeds:
-        """What memory preparing and solving the tile would take, to about a tenth."""
+        """Estimates the memory for preparing and solving the tile, to about a tenth."""
         struct = new(_abi.vrtm_tile_needs)
         check(library.vrtm_tile_estimate(self._handle, ctypes.byref(struct)))
         return record(TileNeeds, struct)
@@ -106,7 +106,7 @@ class Tile:
         return data.raw[: size.value]
 
     def load(self, data: bytes) -> None:
-        """Takes a tile that save made; mesh, maps and settings have to be the same. What is not one is refused."""
+        """Loads a tile that save wrote; mesh, maps and settings must be the same. Any other data is refused."""
         block = np.frombuffer(data, np.uint8)
         check(library.vrtm_tile_load(self._handle, block.ctypes.data, len(block)))
 
@@ -124,7 +124,8 @@ class Tile:
         """An output of the last solve as an image, (height, width, channels).
 
         kind        "redirection": the UV at which to sample the texture, within the tile, v up;
-                    "redirection_delta": the same less the texel's own UV; "redirection_udim": plus the tile's place;
+                    "redirection_delta": the redirection minus the texel's own UV;
+                    "redirection_udim": the redirection plus the tile's offset;
                     "warp": the redirection's inverse, texels on nodes; "jacobian": du'/du, du'/dv, dv'/du, dv'/dv;
                     "filter_scale": its largest singular value
         size        (width, height) or one number for both; None = that of `out`, or the grid's (a warp's has one node
@@ -133,7 +134,7 @@ class Tile:
         channels    0 = as many as the kind has; 3 = a third that is 0; 4 = a fourth that is 1 where charts are
         origin      "top": the first row is at v = 1; or "bottom"
         one_to_one  the redirection is one-to-one also when it is interpolated between its texels; where float16 is too
-                    coarse for that, it is as without, the log warns, and inspect_map counts the folds
+                    coarse for that, nothing is changed, the log warns, and inspect_map counts the folds
         out         an array to write into, of the right shape, of any strides
 
         Never waits for a solve. Raises NotSolvedError before the first.
@@ -157,9 +158,9 @@ class Tile:
         origin: str = "top",
         out: np.ndarray | None = None,
     ) -> np.ndarray:
-        """A part of an output, for images that are too large to be held at once: of an image of `whole` texels (width,
-        height), those of `part`: (x, y, width, height), rows counted in the order of `origin`. There is no one_to_one:
-        what that changes depends on the whole map, which fetch gives."""
+        """A part of an output, for images that are too large to be held in memory: of an image of `whole` texels
+        (width, height), those of `part`: (x, y, width, height), rows counted in the order of `origin`. one_to_one is
+        not available, since it depends on the whole map; use fetch for it."""
         number = value_of("fetch_kind", kind, "kind")
         x, y, width, height = part
         target = Target(
@@ -181,17 +182,17 @@ class Tile:
         row_stride: int = 0,
         origin: str = "top",
     ) -> None:
-        """A redirection into memory of a Vulkan device on the same GPU (Device.info, Adapter.uuid), without a way
-        through the CPU: rows of two float32 per texel, bit by bit those of fetch. When the call returns they are there.
+        """A redirection into memory of a Vulkan device on the same GPU (Device.info, Adapter.uuid), without copying
+        through the CPU: rows of two float32 per texel, bit for bit those of fetch, complete when the call returns.
 
         kind                      "redirection", "redirection_delta" or "redirection_udim"
         size                      (width, height) or one number for both
-        fd                        of the memory, exported as an opaque file descriptor; it stays the caller's
+        fd                        the memory as an opaque file descriptor, which the caller still owns
         memory_size, memory_type  the allocationSize and memoryTypeIndex that it was allocated with
         offset, row_stride        where the first texel lies, and from row to row; multiples of 8 bytes, 0 = packed
         origin                    "top": the first row is at v = 1; or "bottom"
 
-        Nothing may use the memory meanwhile. Raises UnsupportedError on the CPU.
+        Nothing may use the memory during the call. Raises UnsupportedError on the CPU.
         """
         image = new(_abi.vrtm_external_image)
         image.handle_kind = value_of("external_kind", "opaque_fd")
@@ -225,7 +226,7 @@ class Tile:
         return record(MapInfo, struct)
 
     def report(self) -> TileReport:
-        """What the tile's last solve came to. Raises NotSolvedError before the first."""
+        """The report of the tile's last solve. Raises NotSolvedError before the first solve."""
         struct = new(_abi.vrtm_tile_report_data)
         check(library.vrtm_tile_report(self._handle, ctypes.byref(struct)))
         return record(TileReport, struct)

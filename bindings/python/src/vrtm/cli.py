@@ -22,16 +22,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
-        # Before or after a bake, which has a handler of its own.
+        # Outside of a bake, which has its own handler.
         return 130
     finally:
         console.leave_streams()
 
 
 def _ensure_utf8() -> None:
-    """Begins again where Python was told to take the names of files for ASCII, as in the C locale: USD and OpenImageIO
-    take them for UTF-8, and no name that is not ASCII could be passed on."""
-    # Only once: an option of Python's own may be stronger.
+    """Restarts Python if its file names are ASCII, as in the C locale: USD and OpenImageIO expect UTF-8, and names
+    outside ASCII could not be passed on."""
+    # Restart only once: an option of Python itself may take precedence.
     if sys.getfilesystemencoding().lower() not in ("utf-8", "utf8") and os.environ.get("PYTHONUTF8") != "1":
         sys.stdout.flush()
         os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], os.environ | {"PYTHONUTF8": "1"})

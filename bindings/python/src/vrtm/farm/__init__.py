@@ -8,7 +8,7 @@ _LAYER = re.compile(r"^ *# begin layer\n(.*?)^ *# end layer\n", re.DOTALL | re.M
 
 
 def template(layer: bool = True) -> str:
-    """The template as YAML. `layer`: with a last step that writes a USD layer, which scenes of other formats have no
-    use for."""
+    """The template as YAML. `layer`: adds a last step that writes a USD layer, which scenes of other formats do not
+    need."""
     text = resources.files(__name__).joinpath(_NAME).read_text(encoding="utf-8")
     return _LAYER.sub(r"\1" if layer else "", text)
