@@ -46,7 +46,8 @@ unsafe impl Sized32 for vrtm_allocator {
 
 /// Reads a host's allocator; null gives `None`, the system's allocator.
 ///
-/// # Safety The contract of pointers at the head of the header.
+/// # Safety
+/// The contract of pointers at the head of the header.
 pub(super) unsafe fn read(pointer: *const vrtm_allocator, name: &str) -> Outcome<Option<HostAllocator>> {
     if pointer.is_null() {
         return Ok(None);
