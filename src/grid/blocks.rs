@@ -1,6 +1,6 @@
 //! Blocks of 16 by 16 nodes (method §1): the unit in which nodes are stored, worked on and skipped. A block belongs to
-//! one chart; where several charts share such a square of the grid, each has a block of its own. A node's block alone
-//! tells to which chart's problem the node belongs.
+//! one chart; where several charts share such a square of the grid, each has a block of its own. The block of a node
+//! therefore tells which chart the node belongs to.
 
 use std::ops::Range;
 
@@ -13,14 +13,14 @@ use crate::team::Team;
 /// A stored block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Its chart.
+    /// The chart that the block belongs to.
     pub chart: u32,
-    /// Its place in the level along u, in blocks.
+    /// Position in the level along u, in blocks.
     pub x: u32,
-    /// Its place in the level along v, in blocks.
+    /// Position in the level along v, in blocks.
     pub y: u32,
-    /// True if it holds a movable node. The others are stored for the halos of their neighbours only, and never
-    /// visited.
+    /// True if the block holds a movable node. Other blocks are stored only for the halos of their neighbours, and no
+    /// stage visits them.
     pub active: bool,
 }
 
@@ -36,7 +36,7 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// Active blocks of the chart that has most of them.
+    /// The largest number of active blocks in any one chart.
     pub fn most_of_a_chart(&self) -> usize {
         let active =
             |range: &Range<usize>| self.list[range.clone()].iter().filter(|block| block.active).count();
@@ -48,14 +48,14 @@ impl Blocks {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
     pub chart: u32,
-    /// The square's place, in blocks.
+    /// Position of the square, in blocks.
     pub x: u32,
     pub y: u32,
     pub nodes: NodeSet,
 }
 
 impl Part {
-    /// What parts are sorted by.
+    /// The sort key of parts.
     pub fn key(&self) -> (u32, u32, u32) {
         (self.chart, self.y, self.x)
     }
@@ -63,20 +63,20 @@ impl Part {
 
 impl Blocks {
     /// The blocks that hold a movable node or a neighbour of one, and the movable nodes of each. `parts` are sorted by
-    /// chart, y, x, and none is empty.
+    /// chart, y, x, and each has at least one node.
     pub fn new(team: &Team, charts: usize, parts: &[Part]) -> (Blocks, Vec<NodeSet>) {
         // (chart, y, x) of the blocks that hold a neighbour of a movable node of another block.
         let mut around: Vec<(u32, u32, u32)> = Vec::new();
         for part in parts {
             let rows = part.nodes.0;
             let any = rows.iter().fold(0, |any, row| any | row);
-            // Rows and columns at the sides to the south, within, and to the north; west, within, east.
+            // Rows to the south, within and to the north of the block; columns to the west, within and to the east.
             let from_y = [rows[0], any, rows[SIDE - 1]];
             let columns = [1u16, u16::MAX, 1 << (SIDE - 1)];
             for (dy, row) in (-1..=1).zip(from_y) {
                 for (dx, column) in (-1..=1).zip(columns) {
                     if (dx, dy) != (0, 0) && row & column != 0 {
-                        // Nodes at the rim of the tile are fixed, so that no place is negative.
+                        // Nodes at the rim of the tile are fixed, so no position is negative.
                         let place = |x: u32, d: i64| (i64::from(x) + d) as u32;
                         let key = (part.chart, place(part.y, dy), place(part.x, dx));
                         if parts.binary_search_by_key(&key, Part::key).is_err() {
@@ -118,7 +118,7 @@ impl Blocks {
         (blocks, movable)
     }
 
-    /// The 3x3 blocks around a block, of its chart.
+    /// The 3x3 blocks around a block that belong to its chart.
     fn around(&self, b: usize) -> [u32; 9] {
         let b = &self.list[b];
         std::array::from_fn(|k| {
@@ -127,13 +127,13 @@ impl Blocks {
         })
     }
 
-    /// A block's nodes and halo in the sets of all blocks.
+    /// The part of a node set that covers block `b` and its halo; `sets` has one entry per block.
     pub fn window(&self, sets: &[NodeSet], b: usize) -> NodeWindow {
         let neighbours = &self.neighbours[b];
         NodeWindow::new(|k| if neighbours[k] == NONE { NodeSet::EMPTY } else { sets[neighbours[k] as usize] })
     }
 
-    /// The block of a chart at (x, y), in blocks, or `NONE`.
+    /// The block of a chart at (x, y), in blocks, or `NONE` if it is not stored.
     pub fn find(&self, chart: u32, x: i64, y: i64) -> u32 {
         let range = self.of_chart[chart as usize].clone();
         let key = (y, x);
@@ -143,7 +143,7 @@ impl Blocks {
         }
     }
 
-    /// The block that holds the node (i, j), seen from block `from` of the same chart, or `NONE`.
+    /// The block that holds the node (i, j) in the chart of block `from`, or `NONE`.
     pub fn holding(&self, from: usize, i: i64, j: i64) -> u32 {
         let (x, y) = (i >> 4, j >> 4);
         let b = &self.list[from];
@@ -160,7 +160,7 @@ impl Blocks {
 mod tests {
     use super::*;
 
-    /// The blocks of the movable nodes (i, j) of the charts.
+    /// The blocks of the given movable nodes (chart, i, j).
     fn blocks_of(charts: usize, nodes: &[(u32, usize, usize)]) -> (Blocks, Vec<NodeSet>) {
         let mut parts: Vec<Part> = Vec::new();
         for &(chart, i, j) in nodes {
@@ -177,7 +177,7 @@ mod tests {
 
     #[test]
     fn blocks_hold_movable_nodes_and_their_neighbours() {
-        // One movable node in the corner of a block, of chart 1.
+        // One movable node of chart 1, in the corner of a block.
         let (blocks, movable) = blocks_of(2, &[(1, 32, 31)]);
         assert_eq!(blocks.of_chart, [0..0, 0..4]);
         let active: Vec<_> = blocks.list.iter().filter(|b| b.active).collect();

@@ -1,4 +1,4 @@
-//! Builds the grid of a surveyed tile: everything that its blocks hold.
+//! Builds the grid of a surveyed tile, with everything that its blocks hold.
 
 use std::sync::Arc;
 
@@ -73,8 +73,8 @@ impl Grid {
     }
 }
 
-/// A surveyed tile's grid with its blocks and nothing in them: it has the sizes of the whole grid, all but those of what
-/// lies under the nodes of level 1.
+/// A surveyed tile's grid with empty blocks. Its sizes are those of the complete grid, except for the triangles
+/// gathered at the nodes of level 1.
 pub(crate) fn skeleton(survey: Survey) -> Grid {
     let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
     let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
@@ -96,7 +96,7 @@ pub(crate) fn skeleton(survey: Survey) -> Grid {
     }
 }
 
-/// The levels of a grid with their blocks and mobility; the rest of them is empty.
+/// The levels of a grid with their blocks and mobility; their other fields are empty.
 pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
     let mut levels: Vec<Level> = with_capacity(survey.len());
     for SurveyLevel { size, blocks, movable } in survey {
@@ -159,7 +159,7 @@ fn set_rigidity(team: &Team, rigidity: &NodeRigidity, survey: &Survey, levels: &
     }
 }
 
-/// Sets the weights of interpolation of all levels but the coarsest, and keeps the stiffness of levels from 2 on.
+/// Sets the weights of interpolation of all levels but the coarsest, and keeps the stiffness of level 2 and above.
 fn set_interpolation(team: &Team, survey: &Survey, levels: &mut [Level], settings: &TileSettings) {
     let mut stiffness: Vec<StiffnessPlanes> = Vec::new();
     for k in 0..levels.len() - 1 {
@@ -203,7 +203,7 @@ fn triangles_of_nodes(team: &Team, survey: &Survey) -> Vec<Plane<u32>> {
     triangles
 }
 
-/// The planes of all blocks of a level, of the values of a function at the nodes (i, j); nodes beyond the level have 0.
+/// A plane per block of a level, with the values of `f` at its nodes (i, j); 0 at nodes beyond the level.
 fn planes(level: &Level, f: impl Fn(usize, usize) -> f32) -> Vec<Plane> {
     let plane = |block: &Block| {
         let mut plane = [0.0; NODES];

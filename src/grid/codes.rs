@@ -1,5 +1,5 @@
-//! Codes of 8 and 16 bits for rigidity, weights of interpolation and rest lengths (method §1): these constants of a
-//! grid are most of what a solve reads beside its own state.
+//! Codes of 8 and 16 bits for rigidity, weights of interpolation and rest lengths (method §1): besides its own state, a
+//! solve reads mostly these constants.
 
 use half::bf16;
 
@@ -12,7 +12,7 @@ pub fn encode_rigidity(x: f32) -> u16 {
     (x.clamp(0.0, 1.0) * RIGIDITY_STEPS + 0.5) as u16
 }
 
-/// The number of a code of `encode_rigidity`; 0 and 1 are exact.
+/// Decodes a number from `encode_rigidity`; 0 and 1 are exact.
 pub fn decode_rigidity(code: u16) -> f32 {
     f32::from(code) / RIGIDITY_STEPS
 }
@@ -22,32 +22,33 @@ pub fn encode_weight(x: f32) -> u8 {
     (x.clamp(0.0, 1.0) * 254.0 + 0.5) as u8
 }
 
-/// The weight of a code of `encode_weight`; 0, 1/2 and 1 are exact.
+/// Decodes a weight from `encode_weight`; 0, 1/2 and 1 are exact.
 pub fn decode_weight(code: u8) -> f32 {
     f32::from(code) / 254.0
 }
 
-/// The two bfloat16 of a word: that of its upper half, then that of its lower half.
+/// The two bfloat16 in a word: the upper half first, then the lower half.
 #[inline(always)]
 pub fn unpack_bfloat16(word: u32) -> [f32; 2] {
     [(word >> 16) as u16, word as u16].map(|bits| bf16::from_bits(bits).to_f32())
 }
 
-/// A coding of lengths between two bounds, and of 0, in 16 bits: the leading bits of the difference between the f32
-/// representations of the length and of the lower bound. Its relative error is at most 1.6e-5 where the longest length
-/// is twice the shortest one, 6.2e-5 where it is ten times, and 1.3e-4 where it is a thousand times as long.
+/// A 16-bit coding of 0 and of lengths between two bounds: the leading bits of the difference between the f32
+/// representations of the length and of the lower bound. The relative error is at most 1.6e-5 if the longest length is
+/// twice the shortest, 6.2e-5 if it is ten times, and 1.3e-4 if it is a thousand times the shortest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lengths {
-    /// The code n > 0 stands for the f32 with the bits (n << shift) + base, in wrapping arithmetic; 0 stands for 0.
+    /// The code n > 0 represents the f32 with the bits (n << shift) + base, in wrapping arithmetic; 0 represents 0.
     pub base: u32,
     pub shift: u32,
 }
 
 impl Lengths {
-    /// The coding of lengths from `low` to `high`. Shorter lengths become 0, longer ones that of the greatest code.
+    /// The coding of lengths from `low` to `high`. Shorter lengths become 0; longer ones become the length of the
+    /// greatest code.
     pub fn between(low: f32, high: f32) -> Lengths {
         let [low, high] = [low, high.max(low)].map(f32::to_bits);
-        // Codes begin with 1, and rounding may raise the code of the longest length by 1.
+        // Codes begin at 1, and rounding may raise the code of the longest length by 1.
         let shift = (0..32).find(|shift| (u64::from(high - low) >> shift) + 2 <= u64::from(u16::MAX));
         let shift = shift.unwrap_or_default();
         Lengths { base: low.wrapping_sub(1 << shift), shift }
@@ -62,7 +63,7 @@ impl Lengths {
         (1 + ((excess + (1 << self.shift >> 1)) >> self.shift)).min(i64::from(u16::MAX)) as u16
     }
 
-    /// The length of a code.
+    /// Decodes a length.
     pub fn length(self, code: u16) -> f32 {
         match code {
             0 => 0.0,
@@ -87,7 +88,7 @@ mod tests {
             assert_eq!([decode_rigidity(encode_rigidity(x)), decode_weight(encode_weight(x))], [y; 2]);
         }
         assert_eq!(decode_weight(encode_weight(0.5)), 0.5);
-        // A map of 8 bits.
+        // The values of an 8-bit map.
         for byte in 0..=u8::MAX {
             let x = f32::from(byte) / 255.0;
             assert_eq!(decode_rigidity(encode_rigidity(x)), x);

@@ -1,5 +1,5 @@
-//! Coverage of a square of a tile's grid (method §1), from the UVs of the triangles that meet it: the triangle under each
-//! node, and the nodes whose four cells lie inside one chart.
+//! Computes the coverage of a square of a tile's grid (method §1) from the UVs of the triangles that meet it: the
+//! triangle under each node, and the nodes whose four cells lie inside one chart.
 
 use std::borrow::Cow;
 
@@ -28,7 +28,7 @@ pub struct Coverer<'a> {
     pub squares: Squares,
 }
 
-/// A square's nodes.
+/// The coverage of a square's nodes.
 pub struct Cover {
     /// The triangle under each node of the window, or `NONE`; node (i, j) of the square at `at(i + 1, j + 1)`.
     pub triangle: [u32; WIDE * WIDE],
@@ -84,8 +84,8 @@ impl<'a> Coverer<'a> {
         let cells = DVec2::new(self.nx as f64, self.ny as f64);
         let mut triangle = [NONE; WIDE * WIDE];
         let mut layered = [false; WIDE * WIDE];
-        // For nodes on an edge that the fill rule does not give to this triangle. At the chart's upper and right rim it
-        // gives them to no other triangle either.
+        // The triangle at nodes on an edge that the fill rule does not give to this triangle. At the upper and right
+        // rim of the chart the rule gives them to no other triangle either.
         let mut rim = [NONE; WIDE * WIDE];
         let first = [x, y].map(|x| x.max(1) - 1);
         let end = [(x + SIDE).min(self.nx) + 1, (y + SIDE).min(self.ny) + 1];
@@ -131,7 +131,7 @@ impl<'a> Coverer<'a> {
             NONE => NONE,
             t => self.charts[t as usize],
         };
-        // Whether a border counts for a chart.
+        // Whether a border matters to a chart.
         let counts = |border: u32, chart: u32| match self.overlap {
             Overlap::Fixed => border != NONE,
             Overlap::FirstFace => border == chart || border == SEVERAL,
@@ -188,8 +188,8 @@ impl<'a> Coverer<'a> {
     }
 }
 
-/// Where the borders of the charts are, cuts of no width among them. Each entry is a chart, `SEVERAL` for several, or
-/// `NONE`.
+/// Where the borders of charts are, including cuts of zero width. Each entry is a chart, `SEVERAL` for several charts,
+/// or `NONE`.
 struct Borders {
     /// Per cell of the window, the chart whose border crosses its interior.
     cells: [u32; CELLS * CELLS],
@@ -197,8 +197,8 @@ struct Borders {
     nodes: [u32; SIDE * SIDE],
 }
 
-/// If the segment from `a` to `b` lies on a line of the grid, calls `f` for the nodes of each edge of the grid of which it
-/// covers a part: of those in the square with the first node `first`, with their place in it.
+/// If the segment from `a` to `b` lies on a grid line, calls `f` for the nodes of each grid edge that it covers at
+/// least partly. Only nodes of the square that begins at the node `first` count; `f` receives their position in it.
 fn nodes_of_segment(a: DVec2, b: DVec2, first: [usize; 2], mut f: impl FnMut(usize, usize)) {
     let first = first.map(|x| x as f64);
     for axis in 0..2 {
@@ -223,8 +223,8 @@ fn nodes_of_segment(a: DVec2, b: DVec2, first: [usize; 2], mut f: impl FnMut(usi
     }
 }
 
-/// Calls `f` for each cell whose open interior the segment from `a` to `b` crosses: of those in the square of `count`
-/// cells a side that begins at the cell `first`, with their place in it.
+/// Calls `f` for each cell whose open interior the segment from `a` to `b` crosses. Only cells of the square that
+/// begins at the cell `first`, with `count` cells on a side, count; `f` receives their position in it.
 fn cells_of_segment(a: DVec2, b: DVec2, first: [i64; 2], count: usize, mut f: impl FnMut(usize, usize)) {
     let (a, b) = if a.y <= b.y { (a, b) } else { (b, a) };
     let first = first.map(|x| x as f64);
@@ -259,7 +259,7 @@ mod tests {
     fn a_border_crosses_the_cells_that_it_passes_through_and_no_others() {
         assert_eq!(cells([1.5, 2.5], [4.5, 2.5]), [17, 18, 19, 20]);
         assert_eq!(cells([4.5, 2.5], [1.5, 2.5]), [17, 18, 19, 20]);
-        // Along a line of nodes it is in no cell's interior.
+        // A segment along a line of nodes crosses no cell's interior.
         assert_eq!(cells([1.5, 2.0], [4.5, 2.0]), [0usize; 0]);
         assert_eq!(cells([3.0, 1.0], [3.0, 6.0]), [0usize; 0]);
         assert_eq!(cells([3.5, 1.5], [3.5, 3.5]), [11, 19, 27]);
@@ -276,9 +276,9 @@ mod tests {
         };
         assert_eq!(nodes([17.0, 34.0], [19.0, 34.0]), [[17, 34], [18, 34], [19, 34]]);
         assert_eq!(nodes([19.0, 34.0], [17.0, 34.0]), [[17, 34], [18, 34], [19, 34]]);
-        // It ends within an edge: both nodes of that edge.
+        // A segment that ends inside an edge meets both nodes of that edge.
         assert_eq!(nodes([17.5, 34.0], [19.25, 34.0]), [[17, 34], [18, 34], [19, 34], [20, 34]]);
-        // It goes on beyond the square.
+        // These segments continue beyond the square.
         assert_eq!(nodes([20.0, 45.5], [20.0, 63.5]), [[20, 45], [20, 46], [20, 47]]);
         assert_eq!(nodes([3.0, 32.0], [16.5, 32.0]), [[16, 32], [17, 32]]);
         for (a, b) in [

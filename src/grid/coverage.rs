@@ -1,5 +1,5 @@
-//! Coverage, rigidity and mobility at all nodes of a tile, row by row: what strain is measured with. Memory follows the
-//! size of the tile.
+//! Coverage, rigidity and mobility at all nodes of a tile, row by row, for the measurement of strain. The memory grows
+//! with the size of the tile.
 
 use super::cover::{Coverer, WIDE, at};
 use super::rigidity::NodeRigidity;
@@ -57,7 +57,7 @@ pub(crate) fn node_maps(tile: &TileMesh, maps: &TileMaps, [nx, ny]: [usize; 2]) 
     node_maps_of(&rigidity, &survey)
 }
 
-/// The same for a tile that was surveyed.
+/// Rigidity and mobility of a surveyed tile.
 pub(super) fn node_maps_of(source: &NodeRigidity, survey: &Survey) -> NodeMaps {
     let Coverer { nx, ny, squares, .. } = source.coverer;
     let nodes = (nx + 1) * (ny + 1);
@@ -80,7 +80,8 @@ pub(super) fn node_maps_of(source: &NodeRigidity, survey: &Survey) -> NodeMaps {
     maps
 }
 
-/// Calls `f(i, j, index)` for the nodes (i, j) of a square that the grid has, with their indices in it.
+/// Calls `f(i, j, index)` for the nodes (i, j) of a square that lie in the grid; `index` is the node's index in the
+/// grid.
 fn each_node([x, y]: [u32; 2], nx: usize, ny: usize, mut f: impl FnMut(usize, usize, usize)) {
     let (x, y) = (x as usize * SIDE, y as usize * SIDE);
     for j in 0..SIDE.min(ny + 1 - y) {

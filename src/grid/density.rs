@@ -1,12 +1,12 @@
-//! The density ρ of rigid material around the nodes of level 0 (method §4), from their rigidity. The heuristic of the
-//! paper's figure 5 makes the preservation of orientation depend on it.
+//! The density ρ of rigid material around the nodes of level 0 (method §4), computed from their rigidity. With the
+//! heuristic of the paper's figure 5, the weight of orientation depends on it.
 
 use super::coverage::NodeMaps;
 use crate::allocation::Collect;
 
-/// The tile's longer side over the width of a box that is run over the rigidity twice. Both passes together are a tent
-/// over half of the tile: the density is to depend on whether features are far apart, not on whether a node lies in
-/// one.
+/// The tile's longer side divided by the width of a box filter that is applied to the rigidity twice. Both passes
+/// together are a tent filter over half of the tile: the density should depend on whether features are far apart, not
+/// on whether a node lies in one.
 const SIDE_PER_BOX: usize = 4;
 
 /// Mean rigidity around each node, 0..1, row by row from v = 0, under a tent half as wide as the tile's longer side and
@@ -30,7 +30,7 @@ pub fn density(maps: &NodeMaps) -> Vec<f32> {
     values.into_iter().map(|x| x as f32).collected()
 }
 
-/// Per value, the mean of itself and of up to `radius` values on either side.
+/// For each value, the mean of it and of up to `radius` values on either side.
 fn means(line: &[f64], radius: usize) -> Vec<f64> {
     let sums: Vec<f64> = std::iter::once(0.0)
         .chain(line.iter().scan(0.0, |sum, x| {
@@ -59,12 +59,12 @@ mod tests {
     #[test]
     fn it_is_a_mean_over_a_tent() {
         assert!(of(64, 32, |_, _| 0.5).iter().all(|&x| (x - 0.5).abs() < 1e-6));
-        // One line: boxes of 8 + 1 + 8 nodes, twice.
+        // A single line, filtered twice with a box of 8 + 1 + 8 nodes.
         let line = of(64, 64, |i, _| if i == 30 { 1.0 } else { 0.0 });
         for (i, weight) in [(30, 17.0), (31, 16.0), (46, 1.0), (47, 0.0), (14, 1.0)] {
             assert!((line[65 * 20 + i] - weight / 289.0f32).abs() < 1e-6, "{i}: {}", line[65 * 20 + i]);
         }
-        // Stripes of half of the surface, narrower than the box.
+        // Stripes over half of the surface, narrower than the box.
         let stripes = of(256, 256, |i, _| if i % 4 < 2 { 1.0 } else { 0.0 });
         assert!((stripes[257 * 128 + 128] - 0.5).abs() < 0.06);
     }

@@ -1,13 +1,13 @@
-//! The integer points in a triangle: nodes under triangles of the UV plane (method §1), texel centres under warped
-//! cells (method §9).
+//! Enumerates the integer points in a triangle: nodes under triangles of the UV plane (method §1), and texel centres
+//! under warped cells (method §9).
 
 use glam::DVec2;
 
 use crate::mesh::triangle::doubled_area;
 
-/// A triangle whose integer points are wanted. A point on an edge counts as moved by (h, h²) with an infinitesimal
-/// h > 0. An edge is always evaluated from its lower to its higher end, so that two triangles that share it obtain the
-/// same number, and a point falls to exactly one of them.
+/// A triangle whose integer points are enumerated. A point on an edge is treated as if moved by (h, h²) with an
+/// infinitesimal h > 0. An edge is always evaluated from its lower to its higher end, so that two triangles that share
+/// it compute the same number, and each point falls in exactly one of them.
 pub struct Fill {
     corners: [DVec2; 3],
     /// 1 if the corners turn left, -1 if they turn right.
@@ -19,8 +19,8 @@ impl Fill {
         Fill { corners, sign: if doubled_area(corners) < 0.0 { -1.0 } else { 1.0 } }
     }
 
-    /// Calls `f(i, j, true)` for the points of first[0]..end[0] x first[1]..end[1] that are inside by this rule, and
-    /// `f(i, j, false)` for the other points of the closed triangle.
+    /// Calls `f(i, j, true)` for the points of first[0]..end[0] x first[1]..end[1] that are inside by the fill rule,
+    /// and `f(i, j, false)` for the other points of the closed triangle.
     pub fn visit_in(&self, first: [usize; 2], end: [usize; 2], mut f: impl FnMut(usize, usize, bool)) {
         let [first, end] = [first, end].map(|corner| corner.map(|x| x as f64));
         let ys = self.corners.map(|c| c.y);
@@ -42,9 +42,9 @@ impl Fill {
         }
     }
 
-    /// True if a box lies inside, away from the edges: so do all of its points.
+    /// True if a box lies well inside the triangle, so that all of its points do.
     pub fn holds(&self, low: DVec2, high: DVec2) -> bool {
-        // Twice the area of the triangle that an edge spans with a point, in cells: far above its rounding.
+        // Twice the area of the triangle formed by an edge and a point, in cells: far above its rounding error.
         const CLEAR: f64 = 1e-3;
         (0..3).all(|k| {
             let (a, b) = (self.corners[k], self.corners[(k + 1) % 3]);
@@ -54,7 +54,7 @@ impl Fill {
         })
     }
 
-    /// The triangle's extent along x on the row `y`.
+    /// The triangle's extent along x in row `y`.
     fn span(&self, y: f64) -> (f64, f64) {
         let mut span = (f64::INFINITY, f64::NEG_INFINITY);
         for k in 0..3 {
@@ -73,7 +73,7 @@ impl Fill {
         span
     }
 
-    /// `Some(true)` inside by the rule, `Some(false)` on an edge but outside by the rule, `None` outside.
+    /// `Some(true)` inside by the fill rule, `Some(false)` on an edge but outside by the rule, `None` outside.
     fn contains(&self, p: DVec2) -> Option<bool> {
         let mut inside = true;
         for k in 0..3 {
@@ -88,8 +88,9 @@ impl Fill {
                 return None;
             }
             if side == 0.0 {
-                // If the sign is positive, the inside is to the left of the edge from its lower to its higher end: it
-                // is a right edge or, if horizontal, a lower one. Left and lower edges belong to the triangle.
+                // If the sign is positive, the inside is to the left of the edge from its lower to its higher end. The
+                // edge is then a right edge or, if horizontal, a lower one. Left and lower edges belong to the
+                // triangle.
                 let is_owned = if a.y == b.y { sign > 0.0 } else { sign < 0.0 };
                 inside &= is_owned;
             }

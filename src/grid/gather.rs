@@ -1,4 +1,4 @@
-//! The triangles under the nodes of level 1 (method §3): what a pose's metrics on that level are gathered from.
+//! The triangles under the nodes of level 1 (method §3), from which a pose's metrics on that level are gathered.
 
 use glam::DVec2;
 
@@ -10,23 +10,23 @@ use crate::allocation::{Grow, with_capacity, zeroed};
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::team::Team;
 
-/// For each node of level 1, the triangles in its dual cell with their fractions of its covered area.
+/// For each node of level 1, the triangles in its dual cell, each with its fraction of the covered area.
 #[derive(Debug, Default)]
 pub struct Gather {
-    /// Per block and slot, the index of its first entry; one more at the end.
+    /// For each block and slot, the index of its first entry, followed by the number of entries.
     starts: Vec<u32>,
-    /// (triangle, fraction).
+    /// Pairs (triangle, fraction).
     entries: Vec<(u32, f32)>,
 }
 
 /// Side of a dual cell of level 1, in cells of level 0.
 const DUAL_SIDE: f64 = 2.0;
-/// Blocks whose entries are found before they are put together: what is found is held twice.
+/// Blocks per round. The entries of a round are found before they are appended, so that they are held twice meanwhile.
 const ROUND: usize = 1024;
 
 impl Gather {
-    /// Clips the triangles to the dual cells of level 1, which has `cells` cells and these blocks. Also returns that level's
-    /// coverage, per block.
+    /// Clips the triangles to the dual cells of level 1, which has `cells` cells and the blocks `blocks`. Also returns
+    /// that level's coverage, per block.
     pub(super) fn new(
         team: &Team,
         coverer: &Coverer,
@@ -48,23 +48,23 @@ impl Gather {
         (gather, coverage)
     }
 
-    /// Of the arrays that `parts` returns.
+    /// Reassembles a `Gather` from the arrays that `parts` returned.
     pub(super) fn from_parts(starts: Vec<u32>, entries: Vec<(u32, f32)>) -> Gather {
         Gather { starts, entries }
     }
 
-    /// Per block and slot, the index of its first entry, one more at the end; and the entries.
+    /// For each block and slot, the index of its first entry, followed by the number of entries; and the entries.
     pub(super) fn parts(&self) -> (&[u32], &[(u32, f32)]) {
         (&self.starts, &self.entries)
     }
 
-    /// Without entries, for some blocks.
+    /// A `Gather` without entries.
     pub(super) fn empty(blocks: usize) -> Gather {
         Gather { starts: zeroed(blocks * NODES + 1), entries: Vec::new() }
     }
 
-    /// Per node of some blocks, the index of its first entry among those of these blocks (one more at the end), and
-    /// these entries.
+    /// The entries of some blocks, and for each of their nodes the index of its first entry among these, followed by
+    /// the number of entries.
     #[cfg(feature = "gpu")]
     pub fn of_blocks(&self, blocks: std::ops::Range<usize>) -> (Vec<u32>, &[(u32, f32)]) {
         let starts = &self.starts[blocks.start * NODES..=blocks.end * NODES];
@@ -72,20 +72,20 @@ impl Gather {
         (starts.iter().map(|start| start - first).collected(), &self.entries[first as usize..end as usize])
     }
 
-    /// Bytes of the two arrays of `of_blocks`, an entry having 8.
+    /// Bytes of the two arrays of `of_blocks`; an entry has 8 bytes.
     #[cfg(feature = "gpu")]
     pub fn bytes_of(&self, blocks: std::ops::Range<usize>) -> [u64; 2] {
         let [first, end] = [blocks.start, blocks.end].map(|b| self.starts[b * NODES]);
         [(blocks.len() * NODES + 1) as u64 * 4, u64::from(end - first) * 8]
     }
 
-    /// Bytes held.
+    /// Bytes of memory in use.
     pub fn bytes(&self) -> usize {
         self.starts.len() * 4 + self.entries.len() * 8
     }
 
-    /// Computes the metrics (E, F, G) of one block of level 1, per level-1 cell squared, from those of the triangles
-    /// per level-0 cell squared.
+    /// Computes the metrics (E, F, G) of one block of level 1, per squared cell of level 1, from those of the
+    /// triangles, per squared cell of level 0.
     pub fn block(&self, b: usize, triangles: &[[f32; 3]], out: &mut [Plane; 3]) {
         for s in 0..NODES {
             let node = b * NODES + s;
@@ -104,7 +104,7 @@ impl Gather {
 
 /// The entries of one block.
 struct BlockGather {
-    /// Per slot, the index after its last entry.
+    /// Per slot, the index one past its last entry.
     ends: Vec<u32>,
     entries: Vec<(u32, f32)>,
     coverage: Plane,
@@ -113,7 +113,7 @@ struct BlockGather {
 impl BlockGather {
     fn new(coverer: &Coverer, size: [usize; 2], block: &Block) -> BlockGather {
         let cells = DVec2::new(coverer.nx as f64, coverer.ny as f64);
-        // (slot, triangle, area of the triangle in the node's dual cell).
+        // Triples (slot, triangle, area of the triangle in the node's dual cell).
         let mut pieces: Vec<(u32, u32, f32)> = Vec::new();
         for t in triangles(coverer, block) {
             let corners = coverer.tile.triangles[t as usize].uv.map(|uv| uv * cells);
@@ -124,7 +124,7 @@ impl BlockGather {
                 }
             });
         }
-        // Each node has one piece of a triangle.
+        // A triangle has one piece per node.
         pieces.sort_unstable_by_key(|piece| (piece.0, piece.1));
         let mut found = BlockGather {
             ends: with_capacity(NODES),
@@ -144,8 +144,8 @@ impl BlockGather {
     }
 }
 
-/// The triangles of a block's chart that may meet its dual cells, ascending: those of the four squares of level 0 that it
-/// covers.
+/// The triangles of a block's chart that may meet its dual cells, ascending: the triangles of the four squares of level
+/// 0 that the block covers.
 fn triangles(coverer: &Coverer, block: &Block) -> Vec<u32> {
     let mut triangles = Vec::new();
     for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -181,7 +181,7 @@ fn each_dual_cell(corners: [DVec2; 3], block: &Block, size: [usize; 2], mut f: i
     }
 }
 
-/// Most corners of a triangle that was clipped by four lines, and one to spare.
+/// The most corners of a triangle clipped by four lines, plus one.
 const CORNERS: usize = 8;
 
 /// A convex polygon.

@@ -1,15 +1,15 @@
 //! The weights with which corrections are interpolated from a level to the next finer one (method §7.5): linearly in x,
-//! then in y, with more weight on the neighbour to which a node is held more stiffly. With weights of one half,
-//! interpolation would stretch rigid features on coarse levels, where one coarse cell holds rigid and elastic material;
-//! the preconditioner would then stall, the more so the greater the ratio of stiffnesses (200 to 1).
+//! then in y, with more weight on the neighbour with the stiffer connection. With weights of one half, interpolation
+//! would stretch rigid features on coarse levels, where one coarse cell holds rigid and elastic material; the
+//! preconditioner would then converge slowly, and more slowly with a greater ratio of stiffnesses (200 to 1).
 //!
-//! The weights come from a scalar model of the energy's second derivative, of the same sparsity: each edge has a
-//! stiffness, the weights follow from it as in Dendy's black box multigrid (1982), here split into an x and a y part,
-//! and the coarser level's stiffness is the Galerkin product of the finer one's. Edges between two fixed nodes hold
-//! nothing and have no stiffness. The model depends on rigidity, but not on the pose, so that it is built once per map.
+//! The weights come from a scalar model of the energy's second derivative, with the same sparsity. Each edge has a
+//! stiffness, from which the weights are computed as in Dendy's black box multigrid (1982), here split into an x and a
+//! y part, and the coarser level's stiffness is the Galerkin product of the finer one's. Edges between two fixed nodes
+//! have no effect and no stiffness. The model depends on rigidity, but not on the pose, so it is built once per map.
 //!
 //! It is computed patch by patch: for a square of 32 by 32 nodes, which a block of the coarser level covers, from these
-//! nodes and enough others around them.
+//! nodes and a margin around them.
 
 use super::codes::{decode_rigidity, encode_weight};
 use super::survey::SurveyLevel;
@@ -23,25 +23,25 @@ use crate::team::Team;
 /// The stiffness of the edges `EDGES` of the nodes of a block.
 pub type StiffnessPlanes = [Plane; 4];
 
-/// What the stiffness of a level's edges follows from.
+/// The source of the stiffness of a level's edges.
 #[derive(Clone, Copy)]
 pub enum Source<'a> {
     /// On level 0: the codes of rigidity, per block.
     Rigidity(&'a [Plane<u16>], &'a TileSettings),
-    /// On the others.
+    /// On the coarser levels: the stiffness of the level's edges, per block.
     Stiffness(&'a [StiffnessPlanes]),
 }
 
 /// The nodes of a level around a block of the next coarser one: its 32 by 32 nodes, 8 more around them, and one more row
 /// and column.
 pub const PATCH: usize = 2 * SIDE + 2 * MARGIN + 1;
-/// Twice the reach of the Galerkin product and of the weights in it, and even.
+/// Twice the reach of the Galerkin product and of its weights, and even.
 pub const MARGIN: usize = 8;
 
 /// The weights of the finer blocks under a block of the coarser level, and that block's stiffness.
 #[derive(Clone)]
 struct PatchResult {
-    /// Per quarter, as codes of `encode_weight`.
+    /// Per quarter of the coarser block, as codes of `encode_weight`.
     weights: [Plane<u8>; 4],
     stiffness: StiffnessPlanes,
 }
@@ -68,11 +68,11 @@ fn patch(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2], resu
     }
 }
 
-/// Patches that are computed before they are put in their places.
+/// Patches per round; they are computed before they are copied to their blocks.
 const ROUND: usize = 1024;
 
-/// Computes the patches over the given places (chart, y, x) of the coarser level: the weights of the finer blocks under
-/// them, if they are wanted, and the stiffness of the coarser blocks.
+/// Computes the patches over the given positions (chart, y, x) of the coarser level: the stiffness of the coarser
+/// blocks and, if wanted, the weights of the finer blocks under them.
 pub fn patches(
     team: &Team,
     [finer, coarser]: [&SurveyLevel; 2],
@@ -81,7 +81,7 @@ pub fn patches(
     mut weights: Option<&mut [Plane<u8>]>,
     stiffness: &mut [StiffnessPlanes],
 ) {
-    // In one place for all rounds: a patch is too large for the stack.
+    // Allocated once for all rounds: a patch is too large for the stack.
     let mut found = filled(
         PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] },
         places.len().min(ROUND),
@@ -108,7 +108,7 @@ pub fn patches(
     }
 }
 
-/// Takes the stiffness of the edges between two fixed nodes of block `b`.
+/// Sets the stiffness of the edges between two fixed nodes of block `b` to 0.
 fn drop_fixed_edges(level: &SurveyLevel, b: usize, stiffness: &mut StiffnessPlanes) {
     let movable = level.blocks.window(&level.movable, b);
     for (plane, (di, dj)) in stiffness.iter_mut().zip(EDGES) {
@@ -137,7 +137,7 @@ const NORTH_EAST: usize = 2;
 const NORTH_WEST: usize = 3;
 
 impl Stiffness {
-    /// The model on the nodes of a patch; 0 where no block of the chart is stored.
+    /// The model at the nodes of a patch; 0 where the chart has no stored block.
     fn around(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2]) -> Stiffness {
         let (columns, rows) = (PATCH, PATCH);
         let mut edges = zeroed(PATCH * PATCH);
@@ -152,7 +152,7 @@ impl Stiffness {
                     continue;
                 }
                 let b = b as usize;
-                // The block's part of the patch.
+                // The part of the patch that the block covers.
                 let range = |at: i64, first: i64| {
                     let start = at * side;
                     (start.max(first), (start + side).min(first + PATCH as i64))
@@ -207,16 +207,16 @@ impl Stiffness {
         self.edges[j as usize * self.columns + i as usize][edge]
     }
 
-    /// Returns the weights of this level, row by row, and the model on the next coarser one. A weight is that of a
-    /// node's lower neighbour: of the western one at odd columns, of the southern one at even columns and odd rows. The
-    /// upper neighbour has the rest.
+    /// Returns the weights of this level, row by row, and the model on the next coarser one. A weight belongs to a
+    /// node's lower neighbour: the western one at odd columns, the southern one at even columns and odd rows. The upper
+    /// neighbour has the remaining weight.
     fn coarser(&self) -> (Vec<f32>, Stiffness) {
         let (mut weights, halfway) = self.collapse_x();
         let coarser = halfway.collapse_y(&mut weights, self.columns);
         (weights, coarser)
     }
 
-    /// The weights at odd columns, and the Galerkin product on the even columns and all rows.
+    /// The weights at odd columns, and the Galerkin product on even columns and all rows.
     fn collapse_x(&self) -> (Vec<f32>, Stiffness) {
         let mut weights = filled(HALF, self.columns * self.rows);
         for j in 0..self.rows as i64 {
@@ -323,11 +323,11 @@ impl Stiffness {
     }
 }
 
-/// The weight where both sides are equally stiff or have no stiffness.
+/// The weight if both sides are equally stiff or have no stiffness.
 const HALF: f32 = 0.5;
 
 /// The lower neighbour's weight, given the stiffness of the edges to either side. Edges of coarse levels may have a
-/// negative stiffness, which does not count.
+/// negative stiffness, which is ignored.
 fn lower_weight(lower: [f32; 3], upper: [f32; 3]) -> f32 {
     let [lower, upper] = [lower, upper].map(|edges| edges.into_iter().map(|s| s.max(0.0)).sum::<f32>());
     if lower + upper > 0.0 { lower / (lower + upper) } else { HALF }
@@ -373,7 +373,7 @@ mod tests {
         sum
     }
 
-    /// The values of a coarse level, interpolated with the weights.
+    /// Interpolates the values of a coarse level with the weights.
     fn interpolate(weights: &[f32], columns: usize, rows: usize, coarse: &[f32]) -> Vec<f32> {
         let wide = (columns - 1) / 2 + 1;
         let in_y = |i: usize, j: usize| {
@@ -427,17 +427,18 @@ mod tests {
 
     #[test]
     fn the_stiffer_side_weighs_more() {
-        // Rigid to the west of column 8: the edges up to it, too. Column 7 lies in it, column 9 in elastic material.
+        // Rigid to the west of column 8, including the edges up to it. Column 7 lies in rigid material, column 9 in
+        // elastic material.
         let (weights, _) = level(16, 16, |i, _| if i < 8 { 1.0 } else { 0.0 }).coarser();
         let at = |i: usize| weights[17 * 6 + i];
         assert!((at(7) - 0.5).abs() < 1e-6 && (at(9) - 0.5).abs() < 1e-6, "{} {}", at(7), at(9));
-        // Rigid up to column 6: what holds column 7 to the west is 0.5 + λ0 of what holds it to the east.
+        // Rigid up to column 6: the stiffness to the west of column 7 is 0.5 + λ0 times the stiffness to its east.
         let (weights, _) = level(16, 16, |i, _| if i < 7 { 1.0 } else { 0.0 }).coarser();
         let settings = TileSettings::default();
         let (rigid, elastic) =
             (0.5 + settings.smoothness_floor, settings.smoothness + settings.smoothness_floor);
         assert!((weights[17 * 6 + 7] - rigid / (rigid + elastic)).abs() < 1e-6);
-        // The same in y.
+        // The same test along y.
         let (weights, _) = level(16, 16, |_, j| if j < 7 { 1.0 } else { 0.0 }).coarser();
         assert!((weights[17 * 7 + 6] - rigid / (rigid + elastic)).abs() < 1e-6);
     }

@@ -1,4 +1,4 @@
-//! A tile's maps and settings, as a host has set them.
+//! A tile's maps and settings, as set by the host.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::grid::planes::SIDE;
 /// The source of a tile's rigidity.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) enum Rigidity {
-    /// Nothing is rigid.
+    /// No rigidity anywhere.
     #[default]
     None,
     /// An image.
@@ -22,7 +22,7 @@ pub(crate) enum Rigidity {
 /// The source of a tile's mask.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) enum Mask {
-    /// All may move.
+    /// All nodes may move.
     #[default]
     None,
     /// An image.
@@ -31,7 +31,7 @@ pub(crate) enum Mask {
     Vertices(Arc<Vec<f32>>),
 }
 
-/// A tile's maps and settings, as the host has set them.
+/// A tile's maps and settings, as set by the host.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TileMaps {
     pub rigidity: Rigidity,
@@ -39,11 +39,12 @@ pub(crate) struct TileMaps {
     pub settings: TileSettings,
 }
 
-/// Cells on a side of the grid of a tile with rigidity per vertex, unless a setting gives its size.
+/// Cells on a side of the grid of a tile with rigidity per vertex, unless the settings give a size.
 const VERTEX_GRID: usize = 1024;
 
 impl TileMaps {
-    /// Cells of the grid: the settings', or the rigidity map's size, rounded up to a multiple of 16.
+    /// Cells of the grid: the size from the settings, or else the size of the rigidity map, rounded up to a multiple of
+    /// 16.
     pub fn grid_size(&self) -> [usize; 2] {
         let default = match &self.rigidity {
             Rigidity::Map(map) => [map.width, map.height],

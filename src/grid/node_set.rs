@@ -1,4 +1,4 @@
-//! Sets of the nodes of a square or block.
+//! Sets of nodes in a square or block.
 
 use crate::grid::planes::SIDE;
 
@@ -7,7 +7,7 @@ use crate::grid::planes::SIDE;
 pub struct NodeSet(pub [u16; SIDE]);
 
 impl NodeSet {
-    /// Without nodes.
+    /// The empty set.
     pub const EMPTY: NodeSet = NodeSet([0; SIDE]);
 
     pub fn insert(&mut self, i: usize, j: usize) {
@@ -26,7 +26,7 @@ impl NodeSet {
         self.0 == [0; SIDE]
     }
 
-    /// Number of nodes.
+    /// Number of nodes in the set.
     pub fn count(&self) -> u64 {
         self.0.iter().map(|row| u64::from(row.count_ones())).sum()
     }
@@ -37,7 +37,8 @@ impl NodeSet {
 pub struct NodeWindow(pub [u32; SIDE + 2]);
 
 impl NodeWindow {
-    /// Gathers a block's set and its halo; `set(k)` is that of the neighbour block k of 3 x 3, empty where there is none.
+    /// Gathers a block's set and its halo; `set(k)` is the set of the neighbour block k of 3x3, or the empty set if
+    /// that block is not stored.
     pub fn new(set: impl Fn(usize) -> NodeSet) -> NodeWindow {
         let sets: [NodeSet; 9] = std::array::from_fn(set);
         NodeWindow(std::array::from_fn(|row| {
@@ -51,18 +52,18 @@ impl NodeWindow {
         }))
     }
 
-    /// Whether node (i - 1, j - 1) is in it.
+    /// Whether the node (i - 1, j - 1) is in the window.
     pub fn contains(&self, i: usize, j: usize) -> bool {
         self.0[j] >> i & 1 != 0
     }
 
-    /// The block's nodes all of whose eight neighbours are in it, with themselves.
+    /// The block's nodes that are in the window together with all of their eight neighbours.
     pub fn eroded(&self) -> NodeSet {
         let rows = self.0.map(|row| row & row << 1 & row >> 1);
         NodeSet(std::array::from_fn(|j| ((rows[j] & rows[j + 1] & rows[j + 2]) >> 1) as u16))
     }
 
-    /// The block's nodes that are in it, or have a neighbour in it.
+    /// The block's nodes that are in the window or have a neighbour in it.
     pub fn dilated(&self) -> NodeSet {
         let rows = self.0.map(|row| row | row << 1 | row >> 1);
         NodeSet(std::array::from_fn(|j| ((rows[j] | rows[j + 1] | rows[j + 2]) >> 1) as u16))

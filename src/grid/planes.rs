@@ -1,12 +1,12 @@
-//! The nodes of a block: 16 by 16, stored in planes (method §1).
+//! The layout of a block's 16 by 16 nodes in planes (method §1).
 
 /// Nodes on a side of a block.
 pub const SIDE: usize = 16;
 /// Nodes of a block.
 pub const NODES: usize = SIDE * SIDE;
 
-/// One quantity at the nodes of a block, as four planes of 8x8, one per node colour (i & 1, j & 1): the neighbours of
-/// nodes of one colour then lie side by side, too.
+/// One quantity at the nodes of a block, as four planes of 8x8, one per node colour (i & 1, j & 1). The neighbours of
+/// consecutive nodes of one colour are then consecutive, too.
 pub type Plane<T = f32> = [T; NODES];
 
 /// Index of node (i, j) of a block in its planes.

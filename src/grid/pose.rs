@@ -1,22 +1,22 @@
-//! A pose as the solver sees it (method §1, Positions): each chart's vertices relative to its centre and in its own
-//! unit, and the triangles with their tangents (method §2).
+//! A pose in the form that the solver reads (method §1, Positions): each chart's vertices relative to its centre and in
+//! its own unit, and the triangles with their tangents (method §2).
 
 use glam::DVec3;
 
 use crate::allocation::{Collect, copied};
 use crate::mesh::TileMesh;
 
-/// Coordinates are clamped to this, in units of the chart: squares of lengths over rest lengths have to stay finite in
-/// f32.
+/// The bound to which coordinates are clamped, in units of the chart: squares of lengths divided by rest lengths have
+/// to stay finite in f32.
 const FARTHEST: f64 = (1u32 << 20) as f64;
 
 /// Positions of one chart, relative to its own centre and in units of its own rest size, so that f32 suffices
 /// wherever and however large the mesh is.
 #[derive(Debug, Default, PartialEq)]
 pub struct ChartPose {
-    /// Per vertex of the chart.
+    /// One position per vertex of the chart.
     pub positions: Vec<[f32; 3]>,
-    /// The factor on the mesh's units: a power of two near 1 / extent at rest.
+    /// The factor from the mesh's units to the chart's: a power of two near 1 / (extent at rest).
     pub scale: f64,
 }
 
@@ -68,20 +68,21 @@ impl Pose {
         Pose { charts }
     }
 
-    /// Bytes held.
+    /// Bytes of memory in use.
     pub fn bytes(&self) -> usize {
         self.charts.iter().map(|c| c.positions.len() * 12 + 32).sum()
     }
 
     /// True if every triangle edge of chart `c` is as long as in `rest`, to the precision of f32 positions: the chart
-    /// moved as a rigid body or bent without stretching, and the identity is its best warp.
+    /// then moved as a rigid body or bent without stretching, and the identity is its best warp.
     pub fn is_isometric(&self, rest: &Pose, tile: &TileMesh, c: usize) -> bool {
         let (pose, rest) = (&self.charts[c].positions, &rest.charts[c].positions);
         let length = |p: &[[f32; 3]], a: u32, b: u32| {
             let [a, b] = [a, b].map(|v| DVec3::from(p[v as usize].map(f64::from)));
             a.distance(b)
         };
-        // Extents are 0.5 to 1 at rest: an end is rounded by up to 2^-25, a length by a few times that.
+        // Extents at rest are 0.5 to 1, so the end of an edge is rounded by up to 2^-25 and its length by a few times
+        // that.
         const ROUNDING: f64 = 4.0 / (1u64 << 24) as f64;
         tile.triangles[tile.charts[c].triangles.clone()].iter().all(|t| {
             (0..3).all(|k| {
@@ -93,8 +94,8 @@ impl Pose {
     }
 }
 
-/// The power of two 2^k with extent * 2^k in 0.5..1, or near it at the limits of f64; 1 for an extent of 0. It is made
-/// from the bits of the exponent, so that it is exact everywhere.
+/// The power of two 2^k with extent * 2^k in 0.5..1, or near that range at the limits of f64; 1 for an extent of 0. It
+/// is formed from the exponent's bits, so that it is exact on every platform.
 fn power_of_two_near_inverse(extent: f64) -> f64 {
     if !extent.is_normal() && !extent.is_infinite() {
         return 1.0;

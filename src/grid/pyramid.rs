@@ -1,5 +1,5 @@
-//! Rigidity on all levels (method §3), in the blocks of a survey: at the nodes that are *held*, those that may move and
-//! their neighbours. No edge of another node counts.
+//! Rigidity on all levels (method §3), in the blocks of a survey. It is stored at the nodes that are *held*, which are
+//! the movable nodes and their neighbours; edges between other nodes have no effect.
 
 use super::codes::{decode_rigidity, encode_rigidity};
 use super::cover::at;
@@ -12,7 +12,7 @@ use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::team::Team;
 
-/// The nodes of each block that are movable or a neighbour of one.
+/// The held nodes of each block: movable nodes and their neighbours.
 pub fn held(level: &SurveyLevel) -> Vec<NodeSet> {
     (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collected()
 }
@@ -29,7 +29,7 @@ pub fn finest(
     codes
 }
 
-/// The same for one block.
+/// Rigidity of one block on level 0, as codes of `encode_rigidity`; 0 at nodes that are not held.
 pub fn finest_block(
     rigidity: &NodeRigidity,
     level: &SurveyLevel,
@@ -52,11 +52,11 @@ pub fn finest_block(
 /// One level of the pyramid.
 pub struct Held<'a> {
     pub level: &'a SurveyLevel,
-    /// Per block.
+    /// The held nodes of each block.
     pub held: &'a [NodeSet],
 }
 
-/// Rigidity of a block of the next coarser level: a 3x3 Gaussian (the paper's eq. 7) over the finer nodes that are held.
+/// Rigidity of a block of the next coarser level: a 3x3 Gaussian (the paper's eq. 7) over the held finer nodes.
 /// `children` are the finer blocks of the block's quarters.
 pub fn coarser_block(
     finer: &Held,
@@ -83,7 +83,7 @@ pub fn coarser_block(
     out
 }
 
-/// The mean of the rigidities of the 3x3 nodes around (i, j) of a window that are held.
+/// The mean rigidity of the held nodes among the 3x3 nodes around (i, j) of a window.
 fn gaussian(window: &[u16; WINDOW_NODES], held: &super::node_set::NodeWindow, i: usize, j: usize) -> f32 {
     let mut sum = 0.0;
     let mut weights = 0.0;
@@ -97,6 +97,7 @@ fn gaussian(window: &[u16; WINDOW_NODES], held: &super::node_set::NodeWindow, i:
             }
         }
     }
-    // A held node has a neighbour that may move, the finer nodes around which are all held: there is a weight.
+    // A held node is movable or has a movable neighbour, around which all finer nodes are held: the sum of the weights
+    // is not 0.
     sum / weights
 }

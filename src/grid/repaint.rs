@@ -1,5 +1,5 @@
-//! Brings a grid up to date with a rigidity map of which some texels changed: a stroke of a brush. Only what follows from
-//! these texels is computed anew; everything else is shared with the grid before.
+//! Updates a grid after some texels of its rigidity map changed, as by a brush stroke. Only what depends on these
+//! texels is computed again; everything else is shared with the previous grid.
 
 use std::borrow::Cow;
 
@@ -18,7 +18,7 @@ use crate::image::map::{Map, TexelRect};
 use crate::mesh::{NONE, TileMesh};
 use crate::team::Team;
 
-/// Some nodes of a level: from `first` to `last` along both axes.
+/// A rectangle of nodes of a level, from `first` to `last` along both axes.
 #[derive(Clone, Copy, Debug)]
 struct Nodes {
     first: [i64; 2],
@@ -26,13 +26,13 @@ struct Nodes {
 }
 
 impl Nodes {
-    /// The nodes whose rigidity follows from some texels.
+    /// The nodes whose rigidity depends on some texels.
     fn of_texels(map: &Map, cells: [usize; 2], texels: &TexelRect) -> Nodes {
         let bound = |axis: usize, texel: usize, reach: f64| {
             let per_cell = [map.width, map.height][axis] as f64 / cells[axis] as f64;
             (texel as f64 + reach * 0.5 * per_cell.max(1.0)) / per_cell
         };
-        // Texels at the rim stand for those beyond it.
+        // Texels at the rim also represent those beyond it.
         let is_rim = |axis: usize| texels.end[axis] == [map.width, map.height][axis];
         Nodes {
             first: [0, 1].map(|axis| bound(axis, texels.first[axis], -1.0).floor() as i64),
@@ -43,17 +43,17 @@ impl Nodes {
         }
     }
 
-    /// With `n` more nodes in all directions.
+    /// The rectangle extended by `n` nodes in all directions.
     fn grown(self, n: i64) -> Nodes {
         Nodes { first: self.first.map(|x| x - n), last: self.last.map(|x| x + n) }
     }
 
-    /// The nodes of the next coarser level on or next to these.
+    /// The nodes of the next coarser level on or next to these nodes.
     fn coarser(self) -> Nodes {
         Nodes { first: self.first.map(|x| x.div_euclid(2)), last: self.last.map(|x| (x + 1).div_euclid(2)) }
     }
 
-    /// Whether a square of `side` nodes holds one of them, that of the number (x, y).
+    /// Whether the square at (x, y), of `side` nodes, contains one of these nodes.
     fn meet(self, [x, y]: [u32; 2], side: usize) -> bool {
         [x, y].into_iter().zip(self.first.into_iter().zip(self.last)).all(|(x, (first, last))| {
             let start = i64::from(x) * side as i64;
@@ -61,25 +61,25 @@ impl Nodes {
         })
     }
 
-    /// The first and the last square of 16 by 16 that holds one of them.
+    /// The first and the last square of 16 by 16 nodes that contain one of these nodes.
     fn squares(self, cells: [usize; 2]) -> [[u32; 2]; 2] {
         let square = |x: i64, axis: usize| (x.clamp(0, cells[axis] as i64) / SIDE as i64) as u32;
         [self.first, self.last].map(|p| [0, 1].map(|axis| square(p[axis], axis)))
     }
 }
 
-/// A grid after a stroke.
+/// A grid after a brush stroke.
 pub(crate) struct Repainted {
     pub grid: Grid,
-    /// Per chart, whether a rigidity that it depends on may have changed.
+    /// Per chart, whether a rigidity value that it depends on may have changed.
     pub charts: Vec<bool>,
 }
 
 /// The grid for `maps`, whose rigidity map changed in some texels since `grid` was built.
 ///
 /// # Returns
-/// `None` if the grid has to be built anew, because a chart has become rigid or is no longer, or because the density of
-/// rigid material is asked for.
+/// `None` if the grid has to be built from scratch: because a chart gained its first or lost its last rigidity, or
+/// because the settings need the density of rigid material.
 pub(crate) fn repaint(
     team: &Team,
     grid: &Grid,
@@ -113,7 +113,7 @@ pub(crate) fn repaint(
     Some(Repainted { grid, charts })
 }
 
-/// Per part, whether it has rigidity now.
+/// Per part, whether it has rigidity after the stroke.
 fn parts_with_rigidity(source: &NodeRigidity, parts: &[Part], before: &[bool], near: Nodes) -> Vec<bool> {
     let of_part = |(part, before): (&Part, &bool)| {
         if !near.meet([part.x, part.y], SIDE) {
@@ -128,7 +128,7 @@ fn parts_with_rigidity(source: &NodeRigidity, parts: &[Part], before: &[bool], n
     parts.iter().zip(before).map(of_part).collected()
 }
 
-/// The rigid nodes of each square.
+/// The rigid nodes of each square after the stroke.
 fn rigid_nodes_now(source: &NodeRigidity, before: &[RigidNodes], near: Nodes) -> Vec<RigidNodes> {
     let of_square = |before: &RigidNodes| {
         let [x, y] = before.square;
@@ -144,7 +144,7 @@ fn rigid_nodes_now(source: &NodeRigidity, before: &[RigidNodes], near: Nodes) ->
     before.iter().map(of_square).collected()
 }
 
-/// The blocks of a level that hold one of the nodes.
+/// The blocks of a level that contain one of the nodes.
 fn blocks_with(level: &SurveyLevel, nodes: Nodes) -> Vec<usize> {
     let list = &level.blocks.list;
     (0..list.len()).filter(|&b| nodes.meet([list[b].x, list[b].y], SIDE)).collected()
@@ -175,11 +175,11 @@ fn update_rigidity(team: &Team, grid: &mut Grid, rigidity: &NodeRigidity, mut no
     }
 }
 
-/// Updates the weights of interpolation of all levels, and the stiffness that they come from.
+/// Updates the interpolation weights of all levels, and the stiffness from which they are computed.
 fn update_interpolation(team: &Team, grid: &mut Grid, maps: &TileMaps, nodes: Nodes) {
     let survey = grid.survey.clone();
     let settings = &maps.settings;
-    // The nodes whose edges have another stiffness: on level 0 those of the nodes and of their neighbours.
+    // The nodes whose edges have a changed stiffness: on level 0 the changed nodes and their neighbours.
     let mut nodes = nodes.grown(1);
     for k in 0..survey.len() - 1 {
         let levels = [&survey[k], &survey[k + 1]];
@@ -187,7 +187,7 @@ fn update_interpolation(team: &Team, grid: &mut Grid, maps: &TileMaps, nodes: No
         let places = places(levels[0], |place| reach.meet(place, 2 * SIDE));
         let level_1 = if k == 1 { stiffness_of_level_1(team, grid, settings, &places) } else { Vec::new() };
         let mut weights = std::mem::take(&mut grid.levels[k].interpolation);
-        // That of level 1 is not kept.
+        // The stiffness of level 1 is not kept.
         let mut next = match k {
             0 => zeroed(levels[1].blocks.list.len()),
             _ => std::mem::take(&mut grid.levels[k + 1].stiffness),
@@ -206,7 +206,7 @@ fn update_interpolation(team: &Team, grid: &mut Grid, maps: &TileMaps, nodes: No
     }
 }
 
-/// The places (chart, y, x) over the blocks of a level, on the next coarser one, that are wanted.
+/// The wanted positions (chart, y, x) on the next coarser level over the blocks of a level.
 fn places(finer: &SurveyLevel, wanted: impl Fn([u32; 2]) -> bool) -> Vec<(u32, u32, u32)> {
     let places = finer.blocks.list.iter().filter(|b| wanted([b.x / 2, b.y / 2]));
     let mut places: Vec<_> = places.map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
@@ -215,7 +215,7 @@ fn places(finer: &SurveyLevel, wanted: impl Fn([u32; 2]) -> bool) -> Vec<(u32, u
     places
 }
 
-/// The stiffness of the blocks of level 1 that patches over `places` of level 2 read; 0 elsewhere.
+/// The stiffness of those blocks of level 1 that patches over `places` of level 2 read; 0 in the other blocks.
 fn stiffness_of_level_1(
     team: &Team,
     grid: &Grid,

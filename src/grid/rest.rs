@@ -1,6 +1,6 @@
 //! Rest lengths on all levels, in 16 bits (method §1, Codes): exact chords on level 0 (method §2), arc lengths on the
-//! others (method §3). A block's lengths are computed as often as they are needed rather than kept in f32 for all blocks:
-//! that would be the largest array of all.
+//! others (method §3). A block's lengths are computed again whenever they are needed: in f32 for all blocks, they would
+//! be the largest array of all.
 
 use std::sync::Arc;
 
@@ -55,14 +55,14 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
     }
 }
 
-/// A level's rest lengths: the codes of each block, and the coding of each chart.
+/// A level's rest lengths: the codes of each block, and the codings of each chart.
 type Stored = (Vec<[Plane<u16>; 4]>, Vec<[Lengths; 4]>);
 
 fn set(level: &mut Level, (codes, lengths): Stored) {
     (level.rest_length, level.lengths) = (Arc::new(codes), lengths);
 }
 
-/// The lengths of the edges that a block's nodes own. On the heap: the stack of a host's thread may be small.
+/// The lengths of the edges that a block's nodes own, on the heap because the stack of a host's thread may be small.
 type BlockLengths = Box<[Plane; 4]>;
 
 /// Codes a level's rest lengths; `lengths(b, out)` computes those of block b.
@@ -74,7 +74,7 @@ fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut [Plane; 4]) + 
         lengths(b, &mut of_block);
         of_block
     };
-    // Per block and direction, the shortest length that is not 0, and the longest one.
+    // Per block and direction, the shortest nonzero length and the longest length.
     let bounds: Vec<[[f32; 2]; 4]> = team.map(list.len(), |b| {
         of_block(b).each_ref().map(|plane| {
             let low = plane.iter().copied().filter(|&x| x > least(b)).fold(f32::INFINITY, f32::min);
@@ -119,7 +119,7 @@ fn length2(a: [f32; 3], b: [f32; 3], d: [f32; 2]) -> f32 {
     d[0] * d[0] * e + 2.0 * d[0] * d[1] * f + d[1] * d[1] * g
 }
 
-/// Sets the values of `f(i, j, offset)` at all edges that the nodes (i, j) of a block own.
+/// Sets the values of all edges that the nodes (i, j) of a block own to `f(i, j, offset)`.
 fn edges(planes: &mut [Plane; 4], mut f: impl FnMut(usize, usize, (i64, i64)) -> f32) {
     for j in 0..SIDE {
         for i in 0..SIDE {
@@ -135,7 +135,7 @@ struct Chords<'a> {
     mesh: &'a Mesh,
     tile: &'a TileMesh,
     cells: DVec2,
-    /// Per chart.
+    /// Scale factor of each chart.
     scales: Vec<f64>,
 }
 
@@ -148,7 +148,7 @@ impl<'a> Chords<'a> {
         Chords { mesh, tile, cells, scales: grid.rest.charts.iter().map(|c| c.scale).collected() }
     }
 
-    /// The lengths of a block's edges; inside one triangle from its edge vectors.
+    /// The lengths of a block's edges. An edge inside one triangle is computed from that triangle's edge vectors.
     fn block(&self, grid: &Grid, b: usize, out: &mut [Plane; 4]) {
         let level = &grid.levels[0];
         let Block { x, y, chart, .. } = level.blocks.list[b];
@@ -166,7 +166,7 @@ impl<'a> Chords<'a> {
                 }
             }
         }
-        // Scaled before it is squared: units of 1e300 must not overflow.
+        // The vector is scaled before it is squared: units of 1e300 must not overflow.
         let length = |v: DVec3| (v * self.scales[chart as usize]).length();
         // The last triangle that held both ends of an edge, with the lengths of its edges.
         let mut last: (u32, [f64; 4]) = (NONE, [0.0; 4]);
@@ -182,7 +182,7 @@ impl<'a> Chords<'a> {
                     EDGES.iter().zip(last.1).find(|(e, _)| **e == (di, dj)).map_or(0.0, |(_, length)| length)
                 }
                 (Some((_, p, v)), Some((_, q, w))) => length((*q - *p) + (*w - *v)),
-                // An end without a triangle of the chart: no movable node has this edge.
+                // One end has no triangle in the chart, so no movable node has this edge.
                 _ => 0.0,
             };
             chord as f32
@@ -192,13 +192,13 @@ impl<'a> Chords<'a> {
 
 /// A triangle at rest: the map from the plane to space.
 struct TriangleInSpace {
-    /// Its first UV corner, in cells.
+    /// The first UV corner, in cells.
     origin: DVec2,
-    /// The other two, from there.
+    /// The other two UV corners, relative to the first.
     uv: [DVec2; 2],
-    /// Its first vertex.
+    /// The first vertex.
     first: DVec3,
-    /// The other two, from there.
+    /// The other two vertices, relative to the first.
     edges: [DVec3; 2],
 }
 
@@ -211,22 +211,21 @@ impl TriangleInSpace {
         TriangleInSpace { origin: a, uv: [b - a, c - a], first: p, edges: [q - p, r - p] }
     }
 
-    /// The offset from the first vertex at an offset from the first UV corner.
+    /// The offset in space from the first vertex, for an offset in cells from the first UV corner.
     fn at(&self, d: DVec2) -> DVec3 {
         let [l1, l2] = barycentrics([DVec2::ZERO, self.uv[0], self.uv[1]], d);
         l1 * self.edges[0] + l2 * self.edges[1]
     }
 }
 
-/// Per chart, the smaller one of two medians over its movable nodes: that of the lengths of their edges to the east, and
-/// that of their edges to the north. On an anisotropic chart the larger one would exceed all lengths of the other
-/// direction.
+/// Per chart, the smaller of two medians over its movable nodes: the median length of their edges to the east, and of
+/// their edges to the north. On an anisotropic chart the larger median would exceed all lengths of the other direction.
 fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
     let level = &grid.levels[0];
     let blocks = level.blocks.list.len();
     let counts: Vec<usize> =
         level.movable.iter().map(|plane| plane.iter().filter(|m| **m != 0).count()).collected();
-    // The lengths of both directions, block by block: as many bytes as the codes will have, which come after them.
+    // The lengths of both directions, block by block. They take as many bytes as the codes, which are allocated later.
     let mut lengths: [Vec<f32>; 2] = [0, 1].map(|_| zeroed(counts.iter().sum()));
     let [east, north] = &mut lengths;
     let mut parts: Vec<(usize, &mut [f32], &mut [f32])> = with_capacity(blocks);

@@ -62,7 +62,8 @@ impl NodeRigidity<'_> {
         free
     }
 
-    /// The nodes of the grid in a square and `halo` nodes around it: the first one, and how many along u and v.
+    /// The nodes of the grid in a square and in a halo of `halo` nodes around it: the first node, and the numbers of
+    /// nodes along u and v.
     fn nodes(&self, square: [u32; 2], halo: usize) -> ([usize; 2], [usize; 2]) {
         let start = square.map(|x| x as usize * SIDE);
         let cells = [self.coverer.nx, self.coverer.ny];

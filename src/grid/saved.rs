@@ -1,6 +1,6 @@
-//! A prepared tile as bytes, so that it need not be prepared again on every machine of a farm. What follows quickly from
-//! the mesh and from the movable nodes is computed anew when a tile is loaded, and everything else is checked: bytes that
-//! were damaged or made up are refused, or at worst give a bad warp; they lead to no access out of bounds.
+//! A prepared tile as bytes, so that it need not be prepared again on every machine of a farm. What can be computed
+//! quickly from the mesh and the movable nodes is computed again when a tile is loaded, and everything else is checked.
+//! Damaged or forged bytes are refused or at worst give a bad warp; they never cause an access out of bounds.
 //!
 //! ```text
 //! header     magic, format, length, key of the inputs, checksum of what follows
@@ -28,11 +28,11 @@ use read::{Reader, refuse};
 use write::{Writer, write};
 
 const MAGIC: [u8; 8] = *b"vrtmtile";
-/// Grows with every change of the layout, and of what is computed from the same inputs.
+/// Increases with every change of the layout, or of what is computed from the same inputs.
 const FORMAT: u32 = 1;
 /// Bytes of the header.
 const HEADER: usize = 8 + 4 + 4 + 8 + 16 + 16;
-/// Tells the inputs of a grid apart: the tile's mesh, its maps, and the settings that a grid depends on.
+/// A hash that identifies the inputs of a grid: the tile's mesh, its maps, and the settings that a grid depends on.
 pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> u128 {
     let mut hash = Xxh3::new();
     let settings = &maps.settings;
@@ -95,10 +95,10 @@ pub(crate) fn save(grid: &Grid, key: u128, out: &mut [u8]) {
     header.bytes(&checksum.to_le_bytes());
 }
 
-/// Loads a grid for a tile whose inputs have the given key. `book(bytes)` is asked before its memory is taken.
+/// Loads a grid for a tile whose inputs have the given key. `book(bytes)` is called before the memory is allocated.
 ///
 /// # Errors
-/// `InvalidArgument` for bytes that are no saved grid of this tile; those of `book`.
+/// `InvalidArgument` for bytes that are not a saved grid of this tile; the errors of `book`.
 pub(crate) fn load(
     team: &Team,
     data: &[u8],
@@ -115,7 +115,7 @@ pub(crate) fn load(
     if format != FORMAT {
         return Err(refuse(&format!("it has the format {format}, this version reads {FORMAT}")));
     }
-    // A later version may say something by it.
+    // A reserved word, which a later version may use.
     if from.u32()? != 0 {
         return Err(refuse("its reserved word is not 0"));
     }

@@ -1,5 +1,5 @@
-//! The squares of a tile's grid, of 16 by 16 nodes like the blocks, and the triangles that meet each of them: what
-//! prepares a tile visits these squares, and none of the others.
+//! The squares of 16 by 16 nodes of a tile's grid that triangles meet, and the triangles of each. Preparing a tile
+//! visits only these squares.
 
 use glam::DVec2;
 
@@ -10,26 +10,26 @@ use crate::mesh::TileMesh;
 
 /// The squares that a triangle meets.
 pub struct Squares {
-    /// (x, y) of each square, sorted by y, x.
+    /// Position (x, y) of each square, sorted by y, x.
     pub list: Vec<[u32; 2]>,
-    /// Per square, the index of its first triangle; one more at the end.
+    /// Per square, the index of its first triangle, followed by the total count.
     starts: Vec<u32>,
-    /// Per square, its triangles, ascending.
+    /// The triangles of all squares, square by square, ascending in each.
     triangles: Vec<u32>,
 }
 
-/// Triangles that miss a window by less, in cells, are listed all the same.
+/// Triangles that miss a window by less than this, in cells, are still listed.
 const SLACK: f64 = 1e-5;
 
 impl Squares {
-    /// Finds the squares of a grid of nx by ny cells whose nodes, or a neighbour of one, may lie on a triangle; if only
-    /// some are wanted, from the first to the last of them along both axes.
+    /// Finds the squares of a grid of nx by ny cells whose nodes, or a neighbour of one, may lie on a triangle.
+    /// `wanted` limits the search to the squares from the first to the last along both axes.
     pub fn new(tile: &TileMesh, nx: usize, ny: usize, wanted: Option<[[u32; 2]; 2]>) -> Squares {
         let cells = DVec2::new(nx as f64, ny as f64);
         let mut pairs: Vec<(u32, u32, u32)> = Vec::new();
         for (t, triangle) in tile.triangles.iter().enumerate() {
             let corners = triangle.uv.map(|uv| uv * cells);
-            // The window of square x reaches from node 16 x - 1 to 16 x + 16.
+            // The window of square x covers the nodes from 16 x - 1 to 16 x + 16.
             let range = wanted.unwrap_or([[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)]);
             each_square(corners, range, [DVec2::ONE, DVec2::ZERO], |x, y| pairs.put((y, x, t as u32)));
         }
@@ -55,7 +55,7 @@ impl Squares {
         &self.triangles[self.starts[square] as usize..self.starts[square + 1] as usize]
     }
 
-    /// Bytes at most while they are found.
+    /// Upper bound of the bytes in use while the squares are found.
     pub fn bytes(&self) -> usize {
         self.list.len() * 12 + self.triangles.len() * 16
     }
@@ -64,7 +64,7 @@ impl Squares {
 /// The pages of a map of `size` texels that a grid of the tile, however coarse, may read under its charts, row by row.
 pub fn pages_near(tile: &TileMesh, size: [usize; 2]) -> Vec<bool> {
     let size_in_cells = DVec2::from(size.map(|n| n as f64)) / PAGE as f64 * SIDE as f64;
-    // Half a cell of the coarsest grid, and what the bilinear filter reads.
+    // Half a cell of the coarsest grid, plus the reach of the bilinear filter.
     let margin = size_in_cells * (0.5 / SIDE as f64) + 2.0 * SIDE as f64 / PAGE as f64;
     let [columns, rows] = size.map(|n| n.div_ceil(PAGE));
     let mut near = zeroed(columns * rows);
@@ -78,8 +78,8 @@ pub fn pages_near(tile: &TileMesh, size: [usize; 2]) -> Vec<bool> {
     near
 }
 
-/// Calls `f(x, y)` for the squares from `first` to `last` along both axes, of 16 cells each, that a triangle meets. They
-/// are `below` and `above` larger than that.
+/// Calls `f(x, y)` for the squares of 16 cells, from `first` to `last` along both axes, that a triangle meets. For the
+/// test, a square is extended by `below` and `above`.
 fn each_square(
     corners: [DVec2; 3],
     [first, last]: [[u32; 2]; 2],
@@ -112,7 +112,7 @@ fn meets(corners: [DVec2; 3], low: DVec2, high: DVec2) -> bool {
         let (a, b, c) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
         let edge = b - a;
         let normal = if edge.perp_dot(c - a) < 0.0 { edge.perp() * -1.0 } else { edge.perp() };
-        // The corner of the box that lies farthest on the triangle's side.
+        // The corner of the box that lies farthest towards the triangle's side.
         let far = DVec2::select(normal.cmpge(DVec2::ZERO), high, low);
         normal.dot(far - a) >= -SLACK * edge.length()
     })

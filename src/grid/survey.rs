@@ -1,6 +1,6 @@
-//! The survey of a tile: which nodes may move on which level, and hence which blocks there are. It visits the squares that
-//! the tile's triangles meet, holds a few bytes per square, and tells how much memory a grid will take before any of it is
-//! taken.
+//! The survey of a tile: which nodes may move on which level, and hence which blocks there are. It visits the squares
+//! that the tile's triangles meet, holds a few bytes per square, and computes how much memory a grid will need before
+//! any of it is allocated.
 
 use std::sync::Arc;
 
@@ -21,13 +21,13 @@ pub(crate) struct Survey<'a> {
     pub triangles: Vec<UvTriangle>,
     /// The nodes that may move if their chart has rigidity, sorted by chart, y, x.
     pub parts: Vec<Part>,
-    /// Per part, whether rigidity is not 0 at one of its nodes or next to it.
+    /// Per part, whether rigidity is nonzero at one of its nodes or next to one.
     pub rigid: Vec<bool>,
     pub levels: Vec<SurveyLevel>,
     /// Movable nodes of level 0, per chart; 0 for a chart without rigidity (method §1).
     pub movable: Vec<u64>,
     pub counts: Counts,
-    /// Of the squares that triangles cover, sorted by y, x.
+    /// The rigid nodes of the squares that triangles cover, sorted by y, x.
     pub rigid_nodes: Vec<RigidNodes>,
 }
 
@@ -44,33 +44,33 @@ pub(crate) struct SurveyLevel {
 /// Numbers of nodes of level 0.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Counts {
-    /// That a triangle covers.
+    /// Nodes that a triangle covers.
     pub covered: u64,
-    /// That more than one layer covers.
+    /// Nodes that more than one layer covers.
     pub layered: u64,
 }
 
 /// Rigid nodes of a square of level 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RigidNodes {
-    /// The square's place, in blocks.
+    /// Position of the square, in blocks.
     pub square: [u32; 2],
-    /// Nodes that a triangle covers, with a rigidity of at least `RIGID`.
+    /// Number of covered nodes with a rigidity of at least `RIGID`.
     pub rigid: u16,
-    /// Of these, those that do not move, whatever their chart.
+    /// Number of these nodes that are fixed, whatever their chart.
     pub frozen: u16,
 }
 
-/// The fraction of the rigid nodes that do not move.
+/// The fraction of the rigid nodes that are fixed.
 pub(super) fn frozen_share(squares: &[RigidNodes]) -> f32 {
     let sum = |f: fn(&RigidNodes) -> u16| squares.iter().map(|square| u64::from(f(square))).sum::<u64>();
     sum(|square| square.frozen) as f32 / sum(|square| square.rigid).max(1) as f32
 }
 
-/// From here on a node counts as rigid.
+/// The least rigidity of a node that counts as rigid.
 const RIGID: f32 = 0.5;
 
-/// Squares that a thread surveys at a time.
+/// Squares that a thread surveys at once.
 const CHUNK: usize = 16;
 
 impl<'a> Survey<'a> {
@@ -104,7 +104,7 @@ impl<'a> Survey<'a> {
         Survey { coverer, triangles, parts, rigid, levels, movable, counts, rigid_nodes }
     }
 
-    /// Bytes of the survey itself that the grid does not keep.
+    /// Bytes of the survey that the grid does not keep.
     pub fn bytes(&self) -> u64 {
         self.coverer.squares.bytes() as u64
     }
@@ -120,7 +120,7 @@ impl<'a> Survey<'a> {
     }
 }
 
-/// The movable nodes of each chart; 0 where no part is rigid.
+/// The number of movable nodes of each chart; 0 for charts without a rigid part.
 pub(super) fn movable_of_charts(charts: usize, parts: &[Part], rigid: &[bool]) -> Vec<u64> {
     let mut movable = zeroed::<u64>(charts);
     let mut is_rigid = zeroed::<bool>(charts);
@@ -186,7 +186,8 @@ fn coarser_parts(team: &Team, finer: &SurveyLevel) -> Vec<Part> {
     parts
 }
 
-/// Whether rigidity is not 0 at a node of a square or next to it: the weight of an edge is the larger rigidity of its ends.
+/// Whether rigidity is nonzero at a node of a square or next to it: the weight of an edge is the larger rigidity of its
+/// two ends.
 pub(super) fn has_rigidity(window: &[f32; WIDE * WIDE], i: usize, j: usize) -> bool {
     (0..3).any(|dj| window[at(i, j + dj)..][..3].iter().any(|&r| r > 0.0))
 }
@@ -194,13 +195,13 @@ pub(super) fn has_rigidity(window: &[f32; WIDE * WIDE], i: usize, j: usize) -> b
 /// What a thread found in some squares.
 #[derive(Default)]
 struct Found {
-    /// With whether rigidity is not 0 at one of its nodes or next to it.
+    /// Each part, and whether rigidity is nonzero at one of its nodes or next to one.
     parts: Vec<(Part, bool)>,
     counts: Counts,
     rigid_nodes: Vec<RigidNodes>,
 }
 
-/// The rigid nodes of a square, given its window of rigidity.
+/// The rigid nodes of a square, given the rigidity in its window.
 pub(super) fn rigid_nodes(
     square: [u32; 2],
     cover: &Cover,

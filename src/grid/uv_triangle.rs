@@ -8,7 +8,7 @@ use crate::mesh::TileMesh;
 /// A triangle in the UV plane, in cells.
 #[derive(Clone, Copy, Debug)]
 pub struct UvTriangle {
-    /// Its first UV corner, in cells.
+    /// The first UV corner, in cells.
     pub origin: [f32; 2],
     /// Rows of the 2x2 matrix that takes an offset from `origin` to the barycentric coordinates of corners 1 and 2.
     pub barycentric: [[f32; 2]; 2],

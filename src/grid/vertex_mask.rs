@@ -1,5 +1,5 @@
-//! A mask with one value per vertex, on the nodes of a square (method §1): linear over each triangle, and a node is fixed
-//! if the mask is under 0.5 anywhere within half a cell of it, as with a mask image.
+//! A mask with one value per vertex, at the nodes of a square (method §1). The mask is linear on each triangle, and a
+//! node is fixed if the mask is below 0.5 anywhere within half a cell of it, as with a mask image.
 
 use glam::{DVec2, DVec3};
 
@@ -7,7 +7,7 @@ use super::cover::Coverer;
 use super::node_set::NodeSet;
 use crate::grid::planes::SIDE;
 
-/// What lies under this does not move.
+/// Nodes where the mask is below this are fixed.
 const FREE: f64 = 0.5;
 
 /// The nodes of a square that the mask leaves free.
@@ -24,7 +24,7 @@ pub fn free(coverer: &Coverer, values: &[f32], square: [u32; 2]) -> NodeSet {
         if masks.iter().all(|&mask| mask >= FREE) {
             continue;
         }
-        // In cells from the square's first node; the third component is the mask.
+        // Corners in cells from the square's first node; the third component is the mask.
         let corner = |k: usize| (triangle.uv[k] * cells - first).extend(masks[k]);
         let corners = [0, 1, 2].map(corner);
         let low = corners[0].min(corners[1]).min(corners[2]);
@@ -45,9 +45,9 @@ pub fn free(coverer: &Coverer, values: &[f32], square: [u32; 2]) -> NodeSet {
     free
 }
 
-/// The smallest mask of a triangle within half a cell of a point; infinite if the triangle is not there.
+/// The smallest mask of a triangle within half a cell of a point; infinite if the triangle does not reach there.
 fn darkest(corners: &[DVec3; 3], at: DVec2) -> f64 {
-    // Four cuts leave 7 corners, or 13 if rounding lets every other side of the polygon cross each cut.
+    // Four cuts leave 7 corners, or 13 if rounding makes every other side of the polygon cross each cut.
     let mut polygon = [DVec3::ZERO; 13];
     polygon[..3].copy_from_slice(corners);
     let mut count = 3;
@@ -83,14 +83,14 @@ mod tests {
         let at = |x: f64, y: f64| darkest(&corners, DVec2::new(x, y));
         assert!((at(3.0, 3.0) - 0.25).abs() < 1e-12);
         assert!((at(0.0, 0.0) - 0.0).abs() < 1e-12);
-        // Near the long side, of which a part is cut off.
+        // Near the long side, where part of the square is outside.
         assert!((at(5.0, 5.0) - 0.45).abs() < 1e-12);
-        // The triangle ends at the square's corner, at it, or before it.
+        // The triangle ends beyond the square's corner, at it, or before it.
         assert!((at(5.25, 5.25) - 0.475).abs() < 1e-12);
         assert!((at(5.5, 5.5) - 0.5).abs() < 1e-12);
         assert_eq!(at(5.6, 5.6), f64::INFINITY);
         assert_eq!(at(-0.6, 3.0), f64::INFINITY);
-        // One inside the square.
+        // A triangle inside the square.
         let small = corners.map(|p| p * DVec3::new(0.01, 0.01, 1.0) + DVec3::new(4.0, 4.0, 0.25));
         assert_eq!(darkest(&small, DVec2::new(4.0, 4.0)), 0.25);
     }
@@ -120,8 +120,8 @@ mod tests {
             assert!(least >= found - 1e-12, "{corners:?}: {least} is under {found}");
             if least < f64::INFINITY {
                 met += 1;
-                // Neighbouring points differ by at most 1 / N of the mask's range of 1, and the corners of what the square
-                // cuts out may lie between points; thin triangles are those that are hit badly.
+                // Neighbouring points differ by at most 1 / N of the mask's range of 1, and the corners of what the
+                // square cuts out may lie between points; the error is largest for thin triangles.
                 let area =
                     (corners[1] - corners[0]).truncate().perp_dot((corners[2] - corners[0]).truncate());
                 assert!(area.abs() < 0.5 || least - found < 0.05, "{corners:?}: {least} against {found}");

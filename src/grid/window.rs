@@ -1,4 +1,4 @@
-//! Windows (method §1): a block and its halo of one node, copied side by side, for a stage to work on.
+//! Windows (method §1): contiguous copies of a block and its halo of one node, on which a stage works.
 
 use crate::grid::planes::{Plane, SIDE};
 use crate::mesh::NONE;
@@ -17,8 +17,8 @@ pub const fn place(i: usize, j: usize) -> usize {
     ((j & 1) * 2 + (i & 1)) * WINDOW_PLANE + (j >> 1) * 9 + (i >> 1)
 }
 
-/// Copies the plane of the block `neighbours[4]` and its halo into a window. `plane(b)` is the plane of block `b`;
-/// where a neighbour block is not stored, the halo is `default`.
+/// Copies the plane of the block `neighbours[4]` and its halo into a window. `plane(b)` is the plane of block `b`; the
+/// halo is `default` where a neighbour block is not stored.
 #[inline(always)]
 pub fn load<'a, T: Copy + 'a>(
     neighbours: &[u32; 9],

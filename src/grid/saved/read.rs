@@ -1,4 +1,4 @@
-//! Reads a grid from bytes, none of which is trusted.
+//! Reads a grid from untrusted bytes.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ const PART_BYTES: usize = 4 * 4 + 2 * SIDE;
 /// Bytes of a square's rigid nodes.
 const SQUARE_BYTES: usize = 2 * 4 + 2 * 2;
 
-/// Reads numbers one after the other.
+/// Reads numbers in sequence.
 pub struct Reader<'a> {
     pub left: &'a [u8],
 }
@@ -55,7 +55,7 @@ impl<'a> Reader<'a> {
         self.array().map(f32::from_le_bytes)
     }
 
-    /// Values of `size` bytes each, all of which have to satisfy `is_valid`.
+    /// Reads values of `size` bytes each, and checks each with `is_valid`.
     fn values<T: Copy>(
         &mut self,
         count: usize,
@@ -80,7 +80,7 @@ impl<'a> Reader<'a> {
         self.values(count, 4, |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]), is_valid, what)
     }
 
-    /// Planes of values, one after the other.
+    /// Reads planes of values in sequence.
     fn planes<T: Copy + Default, const SIZE: usize>(
         &mut self,
         count: usize,
@@ -172,7 +172,7 @@ pub fn grid(
     })
 }
 
-/// The parts, sorted, none of them empty, with nodes inside of the grid only.
+/// Reads the parts: they must be sorted and nonempty, with all nodes inside the grid.
 fn read_parts(
     from: &mut Reader,
     count: usize,
@@ -209,7 +209,7 @@ fn read_parts(
     Ok((parts, rigid))
 }
 
-/// The rigid nodes of squares, sorted, inside of the grid.
+/// Reads the rigid nodes of squares, which must be sorted and inside the grid.
 fn read_squares(from: &mut Reader, count: usize, cells: [usize; 2]) -> Result<Vec<RigidNodes>> {
     if from.left.len() / SQUARE_BYTES < count {
         return Err(refuse("it is cut short"));

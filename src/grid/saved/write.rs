@@ -3,7 +3,7 @@
 use crate::grid::Grid;
 use crate::grid::survey::RigidNodes;
 
-/// Writes numbers one after the other, or counts their bytes.
+/// Writes numbers in sequence, or counts their bytes.
 pub struct Writer<'a> {
     pub out: Option<&'a mut [u8]>,
     pub at: usize,
