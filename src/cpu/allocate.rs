@@ -1,5 +1,5 @@
 //! Allocation of a solver's memory. Structures are constructed with an [`Allocate`], which either allocates their
-//! arrays or counts the bytes: both go through the same code, so that the count is exact.
+//! arrays or counts their bytes. Both use the same code, so the count is exact.
 
 use crate::allocation::{Plain, filled, zeroed};
 

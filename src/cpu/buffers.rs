@@ -1,4 +1,4 @@
-//! The state of one level: the arrays that hold it, and how the items of a job share them.
+//! The state of one level: its arrays, and how the items of a job share them.
 
 use crate::grid::planes::Plane;
 use crate::team::SharedSlice;
@@ -39,7 +39,7 @@ impl Buffers {
     }
 }
 
-/// The state of a level that sweeps change, per block.
+/// The state of a level, per block, which sweeps change.
 #[derive(Clone, Copy)]
 pub struct State {
     /// Displacements, in cells of the level.

@@ -33,7 +33,7 @@ impl Run<'_> {
             result.min_jacobian = certificate.min_jacobian;
             result.folds = certificate.folds;
             result.max_displacement = certificate.max_displacement;
-            // A comparison with NaN is false.
+            // Any comparison with NaN is false.
             let better = result.energy.is_finite()
                 && (allow_folds || (result.energy <= result.energy_before && certificate.folds == 0));
             if !better {
@@ -56,7 +56,7 @@ impl Run<'_> {
         }
     }
 
-    /// Makes the identity the result of all charts that are solved, without a look at the nodes.
+    /// Makes the identity the result of all charts that are solved, without certification.
     pub(super) fn fall_back_everywhere(&mut self) {
         for c in (0..self.charts.len()).filter(|&c| self.charts[c]) {
             self.results[c] = ChartResult { min_jacobian: 1.0, fallback: true, ..ChartResult::default() };
@@ -85,7 +85,7 @@ impl Run<'_> {
     }
 }
 
-/// The length of a vector; not 0 unless both components are, however small. NaN if one of them is.
+/// The length of a vector; 0 only if both components are 0, and NaN if one of them is NaN.
 fn length(x: f32, y: f32) -> f32 {
     let (least, most) = (x.abs().min(y.abs()), x.abs().max(y.abs()));
     if x.is_nan() || y.is_nan() {
@@ -97,8 +97,8 @@ fn length(x: f32, y: f32) -> f32 {
     }
 }
 
-/// The least corner Jacobian (at most 1), the number of corners with a Jacobian that is not positive, and the longest
-/// displacement in cells: of a chart or of a block.
+/// The least corner Jacobian (at most 1), the number of corners whose Jacobian is not positive, and the longest
+/// displacement in cells, of a chart or of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Certificate {
     pub min_jacobian: f64,
@@ -121,14 +121,14 @@ impl Certificate {
         self.add_displacement(other.max_displacement);
     }
 
-    /// Takes a corner Jacobian into the minimum, which becomes NaN if `x` is NaN.
+    /// Includes a corner Jacobian in the minimum, which becomes NaN if `x` is NaN.
     fn add_jacobian(&mut self, x: f64) {
         if x.is_nan() || x < self.min_jacobian {
             self.min_jacobian = x;
         }
     }
 
-    /// Takes a displacement into the maximum, which becomes NaN if `x` is NaN.
+    /// Includes a displacement in the maximum, which becomes NaN if `x` is NaN.
     fn add_displacement(&mut self, x: f32) {
         if x.is_nan() || x > self.max_displacement {
             self.max_displacement = x;
@@ -136,7 +136,7 @@ impl Certificate {
     }
 }
 
-/// Computes the certificate of an active block: of its cells, and of the adjacent cells of blocks that are not active.
+/// Computes the certificate of an active block: of the block's cells, and of the adjacent cells of inactive blocks.
 /// Cells that are adjacent to no active block are at rest, with J = 1.
 pub(crate) fn certify_block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
     let mut certificate = Certificate::default();
@@ -151,7 +151,7 @@ pub(crate) fn certify_block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certif
         b != NONE && level.blocks.list[b as usize].active
     };
     // Cells (-1, -1) to (15, 15). A cell belongs to the block that holds its lower left node. Cells of other blocks are
-    // included only if these blocks are not active, and hence not checked themselves.
+    // included only if these blocks are inactive, since inactive blocks are not checked themselves.
     for j in 0..17 {
         for i in 0..17 {
             let holder = if j == 0 { 0 } else { 3 } + usize::from(i > 0);

@@ -30,11 +30,12 @@ use crate::team::SharedSlice;
 use crate::unwind::{go_on, hold_back};
 use workspace::{Assembling, SolvingLevel, Stepping};
 
-/// How much longer than what is done of a correction the rest of it takes, up to its first trial: measured on level 0.
+/// The time of a correction's remainder up to its first trial, relative to the time that it has taken so far, after
+/// each of its phases; measured on level 0.
 const AFTER_ASSEMBLY: f64 = 1.8;
 const AFTER_SYSTEMS: f64 = 1.2;
 const AFTER_SOLUTION: f64 = 0.35;
-/// The same for a further trial.
+/// The relative time of a further trial.
 const AFTER_TRIAL: f64 = 0.25;
 
 impl Run<'_> {
@@ -42,8 +43,8 @@ impl Run<'_> {
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
         self.began = Instant::now();
         let mut workspace = std::mem::take(&mut self.memory.workspace);
-        // The last result is not needed any more, since a warm start has read it. Its memory holds the step until
-        // certification writes the new result.
+        // A warm start has already read the last result, so its memory can hold the step until certification writes the
+        // new result.
         let result = std::mem::take(&mut self.result);
         self.result_is_used |= level == 0;
         let mut fraction = std::mem::take(&mut workspace.next_fraction);
@@ -64,7 +65,8 @@ impl Run<'_> {
         go_on(corrected);
     }
 
-    /// The same with memory that is the level's and the correction's. `fraction` has the charts' step fractions.
+    /// Corrects `level` with the memory of the level and of the correction. `fraction` holds the charts' step
+    /// fractions.
     fn correct_with(
         &mut self,
         level: usize,
@@ -93,9 +95,9 @@ impl Run<'_> {
         }
     }
 
-    /// Whether there is no time for the rest, so that the correction ends here: it takes `rest` times as long as what is
-    /// done. The displacements are still those before it, and so is the energy, but the memory of the samples may hold
-    /// other quantities.
+    /// Ends the correction if its remainder would exceed the time budget; the remainder takes `rest` times as long as
+    /// the correction has taken so far. Displacements and energy are then still those from before the correction, but
+    /// the memory of the samples may hold other quantities.
     fn stops_now(&mut self, level: usize, before: &[f64], rest: f64) -> bool {
         // With a pull, certification needs the samples of level 0.
         if level == 0 && self.weights[0].pull > 0.0 {
@@ -114,7 +116,7 @@ impl Run<'_> {
     }
 
     /// Completes the matrix of `level`, and forms those of all coarser levels from it if this is the level's first
-    /// correction: they precondition the further ones well enough. `levels` begin with `level`.
+    /// correction: these precondition later corrections well enough, too. `levels` begins with `level`.
     fn complete_systems(&self, level: usize, levels: &mut [SolvingLevel], first: bool) {
         let last = if first { levels.len() - 1 } else { 0 };
         for k in 0..=last {
@@ -126,10 +128,10 @@ impl Run<'_> {
         }
     }
 
-    /// Takes the step chart by chart, relaxes, and accepts the result if the energy fell enough; else tries half of the
-    /// step, then a quarter, then none (method §7.7). Relaxation comes before acceptance because the step errs most
-    /// where the surface has kinks. This error is rough and local, a sweep removes most of it, and it would otherwise
-    /// refuse the step of the whole chart.
+    /// Takes the step chart by chart, relaxes, and accepts the result if the energy fell enough; otherwise tries half
+    /// of the step, then a quarter, then no step (method §7.7). Relaxation comes before acceptance because the step
+    /// errs most where the surface has kinks. This error is rough and local, and a sweep removes most of it; without
+    /// relaxation it would cause the step of the whole chart to be refused.
     ///
     /// `fraction` holds each chart's step fraction of this correction, and is set to that of the next one.
     fn try_fractions(
@@ -154,7 +156,7 @@ impl Run<'_> {
                 break;
             }
             if trial > 0 && self.stops_now(level, before, AFTER_TRIAL) {
-                // What has not been accepted is taken back.
+                // Undo trials that were not accepted.
                 let u = SharedSlice::new(&mut self.memory.levels[level].u);
                 self.team.run(blocks.len(), |k| {
                     let b = blocks[k] as usize;
@@ -173,7 +175,7 @@ impl Run<'_> {
                 let (step, node_fraction) = (&step[b], &node_fraction[b][0]);
                 for c in 0..2 {
                     for s in 0..NODES {
-                        // A fraction of 0 means no step even where the step is NaN.
+                        // With a fraction of 0 no step is taken, even where the step is NaN.
                         let taken = if chart_fraction > 0.0 {
                             chart_fraction * node_fraction[s] * step[c][s]
                         } else {
@@ -196,10 +198,10 @@ impl Run<'_> {
                     predicted: predicted[c],
                     fraction: fraction[c],
                 };
-                // The last trial is relaxation alone.
+                // The last trial is relaxation alone, which is always accepted.
                 if gain.suffices() || trial == trials.len() {
                     open[c] = false;
-                    // With a pull it is not the state's own energy.
+                    // With a pull, the energy that was lowered is not that of the state alone.
                     if level == 0 && self.weights[0].pull == 0.0 {
                         self.known_energies[c] = Some(energies[c]);
                     }

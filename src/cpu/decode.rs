@@ -6,7 +6,7 @@ use crate::grid::window::{self, WINDOW_NODES, Window};
 
 use super::lanes::{LANES, Lanes};
 
-/// First indices of the vectors that cover a window. The last vector overlaps the one before it.
+/// First indices of the vectors that cover a window. The last vector overlaps the previous one.
 #[inline(always)]
 pub fn window_vectors() -> impl Iterator<Item = usize> {
     (0..WINDOW_NODES - LANES).step_by(LANES).chain([WINDOW_NODES - LANES])
@@ -39,7 +39,7 @@ pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window
     }
 }
 
-/// Weights of the interpolation P in the window of a block with the given neighbour blocks; 0 where there is no block.
+/// Weights of the interpolation P in the window of a block with the given neighbour blocks; 0 where no block is stored.
 pub fn interpolation(level: &Level, neighbours: &[u32; 9]) -> Window {
     let mut codes: Window<u8> = [0; WINDOW_NODES];
     window::load(neighbours, 0, |b| &level.interpolation[b], &mut codes);

@@ -21,7 +21,7 @@ impl Run<'_> {
         self.with_surface(level, Energies { level, weights, allow_folds: false })
     }
 
-    /// The same with the pull towards the previous result: what corrections lower.
+    /// The energy including the pull towards the previous result, which corrections reduce.
     pub(super) fn energies_with_pull(&mut self, level: usize) -> Vec<f64> {
         let weights = self.weights[level];
         self.with_surface(level, Energies { level, weights, allow_folds: false })
@@ -38,7 +38,7 @@ impl Run<'_> {
 struct Energies {
     level: usize,
     weights: Weights,
-    /// Whether the energy is that of the terms even if cells are crushed.
+    /// Whether crushed cells count with their terms instead of making the energy infinite.
     allow_folds: bool,
 }
 
@@ -78,7 +78,7 @@ struct BlockEnergy<'a, S> {
     weights: &'a Weights,
     anchor: &'a [[Plane; 2]],
     b: usize,
-    /// As in `Energies`.
+    /// See `Energies::allow_folds`.
     allow_folds: bool,
 }
 
@@ -152,13 +152,13 @@ impl<V: Lanes> Total<V> {
         self.sum += movable.select(energy, V::zero());
     }
 
-    /// The sum, whatever the corner Jacobians.
+    /// The sum, regardless of the corner Jacobians.
     #[inline(always)]
     fn sum(&self) -> f64 {
         f64::from(self.sum.sum())
     }
 
-    /// The sum, or infinity if a corner Jacobian is under `CRUSHED_JACOBIAN`: the state is invalid then.
+    /// The sum, or infinity if a corner Jacobian is below `CRUSHED_JACOBIAN`, which makes the state invalid.
     #[inline(always)]
     pub fn energy(&self) -> f64 {
         let crushed = self.least_jacobian.lt(V::splat(CRUSHED_JACOBIAN)).any();

@@ -1,6 +1,6 @@
 //! invert: computes W⁻¹ at texel centres or at single points from the displacements of the finest level (the paper's
 //! eq. 9, method §9). Each warped cell is split into two triangles by its diagonal from (0,0) to (1,1). A texel centre
-//! inside of one is assigned the barycentric interpolation of the triangle's corners at rest. The fill rule assigns
+//! inside a triangle is assigned the barycentric interpolation of the triangle's corners at rest. The fill rule assigns
 //! each centre to exactly one triangle, because the two triangles at an edge evaluate it on the same coordinates.
 
 use glam::DVec2;
@@ -18,7 +18,7 @@ use crate::team::Team;
 pub(crate) struct Inverse<'a> {
     /// The point, in cells.
     pub p: [f64; 2],
-    /// The triangle that it lies in.
+    /// The triangle that contains the point.
     piece: &'a Piece,
 }
 
@@ -34,17 +34,17 @@ impl Inverse<'_> {
 
 /// A triangle on which W is affine.
 struct Piece {
-    /// Its corners at rest, in cells.
+    /// Corners at rest, in cells.
     rest: [DVec2; 3],
-    /// Its edges in the warp from the first corner to the other two, in texels.
+    /// Edges in the warp from the first corner to the other two, in texels.
     edges: [DVec2; 2],
-    /// 1 over twice the area in the warp.
+    /// 1 divided by twice the area in the warp.
     inverse: f64,
 }
 
-/// Calls `put(x, y, inverse)` for each texel of a part of an image whose centre lies in a moved cell, with its place in the
-/// whole image and W⁻¹ at the centre. The other texels have the identity. No texel is visited twice if the warp is
-/// free of folds. `reach` is at least the largest component of a displacement.
+/// Calls `put(x, y, inverse)` for each texel of a part of an image whose centre lies in a moved cell, with its position
+/// in the whole image and W⁻¹ at the centre. W⁻¹ is the identity at all other texels. No texel is visited twice if the
+/// warp is free of folds. `reach` must be at least the largest component of any displacement.
 pub(crate) fn texels(
     team: &Team,
     grid: &Grid,
@@ -60,7 +60,7 @@ pub(crate) fn texels(
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         let block = &level.blocks.list[b];
         let (x, y) = (block.x as usize * SIDE, block.y as usize * SIDE);
-        // A block whose cells all stay beside the part.
+        // Skip blocks whose cells all lie outside the part.
         let misses = |axis: usize, at: usize| {
             let reach = f64::from(reach) + 1.0;
             let (low, high) = (at as f64 - reach, (at + SIDE) as f64 + reach);
@@ -99,8 +99,8 @@ fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) ->
 }
 
 /// Calls `put` for the texels whose centre lies in a warped triangle, given its corners at rest in cells and warped in
-/// texels. A triangle without area, which only the paper's solver makes, covers no texel; the coordinates in one with
-/// next to none are rounded, and kept within the triangle.
+/// texels. A triangle without area, which only the paper's solver produces, covers no texel. In a sliver the rounded
+/// coordinates are clamped to the triangle.
 fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], part: &ImagePart, put: &impl Fn(usize, usize, Inverse)) {
     let [a, b, c] = warped;
     let (e1, e2) = (b - a, c - a);
@@ -132,14 +132,15 @@ fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, i: i64, j: i64) -> 
     u[b as usize].each_ref().map(|plane| f64::from(plane[s])).into()
 }
 
-/// Most rounds of Newton's method, and its longest step in cells: a squeezed triangle leads far beyond what it speaks for.
+/// The maximum number of rounds of Newton's method, and its longest step in cells: from a squeezed triangle a step may
+/// lead far beyond the region where the triangle's map applies.
 const ROUNDS: usize = 24;
 const LONGEST_STEP: f64 = 8.0;
 
 /// W⁻¹ at the point `c` of a chart, in cells; `None` if the four nodes around `c` have no displacement, or if the
 /// search finds no triangle.
 ///
-/// `reach` is at least the largest component of the chart's displacements.
+/// `reach` must be at least the largest component of the chart's displacements.
 pub(crate) fn point(
     level: &Level,
     u: &[[Plane; 2]],
@@ -157,8 +158,8 @@ pub(crate) fn point(
     if unmoved {
         return None;
     }
-    // Newton's method: W is affine on each triangle, so the inverse of the present one's map leads on, mostly right into
-    // the triangle of c. Where it does not get there, the cells around its end are searched in growing rings.
+    // Newton's method: W is affine on each triangle, so the inverse of the present triangle's map usually leads into
+    // the triangle of c. If it does not, the cells around its last point are searched in growing rings.
     let mut guess = c;
     for _ in 0..ROUNDS {
         let [i, j] = cell(guess);
@@ -178,13 +179,14 @@ pub(crate) fn point(
         let left = c - (guess + u00 + part.x * du + part.y * dv);
         let (a, b) = (DVec2::X + du, DVec2::Y + dv);
         let area = a.perp_dot(b);
-        // Without area, which only the paper's solver leaves, the displacement's fixed point has to do.
+        // In a triangle without area, which only the paper's solver leaves, use a step of the fixed-point iteration on
+        // the displacement.
         let step = if area > 0.0 { DVec2::new(left.perp_dot(b), a.perp_dot(left)) / area } else { left };
         guess += step.clamp_length_max(LONGEST_STEP);
     }
     let [gi, gj] = cell(guess);
-    // The right cell is no farther from c than the largest displacement; the guess may be farther from it by its
-    // distance from c.
+    // The right cell is no farther from c than the largest displacement; its distance from the guess may be greater by
+    // the distance between the guess and c.
     let reach = f64::from(reach).ceil() as i64 + 2;
     let guess_distance = (gi - rest_cell[0]).abs().max((gj - rest_cell[1]).abs());
     for ring in 0..=reach + guess_distance {
@@ -241,7 +243,7 @@ mod tests {
         assert_eq!(covered([[1.5, 1.5], [2.5, 1.5], [2.5, 2.5]]).len(), 1);
     }
 
-    /// Slivers through a texel centre, whose coordinates have few digits.
+    /// Slivers through a texel centre have coordinates with few significant digits.
     #[test]
     fn a_sliver_keeps_its_texels_within_the_cell() {
         let mut count = 0;

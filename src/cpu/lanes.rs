@@ -1,5 +1,5 @@
 //! Eight f32 lanes: one row of one colour of a block. Every processor level gives the same bits, because only + - * /
-//! and square roots are used and nothing is contracted.
+//! and square roots are used, without fused multiply-add.
 
 mod vector;
 
@@ -28,14 +28,14 @@ use fearless_simd::{Simd, f32x8};
 
 use crate::grid::codes::Lengths;
 
-/// Plain loops over arrays: the definition of what all levels do.
+/// Plain loops over arrays, which define the results of all levels.
 #[cfg(test)]
 pub type Portable = f32x8<fearless_simd::Fallback>;
 
 /// Lanes per vector.
 pub const LANES: usize = 8;
 
-/// Eight f32, as one processor level holds them.
+/// Eight f32, in the representation of one processor level.
 pub trait Lanes:
     Copy
     + Send
@@ -61,18 +61,18 @@ pub trait Lanes:
     fn to_array(self) -> [f32; LANES];
     /// `values[at..at + LANES]`.
     fn load(values: &[f32], at: usize) -> Self;
-    /// As floats.
+    /// Loads eight u8 as floats.
     fn load_u8(values: &[u8], at: usize) -> Self;
-    /// As floats.
+    /// Loads eight u16 as floats.
     fn load_u16(values: &[u16], at: usize) -> Self;
-    /// The lengths that codes stand for.
+    /// Loads codes and decodes them to lengths.
     fn load_lengths(values: &[u16], at: usize, lengths: Lengths) -> Self;
     fn store(self, values: &mut [f32], at: usize);
     fn sqrt(self) -> Self;
     fn floor(self) -> Self;
-    /// The other operand where this one is NaN.
+    /// The lane-wise maximum; where this operand is NaN, the other one.
     fn max(self, other: Self) -> Self;
-    /// The other operand where this one is NaN.
+    /// The lane-wise minimum; where this operand is NaN, the other one.
     fn min(self, other: Self) -> Self;
     fn lt(self, other: Self) -> Self::Mask;
     fn le(self, other: Self) -> Self::Mask;
@@ -84,14 +84,14 @@ pub trait Lanes:
     fn index_from_array(values: [u32; LANES]) -> Self::Index;
     fn index_to_array(index: Self::Index) -> [u32; LANES];
     fn index_eq(a: Self::Index, b: Self::Index) -> Self::Mask;
-    /// Where the mask is true `a`, elsewhere `b`.
+    /// `a` where the mask is true, `b` elsewhere.
     fn select_index(mask: Self::Mask, a: Self::Index, b: Self::Index) -> Self::Index;
-    /// Both operands without their last 16 bits, rounded (to even where that is a tie; a NaN may become
-    /// one): the first in the upper half of each word, the other in the lower.
+    /// Rounds both operands to bfloat16 (to even in a tie; a NaN may become another NaN or infinite): `high` in the
+    /// upper half of each word, `low` in the lower half.
     fn pack_bfloat16(high: Self, low: Self) -> Self::Index;
-    /// What `pack_bfloat16` kept.
+    /// The two operands as rounded by `pack_bfloat16`.
     fn unpack_bfloat16(words: Self::Index) -> (Self, Self);
-    /// Numbers at the same place of eight records: `out[k]` has in lane n the k-th number of record n.
+    /// Transposes eight records of eight numbers: lane n of `out[k]` is the k-th number of record n.
     fn transpose(records: [&[f32; LANES]; LANES]) -> [Self; LANES];
 
     #[inline(always)]
@@ -104,15 +104,15 @@ pub trait Lanes:
     }
 }
 
-/// Eight truth values, and what they choose.
+/// Eight truth values, which select lanes.
 pub trait Mask<V>: Copy {
     /// Lane k is true if bit k is set.
     fn from_bits(bits: u8) -> Self;
     fn bits(self) -> u8;
     fn and(self, other: Self) -> Self;
-    /// True in lanes where this is and the other one is not.
+    /// True in lanes where this mask is true and the other one is false.
     fn and_not(self, other: Self) -> Self;
-    /// `a` where true, `b` elsewhere.
+    /// `a` where the mask is true, `b` elsewhere.
     fn select(self, a: V, b: V) -> V;
     #[inline(always)]
     fn any(self) -> bool {
@@ -120,31 +120,32 @@ pub trait Mask<V>: Copy {
     }
 }
 
-/// Work on a block, whose `run` is to be inlined (always) so that it can be compiled for several processors.
+/// Work on a block. `run` must be `#[inline(always)]`, so that it can be compiled for several processor levels.
 pub trait Vectorised {
     type Output;
     fn run<V: Lanes>(self) -> Self::Output;
 }
 
-/// Runs a kernel that was compiled for the widest vectors that this processor has. Every level gives the same bits: none
-/// of them fuses a multiplication with an addition.
+/// Runs a kernel compiled for the widest vectors that this processor has. Every level gives the same bits: none of them
+/// fuses a multiplication with an addition.
 #[inline(always)]
 pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     {
-        // All that `fearless_simd` asks of AVX2, or its functions are called instead of inlined, and AVX-512.
+        // Must list everything that `fearless_simd` requires of AVX2, and AVX-512; otherwise its functions are called
+        // instead of inlined.
         #[target_feature(enable = "avx2,bmi1,bmi2,cmpxchg16b,f16c,fma,fxsr,lzcnt,movbe,popcnt,xsave")]
         #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
         fn avx512<K: Vectorised>(kernel: K) -> K::Output {
             kernel.run::<f32x8<Avx2>>()
         }
-        // A function of its own, or its variables would take up stack under each of the others.
+        // A separate function: inlined, its variables would take up stack in each of the others.
         #[inline(never)]
         fn baseline<K: Vectorised>(kernel: K) -> K::Output {
             kernel.run::<f32x8<Baseline>>()
         }
         match processor_level() {
-            // SAFETY: the processor has it.
+            // SAFETY: the processor has this level.
             ProcessorLevel::Avx512 => unsafe { avx512(kernel) },
             ProcessorLevel::Avx2 => token::<Avx2>().vectorize(
                 #[inline(always)]
@@ -157,32 +158,32 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
     kernel.run::<f32x8<Baseline>>()
 }
 
-/// The token of a level: an empty value, which stands for a processor that has the level's instructions.
+/// The token of a level: a zero-sized value that shows that the processor has the level's instructions.
 #[inline(always)]
 fn token<S: Simd>() -> S {
     const { assert!(size_of::<S>() == 0) };
-    // SAFETY: the value is empty, so nothing is read, and what it stands for is true: only `dispatch` chooses a level, and it
-    // checks the processor first.
+    // SAFETY: the value has no bytes, so nothing is read. Its claim is true, because only `dispatch` chooses a level,
+    // and it checks the processor first.
     unsafe { NonNull::<S>::dangling().read() }
 }
 
 /// Processor levels that kernels are compiled for.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Processors other than x86-64 have one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ProcessorLevel {
-    /// What the target has at least: SSE2, NEON, WebAssembly's vectors, or whatever the compiler makes of plain loops.
+    /// The minimum of the target: SSE2, NEON, WebAssembly's vectors, or what the compiler makes of plain loops.
     Baseline,
-    /// AVX2, and the bit instructions of processors that have it.
+    /// AVX2, and the bit-manipulation instructions of processors that have it.
     #[cfg(target_arch = "x86_64")]
     Avx2,
-    /// The same vectors of eight lanes, of which there are 32 then instead of 16: kernels are 8 % faster, since less is
-    /// put aside.
+    /// Vectors of eight lanes as with AVX2, but 32 registers instead of 16: kernels are 8 % faster, since fewer values
+    /// are spilled.
     #[cfg(target_arch = "x86_64")]
     Avx512,
 }
 
 /// The level in use: the highest that the processor has.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Processors other than x86-64 have one level.
 #[inline(always)]
 pub fn processor_level() -> ProcessorLevel {
     #[cfg(test)]
@@ -191,7 +192,7 @@ pub fn processor_level() -> ProcessorLevel {
     detected()
 }
 
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Other processors have one level.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))] // Processors other than x86-64 have one level.
 #[inline(always)]
 fn detected() -> ProcessorLevel {
     #[cfg(target_arch = "x86_64")]
@@ -205,7 +206,7 @@ fn detected() -> ProcessorLevel {
     ProcessorLevel::Baseline
 }
 
-/// Tests run solves on the lower levels, too.
+/// Lets tests run solves on lower levels.
 #[cfg(test)]
 pub mod forced {
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -227,8 +228,8 @@ pub mod forced {
         LEVELS[MOST.load(Ordering::Relaxed)]
     }
 
-    /// Runs `f` at a level at most. Other tests that run meanwhile may do without the higher ones, too: the bits are the
-    /// same.
+    /// Runs `f` on `level` or a lower one. Other tests that run at the same time may also use lower levels; they get
+    /// the same bits.
     pub fn at_most<R>(level: ProcessorLevel, f: impl FnOnce() -> R) -> R {
         MOST.store(level as usize, Ordering::Relaxed);
         let result = f();
@@ -237,7 +238,7 @@ pub mod forced {
     }
 }
 
-/// An array of the values of an expression for each of some numbers. Unlike `map`, it leaves no call behind.
+/// An array of the values of an expression, one for each of the given numbers. Unlike `map`, it compiles to no call.
 macro_rules! each {
     ([$($n:literal),*], |$k:ident| $value:expr) => {
         [$({ let $k: usize = $n; $value }),*]

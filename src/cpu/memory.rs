@@ -1,4 +1,4 @@
-//! The memory of one tile's solver: all arrays that a solve writes, kept from one solve to the next.
+//! The memory of one tile's solver: all arrays that a solve writes. It is kept from one solve to the next.
 
 use std::sync::{Arc, Weak};
 
@@ -37,14 +37,14 @@ impl PbdBuffers {
 /// The memory of one tile's solver.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
-    /// The blocks that it is for.
+    /// The node planes of the grid that the memory is for, which identify that grid.
     blocks: Weak<Vec<Plane<u32>>>,
     solver: Solver,
-    /// Per level.
+    /// State and pose metrics per level.
     pub(super) levels: Vec<Buffers>,
     /// Memory of corrections; empty for the paper's solver.
     pub(super) workspace: Workspace,
-    /// Per level; empty for `descent`.
+    /// Buffers of the paper's solver per level; empty for `descent`.
     pub(super) pbd: Vec<PbdBuffers>,
     /// Per triangle, the record of its UVs and pose.
     pub(super) triangles: Vec<TriangleRecord>,
@@ -84,8 +84,8 @@ impl Memory {
         Memory { blocks: Weak::new(), solver, levels, workspace, pbd, triangles, metrics }
     }
 
-    /// Whether this is the memory of the given solver on the given grid (grids of other sizes or maps have other
-    /// blocks).
+    /// Whether this is the memory of the given solver on the given grid. (Grids of different sizes or maps have
+    /// different blocks.)
     pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
         self.solver == solver && self.blocks.upgrade().is_some_and(|own| Arc::ptr_eq(&own, &grid.triangle))
     }

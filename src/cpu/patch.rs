@@ -39,7 +39,7 @@ pub struct Weights {
     pub orientation_density: f32,
     pub room: f32,
     pub room_threshold: f32,
-    /// Of the pull towards the previous result (method §5); 0 if there is none.
+    /// Weight of the pull towards the previous result (method §5); 0 without a pull.
     pub pull: f32,
 }
 
@@ -64,7 +64,7 @@ impl Weights {
         }
     }
 
-    /// The weights of the state's own energy, which does not know the previous result.
+    /// These weights without the pull, for the energy of the state alone.
     pub fn without_pull(self) -> Weights {
         Weights { pull: 0.0, ..self }
     }
@@ -105,7 +105,7 @@ pub struct NodeState<V: Lanes> {
     pub samples: Samples<V>,
 }
 
-// SAFETY: numbers, and a truth value.
+// SAFETY: all fields are numbers or a truth value.
 unsafe impl Plain for Patch {}
 
 impl Patch {
@@ -127,7 +127,7 @@ impl Patch {
         self.x = i64::from(block.x) * SIDE as i64;
         self.y = i64::from(block.y) * SIDE as i64;
         self.floor = level.floor[block.chart as usize];
-        // SAFETY: the caller's promise.
+        // SAFETY: promised by the caller.
         unsafe {
             for c in 0..2 {
                 window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut self.u[c]);

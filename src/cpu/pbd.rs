@@ -1,6 +1,6 @@
 //! pbd: the iterations of the paper's solver (method §10). Each pass reads a level's state and writes a second copy of
-//! it, and then the two are swapped. No node depends on values that the same pass writes, so that neither the number of
-//! threads nor their order matters.
+//! it; then the two are swapped. No node depends on values that the same pass writes, so neither the number of threads
+//! nor their order affects the result.
 
 mod project;
 mod regularise;
@@ -21,8 +21,8 @@ use project::Project;
 use regularise::{Regularise, Velocity};
 
 impl Run<'_> {
-    /// Does one iteration: projects the eight sets in turn, and then regularises, integrates and predicts if the
-    /// iteration asks for it.
+    /// Does one iteration: projects the eight sets in turn; then, if the iteration includes it, regularises, integrates
+    /// and predicts.
     pub(super) fn iterate_level(&mut self, level: usize, iteration: &Iteration) {
         if iteration.first {
             self.begin_level(level);
@@ -56,7 +56,7 @@ impl Run<'_> {
         }
     }
 
-    /// Copies the stored blocks that are not active, which no pass visits, to the second copy of the state.
+    /// Copies to the second copy of the state those stored blocks that are inactive, which no pass visits.
     fn copy_inactive_blocks(&mut self, level: usize) {
         let (state, next) = (&self.memory.levels[level], &mut self.memory.pbd[level].next);
         for &b in &self.work[level].stored {
@@ -108,7 +108,7 @@ impl SurfaceFn<()> for RunPass {
         let (level, density) = (&run.grid.levels[level], run.weights[level].orientation_density);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
-            // SAFETY: no item writes `state`, and each has its own block of `next` and `previous`.
+            // SAFETY: no item writes `state`, and each item has its own block of `next` and `previous`.
             unsafe {
                 match &pass {
                     Pass::Project(project) => project.block(level, state, next, surface, density, b),

@@ -41,7 +41,7 @@ impl Run<'_> {
         self.work[0].active = active;
     }
 
-    /// Sets a level to the displacements that are interpolated from the next coarser one.
+    /// Sets a level to displacements interpolated from the next coarser level.
     pub(super) fn prolong_level(&mut self, level: usize) {
         if level == 0 {
             // This also computes the energy of the identity.
@@ -56,7 +56,7 @@ impl Run<'_> {
         self.work[level].active = active;
     }
 
-    /// The displacements alone, for a level whose samples nobody asks for.
+    /// Interpolates the displacements alone, for a level whose samples are not needed.
     pub(super) fn interpolate_level(&mut self, level: usize) {
         self.zero_inactive_blocks(level);
         self.interpolate_active_blocks(level);
@@ -76,8 +76,8 @@ impl Run<'_> {
         });
     }
 
-    /// Sets the displacements of a level's stored blocks that are not active to 0, since no stage visits them, and returns
-    /// these blocks.
+    /// Sets the displacements of a level's stored inactive blocks to 0, since no stage visits them, and returns these
+    /// blocks.
     fn zero_inactive_blocks(&mut self, level: usize) -> Vec<u32> {
         let list = &self.grid.levels[level].blocks.list;
         let inactive: Vec<u32> =
@@ -88,7 +88,7 @@ impl Run<'_> {
         inactive
     }
 
-    /// Stores the energy of the identity, which has to be the present state of the finest level.
+    /// Stores the energy of the finest level's present state, which must be the identity.
     fn store_identity_energy(&mut self) {
         let energies = self.energies(0);
         for (result, energy) in self.results.iter_mut().zip(energies) {

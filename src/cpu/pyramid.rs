@@ -1,5 +1,5 @@
-//! pyramid: computes the pose metrics at the nodes of the coarser levels, on level 1 from the metrics of the triangles,
-//! and on each other level from the next finer one (method §3).
+//! pyramid: computes the pose metrics at the nodes of the coarser levels, those of level 1 from the metrics of the
+//! triangles, and those of each other level from the next finer one (method §3).
 
 use crate::grid::metric;
 

@@ -1,9 +1,9 @@
 //! relax: descent node by node (method §6). With its neighbours fixed, each node takes its 2x2 Gauss-Newton step,
-//! limited so that no corner Jacobian falls under ε, if its energy does not rise.
+//! limited so that no corner Jacobian falls below ε; the step is kept if the node's energy does not rise.
 //!
 //! Blocks of one block colour (x & 1, y & 1) do not touch. They are relaxed in parallel, each with its four node
-//! colours in turn and with its halo frozen, so that the bits do not depend on the order of the blocks. Gathering a
-//! block takes a third of the time of a sweep; therefore two sweeps are done on a gathered block.
+//! colours in turn and with its halo frozen, so the bits do not depend on the order of the blocks. Gathering a block
+//! takes a third of the time of a sweep; therefore two sweeps are done on a gathered block.
 
 use std::sync::atomic::Ordering;
 
@@ -21,7 +21,7 @@ use super::sampling::Surface;
 use super::terms::QuadraticModel;
 
 impl Run<'_> {
-    /// Relaxes a level. `fraction` is the step fraction per chart (none = 1).
+    /// Relaxes a level. `fraction` is the step fraction per chart (1 if absent).
     pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, fraction: Option<&[f32]>) {
         let grid = &self.grid.levels[level];
         let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
@@ -35,8 +35,8 @@ impl Run<'_> {
 pub struct Relax<'a> {
     pub level: usize,
     pub sweeps: u32,
-    /// Step fraction per chart (none = 1). Sweeps after a partial correction use the same fraction, so that both fade
-    /// in together.
+    /// Step fraction per chart (1 if absent). Sweeps after a partial correction use the same fraction, so that both
+    /// fade in together.
     pub fraction: Option<&'a [f32]>,
 }
 
@@ -99,7 +99,7 @@ impl<S: Surface> Vectorised for RelaxBlock<'_, S> {
                 step::<V, S>(patch, surface, weights, row, fraction);
             }
         }
-        // SAFETY: as above.
+        // SAFETY: no other item accesses the block.
         unsafe { store::<S>(patch, state, b) };
     }
 }
@@ -110,7 +110,7 @@ impl<S: Surface> Vectorised for RelaxBlock<'_, S> {
 /// No other item accesses this block meanwhile.
 #[inline(always)]
 unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
-    // SAFETY: the caller's promise.
+    // SAFETY: promised by the caller.
     let (u, value) = unsafe { (state.u.get_mut(b), state.value.get_mut(b)) };
     for row in Row::all() {
         let (at, s) = (row.at(0, 0), row.slot());
@@ -122,7 +122,7 @@ unsafe fn store<S: Surface>(patch: &Patch, state: State, b: usize) {
         }
     }
     if S::CHORDS {
-        // SAFETY: the caller's promise.
+        // SAFETY: promised by the caller.
         let triangle = unsafe { state.triangle.get_mut(b) };
         for row in Row::all() {
             let (at, s) = (row.at(0, 0), row.slot());
@@ -149,13 +149,13 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
         return;
     }
     delta = each!([0, 1], |c| delta[c] * fraction);
-    // The second trial takes half the step, in lanes whose first trial was not accepted.
+    // The second trial takes half of the step, in lanes whose first trial was not accepted.
     for _ in 0..2 {
         let u = each!([0, 1], |c| lanes.select(here.u[c] + delta[c], here.u[c]));
         let mut trial = NodeState { u, samples: here.samples };
         let found = surface.sample_row(&patch.grid_row(row), &u, lanes, &mut trial.samples);
         let energy = patch.terms::<V, S>(row, &trial, weights, stiff).energy;
-        // An infinite energy is never accepted: `le` holds for two infinite ones.
+        // An infinite energy is never accepted, although `le` is true for two infinite energies.
         let lower = energy.le(model.terms.energy).and(energy.lt(V::splat(f32::INFINITY)));
         let better = found.and(lower);
         patch.accept::<V, S>(row, better, &trial);
@@ -179,12 +179,12 @@ fn newton_step<V: Lanes>(model: &QuadraticModel<V>) -> [V; 2] {
     for (jacobian, corner_gradient) in &model.terms.corners {
         let change = corner_gradient[0] * delta[0] + corner_gradient[1] * delta[1];
         let margin = (*jacobian - V::splat(MIN_JACOBIAN)).max(V::zero());
-        // Only corners that would lose more than their margin limit the step. There are few of them.
+        // Only the few corners that would lose more than their margin limit the step.
         let limits = margin.lt(-change);
         if limits.any() {
             fraction = fraction.min(limits.select(margin / -change, V::one()));
         }
     }
-    // A little less than all, because of rounding.
+    // Slightly less than the allowed fraction, because of rounding.
     each!([0, 1], |c| delta[c] * fraction * BOUND_SAFETY)
 }

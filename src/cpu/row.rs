@@ -1,5 +1,5 @@
-//! The nodes that a vector holds: eight of one node colour in one row of a block. Indices of these nodes and of their
-//! neighbours in planes and windows.
+//! The eight nodes of one vector: nodes of one colour in one row of a block. Gives the indices of these nodes and of
+//! their neighbours in planes and windows.
 
 use crate::grid::planes::{Plane, SIDE};
 use crate::grid::window::{Window, place};
@@ -16,7 +16,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// All rows of a node colour.
+    /// All rows of nodes of a node colour.
     #[inline(always)]
     pub fn of_colour(colour: usize) -> impl Iterator<Item = Row> {
         (0..SIDE / 2).map(move |k| Row::new(colour, k))
@@ -70,7 +70,7 @@ impl Row {
     #[inline(always)]
     pub fn load<V: Lanes>(self, plane: &Plane) -> V {
         let s = self.slot();
-        // SAFETY: ci < 2 and j < 16, so the slot is that of a row of one of the four colours.
+        // SAFETY: ci < 2 and j < 16, so the slot begins a row of one of the four colours.
         V::load(unsafe { plane.get_unchecked(s..s + LANES) }, 0)
     }
 

@@ -1,4 +1,4 @@
-//! One solve of one tile on the CPU: what all of its stages work with.
+//! One solve of one tile on the CPU: the data that all of its stages share.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
@@ -28,7 +28,7 @@ pub(super) struct Lists {
     pub(super) colours: [Vec<u32>; 4],
     /// Active blocks in storage order.
     pub(super) active: Vec<u32>,
-    /// All stored blocks: active ones, and blocks that only hold neighbours of movable nodes.
+    /// All stored blocks: active ones, and inactive ones that hold neighbours of movable nodes.
     pub(super) stored: Vec<u32>,
 }
 
@@ -58,24 +58,24 @@ pub(crate) struct Run<'a> {
     pub(super) mesh: &'a TileMesh,
     pub(super) pose: &'a Pose,
     pub(super) memory: &'a mut Memory,
-    /// Per level.
+    /// Weights of the energy per level.
     pub(super) weights: Vec<Weights>,
     pub(super) work: Vec<Lists>,
     /// The charts to solve.
     pub(super) charts: &'a [bool],
-    /// 0 where charts are solved; certification writes this solve's result there. Corrections of the finest level keep
-    /// their step in it.
+    /// Displacements of the result. Where charts are solved it is 0 until certification writes this solve's result;
+    /// corrections of the finest level keep their step in it meanwhile.
     pub(super) result: &'a mut [[Plane; 2]],
-    /// Whether they did.
+    /// True once a correction of the finest level has put its step into `result`.
     pub(super) result_is_used: bool,
-    /// Displacements of the previous result, if the solve starts from them or is pulled towards them; else nothing.
+    /// Displacements of the previous result if the solve starts from them or is pulled towards them; otherwise empty.
     pub(super) anchor: &'a [[Plane; 2]],
-    /// Per chart; default values for charts that are not solved.
+    /// Result per chart; the default for charts that are not solved.
     pub results: Vec<ChartResult>,
-    /// Per chart, the energy of the finest level's present state, if a correction was the last to change it.
+    /// Per chart, the energy of the finest level's present state, if a correction was the last stage to change it.
     pub(super) known_energies: Vec<Option<f64>>,
     pub(super) node_updates: AtomicU64,
-    /// When a correction is to end early, if there is a time budget, and whether the last one did.
+    /// The time by which corrections have to end, if there is a time budget, and whether one was stopped for it.
     pub(super) stop: Option<Instant>,
     pub(super) stopped: bool,
     /// When the last correction began.
@@ -86,8 +86,8 @@ pub(crate) struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// `result` holds 0 where charts are solved. `anchor` is the previous result, if the solve starts from it or the
-    /// input's pull is not 0.
+    /// Begins a solve. `result` must be 0 where charts are solved. `anchor` is the previous result, if the solve starts
+    /// from it or the input's pull is not 0.
     pub fn new(
         team: &'a Team,
         input: &Input<'a>,

@@ -16,8 +16,9 @@ pub type Slopes<V> = [V; 6];
 
 /// Samples of the surface at the warped positions of a row's eight nodes.
 ///
-/// On the finest level, `value` is the position f(W(p)), `triangle` is the triangle under W(p), and `tangents` are ∂f/∂x
-/// and ∂f/∂y on it. On coarser ones, `value` is the metric (E, F, G) at W(p), and the others are not used.
+/// On the finest level, `value` is the position f(W(p)), `triangle` is the triangle under W(p), and `tangents` are
+/// ∂f/∂x and ∂f/∂y on it. On coarser levels, `value` is the metric (E, F, G) at W(p), and the other fields are not
+/// used.
 #[derive(Clone, Copy)]
 pub struct Samples<V: Lanes> {
     pub value: [V; 3],
@@ -49,13 +50,13 @@ impl GridRow {
     }
 }
 
-/// The surface map of a level: how it is sampled, and how lengths of edges follow from samples.
+/// The surface map of a level: how it is sampled, and how the lengths of edges are computed from samples.
 pub trait Surface: Copy + Sync {
-    /// Whether lengths are chords, which is so on the finest level.
+    /// Whether lengths are chords, as on the finest level.
     const CHORDS: bool;
 
     /// Samples the surface at a row's nodes displaced by u, in the given lanes. Point location begins at the triangles
-    /// in `samples`. Returns the lanes that have a sample; in the others W leaves the chart, and `samples` is
+    /// in `samples`. Returns the lanes that have a sample; in the other lanes W leaves the chart, and `samples` is
     /// undefined.
     fn sample_row<V: Lanes>(
         &self,
@@ -68,15 +69,15 @@ pub trait Surface: Copy + Sync {
     /// The tangents on a triangle of the finest level; 0 for `NONE`, and on coarser levels.
     fn tangents(&self, triangle: u32) -> [f32; 6];
 
-    /// As `tangents`, on eight triangles.
+    /// The tangents on eight triangles; see `tangents`.
     fn tangents_row<V: Lanes>(&self, triangle: &[u32; LANES]) -> Slopes<V>;
 
     /// Lengths L of the edges between nodes with the values p and n, given the tangents at p, the offsets d, and whether
     /// both ends are on one triangle.
     fn length<V: Lanes>(p: &[V; 3], tangents: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V;
 
-    /// Lengths as of `length`, their gradients ∂L/∂u_p with the slopes at p, and the terms from which `far_gradient`
-    /// computes ∂L/∂u_n.
+    /// Lengths as computed by `length`, their gradients ∂L/∂u_p from the slopes at p, and the terms from which
+    /// `far_gradient` computes ∂L/∂u_n.
     fn gradient<V: Lanes>(
         p: &[V; 3],
         tangents: &Slopes<V>,
@@ -90,7 +91,7 @@ pub trait Surface: Copy + Sync {
     fn far_gradient<V: Lanes>(terms: &GradientTerms<V>, neighbour_slope: &Slopes<V>) -> [V; 2];
 }
 
-/// Terms that the gradients of a length at both ends of an edge have in common.
+/// Terms shared by the gradients of a length at both ends of an edge.
 #[derive(Clone, Copy)]
 pub struct GradientTerms<V> {
     /// The chord c on the finest level, the mean metric times d on coarser ones.

@@ -1,5 +1,5 @@
 //! Slopes of the surface at the warped nodes (method §2, Slopes), from which gradients of lengths are formed. A slope
-//! comes from the differences of the samples of a node's neighbours, so that it depends continuously on the state: the
+//! comes from the differences of the samples of a node's neighbours, so it depends continuously on the state; the
 //! derivatives of the surface itself jump at the edges of triangles, and those of metrics at the nodes.
 
 use crate::grid::Level;
@@ -41,8 +41,8 @@ impl Patch {
         from_ends::<V, S>(&p.samples.tangents, p.samples.triangle, &ends)
     }
 
-    /// Sets `slopes` to those at all movable nodes of the window: those of the halo, too, because the far end of an edge
-    /// moves with its own slope. 0 at fixed nodes.
+    /// Sets `slopes` at all movable nodes of the window, and to 0 at fixed nodes. The halo is included, because the far
+    /// end of an edge moves with its own slope.
     ///
     /// # Safety
     /// Nothing writes the state meanwhile.
@@ -74,7 +74,7 @@ impl Patch {
                     count += 1;
                 }
                 if count == LANES {
-                    // SAFETY: the caller's promise.
+                    // SAFETY: promised by the caller.
                     unsafe { self.halo_slopes::<V, S>(level, state, surface, &places, slopes) };
                     count = 0;
                 }
@@ -83,7 +83,7 @@ impl Patch {
         if count > 0 {
             let first = places[0];
             places[count..].fill(first);
-            // SAFETY: the caller's promise.
+            // SAFETY: promised by the caller.
             unsafe { self.halo_slopes::<V, S>(level, state, surface, &places, slopes) };
         }
     }
@@ -120,7 +120,7 @@ impl Patch {
                 }
             }
             for (k, (di, dj)) in ENDS.into_iter().enumerate() {
-                // SAFETY: the caller's promise.
+                // SAFETY: promised by the caller.
                 let (u, x, t) = unsafe { self.node::<S>(level, state, i as i64 + di, j as i64 + dj) };
                 offset[k][0][lane] = (u[0] - own[0][lane]) + di as f32;
                 offset[k][1][lane] = (u[1] - own[1][lane]) + dj as f32;
@@ -172,9 +172,9 @@ impl Patch {
             NONE => ([0.0; 2], [0.0; 3], NONE),
             b => {
                 let (b, s) = (b as usize, slot(x % SIDE, y % SIDE));
-                // SAFETY: the caller's promise.
+                // SAFETY: promised by the caller.
                 let (u, value) = unsafe { (state.u.get(b), state.value.get(b)) };
-                // SAFETY: the caller's promise.
+                // SAFETY: promised by the caller.
                 let triangle = if S::CHORDS { unsafe { state.triangle.get(b)[s] } } else { NONE };
                 (each!([0, 1], |c| u[c][s]), each!([0, 1, 2], |c| value[c][s]), triangle)
             }
@@ -182,9 +182,9 @@ impl Patch {
     }
 }
 
-/// The slopes from the samples at the four neighbours: with ΔW and ΔF between the two neighbours on each axis, the
-/// matrix S with S ΔW = ΔF; on the finest level with a small part of the tangents, and the tangents alone where all of
-/// these nodes lie on one triangle, since they have no cancellation.
+/// The slopes from the samples at the four neighbours: the matrix S with S ΔW = ΔF, where ΔW and ΔF are the differences
+/// between the two neighbours on each axis. On the finest level a small part of the tangents is mixed in; if all of
+/// these nodes lie on one triangle, the slopes are its tangents, which suffer no cancellation.
 #[inline(always)]
 fn from_ends<V: Lanes, S: Surface>(
     tangents: &Slopes<V>,

@@ -1,5 +1,5 @@
-//! The stages that the schedule calls (method §5). Each delegates to a file: `Start` to `prolong`, `Iterate` to `pbd`, and the
-//! others to the files of their names.
+//! The stages that the schedule calls (method §5). `Start` delegates to `prolong`, `Iterate` to `pbd`, and each other
+//! stage to the file of its name.
 
 use crate::method::stage::{Stage, Stages, Start};
 

@@ -5,7 +5,7 @@ use super::run::Run;
 use super::sampling::record::TriangleRecord;
 use crate::team::SharedSlice;
 
-/// Triangles per item of work.
+/// Triangles per work item.
 const CHUNK: usize = 256;
 
 impl Run<'_> {

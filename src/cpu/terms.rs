@@ -1,5 +1,5 @@
-//! The energy of the edges and corners at one row of eight nodes, with its gradient and Gauss-Newton matrix, from the
-//! displacements, samples, rigidities and rest lengths of a patch (method §4).
+//! The energy of the edges and corners at one row of eight nodes, with its gradient and Gauss-Newton matrix, computed
+//! from the displacements, samples, rigidities and rest lengths of a patch (method §4).
 
 use super::lanes::{Lanes, Mask, each};
 use super::patch::{NEIGHBOURS, NodeState, Patch, QUADRANTS, Weights};
@@ -21,11 +21,11 @@ pub struct Terms<V> {
 pub struct QuadraticModel<V> {
     pub terms: Terms<V>,
     pub gradient: [V; 2],
-    /// (xx, xy, yy).
+    /// The entries (xx, xy, yy).
     pub matrix: [V; 3],
 }
 
-/// Receives the edges of a row's nodes: the index of the neighbour, the edge, ∂L/∂u of the node, the terms from which
+/// Receives the edges of a row's nodes: the neighbour's index, the edge, ∂L/∂u of the node, the terms from which
 /// `Surface::far_gradient` computes ∂L/∂u of the neighbour, and the stress stiffness.
 pub trait Visitor<V: Lanes> {
     fn edge<S: Surface>(
@@ -78,7 +78,7 @@ impl Patch {
         each!([0, 1], |c| d[c] - before[c])
     }
 
-    /// The energy of the pull in an edge, θ |d - d'|² / |d0|², and what it adds to the gradient at the node.
+    /// The energy of the pull in an edge, θ |d - d'|² / |d0|², and its contribution to the gradient at the node.
     #[inline(always)]
     fn pull<V: Lanes>(&self, row: Row, d: &[V; 2], k: usize, weights: &Weights) -> (V, [V; 2]) {
         let (di, dj, ..) = NEIGHBOURS[k];
@@ -88,7 +88,7 @@ impl Patch {
         (energy, each!([0, 1], |c| -(change[c] * stiffness)))
     }
 
-    /// Whether an edge at one of a row's nodes has a weight above 0, or there is an orientation term. Otherwise
+    /// Whether an edge at one of a row's nodes has a weight above 0, or the energy has an orientation term. Otherwise
     /// smoothness is the only edge term.
     #[inline(always)]
     pub fn has_stiff_edges<V: Lanes>(&self, row: Row, weights: &Weights) -> bool {
@@ -209,7 +209,7 @@ impl Patch {
         self.with_room(row, p, edges, gradient, matrix, weights)
     }
 
-    /// The quadratic model where smoothness is the only edge term.
+    /// The quadratic model if smoothness is the only edge term.
     #[inline(always)]
     fn smoothness_model<V: Lanes>(&self, row: Row, p: &NodeState<V>, weights: &Weights) -> QuadraticModel<V> {
         let mut edges = [V::zero(); 8];
@@ -332,7 +332,7 @@ pub struct Edge<V: Lanes> {
     pub density: V,
     /// 1 / |d0|².
     pub inverse_rest_square: f32,
-    /// d0 turned by 90 degrees, of length |d0|.
+    /// d0 rotated by 90 degrees, with the length |d0|.
     pub normal: [f32; 2],
 }
 
@@ -353,15 +353,15 @@ impl<V: Lanes> Edge<V> {
         self.weight * size * (length * self.inverse_length) / square
     }
 
-    /// Stiffness of the orientation term: κ / |d0|⁴, where κ is the mean of both ends. One |d0|² comes from the term,
-    /// the other one from the lengths of the two normals in a product.
+    /// Stiffness of the orientation term: κ / |d0|⁴, where κ is the mean of both ends. One factor |d0|² comes from the
+    /// term, the other from the lengths of the two normals in a product.
     #[inline(always)]
     pub fn orientation(&self, weights: &Weights) -> V {
         (self.density * weights.orientation_density + V::splat(weights.orientation))
             * (self.inverse_rest_square * self.inverse_rest_square)
     }
 
-    /// d - d0.
+    /// The change d - d0 of the offset.
     #[inline(always)]
     fn offset_change(&self, k: usize) -> [V; 2] {
         each!([0, 1], |c| {

@@ -120,8 +120,9 @@ mod tests {
             assert!(least >= found - 1e-12, "{corners:?}: {least} is under {found}");
             if least < f64::INFINITY {
                 met += 1;
-                // Neighbouring points differ by at most 1 / N of the mask's range of 1, and the corners of what the
-                // square cuts out may lie between points; the error is largest for thin triangles.
+                // Neighbouring points differ by at most 1 / N of the mask's range of 1, and the corners of the polygon
+                // that the square cuts out may lie between points. Thin triangles are exempt, since few points lie in
+                // them.
                 let area =
                     (corners[1] - corners[0]).truncate().perp_dot((corners[2] - corners[0]).truncate());
                 assert!(area.abs() < 0.5 || least - found < 0.05, "{corners:?}: {least} against {found}");

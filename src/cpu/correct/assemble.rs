@@ -1,7 +1,7 @@
 //! Assembles the Gauss-Newton system of a level from its state (method §7.1): the pairs A_pn of neighbouring movable
-//! nodes, and the right-hand side, which is minus the gradient (matrix and gradient are halves of derivatives).
-//! Instead of the diagonal blocks, the symmetric parts of the row sums are formed, from which `complete` computes diagonals
-//! that make up for the rounding of the pairs.
+//! nodes, and the right-hand side, which is minus the gradient (matrix and gradient are halves of derivatives). Instead
+//! of the diagonal blocks, the symmetric parts of the row sums are formed, from which `complete` computes diagonals
+//! that compensate for the rounding of the pairs.
 
 use super::super::buffers::State;
 use super::super::energy::Total;
@@ -64,7 +64,7 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
 /// meanwhile.
 struct AssembleBlock<'a, S> {
     patch: &'a mut Patch,
-    /// Scratch memory: too large for the stack of a host's thread.
+    /// Scratch memory, which is too large for the stack of a host's thread.
     slopes: &'a mut [Window; 6],
     level: &'a Level,
     state: State,
@@ -223,8 +223,8 @@ fn near_bound_stiffness<V: Lanes>(jacobian: V) -> V {
     jacobian.lt(V::splat(NEAR_BOUND_JACOBIAN)).select(V::splat(NEAR_BOUND_STIFFNESS), V::zero())
 }
 
-/// The parts of the room term and of the near-bound penalty in the pairs of a row's nodes with their neighbours,
-/// row-major.
+/// The contributions of the room term and of the near-bound penalty to the pairs of a row's nodes with their
+/// neighbours, row-major.
 #[inline(always)]
 fn corner_pairs<V: Lanes>(patch: &Patch, row: Row, p: &NodeState<V>, weights: &Weights) -> [[V; 4]; 8] {
     let mut pairs = [[V::zero(); 4]; 8];
@@ -245,7 +245,7 @@ fn corner_pairs<V: Lanes>(patch: &Patch, row: Row, p: &NodeState<V>, weights: &W
             let by_b = [-a[1], a[0]];
             for row in 0..2 {
                 for column in 0..2 {
-                    // The sign occurs twice in each product and is left out.
+                    // The sign occurs twice in each product, so it is left out.
                     pairs[k][2 * row + column] += stiffness * by_p[row] * by_a[column];
                     pairs[l][2 * row + column] += stiffness * by_p[row] * by_b[column];
                 }

@@ -1,4 +1,4 @@
-//! Completes the rows of a level whose owned pairs and row sums are formed (method §7.2).
+//! Completes the rows of a level after its owned pairs and row sums are formed (method §7.2).
 
 use super::super::decode::interpolation;
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
@@ -43,8 +43,8 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
     });
 }
 
-/// Sets the first plane of `z` to P 1. It is 1 where all coarse nodes that a node is interpolated from are movable, and
-/// less elsewhere.
+/// Sets the first plane of `z` to P 1. A value is 1 if all coarse nodes from which the node is interpolated are
+/// movable, and less otherwise.
 fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[level], &run.grid.levels[level + 1]);
     let movable = |b: usize| &coarse.movable[b];
@@ -65,7 +65,7 @@ struct Complete<'a> {
     movable: &'a Plane<u8>,
     pairs: &'a mut Pairs,
     diagonal: &'a mut [Plane; 3],
-    /// P 1, and the output A P 1.
+    /// P 1, and the array that receives A P 1.
     ones_and_product: Option<(&'a Window, &'a mut [Plane; 3])>,
 }
 
@@ -87,7 +87,7 @@ impl Vectorised for Complete<'_> {
                 }
             });
             for c in 0..3 {
-                // The identity at fixed nodes, so that nothing divides by zero.
+                // Fixed nodes get the identity, so that nothing divides by zero.
                 let identity = if c == 1 { V::zero() } else { V::one() };
                 row.store(&mut diagonal[c], lanes.select(diagonal_block[c], identity));
             }

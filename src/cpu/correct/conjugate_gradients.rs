@@ -10,8 +10,8 @@ use crate::method::law::{CG_ITERATIONS, MAX_STEP};
 use crate::team::SharedSlice;
 
 impl Run<'_> {
-    /// Solves the system of `level` for the step, chart by chart: charts have only the passes over memory in common.
-    /// Returns the predicted gain per chart, which is the decrease of the quadratic model of the energy.
+    /// Solves the system of `level` for the step, chart by chart: charts share only the passes over memory. Returns the
+    /// predicted gain per chart, which is the decrease of the quadratic model of the energy.
     ///
     /// With two iterations the second direction is a combination of the preconditioned residual and of the first step,
     /// so that no direction has to be stored.
@@ -27,7 +27,7 @@ impl Run<'_> {
             if !first {
                 let beta: Vec<f32> = (0..charts)
                     .map(|c| {
-                        // A chart that takes no part, or has nothing left to solve, has no first step.
+                        // A chart that takes no part, or whose system is already solved, has no first step.
                         let stepped = first_rz[c] != 0.0 && first_alpha[c] != 0.0;
                         let (rz_before, alpha) =
                             if stepped { (first_rz[c], first_alpha[c]) } else { (1.0, 1.0) };
@@ -45,7 +45,8 @@ impl Run<'_> {
             let alpha: Vec<f32> = (0..charts)
                 .map(|c| {
                     let alpha = (rz[c] / if curvature[c] > 0.0 { curvature[c] } else { 1.0 }) as f32;
-                    // No step if the curvature is not positive, as where nothing is left to solve, or a scalar is NaN.
+                    // Take no step if the curvature is not positive, as when the system is already solved, or if a
+                    // scalar is NaN.
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
                 .collected();
@@ -85,7 +86,7 @@ impl Vectorised for Direction<'_> {
 }
 
 /// Computes x += alpha z and r -= alpha t in one block, where t = A z. `first`: x is overwritten with alpha z. `last`:
-/// r is not needed any more and not updated.
+/// r is not needed any more and is not updated.
 struct Update<'a> {
     x: &'a mut [Plane; 2],
     r: &'a mut [Plane; 2],
@@ -106,7 +107,7 @@ impl Vectorised for Update<'_> {
             for s in (0..NODES).step_by(LANES) {
                 let step = V::load(&z[c], s) * alpha;
                 let sum = if first { step } else { V::load(&x[c], s) + step };
-                // Where f32 does not suffice to solve the system, components may be huge or NaN: these become 0.
+                // Where f32 is too imprecise to solve the system, components may be huge or NaN; they become 0.
                 let small = sum.lt(V::splat(MAX_STEP)).and(V::splat(-MAX_STEP).lt(sum));
                 small.select(sum, V::zero()).store(&mut x[c], s);
                 if !last {

@@ -100,7 +100,7 @@ struct XProduct<V> {
     north_west: Matrix<V>,
     /// `north_west` of column I + 1.
     next_north_west: Matrix<V>,
-    /// `east` of column I - 1. Not used for a block's row -1.
+    /// `east` of column I - 1. It is not used for a block's row -1.
     previous_east: Matrix<V>,
 }
 
@@ -138,7 +138,7 @@ impl Vectorised for QuarterPairs<'_> {
 }
 
 /// The product along x for row `w` of the window, which is row `y` of the fine blocks whose diagonals are `centre` and
-/// `west`. `east_of_west` has the pairs of the western block along edges to the east, if they are needed.
+/// `west`. `east_of_west` holds the western block's pairs along edges to the east, if they are needed.
 #[inline(always)]
 fn x_product<V: Lanes>(
     fine: &Pairs,
@@ -168,11 +168,11 @@ fn x_product<V: Lanes>(
     let first =
         east_of_west.map_or([0.0; 4], |words| decode_one([0, 1].map(|w| words[w][slot(SIDE - 2, y)])));
     let east_before = each!([0, 1, 2, 3], |k| with_first(V::load(&fine[k], c - 1), first[k]));
-    // Weights of the fine columns 2I - 1 and 2I + 1 for the lower one of their two coarse columns, in this row and the
+    // Weights of the fine columns 2I - 1 and 2I + 1 for the lower of their two coarse columns, in this row and the
     // next.
     let (l_north, r_north) = (place(0, w + 1), place(2, w + 1));
     let [wl, wr, wl_north, wr_north] = each!([0, 1, 2, 3], |k| V::load(weights, [l, r, l_north, r_north][k]));
-    // Weights of the same fine columns for the upper one of their two coarse columns.
+    // Weights of the same fine columns for the upper of their two coarse columns.
     let (lw, lw_north) = (V::one() - wl, V::one() - wl_north);
     let (rw, rw_north) = (V::one() - wr, V::one() - wr_north);
     XProduct {
@@ -193,7 +193,7 @@ fn x_product<V: Lanes>(
     }
 }
 
-/// Per entry of a row-major 2x2 block, its index in the transpose.
+/// For each entry of a row-major 2x2 block, its index in the transpose.
 const TRANSPOSED: [usize; 4] = [0, 2, 1, 3];
 
 /// Interpolation weights of the fine rows 2J - 1 (below) and 2J + 1 (above) for coarse row J, at the columns I, I + 1

@@ -41,8 +41,8 @@ pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec
     run.sum_active_per_chart(level, &dots)
 }
 
-/// Solves the coarsest level nearly: passes forwards, from 0, then as many backwards. Where it has many blocks, one of each
-/// has to do.
+/// Approximately solves the coarsest level: passes forwards, starting from 0, then as many passes backwards. If the
+/// level has many blocks, there is one pass of each.
 fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, mut dots: Option<&mut Vec<f64>>) {
     let SolvingLevel { rows, residual: r, direction, product } = system;
     let rounds =
@@ -60,9 +60,9 @@ fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, mut dots:
     }
 }
 
-/// A pass of the smoother of A z = r over all blocks, from `before` (`None`: from 0) to the first two planes of `after`:
-/// all sweeps of a block are done while it is in the cache, with its halo frozen at `before`. Stores each block's part
-/// of r·z in `dots` if that is given.
+/// A pass of the smoother of A z = r over all blocks, from `before` (`None`: from 0) to the first two planes of
+/// `after`: all sweeps of a block are done while it is in the cache, with its halo frozen at `before`. Stores each
+/// block's part of r·z in `dots`, if given.
 #[expect(
     clippy::too_many_arguments,
     reason = "the vectors of a level, which lie in memory of several shapes"
@@ -83,7 +83,7 @@ fn smooth<const N: usize, const M: usize>(
     run.each_block(level, |worker, b, _| {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         if let Some(before) = before {
-            // A block without movable nodes has no z: its memory may hold other quantities.
+            // A block without movable nodes has no z; its memory may hold other quantities.
             let neighbours = active_neighbours(grid, b);
             for (c, window) in windows.iter_mut().enumerate() {
                 window::load(&neighbours, 0.0, |b| &before[b][c], window);

@@ -1,8 +1,8 @@
 //! The storage of a level's matrix (method §7.2). The 2x2 block of each pair of neighbouring nodes is stored once, with
-//! the node that owns the edge, as four bfloat16: f32 without its last 16 bits, rounded. The rounding errors of a pair
-//! are added to the diagonal blocks of both of its nodes, so that row sums stay exact. The force on a rigid feature
-//! that moves as a whole is the sum of thousands of row sums; it must come from the feature's surroundings and not from
-//! rounding.
+//! the node that owns the edge, as four bfloat16, which are f32 rounded to their upper 16 bits. The rounding errors of
+//! a pair are added to the diagonal blocks of both of its nodes, so that row sums stay exact. The force on a rigid
+//! feature that moves as a whole is the sum of thousands of row sums; it must come from the feature's surroundings and
+//! not from rounding.
 
 use super::super::allocate::Allocate;
 use super::super::lanes::{LANES, Lanes, each};
@@ -41,7 +41,7 @@ impl Rows {
         }
     }
 
-    /// The rows of block `b`. Prefetches them.
+    /// The rows of block `b`, which are also prefetched.
     #[inline(always)]
     pub fn block(&self, b: usize) -> BlockRows<'_> {
         let rows = BlockRows { diagonal: &self.diagonal[b], words: &self.words[b], halo: &self.halo[b] };
@@ -63,7 +63,7 @@ pub fn prefetch<T>(value: &T) {
         const LINE: usize = 64;
         let start = std::ptr::from_ref(value).cast::<i8>();
         for at in (0..size_of::<T>()).step_by(LINE) {
-            // SAFETY: within the value; and a prefetch reads nothing.
+            // SAFETY: the address is within the value, and a prefetch reads nothing.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(at)) };
         }
     }
@@ -126,7 +126,7 @@ const fn east(edge: usize, cj: usize) -> HaloGroup {
     HaloGroup { edge, neighbour: 5, slot: [slot(0, cj), SIDE / 2], place: [place(SIDE + 1, cj + 1), 9] }
 }
 
-/// The halo's nodes that own an edge into the block, without the corners. Nodes of the northern row own none.
+/// The halo's nodes that own an edge into the block, without the corners. Nodes of the northern row own no such edge.
 const HALO_GROUPS: [HaloGroup; 12] = [
     south(1, 0),
     south(1, 1),
@@ -191,7 +191,7 @@ impl BlockRows<'_> {
 }
 
 /// Decodes the pairs that nodes of a block's halo own into the window, from the neighbour blocks (see
-/// `active_neighbours`). Leaves out the northern row without its corners: no caller needs a pair that its nodes own.
+/// `active_neighbours`). Leaves out the northern row except for its corners: no caller needs the pairs of its nodes.
 #[inline(always)]
 pub fn halo_pairs<V: Lanes>(words: &[Words], neighbours: &[u32; 9], pairs: &mut Pairs) {
     const ZEROS: &[Plane<u32>; 2] = &[[0; NODES]; 2];

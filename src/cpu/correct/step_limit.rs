@@ -1,8 +1,8 @@
 //! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and the
 //! step. Every corner Jacobian keeps a tenth of its margin over ε (`KEPT_MARGIN`); fractions fall off smoothly around
-//! corners that would lose more. The nodes of one corner may have different fractions; where a corner loses too much
-//! all the same, they are multiplied by what the corner allows. The fractions depend continuously on the step, so that
-//! a warp does not jump when a corner comes to be limited.
+//! corners that would lose more. The nodes of one corner may have different fractions; if a corner still loses too
+//! much, they are multiplied by the fraction that the corner allows. The fractions depend continuously on the step, so
+//! that a warp does not jump when a corner starts to be limited.
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
@@ -20,13 +20,13 @@ use crate::method::law::{
 };
 use crate::team::SharedSlice;
 
-/// Sets the fractions so that u + fraction x step has no corner Jacobian under ε. A chart where this does not succeed
-/// within `limit_rounds` is refused later for its energy.
+/// Sets the fractions so that u + fraction x step has no corner Jacobian below ε. A chart for which `limit_rounds`
+/// rounds do not suffice is refused later because of its energy.
 pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
     let step = limiting.step;
-    // Only active blocks are written: in the others, the memory of the marks has to stay 0 for the next V-cycle.
+    // Only active blocks are written: in inactive blocks the memory of the marks has to stay 0 for the next V-cycle.
     let (fraction, mark) = (SharedSlice::new(limiting.fraction), SharedSlice::new(limiting.mark));
     let mut blocks = copied(&run.work[level].active);
     let mut limited = zeroed(blocks.len());
@@ -42,7 +42,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
                 dispatch(AllowedFraction { u: &u_window, step: &step_window, kept: KEPT_MARGIN, fraction });
         };
     });
-    // Charts in which no node is limited are done, and are kept out of the rounds of the other charts.
+    // Charts in which no node is limited are done, and are skipped in later rounds.
     let keep_open = |blocks: &mut Vec<u32>, flags: &[bool]| {
         let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
         let mut open = zeroed(run.charts.len());
@@ -148,7 +148,7 @@ fn apply_falloff(
 }
 
 /// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same
-/// fraction, and each corner keeps the fraction `kept` of its margin. Returns whether any of them is less than 1.
+/// fraction, and each corner keeps the fraction `kept` of its margin. Returns whether any fraction is less than 1.
 struct AllowedFraction<'a> {
     u: &'a [Window; 2],
     step: &'a [Window; 2],
@@ -171,7 +171,7 @@ impl Vectorised for AllowedFraction<'_> {
     }
 }
 
-/// The least of the fractions that the twelve corners at each node of a row allow.
+/// The least fraction that the twelve corners at each node of a row allow.
 #[inline(always)]
 fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], kept: f32, row: Row) -> V {
     let [p, dp] = [u, step].map(|w| each!([0, 1], |c| row.near::<V>(&w[c], 0, 0)));
@@ -185,8 +185,8 @@ fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], kept: f32, ro
             offset_change(step, &dp, row, sx, sy),
         ];
         for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
-            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, less ε and the margin to be kept. q(0) >= 0;
-            // if q(1) < 0, there is one root in between, here in a form without cancellation.
+            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus ε and the margin to be kept. q(0) >=
+            // 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
             let margin = (cross(a, b, sign) - V::splat(MIN_JACOBIAN)).max(V::zero());
             let q0 = margin * (1.0 - kept);
             let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
@@ -201,8 +201,8 @@ fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], kept: f32, ro
     fraction
 }
 
-/// The change over a whole step of the offset from a row's nodes to their neighbours at (di, dj). `dp` is the step of
-/// the nodes.
+/// The change over a whole step of the offsets from a row's nodes to their neighbours at (di, dj). `dp` is the step of
+/// the row's nodes.
 #[inline(always)]
 fn offset_change<V: Lanes>(step: &[Window; 2], dp: &[V; 2], row: Row, di: i64, dj: i64) -> [V; 2] {
     each!([0, 1], |c| row.near::<V>(&step[c], di, dj) - dp[c])
@@ -259,7 +259,7 @@ impl Vectorised for FallOff<'_> {
     }
 }
 
-/// Sets the marks of a block's nodes: 0 where one of the node's twelve corner Jacobians is under ε, else 1. Returns
+/// Sets the marks of a block's nodes: 0 if one of the node's twelve corner Jacobians is below ε, otherwise 1. Returns
 /// whether any mark is 0.
 struct Marks<'a> {
     u: &'a [Window; 2],
@@ -273,7 +273,7 @@ impl Vectorised for Marks<'_> {
     fn run<V: Lanes>(self) -> bool {
         let mut any = false;
         for row in Row::all() {
-            // A comparison with NaN is false: a least Jacobian of NaN is not good.
+            // Any comparison with NaN is false, so a least Jacobian of NaN counts as below ε.
             let good = V::splat(MIN_JACOBIAN).le(least_corner::<V>(self.u, row));
             any |= good.bits() != u8::MAX;
             row.store(self.mark, good.select(V::one(), V::zero()));

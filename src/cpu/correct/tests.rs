@@ -38,8 +38,8 @@ fn row_sum(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
 
 #[test]
 fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
-    // On a flat surface only the fixed border resists a motion of the whole body. The sum of each row that has no fixed
-    // neighbour is therefore 0, on every level.
+    // On a flat surface only the fixed border resists a rigid motion of the whole surface. The sum of each row that has
+    // no fixed neighbour is therefore 0, on every level.
     let mesh = sheet(4, |u, v| [u, v, 0.0]);
     let stiff = |u: f64, v: f64| if (u - 0.5).hypot(v - 0.5) < 0.3 { 1.0 } else { 0.37 };
     let maps = maps(GRID, TileSettings::default(), stiff);
@@ -61,7 +61,7 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
         run.run(&Stage::Correct { level: 0, correction, stop: None });
         for level in 0..3 {
             let nodes = GRID >> level;
-            // All nodes that occur in these rows are movable: the fixed nodes are at least two nodes away.
+            // All nodes in these rows are movable: the fixed nodes are at least two nodes away.
             for (i, j) in (4..nodes - 3).flat_map(|j| (4..nodes - 3).map(move |i| (i, j))) {
                 let (sum, largest) = row_sum(&run, level, i, j);
                 let most = sum.into_iter().map(f64::abs).fold(0.0, f64::max);

@@ -1,6 +1,6 @@
-//! The memory of a correction (method §7), and what it holds in each phase. The same arrays hold several quantities one
-//! after the other. Each phase of a correction is a type that names the arrays by their present contents; a phase is
-//! constructed from the one before it.
+//! The memory of a correction (method §7), and its contents in each phase. The same arrays hold several quantities in
+//! turn. Each phase of a correction is a type that names the arrays by their present contents; a phase is constructed
+//! from the one before it.
 //!
 //! ```text
 //! phase        pair of planes A       pair of planes B       three planes of samples
@@ -58,7 +58,7 @@ impl Workspace {
         }
     }
 
-    /// For a solver without corrections.
+    /// The memory of a solver without corrections.
     pub fn without_corrections(allocator: &mut impl Allocate, grid: &Grid) -> Workspace {
         Workspace { next_fraction: allocator.array(1.0, grid.movable.len()), ..Workspace::default() }
     }
@@ -78,7 +78,7 @@ impl Workspace {
     }
 }
 
-/// What a correction left, for comparisons of both backends.
+/// Leftovers of a correction, with which tests compare both backends.
 #[cfg(all(feature = "gpu", feature = "lab"))]
 impl Workspace {
     /// The right-hand side of a level, if assembly was the last phase.
@@ -138,8 +138,8 @@ pub struct SolvingLevel<'a, 's> {
     /// The V-cycle's approximate solution for the residual. On the corrected level, conjugate gradients turn it into
     /// their search direction.
     pub direction: &'a mut [[Plane; 2]],
-    /// The product of the matrix with a vector, or the residual after smoothing, in two planes; or the (xx, xy, yy) of
-    /// A P 1 in three.
+    /// The product of the matrix with a vector, or the residual after smoothing, in two planes; or A P 1 as (xx, xy,
+    /// yy) in three planes.
     pub product: &'s mut [[Plane; 3]],
 }
 
@@ -172,7 +172,7 @@ impl<'a> Limiting<'a> {
 
 /// Last phase: fractions of the step are tried.
 pub struct Stepping<'a> {
-    /// As in [`Limiting`].
+    /// The step fractions, as in [`Limiting`].
     pub fraction: &'a [[Plane; 2]],
     /// Displacements before the step.
     pub before: &'a mut [[Plane; 2]],

@@ -1,11 +1,11 @@
-//! Every level does what plain loops do, bit for bit.
+//! Every level gives the same bits as plain loops.
 
 use super::*;
 
 /// Numbers of all kinds.
 const SAMPLES: [f32; LANES] = [0.0, -0.0, 1.5, -2.25, 1e-38, -3e38, f32::INFINITY, f32::NAN];
 
-/// Everything that lanes can do, as bits.
+/// All operations on lanes, with their results as bits.
 struct Everything;
 
 impl Vectorised for Everything {
@@ -23,7 +23,7 @@ impl Vectorised for Everything {
             for v in
                 [a + b, a - b, a * b, a / b, a * 0.3, a + 0.1, a.max(b), a.min(b), -a, b.sqrt(), b.floor()]
             {
-                // Which of its bit patterns stands for "no number" is not laid down.
+                // The bit pattern of a NaN is unspecified.
                 keep(v.lt(v).select(v, v + V::load_u8(&bytes, 0)));
                 keep(V::splat(v.sum()));
             }
@@ -60,7 +60,7 @@ impl Vectorised for Everything {
     }
 }
 
-/// One pattern for all that are no number.
+/// Replaces every NaN by one pattern.
 fn canonical(bits: Vec<u32>) -> Vec<u32> {
     bits.into_iter().map(|b| if f32::from_bits(b).is_nan() { f32::NAN.to_bits() } else { b }).collect()
 }

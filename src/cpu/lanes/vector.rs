@@ -1,5 +1,5 @@
-//! Lanes are vectors of `fearless_simd`, which has them for each processor level. Of its operations only those are called
-//! that IEEE 754 rounds; the fused, approximate and relaxed ones are not.
+//! Implements lanes with the vectors of `fearless_simd`, which exist for each processor level. Only operations with
+//! IEEE 754 rounding are called, never fused, approximate or relaxed ones.
 
 #[cfg(target_arch = "x86_64")]
 use fearless_simd::Avx2;
@@ -9,14 +9,14 @@ use fearless_simd::{f32x4, f32x8, mask32x8, u8x16, u16x8, u32x8};
 use super::{LANES, Lanes, Mask, each, token};
 use crate::grid::codes::Lengths;
 
-/// Whether the level's own maximum and minimum are those of x86 processors, which give the second operand where one is
+/// Whether the level's own maximum and minimum are those of x86 processors, which return the second operand if one is
 /// NaN.
 #[inline(always)]
 fn has_x86_order<S: Simd>(level: S) -> bool {
     cfg!(target_arch = "x86_64") && !level.level().is_fallback()
 }
 
-/// The bits, rounded to the upper 16, to even where that is a tie. The lower 16 are to be dropped.
+/// The bits, rounded to the upper 16, to even in a tie. The caller drops the lower 16.
 #[inline(always)]
 fn rounded<S: Simd>(x: f32x8<S>) -> u32x8<S> {
     let bits: u32x8<S> = x.bitcast();
@@ -31,14 +31,14 @@ fn codes<S: Simd>(values: &[u16], at: usize) -> u32x8<S> {
 
 #[inline(always)]
 fn widened<S: Simd>(codes: u16x8<S>) -> u32x8<S> {
-    // What the other half of the long vector holds does not matter.
+    // The contents of the long vector's other half do not matter.
     codes.simd.widen_u16x16(codes.simd.combine_u16x8(codes, codes)).0
 }
 
 /// Codes as floats.
 #[inline(always)]
 fn floats<S: Simd>(codes: u32x8<S>) -> f32x8<S> {
-    // Not all levels have an instruction for numbers without a sign.
+    // Some levels have no conversion from unsigned numbers.
     codes.simd.cvt_f32_i32x8(codes.bitcast())
 }
 
@@ -182,7 +182,7 @@ impl<S: Simd> Lanes for f32x8<S> {
             let columns = transposed(avx2, rows);
             return each!([0, 1, 2, 3, 4, 5, 6, 7], |k| Self::from_array(columns[k].into()));
         }
-        // The ones off the diagonal change places.
+        // The off-diagonal quarters are swapped.
         let (low, low_right) = (quarter::<S>(&records, 0, 0), quarter::<S>(&records, 4, 0));
         let (high, high_right) = (quarter::<S>(&records, 0, 4), quarter::<S>(&records, 4, 4));
         let [a, b, c, d] = each!([0, 1, 2, 3], |k| token::<S>().combine_f32x4(low[k], low_right[k]));
@@ -201,8 +201,8 @@ fn quarter<S: Simd>(records: &[&[f32; LANES]; LANES], row: usize, column: usize)
     [a, c, b, d]
 }
 
-/// In half as many instructions as four quarters take, since these shuffles work on both halves of a register. A kernel
-/// of `fearless_simd` would not always be inlined.
+/// Transposes eight records in half as many instructions as with four quarters, since these shuffles work on both
+/// halves of a register. A kernel of `fearless_simd` would not always be inlined.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 fn transposed(avx2: Avx2, rows: [f32x8<Avx2>; LANES]) -> [f32x8<Avx2>; LANES] {

@@ -16,7 +16,7 @@ use super::super::patch::NEIGHBOURS;
 use super::super::row::Row;
 use super::super::sampling::{GridRow, Samples, Surface};
 
-/// The projection of one set.
+/// The projection of one set of edges.
 #[derive(Clone, Copy)]
 pub struct Project {
     pub set: Set,
@@ -24,8 +24,8 @@ pub struct Project {
 }
 
 impl Project {
-    /// Projects the set's edges at the nodes of block `b`. `density` is κ₁: what the fraction of the turn grows by
-    /// where the density of rigid material is 1.
+    /// Projects the set's edges at the nodes of block `b`. `density` is κ₁: the increase of the turn's fraction where
+    /// the density of rigid material is 1.
     ///
     /// # Safety
     /// No item writes `state`, and no other item accesses block `b` of `next` meanwhile.
@@ -68,7 +68,7 @@ impl<S: Surface> Vectorised for ProjectBlock<'_, S> {
         let mut rigidity: Window = [0.0; WINDOW_NODES];
         let mut movable: Window<u8> = [0; WINDOW_NODES];
         let mut length: Window = [0.0; WINDOW_NODES];
-        // SAFETY: the caller's promise.
+        // SAFETY: promised by the caller.
         let (next_u, next_value) = unsafe {
             for c in 0..2 {
                 window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
@@ -104,7 +104,8 @@ impl<S: Surface> Vectorised for ProjectBlock<'_, S> {
             let d = row.offset(&u, &here, di, dj);
             let value_here = each!([0, 1, 2], |c| row.near::<V>(&value[c], 0, 0));
             let value_there = each!([0, 1, 2], |c| row.near::<V>(&value[c], di, dj));
-            // On the finest level, lengths are distances of positions: no ends count as being on one triangle.
+            // On the finest level lengths are distances between positions, so the two ends are never treated as on one
+            // triangle.
             let same_triangle = V::Mask::from_bits(0);
             let length_now = S::length(&value_here, &[V::zero(); 6], &value_there, same_triangle, &d);
             let owner = if partner_owns { (di, dj) } else { (0, 0) };
@@ -116,7 +117,7 @@ impl<S: Surface> Vectorised for ProjectBlock<'_, S> {
             }
             let correction = iteration.correction;
             let target = projected(d, d0, rest / length_now, weight * correction, turn * correction);
-            // Each of two movable ends takes half of the change; next to a fixed end, the movable one takes all of it.
+            // Each of two movable ends takes half of the change; if one end is fixed, the movable one takes all of it.
             let partner_movable = V::load_u8(&movable, row.at(di, dj));
             let fraction = V::one() - partner_movable * 0.5;
             let mut moved = each!([0, 1], |c| here[c] + (d[c] - target[c]) * fraction);
@@ -130,7 +131,7 @@ impl<S: Surface> Vectorised for ProjectBlock<'_, S> {
                 }
             }
             moved = each!([0, 1], |c| moved[c].max(low[c]).min(high[c]));
-            // SAFETY: the caller's promise.
+            // SAFETY: promised by the caller.
             unsafe {
                 store_moved(
                     &moved,
@@ -148,8 +149,8 @@ impl<S: Surface> Vectorised for ProjectBlock<'_, S> {
 }
 
 /// The offset of an edge after projection: d is scaled by 1 + stiffness (ratio - 1) with the ratio l / L, and then its
-/// direction is blended with that of d0. A blend of unit vectors turns by the fraction `turn` of the angle up to third
-/// order of the angle, and needs no inverse cosine.
+/// direction is blended with that of d0. A blend of unit vectors turns by the fraction `turn` of the angle, up to an
+/// error of third order in the angle, and needs no inverse cosine.
 #[inline(always)]
 pub fn projected<V: Lanes>(d: [V; 2], d0: [f32; 2], ratio: V, stiffness: V, turn: V) -> [V; 2] {
     let scale = (ratio - V::one()) * stiffness + V::one();
@@ -167,7 +168,7 @@ pub fn grid_row(row: Row, b: usize, origin: [i64; 2]) -> GridRow {
     GridRow { block: b, i: origin[0] + row.column() as i64, j: origin[1] + row.line() as i64 }
 }
 
-/// Samples the surface at a row's nodes displaced by `moved`, and writes those of the given lanes that move and have a
+/// Samples the surface at a row's nodes displaced by `moved`, and writes the given lanes whose nodes move and have a
 /// sample. A node that would leave its chart stays.
 ///
 /// # Safety
@@ -192,7 +193,7 @@ pub unsafe fn store_moved<V: Lanes, S: Surface>(
         return;
     }
     let mut no_triangles: Plane<u32> = [NONE; NODES];
-    // SAFETY: the caller's promise.
+    // SAFETY: promised by the caller.
     let triangle = if S::CHORDS { unsafe { next.triangle.get_mut(nodes.block) } } else { &mut no_triangles };
     let mut samples =
         Samples { value: [V::zero(); 3], tangents: [V::zero(); 6], triangle: V::load_index(triangle, slot) };

@@ -16,7 +16,7 @@ use crate::team::SharedSlice;
 /// The parameters of integration and prediction.
 #[derive(Clone, Copy)]
 pub struct Velocity {
-    /// Whether this is the last iteration of the level, after which there is no prediction.
+    /// Whether this is the last iteration of the level, which is not followed by a prediction.
     pub last: bool,
     /// Fraction of its velocity that a node keeps: 1 - damping.
     pub momentum: f32,
@@ -27,7 +27,7 @@ pub struct Velocity {
 pub struct Regularise {
     /// The setting s of eq. 4.
     pub smoothing: f32,
-    /// `None`: regularisation without integration and prediction.
+    /// `None` for regularisation without integration and prediction.
     pub velocity: Option<Velocity>,
 }
 
@@ -77,7 +77,7 @@ impl<S: Surface> Vectorised for RegulariseBlock<'_, S> {
         let block = &level.blocks.list[b];
         let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
         let mut u: [Window; 2] = [[0.0; WINDOW_NODES]; 2];
-        // SAFETY: the caller's promise.
+        // SAFETY: promised by the caller.
         let (next_u, next_value, previous) = unsafe {
             for c in 0..2 {
                 window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
@@ -100,8 +100,8 @@ impl<S: Surface> Vectorised for RegulariseBlock<'_, S> {
             let rigidity = V::load_u16(&level.rigidity[b], row.slot()) / V::splat(RIGIDITY_STEPS);
             let blend = (V::one() - rigidity) + rigidity * smoothing;
             let here = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
-            // Eq. 5, applied to displacements: the same as to positions, because the Gaussian reproduces the grid at
-            // rest.
+            // Eq. 5, applied to displacements, which is equivalent to positions because the Gaussian reproduces the
+            // grid at rest.
             let mut moved = each!([0, 1], |c| here[c] + blend * (gaussian::<V>(&u[c], row) - here[c]));
             if let Some(Velocity { last, momentum }) = velocity {
                 let integrated = moved;
@@ -113,7 +113,7 @@ impl<S: Surface> Vectorised for RegulariseBlock<'_, S> {
                     lanes.select(integrated[c], V::zero()).store(&mut previous[c], s);
                 }
             }
-            // SAFETY: the caller's promise.
+            // SAFETY: promised by the caller.
             unsafe {
                 store_moved(
                     &moved,

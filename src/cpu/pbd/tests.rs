@@ -95,7 +95,7 @@ fn a_rigid_edge_takes_its_rest_length_about_its_centre() {
             project(run, 0, 0);
             close(at(run, 2, 8), [0.25, 0.0]);
             close(at(run, 3, 8), [-0.25, 0.0]);
-            // Node 0 is fixed: its neighbour takes all of the change.
+            // Node 0 is fixed, so its neighbour takes all of the change.
             assert_eq!(at(run, 0, 8), [0.0; 2]);
             close(at(run, 1, 8), [-0.5, 0.0]);
             // All nodes of row 0 are fixed.
@@ -113,7 +113,7 @@ fn a_rigid_edge_takes_its_rest_length_about_its_centre() {
             close(at(run, 15, 8), [0.5, 0.0]);
         },
     );
-    // Edges to the north have their rest lengths already; diagonal ones are sqrt(5 / 2) times as long as at rest.
+    // Edges to the north already have their rest lengths; diagonal ones are sqrt(5 / 2) times as long as at rest.
     with_sheet(
         |_, _| 1.0,
         stretched,
@@ -178,14 +178,14 @@ fn an_edge_turns_back_by_its_fraction() {
         [x[0], y[0]]
     };
     let half = std::f32::consts::FRAC_1_SQRT_2;
-    // An edge to the north that points to the east at rest: half of the turn is 45 degrees. The length stays.
+    // An edge to the north that points to the east at rest: half of the turn is 45 degrees. The length is unchanged.
     close(turn([0.0, 2.0], [1.0, 0.0], 0.5), [2.0 * half, 2.0 * half]);
     close(turn([0.0, 2.0], [1.0, 0.0], 1.0), [2.0, 0.0]);
     close(turn([0.0, 2.0], [1.0, 0.0], 0.0), [0.0, 2.0]);
-    // Of a small angle, a quarter is turned back up to the third order of the angle.
+    // A quarter of a small angle is turned back, up to an error of third order in the angle.
     let [x, y] = turn([0.1f32.cos(), 0.1f32.sin()], [1.0, 0.0], 0.25);
     assert!((y.atan2(x) - 0.075).abs() < 1e-4, "{}", y.atan2(x));
-    // The blend of opposite unit vectors is 0, and has no direction; the result is finite all the same.
+    // The blend of opposite unit vectors is 0 and has no direction, but the result must be finite.
     assert!(turn([-1.0, 0.0], [1.0, 0.0], 0.5).iter().all(|x| x.is_finite()));
 }
 
@@ -213,8 +213,7 @@ fn positions_are_integrated_and_predicted_from_their_velocity() {
         |u, _| if u < 0.5 { 1.0 } else { 0.0 },
         stretched,
         |run| {
-            // Without smoothing, regularisation leaves a rigid node where it is: its displacement is integrated as it
-            // is.
+            // Without smoothing, regularisation does not move a rigid node: its displacement is integrated unchanged.
             set(run, 4, 8, [0.5, 0.25]);
             let integrate = |last| {
                 let velocity = Some(Velocity { last, momentum: 0.5 });
@@ -223,11 +222,11 @@ fn positions_are_integrated_and_predicted_from_their_velocity() {
             run.pass(0, integrate(false));
             // The velocity is the change from 0 to (0.5, 0.25), and the prediction adds half of it.
             close(at(run, 4, 8), [0.75, 0.375]);
-            // The predicted displacement is integrated in turn. After the last iteration nothing is predicted.
+            // The predicted displacement is integrated in turn. No prediction follows the last iteration.
             run.pass(0, integrate(true));
             close(at(run, 4, 8), [0.75, 0.375]);
             run.pass(0, integrate(false));
-            // The node has not moved since the last integration: its velocity is 0.
+            // The node has not moved since the last integration, so its velocity is 0.
             close(at(run, 4, 8), [0.75, 0.375]);
         },
     );
@@ -241,7 +240,7 @@ fn a_node_that_would_leave_its_chart_stays() {
         |run| {
             set(run, 4, 8, [-9.0, 0.0]);
             run.copy_inactive_blocks(0);
-            // With a smoothing of 0.01, the rigid node would stay far outside of the chart: there is no sample.
+            // With a smoothing of 0.01 the rigid node would be far outside the chart, where the surface has no sample.
             let before = at(run, 4, 8);
             run.pass(0, Pass::Regularise(Regularise { smoothing: 0.01, velocity: None }));
             assert_eq!(at(run, 4, 8), before);

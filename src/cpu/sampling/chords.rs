@@ -30,7 +30,7 @@ impl Surface for Chords<'_> {
         let mut triangle = V::index_to_array(samples.triangle);
         let column: [f32; LANES] = each!([0, 1, 2, 3, 4, 5, 6, 7], |k| nodes.column(k) as f32);
         let (column, row) = (V::from_array(column), V::splat(nodes.j as f32));
-        // Lanes without a triangle read the record of triangle 0 and are not used.
+        // Lanes without a triangle read the record of triangle 0, and their values are not used.
         let record = |t: u32| self.triangles.get(t as usize).unwrap_or(&self.triangles[0]);
         let first = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| &record(triangle[k]).halves[0]));
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
@@ -116,7 +116,7 @@ fn affine_samples<V: Lanes>(first: &[V; LANES], second: &[V; LANES], d: &[V; 2])
     (each!([0, 1, 2], |k| origin[k] + (tangents[k] * d[0] + tangents[k + 3] * d[1])), tangents)
 }
 
-/// The chord: tangents times offset where both ends lie on one triangle, elsewhere the difference of the positions.
+/// The chord: tangents times offset if both ends lie on one triangle, otherwise the difference of the positions.
 #[inline(always)]
 fn chord<V: Lanes>(p: &[V; 3], tangents: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> [V; 3] {
     each!([0, 1, 2], |k| same.select(tangents[k] * d[0] + tangents[k + 3] * d[1], n[k] - p[k]))
@@ -127,7 +127,7 @@ impl Chords<'_> {
     /// there is no sample.
     fn locate(&self, b: usize, i: i64, j: i64, u: [f32; 2], start: u32) -> Option<u32> {
         self.walk(i, j, u, start).or_else(|| {
-            // The walk ended at a border or had too many steps: walk again, from the node that is nearest to W(p).
+            // The walk ended at a border or took too many steps: walk again from the node nearest to W(p).
             let (x, y) = (i + u[0].round() as i64, j + u[1].round() as i64);
             let block = self.grid.levels[0].blocks.holding(b, x, y);
             let nearest = match block {
@@ -161,8 +161,8 @@ impl Chords<'_> {
             let neighbours = &self.grid.triangles[t as usize].neighbours;
             let mut next = neighbours[corner];
             if next == NONE {
-                // There is no neighbour behind this edge: cross another edge with a negative coordinate. If there is
-                // none, rounding may have put the point just outside of the border.
+                // This edge is a border: cross another edge with a negative coordinate. If no other edge has one,
+                // rounding may have put the point just outside the border.
                 let all = [l0, l1, l2];
                 let other =
                     (0..3).find(|&k| k != corner && all[k] < -INSIDE_TOLERANCE && neighbours[k] != NONE);
@@ -176,7 +176,7 @@ impl Chords<'_> {
         None
     }
 
-    /// Half `h` of the record of a triangle; zeros for `NONE`.
+    /// Half `h` of a triangle's record; zeros for `NONE`.
     #[inline(always)]
     fn half(&self, triangle: u32, h: usize) -> &[f32; LANES] {
         const ZEROS: [f32; LANES] = [0.0; LANES];
@@ -186,8 +186,8 @@ impl Chords<'_> {
         }
     }
 
-    /// Samples at a row's nodes displaced by u, on the given triangles, which are continued affinely; 0 in lanes
-    /// without a triangle.
+    /// Samples at a row's nodes displaced by u, on the affine continuations of the given triangles; 0 in lanes without
+    /// a triangle.
     #[inline(always)]
     pub fn sample_row_on<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], triangle: V::Index) -> Samples<V> {
         let at = V::index_to_array(triangle);

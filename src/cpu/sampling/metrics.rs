@@ -45,7 +45,7 @@ impl Metrics<'_> {
         Some(corners)
     }
 
-    /// The metric at the node (i, j), which `block` holds.
+    /// The metric at the node (i, j), which lies in `block`.
     #[inline(always)]
     fn node(&self, block: u32, i: i64, j: i64) -> [f32; 3] {
         let s = slot(i as usize % SIDE, j as usize % SIDE);
@@ -62,8 +62,8 @@ impl Metrics<'_> {
         each!([0, 1, 2], |k| low[k] + t * (high[k] - low[k]))
     }
 
-    /// For a row's nodes displaced by u: the metrics at the corners of the cells that they lie in, the coordinates in
-    /// these cells, and the lanes that have a cell.
+    /// For a row's nodes displaced by u: the metrics at the corners of the cells that contain them, their coordinates
+    /// in these cells, and the lanes that have a cell.
     #[inline(always)]
     fn cells<V: Lanes>(&self, nodes: &GridRow, u: &[V; 2], lanes: V::Mask) -> ([[V; 3]; 4], [V; 2], V::Mask) {
         let cell_origin = each!([0, 1], |c| u[c].floor());
@@ -152,7 +152,7 @@ impl Surface for Metrics<'_> {
     }
 }
 
-/// The term of an end's gradient that comes from the change of the metric: ¼ dᵀ (∂G/∂x) d and ¼ dᵀ (∂G/∂y) d.
+/// The term of the gradient at one end that comes from the change of the metric: ¼ dᵀ (∂G/∂x) d and ¼ dᵀ (∂G/∂y) d.
 #[inline(always)]
 fn half_change<V: Lanes>(terms: &GradientTerms<V>, slope: &Slopes<V>) -> [V; 2] {
     let [x, y] = terms.d;

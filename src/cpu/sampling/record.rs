@@ -15,7 +15,7 @@ pub struct TriangleRecord {
     pub halves: [[f32; 8]; 2],
 }
 
-// SAFETY: sixteen f32.
+// SAFETY: all fields are f32, sixteen in total.
 unsafe impl Plain for TriangleRecord {}
 
 impl TriangleRecord {

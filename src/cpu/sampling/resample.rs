@@ -1,5 +1,5 @@
-//! Resampling: computes the samples of all nodes of some blocks from displacements that were not set by relaxation
-//! (method §2 and §3).
+//! Resampling: computes the samples of all nodes of some blocks after their displacements were changed other than by
+//! relaxation (method §2 and §3).
 
 use crate::grid::planes::{Plane, SIDE, slot};
 use crate::mesh::NONE;
@@ -16,11 +16,11 @@ use super::{GridRow, Samples, Surface};
 /// Where the walk to the triangle under W(p) begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// No walk: W is the identity, and each node has its triangle at rest. Fixed nodes, too, are sampled.
+    /// No walk: W is the identity, and each node has its triangle at rest. Fixed nodes are sampled, too.
     Identity,
-    /// At the triangle at rest of the node that is nearest to W(p). For any W.
+    /// At the rest triangle of the node nearest to W(p). This suits any W.
     Nearest,
-    /// At the node's present triangle. For a W(p) that has moved a little.
+    /// At the node's present triangle. This suits a W(p) that has moved little.
     Present,
 }
 
@@ -95,7 +95,7 @@ impl Vectorised for ResampleChords<'_> {
             }
             let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
             if start == Start::Present && lanes.bits() != u8::MAX {
-                // Fixed nodes: a correction has overwritten the memory of the samples.
+                // Sample fixed nodes, too: a correction has overwritten the memory of the samples.
                 let samples =
                     surface.sample_row_on::<V>(&nodes, &[V::zero(); 2], V::load_index(rest_triangles, s));
                 for c in 0..3 {
@@ -137,7 +137,7 @@ impl Vectorised for ResampleChords<'_> {
 }
 
 impl Chords<'_> {
-    /// The triangle at rest of the node that is nearest to W(p), if it lies in the same chart.
+    /// The rest triangle of the node nearest to W(p), if it lies in the same chart.
     #[inline(always)]
     fn nearest(&self, nodes: &GridRow, lane: usize, u: [f32; 2]) -> Option<u32> {
         let level = &self.grid.levels[0];
