@@ -86,7 +86,7 @@ pub trait Lanes:
     fn index_eq(a: Self::Index, b: Self::Index) -> Self::Mask;
     /// `a` where the mask is true, `b` elsewhere.
     fn select_index(mask: Self::Mask, a: Self::Index, b: Self::Index) -> Self::Index;
-    /// Rounds both operands to bfloat16 (to even in a tie; a NaN may become another NaN or infinite): `high` in the
+    /// Rounds both operands to bfloat16 (to even in a tie; a NaN may become a number or infinity): `high` in the
     /// upper half of each word, `low` in the lower half.
     fn pack_bfloat16(high: Self, low: Self) -> Self::Index;
     /// The two operands as rounded by `pack_bfloat16`.

@@ -1,5 +1,5 @@
-//! The GPUs of this machine, by Vulkan, Direct3D 12 and Metal. GL is left out: its drivers are not fit for render
-//! threads.
+//! The GPUs of this machine, as found through Vulkan, Direct3D 12 and Metal. GL is left out: its drivers are not fit
+//! for render threads.
 
 use super::context::{Context, Options};
 use super::identity::{api, describe, is_software, rank};
@@ -11,11 +11,11 @@ use crate::report::AdapterInfo;
 const BACKENDS: wgpu::Backends =
     wgpu::Backends::VULKAN.union(wgpu::Backends::DX12).union(wgpu::Backends::METAL);
 
-/// A GPU's memory is shared with the host and with other programs: an allocation by which the use would exceed this
-/// percentage of the budget that the driver states fails with `OutOfMemory`, before the driver starts to page.
+/// A GPU's memory is shared with the host and with other programs. An allocation that would raise the use above this
+/// percentage of the driver's budget fails with `OutOfMemory`, before the driver starts to page.
 const MEMORY_BUDGET_PERCENT: u8 = 95;
 
-/// The adapters found: those that can be used, and the reasons against the others.
+/// The adapters found: the usable ones, and the reasons why the others were rejected.
 #[derive(Debug, Default)]
 pub(crate) struct Adapters {
     /// Hardware before software, discrete before integrated; otherwise in the order of the drivers.
@@ -25,7 +25,7 @@ pub(crate) struct Adapters {
 }
 
 impl Adapters {
-    /// Enumerates the adapters. Without a driver, or with a broken one, there are none.
+    /// Enumerates the adapters. Both lists are empty if no driver is installed, or if it is broken.
     pub fn new() -> Adapters {
         let all = contain(|| pollster::block_on(instance().enumerate_adapters(BACKENDS)));
         let mut found = Adapters::default();
@@ -45,7 +45,7 @@ impl Adapters {
         self.usable.iter().map(describe).collected()
     }
 
-    /// Opens one of these, `None` if there is none of that number.
+    /// Opens the usable adapter `index`; `None` if the index is out of range.
     pub fn open(&self, index: usize, options: Options) -> Option<Result<Context>> {
         self.usable.get(index).map(|adapter| Context::open(adapter, options))
     }
@@ -76,14 +76,14 @@ pub(crate) fn interfaces() -> String {
 fn instance() -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = BACKENDS;
-    // No validation layers, which a debug build would load into the host; no checks of indirect dispatches, which take
-    // a dispatch each: the arguments are written by this library's own kernel.
+    // Without validation layers, which a debug build would load into the host, and without checks of indirect
+    // dispatches, which cost a dispatch each: their arguments are written by this library's own kernel.
     descriptor.flags = wgpu::InstanceFlags::empty();
     descriptor.memory_budget_thresholds.for_resource_creation = Some(MEMORY_BUDGET_PERCENT);
     wgpu::Instance::new(descriptor)
 }
 
-/// Returns the reason why an adapter cannot be used, if there is one.
+/// The reason why an adapter cannot be used, or `None` if it can.
 fn rejected(adapter: &wgpu::Adapter) -> Option<&'static str> {
     let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
     if !adapter.get_downlevel_capabilities().flags.contains(compute) {

@@ -1,6 +1,7 @@
 //! Bands: the division of a level's blocks among buffers that are small enough to be bound. A band owns whole rows of
-//! blocks and also holds copies of the rows next to them, so that a kernel reads one band only; after a kernel has
-//! written, the copies are updated. A level that fits into one binding, as nearly all do, is one band without copies.
+//! blocks and also holds copies of the rows next to them, so that a kernel reads only one band. After a kernel has
+//! written, the copies are updated. A level that fits into one binding, as nearly all levels do, is one band without
+//! copies.
 
 use std::ops::Range;
 
@@ -15,7 +16,7 @@ use crate::mesh::NONE;
 pub struct Band {
     /// Blocks that the band owns.
     pub owned: Range<usize>,
-    /// Blocks that its buffers hold: the owned ones and their neighbours.
+    /// Blocks in the band's buffers: the owned ones and their neighbours.
     pub held: Range<usize>,
     /// The band of the next coarser level that owns the parents of the owned blocks.
     pub coarser: usize,
@@ -24,13 +25,13 @@ pub struct Band {
 }
 
 impl Band {
-    /// Index of block b in the band's buffers; `NONE` if they do not hold it.
+    /// Index of block b in the band's buffers, or `NONE` if they do not contain it.
     pub fn place(&self, b: u32) -> u32 {
         if b != NONE && self.held.contains(&(b as usize)) { b - self.held.start as u32 } else { NONE }
     }
 }
 
-/// Key of a pair of rows of blocks of one chart that have the same parent row.
+/// Key of a pair of rows of blocks of one chart with the same parent row.
 fn row_pair(block: &Block) -> (u32, u32) {
     (block.chart, block.y / 2)
 }
@@ -48,7 +49,7 @@ pub fn bands(levels: &[Level], capacity: impl Fn(usize) -> usize) -> Result<Vec<
             all[k] = split(level, 0..count, 0, capacity(k))?;
             continue;
         }
-        // Each coarser band's children are divided by themselves, so that no finer band has parents in two bands.
+        // The children of each coarser band are divided separately, so that no finer band has parents in two bands.
         let coarser_blocks = &levels[k + 1].blocks.list;
         let mut bands = Vec::new();
         for coarser in 0..all[k + 1].len() {

@@ -22,10 +22,10 @@ use crate::unwind::caught;
 /// How a GPU is opened.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Options {
-    /// With WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature, instead of those
-    /// of the adapter: for tests, and to tell a driver's defect from ours.
+    /// Whether to open with WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature
+    /// instead of the adapter's capabilities: for tests, and to tell a driver's defect from one of this library.
     pub webgpu_limits: bool,
-    /// Most blocks that a band may hold, if fewer than fit into a binding: for tests of bands.
+    /// The maximum number of blocks of a band, if it is to be lower than what fits into a binding: for tests of bands.
     pub band: Option<usize>,
 }
 
@@ -33,10 +33,10 @@ pub(crate) struct Options {
 #[derive(Debug)]
 pub(crate) struct Context {
     pub device: wgpu::Device,
-    /// Dropped by hand: dropping waits for submitted work, and panics if that fails.
+    /// Dropped explicitly, because dropping waits for submitted work and panics if that fails.
     pub queue: ManuallyDrop<wgpu::Queue>,
     pub adapter: wgpu::AdapterInfo,
-    /// What a host is told of the adapter.
+    /// The description of the adapter for the host.
     about: AdapterInfo,
     pub limits: wgpu::Limits,
     pub options: Options,
@@ -57,18 +57,18 @@ pub fn padded(size: u64) -> u64 {
 struct ErrorLog {
     /// The reason why the device was lost.
     lost: Mutex<Option<String>>,
-    /// Errors that no error scope caught, each with the thread whose call it was: assets are solved in parallel, and an
-    /// error of one must not be taken for another's.
+    /// Errors that no error scope caught, each with the thread that made the call: assets are solved in parallel, and
+    /// an error in one must not be attributed to another.
     errors: Mutex<Vec<(ThreadId, Error)>>,
 }
 
-/// How long a call that can be cancelled sleeps before it looks whether its work is done, at first and at most.
+/// The first and the longest interval at which a cancellable call checks whether its work is done.
 const PAUSES: [Duration; 2] = [Duration::from_micros(20), Duration::from_micros(200)];
 
-/// Most errors kept, as some threads may never check.
+/// The maximum number of errors kept, since some threads may never check.
 const MAX_ERRORS: usize = 64;
 
-/// Joins the lines of wgpu's messages.
+/// Joins the lines of a wgpu message.
 #[expect(clippy::disallowed_methods, reason = "one message")]
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
@@ -121,7 +121,7 @@ impl Context {
             label: Some("vrtm"),
             required_features: features,
             required_limits: limits.clone(),
-            // The host renders on the same GPU: memory is taken in small blocks and given back early.
+            // The host renders on the same GPU, so memory is allocated in small blocks and released early.
             memory_hints: wgpu::MemoryHints::MemoryUsage,
             ..Default::default()
         };
@@ -159,17 +159,17 @@ impl Context {
         })
     }
 
-    /// What a host is told of the adapter.
+    /// The description of the adapter for the host.
     pub fn describe(&self) -> AdapterInfo {
         self.about.clone()
     }
 
-    /// True if each dispatch has a pass of its own, so that each kernel is timed.
+    /// True if each dispatch has its own pass, so that each kernel is timed.
     pub fn times_kernels(&self) -> bool {
         self.time_kernels.load(Ordering::Relaxed)
     }
 
-    /// Sets whether each kernel is timed by itself from now on, which costs some time.
+    /// Sets whether each kernel is timed separately from now on, which costs some time.
     #[cfg(feature = "lab")]
     pub fn time_kernels(&self, yes: bool) {
         self.time_kernels.store(yes, Ordering::Relaxed);
@@ -192,7 +192,7 @@ impl Context {
         let error = self.error_log.take();
         self.alive()?;
         let Some(error) = error else { return Ok(()) };
-        // A device that is being lost rejects calls before it reports its loss: wait a moment for the report.
+        // A device that is being lost rejects calls before it reports its loss, so wait a moment for the report.
         for _ in 0..if error.kind == ErrorKind::Internal { 20 } else { 0 } {
             let _ = contain(|| self.device.poll(wgpu::PollType::Poll));
             self.alive()?;
@@ -201,15 +201,15 @@ impl Context {
         Err(error)
     }
 
-    /// Runs wgpu calls that may panic where they should fail, and checks for errors.
+    /// Runs wgpu calls that may panic instead of failing, and checks for errors.
     pub fn contain<R>(&self, body: impl FnOnce() -> R) -> Result<R> {
-        // Should memory be missing, wgpu's errors until then must not be left for the next call.
+        // If memory runs out, wgpu's errors up to then must not be left for the next call.
         let outcome = caught(|| Ok(contain(body)));
         self.check()?;
         outcome?.map_err(|why| Error::new(ErrorKind::Internal, format!("the GPU: {}", one_line(&why))))
     }
 
-    /// Returns a kernel's pipeline. A pipeline that could not be made is tried again at the next call.
+    /// Returns a kernel's pipeline. If its compilation failed, the next call tries again.
     pub fn pipeline(&self, kernel: Kernel) -> Result<&Pipeline> {
         let pipeline = self.pipelines.place(kernel);
         if pipeline.get().is_none() {
@@ -235,7 +235,7 @@ impl Context {
             .map_err(|error| Error::new(ErrorKind::Internal, format!("the GPU: {error}")))
     }
 
-    /// Waits for all that was submitted, but no longer than the call goes on.
+    /// Waits for all submitted work, unless the call is cancelled meanwhile.
     pub fn wait_for(&self, control: &Control) -> Result<()> {
         let done = Arc::new(AtomicBool::new(false));
         let told = done.clone();
@@ -243,7 +243,8 @@ impl Context {
         let mut pause = PAUSES[0];
         loop {
             control.check()?;
-            // Not a wait with a limit: when that is up, wgpu 30 panics if another thread has just emptied the queue.
+            // A wait with a timeout does not work here: when it expires, wgpu 30 panics if another thread has just
+            // emptied the queue.
             self.contain(|| self.device.poll(wgpu::PollType::Poll))?
                 .map_err(|error| Error::new(ErrorKind::Internal, format!("the GPU: {error}")))?;
             if done.load(Ordering::Acquire) {
@@ -254,14 +255,14 @@ impl Context {
         }
     }
 
-    /// Gives back the memory of dropped buffers that only finished work used; waits for nothing. To be called after a
-    /// tile's or an asset's buffers are dropped.
+    /// Releases the memory of dropped buffers that only finished work used, without waiting. Call it after the buffers
+    /// of a tile or an asset are dropped.
     pub fn reclaim(&self) {
         // An error here occurs again in the next call that returns a result.
         let _ = contain(|| self.device.poll(wgpu::PollType::Poll));
     }
 
-    /// Makes a buffer of at least `size` bytes, all zero.
+    /// Creates a buffer of at least `size` bytes, all zero.
     ///
     /// # Errors
     /// `OutOfMemory` with the label and the bytes, also if the GPU has no buffers of that size; `DeviceLost`.
@@ -299,7 +300,7 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
-        // SAFETY: the queue is not used again: its owner is being dropped.
+        // SAFETY: the queue is not used again, since its owner is being dropped.
         let _ = contain(|| unsafe { ManuallyDrop::drop(&mut self.queue) });
     }
 }

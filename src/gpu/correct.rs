@@ -1,4 +1,4 @@
-//! correct: one Gauss-Newton step for all nodes of a level at once (method §7); the twin of `cpu/correct.rs`.
+//! correct: one Gauss-Newton step for all nodes of a level at once (method §7); the counterpart of `cpu/correct.rs`.
 
 pub(super) mod coarse_levels;
 #[cfg(test)]
@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::method::acceptance::Correction;
 use crate::method::law::{SMOOTHER_SWEEPS, kept_margin, limit_rounds, trial_fractions};
 
-/// The rounds of the step limit on level 0 that have a gate in front of them: one or two rounds are usual, and many rare.
+/// The rounds of the step limit on level 0 that are preceded by a gate: one or two rounds are common, more are rare.
 const LATER_GATES: [u32; 2] = [2, 6];
 
 impl Run<'_> {
@@ -34,13 +34,13 @@ impl Run<'_> {
         }
         self.params.in_correction = 1;
         self.select(if correction.first { SELECT_FIRST_CORRECTION } else { SELECT_LATER_CORRECTION });
-        // Assembly leaves the energy without a pull.
+        // Assembly computes the energy without a pull.
         let params = self.with_pull(level);
         if params.pull > 0.0 {
             self.energy_sums(params, level);
         }
         self.assemble(level);
-        // Further corrections use the coarser systems of the first one: these precondition well enough.
+        // Further corrections reuse the coarser systems of the first one, which precondition well enough.
         if correction.first {
             for k in level + 1..self.grid.levels.len() {
                 self.galerkin(k);
@@ -62,7 +62,7 @@ impl Run<'_> {
             let trusts_model = u32::from(trusts_model);
             self.energy(Params { tolerance, trusts_model, ..self.with_pull(level) }, level, decision);
             if n == 0 {
-                // Nearly always all charts accept the whole step.
+                // Nearly always, all charts accept the whole step.
                 self.open_gate(GateSet::Trial, 0);
             }
         }
@@ -72,8 +72,9 @@ impl Run<'_> {
         self.energy_is_known = level == 0 && self.pull == 0.0;
     }
 
-    /// Whether a chart takes part in a further correction of the level, from the records of the charts after the work so far:
-    /// one wait in the place of about seventy dispatches, which would turn out empty for charts with room.
+    /// Whether a chart takes part in a further correction of the level, from the records of the charts after the work
+    /// so far. Reading them takes one wait but saves about seventy dispatches, which would turn out empty for charts
+    /// with room.
     fn is_wanted(&mut self) -> bool {
         if self.error.is_some() {
             return false;
@@ -96,7 +97,7 @@ impl Run<'_> {
         }
     }
 
-    /// Submits what is recorded, waits for it, unless the call is cancelled, and reads the records of the charts.
+    /// Submits the recorded commands, waits for them unless the call is cancelled, and reads the records of the charts.
     fn waited_records(&mut self) -> Result<Vec<Chart>> {
         let (charts, bytes) = (self.memory.charts.clone(), self.charts.len() * size_of::<Chart>());
         let readback = self.recorder.read(&[(&charts, 0..bytes as u64)], false)?;
@@ -143,8 +144,8 @@ impl Run<'_> {
         self.exchange(k, BandBuffer::Rows);
     }
 
-    /// Solves a level's system for the step, a combination of two preconditioned residuals (method §7.3). The step's length
-    /// and the predicted gain are in the records of the charts, and so is the energy before.
+    /// Solves a level's system for the step, a combination of two preconditioned residuals (method §7.3). The step's
+    /// length, the predicted gain and the energy before the step are stored in the records of the charts.
     fn conjugate_gradients(&mut self, level: usize) {
         let params = self.with_pull(level);
         if let Some(top) =
@@ -173,7 +174,7 @@ impl Run<'_> {
         self.reduce(Kernel::Curvature, level, self.params, DECIDE_SECOND_STEP);
     }
 
-    /// The part of a V-cycle on the levels that are coarser than `level` (method §7.4).
+    /// The part of a V-cycle on the levels coarser than `level` (method §7.4).
     fn coarse_cycle(&mut self, level: usize) {
         let coarsest = self.grid.levels.len() - 1;
         let first = self.memory.coarse.as_ref().map_or(coarsest + 1, |coarse| coarse.levels.first);
@@ -188,7 +189,7 @@ impl Run<'_> {
         }
     }
 
-    /// Smooths level `k` from 0, and forms what this contributes to the coarser level.
+    /// Smooths level `k` from 0, and forms its contributions to the coarser level.
     fn multigrid_down(&mut self, k: usize, mode: u32) {
         for band in 0..self.memory.bands[k].len() {
             let active = self.memory.lists[k][band].active;
@@ -211,7 +212,7 @@ impl Run<'_> {
         params: Params,
     ) {
         let own = &self.memory.buffers[k][band].contributions;
-        // Blocks of the coarsest level have no parents: they contribute nothing.
+        // The coarsest level has no coarser level to contribute to.
         let (leaving, other_base) = match self.memory.buffers.get(k + 1) {
             Some(coarser) => {
                 let coarse = &coarser[self.memory.bands[k][band].coarser];
@@ -241,8 +242,7 @@ impl Run<'_> {
         self.exchange(k, BandBuffer::Vectors);
     }
 
-    /// Dispatches the work on the coarse levels, from the `top`-th of them on: a V-cycle, or the solution of that level's
-    /// system.
+    /// Dispatches the work on the coarse levels from index `top` on: a V-cycle, or the solution of that level's system.
     fn multigrid_coarse(&mut self, top: usize, mode: u32) {
         let Some(coarse) = &self.memory.coarse else { return };
         let (first, bases) = (coarse.levels.first, &coarse.levels.bases);
@@ -259,7 +259,7 @@ impl Run<'_> {
         let bytes = cycles * coarse.levels.bytes_moved(self.grid, first + top);
         let contributed = self.memory.buffers[first][0].contributions.clone();
         let extra = [coarse.blocks.clone(), coarse.lists.clone(), contributed];
-        // Any of these levels will do: all have the same buffers of rows and vectors.
+        // Any of these levels would do: they share the buffers of rows and vectors.
         let size = self.dispatch_size(0, params.items);
         self.dispatch(Kernel::MultigridCoarse, [first, 0], &extra, &params, size, bytes);
     }

@@ -1,5 +1,5 @@
-//! How stages record their dispatches: over lists of blocks, colour by colour, under gates, with sums per block and the
-//! decisions from them; and the copies of blocks that the bands of a level exchange.
+//! How stages record their dispatches: over lists of blocks, block colour by block colour, under gates, with sums per
+//! block and decisions based on them. Also copies blocks between the bands of a level.
 
 use super::kernels::Kernel;
 use super::layout::{self, METRIC_PLANES, PLANE, Params, ROW_PLANES, VECTOR_PLANES, state_planes};
@@ -10,7 +10,7 @@ use super::sizes::CONTRIBUTIONS;
 use crate::allocation::{Collect, copied, make_room_in};
 use crate::grid::planes::NODES;
 
-/// The buffers of a band of which its neighbour bands hold copies of blocks.
+/// The buffers of a band whose blocks are copied to neighbour bands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum BandBuffer {
     State,
@@ -21,8 +21,8 @@ pub(super) enum BandBuffer {
 }
 
 impl Run<'_> {
-    /// The extra buffer of kernels that may pull: the previous result. Without one, and on coarser levels, it is not read
-    /// (`with_pull`).
+    /// The extra buffer of kernels that may apply the pull: the previous result. It is not read without a pull, nor on
+    /// coarser levels (`with_pull`).
     pub(super) fn anchor(&self, level: usize, band: usize) -> wgpu::Buffer {
         match &self.last_result {
             Some(result) if level == 0 => result.bands[band].1.clone(),
@@ -30,20 +30,19 @@ impl Run<'_> {
         }
     }
 
-    /// The state of a band: on level 0 the result that this solve makes.
+    /// The state of a band; on level 0 it is the result that this solve writes.
     pub(super) fn state_buffer(&self, level: usize, band: usize) -> &wgpu::Buffer {
         self.memory.buffers[level][band].state.as_ref().unwrap_or_else(|| &self.result.bands[band].1)
     }
 
-    /// Chooses the charts that the following kernels work on; `mode` is one of `SELECT_`.
+    /// Selects the charts that the following kernels work on; `mode` is one of `SELECT_`.
     pub(super) fn select(&mut self, mode: u32) {
         let params = Params { mode, ..self.params };
         let size = DispatchSize::ungated(params.items.div_ceil(layout::THREADS));
         self.dispatch(Kernel::SelectCharts, [0, 0], &[], &params, size, 0);
     }
 
-    /// The size of a dispatch: under a gate it becomes 0 if the gate is closed. `size_index` is its index among the
-    /// dispatch sizes.
+    /// The size of a dispatch; under a closed gate it becomes 0. `size_index` is its index among the dispatch sizes.
     pub(super) fn dispatch_size(&self, size_index: u32, workgroups: u32) -> DispatchSize {
         let gate = self.gate.map(|gate| {
             let arguments = gate.set as u32 * self.memory.dispatch_size_count + size_index;
@@ -52,8 +51,8 @@ impl Run<'_> {
         DispatchSize { workgroups, gate }
     }
 
-    /// Records a gate: dispatches that follow run only if a chart is at work at this point that at least `limited`
-    /// dispatches of the step limit found limited, until `self.gate` is reset.
+    /// Records a gate. Until `self.gate` is reset, the following dispatches run only if some chart is at work at this
+    /// point and was limited by at least `limited` dispatches of the step limit.
     pub(super) fn open_gate(&mut self, set: GateSet, limited: u32) {
         let count = self.memory.dispatch_size_count;
         let number = self.gates.min(MAX_GATES - 1);
@@ -87,7 +86,7 @@ impl Run<'_> {
         if self.error.is_some() {
             return;
         }
-        // Blocks of charts that sit a further correction out return at once.
+        // Blocks of charts that take no part in a further correction return at once.
         let bytes = bytes * self.share[0] / self.share[1].max(1);
         let context = self.context.clone();
         let pipeline = match context.pipeline(kernel) {
@@ -130,15 +129,16 @@ impl Run<'_> {
         self.dispatch(kernel, at, extra, &params, size, bytes);
     }
 
-    /// Bytes of triangles that a dispatch over `count` blocks of a level reads: those of the same share of the
-    /// triangles as the blocks are of the level's active blocks.
+    /// Bytes of triangles that a dispatch over `count` blocks of a level reads. Its share of the triangles is taken to
+    /// be its share of the level's active blocks.
     pub(super) fn triangle_bytes(&self, kernel: Kernel, level: usize, count: u32) -> u64 {
         let active = self.memory.active_blocks[level].max(1);
         let triangles = self.grid.triangles.len() as u64 * u64::from(count).min(active) / active;
         u64::from(kernel.bytes_per_triangle()) * triangles
     }
 
-    /// Dispatches a kernel over all active blocks of a level, then updates the copies of the buffer that it wrote.
+    /// Dispatches a kernel over all active blocks of a level, then updates the bands' copies of the buffer that it
+    /// wrote.
     pub(super) fn dispatch_active(
         &mut self,
         kernel: Kernel,
@@ -189,13 +189,13 @@ impl Run<'_> {
     }
 
     /// Dispatches a kernel that writes partial sums per active block, then `decide`, which adds them chart by chart and
-    /// takes the decision `decision`, one of `DECIDE_`.
+    /// makes the decision `decision`, one of `DECIDE_`.
     pub(super) fn reduce(&mut self, kernel: Kernel, level: usize, params: Params, decision: u32) {
         self.sums(kernel, level, params);
         self.decide(level, params, decision);
     }
 
-    /// Dispatches `decide`: takes the decision `decision` from the sums of a level's blocks, chart by chart.
+    /// Dispatches `decide`: makes the decision `decision` from the sums of a level's blocks, chart by chart.
     pub(super) fn decide(&mut self, level: usize, params: Params, decision: u32) {
         let params = Params { mode: decision, level: level as u32, ..params };
         let extra = [self.memory.ranges.clone()];
@@ -203,7 +203,7 @@ impl Run<'_> {
         self.dispatch(Kernel::Decide, [0, 0], &extra, &params, size, 0);
     }
 
-    /// Updates the copies that the bands of a level hold of one another's blocks.
+    /// Updates the bands' copies of each other's blocks on a level.
     pub(super) fn exchange(&mut self, level: usize, what: BandBuffer) {
         let Some(bands) = self.memory.bands.get(level) else { return };
         if bands.len() == 1 {

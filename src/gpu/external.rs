@@ -1,5 +1,5 @@
-//! A redirection, computed on the GPU, into memory of the host's own graphics device. All steps that can fail come before
-//! the one submission that writes to it.
+//! Computes a redirection on the GPU and writes it into memory of the host's own graphics device. All steps that can
+//! fail precede the single submission that writes to that memory.
 
 use std::num::NonZeroU64;
 use std::ops::Range;
@@ -43,27 +43,27 @@ structs! {
     }
 }
 
-/// What a redirection's values are measured from.
+/// The reference from which a redirection's values are measured.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Values {
     /// The texel's centre.
     Delta,
-    /// The corner (0, 0) of a tile, whose place among the tiles, as seen from there, is held here.
+    /// The corner (0, 0) of a tile; the value is the UV tile's position relative to it.
     Absolute([u32; 2]),
 }
 
-/// Bytes between two requests, and what bindings begin at multiples of: WebGPU's largest alignment of storage bindings.
+/// Bytes between two requests, and alignment of bindings: WebGPU's largest alignment of storage bindings.
 const ALIGNMENT: u64 = 256;
-/// Most texels of a side, so that f32 resolves texels.
+/// The maximum number of texels on a side, so that f32 resolves texels.
 const MAX_SIDE: usize = 1 << 20;
 
-/// Texel rows that are written by one dispatch, and the bytes of the host's memory that are bound for them.
+/// Texel rows written by one dispatch, and the bytes of the host's memory bound for them.
 struct RowBand {
     rows: Range<usize>,
     bytes: Range<u64>,
 }
 
-/// Divides the rows into bands whose texels, packed and in the host's memory, fit into a binding.
+/// Divides the rows into bands whose texels fit into a binding, both packed and in the host's memory.
 fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<RowBand>> {
     let &ExternalTexels { size, row_stride, offset, is_top_first, .. } = texels;
     let row_bytes = size[0] as u64 * TEXEL_BYTES;
@@ -72,7 +72,7 @@ fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<RowBand>> {
         let message = format!("image: {}x{} texels are more than a GPU writes at once", size[0], size[1]);
         return Err(Error::new(ErrorKind::Unsupported, message));
     }
-    // From the first byte of the first row to the last one of the last row.
+    // From the first byte of the first row to the last byte of the last row.
     let rows = (room / row_stride + 1).min(most / row_bytes).clamp(1, size[1] as u64) as usize;
     let of = |first: usize| {
         let rows = first..(first + rows).min(size[1]);
@@ -87,7 +87,7 @@ fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<RowBand>> {
 fn request(texels: &ExternalTexels, band: &RowBand, cells: [usize; 2], values: Values) -> RedirectRequest {
     let &ExternalTexels { size, row_stride, offset, is_top_first, .. } = texels;
     let step = (row_stride / TEXEL_BYTES) as u32;
-    // The row in memory of the band's first row.
+    // The index in memory of the band's first row.
     let at = if is_top_first { size[1] - 1 - band.rows.start } else { band.rows.start };
     RedirectRequest {
         width: size[0] as u32,
@@ -104,14 +104,14 @@ fn request(texels: &ExternalTexels, band: &RowBand, cells: [usize; 2], values: V
     }
 }
 
-/// Bytes of GPU memory that `write` takes beside the host's.
+/// Bytes of GPU memory that `write` needs in addition to the host's memory.
 pub(crate) fn bytes_for(context: &Context, texels: &ExternalTexels) -> Result<u64> {
     let bands = bands(texels, max_binding(context))?;
     let rows = bands.iter().map(|band| band.rows.len()).max().unwrap_or_default();
     Ok((rows * texels.size[0]) as u64 * TEXEL_BYTES)
 }
 
-/// Writes a redirection to the host's memory, and waits until it is there. `u` is `None` for the identity.
+/// Writes a redirection to the host's memory, and waits until it is complete. `u` is `None` for the identity.
 pub(crate) fn write(
     context: &Context,
     u: Option<&Displacements>,
@@ -122,7 +122,7 @@ pub(crate) fn write(
     let redirection = Redirection::new(context, cells, values, texels, max_binding(context))?;
     let inversion = redirection.inversion(u)?;
     let image = redirection.image()?;
-    // Last of all that can fail for want of something.
+    // This comes last, after everything else that can fail for lack of a resource.
     let imported = import::Imported::new(context, texels)?;
     let (take, give) = imported.transfers(context)?;
     let commands = redirection.record(inversion.as_ref(), &image, &imported.buffer)?;
@@ -136,13 +136,13 @@ struct Redirection<'a> {
     pipeline: &'a Pipeline,
     size: [usize; 2],
     bands: Vec<RowBand>,
-    /// Per band.
+    /// Per band, its request.
     requests: wgpu::Buffer,
     centres: wgpu::Buffer,
 }
 
 impl<'a> Redirection<'a> {
-    /// With bindings of at most `most` bytes.
+    /// Prepares the dispatches, with bindings of at most `most` bytes.
     fn new(
         context: &'a Context,
         cells: [usize; 2],
@@ -159,7 +159,7 @@ impl<'a> Redirection<'a> {
             record[..size_of::<RedirectRequest>()].copy_from_slice(bytemuck::bytes_of(&request));
         }
         let requests = context.filled("requests", &requests, wgpu::BufferUsages::STORAGE)?;
-        // The same as on the CPU. Low words come first on all machines that have such GPUs.
+        // Computed as on the CPU. The low word comes first, because all machines with such GPUs are little-endian.
         let centre = |n: usize| (0..n).map(move |x| ((x as f64 + 0.5) / n as f64).to_bits());
         let centres: Vec<u64> = centre(size[0]).chain(centre(size[1])).collected();
         let centres =
@@ -174,7 +174,7 @@ impl<'a> Redirection<'a> {
         u.map(|u| Inversion::new(self.context, pipeline, u, self.size, &rows)).transpose()
     }
 
-    /// Room for W⁻¹ at the texels of a band.
+    /// A buffer for W⁻¹ at the texels of a band.
     fn image(&self) -> Result<wgpu::Buffer> {
         let rows = self.bands.iter().map(|band| band.rows.len()).max().unwrap_or_default();
         let bytes = (rows * self.size[0]) as u64 * TEXEL_BYTES;

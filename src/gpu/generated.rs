@@ -1,9 +1,9 @@
-//! `shaders/generated.wgsl`: the constants and structs that Rust and WGSL share, written from their declarations in
-//! Rust. The file is committed, so that the shaders can be read and checked by themselves; a test compares it with the
+//! Generates `shaders/generated.wgsl`: the constants and structs that Rust and WGSL share, from their declarations in
+//! Rust. The file is committed, so that the shaders can be read and checked on their own; a test compares it with the
 //! declarations.
 
-/// Declares structs of public fields that WGSL has, too, and for tests a function `struct_declarations` that lists
-/// them. `as` precedes the name of a field's type in WGSL if it differs.
+/// Declares structs with public fields that also exist in WGSL and, for tests, a function `struct_declarations` that
+/// lists them. `as` precedes the name of a field's type in WGSL if it differs.
 macro_rules! structs {
     ($($(#[doc = $doc:literal])+ $(#[derive($derive:ident)])? pub struct $struct:ident {
         $($(#[doc = $field_doc:literal])* $field:ident: $ty:ty $(as $wgsl:literal)?,)+
@@ -17,7 +17,7 @@ macro_rules! structs {
             }
         )+
 
-        /// All of these structs.
+        /// All structs declared here.
         #[cfg(test)]
         pub fn struct_declarations() -> Vec<$crate::gpu::generated::Struct> {
             vec![$((
@@ -26,7 +26,7 @@ macro_rules! structs {
                 vec![$((
                     &[$($field_doc),*],
                     stringify!($field),
-                    // The name after `as` comes first and takes precedence.
+                    // The name after `as`, if present, comes first and takes precedence.
                     [$($wgsl.to_owned(),)? <$ty as WgslType>::name()].into_iter().next().unwrap_or_default(),
                 )),+],
             )),+]
@@ -46,7 +46,7 @@ mod text {
     use crate::method::constants::Declaration;
     use crate::method::law;
 
-    /// The name in WGSL of a field's type.
+    /// The WGSL name of a field's type.
     pub trait WgslType {
         fn name() -> String;
     }
@@ -69,10 +69,10 @@ mod text {
         }
     }
 
-    /// A field: lines of its comment, name, type in WGSL.
+    /// A field: the lines of its comment, its name, its WGSL type.
     pub type Field = (&'static [&'static str], &'static str, String);
 
-    /// A struct: lines of its comment, name, fields.
+    /// A struct: the lines of its comment, its name, its fields.
     pub type Struct = (&'static [&'static str], &'static str, Vec<Field>);
 
     /// The text of `shaders/generated.wgsl`.
@@ -81,7 +81,7 @@ mod text {
             "// Written from src/method/law.rs, src/gpu/layout.rs and src/gpu/external.rs. Change those, then\n",
         );
         text += "// VRTM_UPDATE_SHADERS=1 cargo test --lib generated\n";
-        // Writing to a string does not fail.
+        // Writing to a string cannot fail.
         let _ = constants(&mut text, &law::declarations());
         let _ = constants(&mut text, &layout::shared::declarations());
         let _ = structs(&mut text, &layout::struct_declarations());

@@ -1,5 +1,5 @@
-//! What a host is told of a GPU. What tells it apart from the others, in any program, is read from the graphics interface
-//! itself, since wgpu does not hand it on.
+//! Describes a GPU to a host. The identifiers by which any program can tell it from other GPUs are read from the
+//! graphics interface itself, since wgpu does not pass them on.
 
 use crate::panics::contain;
 use crate::report::AdapterInfo;
@@ -28,12 +28,12 @@ pub(super) fn is_software(info: &wgpu::AdapterInfo) -> bool {
     rank(info.device_type) > 2
 }
 
-/// Hardware before software, discrete before integrated.
+/// Ranks hardware before software, and discrete before integrated GPUs.
 pub(super) fn rank(kind: wgpu::DeviceType) -> u8 {
     match kind {
         wgpu::DeviceType::DiscreteGpu => 0,
         wgpu::DeviceType::IntegratedGpu => 1,
-        // Part of a hardware GPU, in a virtual machine.
+        // A part of a hardware GPU, in a virtual machine.
         wgpu::DeviceType::VirtualGpu => 2,
         wgpu::DeviceType::Cpu => 3,
         wgpu::DeviceType::Other => 4,
@@ -50,7 +50,7 @@ pub(super) fn api(backend: wgpu::Backend) -> &'static str {
     }
 }
 
-/// What the interface tells; `None` where it does not.
+/// The identifiers that the interface provides; `None` for the others.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ids {
     pub uuid: Option<[u8; 16]>,
@@ -59,7 +59,7 @@ struct Ids {
     pub registry_id: Option<u64>,
 }
 
-/// Reads an adapter's.
+/// Reads the identifiers of an adapter.
 fn ids_of(adapter: &wgpu::Adapter) -> Ids {
     vulkan(adapter).or_else(|| direct3d(adapter)).or_else(|| metal(adapter)).unwrap_or_default()
 }
@@ -68,17 +68,17 @@ fn ids_of(adapter: &wgpu::Adapter) -> Ids {
 fn vulkan(adapter: &wgpu::Adapter) -> Option<Ids> {
     use ash::vk;
 
-    // SAFETY: nothing of it is destroyed here.
+    // SAFETY: the adapter is only used here, not destroyed.
     let adapter = unsafe { adapter.as_hal::<wgpu::hal::api::Vulkan>() }?;
     let shared = adapter.shared_instance();
     let device_version = adapter.physical_device_capabilities().properties().api_version;
-    // The function belongs to Vulkan 1.1.
+    // The function was added in Vulkan 1.1.
     if shared.instance_api_version().min(device_version) < vk::API_VERSION_1_1 {
         return Some(Ids::default());
     }
     let mut ids = vk::PhysicalDeviceIDProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut ids);
-    // SAFETY: the device is this instance's, and both have the function.
+    // SAFETY: the device belongs to this instance, and both have the function.
     unsafe {
         let instance = shared.raw_instance();
         instance.get_physical_device_properties2(adapter.raw_physical_device(), &mut properties);
@@ -96,12 +96,12 @@ fn vulkan(_: &wgpu::Adapter) -> Option<Ids> {
     None
 }
 
-/// Compiled for Windows, but never run by its author.
+/// This is compiled for Windows, but was never run by its author.
 #[cfg(windows)]
 fn direct3d(adapter: &wgpu::Adapter) -> Option<Ids> {
-    // SAFETY: nothing of it is destroyed here.
+    // SAFETY: the adapter is only used here, not destroyed.
     let adapter = unsafe { adapter.as_hal::<wgpu::hal::api::Dx12>() }?;
-    // SAFETY: the adapter lives.
+    // SAFETY: the adapter is alive.
     let description = unsafe { adapter.as_raw().GetDesc1() }.ok()?;
     let luid = description.AdapterLuid;
     let mut bytes = [0; 8];
@@ -115,12 +115,12 @@ fn direct3d(_: &wgpu::Adapter) -> Option<Ids> {
     None
 }
 
-/// Compiled for macOS, but never run by its author.
+/// This is compiled for macOS, but was never run by its author.
 #[cfg(target_vendor = "apple")]
 fn metal(adapter: &wgpu::Adapter) -> Option<Ids> {
     use objc2_metal::MTLDevice;
 
-    // SAFETY: nothing of it is destroyed here.
+    // SAFETY: the adapter is only used here, not destroyed.
     let adapter = unsafe { adapter.as_hal::<wgpu::hal::api::Metal>() }?;
     Some(Ids { registry_id: Some(adapter.raw_device().registryID()), ..Ids::default() })
 }

@@ -1,5 +1,5 @@
-//! invert: W⁻¹ at texel centres (method §9), from a result's buffers into host memory. All steps that can fail come
-//! before the first texel is handed out, except for mapping the staging buffers.
+//! invert: computes W⁻¹ at texel centres (method §9) from a result's buffers into host memory. All steps that can fail
+//! precede the first texel that is handed out, except for mapping the staging buffers.
 
 use std::num::NonZeroU64;
 use std::ops::Range;
@@ -15,18 +15,18 @@ use crate::error::Result;
 
 /// Bytes of a texel on the device: two f32.
 pub(super) const TEXEL_BYTES: u64 = 8;
-/// Most bytes of an image that are bound at once: larger bindings would only take memory from other programs.
+/// The maximum number of bytes of an image bound at once: larger bindings would only take memory from other programs.
 const MAX_BINDING: u64 = 1 << 28;
 /// Bytes between two requests: WebGPU's largest alignment of storage bindings.
 const STRIDE: usize = 256;
-/// Most workgroups per block: enough for images far finer than the grid.
+/// The maximum number of workgroups per block, which is enough for images far finer than the grid.
 const MAX_WORKGROUPS_PER_BLOCK: usize = 64;
 
 /// Buffers through which images reach the host, kept from one fetch to the next.
 #[derive(Debug)]
 pub(crate) struct Output {
     context: Arc<Context>,
-    /// Most bytes of the image that are bound at once.
+    /// The maximum number of bytes of the image bound at once.
     max_binding: u64,
     /// One band of texel rows, which the device writes.
     image: wgpu::Buffer,
@@ -50,8 +50,8 @@ fn band_bytes(rows: &Range<usize>, size: [usize; 2]) -> u64 {
 }
 
 impl Output {
-    /// True if images of this size can be written: a binding has to hold a row, and no side may exceed 2^20 texels, so
-    /// that f32 resolves texels.
+    /// Whether images of this size can be written: a row must fit into a binding, and no side may exceed 2^20 texels,
+    /// so that f32 resolves texels.
     pub fn suits(context: &Context, size: [usize; 2]) -> bool {
         size[0] as u64 * TEXEL_BYTES <= max_binding(context) && size.iter().all(|&n| n <= 1 << 20)
     }
@@ -87,7 +87,7 @@ impl Output {
         })
     }
 
-    /// Calls `read(row, texels)` for bands of texel rows, the first of which is `row`, from v = 0 upward. Texels are
+    /// Calls `read(row, texels)` for bands of texel rows, from v = 0 upward; `row` is the band's first row. Texels are
     /// W⁻¹(c) - c in cells, exactly 0 where nothing moved.
     pub fn invert(
         &self,
@@ -135,14 +135,15 @@ pub(super) struct Inversion<'a> {
     context: &'a Context,
     pipeline: &'a Pipeline,
     u: &'a Displacements,
-    /// Per band of texel rows, those to the bands of the result.
+    /// Per band of texel rows, the requests for the bands of the result.
     requests: Vec<Vec<Request>>,
     records: wgpu::Buffer,
     centres: wgpu::Buffer,
 }
 
 impl<'a> Inversion<'a> {
-    /// For an image of `size` texels in these bands. `pipeline` is that of `Kernel::Invert`.
+    /// Prepares the dispatches for an image of `size` texels in the given bands. `pipeline` is the one of
+    /// `Kernel::Invert`.
     pub fn new(
         context: &'a Context,
         pipeline: &'a Pipeline,
@@ -170,7 +171,7 @@ impl<'a> Inversion<'a> {
         Ok(Inversion { context, pipeline, u, requests, records, centres })
     }
 
-    /// Records the dispatches of band `k` of texel rows, into an image that is 0.
+    /// Records the dispatches of band `k` of texel rows into an image that must be 0.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, k: usize, image: &wgpu::Buffer) {
         let (requests, buffers) = (&self.requests[k], &self.u.buffers);
         for (n, request) in requests.iter().enumerate().filter(|(_, request)| request.count > 0) {
@@ -197,7 +198,7 @@ fn centres(texels: usize, cells: usize, bits: u32) -> impl Iterator<Item = i32> 
     (0..texels).map(move |x| (((2 * x + 1) * side + texels) / (2 * texels)) as i32)
 }
 
-/// Per band of texel rows, the requests to the bands of the result.
+/// Per band of texel rows, the requests for the bands of the result.
 fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<Vec<Request>> {
     let level = &u.grid.levels[0];
     let cells = [level.nx, level.ny];

@@ -1,5 +1,4 @@
-//! The table of compute kernels: for each its entry point, the files of its shader, its bindings and the bytes it
-//! moves.
+//! The table of compute kernels: entry point, shader files, bindings and bytes moved of each.
 
 use crate::allocation::Collect;
 
@@ -31,16 +30,16 @@ pub mod slot {
     pub const LISTS: u32 = 3;
     pub const NODES: u32 = 4;
     pub const STATE: u32 = 5;
-    /// Triangles on level 0, metrics on the others.
+    /// Triangles on level 0, metrics on coarser levels.
     pub const SURFACE: u32 = 6;
     pub const ROWS: u32 = 7;
     pub const VECTORS: u32 = 8;
     pub const PARTIALS: u32 = 9;
-    /// First number of a kernel's extra buffers, which differ from kernel to kernel.
+    /// The first number of a kernel's extra buffers, which differ from kernel to kernel.
     pub const EXTRA: u32 = 10;
 }
 
-/// A kernel. Kernels that sample the surface come in two versions: chords for level 0, metrics for the others.
+/// A kernel. Kernels that sample the surface come in two versions: chords for level 0, metrics for coarser levels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Kernel {
     Surface,
@@ -91,17 +90,17 @@ pub enum Kernel {
 pub struct Source {
     pub kernel: Kernel,
     pub entry: &'static str,
-    /// Files of `shaders/` that follow `generated` and `common`.
+    /// Files in `shaders/` that follow `generated` and `common`.
     pub parts: &'static [&'static str],
     pub bindings: &'static [Binding],
-    /// Least bytes moved per node, each datum counted once, without what is counted per triangle.
+    /// The least number of bytes moved per node, counting each datum once, except for what is counted per triangle.
     pub bytes_per_node: u32,
 }
 
 use Binding::{Params as P, Read as R, Write as W};
 use slot::*;
 
-/// Files of kernels that sample the surface on level 0, and the file of those that sample it on coarser levels.
+/// The files of kernels that sample the surface on level 0, and the file for coarser levels.
 const CHORDS: [&str; 2] = ["sampling/triangle", "sampling/chords"];
 const METRICS: &str = "sampling/metrics";
 
@@ -186,12 +185,12 @@ pub const SOURCES: [Source; 41] = [
     source!(Gate, "gate", ["correct/gate"], [R(EXTRA), W(EXTRA + 1), W(EXTRA + 2)], 0),
     source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
     source!(FallBack, "fall_back", ["certify"], [R(BLOCKS), R(LISTS), W(STATE)], 0),
-    // Not stages of a solve.
+    // These kernels belong to no stage of a solve.
     source!(SamplesChords, "samples", [CHORDS[0], CHORDS[1], "sampling/samples"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),
     source!(SamplesMetrics, "samples", [METRICS, "sampling/samples"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),
-    // Neither of a solve: they bind neither parameters nor charts.
+    // These kernels belong to no solve, and bind neither parameters nor charts.
     Source {
         kernel: Kernel::Invert,
         entry: "invert",
@@ -218,15 +217,15 @@ impl Kernel {
     }
 
     /// Bytes of a triangle's record that the kernel reads. All nodes on a triangle share its record, which stays in the
-    /// cache: it counts once per dispatch over all of the triangles' blocks.
+    /// cache, so it counts once per dispatch over all of the triangles' blocks.
     pub fn bytes_per_triangle(self) -> u32 {
-        /// Corner, rows of the inverse edge matrix, neighbours: what a walk reads.
+        /// What a walk reads: corner, rows of the inverse edge matrix, neighbours.
         const WALK: u32 = 8 + 16 + 12;
-        /// Position and tangents.
+        /// The pose: position and tangents.
         const POSE: u32 = 36;
         match self {
             Kernel::PyramidGather => 24,
-            // The chart is read, too.
+            // These kernels also read the chart.
             Kernel::IdentityChords | Kernel::Previous | Kernel::ProlongChords | Kernel::StepChords => {
                 WALK + 4
             }
@@ -239,13 +238,13 @@ impl Kernel {
 }
 
 impl Source {
-    /// The complete WGSL text.
+    /// The complete WGSL source.
     pub fn text(&self) -> String {
         ["generated", "common"].into_iter().chain(self.parts.iter().copied()).map(part).collected().join("\n")
     }
 }
 
-/// The text of a file of `shaders/`.
+/// The content of a file in `shaders/`.
 fn part(name: &str) -> &'static str {
     macro_rules! files {
         ($($name:literal),*) => {

@@ -1,4 +1,4 @@
-//! Lists of the blocks that a solve works on: kernels are dispatched over such lists.
+//! Lists of the blocks that a solve works on, over which kernels are dispatched.
 
 use super::bands::Band;
 use crate::allocation::{Collect, Grow, zeroed};
@@ -9,7 +9,7 @@ use crate::grid::Level;
 pub struct List {
     pub first: u32,
     pub count: u32,
-    /// Index of its length among the dispatch sizes.
+    /// Index of the list's length among the dispatch sizes.
     pub size_index: u32,
 }
 
@@ -20,18 +20,16 @@ pub struct Lists {
     pub colours: [List; 4],
     /// Active blocks in storage order.
     pub active: List,
-    /// All stored blocks: active ones, and those that are stored as neighbours of movable nodes.
+    /// All stored blocks: active ones, and inactive neighbours of movable nodes.
     pub stored: List,
-    /// The sublists of `active` and of `stored` with the blocks whose children are in each band of the next finer
-    /// level.
+    /// The sublists of `active` and of `stored` whose blocks have their children in each band of the next finer level.
     pub active_by_finer_band: Vec<List>,
     pub stored_by_finer_band: Vec<List>,
     /// Index of the first active block's partial sum among those of the level.
     pub partial: u32,
 }
 
-/// Bytes of the lists of a band that holds `count` blocks: each block is in at most three lists with memory of their
-/// own.
+/// Bytes of the lists of a band with `count` blocks: each block is in at most three lists with memory of their own.
 pub fn list_bytes(count: u64) -> u64 {
     (3 * count * 4).max(16)
 }
@@ -53,8 +51,8 @@ pub fn stored_blocks<'a>(
     band.owned.clone().filter(|&b| charts[level.blocks.list[b].chart as usize])
 }
 
-/// Makes a band's lists; also returns the blocks of all lists, one list after the other. Appends the lists' lengths to
-/// `sizes`.
+/// Builds a band's lists and returns them with the blocks of all lists, one list after the other. Appends the lists'
+/// lengths to `sizes`.
 pub fn band_lists(
     level: &Level,
     band: &Band,
@@ -82,7 +80,7 @@ pub fn band_lists(
     lists.active = add(&mut active_blocks(level, band, charts));
     lists.stored = add(&mut stored_blocks(level, band, charts));
     if let Some((finer, finer_bands)) = finer {
-        // A finer band owns the children of whole rows.
+        // A finer band owns the children of complete rows.
         let starts: Vec<_> = finer_bands.iter().map(|band| &finer.blocks.list[band.owned.start]).collected();
         let finer_band_of = |b: usize| {
             let key = (list[b].chart, list[b].y);
@@ -106,28 +104,28 @@ pub fn band_lists(
     (lists, all)
 }
 
-/// The condition under which dispatches run: that a chart was at work, and limited often enough (`open_gate`), when the
-/// kernel `gate` ran.
+/// A condition under which dispatches run: when the kernel `gate` ran, some chart was at work and limited often enough
+/// (`open_gate`).
 #[derive(Clone, Copy, Debug)]
 pub struct Gate {
     pub set: GateSet,
-    /// Number of the gate in the solve.
+    /// The gate's index in the solve.
     pub number: u32,
 }
 
-/// Gates that are in use at the same time; each has indirect arguments of its own.
+/// Gates in use at the same time; each has its own indirect arguments.
 #[derive(Clone, Copy, Debug)]
 pub enum GateSet {
     StepLimit,
     Trial,
 }
 
-/// Number of gates that are in use at the same time.
+/// Number of gates in use at the same time.
 pub const GATE_SETS: usize = 2;
-/// Most gates of a solve whose state is recorded; further ones share the last entry.
+/// The maximum number of gates of a solve whose state is recorded; further ones share the last entry.
 pub const MAX_GATES: u32 = 4096;
 
-/// Bytes of all dispatch sizes: those of six lists per band and of two lists per finer band, and one for the charts.
+/// Bytes of all dispatch sizes: six lists per band, two lists per finer band, and one size for the charts.
 pub fn dispatch_size_bytes(bands: &[Vec<Band>]) -> u64 {
     bands.iter().flatten().map(|band| 6 + 2 * band.finer.len().max(1) as u64).sum::<u64>() * 4 + 4
 }

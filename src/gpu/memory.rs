@@ -25,21 +25,21 @@ pub struct BandBuffers {
     pub blocks: wgpu::Buffer,
     pub lists: wgpu::Buffer,
     pub nodes: wgpu::Buffer,
-    /// Coarser levels only: the state of level 0 is the result that the solve makes.
+    /// The state on coarser levels; `None` on level 0, whose state is the result that the solve writes.
     pub state: Option<wgpu::Buffer>,
-    /// Coarser levels only.
+    /// The metric on coarser levels; `None` on level 0.
     pub metric: Option<wgpu::Buffer>,
     pub rows: wgpu::Buffer,
     pub vectors: wgpu::Buffer,
-    /// What the blocks of the finer level contribute to this level's right-hand side in a V-cycle; coarser levels only.
+    /// Contributions of the finer level's blocks to this level's right-hand side in a V-cycle; on coarser levels only.
     pub contributions: wgpu::Buffer,
-    /// Level 1 only: the triangles of the dual cells (method §3), as first entries per node, and entries.
+    /// On level 1, the triangles of the dual cells (method §3): first entries per node, and the entries.
     pub gather: Option<[wgpu::Buffer; 2]>,
-    /// Number of the band's first block in `rows` and `vectors` where coarse levels have these in common; else `None`.
+    /// Index of the band's first block in `rows` and `vectors` if coarse levels share these buffers; otherwise `None`.
     pub base: Option<u32>,
 }
 
-/// Further buffers of the coarse levels that `multigrid_coarse` works on.
+/// Additional buffers of the coarse levels that `multigrid_coarse` works on.
 #[derive(Debug)]
 pub struct Coarse {
     pub levels: CoarseLevels,
@@ -57,7 +57,7 @@ pub(crate) struct Memory {
     pub buffers: Vec<Vec<BandBuffers>>,
     /// Per level, the number of active blocks of all charts.
     pub active_blocks: Vec<u64>,
-    /// Per level and band, for the charts in `listed_charts`.
+    /// Lists per level and band, for the charts in `listed_charts`.
     pub lists: Vec<Vec<Lists>>,
     listed_charts: Option<Vec<bool>>,
     pub triangles: wgpu::Buffer,
@@ -67,28 +67,28 @@ pub(crate) struct Memory {
     pub ranges: wgpu::Buffer,
     pub partials: wgpu::Buffer,
     /// Dispatch sizes (the number of charts first, then the lengths of all lists), the indirect arguments that the
-    /// gates derive from them, and which gates were open.
+    /// gates derive from them, and a record of which gates were open.
     pub dispatch_sizes: wgpu::Buffer,
     pub indirect_arguments: wgpu::Buffer,
     pub gate_open: wgpu::Buffer,
-    /// Stands for contributions where there are none: of a level finer than the finest one, and to one coarser than the
-    /// coarsest one.
+    /// A placeholder bound for contributions that do not exist: from a level finer than the finest, or to one coarser
+    /// than the coarsest.
     pub no_contributions: wgpu::Buffer,
     /// Number of dispatch sizes.
     pub dispatch_size_count: u32,
     pub recording: RecorderResources,
-    /// Bytes of all of these, and of two results.
+    /// Bytes of all these buffers, and of two results.
     pub bytes: u64,
-    /// Two results, the last one and the next; more while older ones are being read.
+    /// Two results: the last one and the next. There are more while older ones are being read.
     results: Vec<Arc<ResultBuffers>>,
-    /// Bind groups made so far, by kernel, band (level, index), the band's state and the kernel's extra buffers.
+    /// Bind groups created so far, by kernel, band (level, index), the band's state and the kernel's extra buffers.
     pub bind_groups: HashMap<(Kernel, [usize; 2], wgpu::Buffer, Vec<wgpu::Buffer>), Bound>,
 }
 
-/// Most bytes that a block takes in one buffer.
+/// The maximum number of bytes of a block in one buffer.
 const MAX_BYTES_PER_BLOCK: u64 = ROW_PLANES as u64 * PLANE;
 
-/// Most blocks that a band may hold.
+/// The maximum number of blocks in a band.
 fn capacity(context: &Context) -> usize {
     let limits = &context.limits;
     // Indices in shaders are 32 bits wide.
@@ -101,7 +101,7 @@ fn divided(context: &Context, grid: &Grid) -> Result<(Vec<Vec<Band>>, Option<Coa
     let capacity = capacity(context);
     let coarse = CoarseLevels::new(grid, capacity);
     let first = coarse.as_ref().map_or(grid.levels.len(), |coarse| coarse.first);
-    // Tests may ask for smaller bands.
+    // Tests may request smaller bands.
     let smaller = context.options.band.map_or(capacity, |band| band.min(capacity));
     let bands = bands(&grid.levels, |k| if k < first { smaller } else { capacity })?;
     Ok((bands, coarse))
@@ -210,19 +210,19 @@ impl Memory {
         Ok(BufferSizes::new(grid, tile, &bands, coarse.as_ref()).total())
     }
 
-    /// True if this memory was made for `grid`.
+    /// Whether this memory was allocated for `grid`.
     pub fn is_for(&self, grid: &Arc<Grid>) -> bool {
         self.grid.upgrade().is_some_and(|grid_of_memory| Arc::ptr_eq(&grid_of_memory, grid))
     }
 
-    /// Returns buffers for a result that nothing else holds.
+    /// Returns the buffers of a result that nothing else is using.
     pub fn free_result(&mut self) -> Result<Arc<ResultBuffers>> {
         let is_free = |result: &Arc<ResultBuffers>| Arc::strong_count(result) == 1;
         while self.results.len() > 2
             && let Some(free) = self.results.iter().rposition(is_free)
         {
             self.results.remove(free);
-            // They hold its buffers.
+            // Bind groups keep the result's buffers alive.
             self.bind_groups.clear();
         }
         if let Some(free) = self.results.iter().find(|result| is_free(result)) {
@@ -237,7 +237,7 @@ impl Memory {
         Ok(result)
     }
 
-    /// Makes the lists of blocks for the charts that a solve works on, unless they are those of the last solve.
+    /// Builds the lists of blocks for the charts that a solve works on, unless they are the same as in the last solve.
     pub fn update_lists(&mut self, grid: &Grid, charts: &[bool]) {
         if self.listed_charts.as_deref() == Some(charts) {
             return;
@@ -271,8 +271,8 @@ impl Memory {
         self.listed_charts = Some(copied(charts));
     }
 
-    /// Makes the bind group of a kernel: `at` is the band (level, index), `state` the band's state, `extra` the kernel's
-    /// extra buffers.
+    /// Creates the bind group of a kernel: `at` is the band (level, index), `state` the band's state, `extra` the
+    /// kernel's extra buffers.
     pub fn bind_group(
         &self,
         kernel: Kernel,
@@ -322,7 +322,7 @@ impl Memory {
         Bound { group, uses: Arc::new(uses.collected()) }
     }
 
-    /// All buffers, each once.
+    /// All buffers, each of them once.
     #[cfg(test)]
     #[allow(clippy::mutable_key_type, reason = "a buffer is compared by its identity")]
     pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {

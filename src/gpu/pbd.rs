@@ -1,5 +1,5 @@
-//! pbd: the iterations of the paper's solver (method §10); the twin of `cpu/pbd.rs`. Passes read one copy of a level's
-//! state and write the other one, which takes the place of the vectors: this solver needs none.
+//! pbd: the iterations of the paper's solver (method §10); the counterpart of `cpu/pbd.rs`. Passes read one copy of a
+//! level's state and write the other, which uses the memory of the vectors, since this solver needs no vectors.
 
 use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
@@ -8,11 +8,11 @@ use super::run::Run;
 use crate::method::pbd::{Iteration, SETS};
 
 impl Run<'_> {
-    /// One iteration: projects the eight sets in turn; where `iteration` asks for it, regularises, integrates and
+    /// One iteration: projects the eight sets in turn; then, if `iteration` includes it, regularises, integrates and
     /// predicts.
     pub(super) fn iterate_level(&mut self, level: usize, iteration: &Iteration) {
         if iteration.first {
-            // Both copies are equal, and velocities are 0.
+            // Make both copies equal, and set velocities to 0.
             self.copy_state(level, 0);
             self.state_in_vectors = false;
             let nodes: u64 =
@@ -62,7 +62,7 @@ impl Run<'_> {
         self.pass(kernel, level, params);
     }
 
-    /// Dispatches a pass over all active blocks; the present state is then the other copy.
+    /// Dispatches a pass over all active blocks; afterwards the other copy is the present state.
     fn pass(&mut self, kernel: Kernel, level: usize, params: Params) {
         let mode = params.mode | if self.state_in_vectors { PBD_FROM_VECTORS } else { 0 };
         for band in 0..self.memory.bands[level].len() {

@@ -18,7 +18,7 @@ pub struct Pipeline {
 pub struct Pipelines(OnceLock<Vec<OnceLock<Pipeline>>>);
 
 impl Pipelines {
-    /// The place of a kernel's pipeline.
+    /// The slot of a kernel's pipeline.
     pub fn place(&self, kernel: Kernel) -> &OnceLock<Pipeline> {
         &self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collected())[kernel as usize]
     }
@@ -29,7 +29,7 @@ impl Pipeline {
         Pipeline::from_text(device, source, source.text())
     }
 
-    /// Compiles `text` in the place of the source's own text.
+    /// Compiles `text` instead of the source's own text.
     pub(super) fn from_text(device: &wgpu::Device, source: &Source, text: String) -> Pipeline {
         let label = Some(source.entry);
         let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collected();
@@ -49,7 +49,7 @@ impl Pipeline {
             layout: Some(&pipeline_layout),
             module: &module,
             entry_point: Some(source.entry),
-            // Kernels write all workgroup memory before they read it.
+            // Zeroing is unnecessary: kernels write all workgroup memory before they read it.
             compilation_options: wgpu::PipelineCompilationOptions {
                 zero_initialize_workgroup_memory: false,
                 ..Default::default()

@@ -1,5 +1,5 @@
-//! The recorder of a solve: collects its commands and submits them, in one submission if they are few enough, else in
-//! several, so that none exceeds the time limit of a desktop's watchdog.
+//! The recorder of a solve, which collects its commands and submits them: in one submission if they are few enough,
+//! otherwise in several, so that none exceeds the time limit of a desktop's watchdog.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -36,7 +36,7 @@ enum Command {
         from: u64,
         bytes: u64,
     },
-    /// The commands from here to the next such mark belong to this stage.
+    /// The following commands, up to the next such mark, belong to this stage.
     Stage(usize),
 }
 
@@ -51,8 +51,8 @@ pub struct Bound {
 #[derive(Clone, Debug)]
 pub struct DispatchSize {
     pub workgroups: u32,
-    /// Under a gate: the buffer and the byte offset of the indirect arguments (0 workgroups if the gate is closed), and
-    /// the number of the gate.
+    /// Under a gate: the buffer and byte offset of the indirect arguments (0 workgroups if the gate is closed), and the
+    /// gate's index.
     pub gate: Option<(wgpu::Buffer, u64, u32)>,
 }
 
@@ -68,16 +68,16 @@ pub const STAGES: usize = 8;
 
 /// Bytes between two parameter records: WebGPU's largest alignment of dynamic offsets.
 const STRIDE: usize = 256;
-/// Most parameter records of a submission.
+/// The maximum number of parameter records of a submission.
 const RECORDS: usize = 1024;
-/// Most bytes that a submission moves: half a second's worth on the slowest GPU of its kind. The watchdogs of desktops
-/// allow two seconds.
+/// The maximum number of bytes that a submission moves: half a second's worth on the slowest GPU of its kind. The
+/// watchdogs of desktops allow two seconds.
 fn max_submission_bytes(kind: wgpu::DeviceType) -> u64 {
     let per_second = if kind == wgpu::DeviceType::DiscreteGpu { 150 } else { 25 };
     per_second * 1_000_000_000 / 2
 }
 
-/// Resources that the recorders of a tile's solves use one after the other.
+/// Resources shared in turn by the recorders of a tile's solves.
 #[derive(Clone, Debug)]
 pub struct RecorderResources {
     pub params: wgpu::Buffer,
@@ -91,7 +91,7 @@ impl RecorderResources {
         Ok(RecorderResources { params, timestamps: Timestamps::default() })
     }
 
-    /// Bytes held on the GPU.
+    /// Bytes of GPU memory in use.
     pub const BYTES: u64 = (RECORDS * STRIDE) as u64;
 }
 
@@ -102,16 +102,16 @@ pub struct Recorder {
     commands: Vec<Command>,
     params: Vec<u8>,
     record_offsets: HashMap<[u8; size_of::<Params>()], u32>,
-    /// Bytes that the dispatches recorded since the last submission move if all gates are open.
+    /// Bytes moved by the dispatches recorded since the last submission, if all gates are open.
     bytes_recorded: u64,
     stage: usize,
-    /// Per timed pass: its stage and, if each dispatch has a pass of its own, its kernel.
+    /// Per timed pass, its stage and, if each dispatch has its own pass, its kernel.
     timed: Vec<(usize, Option<Kernel>)>,
     submissions: u64,
     barriers: u64,
-    /// The buffers that dispatches used, and whether the last use may have written.
+    /// The buffers that dispatches used, each with whether the last use may have written it.
     written: HashMap<wgpu::Buffer, bool>,
-    /// Statistics per kernel of the dispatches without a gate, then of those under each gate.
+    /// Statistics per kernel: first of the dispatches without a gate, then of those under each gate.
     statistics: Vec<Vec<KernelStatistics>>,
 }
 
@@ -125,7 +125,7 @@ pub(crate) struct Statistics {
     pub submissions: u64,
     /// Dispatches under gates that were closed.
     pub skipped: u64,
-    /// Dispatches that had to wait for those before them.
+    /// Dispatches that had to wait for earlier ones.
     pub barriers: u64,
     /// Bytes of the tile's buffers.
     pub bytes_held: u64,
@@ -136,7 +136,7 @@ pub(crate) struct Statistics {
 }
 
 impl Statistics {
-    /// Times of the stages; all 0 where the GPU has no timestamps.
+    /// Times of the stages; all 0 if the GPU has no timestamps.
     pub fn times(&self) -> StageTimes {
         let [surface, pyramid, prolong, relax, correct, pbd, certify, _] = self.stages.unwrap_or_default();
         StageTimes { surface, pyramid, prolong, relax, correct, pbd, certify, ..StageTimes::default() }
@@ -174,9 +174,9 @@ pub(crate) struct KernelStatistics {
     pub dispatches: u64,
     /// Number of workgroups; for most kernels one per block.
     pub workgroups: u64,
-    /// Least bytes moved.
+    /// The least number of bytes moved.
     pub bytes: u64,
-    /// Milliseconds on the GPU; 0 unless kernels are timed one by one.
+    /// Milliseconds on the GPU; 0 unless kernels are timed separately.
     pub ms: f32,
 }
 
@@ -208,7 +208,7 @@ impl Recorder {
         }
     }
 
-    /// Where a record stands among those of this submission, which it joins if it is new.
+    /// The offset of a record among those of this submission; a new record is appended.
     fn offset_of(&mut self, record: [u8; size_of::<Params>()]) -> u32 {
         if let Some(&offset) = self.record_offsets.get(&record) {
             return offset;
@@ -298,8 +298,8 @@ impl Recorder {
         }
     }
 
-    /// Submits the commands recorded so far, and after them, in the same submission, copies of ranges of bytes for the host;
-    /// with `times`, those of the timestamps, too.
+    /// Submits the commands recorded so far and, in the same submission, copies of ranges of bytes for the host. With
+    /// `times`, the timestamps are copied, too.
     pub fn read(&mut self, ranges: &[(&wgpu::Buffer, Range<u64>)], times: bool) -> Result<Readback> {
         let mut encoder = self.encode();
         let times = if times { self.recording.timestamps.resolve(&mut encoder) } else { Vec::new() };
@@ -371,8 +371,8 @@ impl Recorder {
         encoder
     }
 
-    /// Returns the statistics, from the gates' states and the bytes of the timestamps, and the resources for the next
-    /// solve.
+    /// Computes the statistics from the gates' states and the bytes of the timestamps, and returns them with the
+    /// resources for the next solve.
     pub fn close(self, gate_open: &[u32], times: &[u8]) -> (Statistics, RecorderResources) {
         let mut kernels = filled(KernelStatistics::default(), SOURCES.len());
         let mut skipped = 0;

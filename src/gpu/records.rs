@@ -1,4 +1,5 @@
-//! A grid's records in the layout of the shaders: what of its blocks, nodes and triangles does not depend on the pose.
+//! A grid's records in the layout of the shaders: the data of its blocks, nodes and triangles that do not depend on the
+//! pose.
 
 use super::bands::Band;
 use super::layout::{BlockRecord, Triangle, node_planes};
@@ -8,7 +9,7 @@ use crate::grid::planes::NODES;
 use crate::grid::{Grid, Level};
 use crate::mesh::{NONE, TileMesh};
 
-/// Records of the blocks that a band of level `k` holds.
+/// Records of the blocks in the buffers of a band of level `k`.
 pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<BlockRecord> {
     let level = &grid.levels[k];
     let list = &level.blocks.list;
@@ -53,8 +54,8 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
         .collected()
 }
 
-/// The block of the coarser level over `block`, number `own`, and its neighbours on the side of the quarter where `block`
-/// is, as `BlockRecord` has them; and which of them are active.
+/// The parents of `block` in the order of `BlockRecord`, and which of them are active: the coarser block over it, with
+/// the index `own`, and that block's neighbours on the side of the quarter that `block` covers.
 fn parents(blocks: &Blocks, band: &Band, own: u32, block: &Block) -> ([u32; 4], u32) {
     let (x, y) = ([3, 5][(block.x % 2) as usize], [1, 7][(block.y % 2) as usize]);
     let all = match blocks.neighbours.get(own as usize) {
@@ -65,13 +66,13 @@ fn parents(blocks: &Blocks, band: &Band, own: u32, block: &Block) -> ([u32; 4], 
     (all.map(|b| band.place(b)), (0..4).map(|k| u32::from(active(k)) << k).sum())
 }
 
-/// The codes of a block's weights of interpolation, four to a word; 0 on the coarsest level, which has none.
+/// The codes of a block's interpolation weights, four to a word; 0 on the coarsest level, which has no weights.
 pub fn packed_weights(level: &Level, b: usize) -> [u32; NODES / 4] {
     let codes = level.interpolation.get(b).unwrap_or(&[0; NODES]);
     std::array::from_fn(|k| u32::from_le_bytes(std::array::from_fn(|n| codes[4 * k + n])))
 }
 
-/// The constants of the nodes of the blocks that a band holds: `node_planes` planes per block.
+/// The constants of the nodes of the blocks in a band's buffers: `node_planes` planes per block.
 pub fn band_nodes(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
     let mut all = with_capacity(band.held.len() * node_planes(grid) * NODES);
     for b in band.held.clone() {

@@ -10,11 +10,12 @@ use crate::error::Result;
 use crate::grid::Grid;
 use crate::grid::planes::{NODES, Plane};
 
-/// The buffers of a result, per band. A solve works in them: they are level 0's state until they are its result.
+/// The buffers of a result, per band. A solve works in them: they are the state of level 0 until they become its
+/// result.
 #[derive(Debug)]
 pub(crate) struct ResultBuffers {
     pub bands: Vec<(Band, wgpu::Buffer)>,
-    /// The records of the bands' blocks, held because a result may outlive its solver.
+    /// The records of the bands' blocks, kept alive because a result may outlive its solver.
     pub blocks: Vec<wgpu::Buffer>,
 }
 
@@ -60,7 +61,7 @@ impl Displacements {
                 [band.owned.start, band.owned.end].map(|b| (b - band.held.start) as u64 * RESULT_BLOCK);
             let bytes = self.context.read(buffer, range[0]..range[1])?;
             all.put_all(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
-                // The displacements come first.
+                // The displacements are the first two planes.
                 let mut planes = [[0.0f32; NODES]; 2];
                 for (value, bytes) in planes.as_flattened_mut().iter_mut().zip(block.chunks_exact(4)) {
                     *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);

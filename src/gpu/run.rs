@@ -1,4 +1,4 @@
-//! One solve of one tile on the GPU, from its beginning to the reading of its outcome.
+//! One solve of one tile on the GPU, from its start to the reading of its results.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -35,32 +35,32 @@ pub(crate) struct Run<'a> {
     pub(super) gate: Option<Gate>,
     /// Number of gates so far in this solve.
     pub(super) gates: u32,
-    /// True while the present state of the paper's solver is the copy in the vectors.
+    /// True while the present state of the paper's solver is the copy in the memory of the vectors.
     pub(super) state_in_vectors: bool,
     /// Nodes that an iteration of the paper's solver updates on the present level.
     pub(super) nodes_of_level: u64,
     upload_ms: f32,
-    /// When recording began.
+    /// The time when recording began.
     recording: Instant,
-    /// Whether the result is the identity for want of time.
+    /// Whether the result is the identity because time ran out.
     pub(super) gave_up: bool,
     /// Whether no chart takes part in further corrections of the present level.
     pub(super) settled: bool,
-    /// Active blocks on level 0 of the charts at work in the present correction, and of all that are solved; equal where it is
-    /// not known that some sit it out.
+    /// The active blocks on level 0 of the charts that take part in the present correction, and of all charts that are
+    /// solved; equal unless some charts are known to take no part.
     pub(super) share: [u64; 2],
-    /// Whether the blocks' energies on level 0 are those that its last accepted trials summed.
+    /// Whether the blocks' energies on level 0 are those summed by its last accepted trials.
     pub(super) energy_is_known: bool,
-    /// Of the call, which may be cancelled while the GPU is waited for.
+    /// The control of the call, by which it may be cancelled while it waits for the GPU.
     pub(super) control: Option<Arc<Control>>,
-    /// The first error. Stages record no dispatches after it, and `finish` returns it.
+    /// The first error. After it, stages record no dispatches, and `finish` returns it.
     pub(super) error: Option<Error>,
 }
 
-/// The outcome of a solve.
+/// The results of a solve.
 #[derive(Debug)]
 pub(crate) struct Solution {
-    /// Per chart; meaningful for charts that were solved.
+    /// Result per chart; meaningful only for charts that were solved.
     pub charts: Vec<ChartResult>,
     pub result: Arc<ResultBuffers>,
     pub node_updates: u64,
@@ -97,7 +97,7 @@ impl<'a> Run<'a> {
         let params = Params {
             smoothness_floor: settings.smoothness_floor,
             orientation: settings.orientation,
-            // A grid without density counts as one with a density of 0.
+            // A grid without densities is treated as having a density of 0.
             orientation_density: match grid.levels[0].density.is_empty() {
                 true => 0.0,
                 false => settings.orientation_density,
@@ -141,8 +141,8 @@ impl<'a> Run<'a> {
         Ok(run)
     }
 
-    /// Writes the result of charts that are not solved: the last one for those in `keep`, the identity for the others. In
-    /// charts that are solved, each active block will be written, and the other blocks are never anything but 0.
+    /// Writes the result of charts that are not solved: the last one for those in `keep`, the identity for the others.
+    /// In charts that are solved, each active block will be written, and inactive blocks are always 0.
     fn start_result(&mut self, keep: &[bool]) {
         let kept = |c: usize| keep[c] && self.last_result.is_some();
         let others: Vec<bool> =
@@ -174,7 +174,7 @@ impl<'a> Run<'a> {
             let (first, end) = (blocks.start.max(held.start), blocks.end.min(held.end));
             if first < end {
                 let [at, bytes] = [first - held.start, end - first].map(|n| n as u64 * RESULT_BLOCK);
-                // Charts whose blocks follow one another are one range.
+                // Charts with consecutive blocks share one range.
                 match ranges.last_mut() {
                     Some(last) if last[0] + last[1] == at => last[1] += bytes,
                     _ => ranges.put([at, bytes]),
@@ -184,8 +184,8 @@ impl<'a> Run<'a> {
         ranges
     }
 
-    /// Submits the rest, waits for the GPU, and reads the outcome. With a control that is cancelled, it stops waiting: what
-    /// was submitted is done before anything that is submitted later.
+    /// Submits the remaining commands, waits for the GPU, and reads the results. If the control is cancelled, it stops
+    /// waiting; commands already submitted still finish before any that are submitted later.
     pub fn finish(mut self) -> Result<Solution> {
         if let Some(error) = self.error {
             return Err(error);

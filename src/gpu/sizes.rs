@@ -1,4 +1,4 @@
-//! The sizes of a tile's buffers in bytes, from which its memory is both counted and allocated.
+//! The sizes of a tile's buffers in bytes, used both to count and to allocate its memory.
 
 use super::bands::Band;
 use super::context::padded;
@@ -13,7 +13,7 @@ use crate::allocation::Collect;
 use crate::grid::Grid;
 use crate::mesh::TileMesh;
 
-/// Bytes of what the blocks of the finer level contribute to one block: 10x10 sums of two components for each quarter.
+/// Bytes of the finer level's contributions to one block: 10x10 sums of two components for each quarter.
 pub const CONTRIBUTIONS: u64 = 4 * 100 * 8;
 
 /// Sizes of one band's buffers in bytes.
@@ -22,19 +22,19 @@ pub struct BandBufferSizes {
     pub blocks: u64,
     pub lists: u64,
     pub nodes: u64,
-    /// Coarser levels only: the state of level 0 is one of the results.
+    /// The state on coarser levels; `None` on level 0, whose state is one of the results.
     pub state: Option<u64>,
-    /// Coarser levels only.
+    /// The metric on coarser levels; `None` on level 0.
     pub metric: Option<u64>,
-    /// `None` on the coarse levels that have their rows in one common buffer.
+    /// `None` on the coarse levels, which share one buffer of rows.
     pub rows: Option<u64>,
-    /// `None` on the coarse levels that have their vectors in one common buffer.
+    /// `None` on the coarse levels, which share one buffer of vectors.
     pub vectors: Option<u64>,
-    /// Coarser levels only; `None` on those that have their contributions in one common buffer.
+    /// `None` on level 0, and on the coarse levels that share one buffer of contributions.
     pub contributions: Option<u64>,
-    /// Level 1 only: first entries per node, and entries, of the gather of metrics.
+    /// On level 1: first entries per node, and entries, of the gathered metrics.
     pub gather: Option<[u64; 2]>,
-    /// Each of the two results; level 0 only.
+    /// The size of each of the two results; 0 on coarser levels.
     result: u64,
 }
 
@@ -114,7 +114,7 @@ impl BufferSizes {
         }
     }
 
-    /// Bytes of all buffers, those of the recorder included.
+    /// Bytes of all buffers, including those of the recorder.
     pub fn total(&self) -> u64 {
         let band = |band: &BandBufferSizes| {
             let gather = band.gather.unwrap_or_default();
@@ -162,7 +162,7 @@ mod tests {
         let tile = &mesh.tiles[0];
         let maps = maps(96, TileSettings::default(), |u, _| u);
         let grid = Arc::new(Grid::new(&mesh, tile, &maps));
-        // With one buffer per level, and with several.
+        // With one buffer per level, then with several.
         for band in [None, Some(32)] {
             let Some(context) = gpu(Options { band, ..Options::default() }) else { return };
             let context = Arc::new(context);

@@ -147,7 +147,7 @@ impl Run<'_> {
     pub(super) fn relax_level(&mut self, level: usize, sweeps: u32, mode: u32) {
         let nodes: u64 =
             self.charts.iter().zip(&self.grid.movable).filter(|(solve, _)| **solve).map(|(_, n)| n).sum();
-        // Each coarser level counts as having a quarter of the nodes of the finer one.
+        // Each coarser level is taken to have a quarter of the nodes of the next finer one.
         self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
         let kernel = if level == 0 { Kernel::RelaxChords } else { Kernel::RelaxMetrics };
         for sweeps in passes(sweeps) {
@@ -159,19 +159,19 @@ impl Run<'_> {
         }
     }
 
-    /// Computes the identity's energy on level 0, where no state needs to be written for it.
+    /// Computes the identity's energy on level 0, for which no state needs to be written.
     fn energy_of_identity(&mut self) {
         self.energy(Params { is_identity: 1, ..self.at_level(0) }, 0, DECIDE_IDENTITY);
     }
 
-    /// Computes a level's energy chart by chart, and takes the decision `decision`. With the parameters of `with_pull`
-    /// the energy is what corrections lower, with those of `at_level` it is that of the state alone.
+    /// Computes a level's energy chart by chart, and makes the decision `decision`. With the parameters of `with_pull`
+    /// it is the energy that corrections lower, with those of `at_level` the energy of the state alone.
     pub(super) fn energy(&mut self, params: Params, level: usize, decision: u32) {
         self.energy_sums(params, level);
         self.decide(level, params, decision);
     }
 
-    /// The part of `energy` that is done block by block.
+    /// The part of `energy` that is computed block by block.
     pub(super) fn energy_sums(&mut self, params: Params, level: usize) {
         let kernel = if level == 0 { Kernel::EnergyChords } else { Kernel::EnergyMetrics };
         self.sums(kernel, level, params);

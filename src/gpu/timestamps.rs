@@ -1,13 +1,13 @@
-//! Timing of compute passes with the GPU's timestamps, where it has them.
+//! Times compute passes with the GPU's timestamps, if it has them.
 
 use super::context::Context;
 use crate::allocation::{Collect, Grow};
 use crate::error::Result;
 
-/// Timestamps of a query set: two per pass.
+/// Timestamps in a query set; a pass uses two.
 const QUERIES: u32 = 4096;
 
-/// Query sets and the buffers that they are resolved into. A solve fills as many as it needs.
+/// Query sets, and the buffers that they are resolved into. A solve uses as many as it needs.
 #[derive(Clone, Debug, Default)]
 pub struct Timestamps {
     sets: Vec<(wgpu::QuerySet, wgpu::Buffer)>,

@@ -9,24 +9,24 @@ use crate::allocation::{Collect, copied};
 use crate::error::{Error, ErrorKind, Result};
 use crate::unwind::caught;
 
-/// How long to wait for a callback after the GPU is done: another thread may be about to call it.
+/// The time to wait for a callback after the GPU is done: another thread may be about to call it.
 const CALLBACK_TIMEOUT: Duration = Duration::from_secs(10);
 
 impl Context {
-    /// Makes a buffer that holds `bytes`, the number of which is a multiple of 4.
+    /// Creates a buffer with the content `bytes`, whose length must be a multiple of 4.
     pub fn filled(&self, label: &str, bytes: &[u8], usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
         let buffer = self.buffer(label, bytes.len() as u64, usage | wgpu::BufferUsages::COPY_DST)?;
         self.contain(|| self.queue.write_buffer(&buffer, 0, bytes))?;
         Ok(buffer)
     }
 
-    /// Makes a staging buffer: results are copied into it, and [`Context::mapped`] reads it.
+    /// Creates a staging buffer: results are copied into it, and [`Context::mapped`] reads it.
     pub fn staging(&self, label: &str, size: u64) -> Result<wgpu::Buffer> {
         self.buffer(label, size, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)
     }
 
-    /// Waits for all work that was submitted, then hands the first `size` bytes (a multiple of 4) of a staging buffer
-    /// to `read`. The buffer is free for new work afterwards, also after an error.
+    /// Waits for all submitted work, then passes the first `size` bytes (a multiple of 4) of a staging buffer to
+    /// `read`. The buffer can be used again afterwards, even after an error.
     pub fn mapped<R>(&self, staging: &wgpu::Buffer, size: u64, read: impl FnOnce(&[u8]) -> R) -> Result<R> {
         if size == 0 {
             self.wait()?;
@@ -44,7 +44,7 @@ impl Context {
                 receiver.recv_timeout(CALLBACK_TIMEOUT).map_err(|error| unread(error.to_string()))?;
             mapped.map_err(|error| unread(error.to_string()))?;
             let bytes = staging.get_mapped_range(0..size).map_err(|error| unread(error.to_string()))?;
-            // Memory that is missing must not leave the buffer mapped.
+            // The buffer must not stay mapped if memory runs out.
             caught(|| Ok(read(&bytes)))
         });
         // The first error is the one to report.
@@ -83,7 +83,7 @@ impl Context {
         Ok(Readback { staging, lengths })
     }
 
-    /// Waits for all work that was submitted, and returns the bytes of each range.
+    /// Waits for all submitted work, and returns the bytes of each range.
     pub fn taken(&self, readback: &Readback) -> Result<Vec<Vec<u8>>> {
         self.mapped(&readback.staging, readback.lengths.iter().sum(), |bytes| {
             let mut rest = bytes;
@@ -97,7 +97,7 @@ impl Context {
     }
 }
 
-/// Bytes that are on their way from the GPU.
+/// Bytes being copied from the GPU.
 #[derive(Debug)]
 pub struct Readback {
     staging: wgpu::Buffer,

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use super::context::Context;
 use crate::error::{Error, ErrorKind, Result};
 
-/// Most bytes of uploads that wait in host memory for their submission.
+/// The maximum number of uploaded bytes that wait in host memory for submission.
 const MAX_UNSUBMITTED: usize = 32 << 20;
 
-/// Makes storage buffers, and fills them.
+/// Creates storage buffers and fills them.
 pub struct Uploader<'a> {
     context: &'a Arc<Context>,
     /// Bytes written since the last submission.
@@ -21,10 +21,10 @@ impl<'a> Uploader<'a> {
         Uploader { context, unsubmitted: Cell::new(0) }
     }
 
-    /// Makes a storage buffer, all zero.
+    /// Creates a storage buffer, all zero.
     ///
     /// # Errors
-    /// `Unsupported` if it is larger than what can be bound; `OutOfMemory`.
+    /// `Unsupported` if it is too large to be bound; `OutOfMemory`.
     pub fn storage(&self, label: &str, bytes: u64) -> Result<wgpu::Buffer> {
         use wgpu::BufferUsages as Usage;
         let limits = &self.context.limits;
@@ -36,17 +36,17 @@ impl<'a> Uploader<'a> {
         self.context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
     }
 
-    /// Makes a storage buffer of `size` bytes that holds `bytes`.
+    /// Creates a storage buffer of `size` bytes with the content `bytes`.
     ///
     /// # Errors
-    /// Those of [`Uploader::storage`]; `Internal` if the size was counted wrongly.
+    /// The errors of [`Uploader::storage`]; `Internal` if the size was counted wrongly.
     pub fn upload(&self, label: &str, size: u64, bytes: &[u8]) -> Result<wgpu::Buffer> {
         if size != bytes.len() as u64 {
             let message = format!("{label}: {} bytes, but {size} were counted", bytes.len());
             return Err(Error::new(ErrorKind::Internal, message));
         }
         let buffer = self.storage(label, size)?;
-        // Written bytes wait in host memory until they are submitted: portions limit them.
+        // Written bytes wait in host memory until they are submitted; writing in portions limits them.
         for (n, part) in bytes.chunks(MAX_UNSUBMITTED).enumerate() {
             self.context.queue.write_buffer(&buffer, (n * MAX_UNSUBMITTED) as u64, part);
             self.unsubmitted.set(self.unsubmitted.get() + part.len());

@@ -1,4 +1,4 @@
-//! The errors of an open GPU. Without any adapter these tests print that they are skipped and pass, unless
+//! The errors of an open GPU. If no adapter is found, these tests print that they are skipped and pass, unless
 //! VRTM_REQUIRE_GPU=1.
 
 use wgpu::BufferUsages;
@@ -6,7 +6,7 @@ use wgpu::BufferUsages;
 use super::*;
 use crate::gpu::adapters::Adapters;
 
-/// The first GPU, software or not.
+/// The first GPU, hardware or software.
 pub(crate) fn gpu(options: Options) -> Option<Context> {
     let found = Adapters::new();
     let Some(adapter) = found.usable.first() else {
@@ -21,7 +21,7 @@ pub(crate) fn gpu(options: Options) -> Option<Context> {
 const STORAGE: BufferUsages =
     BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
 
-/// A buffer that holds `bytes`.
+/// A buffer with the content `bytes`.
 fn filled(gpu: &Context, bytes: &[u8]) -> Result<wgpu::Buffer> {
     let buffer = gpu.buffer("numbers", bytes.len() as u64, STORAGE)?;
     gpu.queue.write_buffer(&buffer, 0, bytes);
@@ -79,7 +79,7 @@ fn memory_that_is_not_there_is_named_and_what_is_dropped_comes_back() {
     for _ in 0..3 {
         let buffers: Vec<_> = (0..4).map(|_| gpu.buffer("level", size, STORAGE).unwrap()).collect();
         assert!(held().unwrap() > before + 3 * size, "{:?} after {before}", held());
-        // The buffers are dropped while submitted work uses them.
+        // The buffers are dropped while submitted work still uses them.
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         buffers.iter().for_each(|buffer| encoder.clear_buffer(buffer, 0, None));
         gpu.submit([encoder]).unwrap();
@@ -90,7 +90,7 @@ fn memory_that_is_not_there_is_named_and_what_is_dropped_comes_back() {
     }
 }
 
-/// Runs in a process of its own with a limit on memory: the software driver would use the whole address space.
+/// Runs in a separate process with a memory limit: the software driver would otherwise use the whole address space.
 #[cfg(target_os = "linux")]
 #[test]
 fn memory_that_is_short_is_named_and_the_gpu_stays() {
@@ -98,7 +98,7 @@ fn memory_that_is_short_is_named_and_the_gpu_stays() {
     if std::env::var_os(CHILD).is_none() {
         let Some(gpu) = gpu(Options::default()) else { return };
         if !crate::gpu::identity::is_software(&gpu.adapter) {
-            // The limit of this process does not bind a driver that has memory of its own.
+            // The limit of this process does not apply to a driver with its own memory.
             return;
         }
         let name = "gpu::context::tests::memory_that_is_short_is_named_and_the_gpu_stays";

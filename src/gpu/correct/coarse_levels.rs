@@ -1,5 +1,5 @@
-//! The coarse levels of the V-cycle: those whose charts have so few blocks that one dispatch works on all of these
-//! levels.
+//! The coarse levels of the V-cycle: the levels on which every chart has so few blocks that one dispatch can work on
+//! all of these levels.
 
 use crate::allocation::{Grow, with_capacity};
 use crate::gpu::layout::CoarseBlock;
@@ -9,19 +9,20 @@ use crate::grid::planes::NODES;
 use crate::mesh::NONE;
 use crate::method::law::FEW_BLOCKS;
 
-/// The coarse levels, and the positions of their blocks in common buffers.
+/// The coarse levels, and the positions of their blocks in the shared buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CoarseLevels {
-    /// The finest of them; all coarser levels belong to them, too.
+    /// The finest of the coarse levels, which include every level coarser than it.
     pub first: usize,
-    /// Per coarse level, the number of its first block in the common buffers.
+    /// Per coarse level, the index of its first block in the shared buffers.
     pub bases: Vec<u32>,
     /// Number of blocks of all coarse levels.
     pub blocks: usize,
 }
 
 impl CoarseLevels {
-    /// Finds the coarse levels; `None` if the coarsest level does not belong to them. They hold at most `capacity` blocks.
+    /// Finds the coarse levels, with at most `capacity` blocks in total; `None` if the coarsest level is not one of
+    /// them.
     pub fn new(grid: &Grid, capacity: usize) -> Option<CoarseLevels> {
         let mut coarse = CoarseLevels { first: grid.levels.len(), bases: Vec::new(), blocks: 0 };
         for (k, level) in grid.levels.iter().enumerate().rev() {
@@ -39,7 +40,7 @@ impl CoarseLevels {
         (!coarse.bases.is_empty()).then_some(coarse)
     }
 
-    /// Number of a level's first block in the common buffers; `None` for a finer level.
+    /// Index of a level's first block in the shared buffers; `None` for a finer level.
     pub fn base(&self, level: usize) -> Option<u32> {
         level.checked_sub(self.first).map(|k| self.bases[k])
     }
@@ -75,7 +76,7 @@ impl CoarseLevels {
         all
     }
 
-    /// Per chart and level first and count of its active blocks; then these blocks.
+    /// For each chart and level, first and count of its active blocks; then these blocks.
     pub fn lists(&self, grid: &Grid) -> Vec<u32> {
         let charts = grid.movable.len();
         let mut ranges = with_capacity(charts * self.bases.len() * 2);
@@ -101,9 +102,9 @@ impl CoarseLevels {
         grid.movable.len() * self.bases.len() * 2 + blocks
     }
 
-    /// Least bytes that a V-cycle from `level` down moves.
+    /// The least number of bytes moved by a V-cycle from `level` down.
     pub fn bytes_moved(&self, grid: &Grid, level: usize) -> u64 {
-        /// Smoothing on the way down and up, the residual, restriction and interpolation.
+        /// Bytes for smoothing on the way down and up, the residual, restriction and interpolation.
         const PER_NODE: u64 = 2 * 100 + 100 + 60;
         let active =
             |level: &crate::grid::Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;

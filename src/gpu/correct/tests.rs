@@ -1,5 +1,5 @@
-//! The rules of acceptance, which stand in `method/acceptance.rs` and again in `shaders/correct/control.wgsl`, on a
-//! table of inputs.
+//! Tests the rules of acceptance, which exist both in `method/acceptance.rs` and in `shaders/correct/control.wgsl`, on
+//! a table of inputs.
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages as Usage;
@@ -9,7 +9,7 @@ use crate::gpu::identity::is_software;
 use crate::gpu::kernels::Kernel;
 use crate::method::acceptance::{Correction, Gain};
 
-/// One row of the table; `Case` in WGSL.
+/// A row of the table; `Case` in WGSL.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Case {
@@ -19,7 +19,7 @@ struct Case {
     predicted: f32,
     fraction: f32,
     tolerance: f32,
-    /// 1 on a first correction whose model is trusted.
+    /// 1 for a first correction whose model is trusted.
     trusted: u32,
 }
 
@@ -49,7 +49,7 @@ fn run_cases(@builtin(global_invocation_id) id: vec3u) {
 }
 ";
 
-/// Energies from 1e-6 to 1e5, gains from a loss to all of it, predictions that are right and wrong.
+/// Energies from 1e-6 to 1e5, gains from a loss to the whole energy, and right and wrong predictions.
 fn table() -> Vec<Case> {
     let mut all = Vec::new();
     for before in [1.0f32, 0.371, 1.3e-6, 2.7e5] {
@@ -78,7 +78,7 @@ fn table() -> Vec<Case> {
     all
 }
 
-/// What the CPU's rules say in f32.
+/// The results of the CPU's rules in f32.
 fn expected(case: &Case) -> [f32; 2] {
     let &Case { before, after, identity, predicted, fraction, tolerance, trusted } = case;
     let correction = Correction { first: trusted == 1, sweeps: 0, tolerance, trusts_model: true };
@@ -133,7 +133,7 @@ fn both_backends_decide_alike() {
     let Some(context) = gpu(Options::default()) else { return };
     let cases = table();
     let found = on_gpu(&context, &cases);
-    // Vulkan lets a division err by 2.5 units in the last place, of which there are two in a row.
+    // Vulkan allows an error of 2.5 units in the last place per division, and there are two divisions in a row.
     let tolerance = if is_software(&context.adapter) { 0.0 } else { 1e-6 };
     let mut between = 0;
     for (case, found) in cases.iter().zip(&found) {
@@ -142,11 +142,11 @@ fn both_backends_decide_alike() {
         assert!(near && found[1] == expected[1], "{case:?}: {found:?}, on the CPU {expected:?}");
         between += u32::from(expected[0] > 0.0 && expected[0] < 1.0);
     }
-    // The ramps are met, not only their ends.
+    // Some inputs fall inside the ramps, not only at their ends.
     assert!(between > 100, "{between} of {}", cases.len());
 }
 
-/// f32 decides as f64 does, up to its rounding.
+/// Decisions in f32 agree with those in f64, up to rounding.
 #[test]
 fn both_precisions_decide_alike() {
     for case in table() {
@@ -161,7 +161,7 @@ fn both_precisions_decide_alike() {
             fraction: case.fraction,
         };
         let in_f64 = correction.next_fraction(&gain);
-        // A gain is a difference of two energies of 24 bits, in units of the tolerance: 1e-4.
+        // A gain is a difference of two energies of 24 bits, in units of the tolerance of 1e-4.
         assert!((f64::from(next) - in_f64).abs() < 2e-3, "{case:?}: {next}, in f64 {in_f64}");
         assert_eq!(suffices, f32::from(u8::from(gain.suffices())), "{case:?}");
     }

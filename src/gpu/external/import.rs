@@ -1,6 +1,6 @@
-//! Memory of a host's Vulkan device as a buffer of this library's one.
+//! Imports memory of a host's Vulkan device as a buffer of this library's device.
 
-/// The host's memory. This library's hold on it ends with the buffer.
+/// The host's imported memory. Dropping the buffer ends this library's access to it.
 pub(super) struct Imported {
     pub buffer: wgpu::Buffer,
     #[cfg(any(windows, target_os = "linux", target_os = "android", target_os = "freebsd"))]

@@ -1,5 +1,5 @@
-//! The kernel `redirect` against the same values in f64, and texels in all layouts. What a host's memory takes beside
-//! that is tested in `tests/gpu/external.rs`.
+//! Compares the kernel `redirect` with the same values in f64, and tests texels in all layouts. The import of a host's
+//! memory is tested in `tests/gpu/external.rs`.
 
 use super::*;
 use crate::gpu::context::{Options, tests::gpu};
@@ -13,7 +13,7 @@ fn texels(size: [usize; 2], offset: u64, row_stride: u64, is_top_first: bool) ->
     ExternalTexels { handle, memory_size, memory_type: 0, offset, size, row_stride, is_top_first, end }
 }
 
-/// A buffer that stands in for the host's memory.
+/// A buffer that represents the host's memory.
 fn memory(gpu: &Context, bytes: u64) -> wgpu::Buffer {
     use wgpu::BufferUsages as Usage;
     let buffer = gpu.buffer("memory", bytes, Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST).unwrap();
@@ -25,7 +25,7 @@ fn words(gpu: &Context, buffer: &wgpu::Buffer, bytes: u64) -> Vec<u32> {
     bytemuck::pod_collect_to_vec(&gpu.read(buffer, 0..bytes).unwrap())
 }
 
-/// Bits of f32 of all magnitudes, with either sign, of which none is infinite or NaN; and those at which rounding turns.
+/// Bits of f32 of all magnitudes and both signs, all finite, including values at which rounding changes direction.
 fn inputs(count: usize) -> Vec<u32> {
     let mut state = 1u64;
     let mut next = move || {
@@ -34,7 +34,7 @@ fn inputs(count: usize) -> Vec<u32> {
     };
     let of = |k: usize, random: u32| {
         let exponent = match k % 4 {
-            // Any magnitude; displacements as they are; of the order of the texel's centre; tiny against it.
+            // In turn: any magnitude; typical displacements; as large as the texel's centre; much smaller than it.
             0 => next() % 140,
             1 => 110 + next() % 25,
             2 => 126 + next() % 8,
@@ -104,7 +104,8 @@ fn values_are_those_of_f64_bit_by_bit() {
     }
 }
 
-/// The identity: texel by texel, and not a byte between them. The smallest bindings hold a row or two each.
+/// The identity is written texel by texel, without changing a byte in between. The smallest bindings hold one or two
+/// rows each.
 #[test]
 fn texels_lie_where_the_layout_says() {
     let Some(gpu) = gpu(Options::default()) else { return };

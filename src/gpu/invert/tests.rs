@@ -1,5 +1,5 @@
-//! The tests use synthetic warps without folds: displacements of neighbours differ by at most half a cell in u, and by
-//! at most half of that in v where they do.
+//! Tests with synthetic warps without folds: displacements of neighbours differ by at most half a cell in u, and by at
+//! most a quarter in v if they differ there at all.
 
 use super::*;
 use crate::cpu::invert as twin;
@@ -16,7 +16,7 @@ use crate::settings::TileSettings;
 use crate::team::Team;
 use crate::view::Strided;
 
-/// A grid with charts over rectangles of cells (x, y, width, height), all of it rigid.
+/// A grid with charts over rectangles of cells (x, y, width, height), all of them rigid.
 fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
     let corners = charts.iter().flat_map(|&[x, y, w, h]| [[x, y], [x + w, y], [x + w, y + h], [x, y + h]]);
     let uvs: Vec<[f32; 2]> =
@@ -89,7 +89,7 @@ fn upload(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], most: usiz
     let buffers = ResultBuffers::new(&all[0], blocks.collect(), &storage).unwrap();
     for (band, buffer) in &buffers.bands {
         assert_eq!(buffer.size(), band.held.len() as u64 * RESULT_BLOCK);
-        // Triangles under W, of no interest here, follow the displacements.
+        // The triangles under W do not matter here; they follow the displacements.
         let blocks: Vec<[Plane; 3]> =
             u[band.held.clone()].iter().map(|&[x, y]| [x, y, [f32::NAN; NODES]]).collect();
         context.queue.write_buffer(buffer, 0, bytemuck::cast_slice(blocks.as_flattened().as_flattened()));
@@ -108,7 +108,7 @@ fn inverse(output: &Output, u: &Displacements, size: [usize; 2]) -> Vec<[f32; 2]
     all
 }
 
-/// A kernel that counts how often each texel is written; `exact` decides by integers alone.
+/// A kernel that counts how often each texel is written; with `exact` it decides by integers alone.
 fn counting(context: &Context, exact: bool) -> Pipeline {
     let source = Kernel::Invert.source();
     let mut text = source.text();
@@ -117,7 +117,7 @@ fn counting(context: &Context, exact: bool) -> Pipeline {
         text = text.replace(from, to);
     };
     change("image: array<vec2f>", "image: array<atomic<u32>>");
-    // NaN counts as 99 writes.
+    // A NaN counts as 99 writes.
     change("image[at] = -p;", "atomicAdd(&image[at], select(1u, 99u, any(p != p)));");
     if exact {
         change("if abs(plus - minus) > 0x1p-20 * (abs(plus) + abs(minus))", "if request.bits == 99u");
@@ -128,14 +128,14 @@ fn counting(context: &Context, exact: bool) -> Pipeline {
 /// How often each texel is written.
 fn writes(output: &Output, counting: &Pipeline, u: &Displacements, size: [usize; 2]) -> Vec<u32> {
     let mut all = Vec::new();
-    // One count per texel, in the first half of the image's bytes.
+    // The counts, one per texel, fill the first half of the image's bytes.
     let read = |_, bytes: &[u8]| all.extend_from_slice(bytemuck::cast_slice(&bytes[..bytes.len() / 2]));
     output.run(counting, u, size, read).unwrap();
     all
 }
 
-/// Per cell, row by row, whether it has a movable corner. All other cells stay at rest, and so do the edges between the
-/// two kinds.
+/// Per cell, row by row, whether it has a movable corner. All other cells stay at rest, as do the edges between cells
+/// of both kinds.
 fn visited(grid: &Grid) -> Vec<bool> {
     let level = &grid.levels[0];
     let mut cells = vec![false; level.nx * level.ny];
@@ -168,7 +168,7 @@ fn sizes(n: usize, m: usize) -> [[usize; 2]; 12] {
     ]
 }
 
-/// Tests ties: if nodes move by eighths of cells, nodes and edges meet texel centres; if they nearly do, they nearly
+/// Tests ties. If nodes move by eighths of cells, nodes and edges meet texel centres; if they nearly do, they nearly
 /// meet.
 #[test]
 fn each_texel_centre_falls_to_one_triangle() {
@@ -195,7 +195,7 @@ fn each_texel_centre_falls_to_one_triangle() {
             ("up", &|_, _| [0.0, 1e-3]),
         ];
         for (name, warp) in warps {
-            // All movable nodes move, so that all cells around them are visited.
+            // All movable nodes move, so all cells around them are visited.
             let moved = |i, j| {
                 let u = warp(i, j);
                 if u == [0.0; 2] { [1e-30, 0.0] } else { u }
@@ -220,7 +220,7 @@ fn each_texel_centre_falls_to_one_triangle() {
     }
 }
 
-/// The largest difference to the CPU's inverse of the same displacements, in texels.
+/// The largest difference from the CPU's inverse of the same displacements, in texels.
 fn compare(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], size: [usize; 2]) -> f64 {
     let on_device = upload(context, grid, u, usize::MAX);
     let output = Output::new(context, size).unwrap();
@@ -249,7 +249,7 @@ fn compare(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], size: [us
 fn the_inverse_is_the_cpu_s() {
     let Some(context) = gpu(Options::default()).map(Arc::new) else { return };
     let small = [[0, 0, 60, 128], [60, 0, 36, 128]];
-    // Near the corner of a large grid, where absolute coordinates have the fewest digits.
+    // Near the far corner of a large grid, where absolute coordinates have the lowest precision.
     let large = [[3700, 3800, 380, 280]];
     let far = push([3900.0, 3940.0], 135.0, [24.0, -18.0]);
     for (cells, charts, warp) in [
@@ -268,7 +268,7 @@ fn the_inverse_is_the_cpu_s() {
                 start.elapsed().as_secs_f64() * 1e3
             );
             // The lattice has at least 2^16 steps per cell; barycentric coordinates and the displacement itself, of
-            // some cells, are f32 and have a relative precision of 2^-24. Measured: under 1e-6 cells.
+            // some cells in length, are f32 with a relative precision of 2^-24. Measured: under 1e-6 cells.
             assert!(worst < 1e-5 * (size[0] as f64 / f64::from(cells[0])).max(1.0), "{size:?}: {worst}");
         }
     }

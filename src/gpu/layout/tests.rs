@@ -1,4 +1,4 @@
-//! Compares the layouts, bindings and limits of the shaders that Rust assumes with those that naga finds in them.
+//! Compares the layouts, bindings and limits of the shaders, as assumed in Rust, with those found by naga.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -20,7 +20,7 @@ fn module(source: &Source) -> (Module, ModuleInfo) {
     (module, info)
 }
 
-/// The name of a type in Rust; an atomic has the name of its content.
+/// The Rust name of a type; an atomic has the name of its content.
 fn rust_name(module: &Module, ty: Handle<Type>) -> String {
     match &module.types[ty].inner {
         TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => match scalar.kind {
@@ -52,7 +52,7 @@ macro_rules! fields {
 /// A struct's name, its bytes, and the offsets of some of its fields.
 type Offsets = (&'static str, usize, Vec<(&'static str, usize)>);
 
-/// The offsets in Rust of some of each struct's fields: WGSL's layout has its own rules of alignment.
+/// The Rust offsets of some of each struct's fields: WGSL's layout has its own alignment rules.
 fn structs() -> [Offsets; 7] {
     [
         fields!(Params: first factor smoothing node_planes),
@@ -92,7 +92,7 @@ fn generated_structs_are_laid_out_as_in_rust() {
     }
 }
 
-/// The globals that a kernel's entry point uses: binding number, whether it is declared as writable, and its use.
+/// The globals that a kernel's entry point uses: binding number, whether it is declared writable, and its use.
 fn used(module: &Module, info: &ModuleInfo, source: &Source) -> Vec<(u32, bool, GlobalUse)> {
     let entry = module.entry_points.iter().position(|entry| entry.name == source.entry);
     let of_entry = info.get_entry_point(entry.unwrap_or_else(|| panic!("no entry {}", source.entry)));
@@ -129,7 +129,7 @@ fn kernels_bind_what_they_use() {
             };
             assert_eq!(writes, *written, "{name}: access of binding {number}");
         }
-        // Each kernel binds parameters and charts, and of the other buffers only those that it uses.
+        // Each kernel binds parameters and charts, and only those other buffers that it uses.
         let always = [Binding::Params.number(), slot::CHARTS];
         for binding in source.bindings {
             let number = binding.number();
@@ -148,7 +148,7 @@ fn webgpu_s_default_limits_suffice() {
         let storage = source.bindings.iter().filter(|b| !matches!(b, Binding::Params)).count() as u32;
         assert!(storage <= limits.max_storage_buffers_per_shader_stage, "{name}: {storage} storage buffers");
         let index = module.entry_points.iter().position(|entry| entry.name == source.entry).unwrap();
-        // `multigrid_coarse` works on four blocks of a chart at a time, `decide` on the sums of all of them.
+        // `multigrid_coarse` works on four blocks of a chart at a time, and `decide` on the sums of all blocks.
         let of_charts = matches!(source.kernel, Kernel::MultigridCoarse | Kernel::Decide);
         let threads = if of_charts { 4 * THREADS } else { THREADS };
         let size = module.entry_points[index].workgroup_size;
@@ -174,11 +174,11 @@ fn webgpu_s_default_limits_suffice() {
     assert!(size_of::<Params>() as u64 <= limits.max_uniform_buffer_binding_size);
 }
 
-/// Checks the shaders with the programs `naga` and `tint`, if installed: other versions, and a compiler other than
-/// wgpu's.
+/// Checks the shaders with the programs `naga` and `tint`, if installed. They may be other versions, and tint is a
+/// compiler other than wgpu's.
 #[test]
 fn other_compilers_take_the_shaders() {
-    // Both validate their input; a build of tint without writers of binary formats can still write WGSL.
+    // Both programs validate their input; a build of tint without binary output can still write WGSL.
     let run = |program: &str, argument: &Path| {
         let format: &[&str] = if program == "tint" { &["--format", "wgsl"] } else { &[] };
         Command::new(program).args(format).arg(argument).stdin(Stdio::null()).output()

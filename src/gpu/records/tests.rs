@@ -1,4 +1,4 @@
-//! The decoding of constants in the shaders, which must give the bits that the host's decoding gives.
+//! Tests the decoding of constants in the shaders, which must give the same bits as the host's decoding.
 
 use wgpu::BufferUsages as Usage;
 
@@ -6,7 +6,7 @@ use crate::gpu::context::{Options, tests::gpu};
 use crate::gpu::kernels::Kernel;
 use crate::grid::codes::{Lengths, decode_rigidity, decode_weight};
 
-/// For each code of 16 bits: as a rigidity, as a weight (its lower 8 bits), and as a length in each coding.
+/// Decodes each 16-bit code as a rigidity, as a weight (its lower 8 bits), and as a length in each coding.
 const ENTRY: &str = "
 @group(0) @binding(20) var<storage, read> codings: array<vec2u>;
 @group(0) @binding(21) var<storage, read_write> decoded: array<u32>;
@@ -25,7 +25,7 @@ fn decode_all(@builtin(global_invocation_id) id: vec3u) {
 
 const CODES: usize = 1 << 16;
 
-/// Codings of lengths of one size, of usual ones, and of nearly all that f32 has.
+/// Codings of a single length, of common ranges of lengths, and of nearly the whole range of f32.
 fn codings() -> [Lengths; 5] {
     [(0.5, 0.5), (0.013, 0.021), (1e-4, 0.7), (1e-30, 1e30), (1e-37, 1e37)]
         .map(|(low, high)| Lengths::between(low, high))
@@ -53,7 +53,7 @@ fn shaders_decode_to_the_host_s_bits() {
     let bytes = (CODES * each * 4) as u64;
     let input = context.filled("codings", bytemuck::cast_slice(&words), Usage::STORAGE).unwrap();
     let output = context.buffer("decoded", bytes, Usage::STORAGE | Usage::COPY_SRC).unwrap();
-    // Buffers may be larger than asked for; the shader takes the number of codings from the size of the binding.
+    // Buffers may be larger than requested; the shader derives the number of codings from the size of the binding.
     let size = std::num::NonZeroU64::new(words.len() as u64 * 4);
     let codes = wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: &input, offset: 0, size });
     let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -74,12 +74,12 @@ fn shaders_decode_to_the_host_s_bits() {
     let found: Vec<u32> = bytemuck::pod_collect_to_vec(&context.read(&output, 0..bytes).unwrap());
     for (code, found) in (0..=u16::MAX).zip(found.chunks(each)) {
         assert_eq!(found[0], decode_rigidity(code).to_bits(), "rigidity {code}");
-        // No weight has the code 255.
+        // 255 is not the code of a weight.
         if code as u8 != 255 {
             assert_eq!(found[1], decode_weight(code as u8).to_bits(), "weight {code}");
         }
         for (coding, &found) in codings.iter().zip(&found[2..]) {
-            // Codes over that of the longest length may stand for no number at all.
+            // Codes greater than that of the longest length may decode to NaN.
             let length = coding.length(code);
             if code == 0 || length.is_normal() {
                 assert_eq!(found, length.to_bits(), "length {code} in {coding:?}");

@@ -1,4 +1,4 @@
-//! What certification makes of level 0's state, which is the result from then on.
+//! Tests how certification turns level 0's state into the result.
 
 use std::sync::Arc;
 
@@ -61,7 +61,7 @@ fn a_chart_that_does_not_pass_is_the_identity() {
     let (solution, moves) = certified(&context, |_| {});
     let chart = solution.charts[0];
     assert!(moves && !chart.fallback && chart.energy < chart.energy_before, "{chart:?}");
-    // A node in the middle of the sheet crosses its neighbours.
+    // Moves a node in the middle of the sheet across its neighbours.
     let fold = |state: &mut [u32]| {
         let block = &mut state[5 * STATE_PLANES * NODES..][..STATE_PLANES * NODES];
         block[17] = (f32::from_bits(block[17]) + 3.0).to_bits();

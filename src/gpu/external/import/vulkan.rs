@@ -1,5 +1,5 @@
-//! The import through Vulkan. wgpu-hal opens every device with VK_KHR_external_memory_fd or VK_KHR_external_memory_win32
-//! where the driver has it.
+//! Imports memory through Vulkan. wgpu-hal opens every device with VK_KHR_external_memory_fd or
+//! VK_KHR_external_memory_win32 if the driver has the extension.
 
 use std::ffi::CStr;
 
@@ -11,14 +11,14 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::context::Context;
 use crate::image::external::{ExternalHandle, ExternalTexels};
 
-/// What imported memory is used for.
+/// The usage of imported memory.
 const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::STORAGE_BUFFER;
 
 fn unsupported(message: String) -> Error {
     Error::new(ErrorKind::Unsupported, message)
 }
 
-/// A call of Vulkan that failed.
+/// The error of a failed Vulkan call.
 fn failed(what: &str, result: vk::Result) -> Error {
     match result {
         vk::Result::ERROR_INVALID_EXTERNAL_HANDLE => Error::argument(format!(
@@ -33,7 +33,7 @@ fn failed(what: &str, result: vk::Result) -> Error {
     }
 }
 
-/// The type of a handle and the extension that it needs.
+/// The Vulkan type of a handle, and the extension that it needs.
 fn kind(handle: ExternalHandle) -> (vk::ExternalMemoryHandleTypeFlags, &'static CStr) {
     use vk::ExternalMemoryHandleTypeFlags as Types;
     match handle {
@@ -42,7 +42,7 @@ fn kind(handle: ExternalHandle) -> (vk::ExternalMemoryHandleTypeFlags, &'static 
     }
 }
 
-/// Objects of Vulkan that are destroyed unless they go on living in a buffer of wgpu.
+/// Vulkan objects that are destroyed on drop, unless a wgpu buffer has taken them over.
 struct Raw<'a> {
     device: &'a ash::Device,
     buffer: vk::Buffer,
@@ -63,14 +63,14 @@ impl Imported {
     /// Imports the memory that an image lies in.
     ///
     /// # Errors
-    /// `Unsupported` if this GPU imports no such memory; `InvalidArgument` for a handle, a size or a memory type that are
-    /// not those of such memory; `OutOfMemory`.
+    /// `Unsupported` if this GPU cannot import such memory; `InvalidArgument` if the handle, the size or the memory
+    /// type does not match; `OutOfMemory`.
     pub fn new(context: &Context, texels: &ExternalTexels) -> Result<Imported> {
         context.contain(|| import(context, texels))?
     }
 
-    /// Commands that take the memory over from the host's device, and those that hand it back, so that it sees what was
-    /// written.
+    /// Commands that acquire the memory from the host's device, and commands that release it so that the host's device
+    /// sees what was written.
     pub fn transfers(&self, context: &Context) -> Result<(wgpu::CommandEncoder, wgpu::CommandEncoder)> {
         Ok((self.transfer(context, true)?, self.transfer(context, false)?))
     }
@@ -79,7 +79,7 @@ impl Imported {
         context.contain(|| {
             let label = wgpu::CommandEncoderDescriptor { label: Some("ownership") };
             let mut encoder = context.device.create_command_encoder(&label);
-            // SAFETY: nothing of it is destroyed here.
+            // SAFETY: the device is only used here, not destroyed.
             let device = unsafe { context.device.as_hal::<Vulkan>() };
             let Some(device) = device else { return encoder };
             let (own, outside) = (device.queue_family_index(), vk::QUEUE_FAMILY_EXTERNAL);
@@ -93,7 +93,7 @@ impl Imported {
                 let barrier = barrier.src_queue_family_index(own).dst_queue_family_index(outside);
                 (barrier.src_access_mask(Access::SHADER_WRITE), Stage::COMPUTE_SHADER, Stage::BOTTOM_OF_PIPE)
             };
-            // SAFETY: the encoder records, nothing else records to it, and buffer and device live.
+            // SAFETY: the encoder is recording, nothing else records to it, and buffer and device are alive.
             unsafe {
                 encoder.as_hal_mut::<Vulkan, _, _>(|commands| {
                     if let Some(commands) = commands {
@@ -110,7 +110,7 @@ impl Imported {
 
 fn import(context: &Context, texels: &ExternalTexels) -> Result<Imported> {
     let adapter = &context.adapter;
-    // SAFETY: nothing of it is destroyed here.
+    // SAFETY: the device is only used here, not destroyed.
     let device = unsafe { context.device.as_hal::<Vulkan>() }.ok_or_else(|| {
         unsupported(format!(
             "image.handle: memory is imported through Vulkan alone, but {} is driven through {}",
@@ -121,7 +121,7 @@ fn import(context: &Context, texels: &ExternalTexels) -> Result<Imported> {
     let (types, extension) = kind(texels.handle);
     let shared = device.shared_instance();
     let (instance, physical) = (shared.raw_instance(), device.raw_physical_device());
-    // SAFETY: the device is this instance's.
+    // SAFETY: the device belongs to this instance.
     let version = unsafe { instance.get_physical_device_properties(physical) }.api_version;
     let has_extension = device.enabled_device_extensions().contains(&extension);
     if !has_extension || version.min(shared.instance_api_version()) < vk::API_VERSION_1_1 {
@@ -133,7 +133,7 @@ fn import(context: &Context, texels: &ExternalTexels) -> Result<Imported> {
     }
     let mut properties = vk::ExternalBufferProperties::default();
     let asked = vk::PhysicalDeviceExternalBufferInfo::default().usage(USAGE).handle_type(types);
-    // SAFETY: both have Vulkan 1.1, which the function belongs to.
+    // SAFETY: instance and device have Vulkan 1.1, which includes the function.
     unsafe {
         instance.get_physical_device_external_buffer_properties(physical, &asked, &mut properties);
     }
@@ -155,9 +155,10 @@ fn import(context: &Context, texels: &ExternalTexels) -> Result<Imported> {
         mapped_at_creation: false,
     };
     let (buffer, memory) = (raw.buffer, raw.memory);
-    // They are wgpu's now.
+    // wgpu owns the objects from here on.
     std::mem::forget(raw);
-    // SAFETY: both are of this device, unused, and bound to each other; the host vouches for the memory's content.
+    // SAFETY: buffer and memory belong to this device, are unused, and are bound to each other; the host guarantees the
+    // memory's content.
     let wrapped = unsafe {
         let hal = wgpu::hal::vulkan::Buffer::from_raw_managed(buffer, memory, 0, texels.end);
         context.device.create_buffer_from_hal::<Vulkan>(hal, &descriptor)
@@ -165,7 +166,7 @@ fn import(context: &Context, texels: &ExternalTexels) -> Result<Imported> {
     Ok(Imported { buffer: wrapped, raw: buffer })
 }
 
-/// A buffer on the imported memory, from the memory's begin to the image's end.
+/// Creates a buffer on the imported memory, from its beginning to the image's end.
 fn bound<'a>(
     device: &'a ash::Device,
     texels: &ExternalTexels,
@@ -173,12 +174,12 @@ fn bound<'a>(
 ) -> Result<Raw<'a>> {
     let mut external = vk::ExternalMemoryBufferCreateInfo::default().handle_types(types);
     let info = vk::BufferCreateInfo::default().size(texels.end).usage(USAGE).push_next(&mut external);
-    // SAFETY: the device was opened with what these calls need, and the structs live.
+    // SAFETY: the device was opened with what these calls need, and the structs are alive.
     let mut raw = unsafe {
         let buffer = device.create_buffer(&info, None).map_err(|result| failed("a buffer", result))?;
         Raw { device, buffer, memory: vk::DeviceMemory::null() }
     };
-    // SAFETY: the buffer is this device's.
+    // SAFETY: the buffer belongs to this device.
     let needs = unsafe { device.get_buffer_memory_requirements(raw.buffer) };
     if texels.memory_type >= 32 || needs.memory_type_bits & (1 << texels.memory_type) == 0 {
         return Err(Error::argument(format!(
@@ -193,7 +194,7 @@ fn bound<'a>(
         )));
     }
     raw.memory = allocate(device, texels)?;
-    // SAFETY: the memory is new, large enough and of a type that the buffer takes.
+    // SAFETY: the memory is new, large enough and of a type that the buffer supports.
     unsafe { device.bind_buffer_memory(raw.buffer, raw.memory, 0) }
         .map_err(|result| failed("binding the memory", result))?;
     Ok(raw)
@@ -216,15 +217,15 @@ fn allocate_fd(device: &ash::Device, info: vk::MemoryAllocateInfo<'_>, fd: i32) 
     if fd < 0 {
         return Err(Error::argument(format!("image.handle is {fd}, no file descriptor")));
     }
-    // A driver that takes a descriptor owns it: it gets one of its own, and the caller keeps the caller's.
-    // SAFETY: not -1; one that is not open gives an error.
+    // A driver that imports a descriptor owns it, so it gets a duplicate, and the caller keeps the original. SAFETY:
+    // the descriptor is not -1; one that is not open gives an error.
     let own = unsafe { BorrowedFd::borrow_raw(fd) }
         .try_clone_to_owned()
         .map_err(|error| Error::argument(format!("image.handle is {fd}: {error}")))?;
     let mut import = vk::ImportMemoryFdInfoKHR::default()
         .handle_type(vk::ExternalMemoryHandleTypeFlags::OPAQUE_FD)
         .fd(own.as_raw_fd());
-    // SAFETY: the device has the extension; the host vouches for the descriptor.
+    // SAFETY: the device has the extension; the host guarantees the descriptor.
     let memory = unsafe { device.allocate_memory(&info.push_next(&mut import), None) }
         .map_err(|result| failed("importing the memory", result))?;
     let _ = own.into_raw_fd();
@@ -236,18 +237,18 @@ fn allocate_fd(_: &ash::Device, _: vk::MemoryAllocateInfo<'_>, _: i32) -> Result
     Err(unsupported("image.handle_kind: this system has no file descriptors".to_owned()))
 }
 
-/// Compiled for Windows, but never run by its author.
+/// This is compiled for Windows, but was never run by its author.
 #[cfg(windows)]
 fn allocate_win32(
     device: &ash::Device,
     info: vk::MemoryAllocateInfo<'_>,
     handle: isize,
 ) -> Result<vk::DeviceMemory> {
-    // Such an import does not take the handle over.
+    // Such an import does not take ownership of the handle.
     let mut import = vk::ImportMemoryWin32HandleInfoKHR::default()
         .handle_type(vk::ExternalMemoryHandleTypeFlags::OPAQUE_WIN32)
         .handle(handle);
-    // SAFETY: the device has the extension; the host vouches for the handle.
+    // SAFETY: the device has the extension; the host guarantees the handle.
     unsafe { device.allocate_memory(&info.push_next(&mut import), None) }
         .map_err(|result| failed("importing the memory", result))
 }
