@@ -1,11 +1,11 @@
-// certify: the certificate of a warp on level 0, from all corner Jacobians of its cells (method §8). WGSL has no f64: a
-// bound of the rounding error is subtracted from each Jacobian. For offsets of up to a few cells within a cell (a
+// certify: the certificate of a warp on level 0, from all corner Jacobians of its cells (method §8). WGSL has no f64,
+// so a bound of the rounding error is subtracted from each Jacobian. For offsets of up to a few cells within a cell (a
 // search found no exception up to 4) a positive difference proves that the exact Jacobian is positive. For longer ones
 // the bound may be too small (method §8 has figures); they are covered by the condition that the energy is finite, that
 // is, that all Jacobians are at least CRUSHED_JACOBIAN in f32, which suffices for offsets of up to 100 cells.
 //
-// The entry `certify` reads 8 bytes per node (a quarter more for the halo) and writes 12 per block. The state of level 0 is
-// then the result; the entry `fall_back` writes 8 bytes per node of charts that did not pass.
+// The entry `certify` reads 8 bytes per node (a quarter more for the halo) and writes 12 per block. The state of level
+// 0 is then the result; the entry `fall_back` writes 8 bytes per node of charts that did not pass.
 
 var<workgroup> window_u: array<vec2f, 324>;
 var<workgroup> certificates: array<vec4f, 64>;
@@ -14,7 +14,7 @@ var<workgroup> certificates: array<vec4f, 64>;
 /// subtractions, of the products and of their difference; for longer offsets it need not (method §8).
 const ROUNDING: f32 = 2.4e-7;
 
-/// (a - o) x (b - o) in f32, less the bound of its rounding error.
+/// (a - o) x (b - o) in f32, minus the bound of its rounding error.
 fn lower_bound_of_cross(o: vec2f, a: vec2f, b: vec2f) -> f32 {
     let p = a - o;
     let q = b - o;
@@ -37,7 +37,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         if holder != NONE {
             window_u[k] = displacement(holder, source.y);
             if source.x == 4u {
-                // The length of a tiny displacement may be rounded to 0, which would say that nothing moved.
+                // The length of a tiny displacement may be rounded to 0, as if nothing had moved.
                 largest = max(largest, max(length(window_u[k]), max(abs(window_u[k].x), abs(window_u[k].y))));
             }
         }
@@ -46,12 +46,12 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     var worst = 1.0;
     var folds = 0.0;
     // Cells whose lower left nodes are (-1, -1) to (15, 15) of this block. A cell whose lower left node lies in another
-    // block is left to that block, if that is active and hence checked too.
+    // block is left to that block if it is active, since it is then checked there.
     for (var k = t; k < 289u; k += 64u) {
         let cell = vec2u(k % 17u, k / 17u);
         let holder = select(3u, 0u, cell.y == 0u) + select(0u, 1u, cell.x > 0u);
         if holder == 4u || blocks[b].active_neighbours[holder] == NONE {
-            // The displacement of the lower left node is subtracted first, and the exact offset at rest is added then.
+            // Subtract the displacement of the lower left node first, then add the exact offset at rest.
             let u = window_u[place(cell.x, cell.y)];
             let right = window_u[place(cell.x + 1u, cell.y)] - u + vec2f(1.0, 0.0);
             let up = window_u[place(cell.x, cell.y + 1u)] - u + vec2f(0.0, 1.0);

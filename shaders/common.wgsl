@@ -1,5 +1,5 @@
 // Declarations common to all kernels: the buffers, and the mapping from threads to nodes (method §1, Blocks). The
-// structs in the buffers and the constants stand in generated.wgsl.
+// structs in the buffers and the constants are declared in generated.wgsl.
 //
 // A workgroup of 64 threads works on one block of 16x16 nodes. For each of the four node colours in turn, thread t
 // works on the node in row t / 8 and column t % 8 of that colour. A plane holds one quantity at all nodes of a block,
@@ -10,18 +10,18 @@
 @group(0) @binding(2) var<storage, read> blocks: array<BlockRecord>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
 /// Constants, per block: rigidity (a code of 16 bits; sign bit: fixed), four rest lengths (codes of 16 bits in two
-/// words), triangle under the node (level 0) or coverage (coarser levels) and, on grids that have it, density of rigid
-/// material.
+/// words), triangle under the node (level 0) or coverage (coarser levels) and, on grids with densities, density of
+/// rigid material.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
 /// State, per block: displacement (2) and, on level 0, triangle under W. The position or metric at W follows from these
-/// and is computed where it is read (`value_at`). A fixed node has a displacement of 0, and its triangle is that at
+/// and is computed where it is read (`value_at`). A fixed node has a displacement of 0, and its triangle is the one at
 /// rest.
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
 /// Rows of the linear system, per block: diagonal (3), pairs of the owned edges (two words each, see `encode`).
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
 /// Vectors of a correction, per block, in pairs of planes that hold different quantities one after the other (layout.rs).
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
-/// Per quantity and active block: the block's part of the sum of its chart.
+/// Partial sums per quantity and active block: the block's part of its chart's sum.
 @group(0) @binding(9) var<storage, read_write> partials: array<f32>;
 
 /// Index in `partials` of block number `at` in quantity `quantity`, one of SUM_.
@@ -43,7 +43,7 @@ fn vector_index(b: u32, plane: u32, s: u32) -> u32 {
     return ((params.base + b) * VECTOR_PLANES + plane) * NODES + s;
 }
 
-/// Encodes a 2x2 block (row-major) as four bfloat16, which are f32 without the last 16 bits, rounded to nearest: xx and
+/// Encodes a 2x2 block (row-major) as four bfloat16, which are f32 rounded to the nearest value with 16 bits: xx and
 /// the mean of xy and yx in the first word, yy and half of their difference in the second (method §7.2). The rounding
 /// error of a pair is added to the diagonals of both of its nodes, so that the sum of each row stays exact.
 fn encode(a: vec4f) -> vec2u {
@@ -64,8 +64,8 @@ fn rounding_loss(a: vec4f) -> vec3f {
     return vec3f(rest.x, 0.5 * (rest.y + rest.z), rest.w);
 }
 
-/// `code` / 65535, rounded to nearest as on the host (src/tile/codes.rs); WGSL's division need not be. In binary the
-/// digits of the quotient are those of the code again and again, so that rounding never meets a tie.
+/// `code` / 65535, rounded to nearest as on the host (src/tile/codes.rs), although WGSL's division need not be. In
+/// binary the digits of the quotient repeat the code's digits, so rounding never meets a tie.
 fn decode_rigidity(code: u32) -> f32 {
     let zeros = countLeadingZeros(code) - 16u;
     let digits = (code * 0x10001u) << zeros;
@@ -74,7 +74,7 @@ fn decode_rigidity(code: u32) -> f32 {
 }
 
 /// `code` / 254, rounded to nearest as on the host. A tie would need an odd multiple of 127 as twice the remainder, but
-/// the only multiple of 127 among the codes from 128 to 254 is 254, which leaves none.
+/// the only multiple of 127 among the codes from 128 to 254 is 254, whose remainder is 0.
 fn decode_weight(code: u32) -> f32 {
     let zeros = countLeadingZeros(code) - 24u;
     let shifted = code << (zeros + 24u);
@@ -94,7 +94,7 @@ fn interpolation_weight_at(b: u32, s: u32) -> f32 {
     return weight_in_word(blocks[b].weights[s / 4u], s);
 }
 
-/// The length of a code: the leading bits of the f32 (src/tile/codes.rs).
+/// Decodes a length: its code has the leading bits of the f32 (src/tile/codes.rs).
 fn decode_length(code: u32, base: u32, shift: u32) -> f32 {
     return bitcast<f32>(select((code << shift) + base, 0u, code == 0u));
 }
@@ -134,7 +134,8 @@ fn window_source(n: vec2u) -> vec2u {
     return vec2u(by.y * 3u + by.x, slot(at.x, at.y));
 }
 
-/// Offset of neighbour k of 8. k & 3 is the number of the edge; the neighbour owns it if k > 3, else the node.
+/// Offset of neighbour k of 8. k & 3 is the index of the edge; the neighbour owns the edge if k > 3, otherwise the
+/// node.
 fn offset(k: u32) -> vec2i {
     let e = k & 3u;
     var d = vec2i(1, 1);
@@ -197,8 +198,8 @@ fn block_holding(b: u32, i: i32, j: i32) -> u32 {
     }
     let found = find_block(b, at);
     if found == NONE && blocks[b].continues != 0u {
-        // The node lies in a row of blocks that this band does not hold. The nearest row takes its place; only metrics
-        // of coarse levels look so far (method §3, Arc lengths).
+        // The node lies in a row of blocks that this band does not hold, so the nearest row is used instead. Only
+        // metrics of coarse levels look that far (method §3, Arc lengths).
         let first = blocks[b].chart_first;
         let lowest = i32(blocks[first].y);
         let highest = i32(blocks[first + blocks[b].chart_count - 1u].y);
@@ -232,15 +233,16 @@ fn find_block(b: u32, at: vec2i) -> u32 {
     return NONE;
 }
 
-/// Whether kernels work on chart c now: in a correction, if it takes part in it; else, if it is solved.
+/// Whether kernels work on chart c now: in a correction, whether the chart takes part in it; otherwise, whether it is
+/// solved.
 fn is_at_work(c: u32) -> bool {
     return select(charts[c].working, charts[c].solved, params.in_correction == 0u) != 0u;
 }
 
 var<workgroup> workgroup_block: u32;
 
-/// Returns the block of this workgroup, or NONE if there is none or if its chart is not at work. Uniform: all threads
-/// of the workgroup get the same value.
+/// Returns the block of this workgroup, or NONE if the workgroup has no block or the block's chart is not at work.
+/// Uniform: all threads of the workgroup get the same value.
 fn block_of_workgroup(group: vec3u, t: u32) -> u32 {
     if t == 0u {
         let k = group.y * SPREAD + group.x;

@@ -2,14 +2,14 @@
 // diagonal from its lower left to its upper right corner. Where W(p) = c, W⁻¹(c) - c is -u(p): a centre inside a
 // triangle gets the interpolated displacements of the triangle's corners, which has as many digits as these have.
 //
-// Each centre is assigned to exactly one triangle, however a driver evaluates float arithmetic. Warped nodes and
-// centres are points of a lattice with 2^29 to 2^30 steps along the tile's longer side. A node's lattice point follows
-// by a product with a power of 2 and a rounding to a whole number, both of them exact operations, so that all cells
-// around the node use the same point. The side of an edge on which a centre lies is the sign of a difference of two
-// products of whole numbers: it is taken from f32 where that is certain, and from 60-bit integers elsewhere. A centre
-// on an edge counts as moved by (ε, ε²), as on the CPU. Rounding to the lattice moves a node by at most 2^-17 cells (at
-// 16384 cells): corner Jacobians of at least MIN_JACOBIAN stay positive as long as no offset within a cell exceeds 300
-// cells along an axis, and the warped triangles then cover what they cover at rest.
+// Each centre is assigned to exactly one triangle, no matter how a driver evaluates floating-point arithmetic. Warped
+// nodes and centres are points of a lattice with 2^29 to 2^30 steps along the tile's longer side. A node's lattice
+// point is computed by multiplying by a power of 2 and rounding to an integer, both of which are exact operations, so
+// that all cells around the node use the same point. The side of an edge on which a centre lies is the sign of a
+// difference of two products of integers: it is computed in f32 where that is certain, and in 60-bit integers
+// elsewhere. A centre on an edge is treated as if moved by (ε, ε²), as on the CPU. Rounding to the lattice moves a node
+// by at most 2^-17 cells (at 16384 cells): corner Jacobians of at least MIN_JACOBIAN stay positive as long as no offset
+// within a cell exceeds 300 cells along an axis, and the warped triangles together then cover the same area as at rest.
 //
 // A workgroup works on a block, or on every `workgroups_per_block`-th texel row of one. Reads 8 bytes per node and
 // workgroup (an eighth more for nodes of neighbour blocks), and 4 bytes per texel row and per texel column of a cell's
@@ -112,7 +112,7 @@ fn invert_cell(b: u32, c: u32, workgroup_of_block: u32) {
             let f = vec2f(far - o);
             let r = vec2f(centre - o);
             let area = cross2(e, f);
-            // Only the paper's solver makes triangles without area, or with so little that f32 cannot tell it from none.
+            // Only the paper's solver produces triangles without area, or with an area too small for f32.
             if area == 0.0 {
                 continue;
             }

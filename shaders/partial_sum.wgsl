@@ -1,4 +1,4 @@
-// Sums over the threads of a workgroup, which `decide` (correct/control.wgsl) adds chart by chart.
+// Sums over the threads of a workgroup, which `decide` (correct/control.wgsl) adds up chart by chart.
 
 var<workgroup> sums: array<f32, 64>;
 

@@ -6,12 +6,12 @@ var<workgroup> patch_u: array<vec2f, 324>;
 var<workgroup> patch_value: array<vec4f, 324>;
 /// Rest lengths of the owned edges.
 var<workgroup> patch_length: array<vec4f, 324>;
-/// Tag: twice the number of the triangle under W, plus 1 if the node is fixed.
+/// Twice the index of the triangle under W, plus 1 if the node is fixed.
 var<workgroup> patch_tag: array<u32, 324>;
 /// Density of rigid material; loaded only if `orientation_density` is not 0.
 var<workgroup> patch_density: array<f32, 324>;
 
-/// The rest lengths of the owned edges of the node at slot s of block b, which is of a chart with these codings.
+/// The rest lengths of the owned edges of the node at slot s of block b, given the codings of the block's chart.
 fn rest_lengths(b: u32, s: u32, base: array<u32, 4>, shift: array<u32, 4>) -> vec4f {
     let at = node_index(b, LENGTH, s);
     let low = nodes[at];
@@ -54,7 +54,7 @@ fn load_patch(b: u32, t: u32) {
     workgroupBarrier();
 }
 
-/// Place in the window of the node at offset o from node n of the block.
+/// Index in the window of the node at offset o from node n of the block.
 fn place_at(n: vec2u, o: vec2i) -> u32 {
     let at = vec2u(vec2i(n) + 1 + o);
     return place(at.x, at.y);
@@ -69,7 +69,7 @@ struct NodeState {
     u: vec2f,
     value: vec3f,
     tangents: mat2x3f,
-    /// Twice the number of the triangle under W.
+    /// Twice the index of the triangle under W.
     tag: u32,
 }
 

@@ -32,8 +32,8 @@ fn prolong(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
             let high = low + n % 2u;
             let south = coarse_u(parent, low) + coarse_u(parent, vec2u(high.x, low.y));
             let north = coarse_u(parent, vec2u(low.x, high.y)) + coarse_u(parent, high);
-            // A displacement of one coarse cell is one of two fine cells: half of the sum is twice the mean of the four
-            // values.
+            // A displacement of one coarse cell is a displacement of two fine cells: half of the sum is twice the mean
+            // of the four values.
             u = (south + north) * 0.5;
         }
         resample(b, s, u);

@@ -1,10 +1,10 @@
-// The pull towards the previous result (method §5): the term theta |d - d'|^2 / |d0|^2 in each edge of level 0. Of the
-// node's matrix it is a constant part, which `local_problem` adds.
+// The pull towards the previous result (method §5): the term theta |d - d'|^2 / |d0|^2 in each edge of level 0. Its
+// contribution to the node's matrix is constant, and is added by `local_problem`.
 
 /// The previous result u'.
 @group(0) @binding(10) var<storage, read> anchor: array<f32>;
 
-/// u' at node n + o of a block or of its halo.
+/// u' at node n + o of a block or its halo.
 fn anchor_at(b: u32, n: vec2u, o: vec2i) -> vec2f {
     let source = window_source(vec2u(vec2i(n) + 1 + o));
     let holder = blocks[b].neighbours[source.x];

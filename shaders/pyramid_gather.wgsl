@@ -1,9 +1,9 @@
 // pyramid, level 1: metrics as the area-weighted mean of the triangles' metrics over each node's dual cell (method §3).
 // Reads 8 bytes per triangle and node, 4 per node, and a triangle's tangents (24) per triangle; writes 12 per node.
 
-/// Per node of level 1, the index of its first entry; one more index at the end.
+/// Per node of level 1, the index of its first entry, followed by the number of entries.
 @group(0) @binding(10) var<storage, read> starts: array<u32>;
-/// Triangle, and as the bits of an f32 its fraction of the node's covered area.
+/// Triangle index, and the fraction of the node's covered area as the bits of an f32.
 @group(0) @binding(11) var<storage, read> entries: array<vec2u>;
 @group(0) @binding(12) var<storage, read_write> metric: array<f32>;
 
@@ -23,7 +23,7 @@ fn pyramid_gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
             let y = vec3f(p[6], p[7], p[8]);
             sum += bitcast<f32>(entries[k].y) * vec3f(dot(x, x), dot(x, y), dot(y, y));
         }
-        // In cell units of level 1, which are two cells long.
+        // Convert to cells of level 1, which are twice as long as those of level 0.
         sum *= 4.0;
         let to = b * 3u * NODES + s;
         metric[to] = sum.x;

@@ -1,4 +1,4 @@
-// pyramid, levels from 2 on: metrics as the coverage-weighted 3x3 Gaussian of the finer level's metrics (method §3).
+// pyramid, level 2 and above: metrics as the coverage-weighted 3x3 Gaussian of the finer level's metrics (method §3).
 // Reads 16 bytes of each of 9 finer nodes, writes 12 per node.
 
 @group(0) @binding(10) var<storage, read> fine_blocks: array<BlockRecord>;
@@ -31,7 +31,7 @@ fn pyramid_restrict(@builtin(workgroup_id) group: vec3u, @builtin(local_invocati
                 }
             }
         }
-        // In cell units of this level, which are twice as long.
+        // Convert to cells of this level, which are twice as long.
         let value = select(vec3f(), 4.0 * sum / max(weights, TINY), weights > 0.0);
         let to = b * 3u * NODES + s;
         metric[to] = value.x;

@@ -1,9 +1,9 @@
-// redirect: the values of a redirection from W⁻¹ at texel centres (method §9), into memory of the host. The values are,
-// bit by bit, those that the CPU writes, which computes them in f64 and rounds them to f32 at the end: so this kernel
-// computes them in f64, too, by integers alone, which drivers do not evaluate in different ways.
+// redirect: the values of a redirection from W⁻¹ at texel centres (method §9), into memory of the host. The values are
+// bit for bit those of the CPU, which computes them in f64 and rounds them to f32 at the end. This kernel therefore
+// emulates f64 with integers, which every driver evaluates in the same way.
 //
-// A workgroup works on 64 texels of a band of texel rows. Reads 8 bytes per texel, and 8 per column and row; writes 8 per
-// texel.
+// A workgroup works on 64 texels of a band of texel rows. Reads 8 bytes per texel, and 8 per column and row; writes 8
+// per texel.
 
 @group(0) @binding(10) var<storage, read> redirect_request: RedirectRequest;
 /// Texel centres in UV, as the low and the high word of an f64: u of all columns, then v of all rows.
@@ -13,8 +13,8 @@
 /// The host's texels, as bits of f32.
 @group(0) @binding(13) var<storage, read_write> texels: array<vec2u>;
 
-/// A number: mantissa 2^(exponent - 63), where the mantissa has 64 bits, the high word first. If what an operation has lost
-/// is not 0, the last bit is set: rounding afterwards is then exact.
+/// A number: mantissa 2^(exponent - 63), where the mantissa has 64 bits, the high word first. If an operation loses
+/// nonzero bits, the last bit is set, so that later rounding is exact.
 struct Wide {
     mantissa: vec2u,
     exponent: i32,
@@ -78,7 +78,7 @@ fn rounded(a: Wide) -> Wide {
     return r;
 }
 
-/// A whole number.
+/// An integer as a number.
 fn whole(n: u32) -> Wide {
     return normalised(Wide(vec2u(n, 0u), 31, false));
 }
@@ -90,19 +90,20 @@ fn from_f64(words: vec2u) -> Wide {
     return Wide(vec2u(high, words.x << 11u), exponent, false);
 }
 
-/// An f32, not 0, given by its bits, divided by 1 <= n < 65536: the quotient of f64.
+/// The quotient, rounded as in f64, of a nonzero f32, given by its bits, and an integer 1 <= n < 65536.
 fn quotient(bits: u32, n: u32) -> Wide {
     var mantissa = bits & 0x7fffffu;
     var exponent = i32((bits >> 23u) & 0xffu) - 127;
     if exponent == -127 {
-        // Without the bit that f32 does not store.
+        // A subnormal f32 has no implicit leading bit: shift out its leading zeros.
         let lead = countLeadingZeros(mantissa) - 8u;
         mantissa <<= lead;
         exponent = -126 - i32(lead);
     } else {
         mantissa |= 0x800000u;
     }
-    // A divisor of 16 bits; then the quotient has 8 or 9 bits and, in three digits of 16 bits each, its fraction.
+    // The divisor has 16 bits; the quotient then has 8 or 9 integer bits and a fraction of three digits of 16 bits
+    // each.
     let shift = countLeadingZeros(n) - 16u;
     let divisor = n << shift;
     let q = mantissa / divisor;
@@ -128,7 +129,7 @@ fn is_smaller(a: Wide, b: Wide) -> bool {
     return a.mantissa.y < b.mantissa.y;
 }
 
-/// The sum of f64.
+/// The sum, rounded as in f64.
 fn sum(a: Wide, b: Wide) -> Wide {
     if a.mantissa.x == 0u {
         return b;
@@ -142,7 +143,7 @@ fn sum(a: Wide, b: Wide) -> Wide {
         large = b;
         small = a;
     }
-    // One bit for the carry. Mantissas of f64 end in eleven zeros: their difference loses none of its 53 bits.
+    // Leave one bit for the carry. Mantissas of f64 end in eleven zeros: their difference loses none of its 53 bits.
     let x = shifted(large.mantissa, 1u);
     let y = shifted(small.mantissa, u32(large.exponent - small.exponent) + 1u);
     var r = Wide(vec2u(), large.exponent + 1, large.negative);

@@ -72,7 +72,7 @@ fn relax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t
     }
     load_patch(b, t);
     let floor = charts[blocks[b].chart].length_floor * params.scale;
-    // After a partial correction sweeps take the same fraction of their steps, so that both fade in together.
+    // After a partial correction, sweeps take the same fraction of their steps, so that both fade in together.
     let fraction = select(1.0, charts[blocks[b].chart].fraction, params.mode == RELAX_FRACTION);
     for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
         let n = node_at(thread_slot(sweep % 4u, t));

@@ -27,7 +27,7 @@ fn shared_energy(n: vec2u, p: NodeState, floor: f32) -> f32 {
     return sum;
 }
 
-/// The least of the corner Jacobians that depend on node n, and `worst`.
+/// The minimum of `worst` and the corner Jacobians that depend on node n.
 fn worst_corner(n: vec2u, worst: f32) -> f32 {
     var least = worst;
     for (var q = 0u; q < 4u; q++) {
@@ -39,8 +39,8 @@ fn worst_corner(n: vec2u, worst: f32) -> f32 {
     return least;
 }
 
-/// The energy of the block, from all threads' sums and least Jacobians; thread 0 gets it. A state with a corner Jacobian
-/// under CRUSHED_JACOBIAN is invalid, however low its energy, unless folds are allowed.
+/// The energy of the block, from all threads' sums and least Jacobians; only thread 0 receives it. A state with a
+/// corner Jacobian below CRUSHED_JACOBIAN is invalid, however low its energy, unless folds are allowed.
 fn energy_of_block(t: u32, sum: f32, worst: f32, allow_folds: bool) -> f32 {
     energies[t] = sum;
     crushed[t] = select(1u, 0u, worst >= CRUSHED_JACOBIAN || allow_folds);

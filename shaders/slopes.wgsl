@@ -1,5 +1,5 @@
-// Slopes of the surface at the warped nodes (method §2, Slopes), from which gradients of lengths are formed: from the
-// differences of the samples of a node's neighbours, so that they depend continuously on the state.
+// Slopes of the surface at the warped nodes (method §2, Slopes), from which gradients of lengths are formed. They are
+// computed from differences between the samples of a node's neighbours, so they depend continuously on the state.
 
 /// Displacement, sample and triangle of a node.
 struct NearNode {
@@ -27,10 +27,10 @@ fn near_node(b: u32, n: vec2i) -> NearNode {
     return NearNode(u, value_at(holder, s, u, triangle, fixed), triangle);
 }
 
-/// The slopes at node n of block b, a node of its patch from (-1, -1) to (16, 16) that may move, with displacement u on
-/// triangle t. With dW and dF between the two neighbours on each axis, they are the matrix S with S dW = dF; on level 0
-/// with a small part of the tangents, and the tangents alone where all of these nodes lie on one triangle, since they
-/// have no cancellation.
+/// The slopes at node n of block b, a movable node of its patch from (-1, -1) to (16, 16), with displacement u on
+/// triangle t. They are the matrix S with S dW = dF, where dW and dF are the differences between the two neighbours on
+/// each axis. On level 0 a small part of the tangents is mixed in; if all of these nodes lie on one triangle, the
+/// slopes are its tangents, which suffer no cancellation.
 fn slopes(b: u32, n: vec2i, u: vec2f, t: u32) -> mat2x3f {
     let west = near_node(b, n - vec2i(1, 0));
     let east = near_node(b, n + vec2i(1, 0));

@@ -47,7 +47,7 @@ fn stress_stiffness(e: Edge) -> f32 {
     return e.weight * size * (e.chord.length * e.inverse_length) / square;
 }
 
-/// Scalar product of d and d0 turned by 90 degrees (not a unit vector: its length is |d0|).
+/// Scalar product of d with d0 rotated by 90 degrees (not a unit vector: its length is |d0|).
 fn off_axis(e: Edge) -> f32 {
     return e.chord.d.y * e.offset.x - e.chord.d.x * e.offset.y;
 }
@@ -136,7 +136,8 @@ fn outer(v: vec2f) -> vec3f {
     return vec3f(v.x * v.x, v.x * v.y, v.y * v.y);
 }
 
-/// `slopes` are those at the node. Of the pull towards the previous result (pull.wgsl) only the matrix is included.
+/// Computes the local problem of a node; `slopes` are the slopes at the node. Only the matrix of the pull towards the
+/// previous result (pull.wgsl) is included.
 fn local_problem(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32) -> Local {
     var out = Local(0.0, vec2f(), vec3f());
     for (var k = 0u; k < 8u; k++) {

@@ -1,5 +1,5 @@
-// correct: the coarser level's right-hand side, from what the blocks of the finer level contributed (restrict.wgsl). The
-// kernel that this is a part of declares `contributed` and the function `stored_neighbour`.
+// correct: the coarser level's right-hand side, summed from the contributions of the finer level's blocks
+// (restrict.wgsl). The kernel that includes this file declares `contributed` and the function `stored_neighbour`.
 
 /// The sum of the contributions to node n of block b.
 fn arrived(b: u32, n: vec2i) -> vec2f {
@@ -7,7 +7,7 @@ fn arrived(b: u32, n: vec2i) -> vec2f {
     let local = n % 8;
     var sum = vec2f();
     for (var k = 0u; k < 9u; k++) {
-        // The finer blocks beside the node's own one reach the outermost nodes of its quarter.
+        // The finer blocks next to the node's own block contribute to the outermost nodes of its quarter.
         let side = vec2i(i32(k % 3u), i32(k / 3u)) - 1;
         let reaches = (side == vec2i(0)) | ((side < vec2i(0)) & (local == vec2i(0))) | ((side > vec2i(0)) & (local == vec2i(7)));
         if all(reaches) {

@@ -13,7 +13,7 @@ fn outer_pair(a: vec2f, b: vec2f) -> vec4f {
     return vec4f(a.x * b.x, a.x * b.y, a.y * b.x, a.y * b.y);
 }
 
-/// Number of the neighbour at offset o: the inverse of `offset`.
+/// Index of the neighbour at offset o: the inverse of `offset`.
 fn neighbour_at(o: vec2i) -> u32 {
     let neighbour_owns = o.y < 0 || (o.y == 0 && o.x < 0);
     let d = select(o, -o, neighbour_owns);
@@ -49,7 +49,7 @@ fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
             worst = worst_corner(n, worst);
         }
     }
-    // The energy before the correction. Its place holds other quantities only once it has been added up.
+    // The energy before the correction. It is added up before its memory is used for other quantities.
     let sum = energy_of_block(t, energy, worst, false);
     if t == 0u {
         vectors[vector_index(b, ENERGY_BEFORE, 0u)] = sum;
@@ -92,7 +92,7 @@ fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
     for (var k = 0u; k < 8u; k++) {
         let e = edge(n, p, k, floor);
         var pair = vec4f();
-        // Only pairs of movable nodes take part.
+        // Only pairs of two movable nodes count.
         if !fixed_in_patch(e.neighbour) {
             let far = slopes(b, vec2i(n) + offset(k), patch_u[e.neighbour], triangle_of(patch_tag[e.neighbour]));
             let square = e.weight * e.inverse_length * e.inverse_length;

@@ -1,10 +1,11 @@
-// correct: products with the matrix for conjugate gradients (method §7.3). Their scalars are formed chart by chart, from sums
-// per block, and stand in `charts` (control.wgsl). `product` reads 44 bytes of rows, 8 of vectors (a quarter more for the
-// halo) and 1 of weights per node, and writes 8 and 3 of contributions; `curvature` reads 44 and 8.
+// correct: products with the matrix for conjugate gradients (method §7.3). Their scalars are formed chart by chart,
+// from sums per block, and are stored in `charts` (control.wgsl). `product` reads 44 bytes of rows, 8 of vectors (a
+// quarter more for the halo) and 1 of weights per node, and writes 8 and 3 of contributions; `curvature` reads 44 and
+// 8.
 
-/// z0 . A z0, and the beginning of the second V-cycle with A z0 while the rows are there: the V-cycle is linear, so that
-/// what it makes of the next residual follows from what it makes of A z0, before the length of the first step is known.
-/// A z0 is not stored: the way back forms it again.
+/// z0 . A z0, and the start of the second V-cycle with A z0 while the rows are in memory. The V-cycle is linear, so its
+/// output for the next residual follows from its output for A z0, before the length of the first step is known. A z0 is
+/// not stored: the way back computes it again.
 @compute @workgroup_size(64)
 fn product(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
@@ -18,7 +19,7 @@ fn product(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     contribute(b, t);
 }
 
-/// z1 . A z1, where z1 is in the place of r.
+/// z1 . A z1, where z1 has replaced r.
 @compute @workgroup_size(64)
 fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);

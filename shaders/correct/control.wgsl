@@ -1,14 +1,14 @@
 // correct and certify: decisions chart by chart, from sums over blocks: the scalars of conjugate gradients (method
 // §7.3), the acceptance of a trial and the next step fraction (method §7.7), and the fallback (method §8). One
-// workgroup per chart; nothing is read back.
+// workgroup works on each chart, and nothing is read back.
 
-/// Per level and chart: first and count of its blocks' sums in `partials`.
+/// Per level and chart: first and count of its blocks' entries in `partials`.
 @group(0) @binding(10) var<storage, read> ranges: array<vec2u>;
 
 var<workgroup> totals: array<vec4f, 256>;
 
-/// Combines four quantities of the partial sums of chart c, from `first` on: the sums of all, or, for a certificate, the sum
-/// of x and z, the smallest y, the largest w.
+/// Combines four quantities of the partial sums of chart c, from `first` on: all are summed or, for a certificate, x
+/// and z are summed, y is the minimum and w the maximum.
 fn total(c: u32, t: u32, first: u32, certificate: bool) -> vec4f {
     let range = ranges[params.level * params.items + c];
     let none = select(vec4f(), vec4f(0.0, INVALID_ENERGY, 0.0, 0.0), certificate);
@@ -41,8 +41,8 @@ fn ramp(x: f32, ends: vec2f) -> f32 {
     return clamp((x - ends.x) / (ends.y - ends.x), 0.0, 1.0);
 }
 
-/// A chart's energies before and after a correction, and what acceptance compares them with. This struct and the two
-/// functions below are the twins of `Gain` in src/method/acceptance.rs.
+/// A chart's energies before and after a correction, and the values with which acceptance compares them. This struct
+/// and the two functions below are the counterparts of `Gain` in src/method/acceptance.rs.
 struct Gain {
     before: f32,
     after: f32,
@@ -56,7 +56,8 @@ fn suffices(gain: Gain) -> bool {
     return gain.before - gain.after > SUFFICIENT_DECREASE * gain.fraction * gain.predicted;
 }
 
-/// Step fraction of the chart's next correction (method §7.7); 0: the chart sits out the level's further corrections.
+/// Step fraction of the chart's next correction (method §7.7); 0 if the chart takes no part in the level's further
+/// corrections.
 fn next_fraction(gain: Gain, tolerance: f32, trusted: bool) -> f32 {
     let unit = tolerance * (gain.before + IDENTITY_ENERGY_WEIGHT * gain.identity);
     let gained = gain.before - gain.after;
@@ -73,8 +74,8 @@ fn first_step(c: u32, sum: vec4f) {
     charts[c].alpha = step_length(sum.y, sum.z);
 }
 
-/// After the second one: the step as a combination of z0 and z1, and the predicted gain. The second direction is z1 + beta
-/// z0, and its curvature is that of z1 with what both have in common.
+/// After the second V-cycle: the step as a combination of z0 and z1, and the predicted gain. The second direction is z1
+/// + beta z0; its curvature is that of z1 plus the terms with z0.
 fn second_step(c: u32, sum: vec4f) {
     let alpha = charts[c].alpha;
     let quotient = sum.x / charts[c].rz;
@@ -112,7 +113,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         case DECIDE_TRIAL, DECIDE_LAST_TRIAL: {
             let identity = select(0.0, charts[c].identity, params.level == 0u);
             let gain = Gain(charts[c].before, sum.x, identity, charts[c].predicted, charts[c].fraction);
-            // The last trial is relaxation alone: it is always accepted.
+            // The last trial is relaxation alone, which is always accepted.
             if suffices(gain) || params.mode == DECIDE_LAST_TRIAL {
                 charts[c].working = 0u;
                 let trusted = charts[c].first == 1u && params.trusts_model == 1u;
@@ -138,7 +139,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
 }
 
-/// Chooses the charts that take part in a correction (`working`), by `mode`: one of SELECT_.
+/// Selects the charts that take part in a correction (`working`), by `mode`, which is one of SELECT_.
 @compute @workgroup_size(64)
 fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let c = (group.y * SPREAD + group.x) * 64u + t;

@@ -1,12 +1,12 @@
 // correct: the step limit's first fractions (method §7.6). They leave every corner Jacobian a part of its margin over
-// MIN_JACOBIAN. Charts whose whole step leaves enough margin are done: no round of the limit has anything to do there. Per
-// node it reads 24 bytes, a quarter more for the halo, and writes 4.
+// MIN_JACOBIAN. Charts whose whole step leaves enough margin are done, and need no round of the limit. Per node it
+// reads 24 bytes, a quarter more for the halo, and writes 4.
 
 var<workgroup> window_u: array<vec2f, 324>;
 var<workgroup> window_step: array<vec2f, 324>;
 
-/// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same. A chart with
-/// a fraction under 1 is limited.
+/// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same fraction. A
+/// chart with a fraction under 1 is limited.
 @compute @workgroup_size(64)
 fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);

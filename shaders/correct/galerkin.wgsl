@@ -77,7 +77,7 @@ fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
 }
 
 fn galerkin_node(b: u32, n: vec2u, s: u32) {
-    // The coarse blocks with each of the eight neighbours, and the diagonal block.
+    // The coarse blocks of the pairs with each of the eight neighbours, and the diagonal block.
     var sums: array<vec4f, 9>;
     let child = blocks[b].children[n.y / 8u * 2u + n.x / 8u];
     let is_movable = !is_fixed(b, s) && child != NONE;
@@ -108,7 +108,7 @@ fn galerkin_node(b: u32, n: vec2u, s: u32) {
         diagonal = vec3f(sums[8].x, sums[8].y, sums[8].w);
     }
     for (var e = 0u; e < 8u; e++) {
-        // Only pairs of movable nodes take part.
+        // Only pairs of two movable nodes count.
         let far = vec2u(vec2i(n) + offset(e) + 1);
         let source = window_source(far);
         let holder = blocks[b].active_neighbours[source.x];

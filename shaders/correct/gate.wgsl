@@ -1,8 +1,8 @@
-// gate: writes the arguments of the indirect dispatches that follow: the workgroups of each list, or 0 if no chart is
-// at work that was limited by at least `mode` dispatches of the step limit. A trial or a round of the step limit that no
-// chart needs then costs next to nothing, and nothing is read back for it.
+// gate: writes the arguments of the indirect dispatches that follow: the workgroups of each list, or 0 unless some
+// chart is at work and was limited by at least `mode` dispatches of the step limit. A trial or a round of the step
+// limit that no chart needs then costs next to nothing, and nothing is read back for it.
 
-/// Workgroups of each dispatch size: one per chart first, then those of the lists of blocks.
+/// Workgroups of each dispatch size: one per chart first, then those for the lists of blocks.
 @group(0) @binding(10) var<storage, read> dispatch_sizes: array<u32>;
 /// Arguments of indirect dispatches, 16 bytes each.
 @group(0) @binding(11) var<storage, read_write> indirect_arguments: array<u32>;

@@ -1,6 +1,7 @@
-// correct: the smoother of the preconditioner, and products with the matrix (method §7.4), on the stored rows. The smoother
-// is additive over blocks: each is smoothed with its halo frozen, whatever the others do, so that a pass over a level is
-// one dispatch. Per node a pass reads 44 bytes of rows and 16 of vectors (up to a quarter more for the halo), and writes 8.
+// correct: the smoother of the preconditioner, and products with the matrix (method §7.4), on the stored rows. The
+// smoother is additive over blocks: each block is smoothed with its halo frozen, independently of the others, so a pass
+// over a level is one dispatch. Per node a pass reads 44 bytes of rows and 16 of vectors (up to a quarter more for the
+// halo), and writes 8.
 
 var<workgroup> window_z: array<vec2f, 324>;
 /// The right-hand side at the slots of the block.
@@ -34,7 +35,7 @@ fn is_inside(n: vec2i) -> bool {
 }
 
 /// The sum of A_pn v_n over the neighbours of node n, from (-1, -1) to (16, 16), where the window holds v. With
-/// `inside`, v counts as 0 outside of the block.
+/// `inside`, v is taken to be 0 outside the block.
 fn off_diagonal(b: u32, n: vec2i, inside: bool) -> vec2f {
     var sum = vec2f();
     for (var k = 0u; k < 8u; k++) {
@@ -61,7 +62,7 @@ fn place_of_slot(s: u32) -> u32 {
     return place(n.x + 1u, n.y + 1u);
 }
 
-/// Loads the vector in planes `plane` at the nodes of block b and its halo; 0 at nodes of blocks that cannot move.
+/// Loads the vector in planes `plane` at the nodes of block b and its halo; 0 at nodes of inactive blocks.
 fn load_window(b: u32, t: u32, plane: u32) {
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
@@ -94,14 +95,14 @@ fn multiply(b: u32, t: u32) -> f32 {
     return sum;
 }
 
-/// Gauss-Seidel sweeps of z towards A z = r over the node colours of block b. The window holds z; its halo stays frozen.
-/// With `inside`, z counts as 0 outside of the block.
+/// Gauss-Seidel sweeps of z towards A z = r over the node colours of block b. The window holds z; its halo stays
+/// frozen. With `inside`, z is taken to be 0 outside the block.
 fn sweep_block(b: u32, t: u32, backwards: bool, inside: bool) {
     for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
         let s = thread_slot(select(sweep & 3u, 3u - (sweep & 3u), backwards), t);
         let d = diagonal(b, s);
         let rest = right[s] - off_diagonal(b, vec2i(node_at(s)), inside);
-        // A fixed node has r = 0 and no pairs: it stays at 0.
+        // A fixed node has r = 0 and no pairs, so it stays at 0.
         window_z[place_of_slot(s)] =
             vec2f(d.z * rest.x - d.y * rest.y, d.x * rest.y - d.y * rest.x) / (d.x * d.z - d.y * d.y);
         workgroupBarrier();

@@ -1,7 +1,7 @@
-// correct: the coarse end of the V-cycle (method §7.4), and all of conjugate gradients where the corrected level belongs to
-// it. All levels on which no chart has many blocks are done in one dispatch, one workgroup per chart, four blocks at a time:
-// on such levels dispatches of their own would cost more than the work. The vectors and rows of these levels stand one after
-// the other in common buffers.
+// correct: the coarse end of the V-cycle (method §7.4), and all of conjugate gradients where the corrected level
+// belongs to it. All levels on which every chart has few blocks are processed in one dispatch, with one workgroup per
+// chart and four blocks at a time: on such levels separate dispatches would cost more than the work itself. The vectors
+// and rows of these levels are stored one after the other in shared buffers.
 
 @group(0) @binding(10) var<storage, read> coarse_blocks: array<CoarseBlock>;
 /// Per chart and level: first (an index into this array) and count of the active blocks; then the blocks.
@@ -23,7 +23,7 @@ fn fixed_node(b: u32, s: u32) -> bool {
     return ((coarse_blocks[b].fixed[s / 32u] >> (s % 32u)) & 1u) != 0u;
 }
 
-/// Index of planes `plane` of block b; the scratch planes of all blocks stand behind their vectors.
+/// Index of planes `plane` of block b; the scratch planes of all blocks are stored after their vectors.
 fn place_of_vector(b: u32, plane: u32, s: u32) -> u32 {
     return select(vector_index(b, plane, s), (params.scratch + 2u * b) * NODES + s, plane == SCRATCH);
 }
@@ -96,7 +96,8 @@ fn load_window(b: u32, lane: u32, window: u32, plane: u32) {
     }
 }
 
-/// A pass of the smoother over a level, from the vector in planes `before` (NONE: from 0) to that in planes `after`.
+/// A pass of the smoother over a level, from the vector in planes `before` (NONE: from 0) to the vector in planes
+/// `after`.
 fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: bool) {
     let lane = t % 64u;
     let window = t / 64u * WINDOW;
@@ -130,7 +131,7 @@ fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: 
     storageBarrier();
 }
 
-/// SCRATCH = A z, or r - A z if `subtracted`, on a level. Returns this thread's part of z . A z.
+/// Sets SCRATCH to A z on a level, or to r - A z if `subtracted`. Returns this thread's part of z . A z.
 fn multiply_level(c: u32, level: u32, t: u32, subtracted: bool) -> f32 {
     let lane = t % 64u;
     let window = t / 64u * WINDOW;
@@ -179,8 +180,8 @@ fn interpolation_weight(b: u32, n: vec2u) -> f32 {
     return weight_in_word(coarse_blocks[holder].weights[source.y / 4u], source.y);
 }
 
-/// Restriction of t in x: the sum over the fine nodes n, n + (1, 0) and n + (2, 0) of the window of block b, the middle
-/// one of which lies in a coarse column.
+/// Restriction of t in x: the sum over the fine nodes n, n + (1, 0) and n + (2, 0) of the window of block b, of which
+/// the middle one lies in a coarse column.
 fn restrict_in_x(b: u32, n: vec2u) -> vec2f {
     let east = n + vec2u(2u, 0u);
     return window_vector(b, SCRATCH, n + vec2u(1u, 0u))
@@ -188,7 +189,7 @@ fn restrict_in_x(b: u32, n: vec2u) -> vec2f {
             + interpolation_weight(b, east) * window_vector(b, SCRATCH, east));
 }
 
-/// z of the coarser level at coarse column `column` (0 to 8) and fine row `row` of block b: interpolated in y alone.
+/// z of the coarser level at coarse column `column` (0 to 8) and fine row `row` of block b, interpolated in y only.
 fn interpolate_in_y(b: u32, parent: u32, column: u32, row: u32) -> vec2f {
     let low = vec2u(coarse_blocks[b].colour & 1u, coarse_blocks[b].colour >> 1u) * 8u + vec2u(column, row / 2u) + 1u;
     let own = window_vector(parent, DIRECTION, low);
@@ -199,7 +200,7 @@ fn interpolate_in_y(b: u32, parent: u32, column: u32, row: u32) -> vec2f {
     return own * weight + window_vector(parent, DIRECTION, low + vec2u(0u, 1u)) * (1.0 - weight);
 }
 
-/// r = P' t, with t of the next finer level.
+/// Sets r to P' t, where t belongs to the next finer level.
 fn restrict_level(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
@@ -221,7 +222,7 @@ fn restrict_level(c: u32, level: u32, t: u32) {
     storageBarrier();
 }
 
-/// SCRATCH = z + P z, with P z from the next coarser level.
+/// Sets SCRATCH to z + P z, where P z comes from the next coarser level.
 fn add_level(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
@@ -244,7 +245,7 @@ fn add_level(c: u32, level: u32, t: u32) {
     storageBarrier();
 }
 
-/// z = M^-1 r: a V-cycle over the coarse levels from the `top`-th one on.
+/// Sets z to M^-1 r by a V-cycle over the coarse levels from index `top` on.
 fn cycle(c: u32, top: u32, t: u32) {
     let coarsest = params.count - 1u;
     for (var level = top; level < coarsest; level++) {
@@ -264,7 +265,7 @@ fn cycle(c: u32, top: u32, t: u32) {
     }
 }
 
-/// Sets the right-hand side of a level to what the finer one contributed.
+/// Sets the right-hand side of a level to the contributions of the finer level.
 fn gather_level(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
@@ -277,7 +278,7 @@ fn gather_level(c: u32, level: u32, t: u32) {
     storageBarrier();
 }
 
-/// This thread's part of r . z; with `aside`, z is put aside for the second V-cycle.
+/// This thread's part of r . z; with `aside`, z is saved for the second V-cycle.
 fn dot_level(c: u32, level: u32, t: u32, aside: bool) -> f32 {
     let range = block_range(c, level, t);
     var sum = 0.0;
@@ -295,12 +296,12 @@ fn dot_level(c: u32, level: u32, t: u32, aside: bool) -> f32 {
     return sum;
 }
 
-/// r -= alpha A z0.
+/// Subtracts alpha A z0 from r.
 fn advance(c: u32, level: u32, t: u32, alpha: f32) {
     let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
         let b = coarse_lists[range.x + k];
-        // A step of length 0 leaves r as it is, even where the product is NaN.
+        // A step of length 0 leaves r unchanged, even where the product is NaN.
         for (var colour = 0u; colour < 4u && alpha != 0.0; colour++) {
             let s = thread_slot(colour, t % 64u);
             set_vector(b, RESIDUAL, s, vector(b, RESIDUAL, s) - alpha * vector(b, SCRATCH, s));
@@ -309,7 +310,7 @@ fn advance(c: u32, level: u32, t: u32, alpha: f32) {
     storageBarrier();
 }
 
-/// DIRECTION = z1 + beta z0.
+/// Sets DIRECTION to z1 + beta z0.
 fn second_direction(c: u32, level: u32, t: u32, beta: f32) {
     let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
@@ -322,7 +323,7 @@ fn second_direction(c: u32, level: u32, t: u32, beta: f32) {
     storageBarrier();
 }
 
-/// Puts both directions where the step is formed from them.
+/// Copies both directions to the planes from which the step is formed.
 fn put_back(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
     for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
@@ -335,7 +336,7 @@ fn put_back(c: u32, level: u32, t: u32) {
     }
 }
 
-/// The energy before the correction, which assembly left block by block.
+/// The energy before the correction, which assembly stored block by block.
 fn energy_before(c: u32, level: u32, t: u32) -> f32 {
     let range = block_range(c, level, t);
     var sum = 0.0;
@@ -345,7 +346,7 @@ fn energy_before(c: u32, level: u32, t: u32) -> f32 {
     return sum_of_threads(t, sum);
 }
 
-/// Two iterations of conjugate gradients on the `level`-th of these levels (method §7.3).
+/// Two iterations of conjugate gradients on the coarse level with the index `level` (method §7.3).
 fn solve_level(c: u32, level: u32, t: u32) {
     let before = energy_before(c, level, t);
     cycle(c, level, t);
@@ -378,7 +379,7 @@ fn multigrid_coarse(@builtin(workgroup_id) group: vec3u, @builtin(local_invocati
     if workgroupUniformLoad(&workgroup_block) == 0u {
         return;
     }
-    // `first` is the number of the level among these.
+    // `first` is the index of the level among the coarse levels.
     if params.mode == COARSE_SOLVE {
         solve_level(c, params.first, t);
         return;

@@ -1,7 +1,7 @@
-// correct: the V-cycle on the way to coarser levels (method §7.4): smoothing from z = 0, and what that leaves for the
-// coarser level's right-hand side. On the corrected level r is there; on the others it is first gathered from what the
-// blocks of the finer level contributed. It reads 44 bytes of rows, 8 of r (or 13 of contributions and 4 of constants, and writes 8) and 1 of
-// weights per node, and writes 8 of z and 3 of contributions.
+// correct: the V-cycle on the way to coarser levels (method §7.4): smoothing from z = 0, and the resulting
+// contributions to the coarser level's right-hand side. On the corrected level r is already stored; on the other levels
+// it is first gathered from the contributions of the finer level's blocks. It reads 44 bytes of rows, 8 of r (or 13 of
+// contributions and 4 of constants, and writes 8) and 1 of weights per node, and writes 8 of z and 3 of contributions.
 
 @group(0) @binding(10) var<storage, read> contributed: array<vec2f>;
 

@@ -1,8 +1,8 @@
-// correct: the V-cycle on the way back from a coarser level (method §7.4): P z of the coarser level is added to the smoothed
-// z at the block and its halo, then come the sweeps backwards. On the corrected level this is also where the preconditioned
-// vector is used: the first time for r . z, the second time, where the right-hand side is A z0, for the second
-// preconditioned residual z1 and its products (method §7.3). It reads 44 bytes of rows, 16 of vectors (24 the second time),
-// 5 of constants and 2 of the coarser level per node, and writes 8.
+// correct: the V-cycle on the way back from a coarser level (method §7.4): P z of the coarser level is added to the
+// smoothed z at the block and its halo, followed by the backward sweeps. On the corrected level this is also where the
+// preconditioned vector is used: the first time for r . z, the second time, where the right-hand side is A z0, for the
+// second preconditioned residual z1 and its products (method §7.3). It reads 44 bytes of rows, 16 of vectors (24 the
+// second time), 5 of constants and 2 of the coarser level per node, and writes 8.
 
 @group(0) @binding(10) var<storage, read> coarse_vectors: array<f32>;
 
@@ -16,7 +16,7 @@ fn load_coarse_z(b: u32, t: u32) {
         let beyond = vec2u((n < vec2i(0)) | (n > vec2i(15)));
         let side = beyond.y * 2u + beyond.x;
         coarse_z[k] = vec2f();
-        // Other blocks have no z: their memory may hold other quantities.
+        // Inactive blocks have no z; their memory may hold other quantities.
         if ((blocks[b].active_parents >> side) & 1u) != 0u {
             let holder = blocks[b].parents[side];
             let at = ((params.other_base + holder) * VECTOR_PLANES + DIRECTION) * NODES + slot(u32(n.x & 15), u32(n.y & 15));
@@ -39,7 +39,7 @@ fn interpolated_in_y(n: vec2i) -> vec2f {
     return coarse_at(n - vec2i(0, 1)) * weight + coarse_at(n + vec2i(0, 1)) * (1.0 - weight);
 }
 
-/// P z of the coarser level at node n, from (-1, -1) to (16, 16), which may move.
+/// P z of the coarser level at node n, from (-1, -1) to (16, 16), which must be movable.
 fn interpolated(n: vec2i) -> vec2f {
     if (n.x & 1) == 0 {
         return interpolated_in_y(n);
@@ -78,7 +78,7 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
         second_residual(b, t, group);
         return;
     }
-    // With a pull, assembly does not have all of the energy. Its place is that of this thread's first z.
+    // With a pull, the energy from assembly is incomplete. It is stored in the memory of this thread's first z.
     if params.mode == UP_FIRST && t == 0u && params.pull == 0.0 {
         partials[sum_index(SUM_ENERGY, params.partial + group.y * SPREAD + group.x)] =
             vectors[vector_index(b, ENERGY_BEFORE, 0u)];
@@ -96,7 +96,7 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     }
 }
 
-/// z1 = z0 - alpha M A z0 takes the place of r; sums r1 . z1 and z1 . A z0, with r1 = r - alpha A z0.
+/// Replaces r by z1 = z0 - alpha M A z0, and sums r1 . z1 and z1 . A z0, with r1 = r - alpha A z0.
 fn second_residual(b: u32, t: u32, group: vec3u) {
     let alpha = charts[blocks[b].chart].alpha;
     var sums = vec2f();
@@ -104,7 +104,7 @@ fn second_residual(b: u32, t: u32, group: vec3u) {
         let s = thread_slot(k, t);
         var r = vector(b, RESIDUAL, s);
         var z = vector(b, DIRECTION, s);
-        // A step of length 0 leaves both as they are, even where the product is NaN.
+        // A step of length 0 leaves both unchanged, even where the product is NaN.
         if alpha != 0.0 {
             r -= alpha * right[s];
             z -= alpha * window_z[place_of_slot(s)];

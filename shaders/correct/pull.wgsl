@@ -1,5 +1,5 @@
-// correct: adds the pull towards the previous result to the right-hand side of an assembled system. It is a kernel of its
-// own, because `assemble` has as many buffers as a kernel may have.
+// correct: adds the pull towards the previous result to the right-hand side of an assembled system. It is a separate
+// kernel, because `assemble` already uses the maximum number of buffers.
 
 @compute @workgroup_size(64)
 fn pull(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {

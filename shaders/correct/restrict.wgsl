@@ -1,13 +1,14 @@
-// correct: what a smoothed block contributes to the coarser level's right-hand side (method §7.4). The residual after a pass
-// of the smoother is r - A z, and z is a sum over blocks: each block restricts r at its own nodes, less A z for its own z,
-// which reaches one node beyond it. So it needs nothing of what the other blocks do in the same dispatch, and reads the
-// matrix while it is there from smoothing. A block contributes to the 10x10 coarse nodes over and around it.
+// correct: the contributions of a smoothed block to the coarser level's right-hand side (method §7.4). The residual
+// after a pass of the smoother is r - A z, and z is a sum over blocks: each block restricts r at its own nodes minus A
+// z for its own z, which reaches one node beyond the block. It therefore does not depend on the other blocks of the
+// same dispatch, and it can reuse the matrix that smoothing has just read. A block contributes to the 10x10 coarse
+// nodes over and around it.
 
-/// Per block of the coarser level and quarter of it: 10x10 contributions, of the coarse nodes from (-1, -1) to (8, 8) of the
-/// quarter.
+/// Per block of the coarser level and per quarter: 10x10 contributions, to the coarse nodes from (-1, -1) to (8, 8) of
+/// the quarter.
 @group(0) @binding(11) var<storage, read_write> leaving: array<vec2f>;
 
-/// r - A z at the nodes from (-1, -1) to (16, 16), in rows of 18, for r and z that are 0 outside of the block.
+/// r - A z at the nodes from (-1, -1) to (16, 16), in rows of 18, where r and z are 0 outside the block.
 var<workgroup> residuals: array<vec2f, 324>;
 
 fn residual_at(n: vec2i) -> vec2f {
@@ -17,7 +18,7 @@ fn residual_at(n: vec2i) -> vec2f {
     return residuals[u32((n.y + 1) * 18 + n.x + 1)];
 }
 
-/// The sum along x of what restriction takes from the nodes n - (1, 0), n and n + (1, 0), with n in a coarse column.
+/// The sum along x of the restricted values at the nodes n - (1, 0), n and n + (1, 0), with n in a coarse column.
 fn restricted_in_x(n: vec2i) -> vec2f {
     var sum = residual_at(n);
     if n.x > -2 {
@@ -31,7 +32,7 @@ fn restricted_in_x(n: vec2i) -> vec2f {
     return sum;
 }
 
-/// Writes what block b contributes; the window holds its z.
+/// Writes the contributions of block b; the window holds its z.
 fn contribute(b: u32, t: u32) {
     let parent = blocks[b].parents[0];
     if parent == NONE {
@@ -41,7 +42,7 @@ fn contribute(b: u32, t: u32) {
         let n = vec2i(i32(k % 18u), i32(k / 18u)) - 1;
         let source = window_source(vec2u(n + 1));
         var value = vec2f();
-        // Nodes of a block that cannot move have no pairs.
+        // Nodes of inactive blocks have no pairs.
         if blocks[b].active_neighbours[source.x] != NONE {
             value = -off_diagonal(b, n, true);
             if is_inside(n) {
@@ -57,7 +58,7 @@ fn contribute(b: u32, t: u32) {
     for (var k = t; k < 100u; k += 64u) {
         let c = 2 * (vec2i(i32(k % 10u), i32(k / 10u)) - 1);
         var sum = vec2f();
-        // The row of nodes under the window has nothing to restrict.
+        // The row of nodes below the window has nothing to restrict.
         if c.y > -2 {
             sum = restricted_in_x(c);
             let south = c - vec2i(0, 1);

@@ -1,7 +1,8 @@
-// correct: what the step limit (method §7.6) does with fractions under 1: they fall off smoothly around the corners that
-// limit them, then rounds shrink them at corners that would still lose too much. Each dispatch reads one of two planes of
-// fractions and writes the other one. A round computes the marks of its halo itself, so that it needs no second dispatch.
-// Per node, without the halo of four nodes, `falloff` reads 4 bytes and writes 4; `shrink` reads 28 and writes 4.
+// correct: the passes of the step limit (method §7.6) on fractions below 1. First they fall off smoothly around the
+// corners that limit them; then rounds shrink them at corners that would still lose too much. Each dispatch reads one
+// of two planes of fractions and writes the other one. A round computes the marks of its halo itself, so that it needs
+// no second dispatch. Per node, without the halo of four nodes, `falloff` reads 4 bytes and writes 4; `shrink` reads 28
+// and writes 4.
 
 /// A block with a halo of four nodes: the nodes from (-4, -4) to (19, 19), row by row.
 const SIDE: u32 = 24u;
@@ -9,7 +10,7 @@ const PLACES: u32 = 576u;
 
 var<workgroup> wide_u: array<vec2f, 576>;
 var<workgroup> wide_step: array<vec2f, 576>;
-/// Fractions of the step; 2 at nodes that are in no active block.
+/// Fractions of the step; 2 at nodes outside active blocks.
 var<workgroup> fractions: array<f32, 576>;
 /// The factors by which a round shrinks fractions; then the fractions after every other pass of the falloff.
 var<workgroup> marks: array<f32, 576>;
@@ -41,7 +42,8 @@ fn change(n: vec2i, o: vec2i) -> vec2f {
     return wide_step[place_of(n + o)] - wide_step[place_of(n)];
 }
 
-/// Returns the block of this workgroup if its chart was limited by all of the `params.mode` dispatches before, else NONE.
+/// Returns the block of this workgroup if its chart was limited by all of the preceding `params.mode` dispatches,
+/// otherwise NONE.
 fn limited_block_of_workgroup(group: vec3u, t: u32) -> u32 {
     let b = block_of_workgroup(group, t);
     if t == 0u && b != NONE && atomicLoad(&charts[blocks[b].chart].limit_rounds) < max(params.mode, 1u) {
@@ -109,10 +111,11 @@ fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     store_fractions(b, t);
 }
 
-/// Round `mode`, from 1 on. In the shrinking rounds, the mark of a node is what its corners allow that lose more than all
-/// but the fraction `factor` of their margin at u + fraction x step; in the last rounds, where `factor` is negative, it is 0
-/// at corners that fall under the bound. Each fraction is multiplied by the least mark of the node and its neighbours, then
-/// come two passes of the falloff. If no node of a chart is marked, the fractions before the round stay the valid ones.
+/// Round `mode`, from 1 on. In the shrinking rounds, a corner must keep the fraction `factor` of its margin at u +
+/// fraction x step, and the mark of a node is the least factor that its corners allow. In the last rounds, where
+/// `factor` is negative, the mark is 0 at corners that fall below the bound. Each fraction is multiplied by the least
+/// mark of the node and its neighbours, then come two passes of the falloff. If no node of a chart is marked, the
+/// fractions from before the round remain valid.
 @compute @workgroup_size(64)
 fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = limited_block_of_workgroup(group, t);
@@ -144,7 +147,7 @@ fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             if params.factor >= 0.0 {
                 mark = allowed_fraction(n, params.factor);
             } else {
-                // A comparison with NaN is false: a node with a Jacobian that is NaN is marked, too.
+                // Any comparison with NaN is false, so a node whose Jacobian is NaN is marked, too.
                 mark = select(0.0, 1.0, worst_corner(n) >= MIN_JACOBIAN);
             }
         }

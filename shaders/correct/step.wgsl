@@ -2,8 +2,8 @@
 // reads 20 bytes of vectors per node, and in the first trial 8 of the state, and writes 16 there.
 
 /// Sets u = u0 + `factor` psi phi x (method §7.7): the displacement before the step plus the trial's fraction, times
-/// the chart's step fraction, times the node's step fraction, of the step x. The first trial puts u0 and x in the place of
-/// the two vectors of which x is a combination.
+/// the chart's step fraction, times the node's step fraction, of the step x. In the first trial, u0 and x replace the
+/// two vectors of which x is a combination.
 @compute @workgroup_size(64)
 fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);

@@ -1,5 +1,6 @@
-// correct: what the step limit (method §7.6) asks of a node's twelve corners. The kernel that this is a part of declares
-// `offset_to(n, o)`, the offset of node n's neighbour at o, and `change(n, o)`, its change over the whole step.
+// correct: the conditions of the step limit (method §7.6) on a node's twelve corners. The kernel that includes this
+// file declares `offset_to(n, o)`, the offset of node n's neighbour at o, and `change(n, o)`, its change over the whole
+// step.
 
 /// The smallest normal f32: keeps a quotient finite.
 const SMALLEST: f32 = 1.1754944e-38;
@@ -22,7 +23,7 @@ fn allowed_fraction(n: vec2i, kept: f32) -> f32 {
             // The node's own corner, its x-neighbour's, its y-neighbour's.
             let i = select(0u, 2u, k == 2u);
             let j = select(1u, 2u, k == 1u);
-            // At the fraction s of the step, J less the margin that must be left is q(s) = start + first s + second
+            // At the fraction s of the step, J minus the margin that must be left is q(s) = start + first s + second
             // s^2, with q(0) >= 0. If q(1) < 0, it has one root in between.
             let over = max(sign * cross2(offsets[i], offsets[j]) - MIN_JACOBIAN, 0.0);
             let start = over * (1.0 - kept);

@@ -3,7 +3,7 @@
 fn step_vector(b: u32, s: u32) -> vec2f {
     let factors = charts[blocks[b].chart].step;
     var x = vec2f();
-    // A factor of 0 means none of a vector, even where that is NaN.
+    // A vector with a factor of 0 is left out, even where it is NaN.
     if factors[0] != 0.0 {
         let at = vector_index(b, DIRECTION, s);
         x += factors[0] * vec2f(vectors[at], vectors[at + NODES]);

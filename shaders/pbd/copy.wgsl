@@ -1,6 +1,5 @@
-// pbd: copies the state of blocks from one of the two copies to the other one (method §10), and sets velocities to 0
-// unless PBD_WITHOUT_VELOCITY is set. Per node it reads 8 bytes and writes 8, with velocities 16; 4 more each on level
-// 0.
+// pbd: copies the state of blocks from one of the two copies to the other (method §10), and sets velocities to 0 unless
+// PBD_WITHOUT_VELOCITY is set. Per node it reads 8 bytes and writes 8, with velocities 16; 4 more each on level 0.
 
 @compute @workgroup_size(64)
 fn copy_state(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {

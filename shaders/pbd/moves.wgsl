@@ -1,4 +1,4 @@
-// pbd: the displacements of a block and its halo, and the writing of new ones (method §10).
+// pbd: access to the displacements of a block and its halo, and the writing of new ones (method §10).
 
 /// The triangle under W of a node in the copy that is read.
 fn present_triangle(b: u32, s: u32, fixed: bool) -> u32 {
@@ -41,7 +41,7 @@ fn load_u(b: u32, t: u32) {
     }
 }
 
-/// Place in the window of the node at offset o from node n of the block.
+/// Index in the window of the node at offset o from node n of the block.
 fn place_at(n: vec2u, o: vec2i) -> u32 {
     let at = vec2u(vec2i(n) + 1 + o);
     return place(at.x, at.y);

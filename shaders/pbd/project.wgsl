@@ -1,9 +1,9 @@
 // pbd: the projection of one of the eight sets of edges (method §10; the paper's section 4.2, figure 8). Each edge is
-// scaled towards its rest length, as far as it is rigid, and turned back towards its rest direction; no end leaves the
-// bounding box of its neighbours. Both ends of an edge compute its projection, each for itself. On level 0 it reads 12
-// bytes of state and 8 of constants per node (a quarter more for the halo; 4 more constants if `orientation_density` is
-// not 0) and 72 per triangle, and writes 12 per node. On coarser levels it reads 8 bytes of state, 8 of constants and
-// 12 of metrics per node, and writes 8.
+// scaled towards its rest length in proportion to its rigidity, and turned back towards its rest direction; no end
+// leaves the bounding box of its neighbours. Each end of an edge computes the projection independently. On level 0 it
+// reads 12 bytes of state and 8 of constants per node (a quarter more for the halo; 4 more constants if
+// `orientation_density` is not 0) and 72 per triangle, and writes 12 per node. On coarser levels it reads 8 bytes of
+// state, 8 of constants and 12 of metrics per node, and writes 8.
 
 var<workgroup> patch_value: array<vec3f, 324>;
 /// Rigidity; sign bit: fixed.
@@ -13,7 +13,7 @@ var<workgroup> patch_length: array<f32, 324>;
 /// Density of rigid material; loaded only if `orientation_density` is not 0.
 var<workgroup> patch_density: array<f32, 324>;
 
-/// After `load_u`, which has set the same thread's displacements.
+/// Must follow `load_u`, which sets the displacements of the same thread.
 fn load_values(b: u32, t: u32) {
     let edge = (params.mode & 7u) >> 1u;
     let base = blocks[b].length_base[edge];
@@ -68,8 +68,8 @@ struct Projection {
 fn project_node(n: vec2u, floor: f32) -> Projection {
     let at_node = place_at(n, vec2i());
     let u_node = patch_u[at_node];
-    // The far end of the one edge of this set that the node has. The parity of i tells horizontal edges' sets apart,
-    // that of j those of the others.
+    // The far end of the only edge of this set at the node. The parity of i distinguishes the two sets of horizontal
+    // edges, the parity of j the sets of the other directions.
     let edge = (params.mode & 7u) >> 1u;
     let along = select(n.y, n.x, edge == 0u);
     let node_owns = (along & 1u) == (params.mode & 1u);
@@ -89,7 +89,7 @@ fn project_node(n: vec2u, floor: f32) -> Projection {
         fraction = min(fraction + 0.5 * params.orientation_density * density, 1.0);
     }
     let new_offset = projected(d, d0, rest / current, weight * params.correction, fraction * params.correction);
-    // Each end takes half of the change of the offset; if one end is fixed, the other one takes all of it.
+    // Each end takes half of the change of the offset; if one end is fixed, the other takes all of it.
     var u = u_node + (d - new_offset) * select(0.5, 1.0, is_fixed_at(at_neighbour));
     var low = vec2f(INVALID_ENERGY);
     var high = vec2f(-INVALID_ENERGY);

@@ -27,8 +27,8 @@ fn regularise(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
         let u_before = patch_u[place_at(n, vec2i())];
         let word = nodes[node_index(b, RIGIDITY, s)];
         let moves = (word >> 31u) == 0u;
-        // Eq. 4 for movable nodes, and eq. 5. The Gaussian reproduces the grid at rest, so that smoothing displacements
-        // is the same as smoothing positions.
+        // Eq. 4 for movable nodes, and eq. 5. The Gaussian reproduces the grid at rest, so smoothing displacements is
+        // equivalent to smoothing positions.
         let rigidity = decode_rigidity(word & 0xffffu);
         let blend = (1.0 - rigidity) + rigidity * params.smoothing;
         let integrated = u_before + blend * (gaussian(n) - u_before);

@@ -86,12 +86,13 @@ fn nearest(b: u32, node: vec2i, u: vec2f) -> u32 {
     return t;
 }
 
-/// Returns the triangle of block b's chart under node + u, found by walking from triangle `start`; NONE if there is
-/// none.
+/// Returns the triangle of block b's chart under node + u, found by walking from triangle `start`; NONE if no triangle
+/// was found.
 fn locate_in_chart(b: u32, node: vec2i, u: vec2f, start: u32) -> u32 {
     let t = locate(node, u, start);
     if t == NONE {
-        // A border stopped the walk, or it was too long: walk again from the triangle under the node nearest to W(p).
+        // The walk ended at a border or took too many steps: walk again from the triangle under the node nearest to
+        // W(p).
         let nearest_triangle = nearest(b, node, u);
         if nearest_triangle != NONE && nearest_triangle != start {
             return locate(node, u, nearest_triangle);
@@ -121,9 +122,9 @@ fn tangents(t: u32) -> mat2x3f {
     return mat2x3f(vec3f(p[3], p[4], p[5]), vec3f(p[6], p[7], p[8]));
 }
 
-/// Finds and stores the triangle of a node whose displacement u is set from outside (method §2, Point location), if the
-/// node may move. Where no triangle is found it is the one at which the walk began: the surface is continued affinely
-/// from there.
+/// Finds and stores the triangle of a node whose displacement u was not set by relaxation (method §2, Point location),
+/// if the node may move. If no triangle is found, the one at which the walk began is stored: the surface is continued
+/// affinely from there.
 fn find_triangle(b: u32, s: u32, u: vec2f) {
     if is_fixed(b, s) {
         return;
@@ -131,7 +132,7 @@ fn find_triangle(b: u32, s: u32, u: vec2f) {
     let rest = rest_triangle(b, s);
     var t = rest;
     if rest != NONE {
-        // The triangle under the node nearest to W(p) is a better start than that under p.
+        // The triangle under the node nearest to W(p) is a better start than the one under p.
         let node = node_in_level(b, s);
         let nearest_triangle = nearest(b, node, u);
         let start = select(rest, nearest_triangle, nearest_triangle != NONE);
@@ -161,7 +162,7 @@ fn value_at(b: u32, s: u32, u: vec2f, t: u32, fixed: bool) -> vec3f {
     return sample_on_triangle(t, node_in_level(b, s), u).value;
 }
 
-/// An edge's chord c (`along`), offset d, length L and 1 / L: what the gradients at both ends have in common.
+/// An edge's chord c (`along`), offset d, length L and 1 / L, which the gradients at both ends share.
 struct Chord {
     along: vec3f,
     d: vec2f,
@@ -169,8 +170,8 @@ struct Chord {
     inverse: f32,
 }
 
-/// The chord between an edge's ends: T d where both ends lie on one triangle (`same`), the difference of positions
-/// elsewhere. `value` and `tangents` are the sample of the near end, `other` is the position of the far end.
+/// The chord between an edge's ends: T d where both ends lie on one triangle (`same`), otherwise the difference of
+/// positions. `value` and `tangents` are the sample of the near end, `other` is the position of the far end.
 fn chord(value: vec3f, tangents: mat2x3f, other: vec3f, same: bool, d: vec2f) -> Chord {
     let along = select(other - value, tangents[0] * d.x + tangents[1] * d.y, same);
     let length = sqrt(dot(along, along) + TINY);

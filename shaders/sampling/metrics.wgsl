@@ -1,4 +1,4 @@
-// The surface on the levels from 1 on: metrics, interpolated bilinearly between nodes; the length of an edge is its arc
+// The surface on level 1 and above: metrics, interpolated bilinearly between nodes; the length of an edge is its arc
 // length (method §3).
 
 /// Per block: the metric (xx, xy, yy) of the pose, in cell units of this level.
@@ -40,7 +40,7 @@ fn tangents(t: u32) -> mat2x3f {
     return mat2x3f(vec3f(), vec3f());
 }
 
-/// There are no triangles on these levels.
+/// These levels have no triangles.
 fn rest_triangle(b: u32, s: u32) -> u32 {
     return NONE;
 }
@@ -65,8 +65,7 @@ fn value_at(b: u32, s: u32, u: vec2f, t: u32, fixed: bool) -> vec3f {
     return metric_at(b, s);
 }
 
-/// For an edge, the product of metric and offset (`along`), d, L and 1 / L: what the gradients at both ends have in
-/// common.
+/// For an edge, the product of metric and offset (`along`), d, L and 1 / L, which the gradients at both ends share.
 struct Chord {
     along: vec2f,
     d: vec2f,
@@ -82,8 +81,8 @@ fn chord(value: vec3f, tangents: mat2x3f, other: vec3f, same: bool, d: vec2f) ->
     return Chord(along, d, length, 1.0 / length);
 }
 
-/// An end's half of the derivative of d' G d by way of the metric: a quarter of (d' dG/dx d, d' dG/dy d). With the
-/// factor 1 / L it is the first term of the gradients in method §3.
+/// One end's half of the derivative of d' G d that comes from the change of the metric: a quarter of (d' dG/dx d, d'
+/// dG/dy d). With the factor 1 / L it is the first term of the gradients in method §3.
 fn half_change(c: Chord, slope: mat2x3f) -> vec2f {
     let squares = vec3f(c.d.x * c.d.x, 2.0 * c.d.x * c.d.y, c.d.y * c.d.y);
     return vec2f(dot(slope[0], squares), dot(slope[1], squares)) * 0.25;

@@ -1,4 +1,4 @@
-// samples: writes what a level's state implies, which no other kernel stores: for inspection from outside.
+// samples: writes the quantities that follow from a level's state and that no other kernel stores, for inspection.
 
 /// Planes per block: position or metric at W (3), triangle under W.
 @group(0) @binding(10) var<storage, read_write> samples_at_w: array<u32>;
