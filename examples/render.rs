@@ -1,9 +1,9 @@
-//! Draws a mesh through its redirection map on a GPU, in several ways, and says what each one costs and how far it is from
-//! a texture that was warped beforehand.
+//! Draws a mesh through its redirection map on a GPU, in several ways, and prints the cost of each way and its
+//! difference from a texture that was warped beforehand.
 //!
-//! `cargo run --release --example render` draws a built-in scene into `out/`; `--help` lists the options. The shaders in
-//! `examples/render/` are short and meant to be copied: `map_filtered.wgsl` and `forward.wgsl` are all that a forward
-//! renderer needs, `deferred.wgsl` is for one that keeps the surface first.
+//! `cargo run --release --example render` draws a built-in scene into `out/`; `--help` lists the options. The shaders
+//! in `examples/render/` are short and meant to be copied: `map_filtered.wgsl` and `forward.wgsl` are all that a
+//! forward renderer needs; `deferred.wgsl` is for a deferred renderer.
 
 #[path = "render/mod.rs"]
 mod render;
@@ -159,7 +159,7 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Writes a picture over dark grey.
+/// Writes a picture over a dark grey background.
 fn save(path: &Path, [width, height]: [u32; 2], texels: &[u8]) -> Result<()> {
     let over = |texel: &[u8]| if texel[3] == 255 { [texel[0], texel[1], texel[2]] } else { [38; 3] };
     let bytes: Vec<u8> = texels.chunks_exact(4).flat_map(over).collect();

@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
 
-    /// Also replace existing files that vrtm did not write. Files that the bake reads are never replaced
+    /// Also replace existing files that vrtm did not write; files that the bake reads are never replaced
     #[arg(long)]
     pub overwrite: bool,
 
@@ -90,13 +90,13 @@ const QUALITIES: [(&str, Quality); 3] =
     [("draft", Quality::Draft), ("normal", Quality::Normal), ("high", Quality::High)];
 const DEVICES: [(&str, Backend); 3] = [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("gpu", Backend::Gpu)];
 
-/// Parses a name into what it stands for.
+/// Parses a name into the value that it denotes.
 fn one_of<T: Copy + Send + Sync + 'static>(all: [(&'static str, T); 3]) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(all.map(|(name, _)| name))
         .map(move |text| all.iter().find(|(name, _)| *name == text).expect("one of the names").1)
 }
 
-/// Ranges of frame numbers, in the order given. How many there are is only known with the scene.
+/// Ranges of frame numbers, in the order given. The number of frames is only known once the scene is loaded.
 #[derive(Clone, Debug)]
 pub struct Frames(pub Vec<RangeInclusive<usize>>);
 
@@ -119,14 +119,15 @@ fn parse_view(text: &str) -> Result<[f64; 2], String> {
     pair.ok_or_else(|| "expected two angles in degrees, as in 30,15".to_string())
 }
 
-/// Reads the command line. `Err` holds a message of one line; `--help` and `--version` print and end the program.
+/// Reads the command line. `Err` holds a one-line message; `--help` and `--version` print their text and end the
+/// program.
 pub fn parse() -> Result<Args, String> {
     Args::try_parse().map_err(|error| {
         use clap::error::ErrorKind;
         if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
             error.exit();
         }
-        // clap's message has several lines; those after the blank line are usage.
+        // clap's message has several lines; those after the blank line describe the usage.
         let text = error.to_string();
         let lines = text.lines().take_while(|line| !line.trim().is_empty()).map(str::trim);
         let line = lines.collect::<Vec<_>>().join(" ");

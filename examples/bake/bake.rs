@@ -1,4 +1,4 @@
-//! The part of the program that calls vrtm: it makes an asset, sets its maps, solves a pose, and fetches the results.
+//! The part of the program that calls vrtm: it creates an asset, sets its maps, solves a pose, and fetches the results.
 
 use vrtm::{
     Asset, AssetReport, Backend, Device, FetchKind, ImageLayout, ImageViewMut, MapDesc, MapReport,
@@ -11,7 +11,7 @@ use crate::failure::{Failure, Result};
 use crate::maps::{Field, Map};
 use crate::source::{Frame, Source};
 
-/// What is written per frame and tile.
+/// The outputs written per frame and tile.
 pub const OUTPUTS: [(&str, FetchKind); 2] = [("redirect", FetchKind::Redirection), ("warp", FetchKind::Warp)];
 
 /// The asset with its maps.
@@ -28,9 +28,9 @@ pub struct Tile<'a> {
     pub rigidity: Option<&'a Map>,
     /// Cells of the grid in u.
     pub cells: u32,
-    /// Texels of the redirection, and nodes of the grid, which the warp has a texel for each.
+    /// Texels of the redirection, and nodes of the grid; the warp has one texel per node.
     sizes: [[u32; 2]; 2],
-    /// A hash of all that the tile's files depend on, poses and sizes excepted.
+    /// A hash of everything that the tile's files depend on, except poses and sizes.
     inputs: Xxh3,
 }
 
@@ -68,7 +68,7 @@ impl<'a> Bake<'a> {
             add(&mut common, list.iter().flat_map(|n| n.to_le_bytes()));
         }
 
-        // A tile without a map is the identity; it gets the size of the others.
+        // A tile without a map is the identity, and gets the size of the other tiles.
         let maps = source.maps.values().filter_map(|tile| tile.rigidity.as_ref());
         let fallback = maps.map(|map| map.size).max().unwrap_or([512; 2]);
         let mut tiles = Vec::new();
@@ -112,7 +112,7 @@ impl<'a> Bake<'a> {
         solved.map_err(|e| Failure::named(&frame.origin, e))
     }
 
-    /// An output of a tile, with u, v and 0, and a hash of what it depends on.
+    /// An output of a tile, with the channels u, v and 0, and a hash of its inputs.
     pub fn image(&self, tile: usize, kind: FetchKind) -> vrtm::Result<(Field<3>, String)> {
         let Tile { sizes, inputs, .. } = &self.tiles[tile];
         let [width, height] = sizes[usize::from(kind == FetchKind::Warp)];
@@ -130,8 +130,8 @@ impl<'a> Bake<'a> {
         Ok((Field { size, data }, format!("{:032x}", inputs.digest128())))
     }
 
-    /// The figures of a frame: the asset's, each tile's, and how each redirection does under bilinear lookup. After the
-    /// outputs were fetched the tile's have the time of the inversion, too.
+    /// The figures of a frame: those of the asset, those of each tile, and the accuracy of each redirection under
+    /// bilinear lookup. Once the outputs are fetched, the tiles' figures include the time of the inversion.
     pub fn reports(&self) -> vrtm::Result<(AssetReport, Vec<(TileReport, MapReport)>)> {
         let of = |(index, tile): (usize, &Tile)| {
             let (kind, format) = (FetchKind::Redirection, PixelFormat::F32);
@@ -146,7 +146,7 @@ fn floats(values: &[f32]) -> impl Iterator<Item = u8> {
     values.iter().flat_map(|x| x.to_le_bytes())
 }
 
-/// Adds bytes to a hash, with the length before them, so that no two lists of inputs run together to the same bytes.
+/// Adds bytes to a hash, preceded by their length, so that different lists of inputs never form the same bytes.
 fn add(hash: &mut Xxh3, bytes: impl Iterator<Item = u8>) {
     let bytes: Vec<u8> = bytes.collect();
     hash.update(&(bytes.len() as u64).to_le_bytes());

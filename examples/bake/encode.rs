@@ -1,4 +1,4 @@
-//! EXR and PNG files that tell what they hold.
+//! Encodes EXR and PNG files that describe their own content.
 
 use std::io::Cursor;
 
@@ -11,20 +11,20 @@ use exr::prelude::{
 use crate::maps::Field;
 use crate::overwrite::{EXR_MARK, PNG_MARK};
 
-/// What a map tells of itself.
+/// The description of a map's content.
 #[derive(Debug)]
 pub struct Facts<'a> {
     pub kind: &'a str,
     pub udim: u32,
     pub frame: usize,
-    /// A hash of all that the content depends on.
+    /// A hash of all inputs of the content.
     pub inputs: String,
 }
 
 impl Facts<'_> {
-    /// As attributes. Blender takes `colorInteropID` for the colour space, OpenImageIO this and `oiio:ColorSpace`; both are
-    /// set, and no chromaticities: a program that reads those converts what it takes for a colour. The edges are clamped
-    /// where the wrap mode is read.
+    /// As attributes. Blender reads the colour space from `colorInteropID`, OpenImageIO from `colorInteropID` and
+    /// `oiio:ColorSpace`, so both are set. Chromaticities are left out: a program that reads them would convert the UVs
+    /// as colours. The wrap mode asks for clamped edges.
     fn attributes(&self) -> LayerAttributes {
         let text = |text: &str| AttributeValue::Text(Text::from(text));
         let other = [
@@ -61,9 +61,9 @@ pub fn exr(image: &Field<3>, facts: &Facts) -> ExrResult<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Sorts the attributes in a file's header by name. The crate `exr` writes them in an order that changes from run to run;
-/// the same inputs are to give the same bytes. A header is a list of names, types and sizes, each followed by a value, and
-/// ends with an empty name.
+/// Sorts the attributes in a file's header by name. The crate `exr` writes them in an order that changes from run to
+/// run, but the same inputs should give the same bytes. A header is a list of names, types and sizes, each followed by
+/// a value, and ends with an empty name.
 fn sort_attributes(bytes: &mut [u8]) {
     const MAGIC_AND_VERSION: usize = 8;
     let mut attributes: Vec<Vec<u8>> = Vec::new();
@@ -81,7 +81,7 @@ fn sort_attributes(bytes: &mut [u8]) {
     bytes[MAGIC_AND_VERSION..MAGIC_AND_VERSION + sorted.len()].copy_from_slice(&sorted);
 }
 
-/// A PNG file with a mark.
+/// A PNG file with the mark of vrtm.
 pub fn png(image: &image::RgbImage) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, image.width(), image.height());

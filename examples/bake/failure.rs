@@ -1,4 +1,4 @@
-//! Errors that end the program: one line with a file (or an argument) and the reason.
+//! Errors that end the program: one line with the file (or argument) and the reason.
 
 use std::fmt;
 use std::io::{self, Write};
@@ -15,13 +15,13 @@ impl Failure {
     }
 
     pub fn named(subject: &str, reason: impl fmt::Display) -> Failure {
-        // Messages of libraries are reduced to one line.
+        // Libraries' messages are joined to one line.
         let reason = reason.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         Failure(format!("{subject}: {reason}"))
     }
 }
 
-/// Writes a line to stderr. A bake goes on where that cannot be written, as on a full disk.
+/// Writes a line to stderr. The bake continues if it cannot be written, as on a full disk.
 pub fn say(line: &str) {
     let _ = writeln!(io::stderr(), "bake: {line}");
 }

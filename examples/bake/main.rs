@@ -121,12 +121,12 @@ fn planned(args: &Args, source: &Source, bake: &Bake) -> Vec<String> {
     names
 }
 
-/// A reader that closes the pipe early (`bake | head`) does not make the bake fail.
+/// Prints a line. The bake does not fail if a reader closes the pipe early (`bake | head`).
 fn print(line: &str) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 
-/// Tells what the library warns of, once. What it says of a pose is told with the frame, by `warn_of_pose`.
+/// Prints each of the library's warnings once. Warnings about a pose are printed with the frame, by `warn_of_pose`.
 fn log() -> vrtm::LogFn {
     let told = Mutex::new(BTreeSet::new());
     Arc::new(move |level, message| {
@@ -139,7 +139,7 @@ fn log() -> vrtm::LogFn {
     })
 }
 
-/// Tells which tiles are left as they are, for want of a map.
+/// Names the tiles that stay unchanged because they have no map.
 fn warn_of_tiles(args: &Args, bake: &Bake) {
     let tiles = bake.tiles.iter().filter(|tile| tile.rigidity.is_none());
     let without: Vec<String> = tiles.map(|tile| tile.udim.to_string()).collect();
@@ -150,7 +150,7 @@ fn warn_of_tiles(args: &Args, bake: &Bake) {
     }
 }
 
-/// Tells what nobody can have meant.
+/// Warns of results that are certainly unintended.
 fn warn_of_pose(frame: &Frame, asset: &AssetReport) {
     let (factor, percent) = (asset.median_stretch, 100.0 * asset.stretched_share);
     let text = if !(1.0 / 3.0..=3.0).contains(&factor) {

@@ -1,4 +1,4 @@
-//! Images in memory: the maps that are read, and those that vrtm hands out.
+//! Images in memory: the maps that are read, and the outputs of vrtm.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use vrtm::{ImageLayout, ImageView, PixelFormat};
 
 use crate::failure::{Failure, Result, read};
 
-/// A map of one channel, as vrtm takes it.
+/// A map of one channel, in the form that vrtm reads.
 #[derive(Clone, Debug)]
 pub struct Map {
     pub size: [u32; 2],
@@ -18,7 +18,7 @@ pub struct Map {
 }
 
 impl Map {
-    /// Reads a map of 8 or 16 bits; of colours it takes the luminance.
+    /// Reads a map of 8 or 16 bits; colours are reduced to their luminance.
     pub fn load(path: &Path) -> Result<Map> {
         let image = image::load_from_memory(&read(path)?).map_err(|e| Failure::file(path, e))?;
         let size = [image.width(), image.height()];

@@ -1,4 +1,4 @@
-//! The mesh of the program: polygons with UVs that have indices of their own, as in files and hosts.
+//! The mesh of the program: polygons, and UVs with separate indices, as in files and hosts.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Wavefront OBJ: polygons stay polygons, vertices and UVs keep their order in the file.
+//! Reads Wavefront OBJ: polygons stay polygons, and vertices and UVs keep their order in the file.
 
 use std::path::Path;
 
@@ -34,12 +34,12 @@ pub fn load_mesh(path: &Path) -> Result<Mesh> {
     Ok(mesh)
 }
 
-/// Reads the vertices of a pose. Faces, if it has some, must be those of the rest mesh: others tell that the vertices are in
-/// another order.
+/// Reads the vertices of a pose. If the file has faces, they must be those of the rest mesh: other faces mean that the
+/// vertices are in a different order.
 pub fn load_positions(path: &Path, rest: &Mesh) -> Result<Vec<[f32; 3]>> {
     let data = load(path)?;
     let count = polygons(&data).count();
-    // A wrong number of vertices is told first, elsewhere.
+    // A wrong number of vertices is reported first, elsewhere.
     if count == 0 || data.position.len() != rest.rest.len() {
         return Ok(data.position);
     }
@@ -66,14 +66,14 @@ fn polygons(data: &ObjData) -> impl Iterator<Item = &SimplePolygon> {
     data.objects.iter().flat_map(|object| &object.groups).flat_map(|group| &group.polys)
 }
 
-/// True if two faces have the same corners in the same order, whichever comes first.
+/// True if two faces have the same corners in the same cyclic order.
 fn is_rotated(face: &[u32], expected: &[u32]) -> bool {
     let n = face.len();
     n == expected.len() && (0..n).any(|first| (0..n).all(|k| face[(first + k) % n] == expected[k]))
 }
 
 fn load(path: &Path) -> Result<ObjData> {
-    // The reader counts lines from 0, editors from 1: one more line makes both agree.
+    // The reader counts lines from 0 and editors count from 1, so one more line makes both agree.
     let text = [b"\n", read(path)?.as_slice()].concat();
     let data = ObjData::load_buf_with_config(text.as_slice(), LoadConfig { strict: false })
         .map_err(|error| Failure::file(path, error))?;

@@ -1,4 +1,4 @@
-//! Writes files so that they appear whole or not at all, on a full disk and when a signal comes, too.
+//! Writes files so that each appears completely or not at all, even on a full disk or when a signal arrives.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -15,32 +15,32 @@ use signal_hook::{flag, low_level};
 use crate::failure::{Failure, Result};
 use crate::overwrite;
 
-/// Who holds it is not interrupted.
+/// Held while a file is written; a signal does not end the program meanwhile.
 static WRITING: Mutex<()> = Mutex::new(());
 
 fn writing() -> MutexGuard<'static, ()> {
     WRITING.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// From here on a signal ends the program as a shell expects it, with 128 + its number, once the file that is being written
-/// has its name. A thread of its own does so: a signal's handler may not take locks, and the main thread may be busy for a
-/// while.
+/// From here on a signal ends the program as a shell expects, with the status 128 + its number, but only after the file
+/// being written has its final name. A separate thread does this: a signal's handler may not take locks, and the main
+/// thread may be busy for a while.
 pub fn watch_signals() -> Result<()> {
     let failure = |e: io::Error| Failure::named("signals", e);
     let code = Arc::new(AtomicUsize::new(0));
     for signal in [SIGTERM, SIGINT] {
         flag::register_usize(signal, code.clone(), 128 + signal as usize).map_err(failure)?;
     }
-    // A file that is longer than the system allows is then told like a full disk, and does not end the program.
+    // A file longer than the system allows is then reported like a full disk, instead of ending the program.
     #[cfg(unix)]
     flag::register(signal_hook::consts::SIGXFSZ, Arc::default()).map_err(failure)?;
     let watcher = move || {
         loop {
             let code = code.load(Ordering::SeqCst);
             if code != 0 {
-                // Never released, so that no further file is begun.
+                // This lock is never released, so that no further file is started.
                 let _whole = writing();
-                // Without what the libraries do at an exit: threads of the solve are still running.
+                // Skips the libraries' exit handlers, because threads of the solve are still running.
                 low_level::exit(code as i32);
             }
             thread::sleep(Duration::from_millis(10));
@@ -54,12 +54,12 @@ pub fn watch_signals() -> Result<()> {
 #[derive(Debug)]
 pub struct Output {
     folder: PathBuf,
-    /// Files that have not been written yet, out of those that may be.
+    /// Planned files that have not been written yet.
     planned: BTreeSet<String>,
 }
 
 impl Output {
-    /// Makes the folder if it does not exist. `planned` are the files that [`overwrite::check`] has passed.
+    /// Creates the folder if it does not exist. `planned` lists the files that [`overwrite::check`] has passed.
     pub fn new(folder: &Path, planned: Vec<String>) -> Result<Output> {
         fs::create_dir_all(folder).map_err(|e| Failure::file(folder, e))?;
         Ok(Output { folder: folder.into(), planned: planned.into_iter().collect() })
@@ -77,17 +77,17 @@ impl Output {
 
     fn replace(&self, path: &Path, name: &str, bytes: &[u8]) -> io::Result<()> {
         let mut number = std::process::id();
-        // Beside the file, so that it can be renamed.
+        // The temporary file is in the same folder, so that it can be renamed.
         let (temporary, mut file) = loop {
             let temporary = self.folder.join(format!(".{name}.{number}.part"));
             match File::create_new(&temporary) {
                 Ok(file) => break (temporary, file),
-                // Of a program that was killed, or that has this number on another machine.
+                // Left by a program that was killed, or in use by one with the same process number on another machine.
                 Err(e) if e.kind() == ErrorKind::AlreadyExists => number = number.wrapping_add(1),
                 Err(e) => return Err(e),
             }
         };
-        // A full disk is sometimes told only once it has to have all of the file.
+        // Some systems report a full disk only once the file is synchronised.
         let written = file.write_all(bytes).and_then(|()| file.sync_all());
         drop(file);
         let renamed = written.and_then(|()| match fs::read(&temporary)? == bytes {
@@ -97,7 +97,7 @@ impl Output {
         if renamed.is_err() {
             let _ = fs::remove_file(&temporary);
         }
-        // The name is to outlast a crash, too. Windows sees to that itself, and not every file system can.
+        // The name should survive a crash, too. Windows ensures this itself, and some file systems cannot.
         #[cfg(unix)]
         let _ = File::open(&self.folder).and_then(|folder| folder.sync_all());
         renamed
@@ -106,7 +106,8 @@ impl Output {
 
 impl Drop for Output {
     fn drop(&mut self) {
-        // What is left over after a failure may lie there damaged, from before: nobody is to take it for a result.
+        // Planned files that were not written after a failure may exist from before in a damaged state; they must not
+        // be taken for results.
         self.planned.iter().for_each(|name| overwrite::remove_if_damaged(&self.folder.join(name)));
     }
 }

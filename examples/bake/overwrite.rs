@@ -1,5 +1,5 @@
-//! What a bake may replace: never a file that it reads, and of other files only those that vrtm wrote, which carry a mark,
-//! unless --overwrite is given.
+//! Decides which files a bake may replace: never a file that it reads, and other files only if they carry the mark of
+//! vrtm or --overwrite is given.
 
 use std::collections::HashMap;
 use std::fs::{self, File};
@@ -11,33 +11,33 @@ use serde_json::Value;
 
 use crate::failure::{Failure, Result};
 
-/// A file that is read, after the option that names it.
+/// An input file, after the option that names it.
 pub type Input = (&'static str, PathBuf);
 
-/// The mark of a report: its program's name.
+/// The mark of a report: the name of its program.
 pub const PROGRAM: &str = "vrtm bake";
 /// The mark of an EXR file: the name of an attribute.
 pub const EXR_MARK: &str = "vrtm:inputs";
-/// The mark of a picture: the keyword of a text.
+/// The mark of a picture: the keyword of a text chunk.
 pub const PNG_MARK: &str = "vrtm:kind";
 
-/// The first bytes of every file of these kinds.
+/// The first bytes of every EXR and PNG file.
 const EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
-/// Headers end before that: the longest are those of the command `vrtm bake`, which hold figures.
+/// The maximum length of a header: the longest are those of the command `vrtm bake`, which hold figures.
 const HEADER: u64 = 16 * 1024;
 
-/// By what files are known to be one.
+/// The properties by which two paths are recognised as the same file.
 #[derive(Debug, PartialEq, Eq, Hash)]
 enum Identity {
-    /// A path without links, in capitals: a shared folder may be read where names that differ in case are one.
+    /// A path without links, in capitals: a shared folder may be read on a system that ignores case.
     Name(PathBuf),
     /// Device and inode, which hard links share.
     #[cfg(unix)]
     Node(u64, u64),
 }
 
-/// Refuses outputs that would replace what they must not. Nothing is written.
+/// Refuses outputs that would replace protected files. Nothing is written.
 pub fn check(folder: &Path, outputs: &[String], inputs: &[Input], overwrite: bool) -> Result<()> {
     let mut read = HashMap::new();
     for (option, path) in inputs {
@@ -74,7 +74,7 @@ fn identities(path: &Path) -> Result<Vec<Identity>> {
     Ok(all)
 }
 
-/// A folder without links. It need not exist yet: `new/../maps` will be `maps`.
+/// A folder without links. It need not exist yet: `new/../maps` becomes `maps`.
 fn real_folder(folder: &Path) -> Result<PathBuf> {
     // The empty path is the current folder, too.
     let path = std::path::absolute(Path::new(".").join(folder)).map_err(|e| Failure::file(folder, e))?;
@@ -96,7 +96,7 @@ fn real_folder(folder: &Path) -> Result<PathBuf> {
     Ok(real)
 }
 
-/// Whether vrtm wrote a file, be it whole or cut short after its header. An empty one is nobody's work.
+/// Whether vrtm wrote a file, be it complete or cut off after its header. An empty file counts as written by nobody.
 fn is_marked(path: &Path) -> io::Result<bool> {
     let mut header = Vec::new();
     File::open(path)?.take(HEADER).read_to_end(&mut header)?;
@@ -111,7 +111,7 @@ fn is_marked(path: &Path) -> io::Result<bool> {
     })
 }
 
-/// Removes a file of vrtm's that cannot be read back.
+/// Removes a file written by vrtm that cannot be read back.
 pub fn remove_if_damaged(path: &Path) {
     if !is_marked(path).unwrap_or(false) {
         return;
@@ -120,7 +120,7 @@ pub fn remove_if_damaged(path: &Path) {
     let whole = if bytes.starts_with(EXR) {
         let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
         let read = reader.first_valid_layer().all_attributes().from_buffered(Cursor::new(&bytes));
-        // Somebody may have compressed it anew, in a way that is not read here.
+        // Someone may have compressed it again with a method that is not supported here.
         !matches!(read, Err(exr::error::Error::Invalid(_) | exr::error::Error::Io(_)))
     } else {
         !bytes.starts_with(PNG) || image::load_from_memory(&bytes).is_ok()

@@ -1,4 +1,4 @@
-//! The figures: report.json has all, a line per frame and tile those that matter most.
+//! The figures: report.json has all of them, and a printed line per frame and tile has the most important ones.
 
 use serde_json::{Value, json};
 use vrtm::{AssetInfo, AssetReport, DeviceInfo, MapReport, Strain, StrainReport, TileInfo, TileReport};
@@ -8,7 +8,7 @@ use crate::maps::Map;
 use crate::overwrite;
 use crate::source::{Frame, Source};
 
-/// The name of a member of an enumeration, as the command line has it.
+/// The name of an enum variant as on the command line.
 fn name(value: impl std::fmt::Debug) -> String {
     format!("{value:?}").to_lowercase()
 }

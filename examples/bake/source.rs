@@ -13,20 +13,20 @@ use crate::obj;
 use crate::overwrite::Input;
 use crate::scenes::{self, Scene};
 
-/// All that is read before the first solve.
+/// Everything that is read before the first solve.
 #[derive(Debug, Default)]
 pub struct Source {
     pub name: String,
     /// Name of the mesh's file, for messages.
     pub origin: String,
     pub mesh: Mesh,
-    /// All existing frames: the sheet's camera considers those that are not baked, too.
+    /// All existing frames: the sheet's camera also considers frames that are not baked.
     pub frames: Vec<Frame>,
     /// Indices of the frames to bake.
     pub chosen: Vec<usize>,
     /// Maps by UDIM number.
     pub maps: BTreeMap<u32, TileMaps>,
-    /// What asset.json tells, for the report.
+    /// The content of asset.json, for the report.
     pub asset: Value,
     /// All files that were read.
     pub inputs: Vec<Input>,
@@ -34,7 +34,7 @@ pub struct Source {
 
 #[derive(Debug)]
 pub struct Frame {
-    /// Counted from 1.
+    /// Number of the frame, counted from 1.
     pub number: usize,
     pub positions: Vec<[f32; 3]>,
     /// Name of the pose's file, for messages.
@@ -123,7 +123,7 @@ fn asset(folder: &Path) -> Result<Source> {
     let mesh = obj::load_mesh(&rest)?;
     let mut frames = Vec::new();
     load_f32(&poses, mesh.rest.len(), &mut frames)?;
-    // The size of a file that was truncated between two frames is still a multiple of a frame's.
+    // If a file was truncated between two frames, its size is still a multiple of a frame's.
     if let Some(count) = json["frames"].as_u64().filter(|&count| count != frames.len() as u64) {
         return Err(Failure::file(&poses, format!("{} frames, but asset.json says {count}", frames.len())));
     }
@@ -195,7 +195,7 @@ fn existing(pattern: &str, mesh: &Mesh) -> Result<BTreeMap<u32, PathBuf>> {
     let mut found: BTreeMap<_, _> = mesh.faces().filter_map(|face| mesh.udim(face)).map(path).collect();
     let count = found.len();
     if pattern.contains("<UDIM>") {
-        // What cannot be looked at is told when it is read.
+        // Keep paths that cannot be checked; reading them reports the error.
         found.retain(|_, path| path.try_exists().unwrap_or(true));
     } else if count > 1 {
         let reason = format!("the mesh has {count} tiles: write <UDIM> for the tile's number");

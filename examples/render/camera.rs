@@ -1,20 +1,20 @@
-//! A camera without perspective that the mesh fills.
+//! An orthographic camera whose picture the mesh fills.
 
 use bytemuck::{Pod, Zeroable};
 
-/// From where one looks.
+/// The direction from which the mesh is viewed, and the zoom.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// Degrees that the viewer goes around the mesh, and upward.
+    /// Degrees of the viewer around the mesh, and upward.
     pub yaw: f64,
     pub pitch: f64,
-    /// Whether z points up, not y.
+    /// Whether z points up instead of y.
     pub z_up: bool,
-    /// 1 = the mesh fills the picture; 3 = a third of it does.
+    /// 1 = the mesh fills the picture; 3 = a third of the mesh fills it.
     pub zoom: f64,
 }
 
-/// The camera as `view.wgsl` reads it.
+/// The camera in the layout of `view.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Camera {
@@ -25,7 +25,7 @@ pub struct Camera {
 }
 
 impl View {
-    /// A flat sheet is viewed from the front, all else from the front, left and above.
+    /// A flat sheet is viewed from the front, any other mesh from the front, left and above.
     pub fn of(positions: &[[f32; 3]]) -> View {
         let bounds = [0, 1, 2].map(|c| bounds(positions.iter().map(|p| f64::from(p[c]))));
         let [x, y, z] = bounds.map(|[low, high]| high - low);

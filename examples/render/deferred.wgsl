@@ -1,12 +1,13 @@
-// Two passes: the first one keeps the original UVs and their derivatives, the second one looks up for visible pixels only.
+// Deferred shading in two passes: the first stores the original UVs and their derivatives, the second looks up the
+// texture for visible pixels only.
 
 struct Surface {
-    // rg32float: 16 bits would be too few for a texture of 4096 texels.
+    // rg32float, because 16 bits would be too few for a texture of 4096 texels.
     @location(0) uv: vec2f,
-    // rgba16float: the derivatives by x and by y on the screen, in texels of a texture of 1024, as 16 bits have no smaller
-    // numbers than 1/16384 at full precision.
+    // rgba16float: the derivatives by x and by y on the screen, in texels of a texture of 1024 texels, because 16-bit
+    // floats smaller than 1/16384 lose precision.
     @location(1) by: vec4f,
-    // rgba16float: the normal, and 1 + the tile's layer; 0 where there is no surface.
+    // rgba16float: the normal, and 1 + the tile's layer; 0 where no surface is visible.
     @location(2) normal: vec4f,
 }
 
@@ -37,9 +38,9 @@ fn deferred(@builtin(position) at: vec4f) -> @location(0) vec4f {
     let uv = textureLoad(surface_uv, pixel, 0).rg;
     let by = textureLoad(surface_by, pixel, 0) / 1024.0;
     let new_uv = redirected(uv, layer);
-    // The neighbours on the screen may be another surface, so dpdx and dpdy must not be used here. The redirected UV's
-    // derivatives are the differences to where this surface goes on, toward the other column and row of the pixel's block
-    // of two by two: exactly what dpdxFine gives in a forward pass.
+    // The neighbours on the screen may belong to another surface, so dpdx and dpdy must not be used here. The
+    // derivatives of the redirected UV are differences to the continuation of this surface, toward the other column and
+    // row of the pixel's block of two by two, exactly as dpdxFine gives in a forward pass.
     let side = vec2f(1.0) - 2.0 * vec2f(pixel & vec2u(1u));
     let by_x = (redirected(uv + side.x * by.xy, layer) - new_uv) * side.x;
     let by_y = (redirected(uv + side.y * by.zw, layer) - new_uv) * side.y;

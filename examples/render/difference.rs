@@ -1,10 +1,10 @@
-//! How far two pictures are apart.
+//! Measures the difference between two pictures.
 
-/// Differences of pixels where both show the mesh, of 255: of each pixel its worst channel.
+/// Differences, of 255, of the pixels where both pictures show the mesh; the worst channel of each pixel counts.
 #[derive(Clone, Copy, Debug)]
 pub struct Difference {
     pub mean: f64,
-    /// 99 % of the pixels differ by no more.
+    /// The value that 99 % of the pixels do not exceed.
     pub p99: u8,
     pub max: u8,
 }
@@ -18,7 +18,7 @@ pub fn difference(a: &[u8], b: &[u8]) -> Difference {
     }
     let all: u64 = counts.iter().sum();
     let sum: u64 = (0..).zip(&counts).map(|(value, count)| value * count).sum();
-    // The least value that at least a share of the pixels does not exceed.
+    // The least value that at least the fraction `part` of the pixels does not exceed.
     let at = |part: f64| {
         let mut seen = 0;
         let reached = |count: &u64| {
@@ -30,7 +30,7 @@ pub fn difference(a: &[u8], b: &[u8]) -> Difference {
     Difference { mean: sum as f64 / all.max(1) as f64, p99: at(0.99), max: at(1.0) }
 }
 
-/// The difference as a picture: grey where the same, brighter and darker where not, three times as strong.
+/// The difference as a picture: grey where both are equal, brighter or darker elsewhere, amplified three times.
 pub fn picture(a: &[u8], b: &[u8]) -> Vec<u8> {
     let value = |(a, b): (&u8, &u8)| (127 + 3 * (i32::from(*a) - i32::from(*b))).clamp(0, 255) as u8;
     let mut texels: Vec<u8> = a.iter().zip(b).map(value).collect();

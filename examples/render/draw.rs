@@ -1,4 +1,4 @@
-//! Draws a mesh in one of the ways, reads the picture back, and times frames.
+//! Draws a mesh in one of the ways, reads the picture back, and measures the time of frames.
 
 use std::time::Instant;
 
@@ -32,7 +32,7 @@ pub struct Maps {
     delta: wgpu::BindGroup,
 }
 
-/// What a frame shows.
+/// The contents of a frame.
 #[derive(Clone, Copy)]
 pub struct Shot<'a> {
     pub pipelines: &'a Pipelines,
@@ -44,7 +44,7 @@ pub struct Shot<'a> {
 
 impl<'a> Renderer<'a> {
     /// # Errors
-    /// A size of the picture that the GPU does not have.
+    /// The size of the picture if the GPU does not support it.
     pub fn new(gpu: &'a Gpu, corners: &[Corner], size: [u32; 2]) -> Result<Renderer<'a>> {
         let most = gpu.device.limits().max_texture_dimension_2d;
         if size.iter().any(|&side| side == 0 || side > most) {
@@ -87,7 +87,7 @@ impl<'a> Renderer<'a> {
     /// Uploads the tiles' colours and, if there are any, their normals.
     ///
     /// # Errors
-    /// A size that the GPU does not have.
+    /// A size that the GPU does not support.
     pub fn material(&self, colours: &[Levels], normals: Option<&[Levels]>) -> Result<wgpu::BindGroup> {
         let upload = |tiles: &[Levels], format| {
             let side = tiles[0][0].len().isqrt() as u32;
@@ -107,7 +107,7 @@ impl<'a> Renderer<'a> {
     /// Uploads the maps of all tiles at a size.
     ///
     /// # Errors
-    /// A size that the GPU does not have, and those of vrtm.
+    /// A size that the GPU does not support, and the errors of vrtm.
     pub fn maps(&self, solved: &Solved, side: u32) -> Result<Maps> {
         let tiles = 0..solved.udims.len();
         let texels = tiles.clone().map(|tile| solved.absolute(tile, side)).collect::<Result<Vec<_>>>()?;
@@ -128,7 +128,7 @@ impl<'a> Renderer<'a> {
         let layers = bytes.iter().map(|levels| levels.iter().map(|l| bytemuck::cast_slice(l)).collect());
         let format = wgpu::TextureFormat::Rg16Float;
         let delta = self.gpu.upload("--map", &Layers { format, side, layers: layers.collect() })?;
-        // Without anisotropy, for which a map at level 0 has no use.
+        // Without anisotropy, which has no effect on a map without coarser levels.
         let sampler = self.sampler(1);
         let filtered = |view| {
             let entries =
@@ -156,7 +156,7 @@ impl<'a> Renderer<'a> {
     /// Draws a frame and reads it: RGBA, first row at the top, alpha 255 where the mesh is.
     ///
     /// # Errors
-    /// A GPU that went away.
+    /// A lost GPU.
     pub fn picture(&self, shot: &Shot) -> Result<Vec<u8>> {
         let [width, height] = self.size;
         let row = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
@@ -180,11 +180,11 @@ impl<'a> Renderer<'a> {
         Ok(bytes.chunks_exact(row as usize).flat_map(|bytes| &bytes[..4 * width as usize]).copied().collect())
     }
 
-    /// Milliseconds per frame over some frames of one submission: by the GPU's own clock where it has one, else from
-    /// submitting to the end.
+    /// Milliseconds per frame over some frames of one submission: by the GPU's own clock if it has one, otherwise from
+    /// submission to completion.
     ///
     /// # Errors
-    /// A GPU that went away.
+    /// A lost GPU.
     pub fn time(&self, shot: &Shot, frames: u32) -> Result<f64> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for frame in 0..frames {
@@ -192,7 +192,7 @@ impl<'a> Renderer<'a> {
             let last = (frame + 1 == frames).then_some(1);
             self.record(&mut encoder, shot, [first, last]);
         }
-        // A software driver works on the host's own cores, and its clock does not see all of that.
+        // A software driver works on the host's own cores, and its clock misses part of that work.
         let clock = self.queries.as_ref().zip(self.gpu.tick).filter(|_| !self.gpu.software);
         let Some((queries, tick)) = clock else {
             let commands = encoder.finish();
@@ -216,7 +216,7 @@ impl<'a> Renderer<'a> {
         Ok(ticks[1].wrapping_sub(ticks[0]) as f64 * tick * 1e-6 / f64::from(frames))
     }
 
-    /// Records a frame's passes; `times` are the queries to write at its begin and end.
+    /// Records a frame's passes, and writes the queries for its begin and end, if given.
     fn record(&self, encoder: &mut wgpu::CommandEncoder, shot: &Shot, [begin, end]: [Option<u32>; 2]) {
         let pipelines = shot.pipelines;
         let picture = self.colour.create_view(&wgpu::TextureViewDescriptor::default());
@@ -273,7 +273,7 @@ impl<'a> Renderer<'a> {
 }
 
 impl Maps {
-    /// The group that a way reads.
+    /// The map's bind group for a way.
     pub fn of(&self, way: &Way) -> Option<&wgpu::BindGroup> {
         match way.map {
             Map::None => None,

@@ -1,22 +1,22 @@
-//! An open GPU, and textures on it.
+//! Opens a GPU and creates textures on it.
 
 use super::Result;
 
-/// GL is not among them, as in the library.
+/// GL is left out, as in the library.
 const BACKENDS: wgpu::Backends =
     wgpu::Backends::VULKAN.union(wgpu::Backends::DX12).union(wgpu::Backends::METAL);
 
 pub struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
-    /// The adapter's own name, and that with the interface and the driver.
+    /// The adapter's own name, and the name with interface and driver.
     pub adapter: String,
     pub name: String,
-    /// A software driver: its times say nothing about GPUs.
+    /// Whether the driver is software; its times say nothing about GPUs.
     pub software: bool,
     /// Whether samplers filter rg32float.
     pub filterable: bool,
-    /// Nanoseconds of a tick, if passes can be timed.
+    /// Nanoseconds per timestamp tick, if passes can be timed.
     pub tick: Option<f64>,
 }
 
@@ -33,7 +33,7 @@ impl Gpu {
     /// Opens an adapter by its number; hardware comes before software.
     ///
     /// # Errors
-    /// No adapter of that number, or one that cannot be opened.
+    /// An unknown number, or an adapter that cannot be opened.
     pub fn open(number: usize) -> Result<Gpu> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = BACKENDS;
@@ -71,8 +71,9 @@ impl Gpu {
         })
     }
 
-    /// Samples along the longer side of a pixel's footprint. Mesa's llvmpipe gets footprints of explicit derivatives wrong
-    /// along silhouettes, where it leaves dark pixels, and takes ten times as long: one sample on software drivers.
+    /// Samples along the longer side of a pixel's footprint. It is 1 on software drivers: Mesa's llvmpipe computes
+    /// wrong footprints from explicit derivatives along silhouettes, where it leaves dark pixels, and anisotropy takes
+    /// ten times as long there.
     pub fn anisotropy(&self) -> u16 {
         if self.software { 1 } else { 16 }
     }
@@ -80,7 +81,7 @@ impl Gpu {
     /// Checks the size of a texture before it is computed.
     ///
     /// # Errors
-    /// A size that the GPU does not have, naming `label`.
+    /// A size that the GPU does not support, naming `label`.
     pub fn check(&self, label: &str, side: u32, layers: u32) -> Result<()> {
         let limits = self.device.limits();
         if side <= limits.max_texture_dimension_2d && layers <= limits.max_texture_array_layers {
@@ -92,10 +93,10 @@ impl Gpu {
         ))
     }
 
-    /// Makes a texture and fills it.
+    /// Creates a texture and fills it.
     ///
     /// # Errors
-    /// A size that the GPU does not have.
+    /// A size that the GPU does not support.
     pub fn upload(&self, label: &str, layers: &Layers) -> Result<wgpu::TextureView> {
         let count = layers.layers.len() as u32;
         self.check(label, layers.side, count)?;
@@ -127,7 +128,7 @@ impl Gpu {
                 };
                 let part = wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 1 };
                 self.queue.write_texture(place, bytes, rows, part);
-                // Frees the memory that the copy came through, before the next one takes as much.
+                // Frees the memory of this copy before the next copy takes as much.
                 self.queue.submit([]);
                 self.wait()?;
             }
@@ -138,7 +139,7 @@ impl Gpu {
         }))
     }
 
-    /// A texture that is drawn to.
+    /// A texture used as a render target.
     pub fn target(
         &self,
         [width, height]: [u32; 2],
@@ -157,7 +158,7 @@ impl Gpu {
         })
     }
 
-    /// A buffer that holds these bytes.
+    /// A buffer with this content.
     pub fn buffer(&self, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: None,
@@ -169,10 +170,10 @@ impl Gpu {
         buffer
     }
 
-    /// Waits for all that was submitted.
+    /// Waits for all submitted work.
     ///
     /// # Errors
-    /// A GPU that went away.
+    /// A lost GPU.
     pub fn wait(&self) -> Result<()> {
         let all = self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: None });
         all.map(drop).map_err(|error| format!("{}: {error}", self.name))
@@ -181,7 +182,7 @@ impl Gpu {
     /// Reads a buffer that can be mapped.
     ///
     /// # Errors
-    /// A GPU that went away.
+    /// A lost GPU.
     pub fn read(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>> {
         buffer.map_async(wgpu::MapMode::Read, .., |_| {});
         self.wait()?;

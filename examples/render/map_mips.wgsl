@@ -1,4 +1,4 @@
-// How not to do it: the redirection map read as any other texture, through its mip levels.
+// A mistake to avoid: the redirection map is read like any other texture, through its mip levels.
 
 @group(2) @binding(0) var map: texture_2d_array<f32>;
 @group(2) @binding(1) var map_sampler: sampler;

@@ -1,4 +1,4 @@
-//! The part that calls vrtm: solves a pose, and fetches each tile's maps as a GPU takes them.
+//! The part that calls vrtm: solves a pose, and fetches each tile's maps in the layout of a GPU.
 
 use half::f16;
 use vrtm::{
@@ -20,7 +20,7 @@ impl Solved {
     /// Solves a pose with vrtm's defaults.
     ///
     /// # Errors
-    /// Those of vrtm.
+    /// The errors of vrtm.
     pub fn new(model: &Model, positions: &[[f32; 3]], settings: &DeviceSettings) -> Result<Solved> {
         let said = |error: vrtm::Error| format!("{}: {error}", model.name);
         let device = Device::new(settings).map_err(said)?;
@@ -64,16 +64,16 @@ impl Solved {
     /// The redirection within the tile, for a texture of rg32float.
     ///
     /// # Errors
-    /// Those of vrtm.
+    /// The errors of vrtm.
     pub fn absolute(&self, tile: usize, side: u32) -> Result<Vec<[f32; 2]>> {
         self.fetch(tile, FetchKind::Redirection, [side; 2])
     }
 
-    /// The redirection less the texel's own UV, for a texture of rg16float; with all its mip levels, which only the way that
-    /// shows why they must not be read needs.
+    /// The redirection minus the texel's own UV, for a texture of rg16float, with all mip levels. Only the way that
+    /// demonstrates why mip levels must not be read needs them.
     ///
     /// # Errors
-    /// Those of vrtm.
+    /// The errors of vrtm.
     pub fn delta(&self, tile: usize, side: u32) -> Result<Vec<Vec<[f16; 2]>>> {
         let levels = mips::levels(self.fetch(tile, FetchKind::RedirectionDelta, [side; 2])?, mips::mean_uv);
         Ok(levels
@@ -82,10 +82,11 @@ impl Solved {
             .collect())
     }
 
-    /// What the map of a tile is worth when it is read bilinearly: the redirection within the tile in f32, or the delta in f16.
+    /// The accuracy of a tile's map under bilinear lookup: of the redirection within the tile in f32, or of the delta
+    /// in f16.
     ///
     /// # Errors
-    /// Those of vrtm.
+    /// The errors of vrtm.
     pub fn inspect(&self, tile: usize, side: u32, delta: bool) -> Result<MapReport> {
         let (kind, format) = match delta {
             true => (FetchKind::RedirectionDelta, PixelFormat::F16),
@@ -95,10 +96,10 @@ impl Solved {
         self.asset.inspect_map(tile, &desc).map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
-    /// Where each node of a tile's grid moved to, and the cells of the grid in u and v.
+    /// The warped position of each node of a tile's grid, and the cells of the grid in u and v.
     ///
     /// # Errors
-    /// Those of vrtm.
+    /// The errors of vrtm.
     pub fn warp(&self, tile: usize) -> Result<([usize; 2], Vec<[f32; 2]>)> {
         let report = self.asset.tile_report(tile).map_err(|error| error.to_string())?;
         let nodes = self.fetch(tile, FetchKind::Warp, report.grid.map(|cells| cells + 1))?;

@@ -1,8 +1,8 @@
-// The surface's colour at a UV that was redirected already, with light.
+// The lit colour of the surface at an already redirected UV.
 
-// Whether the texture is read with the derivatives given. Without, the sampler takes those of the UV that it is given, which
-// is redirected already: the same picture, but only where neighbours on the screen are the same surface and take the same
-// branches, as in a forward pass.
+// Whether the texture is read with explicit derivatives. Without them, the sampler uses the derivatives of the UV,
+// which is already redirected: the same picture, but only where neighbours on the screen are the same surface and take
+// the same branches, as in a forward pass.
 override EXPLICIT: bool = true;
 override NORMALS: bool = false;
 
@@ -11,16 +11,17 @@ override NORMALS: bool = false;
 // Linear within and between mip levels, anisotropic.
 @group(1) @binding(2) var texture_sampler: sampler;
 
-// The normal that a tangent-space normal map says. Its x and y point along the painted texture's u and v, and these turn with
-// the features that were painted: so the tangents come from the derivatives of the redirected UV, by x and by y on the
-// screen, and not from the mesh. (P by x, P by y) = (P by u, P by v) * (uv by x, uv by y), solved for P by u and P by v.
+// The normal from a tangent-space normal map. Its x and y point along the painted texture's u and v, and these turn
+// with the features that were painted: so the tangents come from the derivatives of the redirected UV, by x and by y on
+// the screen, and not from the mesh. (P by x, P by y) = (P by u, P by v) * (uv by x, uv by y), solved for P by u and P
+// by v.
 fn mapped_normal(n: vec3f, uv: vec2f, by_x: vec2f, by_y: vec2f, layer: u32) -> vec3f {
-    // Where a step of a pixel leads on the tangent plane, for a camera without perspective.
+    // The step on the tangent plane for one pixel, with an orthographic camera.
     let facing = max(dot(n, view.toward.xyz), 0.05);
     let p_x = view.right.xyz - view.toward.xyz * (dot(n, view.right.xyz) / facing);
     let p_y = view.down.xyz - view.toward.xyz * (dot(n, view.down.xyz) / facing);
     let turned = by_x.x * by_y.y - by_x.y * by_y.x;
-    // Lengths do not matter, only directions: no division by the determinant, which may be tiny.
+    // Only directions matter, so there is no division by the determinant, which may be tiny.
     let p_u = (p_x * by_y.y - p_y * by_x.y) * sign(turned);
     let p_v = (p_y * by_x.x - p_x * by_y.x) * sign(turned);
     let m = textureSampleGrad(normals, texture_sampler, uv, layer, by_x, by_y).xyz * 2.0 - 1.0;

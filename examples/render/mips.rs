@@ -1,10 +1,10 @@
-//! Mip levels by averages of two by two texels.
+//! Computes mip levels as averages of two by two texels.
 
 use std::sync::LazyLock;
 
 use super::fill_rows;
 
-/// The light of an 8-bit sRGB value.
+/// The linear light of each 8-bit sRGB value.
 pub static LIGHT: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|k| {
         let x = k as f32 / 255.0;

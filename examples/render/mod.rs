@@ -1,7 +1,7 @@
 //! Draws a mesh through its redirection map with wgpu, into images: shared by the example `render`, its bench and its test
 //! through `#[path]`. The shaders beside this file are meant to be copied.
 
-// Each program that includes this module uses some of its items only.
+// Each program that includes this module uses only some of its items.
 #![allow(dead_code, missing_docs)]
 
 pub mod camera;
@@ -21,10 +21,10 @@ pub mod ways;
 #[path = "../scenes/mod.rs"]
 mod scenes;
 
-/// Why something cannot be done, naming the argument.
+/// A result whose error states why something cannot be done, naming the argument.
 pub type Result<T> = std::result::Result<T, String>;
 
-/// Fills the rows of an image on all cores: `row` gets each row's number and texels.
+/// Fills the rows of an image on all cores: `row` gets each row's index and texels.
 pub fn fill_rows<T: Send>(texels: &mut [T], width: usize, row: impl Fn(usize, &mut [T]) + Sync) {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     let rows = (texels.len() / width).div_ceil(cores).max(1);

@@ -1,4 +1,4 @@
-//! What is drawn: a built-in scene, or an asset's folder.
+//! The model to draw: a built-in scene, or an asset's folder.
 
 use std::path::Path;
 
@@ -36,7 +36,7 @@ impl Model {
     /// A folder with asset.json, rest.obj, frames.f32 and rigidity maps, as the bake example takes it.
     ///
     /// # Errors
-    /// A file that is missing or wrong.
+    /// A missing or invalid file.
     pub fn folder(folder: &Path) -> Result<Model> {
         let said =
             |name: &str, why: &dyn std::fmt::Display| format!("{}: {why}", folder.join(name).display());
@@ -81,7 +81,7 @@ impl Model {
     /// Positions of a frame, numbered from 1.
     ///
     /// # Errors
-    /// No frame of that number.
+    /// An unknown frame number.
     pub fn frame(&self, number: usize) -> Result<&[[f32; 3]]> {
         let frame = number.checked_sub(1).and_then(|k| self.frames.get(k));
         frame

@@ -1,4 +1,4 @@
-//! The shaders put together for each way, and what they are bound to.
+//! The shaders combined for each way, and their bindings.
 
 use super::gpu::Gpu;
 use super::surface::Corner;
@@ -6,11 +6,11 @@ use super::ways::{Map, Way};
 
 pub const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 pub const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// UV, derivatives, normal and layer, as `deferred.wgsl` says.
+/// UV, derivatives, normal and layer; see `deferred.wgsl`.
 pub const SURFACE: [wgpu::TextureFormat; 3] =
     [wgpu::TextureFormat::Rg32Float, wgpu::TextureFormat::Rgba16Float, wgpu::TextureFormat::Rgba16Float];
 
-/// The groups of bindings, in the order of their numbers in the shaders.
+/// The layouts of the bind groups, in the order of their numbers in the shaders.
 pub struct Layouts {
     pub view: wgpu::BindGroupLayout,
     pub material: wgpu::BindGroupLayout,
@@ -21,9 +21,9 @@ pub struct Layouts {
     pub surface: wgpu::BindGroupLayout,
 }
 
-/// How a way is drawn.
+/// The pipelines of a way.
 pub struct Pipelines {
-    /// The pass over the mesh: to the picture, or to the buffers of the surface.
+    /// The pass over the mesh: to the picture, or to the buffers of a deferred way.
     pub mesh: wgpu::RenderPipeline,
     /// The pass over the screen of a deferred way.
     pub screen: Option<wgpu::RenderPipeline>,

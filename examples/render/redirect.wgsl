@@ -1,5 +1,5 @@
-// The UV at which to sample the texture, from what the map stores: that UV within the tile, or its difference from the
-// surface's own.
+// Converts the content of the map to the UV at which to sample the texture. The map stores that UV within the tile, or
+// its difference from the surface's own UV.
 
 override DELTA: bool = false;
 

@@ -1,16 +1,16 @@
-//! What a perfect lookup would show: a texture that is warped beforehand, to be drawn with the original UVs. It shares with
-//! vrtm nothing but the nodes of the warp, which it inverts in f64 by drawing their triangles.
+//! The result of a perfect lookup: a texture that is warped beforehand, to be drawn with the original UVs. It shares
+//! only the nodes of the warp with vrtm, and inverts the warp in f64 by drawing its triangles.
 
 use super::maps::Solved;
 use super::mips::{self, LIGHT};
 use super::texture::Levels;
 use super::{Result, fill_rows};
 
-/// A tile's texture, warped, with all its levels. It has twice as many texels on a side, so that what is painted does not get
-/// softer by being sampled once more.
+/// A tile's texture, warped, with all its levels. It has twice as many texels on a side, so that the additional
+/// sampling does not soften the painting.
 ///
 /// # Errors
-/// Those of vrtm.
+/// The errors of vrtm.
 pub fn warped(solved: &Solved, tile: usize, texture: &Levels) -> Result<Levels> {
     let (cells, nodes) = solved.warp(tile)?;
     let painted = texture[0].len().isqrt();
@@ -40,9 +40,9 @@ fn bilinear(texels: &[[u8; 4]], side: usize, uv: [f64; 2]) -> [f32; 3] {
 
 /// The warp's triangles: two for each cell, split by the diagonal from its first node to the opposite one.
 struct Triangles {
-    /// Where the corners lie on the surface (warped), and in the texture (the nodes themselves).
+    /// Per triangle, the positions of its corners on the surface (warped), and in the texture (the nodes themselves).
     all: Vec<[[[f64; 2]; 2]; 3]>,
-    /// Which triangles a band of v touches.
+    /// Per band of v, the triangles that touch it.
     bands: Vec<Vec<u32>>,
 }
 
@@ -68,7 +68,7 @@ impl Triangles {
         triangles
     }
 
-    /// Where the texture is sampled at `count` places along a row of the surface.
+    /// The UVs at which the texture is sampled for `count` places along a row of the surface.
     fn row(&self, v: f64, count: usize) -> Vec<[f64; 2]> {
         let n = count as f64;
         let mut row: Vec<[f64; 2]> = (0..count).map(|k| [(k as f64 + 0.5) / n, v]).collect();
@@ -78,7 +78,8 @@ impl Triangles {
             // The weights of b and c at a point.
             let [p, q] = [b, c].map(|corner| [0, 1].map(|k| corner[0][k] - a[0][k]));
             let area = p[0] * q[1] - p[1] * q[0];
-            // Certified warps turn no triangle over. Of a cell's two, only the one below the diagonal is counterclockwise.
+            // Certified warps flip no triangle. Of a cell's two triangles, only the one below the diagonal is
+            // counterclockwise.
             if (area > 0.0) != (b[1][1] == a[1][1]) || area == 0.0 {
                 continue;
             }
@@ -88,7 +89,7 @@ impl Triangles {
             for (k, uv) in row.iter_mut().enumerate().take((last + 1.0).max(0.0) as usize).skip(first) {
                 let d = [(k as f64 + 0.5) / n - a[0][0], v - a[0][1]];
                 let (s, t) = ((d[0] * q[1] - d[1] * q[0]) / area, (p[0] * d[1] - p[1] * d[0]) / area);
-                // On an edge both neighbours say the same; the bound closes gaps that rounding would leave.
+                // On an edge both neighbours give the same point; the tolerance closes gaps that rounding would leave.
                 if s >= -1e-9 && t >= -1e-9 && s + t <= 1.0 + 1e-9 {
                     *uv = [0, 1].map(|x| a[1][x] + s * (b[1][x] - a[1][x]) + t * (c[1][x] - a[1][x]));
                 }

@@ -1,4 +1,4 @@
-//! All that is computed before anything is drawn: the solved pose, and the tiles' textures as painted and as warped
+//! Everything that is computed before drawing: the solved pose, and the tiles' textures as painted and as warped
 //! beforehand.
 
 use vrtm::DeviceSettings;
@@ -20,7 +20,8 @@ pub struct Stage {
     pub corners: Vec<Corner>,
     pub colours: Vec<Levels>,
     pub normals: Option<Vec<Levels>>,
-    /// The colours to be drawn with the original UVs; none with a normal map, which would have to be turned as well.
+    /// The colours to draw with the original UVs; `None` with a normal map, whose normals would have to be rotated as
+    /// well.
     pub warped: Option<Vec<Levels>>,
 }
 
@@ -28,7 +29,7 @@ impl Stage {
     /// Solves a frame of a model (numbered from 1), and paints textures of `side` texels.
     ///
     /// # Errors
-    /// Those of vrtm; no such frame; a side that is no power of two.
+    /// The errors of vrtm; an unknown frame; a side that is not a power of two.
     pub fn new(
         model: &Model,
         frame: usize,
@@ -74,11 +75,11 @@ pub fn shot<'a>(
     Shot { pipelines, camera, material, map: maps.of(way) }
 }
 
-/// Milliseconds per frame of each shot: medians over rounds in which all take turns, so that noise hits all alike. One more
-/// round, the first one, does not count.
+/// Milliseconds per frame of each shot: medians over rounds in which all shots take turns, so that noise affects all
+/// alike. An additional first round is not counted.
 ///
 /// # Errors
-/// A GPU that went away.
+/// A lost GPU.
 pub fn medians(renderer: &Renderer, shots: &[Shot], rounds: usize, frames: u32) -> Result<Vec<f64>> {
     let mut times = vec![Vec::new(); shots.len()];
     for round in 0..=rounds {

@@ -1,10 +1,10 @@
-//! A posed mesh as triangles for a GPU: each corner with its normal, its UV within the tile and the tile's layer.
+//! A posed mesh as triangles for a GPU: the normal, the UV within the tile and the tile's layer of each corner.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::model::Model;
 
-/// A corner of a triangle, as `view.wgsl` reads it.
+/// A corner of a triangle in the layout of `view.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub struct Corner {
@@ -40,7 +40,7 @@ pub fn corners(model: &Model, positions: &[[f32; 3]], udims: &[u32]) -> Vec<Corn
     corners
 }
 
-/// Normals of the vertices, weighted with the faces' areas.
+/// Normals of the vertices, weighted by the faces' areas.
 fn normals(model: &Model, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let mut normals = vec![[0.0; 3]; positions.len()];
     for face in model.faces() {

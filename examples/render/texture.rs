@@ -1,5 +1,5 @@
 //! The painted texture of a tile, made from its rigidity: studs with crossing lines, raised in the normal map, over a
-//! coloured checker with a ring in each square, so that errors show. Rows from v = 0 upward.
+//! coloured checker with a ring in each square, so that errors are visible. Rows run from v = 0 upward.
 
 use super::scenes::TileMaps;
 use super::{fill_rows, mips};
@@ -13,7 +13,7 @@ const OUTLINE: f32 = 0.5;
 /// A texture with all its levels: colours (sRGB), or normals.
 pub type Levels = Vec<Vec<[u8; 4]>>;
 
-/// The colours of a tile, or those of one without a rigidity map.
+/// The colours of a tile; it may lack a rigidity map.
 pub fn colours(tile: Option<&TileMaps>, side: usize) -> Levels {
     let rigidity = tile.map(Rigidity::new);
     let mut texels = vec![[0; 4]; side * side];
@@ -49,7 +49,7 @@ pub fn normals(tile: Option<&TileMaps>, side: usize) -> Levels {
 fn colour(map: Option<&Rigidity>, uv: [f32; 2]) -> [f32; 3] {
     let square = uv.map(|x| (x * SQUARES).floor());
     let even = (square[0] + square[1]) % 2.0 == 0.0;
-    // Colours go around over the tile, so that no place looks like another.
+    // Colours vary over the tile, so that no two places look alike.
     let part = |phase: f32| 0.5 + 0.5 * (6.3 * (uv[0] * 1.3 + uv[1] * 0.9 + phase)).cos();
     let strength = if even { 0.34 } else { 0.16 };
     let mut light = [part(0.0), part(0.33), part(0.67)].map(|c| strength * (0.35 + 0.65 * c));
@@ -68,7 +68,7 @@ fn colour(map: Option<&Rigidity>, uv: [f32; 2]) -> [f32; 3] {
     mix([0.01, 0.006, 0.006], light, step(0.5, 0.9, distance))
 }
 
-/// A rigidity map, smoothed: the outlines of an 8-bit mask would otherwise be staircases. Rows from v = 0 upward.
+/// A rigidity map, smoothed: the outlines of an 8-bit mask would otherwise be staircases. Rows run from v = 0 upward.
 struct Rigidity {
     size: [usize; 2],
     values: Vec<f32>,

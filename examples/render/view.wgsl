@@ -1,4 +1,4 @@
-// What all ways of drawing share: the camera, the mesh's corners, and their way to the screen.
+// The part shared by all ways of drawing: the camera, the mesh's corners, and their projection to the screen.
 
 struct View {
     clip: mat4x4f,
@@ -13,7 +13,7 @@ struct View {
 struct Corner {
     @location(0) position: vec3f,
     @location(1) normal: vec3f,
-    // Within the tile: 0 to 1.
+    // UV within the tile, 0 to 1.
     @location(2) uv: vec2f,
     // The tile's layer in all textures.
     @location(3) layer: u32,

@@ -1,17 +1,17 @@
-//! The ways to draw that are compared.
+//! The ways of drawing that are compared.
 
-/// What is read for the UV.
+/// The source of the texture's UV.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Map {
     /// No map: the original UVs.
     None,
-    /// The redirection within the tile, rg32float, filtered by the sampler where the device can.
+    /// The redirection within the tile, as rg32float, filtered by the sampler if the device can do so.
     Absolute,
-    /// The same, interpolated by the shader.
+    /// The redirection within the tile, interpolated by the shader.
     AbsoluteByHand,
-    /// The difference from the original UV, rg16float.
+    /// The difference from the original UV, as rg16float.
     Delta,
-    /// The same through its mip levels: a mistake that is easily made.
+    /// The difference from the original UV, read through its mip levels, which is an easy mistake.
     DeltaMips,
 }
 
@@ -21,7 +21,7 @@ pub struct Way {
     pub map: Map,
     /// Whether the lookup is made in a second pass, once per visible pixel.
     pub deferred: bool,
-    /// Whether the texture is read with explicit derivatives of the UV, or with those that the sampler finds by itself.
+    /// Whether the texture is read with explicit derivatives of the UV, or with those that the sampler computes.
     pub explicit: bool,
 }
 
@@ -45,7 +45,7 @@ const fn way(name: &'static str, map: Map, deferred: bool, explicit: bool) -> Wa
 }
 
 impl Way {
-    /// What the way reads, in words. `filterable`: whether samplers filter 32-bit floats.
+    /// Describes in words what the way reads. `filterable` tells whether samplers filter 32-bit floats.
     pub fn reads(&self, filterable: bool) -> &'static str {
         match self.map {
             Map::None => "-",

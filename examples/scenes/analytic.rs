@@ -1,4 +1,4 @@
-//! A unit sheet under deformations with a formula each, with discs or stripes as rigidity.
+//! A unit sheet under deformations given by formulas, with discs or stripes as rigidity.
 
 use super::Scene;
 use super::build::{Builder, Point, bump, deform, sin_cos};
@@ -6,7 +6,7 @@ use super::paint::Canvas;
 
 const CELLS: usize = 64;
 const MAP: usize = 512;
-/// The sheet covers the UVs from this value to 1 minus this value; its chart's border is then well inside of the tile.
+/// The sheet covers the UVs from this value to 1 minus this value; its chart's border is then well inside the tile.
 const MARGIN: f64 = 0.02;
 
 /// A sheet compressed in x to a fraction of its width.

@@ -10,7 +10,7 @@ pub const TAU: f64 = std::f64::consts::TAU;
 pub fn sin_cos(angle: f64) -> (f64, f64) {
     let turns = (angle / TAU).round();
     let x = angle - turns * TAU;
-    // The angle is divided by four, the series converges fast there, and two double-angle steps lead back.
+    // The angle is divided by four for fast convergence of the series, and two double-angle steps restore it.
     let y = 0.25 * x;
     let square = y * y;
     let (mut sin, mut cos, mut term_s, mut term_c) = (y, 1.0, y, 1.0);

@@ -1,9 +1,9 @@
-//! Scenes that need no file: shared by the bake example, the tests and the benches through `#[path]`.
+//! Scenes that need no files, shared by the bake example, the tests and the benches through `#[path]`.
 //!
 //! All numbers come from f64 arithmetic without library transcendentals, so that a scene has the same bits on every
 //! machine.
 
-// Each program that includes this module uses some of its items only.
+// Each program that includes this module uses only some of its items.
 #![allow(dead_code, missing_docs)]
 
 pub mod analytic;
@@ -45,7 +45,7 @@ pub struct TileMaps {
     pub mask: Option<Vec<u8>>,
 }
 
-/// The scene with this name, if there is one.
+/// The scene with this name, or `None` if the name is unknown.
 pub fn by_name(name: &str) -> Option<Scene> {
     match name {
         "mug_to_jug" => Some(mug_to_jug()),

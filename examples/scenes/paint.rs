@@ -14,8 +14,8 @@ impl Canvas {
         Canvas { width, height, values: vec![0.0; width * height] }
     }
 
-    /// Paints texels whose `distance` (to the outline, negative inside) is under half of `soft`; the larger value
-    /// stays.
+    /// Paints texels whose `distance` (to the outline, negative inside) is less than half of `soft`; the larger value
+    /// is kept.
     fn shape(
         &mut self,
         centre: [f64; 2],
@@ -57,7 +57,7 @@ impl Canvas {
         });
     }
 
-    /// A box with rounded corners, turned by `angle`.
+    /// A box with rounded corners, rotated by `angle`.
     pub fn tile(&mut self, centre: [f64; 2], half: [f64; 2], corner: f64, angle: f64, soft: f64, peak: f64) {
         let (sin, cos) = sin_cos(angle);
         self.shape(centre, half[0] + half[1], soft, peak, |u, v| {

@@ -35,7 +35,7 @@ impl Adapters {
                 None => found.usable.put(adapter),
             }
         }
-        #[expect(clippy::disallowed_methods, reason = "a machine has a few")]
+        #[expect(clippy::disallowed_methods, reason = "a machine has only a few adapters")]
         found.usable.sort_by_key(|adapter| rank(adapter.get_info().device_type));
         found
     }

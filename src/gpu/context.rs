@@ -69,7 +69,7 @@ const PAUSES: [Duration; 2] = [Duration::from_micros(20), Duration::from_micros(
 const MAX_ERRORS: usize = 64;
 
 /// Joins the lines of a wgpu message.
-#[expect(clippy::disallowed_methods, reason = "one message")]
+#[expect(clippy::disallowed_methods, reason = "a single message is short")]
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -88,7 +88,7 @@ impl ErrorLog {
         let mut errors = lock(&self.errors);
         if errors.len() < MAX_ERRORS {
             let error = Error::new(kind, format!("the GPU: {}", one_line(&error.to_string())));
-            #[expect(clippy::disallowed_methods, reason = "a few; wgpu calls this, and must not be unwound")]
+            #[expect(clippy::disallowed_methods, reason = "only a few errors; wgpu calls this, and must not be unwound")]
             errors.push((thread::current().id(), error));
         }
     }

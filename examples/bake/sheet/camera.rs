@@ -14,8 +14,8 @@ pub struct Camera {
 const MARGIN: f64 = 1.06;
 
 impl Camera {
-    /// A camera for all poses, of which the first is the rest. Without a view in degrees it is that in which one looks at a
-    /// character first, and the front for a flat sheet.
+    /// A camera for all poses, of which the first is the rest. Without a given view, it looks at the mesh from the
+    /// front at an angle and from above, or at a flat sheet straight from the front.
     pub fn new(poses: &[&[[f32; 3]]], view: Option<[f64; 2]>) -> Camera {
         let [low, high] = bounds(poses);
         let size = [0, 1, 2].map(|c| high[c] - low[c]);
@@ -23,8 +23,8 @@ impl Camera {
         let [yaw, pitch] = view.unwrap_or(if flat { [0.0; 2] } else { [25.0, 14.0] });
         let (ys, yc) = yaw.to_radians().sin_cos();
         let (ps, pc) = pitch.to_radians().sin_cos();
-        // At yaw 0 and pitch 0, y points up and z toward the viewer. Yaw turns the viewer around the mesh, pitch lifts
-        // the viewer.
+        // At yaw 0 and pitch 0, y points up and z toward the viewer. Yaw moves the viewer around the mesh, pitch moves
+        // the viewer up.
         let axes = [[yc, 0.0, -ys], [-ps * ys, pc, -ps * yc], [pc * ys, ps, pc * yc]];
         let axes = if !flat && z_up(poses[0]) { axes.map(|[x, y, z]| [x, -z, y]) } else { axes };
         let mut camera = Camera { axes, centre: [0.0; 2], half: [1.0; 2] };
@@ -36,7 +36,7 @@ impl Camera {
         }
         let size = (high[0] - low[0]).max(high[1] - low[1]).max(1e-30);
         camera.centre = [0, 1].map(|c| 0.5 * (low[c] + high[c]));
-        // A mesh seen edge-on gets a height, too.
+        // A mesh seen edge-on must have a height, too.
         camera.half = [0, 1].map(|c| 0.5 * MARGIN * (high[c] - low[c]).max(0.05 * size));
         camera
     }
@@ -72,7 +72,7 @@ fn bounds(poses: &[&[[f32; 3]]]) -> [[f64; 3]; 2] {
     })
 }
 
-/// Guesses the up axis, which OBJ files do not state: z if the mesh stands on z = 0 and not on y = 0.
+/// Guesses the up axis, which OBJ files do not state: z if the mesh stands on z = 0 but not on y = 0.
 fn z_up(rest: &[[f32; 3]]) -> bool {
     let [low, high] = bounds(&[rest]);
     let stands = |c: usize| low[c].abs() < 0.02 * (high[c] - low[c]);

@@ -27,8 +27,8 @@ impl Canvas {
         inside.then(|| &mut self.pixels[y * self.size[0] + x])
     }
 
-    /// Fills a rectangle with the mean of samples, `samples` along each axis of a pixel. `colour` gets the sample's place
-    /// from the rectangle's upper left. Rows are computed side by side.
+    /// Fills a rectangle with the mean of samples, `samples` along each axis of a pixel. `colour` gets the sample's
+    /// position relative to the rectangle's upper left. Rows are computed in parallel.
     pub fn picture(
         &mut self,
         corner: [usize; 2],

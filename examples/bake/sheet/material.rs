@@ -1,4 +1,4 @@
-//! The texture of the sheet, made from the rigidity map: studs on dark skin with a fine UV grid.
+//! The texture of the sheet, painted from the rigidity map: studs on dark skin with a fine UV grid.
 
 use crate::maps::{Field, Map};
 
@@ -61,7 +61,8 @@ impl Material {
         let relief = 1.0 + 0.9 * (0.6 * slope[0] - 0.8 * slope[1]);
         let stud = mix(SKIN, STUD, 0.35 + 0.65 * r).map(|c| c * relief);
         let colour = mix(colour, stud, step(OUTLINE - 0.05, OUTLINE + 0.05, r));
-        // Distance to the outline in pixels. The outline is at least a texel wide, or the bilinear filter would show.
+        // Distance to the outline in pixels. The outline is at least a texel wide, otherwise the bilinear filter would
+        // become visible.
         let wide = self.pixels * texel[0];
         let distance = (r - OUTLINE).abs() / slope[0].hypot(slope[1]).max(1e-4) * wide;
         let width = OUTLINE_WIDTH.max(0.4 * wide);

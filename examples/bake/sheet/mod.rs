@@ -1,4 +1,4 @@
-//! The sheet of a frame: rest, deformed and corrected side by side, the strain as colours below, and the figures.
+//! Draws the sheet of a frame: rest, deformed and corrected side by side, the strain as colours below, and the figures.
 
 mod camera;
 mod canvas;
@@ -24,7 +24,7 @@ const BAR: usize = 64;
 const LABEL: usize = 34;
 /// Samples per pixel along each axis.
 const SUPER: usize = 2;
-/// Side of the picture of a texture in pixels.
+/// Side of a texture's thumbnail in pixels.
 const THUMB: usize = 300;
 const PAPER: Colour = [0.80, 0.80, 0.78];
 const INK: Colour = [0.012, 0.012, 0.016];
@@ -36,7 +36,7 @@ const SHEAR: Colour = [0.24, 0.015, 0.40];
 /// Strain at which the colour is saturated.
 const FULL: f32 = 0.30;
 
-/// All that does not change from frame to frame.
+/// Everything that stays the same from frame to frame.
 pub struct Stage<'a> {
     rest: &'a [[f32; 3]],
     triangles: Vec<Triangle>,
@@ -49,14 +49,14 @@ pub struct Stage<'a> {
     size: [usize; 2],
 }
 
-/// A pose as the camera sees it.
+/// A pose as seen by the camera.
 struct View {
     raster: Raster,
-    /// Of the vertices, in view space (right, up, toward the viewer), toward the side that is meant to be seen.
+    /// Normals of the vertices in view space (right, up, toward the viewer), on the side that is meant to be seen.
     normals: Vec<[f64; 3]>,
 }
 
-/// What a sample shows.
+/// The surface at a sample.
 struct Sample {
     tile: usize,
     uv: [f32; 2],
@@ -150,7 +150,7 @@ impl<'a> Stage<'a> {
         {
             canvas.text([left, top + 4 + 20 * i], TEXT, INK, line);
         }
-        // With several tiles there is no room for their textures.
+        // With several tiles the sheet has no room for their textures.
         if let [map] = maps {
             let side = (THUMB * SUPER) as f32;
             let uv = |x: usize, y: usize| [(x as f32 + 0.5) / side, 1.0 - (y as f32 + 0.5) / side];
@@ -175,8 +175,8 @@ impl<'a> Stage<'a> {
 
         let seen: Vec<[f64; 3]> = positions.iter().map(|&p| self.camera.view(p)).collect();
         let mut normals = vec![[0.0; 3]; positions.len()];
-        // The sign of the enclosed volume tells whether the winding of the faces points outward. Positions are relative to
-        // a point of the mesh: far from the origin the sum would be lost in rounding.
+        // The sign of the enclosed volume tells whether the faces' winding points outward. Positions are relative to a
+        // point of the mesh, since far from the origin the sum would be lost to rounding.
         let mut volume = 0.0;
         for t in &self.triangles {
             let [a, b, c] = t.vertices.map(|v| seen[v as usize]);
@@ -218,20 +218,20 @@ fn key([x, y, z]: [f32; 3]) -> f32 {
     (-0.45 * x + 0.55 * y + 0.70 * z).max(0.0)
 }
 
-/// With light from the sky.
+/// Shades a colour with the key light and light from the sky.
 fn light(colour: Colour, s: &Sample) -> Colour {
     let (key, sky) = (key(s.normal), 0.5 + 0.5 * s.normal[1]);
     let strength = (0.80 * key + 0.20 * sky + 0.10) * if s.inside { 0.45 } else { 1.0 };
     colour.map(|c| c * strength + key.powi(24) * 0.05)
 }
 
-/// Flat enough to read colours from, and varied enough to show the shape.
+/// Shades flat enough to read colours from, but varied enough to show the shape.
 fn soft_light(colour: Colour, s: &Sample) -> Colour {
     let strength = (0.68 + 0.32 * key(s.normal)) * if s.inside { 0.7 } else { 1.0 };
     colour.map(|c| c * strength)
 }
 
-/// Colour of a strain: white without, red for stretch, blue for compression, violet for both (shear).
+/// Colour of a strain: white for none, red for stretch, blue for compression, violet for both (shear).
 fn strain_colour([stretch, squeeze]: [f32; 2]) -> Colour {
     let (a, b) = ((stretch / FULL).min(1.0), (squeeze / FULL).min(1.0));
     mix(mix([0.92; 3], STRETCH, a), mix(SQUEEZE, SHEAR, a), b)

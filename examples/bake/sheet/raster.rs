@@ -1,4 +1,4 @@
-//! Rasterises triangles: which of them each sample of a raster shows, and where.
+//! Rasterises triangles: finds the triangle at each sample of a raster, and the position on it.
 
 /// The triangle at a sample, and the weights of its corners there.
 pub type Hit = Option<(u32, [f32; 3])>;
@@ -32,7 +32,7 @@ impl Raster {
                     };
                     let w = [side(b, c), side(c, a), side(a, b)];
                     let depth = w[0] * a[2] + w[1] * b[2] + w[2] * c[2];
-                    // Triangles contain their edges: no sample between two of them is missed.
+                    // Triangles contain their edges, so no sample between two triangles is missed.
                     if w.iter().all(|&w| w >= -1e-9) && depth > depths[y * width + x] {
                         depths[y * width + x] = depth;
                         hits[y * width + x] = Some((index, w.map(|w| w as f32)));

@@ -1,11 +1,11 @@
-//! Strain at a point of the picture: how much longer or shorter than at rest what is painted there appears.
+//! Strain at a point of the picture: how much longer or shorter than at rest the painting appears there.
 
 use super::raster::Raster;
 use crate::mesh::{Triangle, dot, minus};
 
-/// A tile's surface, to be found by UV.
+/// A tile's surface, searchable by UV.
 pub struct Surface {
-    /// Which triangle lies at each sample of the tile.
+    /// The triangle at each sample of the tile.
     raster: Raster,
     /// Half of the length in UV over which strain is measured.
     step: f32,
@@ -15,7 +15,8 @@ pub struct Surface {
 const SIDE: usize = 1024;
 
 impl Surface {
-    /// `triangles` are the tile's, with their indices among all. Strain is measured over two cells of its grid.
+    /// `triangles` are those of the tile, with their indices among all triangles. Strain is measured over two cells of
+    /// its grid.
     pub fn new<'a>(triangles: impl Iterator<Item = (u32, &'a Triangle)>, cells: u32) -> Surface {
         let side = SIDE as f64;
         let corners = |t: &Triangle| t.uvs.map(|[u, v]| [u * side, (1.0 - v) * side, 0.0]);
@@ -35,7 +36,7 @@ impl Surface {
         Some((index as usize, weights.map(|w| w / area)))
     }
 
-    /// Stretch and compression, each >= 0, at a UV; `target` tells where the texture is looked up.
+    /// Stretch and compression, each >= 0, at a UV; `target` returns the UV at which the texture is looked up.
     pub fn strain(
         &self,
         (triangles, charts): (&[Triangle], &[u32]),
@@ -44,13 +45,13 @@ impl Surface {
         target: impl Fn([f32; 2]) -> [f32; 2],
     ) -> Option<[f32; 2]> {
         let chart = charts[self.find(triangles, uv)?.0];
-        // A place on the surface of that chart.
+        // The point on the surface of this chart at a UV.
         let place = |uv: [f32; 2], positions: &[[f32; 3]]| -> Option<[f64; 3]> {
             let (t, weights) = self.find(triangles, uv).filter(|(t, _)| charts[*t] == chart)?;
             let corners = triangles[t].vertices.map(|v| positions[v as usize]);
             Some([0, 1, 2].map(|c| (0..3).map(|k| weights[k] * f64::from(corners[k][c])).sum()))
         };
-        // Where something is seen in the pose, and where it was painted at rest.
+        // The point in the pose where a UV is seen, and the point at rest where its texture was painted.
         let both = |uv: [f32; 2]| Some([place(uv, pose)?, place(target(uv), rest)?]);
         let edge = |axis: usize| {
             let end = |length: f32| {
@@ -58,7 +59,7 @@ impl Surface {
                 end[axis] += length;
                 both(end)
             };
-            // Beside a border of the chart, from the point itself on.
+            // Next to a border of the chart, one end is the point itself.
             let (low, high) = match (end(-self.step), end(self.step)) {
                 (Some(low), Some(high)) => (low, high),
                 (Some(low), None) => (low, both(uv)?),
@@ -67,8 +68,8 @@ impl Surface {
             Some([minus(high[0], low[0]), minus(high[1], low[1])])
         };
         let [u, v] = [edge(0)?, edge(1)?];
-        // Squared lengths of steps as matrices [xx, xy, yy]. The eigenvalues of the pose's in that of the rest are the
-        // squares of the largest and of the smallest ratio of lengths.
+        // Squared lengths of steps as matrices [xx, xy, yy]. The generalised eigenvalues of the pose's matrix with
+        // respect to the rest's are the squares of the largest and of the smallest ratio of lengths.
         let [p, r] = [0, 1].map(|k| [dot(u[k], u[k]), dot(u[k], v[k]), dot(v[k], v[k])]);
         let det = |m: [f64; 3]| m[0] * m[2] - m[1] * m[1];
         let half = (r[2] * p[0] - 2.0 * r[1] * p[1] + r[0] * p[2]) / (2.0 * det(r));
