@@ -1,5 +1,5 @@
-//! What a time budget costs and gives: the time that a solve takes, and the part of the full solve's gain in energy that
-//! it has by then. First of a tile whose memory has never been used, then of one that has been solved before.
+//! Measures solves with a time budget: the time that a solve takes, and the fraction of the full solve's gain in energy
+//! that it reaches. First for a tile whose memory has never been used, then for a tile that has been solved before.
 //!
 //!     cargo bench --bench budget
 //!     cargo bench --bench budget -- --grids 512 --scenes squash
@@ -28,13 +28,13 @@ struct Args {
     /// Budgets in milliseconds.
     #[arg(long, value_delimiter = ',', default_values_t = [5.0, 10.0, 20.0, 50.0, 100.0, 300.0, 1000.0])]
     budgets: Vec<f64>,
-    /// Solves per budget; the median is told, and the longest.
+    /// Solves per budget; the median and the longest time are printed.
     #[arg(long, default_value_t = 5)]
     repeats: usize,
     /// cpu or gpu.
     #[arg(long, default_value = "cpu")]
     backend: String,
-    /// Leave out the solves of fresh tiles, for which grids are built again and again.
+    /// Leave out the solves of fresh tiles, which need a newly built grid each
     #[arg(long)]
     no_first: bool,
     /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
@@ -67,7 +67,7 @@ fn main() {
     }
 }
 
-/// An asset whose grids are built.
+/// An asset with its grids built.
 fn prepared(model: &Model, device: &Device, grid: u32) -> Asset {
     let mut asset = model.asset_on(device, grid);
     for tile in 0..asset.tile_count() {
@@ -76,7 +76,7 @@ fn prepared(model: &Model, device: &Device, grid: u32) -> Asset {
     asset
 }
 
-/// Milliseconds of a solve, and the part of the energy that is gone.
+/// Milliseconds of a solve, and the fraction by which it lowers the energy.
 fn solve(asset: &mut Asset, model: &Model, frame: usize, budget: Option<f64>) -> (f64, f64) {
     let time_budget = budget.map(|ms| Duration::from_secs_f64(ms / 1000.0));
     let options = SolveOptions { time_budget, ..SolveOptions::default() };
@@ -89,7 +89,7 @@ fn solve(asset: &mut Asset, model: &Model, frame: usize, budget: Option<f64>) ->
         before += report.energy_before;
         after += report.energy;
     }
-    // A tile that keeps the identity for want of time has no energies.
+    // A tile that keeps the identity because time ran out has no energies.
     (ms, if before > 0.0 { 1.0 - after / before } else { 0.0 })
 }
 
@@ -99,7 +99,7 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32) {
     let mut asset = prepared(model, device, grid);
     let (first, full) = solve(&mut asset, model, frame, None);
     let other = if frame > 1 { frame - 1 } else { frame };
-    // Settings that change back and forth make the tile forget its inputs but keep its memory.
+    // Changing the settings back and forth makes the tile forget its inputs but keep its memory.
     let mut full_ms: Vec<f64> = Vec::new();
     for _ in 0..args.repeats {
         forget(&mut asset, model, other);
@@ -133,7 +133,7 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32) {
     }
 }
 
-/// Makes the next solve compute everything anew: a warm result is never kept.
+/// Makes the next solve compute everything from scratch: a warm result is never reused.
 fn forget(asset: &mut Asset, model: &Model, frame: usize) {
     let options =
         SolveOptions { warm: true, time_budget: Some(Duration::from_nanos(1)), ..SolveOptions::default() };

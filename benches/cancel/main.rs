@@ -1,5 +1,5 @@
-//! How long a solve goes on after it was cancelled, at random moments of it; and how long reading its last result takes
-//! meanwhile. First of a tile that has to be prepared, then of one that has been solved before.
+//! Measures how long a solve continues after it is cancelled at various moments, and how long reading its last result
+//! takes meanwhile. First for a tile that has to be prepared, then for a tile that has been solved before.
 //!
 //!     cargo bench --bench cancel
 //!     cargo bench --bench cancel -- --grids 512 --scenes mug_to_jug
@@ -64,9 +64,9 @@ fn main() {
     }
 }
 
-/// Solves the first frame, or cancels that after a while. Returns the milliseconds that the solve took, or those from the
-/// moment when it was cancelled (none if it was done by then), and the longest milliseconds that reading the last report
-/// took meanwhile.
+/// Solves the first frame, or cancels the solve after a while. Returns the milliseconds of the solve, or those since it
+/// was cancelled (`None` if it was already done), and the longest milliseconds that reading the last report took
+/// meanwhile.
 fn solve(asset: &mut Asset, model: &Model, cancel_after: Option<Duration>) -> (Option<f64>, f64) {
     let control = Arc::new(Control::new());
     let (results, over) = (asset.results().clone(), AtomicBool::new(false));
@@ -107,7 +107,7 @@ fn solve(asset: &mut Asset, model: &Model, cancel_after: Option<Duration>) -> (O
     })
 }
 
-/// Makes the next solve compute everything anew.
+/// Makes the next solve compute everything from scratch.
 fn forget(asset: &mut Asset) {
     for tile in 0..asset.tile_count() {
         let settings = asset.settings(tile).expect("settings");
@@ -131,7 +131,7 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32, first: bool) 
             asset = model.asset_on(device, grid);
         }
         forget(&mut asset);
-        // Spread over the solve, and not in step with anything in it.
+        // Spread over the solve, but not synchronous with any part of it.
         let part = (f64::from(k) * 0.618_034).fract();
         let (time, read) =
             solve(&mut asset, model, Some(Duration::from_secs_f64(whole * 0.95 * part / 1000.0)));

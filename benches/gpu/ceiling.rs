@@ -1,5 +1,5 @@
 //! Measures the greatest bandwidth that any kernel could reach: that of a copy, timed on the device if it has
-//! timestamps, else by the host's clock.
+//! timestamps, otherwise by the host's clock.
 
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ fn copy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
 const COPIES: u32 = 10;
 const ROUNDS: usize = 5;
 
-/// Bytes read and written per second: the highest figure of several rounds.
+/// Bytes read and written per second: the highest value of several rounds.
 pub fn bytes_per_second(adapter: usize) -> Result<f64, String> {
     let fail = |error: &dyn std::fmt::Display| format!("bandwidth: {error}");
     let backends = wgpu::Backends::VULKAN | wgpu::Backends::DX12 | wgpu::Backends::METAL;
@@ -27,7 +27,7 @@ pub fn bytes_per_second(adapter: usize) -> Result<f64, String> {
     let instance = wgpu::Instance::new(descriptor);
     let all = pollster::block_on(instance.enumerate_adapters(backends));
     let names = vrtm::adapters();
-    // The library lists hardware adapters first; the same adapter is found by its name.
+    // The library lists hardware adapters first, so the same adapter is found by its name.
     let wanted = &names.get(adapter).ok_or("no such adapter")?.name;
     let adapter = all
         .into_iter()

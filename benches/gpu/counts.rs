@@ -1,5 +1,5 @@
-//! Counts what a `normal` solve has a GPU do: dispatches, barriers, submissions, bytes. The counts are those of any
-//! machine, so that a software driver will do.
+//! Counts the work of a `normal` solve on a GPU: dispatches, barriers, submissions, bytes. The counts are the same on
+//! any machine, so a software driver will do.
 
 use std::fmt::Write;
 
@@ -7,7 +7,8 @@ use vrtm::{Device, GpuWork, SolveOptions};
 
 use crate::common::{Model, assets, scenes};
 
-/// Bandwidths for which floors are stated: an H200's memory as its maker states it, and a laptop's.
+/// Bandwidths for which lower bounds of the time are given: that of an H200's memory as stated by its maker, and that
+/// of a laptop.
 const BANDWIDTHS: [f64; 2] = [4.8e12, 300e9];
 
 const HEAD: &str = "\
@@ -25,7 +26,7 @@ on), which takes more dispatches.
 |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
-/// The table of all models and sizes, and then the kernels of two of the models at each size.
+/// The table of all models and sizes, followed by the kernels of two of the models at each size.
 pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     let mut text = String::from(HEAD);
     let mut kernels = String::new();
@@ -72,8 +73,8 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     Ok(text + &kernels)
 }
 
-/// (E - best E) / (E of the identity - best E) in per cent, where best is `high` that goes on to the last 1e-6 of gain;
-/// on small grids only, since it takes long.
+/// (E - best E) / (E of the identity - best E) in per cent, where best is the energy of `high` continued until the gain
+/// is below 1e-6. It is computed on small grids only, since it takes long.
 fn excess(device: &Device, model: &Model, size: u32, energy: f64, identity: f64) -> Result<String, String> {
     if size > 1024 {
         return Ok("-".into());

@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use vrtm::{Backend, Device, DeviceSettings};
 
-/// Measures the GPU backend: time beside error, each stage beside its lower bound.
+/// Measures the GPU backend: time and error, and each stage compared with its lower bound.
 #[derive(Parser)]
 #[command(version)]
 struct Args {

@@ -7,7 +7,7 @@ use vrtm::{Device, Quality, SolveOptions};
 use crate::common::{Model, scenes};
 
 const GRID: u32 = 256;
-/// RMS difference of the displacements in cells above which the times of the two backends are not compared.
+/// The RMS difference of the displacements, in cells, above which the times of the two backends are not compared.
 const MOST: f64 = 0.01;
 
 pub fn table(device: &Device) -> Result<String, String> {

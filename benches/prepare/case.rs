@@ -14,7 +14,7 @@ use super::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
 
 /// Texels from one disc to the next.
 const PITCH: usize = 32;
-/// Rows of the map that are fetched at a time: the whole map would be larger than the grid.
+/// Rows of the map that are fetched at once: the whole map would be larger than the grid.
 const BAND: u32 = 128;
 
 pub struct Case {
@@ -24,7 +24,7 @@ pub struct Case {
     pub threads: Option<u32>,
 }
 
-/// What a case cost. Bytes are those beyond what the mesh and the map of the caller take.
+/// The cost of a case. Bytes exclude the memory of the caller's mesh and map.
 pub struct Outcome {
     grid: u64,
     share: f64,
@@ -32,7 +32,7 @@ pub struct Outcome {
     seconds: f64,
     peak: u64,
     held: u64,
-    /// Seconds of the first solve, of the second one and of fetching the map, the peak of bytes, and bytes held.
+    /// Seconds of the first solve, of the second solve and of fetching the map; bytes at the peak; bytes held.
     solve: Option<[f64; 5]>,
 }
 
@@ -53,7 +53,7 @@ impl Case {
         let map = ImageView::new("rigidity", &texels, layout).map_err(|e| e.to_string())?;
         asset.set_rigidity(0, Some(map)).map_err(|e| e.to_string())?;
         drop(texels);
-        // The caller's map is gone, as it would be in a host.
+        // The caller has freed its map by then, as a host would.
         let before = before.saturating_sub((n * n) as u64);
         memory::restart_peak();
         let start = Instant::now();
@@ -133,7 +133,7 @@ impl Outcome {
         self.share
     }
 
-    /// Seconds, and MiB at the peak and held.
+    /// Seconds, MiB at the peak, and MiB held.
     pub fn costs(&self) -> [f64; 3] {
         [self.seconds, self.peak as f64 / f64::from(1 << 20), self.held as f64 / f64::from(1 << 20)]
     }

@@ -1,5 +1,5 @@
-//! What preparing a tile costs: seconds, the process's peak of memory and what stays, over the grid's size and the share of
-//! it that is active. Each case runs in a process of its own, so that its peak is its own.
+//! Measures the cost of preparing a tile: seconds, the process's peak memory and the memory kept, over the grid's size
+//! and its active share. Each case runs in a separate process, so that peaks are independent.
 //!
 //!     cargo bench --bench prepare
 //!     cargo bench --bench prepare -- --grids 4096,8192 --shares 0.02,0.25 --solve --out benches/results/prepare
@@ -18,7 +18,7 @@ use std::process::{Command, ExitCode};
 use case::{Case, Outcome};
 use clap::Parser;
 
-/// Measures what preparing a tile costs.
+/// Measures the cost of preparing a tile.
 #[derive(Parser)]
 #[command(version)]
 struct Args {

@@ -1,18 +1,18 @@
-//! The memory of this process, as Linux tells it; 0 elsewhere.
+//! The memory of this process as reported by Linux; 0 on other systems.
 
 /// Bytes resident now.
 pub fn resident() -> u64 {
     field("VmRSS:")
 }
 
-/// Most bytes that were resident at a time since `restart_peak`.
+/// The most bytes resident at a time since `restart_peak`.
 pub fn peak() -> u64 {
     field("VmHWM:")
 }
 
-/// Forgets the peak so far.
+/// Resets the peak.
 pub fn restart_peak() {
-    // Where it cannot be written, peaks count from the start of the process.
+    // If the file cannot be written, peaks count from the start of the process.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 

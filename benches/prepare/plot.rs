@@ -22,7 +22,7 @@ is prepared, so that the mesh (16,384 quads) and the map count; then a first sol
 fetched in bands of 128 rows, the peak of all of that, and what stays.
 ";
 
-/// Writes `out` with the endings md, json and svg.
+/// Writes the files `out`.md, `out`.json and `out`.svg.
 pub fn write(outcomes: &[Outcome], out: &Path) -> Result<(), String> {
     let rows: Vec<String> = outcomes.iter().map(Outcome::row).collect();
     let table = format!("{ABOUT}\n{}\n{}\n", Outcome::HEAD, rows.join("\n"));
@@ -40,7 +40,7 @@ fn draw(outcomes: &[Outcome], path: &Path) -> Result<(), Box<dyn std::error::Err
     let mut shares: Vec<f64> = outcomes.iter().map(Outcome::share).collect();
     shares.sort_by(f64::total_cmp);
     shares.dedup();
-    // Sizes are powers of two: the axis has their exponents.
+    // Sizes are powers of two, so the axis shows their exponents.
     let exponent = |outcome: &Outcome| (outcome.grid() as f64).log2();
     let mut grids: Vec<f64> = outcomes.iter().map(exponent).collect();
     grids.sort_by(f64::total_cmp);

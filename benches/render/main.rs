@@ -1,5 +1,5 @@
-//! What drawing through a redirection map costs, and how far the picture is from one whose texture was warped beforehand:
-//! over sizes of the map, for a view of the whole mesh and for one of a part of it.
+//! Measures the cost of drawing through a redirection map, and the picture's difference from one whose texture was
+//! warped beforehand: over sizes of the map, for a view of the whole mesh and for a view of a part of it.
 //!
 //!     cargo bench --bench render
 //!     cargo bench --bench render -- --size 1920x1080 --maps 1024,4096 --rounds 31
@@ -109,7 +109,7 @@ fn run(args: &Args) -> Result<()> {
     let renderer = stage.renderer(&gpu, size)?;
 
     let whole = View::of(&stage.positions);
-    // Pixels are about as large as texels of 4096.
+    // Pixels are then about as large as the texels of a texture of 4096.
     let part = View { zoom: 3240.0 / f64::from(size[1]), ..whole };
     let mut text = table::head(&gpu, &model.name, frame, size, args.texture, args.rounds * frames as usize);
     for (title, view) in [("The whole mesh", whole), ("A part of it, a texel of 4096 for each pixel", part)] {
@@ -130,7 +130,7 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// What the file's name says of the GPU.
+/// The suffix of the file's name for a GPU.
 fn suffix(gpu: &Gpu) -> String {
     if gpu.software {
         return String::new();
@@ -139,7 +139,7 @@ fn suffix(gpu: &Gpu) -> String {
     words.map(|word| format!("-{}", word.to_ascii_lowercase())).collect()
 }
 
-/// All ways with all maps, in turn.
+/// Measures all ways with all maps in turn.
 fn measure(
     args: &Args,
     gpu: &Gpu,
@@ -152,12 +152,12 @@ fn measure(
     let camera = stage.camera(renderer, view, size);
     let material = renderer.material(&stage.colours, None)?;
     let warped = renderer.material(stage.warped.as_ref().ok_or("no reference")?, None)?;
-    // All that one would do. How wrong a map with mips is, `tests/gpu/draw.rs` says.
+    // All sensible ways. The error of a map with mip levels is measured in `tests/gpu/draw.rs`.
     let ways: Vec<_> = ALL.into_iter().filter(|way| way.map != Map::DeltaMips).collect();
     let pipelines: Vec<_> = ways.iter().map(|way| renderer.pipelines(way, false)).collect();
     let maps =
         args.maps.iter().map(|&side| renderer.maps(&stage.solved, side)).collect::<Result<Vec<_>>>()?;
-    // A way without a map is drawn once, the others with each of the maps.
+    // A way without a map is drawn once, the others are drawn with each of the maps.
     let mut plan = Vec::new();
     for (way, pipelines) in ways.iter().zip(&pipelines) {
         let used = if way.map == Map::None { 1 } else { maps.len() };

@@ -13,12 +13,12 @@ pub struct Row {
     /// Texels on a side of the map.
     pub map: Option<u32>,
     pub ms: f64,
-    /// Percent of the time of the original UVs in as many passes that the map adds.
+    /// The map's additional time, in percent of the time of the original UVs in as many passes.
     pub more: Option<f64>,
     pub d: Difference,
 }
 
-/// What was drawn, and on what.
+/// The head of the table: the scene, and the machine on which it was drawn.
 pub fn head(
     gpu: &Gpu,
     scene: &str,
@@ -105,7 +105,7 @@ pub fn map(side: u32, delta: bool, texture: u32, reports: &[MapReport]) -> Strin
     )
 }
 
-/// The processor's name, where the system tells.
+/// The processor's name, if the system provides it.
 fn processor() -> Option<String> {
     let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
     let line = text.lines().find(|line| line.starts_with("model name"))?;

@@ -1,4 +1,4 @@
-//! How smooth the warp is as a function of the pose, on all scenes: a table, and JSON for comparisons.
+//! Measures how smoothly the warp depends on the pose, on all scenes, and writes a table, and JSON for comparisons.
 //!
 //!     cargo bench --bench roughness
 //!     cargo bench --bench roughness -- --grid 512 --qualities normal,high --scenes fox
@@ -7,7 +7,7 @@
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
-#[allow(dead_code)] // The alternating poses are those of `speed_error`.
+#[allow(dead_code)] // Of `speed_error`, only the alternating poses are used.
 #[path = "../speed_error/scenes.rs"]
 mod scenes;
 

@@ -1,4 +1,4 @@
-//! The chart of a node.
+//! Finds the chart of a node.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use crate::common::Model;
 /// A triangle of a face: indices into the corners of the mesh.
 type Triangle = [usize; 3];
 
-/// The chart of the triangle that is nearest to a UV, from 0 in the order of first faces, and the number of charts in the
+/// The index of the chart of the triangle nearest to a UV, in the order of first faces, and the number of charts in the
 /// tile.
 pub fn find(model: &Model, udim: u32, uv: [f64; 2]) -> Option<(usize, usize)> {
     let at = |corner: usize| model.uvs[model.uv_indices[corner] as usize];
@@ -25,10 +25,10 @@ pub fn find(model: &Model, udim: u32, uv: [f64; 2]) -> Option<(usize, usize)> {
     Some((charts[nearest], charts.iter().max()? + 1))
 }
 
-/// The chart of each triangle: those that share UVs, by value, are connected.
+/// The chart of each triangle: triangles that share UVs, by value, are connected.
 fn charts(triangles: &[Triangle], key: impl Fn(usize) -> [u32; 2]) -> Vec<usize> {
     let mut chart: Vec<usize> = (0..triangles.len()).collect();
-    // The lowest number of all triangles around a UV spreads until nothing changes.
+    // The lowest index among all triangles around a UV spreads until nothing changes.
     loop {
         let mut lowest: HashMap<[u32; 2], usize> = HashMap::new();
         for (t, triangle) in triangles.iter().enumerate() {

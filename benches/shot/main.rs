@@ -1,5 +1,5 @@
-//! A shot: a smooth motion through rest and all frames of an asset, solved frame by frame. It writes what `shot.py` makes
-//! a film and a plot of, and says where W changes least smoothly: see README.md.
+//! A shot: a smooth motion through rest and all frames of an asset, solved frame by frame. It writes the input from
+//! which `shot.py` makes a film and a plot, and prints where W changes least smoothly; see README.md.
 //!
 //!     cargo bench --bench shot -- --out /tmp/shot
 //!     cargo bench --bench shot -- --out /tmp/warm --scenes fox,bulge --grid 512 --warm
@@ -11,7 +11,7 @@ mod common;
 mod chart;
 mod path;
 mod play;
-#[allow(dead_code)] // Shots have all tiles of a case and none of its poses.
+#[allow(dead_code)] // Shots use all tiles of a case, and none of its poses.
 #[path = "../speed_error/scenes.rs"]
 mod scenes;
 
@@ -76,7 +76,7 @@ impl Args {
         SolveOptions { quality, warm, temporal_weight, ..SolveOptions::default() }
     }
 
-    /// The same for the bake program, whose pictures are to be of these solves.
+    /// The options as arguments for the bake program, whose pictures should show these solves.
     fn for_bake(&self) -> Vec<String> {
         let quality = format!("{:?}", self.quality).to_lowercase();
         let device = if self.gpu { "gpu" } else { "cpu" };

@@ -12,14 +12,14 @@ pub struct Path<'a> {
 
 impl<'a> Path<'a> {
     /// # Errors
-    /// Fewer frames than keys.
+    /// If there are fewer frames than keys.
     pub fn new(model: &'a Model, frames: usize) -> Result<Path<'a>, String> {
         let keys: Vec<&[[f32; 3]]> =
             std::iter::once(&model.rest).chain(&model.frames).map(Vec::as_slice).collect();
         if keys.len() < 2 || frames < keys.len() {
             return Err(format!("{}: {frames} frames for {} keys", model.name, keys.len()));
         }
-        // Whole frames: a key between two frames would not be met.
+        // Keys lie on whole frames: a key between two frames would not be met.
         let (last, parts) = (frames - 1, keys.len() - 1);
         let times = (0..=parts).map(|k| 1 + (2 * k * last + parts) / (2 * parts)).collect();
         Ok(Path { keys, times })

@@ -1,4 +1,4 @@
-//! Plays a shot: solves its frames in order, and keeps the second differences of three frames at a time.
+//! Plays a shot: solves its frames in order, and computes the second differences of each three consecutive frames.
 
 use std::fmt::Write as _;
 
@@ -12,15 +12,15 @@ use crate::scenes::Case;
 
 /// The second differences of one frame and its two neighbours.
 pub struct Row {
-    /// Counted from 1.
+    /// Number of the frame, counted from 1.
     pub frame: usize,
-    /// Of W, in cells, over all nodes that move.
+    /// Second differences of W, in cells, over all nodes that move.
     pub warp: Spread,
-    /// The node where that of W is largest.
+    /// The node where the second difference of W is largest.
     pub node: Node,
-    /// Of the vertices, in cells.
+    /// Second differences of the vertices, in cells.
     pub positions: Spread,
-    /// Of the lengths of the mesh's edges, over those at rest.
+    /// Second differences of the lengths of the mesh's edges, relative to their lengths at rest.
     pub edges: Spread,
     /// Energy, smallest Jacobian and milliseconds of the frame's solve, over all tiles.
     pub energy: f64,
@@ -38,7 +38,7 @@ pub struct Node {
 }
 
 impl Node {
-    /// The UV as the mesh has it.
+    /// The UV in the mesh, which includes the tile's position.
     pub fn mesh_uv(&self) -> [f64; 2] {
         let tile = self.udim - 1001;
         [self.uv[0] + f64::from(tile % 10), self.uv[1] + f64::from(tile / 10)]
@@ -53,7 +53,7 @@ struct Moment {
     ms: f64,
 }
 
-/// Solves all frames of a case in order. Returns a row for each but the first and the last.
+/// Solves all frames of a case in order. Returns a row for each frame except the first and the last.
 pub fn play(
     case: &Case,
     path: &Path,
@@ -112,7 +112,7 @@ fn displacements(asset: &Asset) -> Vec<[f64; 2]> {
     tiles.flat_map(|tile| Warp::of(asset, tile).u).map(|u| u.map(f64::from)).collect()
 }
 
-/// The node of an index into `displacements`.
+/// The node at an index into `displacements`.
 fn node(asset: &Asset, mut index: usize) -> Node {
     for tile in 0..asset.tile_count() {
         let Warp { nx, ny, u } = Warp::of(asset, tile);

@@ -1,4 +1,4 @@
-//! The claim: descent reaches the lowest error that the paper's solver ever reaches, or less, in a tenth of its time.
+//! The claim: descent reaches at most the lowest error that the paper's solver ever reaches, in a tenth of its time.
 
 use serde_json::{Value, json};
 
@@ -22,7 +22,7 @@ pub struct Claim {
     pub by: &'static str,
     /// The row of pbd with the lowest error.
     pub pbd: Row,
-    /// The fastest row of descent with at most that error, if there is one.
+    /// The fastest row of descent with at most that error; `None` if no row qualifies.
     pub descent: Option<Row>,
 }
 
@@ -56,7 +56,7 @@ impl Claim {
     }
 }
 
-/// The claims per scene, backend and error, where pbd was run.
+/// The claims per scene, backend and error for which pbd was run.
 pub fn claims(rows: &[Row]) -> Vec<Claim> {
     let mut keys: Vec<(&str, &'static str)> =
         rows.iter().map(|row| (row.scene.as_str(), row.backend)).collect();

@@ -1,5 +1,5 @@
-//! The time per node: of one update, by the library and by the plain loop in f64, and of a whole solve over the size of
-//! the grid.
+//! Measures the time per node: of one update, by the library and by a plain loop in f64, and of a whole solve over the
+//! size of the grid.
 
 use std::time::Instant;
 
@@ -21,11 +21,11 @@ pub struct NodeCost {
     pub library_ns: f64,
     /// Median of the ratios of the pairs.
     pub ratio: f64,
-    /// Ratio of the shortest times of both, which other load on the machine disturbs least.
+    /// Ratio of the shortest times of both, which are least disturbed by other load on the machine.
     pub quickest: f64,
     /// |E of the identity by the plain loop / E by the reference - 1|: both compute the same energy.
     pub difference: f64,
-    /// E after the plain loop's sweeps over E before: the loop lowers it.
+    /// E after the plain loop's sweeps divided by E before, which shows that the loop lowers it.
     pub left: f64,
 }
 
@@ -39,8 +39,8 @@ pub fn node_cost(grid: u32, pairs: usize) -> Result<NodeCost, String> {
     let (mut asset, tile) = case.asset(&cpu(0));
     let draft = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
     asset.solve(case.pose(0), &draft).map_err(fail)?;
-    // The nodes that the library moves are movable, and conversely: where the sheet bulges, no movable node keeps
-    // exactly its place.
+    // The nodes that the library moves are exactly the movable ones: where the sheet bulges, no movable node keeps its
+    // exact position.
     let u = asset.displacements(tile).map_err(fail)?;
     let movable = u.iter().map(|u| *u != [0.0; 2]).collect();
     let mesh = PlainMesh::new(&case, rigidity(&case), movable);
@@ -55,8 +55,8 @@ pub fn node_cost(grid: u32, pairs: usize) -> Result<NodeCost, String> {
         let plain_ns = start.elapsed().as_secs_f64() * 1e9 / updates as f64;
         asset.solve(case.pose(k + 1), &draft).map_err(fail)?;
         let report = asset.tile_report(tile).map_err(fail)?;
-        // All levels have the same number of sweeps. On the coarser ones these belong to corrections, and their time is
-        // not in times.relax.
+        // All levels have the same number of sweeps. On the coarser levels these belong to corrections, and times.relax
+        // excludes their time.
         let updates = report.nodes_active * u64::from(report.sweeps / report.levels);
         times.push((plain_ns, f64::from(report.times.relax) * 1e6 / updates as f64));
     }
@@ -119,7 +119,7 @@ impl NodeCost {
     }
 }
 
-/// Solves the bulge on one grid at `normal`.
+/// The cost of solving the bulge on one grid at `normal`.
 pub struct SizeCost {
     pub grid: u32,
     pub nodes: u64,

@@ -1,4 +1,4 @@
-//! The machine on which times are measured, and its floors: the bandwidth and the rate of operations that no program of
+//! The machine on which times are measured, and its limits: the bandwidth and the rate of operations that no program of
 //! this kind can exceed there.
 
 use std::hint::black_box;
@@ -78,7 +78,7 @@ fn simd() -> &'static str {
     }
 }
 
-/// Runs `work` on all threads at once, five times. Returns the greatest sum of the threads' figures per second.
+/// Runs `work` on all threads at once, five times. Returns the greatest sum of the threads' results per second.
 fn best(threads: usize, work: impl Fn(usize) -> f64 + Sync) -> f64 {
     let round = |_| {
         let start = Instant::now();
@@ -119,7 +119,7 @@ fn peak(threads: usize) -> f64 {
     best(threads, |_| multiply_add_best() as f64) * 1e-9
 }
 
-/// Independent lanes: enough to hide the latency of two pipes of the widest vectors.
+/// The number of independent lanes, enough to hide the latency of two pipes of the widest vectors.
 const LANES: usize = 128;
 const STEPS: u64 = 4_000_000;
 
@@ -164,7 +164,7 @@ fn multiply_add_best() -> u64 {
     multiply_add::<{ LANES / 4 }>()
 }
 
-/// Medians of both sides and of the ratios of some pairs.
+/// The medians of both sides of some pairs, and of their ratios.
 pub fn paired(pairs: &[(f64, f64)]) -> (f64, f64, f64) {
     let of = |f: fn(&(f64, f64)) -> f64| median(&pairs.iter().map(f).collect::<Vec<_>>());
     (of(|p| p.0), of(|p| p.1), of(|p| p.0 / p.1))

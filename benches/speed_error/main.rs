@@ -1,5 +1,5 @@
-//! Speed against error: every solver at every effort on every scene, with error beside time as CSV, JSON, plots and a
-//! table.
+//! Measures speed against error: every solver at every effort on every scene, with error and time as CSV, JSON, plots
+//! and a table.
 //!
 //!     cargo bench --bench speed_error
 //!     cargo bench --bench speed_error -- --quick

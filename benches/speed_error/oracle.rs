@@ -1,5 +1,5 @@
-//! E*, the energy that gaps refer to: the minimum that the reference reaches by descent in f64 from the best of the
-//! results.
+//! Computes E*, the energy to which gaps refer: the minimum that the reference reaches by descent in f64 from the best
+//! of the results.
 
 use std::time::Instant;
 
@@ -38,7 +38,7 @@ impl Done {
         Ok(Done { case, ran, before, oracle })
     }
 
-    /// The rows with their gaps; that of the identity comes first.
+    /// The rows with their gaps; the row of the identity comes first.
     pub fn rows(&self) -> Vec<Row> {
         let Done { case, ran, before, oracle } = self;
         let gap = |energy: f64| (energy - oracle.energy) / (before - oracle.energy);
@@ -68,7 +68,7 @@ impl Done {
     }
 }
 
-/// Runs the reference from each case's best result, which takes seconds to minutes per case; one thread each.
+/// Runs the reference from each case's best result, which takes seconds to minutes per case, with one thread per case.
 pub fn consult(done: &mut [Done]) -> Result<(), String> {
     let found = on_all_cores(done, |done| {
         let Done { case, ran, .. } = done;

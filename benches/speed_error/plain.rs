@@ -1,7 +1,7 @@
-//! Relaxation as one would first write it (method §4 and §6): f64, scalar, one core, a loop over nodes. The library's
-//! updates are compared with it. Each node takes its own 2x2 Gauss-Newton step on the finest level's energy (exact
-//! chords, smoothness, room), limited so that no corner Jacobian falls under ε, and only if its own energy does not
-//! rise.
+//! A straightforward implementation of relaxation (method §4 and §6), with which the library's updates are compared:
+//! f64, scalar, one core, a loop over nodes. Each node takes its own 2x2 Gauss-Newton step on the finest level's energy
+//! (exact chords, smoothness, room), limited so that no corner Jacobian falls under ε, and only if its own energy does
+//! not rise.
 
 use vrtm::TileSettings;
 
@@ -190,7 +190,8 @@ impl Plain {
         (n as i64 + offset[1] * (self.mesh.size as i64 + 1) + offset[0]) as usize
     }
 
-    /// The 12 corners whose Jacobians depend on a node: in each of its four cells, all but that at the opposite node.
+    /// The 12 corners whose Jacobians depend on a node: in each of its four cells, all corners except the one at the
+    /// opposite node.
     fn corners(&self, n: usize) -> [Corner; 12] {
         std::array::from_fn(|k| {
             // In cell k / 3 the node is corner `own`; the Jacobian is that of this corner, the next one or the previous

@@ -58,7 +58,7 @@ impl Triangle {
 }
 
 impl PlainMesh {
-    /// `movable` marks the nodes that the library moves; `rigidity` is per node.
+    /// Builds the mesh. `movable` marks the nodes that the library moves; `rigidity` is per node.
     pub fn new(case: &Case, rigidity: Vec<f64>, movable: Vec<bool>) -> PlainMesh {
         let size = case.grid as usize;
         let (rest, posed) = (triangles(case, &case.model.rest), triangles(case, &case.poses[0]));

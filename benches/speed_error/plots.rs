@@ -31,7 +31,7 @@ pub struct Plot {
     pub file: &'static str,
     title: &'static str,
     error: fn(&Row) -> f64,
-    /// The label of the level that the original UVs have.
+    /// The label of the line at the error of the original UVs.
     before: &'static str,
     ticks: &'static [f64],
 }
@@ -96,7 +96,7 @@ impl Plot {
         draw().map_err(|error| format!("{}: {error}", path.display()))
     }
 
-    /// Draws the title, the legend, and a line on the measurement.
+    /// Draws the title, the legend, and a line about the measurement.
     fn head(&self, area: &Draw, note: &str) -> Outcome {
         let text = |size: u32| ("sans-serif", size).into_font().color(&INK);
         let bold = |size: u32| ("sans-serif", size).into_font().style(FontStyle::Bold).color(&INK);
@@ -158,7 +158,7 @@ impl Plot {
                 let mut points: Vec<(f64, f64, &Row)> =
                     timed.iter().filter(of).map(|row| (ms(row), (self.error)(row), *row)).collect();
                 points.sort_by(|a, b| a.0.total_cmp(&b.0));
-                // The line joins the rows that no faster row beats.
+                // The line joins the rows whose error no faster row reaches.
                 let mut least = f64::INFINITY;
                 let line = points.iter().map(|&(x, y, _)| (x, y));
                 let line = line.filter(|&(_, y)| {

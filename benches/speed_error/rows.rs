@@ -21,7 +21,7 @@ pub struct Row {
     /// (E - E*) / (E0 - E*).
     pub gap: f64,
     pub report: TileReport,
-    /// Not measured for the reference's own minimum.
+    /// Absent for the reference's own minimum.
     pub strain: Option<StrainReport>,
 }
 

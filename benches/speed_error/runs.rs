@@ -11,7 +11,7 @@ use crate::scenes::Case;
 /// How often each effort is timed.
 #[derive(Clone, Copy, Debug)]
 pub struct Repeats {
-    /// Largest number of rounds.
+    /// The maximum number of rounds.
     pub most: usize,
     /// An effort takes part in no further round once it has taken this number of milliseconds, but always in the first.
     pub budget_ms: f64,
@@ -49,7 +49,7 @@ impl SolverAsset {
             .solve(case.pose(self.solves), options)
             .map_err(|error| format!("{}: {error}", case.name))?;
         let report = self.asset.tile_report(self.tile).map_err(|error| error.to_string())?;
-        // A chart that keeps its last result takes no time, which would appear as speed.
+        // A chart that keeps its last result takes no time, which would look like speed.
         assert_eq!(report.charts_reused, 0, "{}: no chart's inputs are those of the solve before", case.name);
         Ok(f64::from(report.times.total))
     }
@@ -71,7 +71,7 @@ pub fn run(
         if asset.solves == 0 {
             asset.solve(case, &effort.options)?;
         }
-        // Errors are measured on the pose itself, not on the one beside it.
+        // Errors are measured on the pose itself, not on its slightly moved copy.
         asset.solves = 1;
         asset.solve(case, &SolveOptions { measure: true, ..effort.options })?;
         let report = asset.asset.tile_report(asset.tile).map_err(|error| error.to_string())?;

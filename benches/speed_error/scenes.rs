@@ -40,7 +40,7 @@ const CHOSEN: [(&str, usize, u32); 15] = [
 /// All cases, or those whose names are in `wanted`.
 ///
 /// # Errors
-/// A name that is not known, or of an asset that is not there.
+/// An unknown name, or the name of a missing asset.
 pub fn cases(wanted: &[String], grid: u32) -> Result<Vec<Case>, String> {
     let mut models: Vec<Model> =
         scenes::NAMES.iter().filter_map(|name| scenes::by_name(name)).map(Model::from).collect();

@@ -10,7 +10,7 @@ use crate::rows::Row;
 
 const NAMED: [&str; 3] = ["draft", "normal", "high"];
 
-/// All results of a run as text.
+/// Formats all results of a run as text.
 pub fn text(
     machine: &Machine,
     done: &[Done],
