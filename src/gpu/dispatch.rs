@@ -102,7 +102,7 @@ impl Run<'_> {
             None => {
                 let bind_group = self.memory.bind_group(kernel, &pipeline.layout, at, &key.2, extra);
                 make_room_in(&mut self.memory.bind_groups, 1);
-                #[expect(clippy::disallowed_methods, reason = "there is room")]
+                #[expect(clippy::disallowed_methods, reason = "room was made above")]
                 self.memory.bind_groups.insert(key, bind_group.clone());
                 bind_group
             }

@@ -217,7 +217,7 @@ impl Recorder {
         self.params.put_all(record);
         self.params.fill_to(offset + STRIDE, 0);
         make_room_in(&mut self.record_offsets, 1);
-        #[expect(clippy::disallowed_methods, reason = "there is room")]
+        #[expect(clippy::disallowed_methods, reason = "room was made above")]
         self.record_offsets.insert(record, offset as u32);
         offset as u32
     }
@@ -263,7 +263,7 @@ impl Recorder {
         let mut waits = false;
         make_room_in(&mut self.written, uses.len());
         for (buffer, writes) in uses {
-            #[expect(clippy::disallowed_methods, reason = "there is room")]
+            #[expect(clippy::disallowed_methods, reason = "room was made above")]
             let before = self.written.insert(buffer.clone(), *writes);
             waits |= before.is_some_and(|written| written || *writes);
         }
