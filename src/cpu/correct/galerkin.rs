@@ -1,5 +1,5 @@
 //! The coarser level's matrix (method §7.4): the Galerkin product Pᵀ A P, again with nine points and symmetric. P
-//! interpolates along x and then along y, with the weights of `tile/interpolation.rs`. The product is formed along x
+//! interpolates along x and then along y, with the weights of `grid/interpolation.rs`. The product is formed along x
 //! for each row of fine nodes, and then along y, which takes a third of the operations of forming the whole stencil at
 //! once.
 
