@@ -1,7 +1,6 @@
-//! Where memory is taken whose size follows from input. It may be short, and then a call has to fail: it must not abort the
-//! host's process, as the standard library's collections do when they grow. So all of them grow through the functions here.
-//!
-//! Where memory is missing, they unwind (`unwind`).
+//! Fallible allocation for memory sized by user input. When memory runs short, a call must fail instead of aborting the
+//! host's process, as the standard library's collections do when they grow. All of them therefore grow through the
+//! functions here, which unwind (`unwind`) when memory is missing.
 //!
 //! `clippy.toml` lists the standard library's ways to allocate, and the library's code is checked for them.
 
@@ -21,7 +20,7 @@ pub(crate) use current::Current;
 pub(crate) use global::Allocator;
 pub use host::HostAllocator;
 
-/// Unwinds, as there is no memory for `count` elements of type `T`.
+/// Unwinds because there is no memory for `count` elements of type `T`.
 #[cold]
 fn missing<T>(count: usize) -> ! {
     unwind(Stop::OutOfMemory((count as u64).saturating_mul(size_of::<T>() as u64)))
@@ -34,7 +33,7 @@ pub(crate) fn with_capacity<T>(count: usize) -> Vec<T> {
     array
 }
 
-/// `count` times the same.
+/// An array of `count` copies of `value`.
 pub(crate) fn filled<T: Clone>(value: T, count: usize) -> Vec<T> {
     let mut array = with_capacity(count);
     #[expect(clippy::disallowed_methods, reason = "there is room")]
@@ -58,32 +57,32 @@ pub(crate) fn boxed<T>(value: T) -> Box<T> {
     debug_assert!(size_of::<T>() == 0 || array.capacity() == 1);
     #[expect(
         clippy::disallowed_methods,
-        reason = "it has no room to give back, so that nothing is allocated"
+        reason = "there is no spare capacity, so nothing is reallocated"
     )]
     let one: Box<[T]> = array.into_boxed_slice();
     // SAFETY: a slice of one element has the layout of the element, which is owned by whoever has the pointer.
     unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }
 }
 
-/// Numbers and truth values, for which zeros are a value.
+/// Numbers and booleans.
 ///
 /// # Safety
-/// So it has to be.
+/// All-zero bytes must be a valid value of the type.
 pub(crate) unsafe trait Plain {}
 macro_rules! plain {
     ($($number:ty),+) => {
         $(
-            // SAFETY: a number, or false.
+            // SAFETY: all-zero bytes are the number 0, or false.
             unsafe impl Plain for $number {}
         )+
     };
 }
 plain!(u8, u16, u32, u64, usize, f32, f64, bool, AtomicU8);
-// SAFETY: of numbers.
+// SAFETY: an array of such values is all zeros as well.
 unsafe impl<T: Plain, const N: usize> Plain for [T; N] {}
 
-/// `count` zeros. The system hands out the pages of a large array when they are written first: those that a solve does not
-/// get to cost it no time. (Of a host's allocator all are written.)
+/// `count` zeros. The system hands out the pages of a large array when they are first written, so pages that a solve
+/// never touches cost no time. (A host's allocator has all of them written.)
 pub(crate) fn zeroed<T: Plain>(count: usize) -> Vec<T> {
     use std::alloc::{Layout, alloc_zeroed};
     let Ok(layout) = Layout::array::<T>(count) else { missing::<T>(count) };
@@ -101,30 +100,30 @@ pub(crate) fn zeroed<T: Plain>(count: usize) -> Vec<T> {
     unsafe { Vec::from_raw_parts(memory.cast::<T>(), count, count) }
 }
 
-/// Zeros on the heap. Unlike what `boxed` takes, they are never on the stack, which may be small.
+/// A zeroed value on the heap. Unlike with `boxed`, the value is never on the stack, which may be small.
 pub(crate) fn zeroed_box<T: Plain>() -> Box<T> {
     #[expect(
         clippy::disallowed_methods,
-        reason = "it has no room to give back, so that nothing is allocated"
+        reason = "there is no spare capacity, so nothing is reallocated"
     )]
     let one: Box<[T]> = zeroed(1).into_boxed_slice();
     // SAFETY: a slice of one element has the layout of the element, which is owned by whoever has the pointer.
     unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }
 }
 
-/// What `Vec` does when it grows, for memory that may be short.
+/// Growth of a `Vec` that unwinds when memory runs short.
 pub(crate) trait Grow<T> {
-    /// Makes room for `count` more elements, and for others after them.
+    /// Makes room for `count` more elements, with spare capacity for later growth.
     fn make_room(&mut self, count: usize);
-    /// Makes room for `count` more elements.
+    /// Makes room for exactly `count` more elements.
     fn make_exact_room(&mut self, count: usize);
     /// Appends an element.
     fn put(&mut self, value: T);
     /// Inserts an element.
     fn put_at(&mut self, index: usize, value: T);
-    /// Appends all that an iterator yields.
+    /// Appends every element that an iterator yields.
     fn put_all(&mut self, values: impl IntoIterator<Item = T>);
-    /// Gives back what no element needs.
+    /// Gives unused capacity back.
     fn give_room_back(&mut self);
     /// Changes the length; new elements are copies of `value`.
     fn fill_to(&mut self, count: usize, value: T)
@@ -182,7 +181,7 @@ impl<T> Grow<T> for Vec<T> {
         }
     }
 
-    #[expect(clippy::disallowed_methods, reason = "the allocator can leave a block as it is")]
+    #[expect(clippy::disallowed_methods, reason = "shrinking may leave the block as it is")]
     fn give_room_back(&mut self) {
         self.shrink_to_fit();
     }
@@ -197,7 +196,7 @@ impl<T> Grow<T> for Vec<T> {
     }
 }
 
-/// Makes room for more elements: kept out of the loops that append.
+/// Makes room for more elements. A function of its own, to stay out of the loops that append.
 #[cold]
 #[inline(never)]
 fn grow<T>(array: &mut Vec<T>, count: usize) {
@@ -210,9 +209,9 @@ fn grow<T>(array: &mut Vec<T>, count: usize) {
     }
 }
 
-/// What `Iterator` does to collect, for memory that may be short.
+/// `Iterator::collect` that unwinds when memory runs short.
 pub(crate) trait Collect: Iterator + Sized {
-    /// All that the iterator yields.
+    /// Collects every element.
     #[inline]
     fn collected(self) -> Vec<Self::Item> {
         let mut array = Vec::new();
@@ -224,7 +223,7 @@ pub(crate) trait Collect: Iterator + Sized {
         array
     }
 
-    /// All that the iterator yields, or the first error.
+    /// Collects every element, or returns the first error.
     #[inline]
     fn try_collected<T, E>(self) -> std::result::Result<Vec<T>, E>
     where
@@ -240,7 +239,7 @@ pub(crate) trait Collect: Iterator + Sized {
 
 impl<I: Iterator> Collect for I {}
 
-/// Room for `count` more entries of a hash table.
+/// Makes room for `count` more entries of a hash table.
 pub(crate) fn make_room_in<K: Eq + std::hash::Hash, V, S: std::hash::BuildHasher>(
     table: &mut std::collections::HashMap<K, V, S>,
     count: usize,

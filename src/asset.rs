@@ -26,7 +26,7 @@ use crate::view::Strided;
 use results::Results;
 use tile::TileState;
 
-/// One mesh with its tiles, on a device. If the device's GPU goes away, everything that uses or reads the tiles gives
+/// One mesh with its tiles, on a device. If the device's GPU is lost, everything that uses or reads the tiles returns
 /// `DeviceLost`.
 #[derive(Debug)]
 pub struct Asset {
@@ -55,7 +55,7 @@ impl Asset {
         Ok(Asset { device: device.clone(), mesh, tiles, results })
     }
 
-    /// The device it was made on.
+    /// The device that the asset was made on.
     #[must_use]
     pub fn device(&self) -> &Device {
         &self.device
@@ -74,19 +74,19 @@ impl Asset {
         self.tiles.len()
     }
 
-    /// Index of the tile with this UDIM number, of UV set 0.
+    /// Index of the tile of UV set 0 with this UDIM number.
     #[must_use]
     pub fn find_tile(&self, udim: u32) -> Option<usize> {
         self.find_tile_of_set(0, udim)
     }
 
-    /// Index of the tile with this UDIM number, of a UV set.
+    /// Index of the tile of a UV set with this UDIM number.
     #[must_use]
     pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
         self.results.find_tile_of_set(uv_set, udim)
     }
 
-    /// The last good results, to be read by other threads as well, also while the asset is solved.
+    /// The last good results, which other threads may also read, even while the asset is being solved.
     #[must_use]
     pub fn results(&self) -> &Results {
         &self.results
@@ -123,7 +123,7 @@ impl Asset {
     /// # Safety
     /// See [`Results::fetch_external`].
     pub unsafe fn fetch_external(&self, tile: usize, kind: FetchKind, image: &ExternalImage) -> Result<()> {
-        // SAFETY: the caller's.
+        // SAFETY: the caller keeps the promises of `Results::fetch_external`.
         unsafe { self.results.fetch_external(tile, kind, image) }
     }
 
@@ -175,8 +175,8 @@ impl Asset {
         self.results.report()
     }
 
-    /// Calls `f` with the device's memory. Where some is missing, that is an error: every tile keeps what it has, and what
-    /// was booked for more goes back.
+    /// Calls `f` with the device's memory. If memory runs short, this is an error: every tile keeps what it has, and the
+    /// memory booked beyond that is released.
     fn call<R>(&mut self, f: impl FnOnce(&mut Asset) -> Result<R>) -> Result<R> {
         let device = self.device.clone();
         let result = device.call(|| f(self));

@@ -1,4 +1,4 @@
-//! What a host can do about a call that is under way: ask how far it is, be told, and cancel it.
+//! Control over a running call: its progress, a callback that reports it, and cancellation.
 
 use std::cell::Cell;
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
@@ -10,88 +10,89 @@ use crate::error::Result;
 use crate::panics::lock;
 use crate::unwind::{Stop, unwind};
 
-/// A host's function that is told how far a call is, 0..1, on the thread that does the call's work; it cancels the call by
-/// returning true.
+/// A host's function that receives the progress of a call, 0..1, on the thread that does the call's work. Returning true
+/// cancels the call.
 pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 
-/// A hold on one call: its progress, and the means to cancel it from any thread. It serves one call after the other, but
-/// once cancelled it cancels all that follow.
+/// Control over one call: its progress, and the means to cancel it from any thread. It can serve several calls in turn,
+/// but once cancelled it cancels all later ones.
 #[derive(Default)]
 pub struct Control {
     /// `GOING`, `CANCELLED` or `DONE`.
     state: AtomicU8,
     /// The fraction that is done: the bits of an f32.
     done: AtomicU32,
-    /// Highest progress reported so far; it never decreases. Bits of numbers over 0 are ordered as the numbers are.
+    /// Highest progress reported; it never decreases. Stored as the bits of an f32: those of positive numbers sort as the
+    /// numbers do.
     told: AtomicU32,
-    /// The stage that is under way.
+    /// The stage in progress.
     stage: Mutex<Option<Stage>>,
-    /// The thread that does the call's work, and calls the host's functions meanwhile; 0 while there is none.
+    /// The thread that does the call's work and meanwhile calls the host's functions; 0 while no work is running.
     thread: AtomicUsize,
     watch: Option<Watch>,
-    /// Items of work after which the call is cancelled; 0 = never.
+    /// Number of items of work after which the call is cancelled; 0 = never.
     #[cfg(feature = "lab")]
     items_left: std::sync::atomic::AtomicU64,
 }
 
-/// A stage of the work: a solve's largest takes half of its time.
+/// A stage of the work. The largest stage of a solve takes half of its time.
 struct Stage {
     start: Instant,
-    /// How long it is expected to take.
+    /// Expected duration.
     seconds: f32,
-    /// The fraction of the call's work that it is.
+    /// Fraction of the call's work.
     fraction: f32,
 }
 
-/// A host's function, and when it is called.
+/// A host's progress function, and when it was called.
 struct Watch {
     call: ProgressFn,
     start: Instant,
-    /// When it was called last, in microseconds from the start.
+    /// Time of the last call, in microseconds from the start.
     last: AtomicU64,
 }
 
 const GOING: u8 = 0;
 const CANCELLED: u8 = 1;
-/// The call has its result, and cannot be cancelled any more.
+/// The call has its result and can no longer be cancelled.
 const DONE: u8 = 2;
 
 /// Microseconds between two calls of a host's function.
 const PERIOD: u64 = 2000;
 
 impl Control {
-    /// For a call whose progress is asked for.
+    /// A control whose progress the host polls.
     #[must_use]
     pub fn new() -> Control {
         Control::default()
     }
 
-    /// For a call that tells its progress, about 500 times per second.
+    /// A control that reports progress to a function, about 500 times per second.
     #[must_use]
     pub fn with_progress(call: ProgressFn) -> Control {
         let (start, last) = (Instant::now(), AtomicU64::new(0));
         Control { watch: Some(Watch { call, start, last }), ..Control::default() }
     }
 
-    /// Cancels the call, which returns `Cancelled` soon after, with the last good result as it was. A call that has its
-    /// result already is not cancelled any more.
+    /// Cancels the call, which soon returns `Cancelled` and keeps the last good result. A call that already has its
+    /// result is no longer cancelled.
     pub fn cancel(&self) {
         let _ = self.state.compare_exchange(GOING, CANCELLED, Ordering::Relaxed, Ordering::Relaxed);
     }
 
-    /// Cancels the call before the item of work with this number, the first of which is 1: for tests.
+    /// For tests: cancels the call before the item of work with this number, counted from 1.
     #[cfg(feature = "lab")]
     pub fn cancel_at_item(&self, number: u64) {
         self.items_left.store(number, Ordering::Relaxed);
     }
 
-    /// Whether it was cancelled.
+    /// True if the call was cancelled.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
         self.state.load(Ordering::Relaxed) == CANCELLED
     }
 
-    /// The fraction of the call's work that is done, 0..1, by prediction. It never falls during a call.
+    /// The predicted fraction of the call's work that is done, 0..1. It never decreases during a call.
     #[must_use]
     pub fn progress(&self) -> f32 {
         let mut progress = f32::from_bits(self.done.load(Ordering::Relaxed));
@@ -104,8 +105,8 @@ impl Control {
         f32::from_bits(self.told.fetch_max(bits, Ordering::Relaxed).max(bits))
     }
 
-    /// Begins a call's work: until what is returned is dropped, the calling thread is the one whose items of work call the
-    /// host's function.
+    /// Begins a call's work: until the returned value is dropped, the calling thread is the one whose items of work call
+    /// the host's function.
     #[must_use]
     pub(crate) fn begin(&self) -> Working<'_> {
         let _ = self.state.compare_exchange(DONE, GOING, Ordering::Relaxed, Ordering::Relaxed);
@@ -116,13 +117,13 @@ impl Control {
         Working(self)
     }
 
-    /// Whether the calling thread does the call's work: it is in one of the host's functions then, and must not wait for the
-    /// call. A host's threads may run that work, so that it need not be the thread of the call.
+    /// True if the calling thread does the call's work. It is then inside one of the host's functions and must not wait
+    /// for the call. The work may run on a host's thread, so it need not be the thread that made the call.
     pub(crate) fn works_here(&self) -> bool {
         self.thread.load(Ordering::Relaxed) == this_thread()
     }
 
-    /// Ends what can be cancelled of a call; unwinds if it was cancelled before.
+    /// Ends the part of a call that can be cancelled; unwinds if the call has already been cancelled.
     pub(crate) fn seal_or_unwind(&self) {
         let _ = self.state.compare_exchange(GOING, DONE, Ordering::Relaxed, Ordering::Relaxed);
         if self.is_cancelled() {
@@ -131,19 +132,19 @@ impl Control {
         self.done.store(1.0f32.to_bits(), Ordering::Relaxed);
     }
 
-    /// Adds a fraction of the call's work to what is done.
+    /// Adds a fraction of the call's work to the completed part.
     pub(crate) fn advance(&self, fraction: f32) {
         let add = |bits| Some((f32::from_bits(bits) + fraction).min(1.0).to_bits());
         let _ = self.done.fetch_update(Ordering::Relaxed, Ordering::Relaxed, add);
     }
 
-    /// Begins a stage that is a fraction of the call's work and is expected to take so many seconds. When it is over, it is
-    /// added with [`Control::end_stage`].
+    /// Begins a stage with a fraction of the call's work and an expected duration. [`Control::end_stage`] adds the
+    /// fraction when the stage is over.
     pub(crate) fn begin_stage(&self, fraction: f32, seconds: f32) {
         *self.stage() = Some(Stage { start: Instant::now(), seconds: seconds.max(1e-6), fraction });
     }
 
-    /// Ends the stage, and adds its fraction.
+    /// Ends the stage and adds its fraction to the completed part.
     pub(crate) fn end_stage(&self, fraction: f32) {
         let mut stage = self.stage();
         *stage = None;
@@ -154,7 +155,7 @@ impl Control {
         lock(&self.stage)
     }
 
-    /// Whether the call goes on. Called before each item of work, which is where the host's function is called.
+    /// True if the call should go on. Called before each item of work; it calls the host's function when due.
     #[inline]
     pub(crate) fn goes_on(&self) -> bool {
         #[cfg(feature = "lab")]
@@ -162,7 +163,7 @@ impl Control {
         {
             self.cancel();
         }
-        // A host that has cancelled is not called again, however long other work takes to end.
+        // A host that has cancelled is not called again, however long the remaining work takes.
         if let Some(watch) = &self.watch
             && !self.is_cancelled()
             && self.works_here()
@@ -174,13 +175,13 @@ impl Control {
         !self.is_cancelled()
     }
 
-    /// `Cancelled`, if it was.
+    /// `Cancelled` if the call was cancelled.
     #[cfg(any(test, feature = "gpu"))]
     pub(crate) fn check(&self) -> Result<()> {
         if self.goes_on() { Ok(()) } else { Err(Stop::Cancelled.error()) }
     }
 
-    /// Unwinds, if it was cancelled.
+    /// Unwinds if the call was cancelled.
     pub(crate) fn check_or_unwind(&self) {
         if !self.goes_on() {
             unwind(Stop::Cancelled);
@@ -197,7 +198,7 @@ impl std::fmt::Debug for Control {
     }
 }
 
-/// A call's work on a thread.
+/// A call's work on one thread.
 #[derive(Debug)]
 pub(crate) struct Working<'a>(&'a Control);
 
@@ -208,7 +209,7 @@ impl Drop for Working<'_> {
 }
 
 impl Watch {
-    /// Whether it is the time for calling.
+    /// True if the host's function is due for a call.
     fn is_due(&self) -> bool {
         let now = self.start.elapsed().as_micros() as u64;
         let due = now >= self.last.load(Ordering::Relaxed) + PERIOD;
@@ -220,24 +221,24 @@ impl Watch {
 }
 
 thread_local! {
-    /// Whether this is one of a host's threads that does a call's work at present.
+    /// True on a host's thread while it does a call's work.
     static LENT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Tells threads apart that are alive at the same time. Not std's number of a thread: that one comes with a record that
-/// keeps the library from being unloaded.
+/// Identifies a thread among those alive. Not std's thread id: that one creates a record that keeps the library from
+/// being unloaded.
 pub(crate) fn this_thread() -> usize {
     LENT.with(|lent| &raw const *lent as usize)
 }
 
-/// Whether the calling thread is a host's that does a call's work: it is in one of the host's functions, such as the one for
-/// progress. What is asked of the library there must not wait for the host's other threads: they may all be waiting for
-/// this one's work.
+/// True if the calling thread is a host's thread that does a call's work, and so is inside one of the host's functions,
+/// such as the progress function. A call into the library from there must not wait for the host's other threads, which
+/// may all be waiting for this thread's work.
 pub(crate) fn is_lent() -> bool {
     LENT.with(Cell::get)
 }
 
-/// Does a call's work on a thread of a host's.
+/// Does a call's work on a host's thread.
 pub(crate) fn lent<R>(work: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
@@ -296,7 +297,7 @@ mod tests {
                 progress >= 1.0
             }))
         };
-        // Nothing is called before the work begins, and nothing on other threads.
+        // The host's function is not called before the work begins, nor on other threads.
         assert!(control.goes_on());
         let _working = control.begin();
         std::thread::scope(|scope| scope.spawn(|| assert!(control.goes_on())).join().unwrap());
@@ -306,7 +307,7 @@ mod tests {
             control.advance(1e-4);
             std::thread::yield_now();
         }
-        // It has cancelled: other work that takes long to end does not call it again.
+        // The host has cancelled: it is not called again by other work that takes long to end.
         let calls = told.lock().unwrap().len();
         let most = start.elapsed().as_micros() as u64 / PERIOD + 2;
         std::thread::sleep(Duration::from_micros(2 * PERIOD));

@@ -25,14 +25,14 @@ struct Inner {
     threads: u32,
     reason: String,
     bytes_held: AtomicU64,
-    /// The pace of the device's solves, for time budgets; see `Deadline`.
+    /// The measured pace of the device's solves, for time budgets; see `Deadline`.
     pace: Mutex<f64>,
     gpu: Option<Arc<Context>>,
-    /// Assets that are alive.
+    /// Number of live assets.
     assets: AtomicUsize,
 }
 
-/// Counts an asset while it lives. After the last one, free memory goes back to the system.
+/// Counts a live asset. After the last one, free memory goes back to the system.
 #[derive(Debug)]
 pub(crate) struct LiveAsset(Device);
 
@@ -51,17 +51,17 @@ impl Drop for LiveAsset {
     }
 }
 
-/// Returns free pages of the heap to the system. Without this, glibc keeps up to hundreds of megabytes for later: it
-/// takes what was freed once for what will be needed again.
+/// Returns free pages of the heap to the system. Without this, glibc keeps up to hundreds of megabytes of freed memory
+/// for later use.
 fn give_memory_back() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    // SAFETY: may be called at any time, by any thread.
+    // SAFETY: may be called at any time by any thread.
     unsafe {
         libc::malloc_trim(0);
     }
 }
 
-/// Decisions of the environment beside the settings; tests set them directly.
+/// Settings that come from the environment; tests set them directly.
 #[derive(Clone, Copy, Debug, Default)]
 struct Overrides {
     backend: Option<Backend>,
@@ -111,31 +111,32 @@ fn variable(name: &str) -> Option<String> {
 }
 
 /// The GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits, through
-/// Vulkan, Direct3D 12 or Metal. Hardware stands before software, discrete before integrated; the order stays while
-/// the machine and its drivers do. Empty without a GPU or a driver.
+/// Vulkan, Direct3D 12 or Metal. Hardware GPUs come before software ones, discrete before integrated; the order is stable
+/// for the same machine and drivers. Empty without a GPU or a driver.
 ///
-/// Each call loads the drivers, which takes tens of milliseconds, the first one more. Nothing is printed by this
-/// library, but a driver may: with Mesa's on Linux, a line about XDG_RUNTIME_DIR where that is not set.
+/// Each call loads the drivers, which takes tens of milliseconds, and longer the first time. This library prints nothing,
+/// but a driver may: Mesa's on Linux prints a line about XDG_RUNTIME_DIR if it is not set.
 #[must_use]
 pub fn adapters() -> Vec<AdapterInfo> {
     Adapters::new().infos()
 }
 
 impl Device {
-    /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one holds threads of
-    /// its driver, so make one device and keep it. Environment variables override the settings, for support:
-    /// VRTM_DEVICE (auto, cpu, gpu, or gpu:UUID for the GPU with this UUID), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a GPU with WebGPU's default
-    /// limits and without optional features.
+    /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one keeps threads of its
+    /// driver, so make one device and keep it. For support, environment variables override the settings: VRTM_DEVICE
+    /// (auto, cpu, gpu, or gpu:UUID for the GPU with this UUID), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a
+    /// GPU with WebGPU's default limits and without optional features.
     ///
     /// # Errors
-    /// For [`Backend::Gpu`], `Unsupported` if there is no GPU or it cannot be opened, and `InvalidArgument` if there is
-    /// none of that number or identity; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
+    /// For [`Backend::Gpu`], `Unsupported` if no GPU was found or it cannot be opened, and `InvalidArgument` for an
+    /// unknown number or identity; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
     /// `Unsupported` for an allocator without the cargo feature `allocator`; `OutOfMemory`.
     pub fn new(settings: &DeviceSettings) -> Result<Device> {
         Device::with(settings, Overrides::read(variable)?)
     }
 
-    /// The same with other variables than the environment's, and with buffers of at most `band` blocks on a GPU.
+    /// Makes a device with the given overrides instead of the environment's, and with GPU buffers of at most `band`
+    /// blocks.
     #[cfg(feature = "lab")]
     pub fn with_variables(
         settings: &DeviceSettings,
@@ -214,28 +215,29 @@ impl Device {
         }
     }
 
-    /// Calls `f` with memory from where the device's comes from; what is missing is an error.
+    /// Calls `f` with the device's allocator; missing memory becomes an error.
     pub(crate) fn call<R>(&self, f: impl FnOnce() -> Result<R>) -> Result<R> {
         in_memory_of(&self.0.settings, f)
     }
 
-    /// The open GPU, if this is one.
+    /// The open GPU of a GPU device.
     pub(crate) fn gpu(&self) -> Option<&Arc<Context>> {
         self.0.gpu.as_ref()
     }
 
-    /// `DeviceLost` if the GPU went away.
+    /// `DeviceLost` if the GPU was lost.
     pub(crate) fn alive(&self) -> Result<()> {
         self.gpu().map_or(Ok(()), |gpu| gpu.alive())
     }
 
-    /// Destroys the GPU, as if it went away; true if this device has one.
+    /// For tests: destroys the GPU, as if it were lost. True if this device has one.
     #[cfg(feature = "lab")]
     pub fn lose_for_tests(&self) -> bool {
         self.gpu().map(|gpu| gpu.lose()).is_some()
     }
 
-    /// On a GPU, times each kernel by itself from now on ([`crate::GpuKernel::ms`]): for benches, since it costs time.
+    /// On a GPU, times each kernel separately from now on ([`crate::GpuKernel::ms`]). For benchmarks, since it costs
+    /// time.
     #[cfg(feature = "lab")]
     pub fn time_kernels(&self, yes: bool) {
         if let Some(gpu) = self.gpu() {
@@ -243,13 +245,13 @@ impl Device {
         }
     }
 
-    /// The threads of a call: as many as the device has, or as many as are given.
+    /// The threads of a call: `threads`, or as many as the device has.
     pub(crate) fn crew(&self, threads: Option<NonZeroU32>, control: Option<Arc<Control>>) -> Crew {
         let threads = threads.map_or(self.0.threads, NonZeroU32::get) as usize;
         Crew { threads, executor: self.0.settings.executor.clone(), control }
     }
 
-    /// The host's threads, if it gave some.
+    /// The host's executor, if it supplied one.
     pub(crate) fn executor(&self) -> Option<&Arc<dyn Executor>> {
         self.0.settings.executor.as_ref()
     }
@@ -259,7 +261,7 @@ impl Device {
         Team::of(&self.crew(None, None), f)
     }
 
-    /// The pace of its last solves that had a time budget; see `Deadline`.
+    /// The pace measured by the device's last solves with a time budget; see `Deadline`.
     pub(crate) fn pace(&self) -> MutexGuard<'_, f64> {
         lock(&self.0.pace)
     }
@@ -270,7 +272,7 @@ impl Device {
         }
     }
 
-    /// Books a change of an asset's bytes against the budget; `what` is named if it does not fit.
+    /// Books a change of an asset's bytes against the budget; the error names `what` if the budget is exceeded.
     pub(crate) fn rebook(&self, before: u64, after: u64, what: &str) -> Result<()> {
         let budget = self.0.settings.memory_budget;
         self.0
@@ -293,13 +295,13 @@ impl Device {
     }
 }
 
-/// Calls `f` with memory from where a device's comes from.
+/// Calls `f` with the allocator of a device with these settings.
 fn in_memory_of<R>(settings: &DeviceSettings, f: impl FnOnce() -> Result<R>) -> Result<R> {
     let _scope = Current::new(settings.allocator.as_ref()).enter();
     caught(f)
 }
 
-/// The GPU that was asked for by its number or identity, and which one that is.
+/// Opens the GPU requested by number or identity; also describes which one it is.
 fn open(settings: &DeviceSettings, origin: &str, overrides: Overrides) -> Result<(Context, String)> {
     let unsupported = |why: &str| {
         Error::new(ErrorKind::Unsupported, format!("backend: gpu was asked for{origin}, but {why}"))
@@ -327,7 +329,7 @@ fn open(settings: &DeviceSettings, origin: &str, overrides: Overrides) -> Result
     Ok((gpu, which))
 }
 
-/// The number of the adapter that is meant.
+/// The number of the adapter with this identity.
 fn place(adapters: &[AdapterInfo], id: AdapterId) -> Option<usize> {
     adapters.iter().position(|adapter| adapter.has_id(id))
 }
@@ -342,7 +344,8 @@ fn nowhere(adapters: &[AdapterInfo], id: AdapterId) -> Error {
     Error::argument(message)
 }
 
-/// The GPU that `auto` takes, the one that is meant if any is, or the CPU, and why.
+/// The choice of `auto`: the GPU with this identity if one is given, otherwise the first suitable one, or the CPU; and
+/// the reason.
 fn choose(id: Option<AdapterId>, overrides: Overrides) -> (Option<Context>, String) {
     let found = Adapters::new();
     let adapters = found.infos();
@@ -360,7 +363,7 @@ fn choose(id: Option<AdapterId>, overrides: Overrides) -> (Option<Context>, Stri
     }
 }
 
-/// A GPU that was chosen, if it could be opened.
+/// The chosen GPU if it could be opened, otherwise the CPU.
 fn or_the_cpu(opened: Result<Context>) -> (Option<Context>, String) {
     match opened {
         Ok(gpu) => {

@@ -1,8 +1,8 @@
-//! What goes wrong, as a kind (the C API's status) and a message that names the argument.
+//! Errors: a kind (the C API's status) and a message that names the argument.
 
 use std::fmt;
 
-/// The kinds of failure; the C API's `vrtm_status` has the same ones.
+/// The kinds of failure, the same as the C API's `vrtm_status`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ErrorKind {
@@ -10,11 +10,11 @@ pub enum ErrorKind {
     InvalidArgument,
     /// The requested backend, format or combination is not available in this build or on this machine.
     Unsupported,
-    /// Memory, or the device's memory budget, does not suffice.
+    /// Memory is exhausted, or the device's memory budget.
     OutOfMemory,
-    /// There is no result to read yet: solve first.
+    /// Nothing has been solved yet, so there is no result to read.
     NotSolved,
-    /// The GPU went away: a driver reset, a crash, a removed adapter. Make a new device and new assets.
+    /// The GPU was lost: a driver reset, a crash, a removed adapter. Make a new device and new assets.
     DeviceLost,
     /// The call was cancelled; the asset keeps its last good result.
     Cancelled,
@@ -26,9 +26,9 @@ pub enum ErrorKind {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Error {
-    /// What kind of failure.
+    /// The kind of failure.
     pub kind: ErrorKind,
-    /// One line that names the argument and, where there is one, the index.
+    /// One line that names the argument and, if it applies, the index.
     pub message: String,
 }
 

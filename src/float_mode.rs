@@ -16,7 +16,7 @@ impl FloatMode {
 
 impl Drop for FloatMode {
     fn drop(&mut self) {
-        // With the exceptions that the host had seen, and without ours.
+        // This also restores the exception flags that the host had seen, and drops ours.
         write(self.0);
     }
 }
@@ -28,7 +28,7 @@ use x86_64::{DEFAULT, Word, read, write};
 mod x86_64 {
     use std::arch::asm;
 
-    /// MXCSR.
+    /// The MXCSR register.
     pub type Word = u32;
 
     /// All exceptions masked.
@@ -42,7 +42,7 @@ mod x86_64 {
     }
 
     pub fn write(word: Word) {
-        // SAFETY: the value is the default that Rust code expects, or that of the caller, to whom control returns.
+        // SAFETY: the value is the default that Rust code expects, or the caller's own on return to it.
         unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const word, options(nostack, preserves_flags)) };
     }
 }
@@ -54,7 +54,7 @@ use aarch64::{DEFAULT, Word, read, write};
 mod aarch64 {
     use std::arch::asm;
 
-    /// FPCR.
+    /// The FPCR register.
     pub type Word = u64;
 
     pub const DEFAULT: Word = 0;
@@ -67,7 +67,7 @@ mod aarch64 {
     }
 
     pub fn write(word: Word) {
-        // SAFETY: the value is the default that Rust code expects, or that of the caller, to whom control returns.
+        // SAFETY: the value is the default that Rust code expects, or the caller's own on return to it.
         unsafe { asm!("msr fpcr, {}", in(reg) word, options(nostack, preserves_flags)) };
     }
 }
@@ -91,7 +91,7 @@ mod other {
 mod tests {
     use super::*;
 
-    /// Rounds up, flushes results to zero and takes operands for zero, and traps divisions by zero.
+    /// Rounds up, flushes results to zero, treats subnormal operands as zero, and traps divisions by zero.
     const ODD: Word = (DEFAULT & !(1 << 9)) | 0x4000 | 0x8000 | 0x40;
 
     #[test]

@@ -1,5 +1,5 @@
-//! Stands in for the GPU backend in a build without the cargo feature `gpu`: the same names, but no adapter is ever
-//! found, and of the other types there is no value.
+//! Replaces the GPU backend in a build without the cargo feature `gpu`: the same names, but no adapter is ever found, and
+//! all other types are uninhabited.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::grid::Grid;
 use crate::grid::planes::Plane;
 use crate::mesh::TileMesh;
 
-/// Has no value.
+/// An uninhabited type.
 #[derive(Clone, Copy, Debug)]
 enum Absent {}
 

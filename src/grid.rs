@@ -40,8 +40,8 @@ use pose::{Pose, PoseTriangle};
 use survey::{RigidNodes, Survey, SurveyLevel};
 use uv_triangle::UvTriangle;
 
-/// One level of a tile's grid: all of its data that does not depend on the pose. What does not depend on the rigidity
-/// either is shared with the grids that differ in it only.
+/// One level of a tile's grid: all of its data that does not depend on the pose. Data that does not depend on the
+/// rigidity either is shared between grids that differ only in rigidity.
 #[derive(Debug)]
 pub struct Level {
     /// Cells along u.
@@ -57,7 +57,7 @@ pub struct Level {
     /// (method §7.5; the upper neighbour has the rest), as codes of `codes::encode_weight`. Empty on the coarsest
     /// level.
     pub interpolation: Vec<Plane<u8>>,
-    /// Per block: the stiffness from which the weights follow. Empty on levels 0 and 1, where it is soon computed.
+    /// Per block: the stiffness from which the weights follow. Empty on levels 0 and 1, where it is quick to compute.
     pub stiffness: Vec<StiffnessPlanes>,
     /// Per block: 1 for movable nodes, 0 for fixed ones.
     pub movable: Arc<Vec<Plane<u8>>>,
@@ -109,15 +109,15 @@ pub struct Grid {
     pub movable: Vec<u64>,
     /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
-    /// The rest pose, in the charts' units.
+    /// The rest pose, in units of the charts.
     pub rest: Arc<Pose>,
     /// The blocks and movable nodes of each level.
     survey: Arc<Vec<SurveyLevel>>,
     /// The nodes of each square that may move if their chart has rigidity.
     parts: Arc<Vec<Part>>,
-    /// Per part, whether rigidity is not 0 at one of its nodes or next to it.
+    /// Per part: true if the rigidity is not 0 at one of its nodes or next to one.
     rigid: Vec<bool>,
-    /// Of the squares that triangles cover, sorted by y, x.
+    /// The rigid nodes of the squares that triangles cover, sorted by y, x.
     rigid_nodes: Vec<RigidNodes>,
 }
 
@@ -126,7 +126,7 @@ pub struct Grid {
 const FLOOR_FRACTION: f32 = 0.05;
 
 impl Grid {
-    /// The same grid with another rigidity of its parts and squares; that of its nodes is not changed.
+    /// The same grid with another rigidity of its parts and squares; the rigidity of its nodes is unchanged.
     fn with_rigidity(&self, rigid: Vec<bool>, rigid_nodes: Vec<RigidNodes>) -> Grid {
         Grid {
             levels: copied(&self.levels),
@@ -149,7 +149,7 @@ impl Grid {
         survey::frozen_share(&self.rigid_nodes)
     }
 
-    /// True if another grid has the same blocks: it differs in rigidity at most.
+    /// True if another grid has the same blocks, so that the two differ in rigidity at most.
     pub fn has_blocks_of(&self, other: &Grid) -> bool {
         Arc::ptr_eq(&self.triangle, &other.triangle)
     }
@@ -189,8 +189,8 @@ impl Grid {
     }
 }
 
-/// Bytes of a block of level k: of its nodes' rigidity, mobility, rest lengths, weights of interpolation, and triangles or
-/// coverage; and of its place among the blocks. Those of level 1 have their least part of `Gather`.
+/// Bytes of a block of level k: its nodes' rigidity, mobility, rest lengths, interpolation weights, and triangles or
+/// coverage, and its entry among the blocks. On level 1 this includes the minimum for `Gather`.
 fn block_bytes(k: usize) -> usize {
     let gather = if k == 1 { GATHER_BYTES } else { 0 };
     let stiffness = if k > 1 { size_of::<StiffnessPlanes>() } else { 0 };
@@ -199,13 +199,13 @@ fn block_bytes(k: usize) -> usize {
 }
 
 impl Survey<'_> {
-    /// About as many bytes as the grid will have.
+    /// Estimated bytes of the grid, before it is built.
     pub fn grid_bytes(&self) -> u64 {
         survey_bytes(&self.levels, self.triangles.len())
     }
 }
 
-/// About as many bytes as a grid with these levels will have.
+/// Estimated bytes of a grid with these levels.
 fn survey_bytes(levels: &[SurveyLevel], triangles: usize) -> u64 {
     let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * block_bytes(k);
     let levels: usize = levels.iter().enumerate().map(per_level).sum();

@@ -1,4 +1,4 @@
-//! Views of a host's images: maps on the way in, redirection and warp on the way out.
+//! Views of a host's images: maps as input, redirection and warp as output.
 
 pub(crate) mod external;
 pub(crate) mod format;
@@ -39,15 +39,15 @@ pub struct ImageLayout {
     pub origin: Origin,
     /// Channels to write per texel of an output, 1 to 4; `None` = two. Inputs have one.
     pub channels: Option<u32>,
-    /// Whether values of a redirection next to a fold of the interpolated map may differ from the inverse warp, so that
-    /// the map is one-to-one when it is read with bilinear interpolation; false = each value is the inverse warp's. In f32
-    /// no map is known that is left with folds. Where numbers of 16 bits are too coarse for a map's size, the values are
-    /// the inverse warp's, the log warns, and [`crate::MapReport::folds`] counts the folds.
+    /// If true, values of a redirection next to a fold of the interpolated map may differ from the inverse warp, so that
+    /// the map is one-to-one when read with bilinear interpolation; if false, each value is the inverse warp's. No f32
+    /// map is known that keeps folds. Where 16-bit numbers are too coarse for a map's size, the values are the inverse
+    /// warp's, the log warns, and [`crate::MapReport::folds`] counts the folds.
     pub one_to_one: bool,
 }
 
 impl ImageLayout {
-    /// A packed image whose first row is v = 1; as an output with two channels.
+    /// A packed image whose first row is v = 1; as an output it has two channels.
     #[must_use]
     pub fn packed(width: u32, height: u32, format: PixelFormat) -> ImageLayout {
         ImageLayout {
@@ -62,7 +62,7 @@ impl ImageLayout {
         }
     }
 
-    /// The same of an output with so many channels.
+    /// The same layout for an output with this number of channels.
     #[must_use]
     pub fn with_channels(self, channels: u32) -> ImageLayout {
         ImageLayout { channels: Some(channels), ..self }
@@ -76,7 +76,7 @@ impl ImageLayout {
         self.resolve_within(name, channels, isize::MAX as usize)
     }
 
-    /// The same for an output at `data`, with its own number of channels.
+    /// Checks the layout of an output at `data`, with its own number of channels.
     pub(crate) fn resolve_output(&self, name: &str, data: *const u8) -> Result<TexelLayout> {
         let channels = self.channels.unwrap_or(2);
         if !(1..=4).contains(&channels) {
@@ -85,8 +85,8 @@ impl ImageLayout {
         self.resolve_within(name, channels, usize::MAX - data.addr())
     }
 
-    /// The same for an image that must not span more than `most` bytes: its address leaves no more. What is to blame is
-    /// named: a stride, if the image would fit without it.
+    /// Checks the layout of an image that may span at most `most` bytes, the limit set by its address. The error blames a
+    /// stride if the image would fit without it.
     pub(crate) fn resolve_within(&self, name: &str, channels: u32, most: usize) -> Result<TexelLayout> {
         let &ImageLayout { width, height, format, origin, .. } = self;
         if width == 0 || height == 0 {
@@ -116,7 +116,7 @@ impl ImageLayout {
         };
         let wide = || too_far("pixel_stride", pixel_stride, width, "texels");
         let row = span(width - 1, pixel_stride, texel).ok_or_else(wide)?;
-        // Bytes behind the last texel of a row of its own need not be there.
+        // The bytes after the last texel of a row need not exist.
         let row_stride = self.row_stride.map_or_else(
             || if height == 1 { Ok(row) } else { pixel_stride.checked_mul(width as usize).ok_or_else(wide) },
             Ok,
@@ -144,7 +144,7 @@ impl ImageLayout {
     }
 }
 
-/// An [`ImageLayout`] that was checked.
+/// A checked [`ImageLayout`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TexelLayout {
     pub width: u32,
@@ -195,8 +195,8 @@ impl<'a> ImageView<'a> {
         Ok(ImageView { bytes, layout })
     }
 
-    /// Copies the image, in its format, rows from v = 0 upward: the pages that are `wanted`. Values must be finite; those
-    /// beyond 0..1 count as the nearest of these bounds.
+    /// Copies the `wanted` pages of the image, in its format, rows from v = 0 upward. Values must be finite; they are
+    /// clamped to 0..1.
     pub(crate) fn to_map(self, name: &str, wanted: impl Fn(&TexelRect) -> bool) -> Result<Map> {
         let size = [self.layout.width as usize, self.layout.height as usize];
         self.check_finite(name, TexelRect { first: [0, 0], end: size })?;
@@ -217,7 +217,7 @@ impl<'a> ImageView<'a> {
         }
     }
 
-    /// Checks that some texels are finite.
+    /// Checks that the values of some texels are finite.
     pub(crate) fn check_finite(&self, name: &str, rect: TexelRect) -> Result<()> {
         if matches!(self.layout.format, PixelFormat::U8 | PixelFormat::U16) {
             return Ok(());
@@ -245,7 +245,7 @@ impl<'a> ImageView<'a> {
                 size[0], size[1], first[0], first[1]
             )));
         }
-        // Rows run the same way as in memory or the other way round.
+        // Rows run in the same direction as in memory, or in the opposite one.
         let [a, b] = [self.layout.row(first[1]), self.layout.row(end[1] - 1)];
         Ok(TexelRect { first: [first[0], a.min(b)], end: [end[0], a.max(b) + 1] })
     }
@@ -275,19 +275,19 @@ impl ImagePart {
 /// A host's image to be written.
 #[derive(Debug)]
 pub struct ImageViewMut<'a> {
-    /// No slice: the bytes that strides skip may be another image's, which is written through a view of its own.
+    /// Not a slice: the bytes that strides skip may belong to another image, written through its own view.
     data: *mut u8,
     pub(crate) layout: TexelLayout,
     lifetime: PhantomData<&'a mut [u8]>,
 }
 
-// SAFETY: as `&mut [u8]`, for which it stands.
+// SAFETY: the view behaves like a `&mut [u8]`.
 unsafe impl Send for ImageViewMut<'_> {}
 // SAFETY: as above.
 unsafe impl Sync for ImageViewMut<'_> {}
 
 impl<'a> ImageViewMut<'a> {
-    /// A view of `bytes` with `layout.channels` channels per texel, f16 or f32; other bytes of a stride are left alone.
+    /// A view of `bytes` with `layout.channels` channels per texel, f16 or f32; bytes skipped by strides are left alone.
     ///
     /// # Errors
     /// `InvalidArgument` for a zero size, a short stride, channels that are not 1 to 4, or too few bytes; `Unsupported` for
@@ -305,11 +305,10 @@ impl<'a> ImageViewMut<'a> {
     /// A view of the image whose first row begins at `data`.
     ///
     /// # Errors
-    /// Those of [`ImageViewMut::new`], but for too few bytes.
+    /// Those of [`ImageViewMut::new`], except for too few bytes.
     ///
     /// # Safety
-    /// While the view is in use, the texels are memory that nothing but this view touches; the bytes between them may be
-    /// anyone's.
+    /// While the view is in use, nothing else may access the texels; the bytes between them may belong to anyone.
     pub(crate) unsafe fn from_raw(
         name: &str,
         data: *mut u8,
@@ -325,13 +324,13 @@ impl<'a> ImageViewMut<'a> {
         Ok(ImageViewMut { data, layout, lifetime: PhantomData })
     }
 
-    /// The image as the whole of a tile.
+    /// This image as a whole tile.
     pub(crate) fn whole(&self) -> ImagePart {
         let size = [self.layout.width as usize, self.layout.height as usize];
         ImagePart { size, first: [0, 0], end: size }
     }
 
-    /// The image as the part of a larger one of `size` texels that begins at the column and row `first`.
+    /// This image as a part of a larger image of `size` texels, beginning at the column and row `first`.
     pub(crate) fn part(&self, name: &str, size: [u32; 2], first: [u32; 2]) -> Result<ImagePart> {
         let own = self.whole().size;
         let [size, first] = [size, first].map(|pair| pair.map(|x| x as usize));
@@ -367,7 +366,7 @@ mod tests {
         let message = ImageView::new("map", &bytes, short).unwrap_err().message;
         assert!(message.contains("map: row_stride"), "{message}");
         let message = |layout| ImageView::new("map", &bytes, layout).unwrap_err().message;
-        // What is beyond memory because of a stride is the stride's fault, not the size's.
+        // If a stride makes the image exceed memory, the stride is blamed, not the size.
         let far = ImageLayout { row_stride: Some(usize::MAX / 2), ..packed };
         assert!(
             message(far).starts_with("map: row_stride is 9223372036854775807 bytes: 4 rows"),

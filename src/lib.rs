@@ -8,17 +8,16 @@
 //!
 //! # Memory
 //!
-//! A call for which there is too little memory returns [`ErrorKind::OutOfMemory`] and leaves everything as it was: that
-//! holds for all arrays whose size follows from input. Messages and the like abort the process where there is no memory at
-//! all, as everywhere in Rust.
+//! A call that runs out of memory returns [`ErrorKind::OutOfMemory`] and leaves everything as it was: this holds for all
+//! arrays sized by user input. Small allocations such as messages abort the process when memory is exhausted, as
+//! everywhere in Rust.
 //!
-//! The cargo feature `allocator` is a global allocator for the whole program. With it the process goes on also there, and
-//! [`DeviceSettings::allocator`] is supported.
+//! The cargo feature `allocator` installs a global allocator for the whole program. With it, the process survives that
+//! too, and [`DeviceSettings::allocator`] is supported.
 //!
 //! # Example
 //!
-//! Two squares side by side, of which one is stretched and the other squashed. What is painted into their middle is to
-//! keep its shape:
+//! Two squares side by side, one stretched and one squashed. The feature painted into their middle is to keep its shape:
 //!
 //! ```
 //! use vrtm::{
@@ -61,12 +60,12 @@
 //! # }
 //! ```
 
-// An allocation whose size follows from input must be able to fail: clippy.toml lists those that cannot.
+// Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
-// Some of what is here serves the C functions alone: copies of a host's arrays, threads of jobs.
+// Some code serves the C functions alone: copies of a host's arrays, threads of jobs.
 #![cfg_attr(not(feature = "capi"), allow(dead_code, unused_imports))]
 
-// From the ground up: a module imports only modules above it in this list. `tests/house/arrows.rs` reads the imports.
+// Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 mod line;
 mod error;
 mod unwind;
@@ -95,7 +94,7 @@ mod map;
 mod asset;
 mod refine;
 #[cfg(feature = "lab")]
-#[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "never in a library that is shipped")]
+#[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "absent from shipped libraries")]
 mod lab;
 #[cfg(all(feature = "capi", not(feature = "lab")))]
 mod ffi;
@@ -104,7 +103,7 @@ mod ffi;
 #[doc(hidden)]
 pub mod ffi;
 
-/// Memory of all of the program.
+/// The global allocator of the whole program.
 #[cfg(feature = "allocator")]
 #[global_allocator]
 static ALLOCATOR: allocation::Allocator = allocation::Allocator;

@@ -1,9 +1,9 @@
-//! Text in place, without an allocation.
+//! Lines of text in fixed-size buffers, without allocation.
 
 use std::ffi::c_char;
 use std::fmt::{self, Write};
 
-/// A zero-terminated line of text in place: messages must not need memory when memory is short.
+/// A zero-terminated line of text in a fixed-size buffer: messages must not need memory when memory is short.
 #[derive(Clone, Copy)]
 pub(crate) struct Line<const N: usize> {
     bytes: [u8; N],
@@ -33,7 +33,7 @@ impl<const N: usize> Line<N> {
 }
 
 impl<const N: usize> Write for Line<N> {
-    /// Cuts at a character's border; a zero or a line break inside the text becomes a space.
+    /// Cuts at a character boundary; a zero or a line break inside the text becomes a space.
     fn write_str(&mut self, text: &str) -> fmt::Result {
         for character in text.chars() {
             let character = if matches!(character, '\0' | '\n' | '\r') { ' ' } else { character };

@@ -1,5 +1,6 @@
-//! What a host fetches of a result: the redirection and other images of a tile (`fetch`), W⁻¹ at texel centres (`inverse`),
-//! the map made one-to-one under bilinear interpolation (`untangle`), and a map's certificate (`certificate`).
+//! The images that a host fetches: the redirection and other images of a tile (`fetch`), W⁻¹ at texel centres
+//! (`inverse`), the map made one-to-one under bilinear interpolation (`untangle`), and a map's certificate
+//! (`certificate`).
 
 pub(crate) mod canvas;
 pub(crate) mod certificate;
@@ -18,37 +19,38 @@ use glam::DVec2;
 use crate::error::{Error, Result};
 use crate::mesh::TileMesh;
 
-/// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third one, which is 0, and
-/// a redirection a fourth, which is 1 where a chart covers the texel's centre and 0 elsewhere: programs that know colours take
-/// two channels for luminance and alpha.
+/// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third channel, which is
+/// 0, and a redirection a fourth, which is 1 where a chart covers the texel's centre and 0 elsewhere. (Image programs
+/// read a two-channel file as luminance and alpha.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FetchKind {
-    /// Inverse warp at texel centres, absolute within the tile (0..1). f16 holds less than a texel from 1024 on.
+    /// Inverse warp at texel centres, absolute within the tile (0..1). f16 resolves less than a texel only below 1024
+    /// texels.
     Redirection,
-    /// The same less the texel centre itself, in UV.
+    /// Inverse warp minus the texel centre, in UV.
     RedirectionDelta,
     /// The warp itself, absolute within the tile, from border to border: (nx+1) x (ny+1) texels give the nodes exactly.
     /// At any other size each cell is two triangles, split by its diagonal from (0,0) to (1,1), and the warp is affine on
-    /// each: what the redirection inverts. Nodes of [`crate::Solver::Pbd`] may lie a little outside of the tile.
+    /// each; the redirection inverts this warp. Nodes of [`crate::Solver::Pbd`] may lie slightly outside of the tile.
     Warp,
     /// The redirection plus the tile's offset (U, V): absolute among all tiles, as the mesh's own UVs are.
     RedirectionUdim,
     /// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv.
     Jacobian,
-    /// Largest singular value of that, one channel: how many times wider a lookup's footprint is in the texture than on the
-    /// surface.
+    /// Largest singular value of `Jacobian`, one channel: how many times wider a lookup's footprint is in the texture
+    /// than on the surface.
     FilterScale,
 }
 
 impl FetchKind {
-    /// Channels that an image of this kind has if nothing else is asked for.
+    /// The default number of channels of an image of this kind.
     #[must_use]
     pub fn channels(self) -> u32 {
         *self.all_channels().start()
     }
 
-    /// Channels that an image of this kind may have.
+    /// The numbers of channels that an image of this kind may have.
     fn all_channels(self) -> RangeInclusive<u32> {
         match self {
             FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim => 2..=4,
@@ -59,7 +61,7 @@ impl FetchKind {
     }
 
     /// # Errors
-    /// `InvalidArgument`, naming `name`, unless an image of this kind may have so many channels.
+    /// `InvalidArgument` naming `name` if an image of this kind cannot have this many channels.
     pub(crate) fn check_channels(self, name: impl Display, channels: u32) -> Result<()> {
         let all = self.all_channels();
         if all.contains(&channels) {
@@ -70,7 +72,7 @@ impl FetchKind {
         Err(Error::argument(format!("{name}: {channels} channels, but {self:?} has {range}")))
     }
 
-    /// Whether it is one of the redirection's forms, which may have a fourth channel.
+    /// True for the forms of the redirection, which may have a fourth channel.
     pub(crate) fn is_redirection(self) -> bool {
         matches!(self, FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim)
     }
@@ -81,14 +83,14 @@ impl FetchKind {
 pub(crate) enum Form {
     /// The tile's corner (0, 0).
     Tile,
-    /// The corner (0, 0) of tile 1001; the tile's own corner is held here.
+    /// The corner (0, 0) of tile 1001; the value is the tile's own corner.
     Udim(DVec2),
     /// The texel's centre.
     Delta,
 }
 
 impl Form {
-    /// The form of a kind of output of a tile.
+    /// The form of this kind of output for a tile.
     pub fn new(kind: FetchKind, tile: &TileMesh) -> Form {
         match kind {
             FetchKind::RedirectionDelta => Form::Delta,
@@ -97,7 +99,7 @@ impl Form {
         }
     }
 
-    /// What is written for a redirected UV within the tile, `delta` away from the texel's centre.
+    /// The value to write for a redirected UV within the tile, `delta` away from the texel's centre.
     pub fn value(self, uv: [f64; 2], delta: [f64; 2]) -> [f64; 2] {
         match self {
             Form::Tile => uv,
@@ -106,7 +108,7 @@ impl Form {
         }
     }
 
-    /// The way from the texel's centre to the redirected UV that a value stands for: the inverse of `value`.
+    /// The offset from the texel's centre to the redirected UV that a value stands for: the inverse of `value`.
     pub fn delta(self, value: [f64; 2], centre: [f64; 2]) -> [f64; 2] {
         let origin = match self {
             Form::Tile => DVec2::ZERO,
@@ -117,9 +119,9 @@ impl Form {
     }
 }
 
-/// The smallest Jacobian at a corner of a quad of four neighbouring texels, 1 where nothing moves. The bilinear interpolation
-/// between the texels is one-to-one if it is positive. `deltas` are the ways in UV from the texels' centres to the redirected
-/// UVs, first of the two at the quad's lower side; `size` is that of the map in texels.
+/// The smallest Jacobian at a corner of a quad of four neighbouring texels, 1 where nothing moves. The bilinear
+/// interpolation between the texels is one-to-one if it is positive. `deltas` are the offsets in UV from the texels'
+/// centres to the redirected UVs, beginning with the two at the quad's lower side; `size` is the map's size in texels.
 pub(crate) fn smallest_jacobian(deltas: [[f64; 2]; 4], size: [f64; 2]) -> f64 {
     // The places of the texels, in texels.
     let at = |k: usize| {
@@ -131,6 +133,6 @@ pub(crate) fn smallest_jacobian(deltas: [[f64; 2]; 4], size: [f64; 2]) -> f64 {
     let cross = |e: [f64; 2], f: [f64; 2]| e[0] * f[1] - e[1] * f[0];
     let (low, high, left, right) = (way(a, b), way(c, d), way(a, c), way(b, d));
     let smallest = cross(low, left).min(cross(low, right)).min(cross(high, left)).min(cross(high, right));
-    // Of coarse numbers neighbours may be equal: the rounding of their distance must not pass for one.
+    // Coarsely rounded neighbours may be equal: the rounding error of their distance must not count as a positive area.
     if smallest.abs() < 1e-11 { 0.0 } else { smallest }
 }

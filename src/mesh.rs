@@ -19,7 +19,7 @@ use crate::report::AssetInfo;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
 pub(crate) use source::{POSITION_TOLERANCE, UV_TOLERANCE};
 
-/// The index of no triangle, tile, chart or block.
+/// The index that stands for no triangle, tile, chart or block.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// A triangle of a tile.
@@ -42,12 +42,12 @@ pub(crate) struct Chart {
     pub vertices: Vec<u32>,
 }
 
-/// An edge of the UV plane whose sides have different vertices: it is one edge by position alone.
+/// An edge of the UV plane whose two sides have different vertices and are joined by position alone.
 #[derive(Debug)]
 pub(crate) struct WeldedEdge {
     /// Both triangles, by their numbers in `TileMesh::chart_of`, and their corners opposite to the edge.
     pub sides: [(u32, u8); 2],
-    /// Of either end, the vertex on each side.
+    /// The vertices on both sides, for each end of the edge.
     pub ends: [[u32; 2]; 2],
 }
 
@@ -61,14 +61,14 @@ pub(crate) struct TileMesh {
     pub charts: Vec<Chart>,
     /// The chart of each triangle, in the order of the mesh's faces: the numbers that `Corner` and `WeldedEdge` use.
     pub chart_of: Vec<u32>,
-    /// Edges that hang together by position alone.
+    /// Edges joined by position alone.
     pub welds: Vec<WeldedEdge>,
-    /// Edges that lie together and are not connected.
+    /// Number of edges that coincide but are not connected.
     pub edges_apart: u64,
 }
 
 impl TileMesh {
-    /// The tile's corner of least u and v among all tiles.
+    /// The tile's lower corner (least u and v), in the UV plane of all tiles.
     pub fn origin(&self) -> DVec2 {
         let number = self.udim - 1001;
         DVec2::new(f64::from(number % 10), f64::from(number / 10))
@@ -80,7 +80,7 @@ impl TileMesh {
         (0..self.charts.len()).flat_map(|c| std::iter::repeat_n(c as u32, count(c))).collected()
     }
 
-    /// Sides of triangles without a neighbour.
+    /// Number of triangle sides without a neighbour.
     pub fn border_edges(&self) -> u64 {
         self.triangles.iter().flat_map(|t| t.neighbours).filter(|&n| n == NONE).count() as u64
     }
@@ -91,7 +91,7 @@ impl TileMesh {
 pub(crate) struct Corner {
     /// Its tile in `Mesh::tiles`, or `NONE`.
     pub tile: u32,
-    /// A triangle at it, by its number in `TileMesh::chart_of`, or `NONE` where none was kept.
+    /// A triangle at this corner, by its number in `TileMesh::chart_of`, or `NONE` if no triangle was kept.
     pub triangle: u32,
     /// The host's UV; 0, 0 for a face without UVs.
     pub uv: [f32; 2],
@@ -103,15 +103,15 @@ pub(crate) struct Mesh {
     pub rest: Vec<[f64; 3]>,
     /// The vertex of each face corner.
     pub indices: Vec<u32>,
-    /// The first corner of each face, and at the end the number of all corners.
+    /// The first corner of each face, followed by the number of all corners.
     pub faces: Vec<u32>,
-    /// Per vertex, the first one at its place; empty unless vertices are welded by position.
+    /// Per vertex, the first vertex at the same place; empty unless vertices are welded by position.
     pub place: Vec<u32>,
     /// The corners of each UV set.
     pub corners: Vec<Vec<Corner>>,
     /// Ordered by UV set, then by UDIM number.
     pub tiles: Vec<Arc<TileMesh>>,
-    /// The distance in a pose from which on welded vertices are torn apart, less the rounding of that pose.
+    /// The distance in a pose beyond which welded vertices are torn apart, before the pose's rounding is added.
     pub torn: f64,
     pub info: AssetInfo,
 }

@@ -1,5 +1,5 @@
-//! The method, apart from any backend: the schedule of a solve, which both backends follow, and the rules and constants
-//! that both obey. `docs/method.md` derives all of it; comments cite it as "method §n".
+//! The method, independent of any backend: the schedule of a solve, and the rules and constants that both backends
+//! follow. `docs/method.md` derives all of it; comments cite it as "method §n".
 
 pub(crate) mod constants;
 pub(crate) mod law;

@@ -1,6 +1,6 @@
-//! Panics of this library, or of libraries that it calls. What is caught becomes an
-//! `Err` with the panic's text. Its place is known, and nothing is printed, where the C functions have installed their hook
-//! (`hook`); a Rust program has the panic hook that it chose.
+//! Catches panics of this library and of the libraries that it calls, and turns them into an `Err` with the panic's text.
+//! If the C functions have installed their hook (`hook`), the place of the panic is known and nothing is printed; a Rust
+//! program keeps its own panic hook.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -16,22 +16,22 @@ use crate::unwind::{Stop, why};
 #[cfg(feature = "capi")]
 pub(crate) mod hook;
 
-/// Bytes of a panic's place; a longer one is cut.
+/// Maximum length in bytes of a panic's place; a longer one is cut.
 const PLACE_BYTES: usize = 128;
 
 // Plain values, initialised at compile time: no destructor is registered with the thread, which would keep the library
-// from being unloaded or would run after it was.
+// from being unloaded or would run after it was unloaded.
 thread_local! {
-    /// How many boundaries this thread is in: more than one if a host's callback calls back.
+    /// Number of boundaries that this thread is inside: more than one if a host's callback calls the library.
     static DEPTH: Cell<usize> = const { Cell::new(0) };
-    /// Where this thread's last panic inside a boundary came from: set by the hook.
+    /// The place of this thread's last panic inside a boundary, set by the hook.
     static PLACE: Cell<Line<PLACE_BYTES>> = const { Cell::new(Line::new()) };
 }
 
 /// Why a body did not return.
 pub(crate) struct Panicked {
     payload: Box<dyn Any + Send>,
-    /// As " (file:line:column)", or empty.
+    /// Formatted as " (file:line:column)", or empty.
     place: Line<PLACE_BYTES>,
 }
 
@@ -43,12 +43,12 @@ impl Panicked {
         literal.or_else(formatted).unwrap_or("a panic without a message")
     }
 
-    /// If it is no panic, but memory that is missing.
+    /// The reason, if the body unwound for lack of memory instead of a panic.
     pub fn out_of_memory(&self) -> Option<Stop> {
         why(&*self.payload).filter(|stop| matches!(stop, Stop::OutOfMemory(_)))
     }
 
-    /// File, line and column, to follow the text.
+    /// File, line and column, to be appended to the text.
     pub fn place(&self) -> &str {
         self.place.as_str()
     }
@@ -63,8 +63,8 @@ impl fmt::Display for Panicked {
     }
 }
 
-/// Runs code of others that panics where it should fail (wgpu on a lost device). `Err` holds the panic's text and place.
-/// Memory that is missing goes on to the caller.
+/// Runs third-party code that panics where it should fail (wgpu on a lost device). `Err` holds the panic's text and
+/// place. An unwind for lack of memory passes through to the caller.
 #[cfg(any(test, feature = "gpu"))]
 pub(crate) fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
     catch_here(body).map_err(|panic| {
@@ -86,7 +86,7 @@ fn catch_here<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     }
     DEPTH.with(|depth| depth.set(depth.get() + 1));
     let _leave = Inside;
-    // State that a panic leaves half done is dropped with its owner, or stands behind a lock that discards it.
+    // State that a panic leaves incomplete is dropped with its owner, or is behind a lock that discards it.
     catch_unwind(AssertUnwindSafe(body)).map_err(|payload| Panicked { payload, place: take_place() })
 }
 
@@ -94,8 +94,8 @@ fn take_place() -> Line<PLACE_BYTES> {
     PLACE.try_with(|kept| kept.replace(Line::new())).unwrap_or(Line::new())
 }
 
-/// Locks, whatever became of those that had the lock before: what all locks of the library guard is written in one step, so
-/// that it is whole even where a thread panicked with the lock.
+/// Locks a mutex even if it is poisoned. Every value behind the library's locks is written in one step, so it is
+/// consistent even if a thread panicked while holding the lock.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,4 +1,4 @@
-//! A refinement of the mesh on which corner UVs come close to the redirection: for hosts that know UV sets only.
+//! Refines the mesh so that corner UVs approximate the redirection closely: for hosts that support UV sets only.
 
 mod base;
 mod error;
@@ -22,12 +22,12 @@ use split::{Pieces, Splitter};
 
 /// Half a texel of a texture of 1024 x 1024.
 pub(crate) const TOLERANCE: f64 = 1.0 / 2048.0;
-/// Triangles that a refinement may add unless it is told otherwise.
+/// Default number of triangles that a refinement may add.
 const ADDED: u64 = 1_000_000;
-/// More triangles than these have corners that 32 bits cannot count.
+/// Most triangles: beyond this, 32 bits cannot count their corners.
 const MOST: u64 = 1 << 30;
 
-/// How a mesh is refined. All have a working default.
+/// Settings of a refinement. All have a working default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RefinementSettings {
     /// The UV set.
@@ -40,13 +40,13 @@ pub struct RefinementSettings {
     pub max_triangles: Option<u64>,
 }
 
-/// Sizes of a refinement, and what it came to.
+/// Sizes of a refinement, and the error it reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct RefinementInfo {
     /// The UV set.
     pub uv_set: u32,
-    /// The tolerance that it was made with.
+    /// The tolerance that was requested.
     pub tolerance: f64,
     /// Vertices: those of the mesh, then the new ones.
     pub vertices: u64,
@@ -56,20 +56,20 @@ pub struct RefinementInfo {
     pub corners: u64,
     /// Triangles, a polygon of n corners counting as n - 2.
     pub triangles: u64,
-    /// Largest error, in UV of a tile, that it left in the result that it was last made or extended for.
+    /// Largest error left, in UV of a tile, in the result for which it was last made or extended.
     pub error: f64,
-    /// Whether that is within the tolerance.
+    /// True if `error` is within the tolerance.
     pub reached: bool,
-    /// Bytes that it holds, beside the mesh and the results.
+    /// Bytes held, besides the mesh and the results.
     pub bytes: u64,
-    /// Milliseconds that making it took, or extending it the last time.
+    /// Milliseconds taken by the last call that made or extended it.
     pub ms: f32,
 }
 
 /// The mesh with its triangles split where linear interpolation of redirected corner UVs errs by more than a tolerance.
 ///
-/// It keeps the mesh and the results that it needs alive: it may be used while the asset is, and when it is gone. Cloning
-/// gives a second one, which is extended apart from the first.
+/// It keeps the mesh and the results that it needs alive: it may be used while the asset exists and after it is dropped.
+/// A clone can be extended separately.
 #[derive(Clone, Debug)]
 pub struct Refinement {
     results: Results,
@@ -80,15 +80,15 @@ pub struct Refinement {
 }
 
 impl Results {
-    /// Refines the mesh for the present results: so that on each triangle linear interpolation of its redirected corner
-    /// UVs is nowhere farther from the redirection than the tolerance.
+    /// Refines the mesh for the present results, so that linear interpolation of the redirected corner UVs is within the
+    /// tolerance of the redirection everywhere on each triangle.
     ///
-    /// Edges are split at their middle, for all faces that have them, across seams and borders of charts as well, so that
-    /// no cracks open. Faces that need no split stay as they are. Where the warp is the identity, nothing is split. The
+    /// Edges are split at their middle for all faces that share them, also across seams and borders of charts, so that no
+    /// cracks open. Faces that need no split stay as they are. Where the warp is the identity, nothing is split. The
     /// refinement depends on the results and the settings alone.
     ///
     /// # Errors
-    /// `NotSolved`; `InvalidArgument` for a UV set that there is not or a tolerance out of range; `OutOfMemory`.
+    /// `NotSolved`; `InvalidArgument` for an unknown UV set or a tolerance out of range; `OutOfMemory`.
     pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
         let RefinementSettings { uv_set, tolerance, max_triangles } = *settings;
         let (device, mesh) = (self.device(), self.mesh());
@@ -130,12 +130,12 @@ impl Asset {
 }
 
 impl Refinement {
-    /// Refines further, for the present results. What was split stays split: a refinement that was extended for each
-    /// frame of a shot has one topology for all of them. Vertices keep their numbers, new ones follow; faces and corners
-    /// are numbered anew.
+    /// Refines further, for the present results. Existing splits remain: a refinement that was extended for each frame of
+    /// a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces and corners are
+    /// renumbered.
     ///
     /// # Errors
-    /// `OutOfMemory`, `DeviceLost`; the refinement is as it was then.
+    /// `OutOfMemory`, `DeviceLost`; the refinement is then unchanged.
     pub fn extend(&mut self) -> Result<()> {
         let device = self.results.device().clone();
         device.call(|| {
@@ -148,17 +148,18 @@ impl Refinement {
         })
     }
 
-    /// Its sizes, and what it came to.
+    /// Sizes of the refinement, and the error it reached.
     #[must_use]
     pub fn info(&self) -> RefinementInfo {
         self.info
     }
 
     /// The redirected UV of each corner of the refined mesh in the present results, with the tile's offset added; 0, 0 at
-    /// corners of faces without UVs. At corners of the mesh they are those of [`Results::corner_uvs_of_set`], bit by bit.
+    /// corners of faces without UVs. At corners of the mesh they are bit-identical to those of
+    /// [`Results::corner_uvs_of_set`].
     ///
     /// # Errors
-    /// `InvalidArgument` unless there is one element per corner of the refined mesh; `OutOfMemory`, `DeviceLost`.
+    /// `InvalidArgument` if the length is not the number of corners of the refined mesh; `OutOfMemory`, `DeviceLost`.
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
         self.check("uvs", out.len(), self.info.corners, "corners")?;
         self.results.device().call(|| {
@@ -180,7 +181,7 @@ impl Refinement {
         })
     }
 
-    /// Splits for the present results, and tells what it came to.
+    /// Splits for the present results, and records the sizes and the error.
     fn finish(&mut self, mut splitter: Splitter, start: Instant) -> Result<()> {
         let most = self.most as usize;
         let mesh = self.results.mesh();
@@ -226,7 +227,7 @@ impl Refinement {
         let tiles: Vec<_> = kept.iter().map(Option::as_deref).collected();
         let set = self.info.uv_set;
         self.results.device().team(|team| {
-            // Those of other sets are not asked for.
+            // Tiles of other UV sets are not needed.
             let tiles: Vec<_> =
                 tiles.iter().map(|tile| tile.filter(|solved| solved.mesh.uv_set == set)).collected();
             let results = passes::Redirections::new(team, &tiles, with_edges)?;

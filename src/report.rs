@@ -10,7 +10,7 @@ pub struct DeviceInfo {
     pub backend: Backend,
     /// The processor's or adapter's name.
     pub name: String,
-    /// Why this backend was chosen, in a sentence; and if the GPU went away since, how.
+    /// Why this backend was chosen, in a sentence; if the GPU was lost since, also how.
     pub reason: String,
     /// CPU threads per solve.
     pub threads: u32,
@@ -26,29 +26,29 @@ pub struct AdapterInfo {
     pub name: String,
     /// The driver's name and version.
     pub driver: String,
-    /// The graphics interface it is driven through: Vulkan, Direct3D 12 or Metal.
+    /// The graphics interface in use: Vulkan, Direct3D 12 or Metal.
     pub api: &'static str,
     /// True for an adapter that is emulated on the CPU: [`Backend::Auto`] never takes it.
     pub software: bool,
-    /// `VkPhysicalDeviceIDProperties::deviceUUID`; `None` where it is driven through another interface.
+    /// `VkPhysicalDeviceIDProperties::deviceUUID`; `None` for an adapter of another interface than Vulkan.
     pub uuid: Option<[u8; 16]>,
-    /// `VkPhysicalDeviceIDProperties::driverUUID`: memory goes from one program to another where this and `uuid` are the
-    /// same for both.
+    /// `VkPhysicalDeviceIDProperties::driverUUID`: memory can be shared between two programs if this and `uuid` are the
+    /// same in both.
     pub driver_uuid: Option<[u8; 16]>,
-    /// The LUID of Direct3D and DXGI, in memory order: on Windows, also through Vulkan.
+    /// The LUID of Direct3D and DXGI, in memory order: on Windows, also for Vulkan adapters.
     pub luid: Option<[u8; 8]>,
     /// `MTLDevice.registryID`.
     pub registry_id: Option<u64>,
-    /// PCI vendor; 0 where the interface does not tell.
+    /// PCI vendor; 0 if the interface does not report it.
     pub vendor: u32,
-    /// PCI device of that vendor; 0 where the interface does not tell.
+    /// PCI device of that vendor; 0 if the interface does not report it.
     pub device: u32,
-    /// Place on the PCI bus, `domain:bus:device.function`, hexadecimal; empty where the interface does not tell.
+    /// Place on the PCI bus, `domain:bus:device.function`, hexadecimal; empty if the interface does not report it.
     pub pci_bus: String,
 }
 
 impl AdapterInfo {
-    /// Whether this is the adapter that is meant.
+    /// True if `id` identifies this adapter.
     #[must_use]
     pub fn has_id(&self, id: AdapterId) -> bool {
         match id {
@@ -58,7 +58,7 @@ impl AdapterInfo {
         }
     }
 
-    /// All that it can be asked for by.
+    /// Every identity by which this adapter can be requested.
     pub(crate) fn ids(&self) -> impl Iterator<Item = AdapterId> {
         let registry = self.registry_id.map(AdapterId::Registry);
         [self.uuid.map(AdapterId::Uuid), self.luid.map(AdapterId::Luid), registry].into_iter().flatten()
@@ -75,7 +75,7 @@ pub struct AssetInfo {
     pub faces: u64,
     /// Face corners as given: the length of a corner UV array.
     pub corners: u64,
-    /// UV sets. All that follows is counted over all of them.
+    /// Number of UV sets. All following fields are totals over the sets.
     pub uv_sets: u32,
     /// Triangles kept, over all tiles.
     pub triangles: u64,
@@ -89,23 +89,23 @@ pub struct AssetInfo {
     pub clipped_faces: u64,
     /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
     pub faces_outside: u64,
-    /// Faces without texture: without UVs, or not among the faces that were chosen.
+    /// Faces without texture: without UVs, or not among the textured faces.
     pub faces_untextured: u64,
     /// Faces with fewer than three corners.
     pub faces_skipped: u64,
-    /// Sides of triangles at which a chart ends.
+    /// Triangle sides at which a chart ends.
     pub border_edges: u64,
     /// Edges inside charts whose two sides have different vertices, welded by position.
     pub welded_edges: u64,
-    /// Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
-    /// there. They are cuts; or the mesh wants [`crate::WeldBy::Position`]; or the noise of its UVs is large against
-    /// its triangles.
+    /// Edges whose two sides coincide in position and UV, within the tolerances, but are not connected, so that charts
+    /// end there. They are intended cuts; or the mesh needs [`crate::WeldBy::Position`]; or the noise of its UVs is large
+    /// compared to its triangles.
     pub edges_apart: u64,
-    /// Seams that are no edge of a face, and do nothing.
+    /// Seams that are not an edge of any face and have no effect.
     pub seams_unused: u64,
 }
 
-/// Facts of a tile that need no solve.
+/// Facts about a tile that need no solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct TileInfo {
@@ -121,20 +121,20 @@ pub struct TileInfo {
     pub movable_nodes: u64,
     /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
-    /// The UV set that it belongs to.
+    /// The tile's UV set.
     pub uv_set: u32,
-    /// Sides of triangles at which a chart ends.
+    /// Triangle sides at which a chart ends.
     pub border_edges: u64,
     /// Edges inside charts whose two sides have different vertices, welded by position.
     pub welded_edges: u64,
-    /// Edges whose two sides lie together and are not connected: see [`AssetInfo::edges_apart`].
+    /// Edges whose two sides coincide but are not connected: see [`AssetInfo::edges_apart`].
     pub edges_apart: u64,
     /// Fraction of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least 0.5, those
     /// that are fixed by a border, an overlap or the mask.
     pub frozen: f32,
 }
 
-/// What a tile takes, before any of it is taken.
+/// The memory that a tile needs, estimated before any is allocated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TileEstimate {
@@ -148,8 +148,8 @@ pub struct TileEstimate {
     pub solving_bytes: u64,
 }
 
-/// Milliseconds per stage of one solve. On a GPU those of surface to certify are measured there, and 0 where it has no
-/// timestamps.
+/// Milliseconds per stage of one solve. On a GPU, the stages from surface to certify are measured on the GPU, and are 0
+/// if it has no timestamps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StageTimes {
@@ -169,13 +169,13 @@ pub struct StageTimes {
     pub pbd: f32,
     /// The f64 certificate.
     pub certify: f32,
-    /// The latest inversion; its time is not in `total`.
+    /// The latest inversion; not included in `total`.
     pub invert: f32,
-    /// The whole solve of this tile, less measuring.
+    /// The whole solve of this tile, excluding measuring.
     pub total: f32,
 }
 
-/// One distribution of |strain|.
+/// Statistics of |strain|.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Strain {
@@ -187,22 +187,22 @@ pub struct Strain {
     pub p95: f32,
     /// 99th percentile.
     pub p99: f32,
-    /// Largest.
+    /// Maximum.
     pub max: f32,
     /// RMS over edges within 10 cells of a chart border.
     pub border_rms: f32,
     /// RMS over the other edges.
     pub interior_rms: f32,
-    /// RMS over the edges of which both ends may move.
+    /// RMS over the edges with two movable ends.
     pub free_rms: f32,
 }
 
-/// Strain on the mesh itself, over grid edges with rigidity over 0.5 at both ends. Those that are fixed at both ends, by a
-/// border, an overlap or the mask, stand apart from the others.
+/// Strain on the mesh itself, over grid edges with rigidity over 0.5 at both ends. Edges with both ends fixed, by a
+/// border, an overlap or the mask, are reported separately.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StrainReport {
-    /// How many edges with an end that may move were measured: the figures down to `help` are theirs.
+    /// Number of measured edges with at least one movable end: the fields down to `help` describe these.
     pub edges: u64,
     /// With the original UVs.
     pub before: Strain,
@@ -212,13 +212,13 @@ pub struct StrainReport {
     pub harm: f32,
     /// Fraction of edges whose |strain| fell by more than 0.10.
     pub help: f32,
-    /// How many edges are fixed at both ends.
+    /// Number of edges with both ends fixed.
     pub edges_fixed: u64,
-    /// RMS of their |strain|, with the warp and without: no warp changes it.
+    /// RMS of the |strain| of edges with both ends fixed, with and without the warp: no warp changes it.
     pub fixed: f32,
 }
 
-/// A tile's last solve.
+/// Report of a tile's last solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct TileReport {
@@ -226,13 +226,13 @@ pub struct TileReport {
     pub udim: u32,
     /// Cells of the grid in u and v.
     pub grid: [u32; 2],
-    /// Energy of the identity, summed over the charts that were solved or reused; 0, as that of the result, where a time
-    /// budget left no time to compute it.
+    /// Energy of the identity, summed over the charts that were solved or reused. It is 0, as is that of the result, if a
+    /// time budget left no time to compute it.
     pub energy_before: f64,
     /// Energy of the result.
     pub energy: f64,
-    /// Smallest corner Jacobian of the result: > 0 certifies that the warp is one-to-one and onto. In f64 on the CPU;
-    /// on a GPU in f32 less a bound of the rounding, so that it is never more than the true one.
+    /// Smallest corner Jacobian of the result: > 0 certifies that the warp is one-to-one and onto. Computed in f64 on the
+    /// CPU; on a GPU in f32 minus a bound of the rounding error, so that it never exceeds the true value.
     pub min_jacobian: f64,
     /// Corner Jacobians <= 0: always 0 from [`crate::Solver::Descent`].
     pub folds: u64,
@@ -256,13 +256,13 @@ pub struct TileReport {
     pub nodes_active: u64,
     /// Grid levels.
     pub levels: u32,
-    /// Relaxation sweeps of the schedule, over all levels (not those after parts of a step that were refused);
+    /// Relaxation sweeps of the schedule, over all levels (excluding those after a partial step that was rejected);
     /// iterations of [`crate::Solver::Pbd`].
     pub sweeps: u32,
-    /// Corrections of the schedule, over all levels; charts that gain too little sit out the last ones.
+    /// Corrections of the schedule, over all levels; charts that gain too little skip the last ones.
     pub corrections: u32,
-    /// Node updates by relaxation or iterations, over all levels; on a GPU as if every part of the schedule ran, and a
-    /// level had a quarter of the next finer one's nodes.
+    /// Node updates by relaxation or iterations, over all levels. On a GPU this assumes that the whole schedule ran, and
+    /// that each level has a quarter of the next finer one's nodes.
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,
@@ -270,8 +270,8 @@ pub struct TileReport {
     pub truncated: bool,
     /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     pub welds_torn: u32,
-    /// Whether the last solve left the tile alone: it was frozen, not asked for, or nothing of it had moved. The rest of the
-    /// report is then of an earlier solve.
+    /// True if the last solve skipped the tile: it was frozen, not requested, or nothing in it had moved. The rest of the
+    /// report then describes an earlier solve.
     pub kept: bool,
     /// Milliseconds per stage.
     pub times: StageTimes,
@@ -279,7 +279,7 @@ pub struct TileReport {
     pub strain: Option<StrainReport>,
 }
 
-/// An asset's last solve, over all tiles.
+/// Report of an asset's last solve, over all tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct AssetReport {
@@ -301,17 +301,17 @@ pub struct AssetReport {
     pub folds: u64,
     /// Bytes held for the asset.
     pub bytes: u64,
-    /// Wall-clock milliseconds of the last solve, less measuring.
+    /// Wall-clock milliseconds of the last solve, excluding measuring.
     pub total_ms: f32,
     /// True if the time budget ended a tile's solve early.
     pub truncated: bool,
-    /// Tiles that the last call left alone.
+    /// Tiles that the last call skipped.
     pub tiles_kept: u32,
-    /// The median, over some thousand edges of the last pose, of their length as a multiple of that at rest. Over 3 or
-    /// under 1/3, which the log warns of, the pose is most likely in other units, or its vertices in another order.
+    /// The median stretch, length in the last pose as a multiple of the length at rest, of some thousand edges. Above 3
+    /// or below 1/3, the log warns: the pose is most likely in other units, or its vertices in another order.
     pub median_stretch: f32,
-    /// The share of these edges, 0..1, that are more than 3 times as long as at rest. Over 0.05, which the log warns of,
-    /// the pose's vertices are most likely in another order than the mesh's.
+    /// The share of these edges, 0..1, that are more than 3 times as long as at rest. Above 0.05, the log warns: the
+    /// pose's vertices are most likely in another order than the mesh's.
     pub stretched_share: f32,
 }
 
@@ -319,50 +319,50 @@ pub struct AssetReport {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct GpuWork {
-    /// Milliseconds on the host until positions and lists were handed over, ...
+    /// Milliseconds on the host until positions and lists were uploaded, ...
     pub upload_ms: f32,
     /// ... until all commands were recorded and submitted, ...
     pub record_ms: f32,
-    /// ... and until the GPU was done and the outcome read.
+    /// ... and until the GPU was done and the outcome was read.
     pub wait_ms: f32,
-    /// Milliseconds on the GPU, all stages; `None` where it has no timestamps.
+    /// Milliseconds on the GPU, all stages; `None` if it has no timestamps.
     pub gpu_ms: Option<f32>,
     /// Command submissions.
     pub submissions: u64,
     /// Dispatches that turned out empty: trials and rounds of the step limit that no chart needed.
     pub skipped: u64,
-    /// Dispatches, empty ones included, that had to wait until those before them were done.
+    /// Dispatches, including empty ones, that had to wait until all earlier ones were done.
     pub barriers: u64,
-    /// Bytes of the tile's buffers on the GPU: its solver's, and two results.
+    /// Bytes of the tile's buffers on the GPU: those of its solver, and two results.
     pub bytes_held: u64,
     /// The kernels that ran.
     pub kernels: Vec<GpuKernel>,
 }
 
-/// One kernel's part of a solve.
+/// One kernel's share of a solve.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct GpuKernel {
-    /// Its entry point, and its parts of `shaders/`.
+    /// Its entry point and its parts of `shaders/`.
     pub name: String,
     /// How often it was dispatched.
     pub dispatches: u64,
     /// Its workgroups: 16x16 blocks, for most kernels.
     pub workgroups: u64,
-    /// Bytes that these move at least, each datum counted once per dispatch, without charts that sit a correction out.
+    /// Minimum bytes moved, each datum counted once per dispatch, without charts that skip a correction.
     pub bytes: u64,
-    /// Milliseconds on the GPU; `None` unless kernels are timed one by one.
+    /// Milliseconds on the GPU; `None` unless kernels are timed separately.
     pub ms: Option<f32>,
 }
 
 impl GpuWork {
-    /// Of all kernels.
+    /// Dispatches of all kernels.
     #[must_use]
     pub fn dispatches(&self) -> u64 {
         self.kernels.iter().map(|kernel| kernel.dispatches).sum()
     }
 
-    /// Of all kernels.
+    /// Total over all kernels.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.kernels.iter().map(|kernel| kernel.bytes).sum()

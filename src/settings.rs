@@ -16,7 +16,7 @@ pub(crate) const MAX_THREADS: u32 = 1024;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Backend {
-    /// A hardware GPU if there is one, the CPU otherwise; [`crate::DeviceInfo::reason`] says why.
+    /// A hardware GPU if one is available, the CPU otherwise; [`crate::DeviceInfo::reason`] says why.
     #[default]
     Auto,
     /// The CPU.
@@ -35,18 +35,19 @@ pub enum LogLevel {
     Info,
 }
 
-/// A host's log function; called on the thread that called into vrtm. The asset that the line is about is busy
+/// A host's log function, called on the thread that called into vrtm. The asset that the line is about is in use
 /// meanwhile.
 pub type LogFn = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
 
-/// What tells a GPU apart from all others in the machine, in any program: see [`crate::AdapterInfo`].
+/// An identity of a GPU that is unique in the machine and the same in every program: see [`crate::AdapterInfo`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AdapterId {
-    /// `VkPhysicalDeviceIDProperties::deviceUUID`: of adapters through Vulkan.
+    /// `VkPhysicalDeviceIDProperties::deviceUUID`, for Vulkan adapters.
     Uuid([u8; 16]),
-    /// The LUID of Direct3D and DXGI, in memory order, which Vulkan on Windows has as
-    /// `VkPhysicalDeviceIDProperties::deviceLUID`. A GPU that is listed through both is taken through the first of them.
+    /// The LUID of Direct3D and DXGI, in memory order; Vulkan on Windows reports it as
+    /// `VkPhysicalDeviceIDProperties::deviceLUID`. A GPU that is listed through both interfaces is used through the
+    /// first.
     Luid([u8; 8]),
     /// `MTLDevice.registryID`.
     Registry(u64),
@@ -81,7 +82,7 @@ impl fmt::Display for AdapterId {
             AdapterId::Registry(number) => return write!(f, "registry ID {number}"),
         };
         for (k, byte) in bytes.iter().enumerate() {
-            // As UUIDs are written.
+            // Hyphens where UUIDs conventionally have them.
             let hyphen = if bytes.len() == 16 && [4, 6, 8, 10].contains(&k) { "-" } else { "" };
             write!(f, "{hyphen}{byte:02x}")?;
         }
@@ -96,18 +97,19 @@ pub struct DeviceSettings {
     pub backend: Backend,
     /// Which adapter, for [`Backend::Gpu`]: its place in [`crate::adapters`].
     pub adapter: u32,
-    /// Which adapter, in place of its number: the GPU that the host draws with. For [`Backend::Gpu`] there must be one;
-    /// [`Backend::Auto`] takes it if it is hardware that can be used, and the CPU otherwise. `None` = by number.
+    /// The adapter's identity instead of its number, such as that of the GPU that the host draws with. [`Backend::Gpu`]
+    /// requires it to exist; [`Backend::Auto`] uses it if it is usable hardware, and the CPU otherwise. `None` = by
+    /// number.
     pub adapter_id: Option<AdapterId>,
     /// CPU threads per solve, at most 1024; `None` = one per core.
     pub threads: Option<NonZeroU32>,
-    /// Most bytes that the tiles of all assets of the device may hold together, while no call is under way: maps,
-    /// grids, solvers, results; `None` = no limit.
+    /// Most bytes that the tiles of all assets of the device may hold together between calls: maps, grids, solvers,
+    /// results; `None` = no limit.
     pub memory_budget: Option<u64>,
     /// Where warnings go; `None` = nowhere.
     pub log: Option<LogFn>,
-    /// The host's threads, on which solves and fetches work in place of the library's own, with the same bits; `None` = the
-    /// library's own, which end with each call.
+    /// The host's threads, on which solves and fetches work instead of the library's own, with bit-identical results;
+    /// `None` = the library's own, which end with each call.
     pub executor: Option<Arc<dyn Executor>>,
     /// The host's allocator; `None` = the system's.
     pub allocator: Option<HostAllocator>,
@@ -128,11 +130,11 @@ impl fmt::Debug for DeviceSettings {
     }
 }
 
-/// Texels that faces of different charts, or two layers of one chart, share.
+/// Ownership of texels shared by faces of different charts, or by two layers of one chart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Overlap {
-    /// They do not move, so nothing gets worse.
+    /// Shared texels do not move, so nothing gets worse.
     #[default]
     Fixed,
     /// The chart with the first face owns them: for mirrored halves that deform alike.
@@ -144,18 +146,17 @@ pub enum Overlap {
 pub struct TileSettings {
     /// Cells of the grid in u and v, 1..=16384, rounded up to a multiple of 16; `None` = the rigidity map's size.
     pub grid: [Option<u32>; 2],
-    /// Smoothness λ of elastic material against the stiffness 1 of rigid material, >= 0. A lower one lets rigid
-    /// features keep their shape better where elastic material has to give way for them, and makes material of little
-    /// rigidity more rigid: what counts is R against λ (1 - R).
+    /// Smoothness λ of elastic material against the stiffness 1 of rigid material, >= 0. A lower value lets rigid
+    /// features keep their shape better where elastic material has to give way, and makes material of low rigidity more
+    /// rigid: the ratio of R to λ (1 - R) matters.
     pub smoothness: f32,
     /// Smoothness λ0 of all material, > 0: keeps every node's problem well-posed.
     pub smoothness_floor: f32,
     /// Orientation preservation κ, >= 0 (the paper's section 4.2).
     pub orientation: f32,
-    /// How much of it is added where rigid material is dense, >= 0 (the heuristic of the paper's figure 5): a node has
-    /// κ = `orientation` + this times the density around it, which is the mean rigidity over a tent of half of the
-    /// tile,
-    /// 0..1. For [`Solver::Pbd`] it is added to the fraction that a segment turns back.
+    /// Extra orientation preservation where rigid material is dense, >= 0 (the heuristic of the paper's figure 5): a node
+    /// has κ = `orientation` + this times the density around it, 0..1, which is the mean rigidity over a tent of half of
+    /// the tile. For [`Solver::Pbd`] it is added to the fraction that a segment turns back.
     pub orientation_density: f32,
     /// Room β, >= 0: weight of the penalty on cells that lose their area.
     pub room: f32,
@@ -216,13 +217,13 @@ impl TileSettings {
 /// Most cells on a side of a tile's grid.
 pub const MAX_GRID: u32 = 16384;
 
-/// How much work a solve does per level.
+/// The amount of work per level of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quality {
-    /// One correction per level, but relaxation alone on the finest.
+    /// One correction per level, and only relaxation on the finest.
     Draft,
-    /// One correction per level; on the finest up to four where a chart is crowded, while they gain 0.3 % of its
+    /// One correction per level; on the finest, up to four for crowded charts, while they gain 0.3 % of the chart's
     /// energy.
     #[default]
     Normal,
@@ -237,30 +238,29 @@ pub enum Solver {
     /// Gauss-Newton corrections and relaxation: never folds.
     #[default]
     Descent,
-    /// The paper's own: position-based dynamics on a hierarchy of grids (its section 4). The baseline. It may fold, and
-    /// its result is what it is: [`crate::TileReport::folds`] and [`crate::TileReport::min_jacobian`] tell. Nodes may leave
-    /// their charts, and the tile.
+    /// The paper's solver: position-based dynamics on a hierarchy of grids (its section 4), as a baseline. It may fold,
+    /// and its result is not repaired: [`crate::TileReport::folds`] and [`crate::TileReport::min_jacobian`] report it.
+    /// Nodes may leave their charts, and the tile.
     Pbd,
 }
 
 /// Settings of [`Solver::Pbd`], with the paper's names. `None` means the default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PbdSettings {
-    /// Iterations per level, 1..=1024: projections of all constraints, of which every fourth is followed by a
-    /// regularisation.
+    /// Iterations per level, 1..=1024: projections of all constraints, every fourth one followed by a regularisation.
     pub iterations: Option<u32>,
     /// Velocity damping, 0..=1: the fraction of its velocity that a node loses from one regularisation to the next.
-    /// There is no time step to set: without forces it cancels out.
+    /// Without forces the time step cancels out, so it is not a setting.
     pub damping: Option<f32>,
-    /// Orientation preservation, 0..=1: the fraction of its turn that a segment takes back after its projection.
+    /// Orientation preservation, 0..=1: the fraction of its rotation that is undone after a segment's projection.
     pub orientation_preservation: Option<f32>,
     /// Smoothing s of eq. 4, 0..=1: how much as-rigid-as-possible material is smoothed.
     pub smoothing: Option<f32>,
-    /// Factor on the corrections of each level over those of the next finer one, 0..=1.
+    /// Ratio of the corrections of each level to those of the next finer one, 0..=1.
     pub coarse_correction: Option<f32>,
 }
 
-/// [`PbdSettings`] with a value in each field.
+/// [`PbdSettings`] with every field resolved to a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PbdValues {
     pub iterations: u32,
@@ -271,7 +271,7 @@ pub(crate) struct PbdValues {
 }
 
 impl PbdValues {
-    /// The defaults; method §10 has the figures that chose them.
+    /// The defaults; method §10 gives the measurements behind them.
     const DEFAULTS: PbdValues = PbdValues {
         iterations: 16,
         damping: 0.0,
@@ -282,7 +282,7 @@ impl PbdValues {
 }
 
 impl PbdSettings {
-    /// The settings, and the defaults where there are none.
+    /// The settings, with defaults for absent fields.
     pub(crate) fn resolved(&self) -> PbdValues {
         let default = PbdValues::DEFAULTS;
         let orientation_preservation = self.orientation_preservation;
@@ -315,47 +315,48 @@ impl PbdSettings {
     }
 }
 
-/// Most iterations per level: work is bounded.
+/// Most iterations per level, to bound the work.
 const MAX_ITERATIONS: u32 = 1024;
 
 /// Options of one solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SolveOptions {
-    /// How much work.
+    /// The amount of work.
     pub quality: Quality,
-    /// Start from the previous result instead of the identity: faster on small changes, but the result then
-    /// depends on the order of frames.
+    /// Start from the previous result instead of the identity: faster for small changes, but the result then depends on
+    /// the order of frames.
     pub warm: bool,
-    /// With `warm`: how strongly the warp is held to the last result, 0..=1e6, in the unit of
-    /// [`TileSettings::smoothness`]; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from frame
-    /// to frame falls to between three quarters and a fifth, and the warp of a steady motion is one to two frames
-    /// late (method §5). Without `warm` it has no effect.
+    /// With `warm`: how strongly the warp is pulled towards the last result, 0..=1e6, in the unit of
+    /// [`TileSettings::smoothness`]; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, jumps from frame to frame
+    /// shrink to between three quarters and a fifth, and the warp of a steady motion lags by one to two frames (method
+    /// §5). Without `warm` it has no effect.
     pub temporal_weight: f32,
-    /// Stop correcting a chart when a correction gains less than this fraction of its energy (to which 6 % of what the
-    /// original UVs have is added), or when a level's first correction gained what its quadratic model predicted, to a
-    /// quarter of that fraction; over 0 and under 1. Up to four times the former and eight times the latter the next
-    /// correction is taken in part. `None` = the quality's own.
+    /// Stop correcting a chart when a correction gains less than this fraction of its energy (to which 6 % of the energy
+    /// with the original UVs is added), or when the gain of a level's first correction matches its quadratic model's
+    /// prediction to within a quarter of that fraction; over 0 and under 1. Up to four times the former and eight times
+    /// the latter, the next correction is applied in part. `None` = the quality's own.
     pub tolerance: Option<f32>,
-    /// Cap on corrections per level in place of the quality's own, 1..=64; `None` = the quality's own.
+    /// Maximum corrections per level instead of the quality's own, 1..=64; `None` = the quality's own.
     pub max_corrections: Option<u32>,
-    /// The time that a call may take, its fetches, measuring and the building of grids left out; `None` = no limit. The
-    /// result is that of the best level reached, certified; the identity if there is no time for one. What the work will
-    /// take is predicted from the last solves, so that calls end within 1.2 times the budget and 5 ms, on a machine that
-    /// is not suddenly busier than before. With a limit the result depends on the speed of the machine.
+    /// The time that a call may take, not counting its fetches, measuring and the building of grids; `None` = no limit.
+    /// The result is the certified result of the best level reached, or the identity if there was no time for any level.
+    /// The time of the remaining work is predicted from the last solves, so that calls end within 1.2 times the budget
+    /// plus 5 ms, unless the machine suddenly becomes busier. With a limit the result depends on the speed of the
+    /// machine.
     pub time_budget: Option<Duration>,
     /// Also measure the strain on the mesh (slow, f64): fills [`crate::TileReport::strain`].
     pub measure: bool,
-    /// How the warp is found. `quality`, `tolerance` and `max_corrections` speak to [`Solver::Descent`] alone, `pbd` to
+    /// How the warp is found. `quality`, `tolerance` and `max_corrections` apply to [`Solver::Descent`] only, `pbd` to
     /// [`Solver::Pbd`].
     pub solver: Solver,
     /// Settings of [`Solver::Pbd`].
     pub pbd: PbdSettings,
 }
 
-/// Most corrections per level: work is bounded.
+/// Most corrections per level, to bound the work.
 const MAX_CORRECTIONS: u32 = 64;
 
-/// With more, f32 has no digits left for the other terms.
+/// With a larger weight, f32 has no digits left for the other terms.
 const MAX_TEMPORAL_WEIGHT: f32 = 1e6;
 
 impl SolveOptions {

@@ -1,4 +1,4 @@
-//! The one place that knows which backend solves a tile: its memory, a run, and where the result was left.
+//! Selects the backend that solves a tile: its memory, a run, and where the result is stored.
 
 #[cfg(feature = "gpu")]
 mod on_gpu;
@@ -24,7 +24,7 @@ pub(crate) enum TileSolver {
 }
 
 impl TileSolver {
-    /// Allocates for a grid.
+    /// Allocates the memory for a grid.
     pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<TileSolver> {
         match device.gpu() {
             Some(context) => {
@@ -34,7 +34,7 @@ impl TileSolver {
         }
     }
 
-    /// Bytes that `new` takes for a grid.
+    /// Bytes that `new` allocates for a grid.
     pub fn bytes_for(device: &Device, grid: &Grid, tile: &TileMesh, solver: Solver) -> Result<u64> {
         match device.gpu() {
             Some(context) => gpu::Memory::bytes_for(context, grid, tile),
@@ -42,7 +42,7 @@ impl TileSolver {
         }
     }
 
-    /// True if this is the memory of a solver on a grid (grids of other sizes or maps have other blocks).
+    /// True if this memory belongs to this solver on this grid (grids of other sizes or maps have other blocks).
     pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
         match self {
             TileSolver::Cpu(memory) => memory.is_for(grid, solver),
@@ -50,7 +50,7 @@ impl TileSolver {
         }
     }
 
-    /// Solves the charts that are wanted.
+    /// Solves the requested charts.
     pub fn run(&mut self, solve: &TileSolve) -> Result<TileSolution> {
         match self {
             TileSolver::Cpu(memory) => run_on_cpu(memory, solve),
@@ -72,7 +72,7 @@ fn run_on_cpu(memory: &mut cpu::Memory, solve: &TileSolve) -> Result<TileSolutio
 mod on_gpu {
     use super::{Result, TileSolution, TileSolve, gpu};
 
-    /// Is never called: there is no such memory.
+    /// Never called: in this build GPU memory is uninhabited.
     pub fn run(memory: &mut gpu::Memory, _: &TileSolve) -> Result<TileSolution> {
         memory.absent()
     }

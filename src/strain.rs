@@ -30,9 +30,9 @@ const HELP: f64 = 0.10;
 const LARGEST: f64 = 1e12;
 
 /// Measures the strain of a warp of one tile. `u(i, j)` is the displacement of node (i, j) in cells; `pose` has one
-/// position per vertex. An edge counts if both of its ends are covered and rigid. If at least one of them may move, one
-/// chart covers both. Those with two fixed ends count by themselves, if the surface goes on from one end to the other: no
-/// warp changes their strain.
+/// position per vertex. An edge counts if both of its ends are covered and rigid. If at least one end may move, one chart
+/// must cover both. Edges with two fixed ends are counted separately, if the surface continues from one end to the other:
+/// no warp changes their strain.
 pub(crate) fn measure(
     mesh: &Mesh,
     tile: &TileMesh,
@@ -71,7 +71,7 @@ pub(crate) fn measure(
                 continue;
             }
             if maps.chart[a] == NONE && maps.chart[b] == NONE {
-                // On the surface under a: what lies under b may be another chart, or another layer.
+                // Follow the surface from a: the triangle under b may belong to another chart, or to another layer.
                 let at = DVec2::new(i as f64, j as f64);
                 let Some(under) = locator.walk(coverage.triangle[a], at) else { continue };
                 let length = distance(ends[a].rest, rest.at(under, at).into());
@@ -95,12 +95,13 @@ pub(crate) fn measure(
     edges.report()
 }
 
-/// |Strain| of an edge by its lengths in the pose and at rest. NaN, from a pose at the limits of f64, becomes `LARGEST` too.
+/// |Strain| of an edge from its lengths in the pose and at rest. NaN, from a pose near the limits of f64, also becomes
+/// `LARGEST`.
 fn strain(posed: f64, rest: f64) -> f64 {
     (posed / rest - 1.0).abs().min(LARGEST)
 }
 
-/// The place of an edge.
+/// Where an edge lies.
 #[derive(Clone, Copy)]
 struct Place {
     /// True if an end is near a chart's border.
@@ -117,7 +118,7 @@ struct End {
     after: DVec3,
 }
 
-/// The edges that count: their |strain| before and after the warp.
+/// The measured edges: their |strain| before and after the warp.
 #[derive(Default)]
 struct Edges {
     before: Vec<f64>,
@@ -125,7 +126,7 @@ struct Edges {
     place: Vec<Place>,
     harmed: u64,
     helped: u64,
-    /// Edges with two fixed ends, and the sum of the squares of their strains.
+    /// Number of edges with two fixed ends, followed by the sum of the squares of their strains.
     fixed: u64,
     fixed_squares: f64,
 }
@@ -171,7 +172,7 @@ fn statistics(values: &mut [f64], places: &[Place]) -> Strain {
     };
     let (all, near, far) = (rms(&|_| true), rms(&|place| place.border), rms(&|place| !place.border));
     let free = rms(&|place| place.free);
-    // The smallest value that at least the fraction q of all values does not exceed.
+    // The smallest value that is not less than a fraction q of all values.
     let mut quantile = |q: f64| {
         let at = ((q * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1;
         *values.select_nth_unstable_by(at, f64::total_cmp).1 as f32
@@ -188,8 +189,8 @@ fn statistics(values: &mut [f64], places: &[Place]) -> Strain {
     }
 }
 
-/// Per node, true if a node within `BORDER` nodes along both axes is not inside a chart. (Between the insides of two
-/// charts there is always such a node.) Counted along rows first, then along columns.
+/// Per node, true if a node within `BORDER` nodes along both axes is outside of every chart. (Such a node always lies
+/// between the interiors of two charts.) Computed along rows first, then along columns.
 fn near_border(coverage: &Coverage) -> Vec<bool> {
     let (width, height) = (coverage.nx + 1, coverage.ny + 1);
     let mut near: Vec<bool> = coverage.interior.iter().map(|inside| !inside).collected();
@@ -220,7 +221,7 @@ fn dilate(values: &mut [bool], first: usize, stride: usize, count: usize, line: 
 /// The distance of two points.
 fn distance(a: DVec3, b: DVec3) -> f64 {
     let d = b - a;
-    // In units of 1e300 or 1e-300, squares must not overflow or vanish.
+    // Scales first, so that squares of 1e300 or 1e-300 do not overflow or vanish.
     let largest = d.to_array().into_iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     if largest == 0.0 { 0.0 } else { largest * (d / largest).length() }
 }

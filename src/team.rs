@@ -1,5 +1,5 @@
-//! Threads for one call: scoped, so that none outlives it, and kept awake between the short jobs of a solve. They are the
-//! library's own, or a host's (`executor`).
+//! The threads of one call: scoped, so that none outlives it, and kept awake between the short jobs of a solve. They are
+//! the library's own, or a host's (`executor`).
 
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
@@ -19,10 +19,10 @@ mod sync;
 mod tests;
 pub(crate) mod threads;
 
-/// Whose threads a call works on, how many, and the hold that its caller has on it.
+/// The threads that a call works on, their number, and the caller's control over the call.
 #[derive(Clone, Default)]
 pub struct Crew {
-    /// The calling one among them.
+    /// Number of threads, including the calling one.
     pub threads: usize,
     /// The host's threads; `None` = the library's own.
     pub executor: Option<Arc<dyn Executor>>,
@@ -30,7 +30,7 @@ pub struct Crew {
 }
 
 impl Crew {
-    /// The same with one thread, the present one.
+    /// The same crew reduced to the present thread.
     pub fn alone(&self) -> Crew {
         Crew { threads: 1, executor: None, control: self.control.clone() }
     }
@@ -45,14 +45,14 @@ pub struct Team {
     control: Option<Arc<Control>>,
 }
 
-/// One of a team's threads, which an item gets as an argument. Neither `Send` nor `Sync`: it stays on its thread.
+/// One of a team's threads, passed to each item. Neither `Send` nor `Sync`: it stays on its thread.
 pub struct Worker {
     number: usize,
     /// The team's address.
     team: *const (),
 }
 
-/// So few items are not worth waking helpers for.
+/// With at most this many items, waking helpers is not worth it.
 const SMALL: usize = 2;
 
 /// A team's turn at running a job, which ends when dropped.
@@ -71,14 +71,14 @@ struct JobFn(*const (dyn Fn(&Worker, usize) + Sync));
 unsafe impl Send for JobFn {}
 
 impl Team {
-    /// Calls `f` with a team of `threads` of the library's own threads, the calling one among them.
+    /// Calls `f` with a team of `threads` of the library's own threads, including the calling one.
     pub fn with<R: Send>(threads: usize, f: impl FnOnce(&Team) -> R + Send) -> R {
         Team::of(&Crew { threads, ..Crew::default() }, f)
     }
 
-    /// Calls `f` with the team of a crew. If the threads are a host's, it may be called on another one than this; but from
-    /// within a host's function, which one of these threads has called in the middle of its work, it is called on that one
-    /// alone.
+    /// Calls `f` with the team of a crew. With a host's threads, `f` may run on another thread than this one. If this is
+    /// called from within a host's function, which one of these threads called in the middle of its work, `f` runs on
+    /// that thread alone.
     pub fn of<R: Send>(crew: &Crew, f: impl FnOnce(&Team) -> R + Send) -> R {
         let most = if crew.executor.is_some() && is_lent() { 1 } else { Protocol::<JobFn>::MAX_THREADS };
         let threads = crew.threads.clamp(1, most);
@@ -88,7 +88,7 @@ impl Team {
             return if crew.executor.is_some() { lent(|| f(&team)) } else { f(&team) };
         }
         let (protocol, address) = (&team.protocol, team.address() as usize);
-        // Items take their memory from where the caller does, whichever thread they are on.
+        // Items allocate from the caller's allocator on every thread.
         let memory = Current::of_this_thread();
         let help = |number| {
             let _memory = memory.enter();
@@ -114,7 +114,7 @@ impl Team {
         self.threads
     }
 
-    /// The hold that the caller has on the call.
+    /// The caller's control over the call.
     pub fn control(&self) -> Option<&Arc<Control>> {
         self.control.as_ref()
     }
@@ -129,10 +129,10 @@ impl Team {
     /// Calls `f(0)` to `f(count - 1)`, in any order and on any of the threads; returns when all are done.
     ///
     /// # Panics
-    /// If an item does, with one of the panics, after all threads have left the job; other items may then not have run.
-    /// If a job is already running: an item must not call this.
+    /// If an item panics, this panics with one of the payloads after all threads have left the job; other items may then
+    /// not have run. Also if a job is already running: an item must not call this.
     ///
-    /// If the call is cancelled, items that have not begun are left out, and this unwinds.
+    /// If the call is cancelled, items that have not begun are skipped, and this unwinds.
     pub fn run(&self, count: usize, f: impl Fn(usize) + Sync) {
         self.run_on(count, |_, k| f(k));
     }
@@ -142,7 +142,7 @@ impl Team {
         self.run_few_on(SMALL, count, f);
     }
 
-    /// Like `run_on`; up to `few` items on the calling thread.
+    /// Like `run_on`, but runs up to `few` items on the calling thread.
     fn run_few_on(&self, few: usize, count: usize, f: impl Fn(&Worker, usize) + Sync) {
         // Two jobs at once would share the items' counter and the caller's `Worker`.
         assert!(!self.running.swap(true, Ordering::Acquire), "a job of this team is running");
@@ -158,7 +158,7 @@ impl Team {
                 f(worker, k);
             }
         });
-        // Only now, on this thread alone: no other uses the job any more.
+        // Unwinding is safe here: only this thread still uses the job.
         control.check_or_unwind();
     }
 
@@ -174,7 +174,7 @@ impl Team {
     pub fn map<T: Send>(&self, count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
         let mut results: Vec<Option<T>> = (0..count).map(|_| None).collected();
         self.fill(&mut results, |k, result| *result = Some(f(k)));
-        // Every item ran, or `fill` did not return.
+        // Every element is initialised when `fill` returns.
         let mut all = with_capacity(count);
         all.put_all(results.into_iter().flatten());
         all
@@ -185,26 +185,26 @@ impl Team {
         self.fill_on(elements, SMALL, f);
     }
 
-    /// Like `fill`, for work each element of which is worth a thread.
+    /// Like `fill`, for elements that are each worth a thread.
     pub fn fill_large<T: Send>(&self, elements: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
         self.fill_on(elements, 1, f);
     }
 
-    /// Like `fill`; up to `few` elements on the calling thread.
+    /// Like `fill`, but handles up to `few` elements on the calling thread.
     fn fill_on<T: Send>(&self, elements: &mut [T], few: usize, f: impl Fn(usize, &mut T) + Sync) {
         let count = elements.len();
         let first = Elements(elements.as_mut_ptr());
         self.run_few_on(few, count, |_, k| {
             let first = &first;
-            // SAFETY: `run` calls each item once, so that no two references to an element are alive, and returns
-            // before the borrow of `elements` ends.
+            // SAFETY: `run` calls each item once, so that references to an element never overlap, and returns before the
+            // borrow of `elements` ends.
             f(k, unsafe { &mut *first.0.add(k) });
         });
     }
 
     fn run_dyn<'a>(&self, caller: &Worker, count: usize, f: &'a (dyn Fn(&Worker, usize) + Sync + 'a)) {
         // SAFETY: only the lifetime changes. The protocol returns or unwinds only after all helpers that may call the
-        // function have left the job, and hands the job to none afterwards; `tests/loom` checks that.
+        // function have left the job, and gives it to no helper afterwards; `tests/loom` checks this.
         let job = JobFn(unsafe {
             std::mem::transmute::<
                 *const (dyn Fn(&Worker, usize) + Sync + 'a),
@@ -214,7 +214,7 @@ impl Team {
         self.protocol.run(job, count, |k| f(caller, k));
     }
 
-    /// Tells teams apart that are alive at the same time.
+    /// Identifies a team among those alive.
     fn address(&self) -> *const () {
         (&raw const *self).cast()
     }
@@ -226,8 +226,8 @@ struct Elements<T>(*mut T);
 // SAFETY: the threads get exclusive references to different elements.
 unsafe impl<T: Send> Sync for Elements<T> {}
 
-/// Memory that a job's items reuse: a piece for each of a team's threads, made on its first use. What an item finds in
-/// it is what the previous item on that thread left, which depends on the timing: an item must overwrite what it reads.
+/// Memory that a job's items reuse: one piece per thread of a team, made on its first use. An item finds what the
+/// previous item on its thread left, which depends on the timing: it must overwrite what it reads.
 pub struct PerThread<'a, T> {
     pieces: Vec<Piece<T>>,
     new: fn() -> Box<T>,
@@ -237,18 +237,18 @@ pub struct PerThread<'a, T> {
     of_team: PhantomData<&'a ()>,
 }
 
-/// In cache lines of its own.
+/// Aligned to cache lines of its own.
 #[repr(align(128))]
 struct Piece<T>(UnsafeCell<Option<Box<T>>>);
 
-// SAFETY: a piece is touched by its own worker alone, and a worker stays on its thread. Pieces are made, used and dropped
-// on different threads, hence `Send`; no two threads see one at a time.
+// SAFETY: only its own worker touches a piece, and a worker stays on its thread. Pieces are made, used and dropped on
+// different threads, hence `Send`; never are two threads at one piece at the same time.
 unsafe impl<T: Send> Sync for PerThread<'_, T> {}
 // SAFETY: owns its pieces; the address is only compared.
 unsafe impl<T: Send> Send for PerThread<'_, T> {}
 
 impl<'a, T> PerThread<'a, T> {
-    /// For a team's threads, each of which makes its piece with `new`.
+    /// Memory for a team's threads, each of which makes its piece with `new`.
     pub fn new(team: &'a Team, new: fn() -> Box<T>) -> PerThread<'a, T> {
         let pieces = (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collected();
         PerThread { pieces, new, team: team.address(), of_team: PhantomData }
@@ -261,8 +261,9 @@ impl<'a, T> PerThread<'a, T> {
     pub fn with<R>(&self, worker: &Worker, f: impl FnOnce(&mut T) -> R) -> R {
         assert!(worker.team == self.team, "a worker of another team");
         let piece = self.pieces[worker.number].0.get();
-        // SAFETY: a team has one worker of each number at a time, as it runs one job at a time, and a worker stays on its
-        // thread, as it is not `Sync`. No reference into the cell outlives its statement, so that `f` may come back.
+        // SAFETY: a team has one worker of each number at a time, because it runs one job at a time, and a worker stays
+        // on its thread, because it is not `Sync`. No reference into the cell outlives its statement, so `f` may call
+        // this again.
         let mut own = unsafe { (*piece).take() }.unwrap_or_else(self.new);
         let result = f(&mut own);
         // SAFETY: as above.
@@ -271,10 +272,10 @@ impl<'a, T> PerThread<'a, T> {
     }
 }
 
-/// A slice whose elements the items of one job read and write at once. It keeps no borrow: the compiler checks neither
-/// that the slice is still there nor that references to one element exclude each other. Both are up to the caller.
+/// A slice whose elements the items of one job read and write concurrently. It holds no borrow: the compiler checks
+/// neither that the slice is alive nor that references to one element exclude each other. Both are up to the caller.
 ///
-/// From `new` to the last use of any copy, the slice stays where it is, and nothing else touches it.
+/// From `new` to the last use of any copy, the slice must not move, and nothing else may access it.
 #[derive(Debug)]
 pub struct SharedSlice<T>(*mut T, usize);
 
@@ -294,14 +295,14 @@ impl<T> SharedSlice<T> {
         SharedSlice(slice.as_mut_ptr(), slice.len())
     }
 
-    /// Element `i`, for as long as the caller promises.
+    /// Element `i`. The caller vouches for the lifetime.
     ///
     /// # Panics
     /// If `i` is out of range.
     ///
     /// # Safety
-    /// While the reference is in use, the slice is alive, and no `get_mut` reference to this element is in use: neither
-    /// another item's nor this one's.
+    /// While the reference is in use, the slice is alive, and no item, including this one, uses a `get_mut` reference to
+    /// this element.
     #[inline(always)]
     pub unsafe fn get<'a>(self, i: usize) -> &'a T {
         assert!(i < self.1);
@@ -309,14 +310,14 @@ impl<T> SharedSlice<T> {
         unsafe { &*self.0.add(i) }
     }
 
-    /// Element `i`, for as long as the caller promises.
+    /// Element `i`. The caller vouches for the lifetime.
     ///
     /// # Panics
     /// If `i` is out of range.
     ///
     /// # Safety
-    /// While the reference is in use, the slice is alive, and no other reference to this element is in use: neither
-    /// another item's nor this one's.
+    /// While the reference is in use, the slice is alive, and no item, including this one, uses another reference to this
+    /// element.
     #[inline(always)]
     #[allow(clippy::mut_from_ref)]
     pub unsafe fn get_mut<'a>(self, i: usize) -> &'a mut T {

@@ -1,6 +1,6 @@
-//! What ends by unwinding on purpose, from the middle of a solve: a call that was cancelled, or that lacks memory. Neither is a
-//! panic: no hook is told, and nothing is printed. That keeps the hundreds of places that build arrays, and the stages, free
-//! of error handling; what they had built until then is freed on the way.
+//! Deliberate unwinding from the middle of a solve, when a call is cancelled or runs out of memory. It is not a panic: no
+//! hook is called, and nothing is printed. This keeps the hundreds of places that build arrays, and the stages, free of
+//! error handling; unwinding frees what they had built.
 
 use std::any::Any;
 use std::fmt;
@@ -12,7 +12,7 @@ use crate::error::{Error, ErrorKind, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stop {
     Cancelled,
-    /// These bytes could not be had.
+    /// This many bytes could not be allocated.
     OutOfMemory(u64),
 }
 
@@ -37,35 +37,35 @@ impl Stop {
 
 /// Unwinds to [`caught`].
 #[cold]
-#[expect(clippy::disallowed_methods, reason = "of constant size: there is a reserve for it")]
+#[expect(clippy::disallowed_methods, reason = "of constant size: a reserve provides it")]
 pub(crate) fn unwind(stop: Stop) -> ! {
     resume_unwind(Box::new(stop))
 }
 
-/// Why a body unwound, unless it was a panic.
+/// Why a body unwound; `None` for a panic.
 pub(crate) fn why(payload: &(dyn Any + Send)) -> Option<Stop> {
     payload.downcast_ref().copied()
 }
 
-/// Calls `body`. If it unwinds, that is an error; panics go on.
+/// Calls `body`. Deliberate unwinding becomes an error; panics continue.
 ///
 /// # Errors
 /// `Cancelled`, `OutOfMemory`, and those of `body`.
 pub(crate) fn caught<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
-    // What `body` leaves half changed is dropped with its owner; `Asset` says what becomes of its state.
+    // What `body` leaves incomplete is dropped with its owner; `Asset` handles its own state.
     catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|payload| match why(&*payload) {
         Some(stop) => Err(stop.error()),
         None => resume_unwind(payload),
     })
 }
 
-/// Holds back what `body` unwinds with, so that what it was lent can be put back first; [`go_on`] lets it go on. Memory that
-/// solves keep has to be whole after a cancelled one.
+/// Catches an unwind of `body`, so that borrowed state can be put back first; [`go_on`] resumes it. Memory that solves
+/// keep must be intact after a cancelled one.
 pub(crate) fn hold_back<R>(body: impl FnOnce() -> R) -> std::thread::Result<R> {
     catch_unwind(AssertUnwindSafe(body))
 }
 
-/// See [`hold_back`].
+/// Resumes an unwind that [`hold_back`] caught.
 pub(crate) fn go_on<R>(held_back: std::thread::Result<R>) -> R {
     held_back.unwrap_or_else(|payload| resume_unwind(payload))
 }

@@ -113,7 +113,7 @@ impl<'a> Strided<'a> {
         self.count
     }
 
-    /// True if there is no element.
+    /// True if the view has no elements.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0
@@ -125,7 +125,7 @@ impl<'a> Strided<'a> {
         self.components
     }
 
-    /// The relative step of its numbers.
+    /// The machine epsilon of its number format.
     pub(crate) fn epsilon(&self) -> f64 {
         match self.scalar {
             Scalar::F32 => f32::EPSILON.into(),
