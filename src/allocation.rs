@@ -55,10 +55,7 @@ pub(crate) fn boxed<T>(value: T) -> Box<T> {
     #[expect(clippy::disallowed_methods, reason = "there is room")]
     array.push(value);
     debug_assert!(size_of::<T>() == 0 || array.capacity() == 1);
-    #[expect(
-        clippy::disallowed_methods,
-        reason = "there is no spare capacity, so nothing is reallocated"
-    )]
+    #[expect(clippy::disallowed_methods, reason = "there is no spare capacity, so nothing is reallocated")]
     let one: Box<[T]> = array.into_boxed_slice();
     // SAFETY: a slice of one element has the layout of the element, which is owned by whoever has the pointer.
     unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }
@@ -102,10 +99,7 @@ pub(crate) fn zeroed<T: Plain>(count: usize) -> Vec<T> {
 
 /// A zeroed value on the heap. Unlike with `boxed`, the value is never on the stack, which may be small.
 pub(crate) fn zeroed_box<T: Plain>() -> Box<T> {
-    #[expect(
-        clippy::disallowed_methods,
-        reason = "there is no spare capacity, so nothing is reallocated"
-    )]
+    #[expect(clippy::disallowed_methods, reason = "there is no spare capacity, so nothing is reallocated")]
     let one: Box<[T]> = zeroed(1).into_boxed_slice();
     // SAFETY: a slice of one element has the layout of the element, which is owned by whoever has the pointer.
     unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }

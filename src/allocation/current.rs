@@ -1,4 +1,4 @@
-//! What this thread's allocations are for: whose allocator they come from, and whether one may fail.
+//! Per-thread allocation state: whose allocator allocations come from, and whether the present one may fail.
 
 use std::cell::Cell;
 use std::ptr;
@@ -8,30 +8,30 @@ use super::host::{HostAllocator, Record};
 // Plain values, initialised at compile time: no destructor is registered with the thread, which would keep the library
 // from being unloaded, and reading them allocates nothing.
 thread_local! {
-    /// The host's allocator that this thread works with; null = the system's.
+    /// The host's allocator that this thread uses; null = the system's.
     static RECORD: Cell<*const Record> = const { Cell::new(ptr::null()) };
-    /// Whether the allocation that is under way may fail: its caller looks at the result.
+    /// True while an allocation whose caller checks for failure is in progress.
     static FALLIBLE: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The allocator that a thread works with, to be entered on another one.
+/// The allocator that a thread uses, to be entered on another thread.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Current(Option<HostAllocator>);
 
 impl Current {
-    /// Of a device: the host's allocator, if there is one.
+    /// The allocator of a device: the host's, if it supplied one.
     pub fn new(allocator: Option<&HostAllocator>) -> Current {
         Current(allocator.cloned())
     }
 
-    /// That of this thread.
+    /// The allocator that this thread uses.
     pub fn of_this_thread() -> Current {
         let record = RECORD.with(Cell::get);
-        // SAFETY: a scope of this thread has entered it, and keeps it.
+        // SAFETY: a scope of this thread has entered the record, and keeps it alive.
         Current(unsafe { record.as_ref() }.map(HostAllocator::of_record))
     }
 
-    /// Works with it on this thread until the scope is dropped.
+    /// Uses this allocator on this thread until the scope is dropped.
     #[must_use]
     pub fn enter(&self) -> Scope {
         let record = self.0.as_ref().map_or(ptr::null(), HostAllocator::record);
@@ -39,7 +39,7 @@ impl Current {
     }
 }
 
-/// While it lives, this thread works with an allocator.
+/// While it lives, this thread uses the given allocator.
 pub(crate) struct Scope {
     before: *const Record,
     _kept: Current,
@@ -68,19 +68,19 @@ impl Drop for Fallible {
     }
 }
 
-/// Whether the allocation that is under way may fail.
+/// True if the allocation in progress may fail.
 #[cfg(feature = "allocator")]
 pub(super) fn may_fail() -> bool {
     FALLIBLE.with(Cell::get)
 }
 
-/// The host's allocator that this thread works with, or null.
+/// The host's allocator that this thread uses, or null.
 #[cfg(feature = "allocator")]
 pub(super) fn record() -> *const Record {
     RECORD.with(Cell::get)
 }
 
-/// Calls `f`, a function of the host: what it allocates in this library is none of its own.
+/// Calls `f`, a function of the host. Allocations that it makes through this library do not use the host's allocator.
 #[cfg(feature = "allocator")]
 pub(super) fn in_host<R>(f: impl FnOnce() -> R) -> R {
     let record = RECORD.with(|current| current.replace(ptr::null()));

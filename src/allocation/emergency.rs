@@ -1,14 +1,14 @@
-//! The last resort: memory that is part of the library, for small blocks that must be had when the system has none left:
-//! what an error on its way to the host is made of.
+//! The last resort: memory that is part of the library, for small infallible allocations when the system has none left,
+//! such as those of an error on its way to the host.
 
 use std::alloc::Layout;
 use std::cell::UnsafeCell;
 use std::ptr;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Bytes of all blocks. Pages that are never written cost no memory.
+/// Total size in bytes. Pages that are never written cost no memory.
 const BYTES: usize = 256 << 10;
-/// Blocks are multiples of this.
+/// Block sizes are multiples of this.
 const UNIT: usize = 64;
 const UNITS: usize = BYTES / UNIT;
 /// The largest alignment.
@@ -17,13 +17,13 @@ pub const MAX_ALIGNMENT: usize = 4096;
 #[repr(C, align(4096))]
 struct Pool {
     memory: UnsafeCell<[u8; BYTES]>,
-    /// Whether a thread uses `taken`.
+    /// True while a thread uses `taken`.
     locked: AtomicBool,
     /// Which units are taken.
     taken: UnsafeCell<[bool; UNITS]>,
 }
 
-// SAFETY: `taken` is used by the thread that has locked it alone; of `memory` each has the blocks that it was given.
+// SAFETY: only the thread that has locked it uses `taken`; each part of `memory` belongs to the block handed out there.
 unsafe impl Sync for Pool {}
 
 static POOL: Pool = Pool {
@@ -32,12 +32,12 @@ static POOL: Pool = Pool {
     taken: UnsafeCell::new([false; UNITS]),
 };
 
-/// Calls `f` with the units, while no other thread does. Neither waits nor allocates: `f` is a loop over some units.
+/// Calls `f` with the units while no other thread does. Neither blocks nor allocates: `f` is a loop over some units.
 fn with_units<R>(f: impl FnOnce(&mut [bool; UNITS]) -> R) -> R {
     while POOL.locked.compare_exchange_weak(false, true, Ordering::Acquire, Ordering::Relaxed).is_err() {
         std::hint::spin_loop();
     }
-    // SAFETY: locked.
+    // SAFETY: the pool is locked.
     let result = f(unsafe { &mut *POOL.taken.get() });
     POOL.locked.store(false, Ordering::Release);
     result
@@ -47,7 +47,7 @@ fn first() -> *mut u8 {
     POOL.memory.get().cast()
 }
 
-/// Whether a block is from here.
+/// True if a block belongs to the pool.
 #[inline]
 pub fn holds(block: *mut u8) -> bool {
     block.addr().wrapping_sub(first().addr()) < BYTES
@@ -73,20 +73,20 @@ pub fn alloc(layout: Layout) -> *mut u8 {
         }
         None
     });
-    // SAFETY: within the pool.
+    // SAFETY: the block lies within the pool.
     place.map_or(ptr::null_mut(), |at| unsafe { first().add(at * UNIT) })
 }
 
-/// Gives a block back.
+/// Frees a block.
 ///
 /// # Safety
-/// `alloc` returned it for a layout of this size.
+/// `block` was returned by `alloc` for a layout of this size.
 pub unsafe fn free(block: *mut u8, size: usize) {
     let at = (block.addr() - first().addr()) / UNIT;
     with_units(|units| units[at..at + size.div_ceil(UNIT)].fill(false));
 }
 
-/// Units that are taken.
+/// Number of units taken.
 #[cfg(test)]
 pub fn taken() -> usize {
     with_units(|units| units.iter().filter(|taken| **taken).count())

@@ -1,11 +1,12 @@
-//! The library's global allocator: large blocks come from the host's allocator, if the call that takes them works for a
-//! device that has one, and all others from the system's.
+//! The library's global allocator: large blocks come from the host's allocator if the calling thread works for a device
+//! that has one, all other blocks from the system's.
 //!
-//! In front of a large block stands whose it is, so that it can be freed on any thread and at any time. Whether a block is
-//! large follows from its size, which the one who frees it knows.
+//! A header in front of each large block records its allocator, so that the block can be freed on any thread at any time.
+//! Whether a block is large follows from its size, which is known when it is freed.
 //!
-//! An allocation that may fail, of the functions in `memory`, then returns null. Any other one, of the standard library or
-//! of a GPU's, would abort the process: it turns to the system's allocator if the host's fails, and to `emergency` then.
+//! A fallible allocation, made by the functions in `allocation`, returns null if that fails. Any other allocation, by the
+//! standard library or a GPU's, would abort the process: it falls back to the system's allocator if the host's fails,
+//! then to `emergency`.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ptr;
@@ -13,15 +14,15 @@ use std::ptr;
 use super::host::Record;
 use super::{current, emergency};
 
-/// Blocks of at least so many bytes are large.
+/// Blocks of at least this many bytes are large.
 pub const LARGE: usize = 4096;
 
-/// What stands in front of a large block.
+/// The header in front of a large block.
 #[repr(C, align(16))]
 struct Header {
-    /// The host's allocator that it came from; null = the system's.
+    /// The host's allocator of the block; null = the system's.
     record: *const Record,
-    /// Bytes of the whole memory. A block that has shrunk where it was is smaller.
+    /// Size of the whole allocation. It may exceed the block's, if the block has shrunk in place.
     whole: usize,
 }
 
@@ -29,7 +30,7 @@ struct Header {
 pub(crate) struct Allocator;
 
 impl Record {
-    /// Memory from the host, or null.
+    /// Allocates from the host; null on failure.
     ///
     /// # Safety
     /// `size` is not 0, and `alignment` is a power of two.
@@ -39,23 +40,23 @@ impl Record {
         if memory.addr() & (alignment - 1) == 0 {
             return memory;
         }
-        // Not what was asked for: as good as none.
-        // SAFETY: just returned.
+        // A misaligned block is as good as none.
+        // SAFETY: the block was just returned.
         unsafe { self.free(memory, size, alignment) };
         ptr::null_mut()
     }
 
-    /// Gives memory back.
+    /// Frees memory of the host.
     ///
     /// # Safety
-    /// `alloc` returned it for this size and alignment.
+    /// `memory` was returned by `alloc` for this size and alignment.
     unsafe fn free(&self, memory: *mut u8, size: usize, alignment: usize) {
         // SAFETY: as `HostAllocator::new` demands.
         current::in_host(|| unsafe { (self.free)(self.user, memory.cast(), size, alignment) });
     }
 }
 
-/// The layout of a large block with its header, and where the block begins in it.
+/// The layout of a large block with its header, and the offset of the block in it.
 fn with_header(block: Layout) -> Option<(Layout, usize)> {
     let alignment = block.align().max(align_of::<Header>());
     let offset = alignment.max(size_of::<Header>());
@@ -66,24 +67,24 @@ fn with_header(block: Layout) -> Option<(Layout, usize)> {
 /// The header of a large block.
 ///
 /// # Safety
-/// `block` is large, and alive.
+/// `block` is large and alive.
 unsafe fn header(block: *mut u8) -> *mut Header {
-    // SAFETY: it stands right in front; the block is aligned for it.
+    // SAFETY: the header is directly in front; the block's alignment suffices for it.
     unsafe { block.cast::<Header>().sub(1) }
 }
 
-/// Memory of the system, and if it has none and the allocation must not fail, of the reserve.
+/// Memory of the system, or of the reserve if the system has none and the allocation is infallible.
 ///
 /// # Safety
 /// That of `GlobalAlloc`.
 #[inline]
 unsafe fn system(layout: Layout, zeroed: bool) -> *mut u8 {
-    // SAFETY: passed on.
+    // SAFETY: the caller's promise is passed on.
     let block = unsafe { if zeroed { System.alloc_zeroed(layout) } else { System.alloc(layout) } };
     if block.is_null() { in_need(layout, zeroed) } else { block }
 }
 
-/// What the system did not give.
+/// The fallback when the system has no memory.
 #[cold]
 fn in_need(layout: Layout, zeroed: bool) -> *mut u8 {
     if current::may_fail() {
@@ -97,22 +98,22 @@ fn in_need(layout: Layout, zeroed: bool) -> *mut u8 {
     block
 }
 
-/// Gives back what `system` returned.
+/// Frees what `system` returned.
 ///
 /// # Safety
 /// That of `GlobalAlloc`.
 #[inline]
 unsafe fn give_back(block: *mut u8, layout: Layout) {
     if emergency::holds(block) {
-        // SAFETY: from there.
+        // SAFETY: the block comes from the reserve.
         unsafe { emergency::free(block, layout.size()) };
     } else {
-        // SAFETY: passed on.
+        // SAFETY: the caller's promise is passed on.
         unsafe { System.dealloc(block, layout) };
     }
 }
 
-/// A large block.
+/// Allocates a large block.
 ///
 /// # Safety
 /// That of `GlobalAlloc`.
@@ -120,9 +121,9 @@ unsafe fn alloc_large(layout: Layout, zeroed: bool) -> *mut u8 {
     let Some((whole, offset)) = with_header(layout) else { return ptr::null_mut() };
     let mut record = current::record();
     let mut memory = ptr::null_mut();
-    // SAFETY: the scope that has set it keeps it.
+    // SAFETY: the scope that set the record keeps it alive.
     if let Some(host) = unsafe { record.as_ref() } {
-        // SAFETY: a layout that is not empty.
+        // SAFETY: the layout is not empty.
         memory = unsafe { host.alloc(whole.size(), whole.align()) };
         if !memory.is_null() {
             host.retain();
@@ -136,13 +137,13 @@ unsafe fn alloc_large(layout: Layout, zeroed: bool) -> *mut u8 {
     }
     if memory.is_null() {
         record = ptr::null();
-        // SAFETY: passed on.
+        // SAFETY: the caller's promise is passed on.
         memory = unsafe { system(whole, zeroed) };
         if memory.is_null() {
             return memory;
         }
     }
-    // SAFETY: within the memory, which begins at a multiple of the alignment; the header fits in front of the block.
+    // SAFETY: both lie within the memory, which is aligned as required; the header fits in front of the block.
     unsafe {
         let block = memory.add(offset);
         header(block).write(Header { record, whole: whole.size() });
@@ -150,30 +151,30 @@ unsafe fn alloc_large(layout: Layout, zeroed: bool) -> *mut u8 {
     }
 }
 
-// SAFETY: blocks are those of the host's or the system's allocator or of the reserve, behind a header of their own if they
-// are large; they are given back to where they came from with the layout that they were taken with. Nothing here unwinds.
+// SAFETY: blocks come from the host's or the system's allocator or the reserve, large ones behind a header; they return
+// there with the layout of their allocation. Nothing here unwinds.
 unsafe impl GlobalAlloc for Allocator {
     #[inline]
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: passed on.
+        // SAFETY: the caller's promise is passed on.
         unsafe { if layout.size() < LARGE { system(layout, false) } else { alloc_large(layout, false) } }
     }
 
     #[inline]
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: passed on.
+        // SAFETY: the caller's promise is passed on.
         unsafe { if layout.size() < LARGE { system(layout, true) } else { alloc_large(layout, true) } }
     }
 
     #[inline]
     unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
         if layout.size() < LARGE {
-            // SAFETY: passed on.
+            // SAFETY: the caller's promise is passed on.
             return unsafe { give_back(block, layout) };
         }
-        // It was made when the block was.
+        // The block was allocated, so its layout is valid.
         let Some((whole, offset)) = with_header(layout) else { return };
-        // SAFETY: the header and the whole memory are those of `alloc_large`; the block keeps its host's allocator.
+        // SAFETY: `alloc_large` made the header and the whole memory; the block keeps its host's allocator alive.
         unsafe {
             let Header { record, whole: size } = header(block).read();
             let whole = Layout::from_size_align_unchecked(size, whole.align());
@@ -191,7 +192,7 @@ unsafe impl GlobalAlloc for Allocator {
     unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         let Ok(wanted) = Layout::from_size_align(size, layout.align()) else { return ptr::null_mut() };
         // The system's allocator moves pages without copying them.
-        // SAFETY: the same allocator as before, which gets the layout that it gave the memory for.
+        // SAFETY: the same allocator as before gets the layout of the allocation.
         unsafe {
             if layout.size() < LARGE && size < LARGE {
                 if !emergency::holds(block) {
@@ -223,7 +224,7 @@ unsafe impl GlobalAlloc for Allocator {
                 ptr::copy_nonoverlapping(block, moved, size.min(layout.size()));
                 self.dealloc(block, layout);
             } else if LARGE <= size && size <= layout.size() {
-                // There is no need to move.
+                // The block can stay in place.
                 return block;
             }
             moved

@@ -1,4 +1,4 @@
-//! A host's allocator: its two functions, and who still needs them.
+//! A host's allocator: its two functions, and a count of what still needs them.
 
 use std::ffi::c_void;
 use std::fmt;
@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicUsize, Ordering, fence};
 
 /// Returns `size` bytes (at least 1) at a multiple of `alignment` (a power of two, at least 16), or null.
 pub type AllocFn = unsafe extern "C" fn(user: *mut c_void, size: usize, alignment: usize) -> *mut c_void;
-/// Takes back what the other function returned, with the same size and alignment.
+/// Frees what the other function returned, with the same size and alignment.
 pub type FreeFn =
     unsafe extern "C" fn(user: *mut c_void, pointer: *mut c_void, size: usize, alignment: usize);
 
-/// A host's functions, and how many handles and blocks need them.
+/// A host's functions, and the number of handles and blocks that need them.
 pub(super) struct Record {
     pub alloc: AllocFn,
     pub free: FreeFn,
@@ -19,10 +19,10 @@ pub(super) struct Record {
     needed_by: AtomicUsize,
 }
 
-/// Memory from a host, for all whose size follows from input: meshes, maps, grids, results, a solve's arrays. Blocks of at
+/// Memory from a host, for everything sized by user input: meshes, maps, grids, results, a solve's arrays. Blocks of at
 /// least 4 KiB come from it; smaller ones, such as messages, from the system. Clones are handles to the same allocator.
 ///
-/// It needs the cargo feature `allocator`; without it, a device cannot be made with one.
+/// It needs the cargo feature `allocator`; without it, making a device with an allocator fails.
 #[derive(PartialEq, Eq)]
 pub struct HostAllocator(NonNull<Record>);
 
@@ -32,14 +32,14 @@ unsafe impl Send for HostAllocator {}
 unsafe impl Sync for HostAllocator {}
 
 impl HostAllocator {
-    /// From a host's functions. If `alloc` returns null, a call that needed the memory fails with
-    /// [`crate::ErrorKind::OutOfMemory`]; if a GPU's driver needed it, it comes from the system.
+    /// Makes an allocator from a host's functions. If `alloc` returns null, a call that needed the memory fails with
+    /// [`crate::ErrorKind::OutOfMemory`]; memory for a GPU's driver then comes from the system.
     ///
     /// # Safety
     /// Until the last device that was made with it and all of that device's assets are dropped, both functions may be
-    /// called on any thread that works in a call, on several at once, with `user`. They must neither unwind nor use this
-    /// library. What `alloc` returns is null, or is `size` bytes at a multiple of `alignment` that nothing else uses until
-    /// `free` gets them back.
+    /// called on any thread that works in a call, concurrently, with `user`. They must neither unwind nor use this
+    /// library. `alloc` returns null, or `size` bytes at a multiple of `alignment` that nothing else uses until they are
+    /// passed to `free`.
     #[must_use]
     #[expect(clippy::disallowed_methods, reason = "of constant size")]
     pub unsafe fn new(alloc: AllocFn, free: FreeFn, user: *mut c_void) -> HostAllocator {
@@ -51,7 +51,7 @@ impl HostAllocator {
         self.0.as_ptr()
     }
 
-    /// One more handle to it.
+    /// One more handle to the same allocator.
     pub(super) fn of_record(record: &Record) -> HostAllocator {
         record.retain();
         HostAllocator(NonNull::from(record))
@@ -60,14 +60,14 @@ impl HostAllocator {
 
 impl Clone for HostAllocator {
     fn clone(&self) -> HostAllocator {
-        // SAFETY: this handle keeps it.
+        // SAFETY: this handle keeps the record alive.
         HostAllocator::of_record(unsafe { self.0.as_ref() })
     }
 }
 
 impl Drop for HostAllocator {
     fn drop(&mut self) {
-        // SAFETY: this handle kept it.
+        // SAFETY: this handle kept the record alive.
         unsafe { Record::release(self.0.as_ptr()) };
     }
 }
@@ -79,20 +79,20 @@ impl fmt::Debug for HostAllocator {
 }
 
 impl Record {
-    /// One more handle or block needs it.
+    /// Counts one more handle or block.
     pub fn retain(&self) {
         self.needed_by.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// One less does; the last one frees it.
+    /// Counts one fewer; the last one frees the record.
     ///
     /// # Safety
-    /// `retain` was called for it, and nothing uses it for the same reason afterwards.
+    /// `retain` was called for this use of the record, which ends here.
     pub unsafe fn release(record: *const Record) {
-        // SAFETY: it was there until now.
+        // SAFETY: the caller's use kept the record alive until now.
         if unsafe { (*record).needed_by.fetch_sub(1, Ordering::Release) } == 1 {
             fence(Ordering::Acquire);
-            // SAFETY: made by `Box::leak`, and nobody else needs it.
+            // SAFETY: the record was made by `Box::leak`, and nothing else needs it.
             drop(unsafe { Box::from_raw(record.cast_mut()) });
         }
     }

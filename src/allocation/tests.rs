@@ -9,7 +9,7 @@ use crate::error::{ErrorKind, Result};
 use crate::team::Team;
 use crate::unwind::{caught, why};
 
-/// A host's allocator that counts, and that fails if it is told to.
+/// A host's allocator that counts, and fails on demand.
 #[derive(Default)]
 struct Host {
     blocks: AtomicUsize,
@@ -18,7 +18,7 @@ struct Host {
 }
 
 unsafe extern "C" fn alloc(user: *mut c_void, size: usize, alignment: usize) -> *mut c_void {
-    // SAFETY: the allocator's `user`, which outlives it.
+    // SAFETY: `user` is the allocator's host, which outlives it.
     let host = unsafe { &*user.cast::<Host>() };
     assert!(size >= global::LARGE && alignment >= 16 && alignment.is_power_of_two());
     if host.fails.load(Ordering::Relaxed) {
@@ -27,7 +27,7 @@ unsafe extern "C" fn alloc(user: *mut c_void, size: usize, alignment: usize) -> 
     host.blocks.fetch_add(1, Ordering::Relaxed);
     host.bytes.fetch_add(size, Ordering::Relaxed);
     let layout = Layout::from_size_align(size, alignment).unwrap();
-    // SAFETY: not empty. Filled, as zeros are not promised.
+    // SAFETY: the layout is not empty. The memory is filled, as zeros are not promised.
     unsafe {
         let block = System.alloc(layout);
         block.write_bytes(0xa5, size);
@@ -40,14 +40,14 @@ unsafe extern "C" fn free(user: *mut c_void, pointer: *mut c_void, size: usize, 
     let host = unsafe { &*user.cast::<Host>() };
     host.blocks.fetch_sub(1, Ordering::Relaxed);
     host.bytes.fetch_sub(size, Ordering::Relaxed);
-    // SAFETY: from `alloc`.
+    // SAFETY: the block comes from `alloc`.
     unsafe { System.dealloc(pointer.cast(), Layout::from_size_align(size, alignment).unwrap()) };
 }
 
 impl Host {
     fn allocator(&self) -> HostAllocator {
         let user = (&raw const *self).cast_mut().cast();
-        // SAFETY: the functions fit each other, and all tests drop what they took before the host.
+        // SAFETY: the functions match, and every test drops its allocations before the host.
         unsafe { HostAllocator::new(alloc, free, user) }
     }
 
@@ -75,7 +75,7 @@ fn blocks_are_aligned_and_go_back_to_where_they_came_from() {
                 let layout = Layout::from_size_align(size, alignment).unwrap();
                 let scope = with_host.then(|| host.current().enter());
                 for zeroed in [false, true] {
-                    // SAFETY: used within its size, and given back with its layout.
+                    // SAFETY: the block is used within its size, and freed with its layout.
                     unsafe {
                         let block =
                             if zeroed { Allocator.alloc_zeroed(layout) } else { Allocator.alloc(layout) };
@@ -100,10 +100,10 @@ fn a_block_keeps_its_bytes_when_it_crosses_the_limit() {
     let host = Host::default();
     let sizes = [16, 4095, 4096, 4097, 100_000, 5000, 4096, 4095, 16, 1 << 20, 1];
     for alignment in [1, 16, 64, 4096] {
-        // Whose allocator is current changes on the way.
+        // The current allocator changes between the steps.
         for pattern in 0..4usize {
             let mut layout = Layout::from_size_align(8, alignment).unwrap();
-            // SAFETY: used within its size, and given back with its layout.
+            // SAFETY: the block is used within its size, and freed with its layout.
             unsafe {
                 let mut block = Allocator.alloc(layout);
                 block.write_bytes(7, 8);
@@ -140,7 +140,7 @@ fn a_block_that_cannot_move_shrinks_where_it_is() {
     host.fails.store(true, Ordering::Relaxed);
     let before = array.as_ptr();
     {
-        // Where nothing else may be taken either.
+        // The scope of the host's allocator is active here, too.
         let _scope = host.current().enter();
         let _fallible = current::Fallible::enter();
         array.give_room_back();
@@ -159,7 +159,7 @@ fn any_thread_frees_at_any_time() {
         [zeroed::<u64>(1000), filled(1u64, 2000)]
     };
     assert_eq!(host.held().0, 2);
-    // The handle is gone; the blocks keep what frees them.
+    // The handle is gone; the blocks keep the record with their `free`.
     std::thread::spawn(move || drop(arrays)).join().unwrap();
     assert_eq!(host.held(), (0, 0));
 }
@@ -176,8 +176,8 @@ fn missing_memory_unwinds_with_its_size_or_comes_from_the_system() {
     assert!(bytes_missing(|| (0..10_000u32).filter(|x| x % 2 == 0).collected()) >= 2048);
     let mut table = std::collections::HashMap::<u32, u32>::new();
     assert!(bytes_missing(|| make_room_in(&mut table, 1000)) >= 8000);
-    // What the standard library takes on its own must not fail.
-    #[allow(clippy::disallowed_methods, reason = "what is tested")]
+    // Allocations by the standard library itself are infallible.
+    #[allow(clippy::disallowed_methods, reason = "this is under test")]
     let array = Vec::<u8>::with_capacity(100_000);
     assert!(array.capacity() >= 100_000 && host.held() == (0, 0));
     let error = caught(|| Ok(zeroed::<u8>(7000))).unwrap_err();
@@ -185,7 +185,7 @@ fn missing_memory_unwinds_with_its_size_or_comes_from_the_system() {
         (error.kind, &*error.message),
         (ErrorKind::OutOfMemory, "out of memory: 7000 bytes could not be had")
     );
-    // Other panics are none of its own.
+    // Other panics pass through.
     let panic = catch_unwind(|| caught(|| -> Result<()> { panic!("seven") })).unwrap_err();
     assert_eq!(panic.downcast_ref(), Some(&"seven"));
 }
@@ -248,17 +248,17 @@ fn the_reserve_is_used_and_given_back() {
         for size in [1, 64, 65, 1000] {
             let block = emergency::alloc(layout(size, alignment));
             assert!(emergency::holds(block) && block.addr().is_multiple_of(alignment));
-            // SAFETY: of this size.
+            // SAFETY: the block has this size.
             unsafe { block.write_bytes(blocks.len() as u8, size) };
             blocks.push((block, layout(size, alignment)));
         }
     }
     assert!(emergency::taken() > before);
     for (k, (block, layout)) in blocks.into_iter().enumerate() {
-        // SAFETY: of this size, and given back with its layout.
+        // SAFETY: the block has this size, and is freed with its layout.
         unsafe {
             assert!((0..layout.size()).all(|at| block.add(at).read() == k as u8), "{k}");
-            // Each second one moves to the system's memory first.
+            // Every second block moves to the system's memory first.
             if k % 2 == 0 {
                 Allocator.dealloc(block, layout);
             } else {
@@ -269,7 +269,7 @@ fn the_reserve_is_used_and_given_back() {
         }
     }
     assert_eq!(emergency::taken(), before);
-    // It is finite.
+    // The reserve is finite.
     assert!(emergency::alloc(layout(1 << 20, 1)).is_null());
     let mut taken = Vec::new();
     loop {

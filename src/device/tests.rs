@@ -1,4 +1,4 @@
-//! Which backend a device gets and what it says, whatever the environment is.
+//! Tests of which backend a device gets and what it reports, in any environment.
 
 use super::*;
 use crate::mesh::{MeshSource, UvSource};
@@ -13,7 +13,8 @@ fn make(backend: Backend, adapter: u32) -> Result<Device> {
     )
 }
 
-/// A device on the first GPU, software or not. None, said plainly, without any; with VRTM_REQUIRE_GPU=1 there must be.
+/// A device on the first GPU, software or not. `None`, with a printed note, if no GPU was found; VRTM_REQUIRE_GPU=1 makes
+/// that a failure.
 pub(crate) fn gpu() -> Option<Device> {
     context::tests::gpu(context::Options::default())?;
     Some(make(Backend::Gpu, 0).unwrap())

@@ -1,4 +1,4 @@
-//! Images of a host in memory of its own graphics device, which results are written to without a way through the CPU.
+//! Images in memory of a host's own graphics device, which results are written to without passing through the CPU.
 
 use crate::error::{Error, ErrorKind, Result};
 
@@ -9,24 +9,26 @@ use super::format::PixelFormat;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ExternalHandle {
-    /// `VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT`, from `vkGetMemoryFdKHR`. It stays the caller's to close.
+    /// `VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT`, from `vkGetMemoryFdKHR`. The caller remains responsible for
+    /// closing it.
     OpaqueFd(i32),
-    /// `VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_WIN32_BIT`, from `vkGetMemoryWin32HandleKHR`. It stays the caller's to close.
+    /// `VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_WIN32_BIT`, from `vkGetMemoryWin32HandleKHR`. The caller remains
+    /// responsible for closing it.
     OpaqueWin32(isize),
 }
 
-/// An output image in memory of the host's graphics device: rows of texels in a buffer, two f32 per texel. The memory was
-/// allocated without `VkMemoryDedicatedAllocateInfo`, on a device whose `deviceUUID` and `driverUUID` are those of the
-/// adapter ([`crate::AdapterInfo`]).
+/// An output image in memory of the host's graphics device: rows of texels in a buffer, two f32 per texel. The memory
+/// must be allocated without `VkMemoryDedicatedAllocateInfo`, on a device whose `deviceUUID` and `driverUUID` are those
+/// of the adapter ([`crate::AdapterInfo`]).
 #[derive(Clone, Copy, Debug)]
 pub struct ExternalImage {
     /// The exported memory.
     pub handle: ExternalHandle,
-    /// `VkMemoryAllocateInfo::allocationSize` that it was allocated with.
+    /// The `VkMemoryAllocateInfo::allocationSize` of the memory.
     pub memory_size: u64,
-    /// `VkMemoryAllocateInfo::memoryTypeIndex` that it was allocated with.
+    /// The `VkMemoryAllocateInfo::memoryTypeIndex` of the memory.
     pub memory_type: u32,
-    /// Bytes from the memory's begin to the first texel of the first row, a multiple of 8.
+    /// Bytes from the start of the memory to the first texel of the first row, a multiple of 8.
     pub offset: u64,
     /// Texels in u.
     pub width: u32,
@@ -43,9 +45,9 @@ pub struct ExternalImage {
 /// Bytes of a texel: two f32.
 const TEXEL: u64 = 8;
 
-/// An [`ExternalImage`] that was checked.
+/// A checked [`ExternalImage`].
 #[derive(Clone, Copy, Debug)]
-// Not all of it is read where there is no Vulkan.
+// Builds without Vulkan do not read all fields.
 #[cfg_attr(any(not(feature = "gpu"), target_vendor = "apple"), allow(dead_code))]
 pub(crate) struct ExternalTexels {
     pub handle: ExternalHandle,
@@ -55,12 +57,12 @@ pub(crate) struct ExternalTexels {
     pub size: [usize; 2],
     pub row_stride: u64,
     pub is_top_first: bool,
-    /// The first byte of the memory behind the last texel.
+    /// The end of the last texel, in bytes from the start of the memory.
     pub end: u64,
 }
 
 impl ExternalImage {
-    /// Checks all that needs no device.
+    /// Checks everything that needs no device.
     ///
     /// # Errors
     /// `InvalidArgument` naming `name` and the field; `Unsupported` for other formats than f32.

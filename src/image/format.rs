@@ -1,4 +1,4 @@
-//! The formats of the numbers in a host's images.
+//! Number formats of a host's images.
 
 use half::f16;
 
@@ -10,9 +10,9 @@ pub enum PixelFormat {
     U8,
     /// 16-bit, 0..65535 for 0..1. Input only.
     U16,
-    /// Half float.
+    /// 16-bit float.
     F16,
-    /// Float.
+    /// 32-bit float.
     F32,
 }
 

@@ -1,5 +1,4 @@
-//! A host's rigidity map or mask as an asset holds it: in the number format that it came in, and only where a tile's
-//! charts are.
+//! An asset's copy of a host's rigidity map or mask: in its original number format, and only near the tile's charts.
 
 use xxhash_rust::xxh3::Xxh3;
 
@@ -11,7 +10,7 @@ use super::format::{PixelFormat, decode};
 /// Texels on a side of a page.
 pub(crate) const PAGE: usize = 64;
 
-/// A rectangle of texels: from `first` to before `end`.
+/// A rectangle of texels: from `first` (inclusive) to `end` (exclusive).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct TexelRect {
     pub first: [usize; 2],
@@ -26,21 +25,21 @@ impl TexelRect {
     }
 }
 
-/// A copied map, with values from 0 to 1 and rows from v = 0 upward. Pages that no chart comes near to are not held;
-/// their texels are 0.
+/// A copied map, with values from 0 to 1 and rows from v = 0 upward. Pages far from all charts are not stored; their
+/// texels are 0.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Map {
     pub width: usize,
     pub height: usize,
     format: PixelFormat,
-    /// Per page, row by row, its place in `texels`, in pages; `NONE` if it is not held.
+    /// Per page, row by row, its index in `texels`, in pages; `NONE` if it is not stored.
     places: Vec<u32>,
-    /// The pages that are held, each `PAGE` x `PAGE` texels.
+    /// The stored pages, each `PAGE` x `PAGE` texels.
     texels: Vec<u8>,
 }
 
 impl Map {
-    /// A map without texels. `wanted(rect)` tells whether the page with these texels is to be held.
+    /// A zeroed map. `wanted(rect)` tells whether to store the page with these texels.
     pub fn new([width, height]: [usize; 2], format: PixelFormat, wanted: impl Fn(&TexelRect) -> bool) -> Map {
         let [columns, rows] = [width.div_ceil(PAGE), height.div_ceil(PAGE)];
         let mut map = Map { width, height, format, places: Vec::new(), texels: Vec::new() };
@@ -56,7 +55,7 @@ impl Map {
         map
     }
 
-    /// A map of f32 values, held whole.
+    /// A map of f32 values, with all pages stored.
     #[cfg(test)]
     pub fn from_values(width: usize, height: usize, values: &[f32]) -> Map {
         let mut map = Map::new([width, height], PixelFormat::F32, |_| true);
@@ -66,7 +65,7 @@ impl Map {
         map
     }
 
-    /// The texels of the pages that are held, page by page.
+    /// The texels of the stored pages, page by page.
     pub fn held(&self) -> impl Iterator<Item = TexelRect> {
         (0..self.places.len()).filter(|&page| self.places[page] != NONE).map(|page| self.rect(page))
     }
@@ -76,7 +75,7 @@ impl Map {
         ([self.width, self.height], self.format)
     }
 
-    /// Sets a texel of a page that is held, from its bytes in the map's format; nothing elsewhere.
+    /// Sets a texel from its bytes in the map's format; does nothing if its page is not stored.
     pub fn put(&mut self, x: usize, y: usize, bytes: &[u8]) {
         if let Some(at) = self.offset(x, y) {
             let size = self.format.size();
@@ -84,14 +83,14 @@ impl Map {
         }
     }
 
-    /// The bytes of some texels, row by row; of those that are not held, none.
+    /// The bytes of the stored texels of a rectangle, row by row.
     pub fn part(&self, rect: &TexelRect) -> Vec<u8> {
         let size = self.format.size();
         let texels = rect.texels().filter_map(|[x, y]| self.offset(x, y));
         texels.flat_map(|at| &self.texels[at..at + size]).copied().collected()
     }
 
-    /// Takes back what `part` returned.
+    /// Restores what `part` returned.
     pub fn set_part(&mut self, rect: &TexelRect, bytes: &[u8]) {
         let size = self.format.size();
         let mut texels = bytes.chunks_exact(size);
@@ -134,7 +133,7 @@ impl Map {
         TexelRect { first, end: [(first[0] + PAGE).min(self.width), (first[1] + PAGE).min(self.height)] }
     }
 
-    /// Where a texel's bytes begin, if its page is held.
+    /// The offset of a texel's bytes, if its page is stored.
     fn offset(&self, x: usize, y: usize) -> Option<usize> {
         let place = self.places[y / PAGE * self.width.div_ceil(PAGE) + x / PAGE];
         let texel = (y % PAGE * PAGE + x % PAGE) * self.format.size();
@@ -142,7 +141,7 @@ impl Map {
     }
 }
 
-/// A map's values at some nodes of a grid: first[0]..first[0] + count[0] along u, and the same along v.
+/// A map's values at some nodes of a grid: first[0]..first[0] + count[0] along u, and likewise along v.
 ///
 /// # Returns
 /// The mean over a box of one cell around each node where the map is finer than the grid, bilinear interpolation between
@@ -173,8 +172,8 @@ pub(crate) fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [
     out
 }
 
-/// Per node, row by row, true if the mask has no texel under 0.5 within half a cell. A line one texel wide that must not
-/// move is thus a barrier, however coarse the grid.
+/// Per node, row by row: true if the mask has no texel under 0.5 within half a cell. A fixed line one texel wide is thus
+/// a barrier, however coarse the grid.
 pub(crate) fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<bool> {
     let spans = |axis: usize, texels: usize| -> Vec<std::ops::Range<usize>> {
         (first[axis]..first[axis] + count[axis]).map(|node| span(texels, cells[axis], node)).collected()
@@ -198,8 +197,8 @@ pub(crate) fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count
     out
 }
 
-/// The texels along one axis that a node's value is the mean of, with weights that sum to 1. Texels beyond the map stand
-/// for its outermost ones.
+/// The texels along one axis that are averaged for a node's value, with weights that sum to 1. Texels beyond the map
+/// repeat its outermost ones.
 struct Taps {
     first: i64,
     weights: Vec<f32>,
@@ -210,7 +209,7 @@ impl Taps {
         let per_cell = texels as f64 / cells as f64;
         let half = 0.5 * per_cell.max(1.0);
         let centre = node as f64 * per_cell;
-        // A box one texel wide, sampled between texel centres, is the bilinear filter.
+        // A box one texel wide, sampled between texel centres, equals the bilinear filter.
         let (low, high) = (centre - half, centre + half);
         let first = low.floor() as i64;
         let last = high.ceil() as i64;
@@ -220,7 +219,7 @@ impl Taps {
         Taps { first, weights: (first..last).map(weight).collected() }
     }
 
-    /// (texel, weight) of the texels that count.
+    /// The contributing texels, as (texel, weight).
     fn each(&self) -> impl Iterator<Item = (i64, f32)> {
         (self.first..).zip(self.weights.iter().copied()).filter(|&(_, weight)| weight > 0.0)
     }
@@ -230,7 +229,7 @@ fn clamp(texel: i64, texels: usize) -> usize {
     texel.clamp(0, texels as i64 - 1) as usize
 }
 
-/// The texels along one axis that come within half a cell of a node.
+/// The texels along one axis that are within half a cell of a node.
 fn span(texels: usize, cells: usize, node: usize) -> std::ops::Range<usize> {
     let per_cell = texels as f64 / cells as f64;
     let centre = node as f64 * per_cell;
@@ -259,7 +258,7 @@ mod tests {
 
     #[test]
     fn nodes_of_a_ramp_lie_on_the_ramp() {
-        // A linear map keeps its values under both filters, away from the clamped edge.
+        // A linear map keeps its values under both filters, except near the clamped edge.
         for w in [8, 16, 64, 200] {
             let ramp = map(w, 4, |x, _| (x as f32 + 0.5) / w as f32);
             let nodes = at_nodes(&ramp, [16, 16], [0, 0], [17, 17]);

@@ -1,4 +1,4 @@
-//! Builds a mesh from a host's arrays: the tiles of its UV sets, welded as the host wants it.
+//! Builds a mesh from a host's arrays: the tiles of its UV sets, welded according to its settings.
 
 use std::sync::Arc;
 
@@ -54,9 +54,9 @@ pub(super) struct Welding<'a> {
     rest: &'a [[f64; 3]],
     /// Largest distance of welded vertices, in the mesh's unit.
     pub tolerance: f64,
-    /// Each vertex's shortest edge that has a length.
+    /// Each vertex's shortest edge of non-zero length.
     shortest: Vec<f64>,
-    /// Per vertex, the first one at its place; empty unless vertices are welded by position.
+    /// Per vertex, the first vertex at the same place; empty unless vertices are welded by position.
     pub place: Vec<u32>,
 }
 
@@ -78,7 +78,7 @@ impl<'a> Welding<'a> {
         };
         let extent = [0, 1, 2].map(span).into_iter().fold(0.0, f64::max);
         let largest = rest.as_flattened().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-        // Far from the origin, what a host computes in two ways differs by the rounding of its coordinates.
+        // Far from the origin, a position that a host computes in two ways differs by the rounding of its coordinates.
         let rounding = if source.weld.of_positions() > 0.0 { source.positions.epsilon() } else { 0.0 };
         let tolerance = source.weld.of_positions() * extent + rounding * largest;
         let by_position = source.weld.by == WeldBy::Position;
@@ -86,7 +86,7 @@ impl<'a> Welding<'a> {
         Welding { weld: source.weld, rest, tolerance, shortest, place }
     }
 
-    /// Builds the tiles of a UV set, and adds them to `tiles`. Its corners get their tiles and triangles.
+    /// Builds the tiles of a UV set and appends them to `tiles`. Sets the tiles and triangles of its corners.
     pub fn build(&self, set: &mut UvSet, seams: &Seams, uv_set: u32, tiles: &mut Vec<TileMesh>) {
         let first = tiles.len();
         let tolerance = self.weld.of_uvs();
@@ -109,10 +109,10 @@ impl<'a> Welding<'a> {
         self.count_apart(set, seams, &mut tiles[first..]);
     }
 
-    /// Counts the edges that lie together and are not connected, as if all were welded by position.
+    /// Counts the edges that coincide but are not connected, as if all vertices were welded by position.
     fn count_apart(&self, set: &UvSet, seams: &Seams, tiles: &mut [TileMesh]) {
         let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
-        // Nothing is moved here: small triangles need no care.
+        // This only counts and moves no UVs, so small triangles need no smaller tolerance.
         let reach = filled(tolerance, self.rest.len());
         let found = self.place.is_empty().then(|| {
             let mut at_border = zeroed(self.rest.len());
@@ -132,7 +132,7 @@ impl<'a> Welding<'a> {
     }
 }
 
-/// Numbers the UV corners of triangles, and gives those that are one the same UV: no crack is left between them.
+/// Numbers the UV corners of triangles, and gives corners that are joined the same UV, so that no crack remains.
 fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
     let number = |triangle: &mut RawTriangle| {
         [0, 1, 2].map(|k| {
@@ -144,11 +144,11 @@ fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
     raw.iter_mut().map(number).collected()
 }
 
-/// Counts what lies together and yet is not connected: cuts; the edges that a mesh out of a game wants welded by position;
-/// and those whose UVs have more noise than their triangles can bear.
+/// Counts edges that coincide but are not connected: intended cuts; edges that a mesh from a game needs welded by
+/// position; and edges whose UVs are too noisy for the size of their triangles.
 ///
-/// Returns the number of pairs of borders of a tile that have the same places (`place` takes a vertex to its place) and UVs,
-/// with nothing else there: each is one edge that is not connected. Edges that the host made seams do not count.
+/// Returns the number of pairs of border edges of a tile that have the same places (`place` maps a vertex to its place)
+/// and UVs, without a third edge there. Edges that the host marked as seams do not count.
 fn edges_apart(
     tile: &TileMesh,
     raw: &[RawTriangle],

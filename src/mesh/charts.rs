@@ -7,14 +7,14 @@ use super::triangle::doubled_area;
 use super::{Chart, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
 use crate::allocation::{Collect, Grow, filled, with_capacity};
 
-/// Edges at which the host wants charts to end, as sorted pairs of vertices, in order.
+/// Edges at which the host wants charts to end, as sorted pairs of vertices, in ascending order.
 pub(super) type Seams = Vec<[u32; 2]>;
 
-/// The charts of a tile's triangles, which it sorts by chart.
+/// Builds the charts of a tile's triangles, sorted by chart.
 ///
-/// Two triangles are neighbours if they, and no third one, share a UV edge and lie on opposite sides of it, and it is no
-/// seam: where a mirrored half is folded onto the other one, or where three triangles meet, there is a border.
-/// `numbers` has the numbers of each triangle's UV corners.
+/// Two triangles are neighbours if exactly these two share a UV edge, lie on opposite sides of it, and it is not a seam:
+/// a mirrored half folded onto the other one, and an edge of three triangles, are borders. `numbers` holds the numbers of
+/// each triangle's UV corners.
 pub(super) fn build(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) -> TileMesh {
     let (neighbours, welds) = neighbours(raw, numbers, seams);
     let tile = assemble(&neighbours, |t| (raw[t].vertices, raw[t].uv));
@@ -22,8 +22,8 @@ pub(super) fn build(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) ->
 }
 
 impl TileMesh {
-    /// The borders: the sides of triangles without a neighbour. Triangles have their numbers in `chart_of`, in their
-    /// order there.
+    /// The borders: the sides of triangles without a neighbour, as triangle numbers of `chart_of` in that order, with a
+    /// corner.
     pub fn borders(&self) -> impl Iterator<Item = (u32, u8)> {
         let new_index = inverse(&order(&self.chart_of));
         (0..self.chart_of.len() as u32).flat_map(move |t| {
@@ -32,7 +32,8 @@ impl TileMesh {
         })
     }
 
-    /// The same tile with charts that end at these of its `welds`, too. Triangles keep their numbers in `chart_of`.
+    /// The same tile with charts that also end at the `torn` ones of its `welds`. Triangles keep their numbers in
+    /// `chart_of`.
     pub fn cut(&self, torn: &[u32]) -> TileMesh {
         let order = order(&self.chart_of);
         let mut neighbours = filled([NONE; 3], order.len());
@@ -55,7 +56,7 @@ impl TileMesh {
     }
 }
 
-/// Triangles in the order of their charts, and in a chart in the order of their faces.
+/// Triangle indices sorted by chart, and within a chart by face.
 fn order(chart_of: &[u32]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..chart_of.len() as u32).collected();
     order.sort_unstable_by_key(|&t| (chart_of[t as usize], t));
@@ -130,18 +131,18 @@ pub(super) fn is_seam(seams: &Seams, [a, b]: [u32; 2]) -> bool {
 /// A side of a triangle: the triangle, and the corner opposite to the side.
 type Side = (u32, u8);
 
-/// The pairs of sides that are one edge, with nothing else at it and with their triangles on both sides of it. `numbers`
-/// has the numbers of each triangle's UV corners.
+/// The pairs of sides that form one edge, with no third side at it and with their triangles on opposite sides of it.
+/// `numbers` holds the numbers of each triangle's UV corners.
 ///
-/// Where welding by position brings more than two together, as the front and the back of a sheet, two with the same
-/// vertices belong together first: a weld must not part what the vertices connect.
+/// Where welding by position joins more than two sides, as for the front and the back of a sheet, sides with the same
+/// vertices are paired first: a weld must not separate what the vertices connect.
 pub(super) fn pairs(
     raw: &[RawTriangle],
     numbers: &[[u32; 3]],
     sides: impl Iterator<Item = Side>,
 ) -> Vec<[Side; 2]> {
-    // (edge as a sorted pair of UV corners, its vertices, triangle, its corner opposite to the edge), sorted, so that the
-    // triangles at an edge are adjacent, and there those with the same vertices.
+    // Entries of (edge as a sorted pair of UV corners, its vertices, triangle, its corner opposite to the edge), sorted,
+    // so that the triangles at an edge are adjacent, and among these the ones with the same vertices.
     let with_ends = |(t, k): Side| {
         let ends = ends(numbers, t, k);
         let edge = ends.map(|c| numbers[t as usize][c]);
@@ -172,7 +173,7 @@ pub(super) fn pairs(
     found
 }
 
-/// The corners of a triangle at the edge opposite to its corner `k`, from the lower to the higher UV corner.
+/// The corners of a triangle at the edge opposite to its corner `k`, the lower-numbered UV corner first.
 fn ends(numbers: &[[u32; 3]], t: u32, k: u8) -> [usize; 2] {
     let [a, b] = [1, 2].map(|d| (k as usize + d) % 3);
     let of = &numbers[t as usize];

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use super::NONE;
 use super::source::{MeshSource, UvSource};
 
-/// The index of a UV that is absent.
+/// The index that marks a missing UV.
 const NO_UV: u32 = u32::MAX;
 
 /// The corners of each face. The arrays have been checked.
@@ -101,7 +101,7 @@ fn check_faces(source: &MeshSource) -> Result<usize> {
     }
 }
 
-/// `name` is that of the UV set in messages.
+/// Checks a UV set, which messages call `name`.
 fn check_uvs(source: &MeshSource, uvs: &UvSource, name: &str) -> Result<()> {
     let corners = source.indices.len();
     match uvs.v {
@@ -158,7 +158,7 @@ fn check_uvs(source: &MeshSource, uvs: &UvSource, name: &str) -> Result<()> {
     Ok(())
 }
 
-/// The function from a face corner to its UV, of a set that has been checked.
+/// Returns the function from a face corner to its UV, for a checked set.
 pub(super) fn corner_uv<'a>(uvs: &UvSource<'a>) -> impl Fn(usize) -> Option<[f32; 2]> + use<'a> {
     let uvs = *uvs;
     move |corner: usize| {

@@ -1,15 +1,15 @@
 //! A hash for look-ups by positions and UVs, several times as fast as the standard library's. Nothing depends on the
-//! order of its tables.
+//! iteration order of its tables.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hash, Hasher};
 
 use crate::allocation::make_room_in;
 
-/// A table that is only looked up.
+/// A hash table that is never iterated.
 pub(crate) type Table<K, V> = HashMap<K, V, BuildHasherDefault<Folded>>;
 
-/// Enters a value, and returns the one that was there.
+/// Inserts a value, and returns the previous one.
 pub(crate) fn enter<K: Eq + Hash, V>(table: &mut Table<K, V>, key: K, value: V) -> Option<V> {
     if table.len() == table.capacity() {
         make_room_in(table, 1);
@@ -19,7 +19,7 @@ pub(crate) fn enter<K: Eq + Hash, V>(table: &mut Table<K, V>, key: K, value: V) 
 }
 
 /// Multiplies each word by a number without a pattern and folds the product's halves onto each other, so that words with
-/// many zeros at their end, as round numbers have, spread as others do.
+/// many trailing zeros, such as round numbers, spread as well as others.
 #[derive(Default)]
 pub(crate) struct Folded(u64);
 
@@ -41,7 +41,7 @@ impl Hasher for Folded {
     }
 
     fn write_u64(&mut self, word: u64) {
-        // The fractions of π and of e, in bits.
+        // The constants are the fractional bits of π and of e.
         let product = u128::from(self.0 ^ word ^ 0x243F_6A88_85A3_08D3) * 0xB7E1_5162_8AED_2A6B;
         self.0 = product as u64 ^ (product >> 64) as u64;
     }

@@ -11,13 +11,13 @@ use crate::report::AssetInfo;
 
 /// One UV set.
 pub(super) struct UvSet {
-    /// Tiles are their UDIM numbers, until they are built.
+    /// Their tiles are UDIM numbers until the tiles are built.
     pub corners: Vec<Corner>,
     /// The UDIM tiles that have triangles, in the order of their numbers.
     pub tiles: Vec<(u32, Vec<RawTriangle>)>,
 }
 
-/// Reads a UV set of a checked mesh. Faces are counted with the first set, what is special about UVs with every one.
+/// Reads a UV set of a checked mesh. Faces are counted for the first set only, properties of UVs for every set.
 pub(super) fn read(source: &MeshSource, uvs: &UvSource, uv_set: u32, info: &mut AssetInfo) -> UvSet {
     let uv_of = check::corner_uv(uvs);
     let textured = source.textured_faces.map(|chosen| {
@@ -35,7 +35,7 @@ pub(super) fn read(source: &MeshSource, uvs: &UvSource, uv_set: u32, info: &mut 
             info.faces += 1;
             info.faces_skipped += u64::from(!is_face);
         }
-        // A face without corners has none to ask: at the end of the mesh, its first one is past the last.
+        // Faces without corners must not be looked up: at the end of the mesh, their first corner would be out of range.
         let has_texture = is_face && textured.as_ref().is_none_or(|t| t[f]) && uv_of(face.start).is_some();
         if !has_texture {
             info.faces_untextured += u64::from(is_face);
@@ -93,8 +93,8 @@ pub(super) fn edges(source: &MeshSource) -> impl Iterator<Item = [u32; 2]> {
     })
 }
 
-/// The host's seams, as sorted pairs. Those that are no edge of a face are left out and counted: a host that takes them
-/// from a file, or from before an edit, loses nothing but them.
+/// The host's seams, as sorted pairs. Pairs that are not an edge of any face are left out and counted: a host that reads
+/// seams from a file, or from before an edit, loses only these.
 pub(super) fn seams(source: &MeshSource, info: &mut AssetInfo) -> Seams {
     let sorted = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
     let mut seams: Seams = source.seams.iter().copied().map(sorted).collected();

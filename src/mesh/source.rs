@@ -1,4 +1,4 @@
-//! A host's mesh, as it is handed over.
+//! The mesh that a host supplies.
 
 use crate::error::{Error, Result};
 use crate::view::Strided;
@@ -8,75 +8,75 @@ use crate::view::Strided;
 pub struct UvSource<'a> {
     /// u of each UV; for interleaved pairs the view has two components and `v` is `None`.
     pub u: Strided<'a>,
-    /// v of each UV, where it comes as an array of its own (same length as `u`).
+    /// v of each UV, if it is a separate array (same length as `u`).
     pub v: Option<Strided<'a>>,
-    /// Index of each face corner's UV; `None` = one UV per corner, in corner order. A face all of whose corners have
+    /// Index of each face corner's UV; `None` = one UV per corner, in corner order. A face whose corners all have
     /// `u32::MAX` has no texture: it belongs to no tile, and its corners keep their places in the order.
     pub indices: Option<&'a [u32]>,
 }
 
-/// A host's mesh at rest. What is not needed is left to [`MeshSource::default`].
+/// A host's mesh at rest. Unused fields are left to [`MeshSource::default`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MeshSource<'a> {
     /// Rest positions, three components, f32 or f64.
     pub positions: Strided<'a>,
-    /// Corners per face; `None` = all triangles, unless there are `face_offsets`. Faces with fewer than three corners
+    /// Corners per face; `None` = all triangles, unless `face_offsets` is given. Faces with fewer than three corners
     /// (points, lines) are skipped and counted; their corners keep their places in the order.
     pub face_counts: Option<&'a [u32]>,
-    /// In place of `face_counts`: the first corner of each face, and at the end the number of all corners, so that face
-    /// f has the corners `face_offsets[f]..face_offsets[f + 1]`.
+    /// Instead of `face_counts`: the first corner of each face, followed by the number of all corners, so that face f has
+    /// the corners `face_offsets[f]..face_offsets[f + 1]`.
     pub face_offsets: Option<&'a [u32]>,
     /// Index of each face corner's vertex.
     pub indices: &'a [u32],
     /// UVs of the face corners: set 0. v points up; UDIM tile = 1001 + floor(u) + 10 floor(v).
     pub uvs: UvSource<'a>,
-    /// Further UV sets, from set 1 on. Each has tiles of its own, which follow those of the set before it.
+    /// Further UV sets, from set 1 on. Each has its own tiles, which follow those of the previous set.
     pub uv_sets: &'a [UvSource<'a>],
-    /// Edges at which charts end in all UV sets, each as its two vertices. A pair that is no edge of a face does
-    /// nothing, and is counted.
+    /// Edges at which charts end in all UV sets, each as its two vertices. A pair that is not an edge of any face has no
+    /// effect, and is counted.
     pub seams: &'a [[u32; 2]],
-    /// The faces that carry the texture, in any order; `None` = all. The others have none, as if they had no UVs.
+    /// The faces that carry the texture, in any order; `None` = all. All others count as faces without UVs.
     pub textured_faces: Option<&'a [u32]>,
-    /// Which corners of faces count as one.
+    /// How corners of faces are welded.
     pub weld: Weld,
 }
 
-/// By what two corners of different faces are recognised as one, so that charts go on across the edges between them.
+/// How two corners of different faces are recognised as one, so that charts continue across the edges between them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WeldBy {
-    /// The same vertex, and UVs within the tolerance. The host's vertices say what hangs together: what is cut in the
-    /// modelling program is cut here, lips that are closed at rest included, and no pose changes that.
+    /// The same vertex, and UVs within the tolerance. The host's vertices define what is connected: cuts made in the
+    /// modelling program stay cuts, even lips that are closed at rest, and no pose changes that.
     #[default]
     Index,
-    /// Also different vertices whose rest positions lie within the tolerance: for meshes out of games, where vertices
-    /// are doubled along hard edges and seams. Where a pose pulls such vertices apart, the charts end there in this pose
+    /// Also different vertices whose rest positions lie within the tolerance: for meshes from games, where vertices are
+    /// duplicated along hard edges and seams. Where a pose pulls such vertices apart, the charts end there in this pose
     /// ([`crate::TileReport::welds_torn`]): by more than ten times the tolerance, along an axis, plus 8 times the
-    /// positions' epsilon (2^-23 for f32, 2^-52 for f64) of the largest magnitude of their coordinates in the pose.
+    /// positions' epsilon (2^-23 for f32, 2^-52 for f64) times the largest magnitude of their coordinates in the pose.
     Position,
     /// The same vertex, and exactly the same UV.
     Off,
 }
 
-/// Which corners of faces count as one UV corner (method §1).
+/// Settings for welding corners of faces to one UV corner (method §1).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Weld {
     /// By vertex, by position, or not at all.
     pub by: WeldBy,
     /// Largest distance of welded vertices at rest, as a fraction of the longest side of the mesh's bounding box, 0..1;
     /// `None` = 1e-5. Unless it is 0, the positions' epsilon (2^-23 for f32, 2^-52 for f64) times the largest magnitude
-    /// of a coordinate at rest is added. A vertex has at most a quarter of its shortest edge. Speaks to
-    /// [`WeldBy::Position`] alone.
+    /// of a coordinate at rest is added. For each vertex it is limited to a quarter of its shortest edge. Applies to
+    /// [`WeldBy::Position`] only.
     pub position_tolerance: Option<f64>,
-    /// Largest difference of welded UVs in u and in v, 0..1; `None` = 1/2048, half a texel of a map of 1024, and the
-    /// step of half floats under 1. Corners of small triangles have less: a quarter of the least height in UV of the
+    /// Largest difference of welded UVs in u and in v, 0..1; `None` = 1/2048, half a texel of a map of 1024, and the step
+    /// of half floats under 1. For corners of small triangles it is limited to a quarter of the least height in UV of the
     /// triangles at the vertex.
     pub uv_tolerance: Option<f64>,
 }
 
-/// [`Weld::position_tolerance`], unless given.
+/// Default of [`Weld::position_tolerance`].
 pub(crate) const POSITION_TOLERANCE: f64 = 1e-5;
-/// [`Weld::uv_tolerance`], unless given.
+/// Default of [`Weld::uv_tolerance`].
 pub(crate) const UV_TOLERANCE: f64 = 1.0 / 2048.0;
 
 impl Weld {
@@ -91,12 +91,12 @@ impl Weld {
         Ok(())
     }
 
-    /// As a fraction of the mesh's extent.
+    /// The position tolerance, as a fraction of the mesh's extent.
     pub(super) fn of_positions(&self) -> f64 {
         self.position_tolerance.unwrap_or(POSITION_TOLERANCE)
     }
 
-    /// In UV; 0 if UVs have to be equal.
+    /// The UV tolerance; 0 if UVs must be equal.
     pub(super) fn of_uvs(&self) -> f64 {
         if self.by == WeldBy::Off { 0.0 } else { self.uv_tolerance.unwrap_or(UV_TOLERANCE) }
     }

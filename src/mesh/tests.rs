@@ -47,7 +47,7 @@ fn a_strip_is_one_chart_with_neighbours_on_both_sides() {
 
 #[test]
 fn a_half_folded_onto_the_other_is_a_chart_of_its_own() {
-    // Two triangles with a common edge, both to its left in UV.
+    // Two triangles with a common edge, both on its left in UV.
     let positions = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]];
     let uvs = [0.5, 0.2, 0.5, 0.8, 0.2, 0.4, 0.25, 0.5];
     let mesh = build(&positions, None, &[0, 1, 2, 1, 0, 3], &uvs).unwrap();
@@ -131,7 +131,7 @@ fn bad_arrays_are_named_with_the_index() {
     assert!(build(&[], None, &[], &[]).is_err());
 }
 
-/// A strip with further inputs.
+/// A mesh of a strip, with changed inputs.
 fn with(n: u32, change: impl FnOnce(&mut MeshSource)) -> Result<Mesh> {
     let (positions, indices, uvs) = strip(n, [0.1, 0.1], 0.8 / n as f32);
     let counts = vec![4; n as usize];
@@ -148,7 +148,7 @@ fn with(n: u32, change: impl FnOnce(&mut MeshSource)) -> Result<Mesh> {
 
 #[test]
 fn charts_end_at_seams() {
-    // The edge between the first two quads; twice, once in the other direction. The last one is a diagonal.
+    // The edge between the first two quads, in both directions. The last pair is a diagonal.
     let mesh = with(4, |source| source.seams = &[[2, 3], [3, 2], [0, 3]]).unwrap();
     assert_eq!((mesh.info.charts, mesh.info.seams_unused, mesh.info.border_edges), (2, 1, 12));
     assert_eq!(mesh.tiles[0].charts[0].triangles, 0..2);
@@ -172,7 +172,7 @@ fn offsets_are_counts() {
     assert!(both.starts_with("face_offsets: face_counts"));
 }
 
-/// Found by fuzzing: its first corner would be past the last one.
+/// Found by fuzzing: the first corner of a last, empty face would be past the last corner.
 #[test]
 fn the_last_face_may_have_no_corners() {
     let (positions, indices, uvs) = strip(2, [0.1, 0.1], 0.1);
@@ -185,7 +185,7 @@ fn the_last_face_may_have_no_corners() {
 #[test]
 fn faces_without_texture_and_short_ones_keep_their_corners() {
     const NO: u32 = u32::MAX;
-    // Quads 0 and 2 have UVs; a line and a point stand between them.
+    // Quads 0 and 2 have UVs; a line and a point lie between them.
     let indices = [0, 1, 4, 3, 0, 1, 4, 1, 2, 5, 4, 0, 1, 4, 3];
     let positions: Vec<[f32; 3]> = (0..6).map(|k| [(k % 3) as f32, (k / 3) as f32, 0.0]).collect();
     let uvs = [0.1, 0.1, 0.5, 0.1, 0.9, 0.1, 0.1, 0.9, 0.5, 0.9, 0.9, 0.9];
@@ -210,7 +210,7 @@ fn faces_without_texture_and_short_ones_keep_their_corners() {
     let with_triangle = |c: &&Corner| c.tile == 0 && c.triangle != NONE;
     assert_eq!(mesh.corners[0].iter().filter(with_triangle).count(), 8);
     assert_eq!((mesh.corners[0][8].tile, mesh.corners[0][8].uv), (NONE, [0.0; 2]));
-    // Some corners of a face only; a face that is not chosen is no exception.
+    // A face may not have UVs at some corners only, even if it is not textured.
     without[9] = 2;
     let partly = build(&without, Some(&[0])).unwrap_err().message;
     assert!(partly.starts_with("uvs.indices[7]: no UV"), "{partly}");
@@ -258,9 +258,9 @@ fn a_vertex_is_at_the_place_of_the_first_one_within_reach() {
         weld::places(&rest, &vec![shortest; x.len()], 1.0, |_| true)
     };
     assert_eq!(place(&[0.0, 0.9, 1.8, 2.7, 0.0, -0.9], 100.0), [0, 0, 2, 2, 0, 0]);
-    // A quarter of the shortest edge, and nothing where edges are shorter than half of the tolerance.
+    // The tolerance is a quarter of the shortest edge, and 0 where edges are shorter than half of the tolerance.
     assert_eq!(place(&[0.0, 0.4, 0.6], 2.0), [0, 0, 2]);
     assert_eq!(place(&[0.0, 0.1, 0.0, -0.0], 0.4), [0, 1, 0, 0]);
-    // Coordinates and cells at the limits of numbers.
+    // Coordinates and cells near the limits of their types.
     assert_eq!(place(&[1e300, -1e300, 1e300], f64::INFINITY), [0, 1, 0]);
 }

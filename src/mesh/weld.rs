@@ -1,6 +1,6 @@
-//! Which corners of triangles are one UV corner (method §1): first which vertices lie at one place, then which of their
-//! UVs are one. Both take the first that came as the one that others join, so that the result does not depend on the
-//! order of a hash table, and nothing is joined over a chain of neighbours to something far away.
+//! Decides which corners of triangles are one UV corner (method §1): first which vertices lie at one place, then which of
+//! their UVs match. In both, later ones join the first, so that the result does not depend on the order of a hash table,
+//! and chains of neighbours never join distant points.
 
 use std::hash::Hash;
 
@@ -11,16 +11,15 @@ use super::triangle::doubled_area;
 use super::{NONE, RawTriangle};
 use crate::allocation::{Grow, filled, with_capacity};
 
-/// As many are looked at in a cell of the hash. Where vertices or UVs of one place differ at all, they are few; a host
-/// must not be able to make this take the square of their number.
+/// Most entries examined in a cell of the hash. Vertices or UVs of one place that differ are few; the limit keeps a
+/// host's input from making this quadratic.
 const LOOKED_AT: usize = 16;
 
-/// The vertices that lie at one place: per vertex, the first one there; of those that are `wanted`, the others for
-/// themselves.
+/// The vertices that lie at one place: per vertex, the first vertex there. Vertices that are not `wanted` stay separate.
 ///
-/// `tolerance` is a length. A vertex has at most a quarter of its shortest edge (`shortest`), so that the ends of an edge
-/// stay apart. Vertices with edges shorter than half of the tolerance are welded to equal ones only: there may be any
-/// number of them within the tolerance.
+/// `tolerance` is a length. For each vertex it is limited to a quarter of its shortest edge (`shortest`), so that the
+/// ends of an edge stay apart. Vertices with edges shorter than half of the tolerance are welded to equal ones only: any
+/// number of them may lie within the tolerance.
 pub(super) fn places(
     rest: &[[f64; 3]],
     shortest: &[f64],
@@ -32,7 +31,7 @@ pub(super) fn places(
     let reach = |v: usize| {
         if shortest[v] < 0.5 * tolerance { 0.0 } else { tolerance.min(0.25 * shortest[v]) }
     };
-    // + 0.0 makes -0.0 and 0.0 the same.
+    // Adding 0.0 turns -0.0 into 0.0.
     let bits = |p: [f64; 3]| p.map(|x| (x + 0.0).to_bits());
     let mut exact: Table<[u64; 3], u32> = Table::default();
     let mut cells = Cells::default();
@@ -73,11 +72,11 @@ pub(super) fn places(
     place
 }
 
-/// Items by the cells that they lie in.
+/// Items, by the cells in which they lie.
 struct Cells<K> {
     /// The last item of each cell, as its index in `items`.
     last: Table<K, u32>,
-    /// Each item, and the index of the one before it in its cell, or `NONE`.
+    /// Each item, and the index of the previous item in its cell, or `NONE`.
     items: Vec<(u32, u32)>,
 }
 
@@ -106,8 +105,8 @@ fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
 }
 
 /// Per vertex, how far a UV of its corners may be moved to that of another corner: at most the tolerance, and a quarter
-/// of the least height of the triangles at it. Even if all three corners of a triangle move, it keeps its side and more
-/// than a quarter of its height; and since two of its corners are a height apart, they never become one.
+/// of the least height of the triangles at it. Even if all three corners of a triangle move, it keeps its orientation and
+/// more than a quarter of its height; and since two of its corners are a height apart, they never merge.
 pub(super) fn reaches<'a>(
     triangles: impl Iterator<Item = &'a RawTriangle>,
     vertices: usize,
@@ -134,12 +133,12 @@ pub(super) struct Corners<'a> {
     tolerance: f64,
     exact: Table<(u32, [u64; 2]), u32>,
     cells: Cells<(u32, [i64; 2])>,
-    /// Of each UV corner: its UV, and how far that reaches.
+    /// Per UV corner: its UV, and the distance within which others join it.
     firsts: Vec<(DVec2, f64)>,
 }
 
 impl<'a> Corners<'a> {
-    /// `place` takes a vertex to its place; `reach` is that of `reaches` for `tolerance`.
+    /// `place` maps a vertex to its place; `reach` is the result of `reaches` for `tolerance`.
     pub fn new(place: &'a dyn Fn(u32) -> u32, reach: &'a [f64], tolerance: f64) -> Corners<'a> {
         let (exact, cells, firsts) = (Table::default(), Cells::default(), Vec::new());
         Corners { place, reach, tolerance, exact, cells, firsts }

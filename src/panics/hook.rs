@@ -1,8 +1,8 @@
 //! The panic boundary of the C functions: a panic inside never unwinds into the host, and writes nothing to its stderr.
 //!
-//! The standard hook prints panics. The hook installed here keeps the place of those that happen inside a boundary, on
-//! the thread that entered it or on a worker thread (workers have no name), and passes all others on to the hook that
-//! was there before. It is the whole process's.
+//! The standard hook prints panics. The hook installed here records the place of panics inside a boundary, on the thread
+//! that entered it or on a worker thread (workers have no name), and passes all others to the previous hook. It applies
+//! to the whole process.
 
 use std::cell::Cell;
 use std::fmt::Write;
@@ -13,10 +13,10 @@ use std::sync::{Once, OnceLock};
 use super::{DEPTH, PLACE, Panicked, catch_here};
 use crate::line::Line;
 
-/// Boundaries in use on all threads whose worker threads' panics are kept, too.
+/// Number of boundaries in use, over all threads, that also record the panics of worker threads.
 static WITH_WORKERS: AtomicUsize = AtomicUsize::new(0);
 
-/// Runs an entry point of the library. Panics of the worker threads that it starts are kept, too.
+/// Runs an entry point of the library. Panics of the worker threads that it starts are recorded, too.
 #[allow(clippy::result_large_err, reason = "a box would need memory, which may be short")]
 pub(crate) fn catch<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     struct WithWorkers;
@@ -33,15 +33,15 @@ pub(crate) fn catch<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
 
 type Hook = Box<dyn Fn(&PanicHookInfo<'_>) + Sync + Send>;
 
-/// The hook that was there before.
+/// The hook that was installed before.
 static PREVIOUS_HOOK: OnceLock<Hook> = OnceLock::new();
 
 fn install() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         let _ = PREVIOUS_HOOK.set(take_hook());
-        // A function, not a closure that holds the other hook: that would need memory, which unloading leaves behind.
-        #[expect(clippy::disallowed_methods, reason = "of no size")]
+        // A function, not a closure over the previous hook: a closure would need memory, which unloading would leak.
+        #[expect(clippy::disallowed_methods, reason = "zero-sized")]
         set_hook(Box::new(keep_or_pass_on));
     });
 }
@@ -51,7 +51,7 @@ fn keep_or_pass_on(info: &PanicHookInfo<'_>) {
     if DEPTH.with(Cell::get) > 0 {
         if let Some(location) = info.location() {
             let mut place = Line::new();
-            // A place that is too long is cut: that is no failure.
+            // Cutting a place that is too long is no failure.
             let _ = write!(place, " ({location})");
             let _ = PLACE.try_with(|kept| kept.set(place));
         }

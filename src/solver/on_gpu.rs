@@ -1,4 +1,4 @@
-//! A solve on a GPU.
+//! Solves a tile on a GPU.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::unwind::caught;
 
 use super::tile_solve::{TileSolution, TileSolve, Warp};
 
-/// Solves the charts that are wanted.
+/// Solves the requested charts.
 pub(crate) fn run(memory: &mut gpu::Memory, solve: &TileSolve) -> Result<TileSolution> {
     let context = memory.context.clone();
     context.contain(|| caught(|| run_on_gpu(memory, solve)))?

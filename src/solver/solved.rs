@@ -1,4 +1,4 @@
-//! The last good solve of a tile, and what it depends on.
+//! The last good solve of a tile, and the inputs it depends on.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -19,17 +19,18 @@ use super::tile_solve::Warp;
 /// A tile's last good solve.
 #[derive(Debug)]
 pub(crate) struct Solved {
-    /// The tile as it hung together in the pose.
+    /// The tile with the connectivity of the pose, in which welds may be torn.
     pub mesh: Arc<TileMesh>,
     /// The grid it was solved on, which may be older than the maps.
     pub grid: Arc<Grid>,
     pub warp: Arc<Warp>,
-    /// The inputs of each chart's result, until the tile takes it; `None` where it also depends on time or on earlier frames.
+    /// The inputs of each chart's result, until they move to the tile; `None` if the result also depends on time or on
+    /// earlier frames.
     pub inputs: Vec<Option<ChartInput>>,
     pub results: Vec<ChartResult>,
-    /// The setting that it was solved with.
+    /// The overlap setting of the solve.
     pub overlap: Overlap,
-    /// But for what later fetches change in it: see `report()`.
+    /// The report at the time of the solve; `report()` adds what later fetches change.
     pub report: TileReport,
     /// Milliseconds of the latest inversion: the bits of an f32.
     pub invert_ms: AtomicU32,
@@ -38,12 +39,12 @@ pub(crate) struct Solved {
 }
 
 impl Solved {
-    /// Bytes of a result on a grid.
+    /// Bytes of the result of a solve on a grid.
     pub fn bytes_for(grid: &Grid) -> u64 {
         (grid.levels[0].blocks.list.len() * size_of::<[Plane; 2]>()) as u64
     }
 
-    /// The same result with its warp elsewhere.
+    /// The same result with its warp stored elsewhere.
     #[cfg(all(test, feature = "gpu"))]
     pub fn with_warp(&self, warp: Arc<Warp>) -> Solved {
         Solved {
@@ -59,14 +60,14 @@ impl Solved {
         }
     }
 
-    /// What a host is told.
+    /// The report for the host.
     pub fn report(&self) -> TileReport {
         let mut report = self.report;
         report.times.invert = f32::from_bits(self.invert_ms.load(Ordering::Relaxed));
         report
     }
 
-    /// Takes in how long an inversion took.
+    /// Records the time of an inversion.
     pub fn set_invert_ms(&self, ms: f32) {
         self.invert_ms.store(ms.to_bits(), Ordering::Relaxed);
     }
@@ -76,8 +77,8 @@ impl Solved {
         self.results[chart as usize].max_displacement
     }
 
-    /// The redirected UV of a corner, or of another point of a triangle: both with the tile's offset. `None` where nothing
-    /// moves. `u` are the displacements, `triangle` is a number in `TileMesh::chart_of`.
+    /// The redirected UV of a corner, or of another point of a triangle; input and output include the tile's offset.
+    /// `None` where nothing moves. `u` are the displacements, `triangle` is a number in `TileMesh::chart_of`.
     pub fn redirected(&self, u: &[[Plane; 2]], triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]> {
         let level = &self.grid.levels[0];
         let (origin, cells) = (self.mesh.origin(), DVec2::new(level.nx as f64, level.ny as f64));
@@ -87,14 +88,14 @@ impl Solved {
             .map(|p| (DVec2::from(p) / cells + origin).into())
     }
 
-    /// Charts whose warp may move a corner of `chart`: its own, and where the first face owns shared texels, any.
+    /// Charts whose warp may move a corner of `chart`: itself, and if the first face owns shared texels, any chart.
     fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
         let others = if self.overlap == Overlap::FirstFace { self.results.len() as u32 } else { 0 };
         std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
     }
 }
 
-/// What a chart's result depends on.
+/// The inputs of a chart's result.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ChartInput {
     pub pose: ChartPose,

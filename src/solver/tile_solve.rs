@@ -1,4 +1,4 @@
-//! One solve of one tile, for either backend: what goes in, and what comes out.
+//! One solve of one tile, for either backend: its input and its output.
 
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -25,7 +25,7 @@ pub(crate) enum Warp {
 }
 
 impl Warp {
-    /// In host memory: read from the GPU the first time.
+    /// The displacements in host memory; read from the GPU on first use.
     pub fn host(&self) -> Result<&[[Plane; 2]]> {
         match self {
             Warp::Host(u) => Ok(u),
@@ -40,20 +40,20 @@ pub(crate) struct TileSolve<'a> {
     pub input: Input<'a>,
     pub grid: &'a Arc<Grid>,
     pub plan: &'a Plan,
-    /// The time that there is.
+    /// The time limit.
     pub deadline: RefCell<Deadline>,
-    /// How far it is.
+    /// The progress of the solve.
     pub progress: RefCell<Progress>,
     /// The tile's last result on the same grid.
     pub last: Option<&'a Warp>,
-    /// Charts that are not solved keep their last result if they are in here, and become the identity if not.
+    /// Charts that are not solved keep their last result if this is true for them, and become the identity otherwise.
     pub keep: &'a [bool],
 }
 
 /// The result of a solve.
 pub(crate) struct TileSolution {
     pub warp: Warp,
-    /// Per chart; of those that were solved.
+    /// Per chart; meaningful for the solved charts.
     pub charts: Vec<ChartResult>,
     pub summary: Summary,
     pub node_updates: u64,
@@ -68,7 +68,7 @@ impl TileSolve<'_> {
         self.input.charts.contains(&true)
     }
 
-    /// The last result in host memory, if the solve starts from it or is pulled towards it; else nothing.
+    /// The last result in host memory if the solve starts from it or is pulled towards it, otherwise empty.
     pub fn anchor(&self) -> Result<&[[Plane; 2]]> {
         self.last.filter(|_| self.plan.warm).map_or(Ok(&[]), Warp::host)
     }
@@ -84,8 +84,8 @@ impl TileSolve<'_> {
         }
     }
 
-    /// The last result of the charts that keep it and are not solved, the identity elsewhere, in host memory. The
-    /// identity's pages are taken when they are written.
+    /// The initial displacements in host memory: the last result for charts that keep it and are not solved, the identity
+    /// elsewhere. Pages of the identity are not touched until they are written.
     pub fn initial_displacements(&self) -> Result<Vec<[Plane; 2]>> {
         let blocks = &self.grid.levels[0].blocks;
         let mut u = zeroed(blocks.list.len());

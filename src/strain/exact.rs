@@ -1,6 +1,5 @@
-//! The exact surface map f from the UV plane to space (method §2), affine on each triangle, in f64, with point
-//! location. The reference solver and the strain on the mesh use it. It shares no numbers with the solver's own f32
-//! surface.
+//! The exact surface map f from the UV plane to space (method §2), affine on each triangle, in f64, with point location.
+//! Used by the reference solver and for the strain on the mesh; it shares no numbers with the solver's own f32 surface.
 
 use glam::DVec2;
 
@@ -39,7 +38,7 @@ pub(crate) struct Locator {
 }
 
 impl Locator {
-    /// `under` holds the triangle under each of the (nx + 1) x (ny + 1) nodes, or `NONE`.
+    /// `under` gives the triangle under each of the (nx + 1) x (ny + 1) nodes, or `NONE`.
     pub fn new(tile: &TileMesh, nx: usize, ny: usize, under: Vec<u32>) -> Locator {
         let cells = DVec2::new(nx as f64, ny as f64);
         let triangles = tile
@@ -65,9 +64,9 @@ impl Locator {
     }
 
     /// The triangle under a point given in cells, in the chart of the triangle `home`. The walk starts at the triangle
-    /// under the nearest node. The border of a chart that is not convex may stop it; it then starts again at the
-    /// corners of the point's cell and at `home`. At last all triangles of the chart are searched for the one that
-    /// contains the point best (by rounding, a point on the border may lie outside of all of them).
+    /// under the nearest node. The border of a non-convex chart may stop it; it then starts again at the corners of the
+    /// point's cell and at `home`. Finally all triangles of the chart are searched for the one that contains the point
+    /// best (by rounding, a point on the border may lie outside of all of them).
     pub fn find(&self, at: DVec2, home: u32) -> u32 {
         let chart = self.chart_of[home as usize];
         let clamp = |x: f64, n: usize| x.clamp(0.0, n as f64) as usize;
@@ -88,9 +87,9 @@ impl Locator {
         self.walk(home, at).unwrap_or_else(|| self.search(chart, at))
     }
 
-    /// The triangle under a point given in cells that the surface goes on to from the triangle `start`. It crosses the edge
-    /// opposite to the most negative barycentric coordinate (where it has a neighbour) until none is negative. `None` if
-    /// there is no such edge, or after too many steps.
+    /// Follows the surface from the triangle `start` to the triangle under a point given in cells. It crosses the edge
+    /// opposite to the most negative barycentric coordinate (where it has a neighbour) until no coordinate is negative.
+    /// `None` if no such edge exists, or after too many steps.
     pub fn walk(&self, start: u32, at: DVec2) -> Option<u32> {
         let mut t = start;
         // On badly shaped triangles such a walk may go round in circles.
@@ -118,8 +117,8 @@ impl Locator {
     }
 }
 
-/// f in D dimensions: affine on each triangle, and relative to the first vertex of its chart, so that a mesh far from
-/// the origin loses no digits.
+/// f in D dimensions: affine on each triangle, and relative to the first vertex of its chart, so that a mesh far from the
+/// origin loses no precision.
 #[derive(Debug)]
 pub(crate) struct Surface<const D: usize> {
     triangles: Vec<Affine<D>>,

@@ -1,12 +1,12 @@
 //! How a team's caller and its helpers agree on who runs which item of which job, and when a job is over.
 //!
-//! A job is any value that can be copied, and `help` is told how to run its items. The caller publishes the job, works
-//! on it as the helpers do, closes it, and waits until every helper that joined has left: from then on no helper uses
-//! the job, even if an item panicked. `Team` relies on this; nothing in this file is unsafe.
+//! A job is any value that can be copied, and `help` is told how to run its items. The caller publishes the job, works on
+//! it like the helpers, closes it, and waits until every helper that joined has left: from then on no helper uses the
+//! job, even if an item panicked. `Team` relies on this; nothing in this file is unsafe.
 //!
-//! `super::sync` provides the atomics and locks. In the library they are those of std; `tests/loom` compiles this same
-//! file with those of loom and runs it in all interleavings. Loom knows no total order of `SeqCst` accesses. None is
-//! needed: all that caller and helpers decide on is in one word, `state`.
+//! `super::sync` provides the atomics and locks. In the library they are std's; `tests/loom` compiles this same file with
+//! loom's and runs it in all interleavings. Loom does not model the total order of `SeqCst` accesses. None is needed: all
+//! decisions between caller and helpers are in one word, `state`.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -16,13 +16,13 @@ use super::sync::{
     AtomicU64, AtomicUsize, Condvar, Mutex, MutexGuard, Ordering, SPINS, spin_loop, yield_now,
 };
 
-/// The shared state of one caller and its helpers; `J` is what a job is to the helpers.
+/// The shared state of one caller and its helpers; `J` is the type of a job.
 pub struct Protocol<J> {
     threads: usize,
     /// Whether the team ends (`QUIT`), the job's number (in units of `EPOCH`), whether a helper sleeps (`SLEEPING`),
-    /// whether the job is open for helpers (`OPEN`), and how many helpers are in it (`JOINED`).
+    /// whether the job is open for helpers (`OPEN`), and how many helpers have joined it (`JOINED`).
     state: AtomicU64,
-    /// The job and the count of its items.
+    /// The job and the number of its items.
     job: Mutex<Option<(J, usize)>>,
     /// The first item that no thread has taken.
     next: AtomicUsize,
@@ -48,18 +48,18 @@ impl Drop for Joined<'_> {
     }
 }
 
-/// Whether there is something to do for a helper that was last in job `seen`: the end, or a job to join.
+/// True if a helper whose last job was `seen` has something to do: quit, or join a job.
 fn is_news(state: u64, seen: u64) -> bool {
     state & QUIT != 0 || state & OPEN != 0 && state / EPOCH != seen
 }
 
-/// A poisoned lock is as good as any: what it guards is written in one step.
+/// Locks even if poisoned: the guarded value is written in one step.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl<J: Copy> Protocol<J> {
-    /// The most threads that `state` can count, the caller among them.
+    /// The most threads that `state` can count, including the caller.
     pub const MAX_THREADS: usize = JOINED as usize + 1;
 
     /// For one caller and its helpers, `threads` in all.
@@ -75,33 +75,34 @@ impl<J: Copy> Protocol<J> {
         }
     }
 
-    /// The caller's side of a job: runs items 0 to `count - 1`, each once, here with `item` and on the helpers with what
-    /// they were given. Returns, or unwinds if an item panicked, only after every helper that joined has left the job.
-    /// After a panic some items may not have run. Must not be called while it runs, be it by an item.
+    /// The caller's side of a job: runs items 0 to `count - 1`, each once, here with `item` and on the helpers with the
+    /// function given to `help`. Returns, or unwinds if an item panicked, only after every helper that joined has left
+    /// the job. After a panic some items may not have run. Must not be called while it runs, not even by an item.
     pub fn run(&self, job: J, count: usize, item: impl Fn(usize)) {
         self.next.store(0, Ordering::Relaxed);
         *lock(&self.job) = Some((job, count));
         let state = self.state.load(Ordering::Relaxed);
         debug_assert!(state & (OPEN | JOINED) == 0, "another job is running");
-        // A helper sets `SLEEPING` either before, and is woken, or fails to, and sees that the job is open.
+        // Either a helper has already set `SLEEPING` and is woken, or its attempt to set it fails and it sees that the
+        // job is open.
         if self.state.swap((state / EPOCH + 1) * EPOCH + OPEN, Ordering::Release) & SLEEPING != 0 {
             self.wake();
         }
         let own = catch_unwind(AssertUnwindSafe(|| self.work(count, item)));
         self.state.fetch_and(!OPEN, Ordering::Relaxed);
-        // Late helpers cannot join any more; what the others did happens before the end of this loop.
+        // Late helpers can no longer join; the work of the others happens before the end of this loop.
         while self.state.load(Ordering::Acquire) & JOINED != 0 {
             spin_loop();
             yield_now();
         }
-        // Taken even if the caller's own panic comes first, or the next job would unwind with it.
+        // Taken even if the caller's own panic comes first: otherwise the next job would unwind with it.
         let of_helper = lock(&self.panic).take();
         if let Some(panic) = own.err().or(of_helper) {
             resume_unwind(panic);
         }
     }
 
-    /// A helper's side: runs items, with `item`, of every job that it finds open, until `quit`.
+    /// A helper's side: runs items, with `item`, of every open job until `quit`.
     pub fn help(&self, item: impl Fn(J, usize)) {
         let mut seen = 0;
         let mut spins = 0;
@@ -145,7 +146,7 @@ impl<J: Copy> Protocol<J> {
         }
     }
 
-    /// Takes items until there are none; several at a time where there are many.
+    /// Takes items until none are left, several at a time if many are.
     fn work(&self, count: usize, item: impl Fn(usize)) {
         let chunk = (count / (self.threads * 8)).clamp(1, 16);
         loop {
@@ -157,7 +158,7 @@ impl<J: Copy> Protocol<J> {
         }
     }
 
-    /// Returns when there is news for a helper that was last in job `seen`.
+    /// Returns when a helper whose last job was `seen` has something to do.
     fn sleep(&self, seen: u64) {
         let mut guard = lock(&self.sleep_lock);
         loop {
@@ -172,7 +173,7 @@ impl<J: Copy> Protocol<J> {
         }
     }
 
-    /// Wakes all helpers that have set `SLEEPING`: one that does not wait yet holds the lock.
+    /// Wakes all helpers that have set `SLEEPING`: a helper that does not wait yet holds the lock.
     fn wake(&self) {
         drop(lock(&self.sleep_lock));
         self.wakeup.notify_all();

@@ -1,9 +1,9 @@
-//! What `protocol` is made of. `tests/loom` gives it loom's.
+//! The atomics, locks and spinning of `protocol`. `tests/loom` replaces them with loom's.
 
 pub use std::hint::spin_loop;
 pub use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 pub use std::sync::{Condvar, Mutex, MutexGuard};
 pub use std::thread::yield_now;
 
-/// Rounds of looking for work before a helper goes to sleep: about 50 microseconds.
+/// Rounds of polling for work before a helper goes to sleep: about 50 microseconds.
 pub const SPINS: usize = 4000;

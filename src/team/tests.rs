@@ -116,7 +116,7 @@ fn a_worker_of_another_team_gets_no_memory() {
     });
 }
 
-/// A linear congruential generator, of which the high bits are good enough.
+/// A linear congruential generator, whose high bits are random enough.
 struct Random(u64);
 
 impl Random {
@@ -149,7 +149,7 @@ fn jobs(team: &Team, random: &mut Random) {
         let at_most = [3, 20, 300][random.below(3)];
         let count = random.below(at_most + 1);
         let thrower = if random.below(8) == 0 { random.below(count + 1) } else { count };
-        // Borrowed by the items and gone when the job has ended.
+        // Borrowed by the items, and dropped when the job has ended.
         let mut hits = vec![0; count];
         let shared = SharedSlice::new(&mut hits);
         let result = catch_unwind(AssertUnwindSafe(|| {

@@ -1,5 +1,5 @@
-//! Starts threads, and waits for their ends: a host may unload the library right after the call. A team's helper that
-//! cannot be started is no error: the others do its work.
+//! Starts threads, and waits for their ends: a host may unload the library right after the call. If a team's helper
+//! cannot be started, that is no error: the others do its work.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
     posix::with(numbers, help, body)
 }
 
-/// The same through std, whose threads leave records behind on the thread that starts them. Elsewhere they do no harm.
+/// `with` through std, whose threads leave records on the thread that starts them. On these systems that does no harm.
 #[cfg(not(unix))]
 pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
     std::thread::scope(|scope| {
@@ -21,7 +21,8 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
         let start = |n| std::thread::Builder::new().spawn_scoped(scope, move || help(n)).ok();
         let helpers: Vec<_> = numbers.filter_map(start).collected();
         let result = body();
-        // A scope waits for what its threads run, not for their ends, which are this library's code as well.
+        // A scope waits until its threads have run their closures, not until they end, and ending runs code of this
+        // library, too.
         for helper in helpers {
             let _ = helper.join();
         }
@@ -29,11 +30,11 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
     })
 }
 
-/// Runs `work` on a thread of its own; none if the system has none left.
+/// Runs `work` on a thread of its own; `None` if the system cannot start another.
 #[cfg(unix)]
 pub use posix::{Thread, start};
 
-/// The same through std.
+/// `start` through std.
 #[cfg(not(unix))]
 pub struct Thread(std::thread::JoinHandle<()>);
 
@@ -44,14 +45,14 @@ pub fn start(work: Box<dyn FnOnce() + Send>) -> Option<Thread> {
 
 #[cfg(not(unix))]
 impl Thread {
-    /// Waits for its end.
+    /// Waits until the thread has ended.
     pub fn join(self) {
         let _ = self.0.join();
     }
 }
 
-/// POSIX threads without std: what std keeps of a thread that starts others is freed by a destructor at that thread's
-/// end, and until then the system keeps the library in memory, even after a host has closed it.
+/// POSIX threads without std: a thread that starts others through std gets a record that is freed by a destructor when it
+/// ends, and until then the system keeps the library in memory, even after a host has closed it.
 #[cfg(unix)]
 mod posix {
     use std::ffi::c_void;
@@ -62,7 +63,7 @@ mod posix {
 
     use crate::allocation::{Collect, Grow, with_capacity};
 
-    /// As much as std gives a thread.
+    /// The stack size of std's threads.
     const STACK: usize = 2 << 20;
 
     /// What a helper runs.
@@ -72,9 +73,9 @@ mod posix {
     }
 
     extern "C" fn run(start: *mut c_void) -> *mut c_void {
-        // SAFETY: `with` keeps it until this thread has ended.
+        // SAFETY: `with` keeps `start` alive until this thread has ended.
         let start = unsafe { &*start.cast::<Start>() };
-        // Panics of items are caught before, and handed to the caller.
+        // Panics of items are caught earlier, and handed to the caller.
         let _ = catch_unwind(AssertUnwindSafe(|| (start.help)(start.number)));
         ptr::null_mut()
     }
@@ -85,7 +86,7 @@ mod posix {
     impl Drop for Helpers {
         fn drop(&mut self) {
             for &thread in &self.0 {
-                // SAFETY: started below and joined once.
+                // SAFETY: the thread was started below and is joined once.
                 unsafe { libc::pthread_join(thread, ptr::null_mut()) };
             }
         }
@@ -95,7 +96,7 @@ mod posix {
         let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collected();
         let mut helpers = Helpers(with_capacity(starts.len()));
         for start in &starts {
-            // It lives until the thread is joined.
+            // `start` lives until the thread is joined.
             helpers.0.put_all(spawn(run, ptr::from_ref(start).cast_mut().cast()));
         }
         let result = body();
@@ -103,13 +104,13 @@ mod posix {
         result
     }
 
-    /// A thread that was started, and has to be joined.
+    /// A started thread, which must be joined.
     pub struct Thread(libc::pthread_t);
 
     impl Thread {
-        /// Waits for its end.
+        /// Waits until the thread has ended.
         pub fn join(self) {
-            // SAFETY: started below, and joined once, as `self` is consumed.
+            // SAFETY: the thread was started below, and is joined once, as `self` is consumed.
             unsafe { libc::pthread_join(self.0, ptr::null_mut()) };
         }
     }
@@ -117,7 +118,7 @@ mod posix {
     type Body = Box<dyn FnOnce() + Send>;
 
     extern "C" fn work(body: *mut c_void) -> *mut c_void {
-        // SAFETY: `start` made it for this thread alone.
+        // SAFETY: `start` made the body for this thread alone.
         let body = unsafe { Box::from_raw(body.cast::<Body>()) };
         let _ = catch_unwind(AssertUnwindSafe(body));
         ptr::null_mut()
@@ -128,26 +129,26 @@ mod posix {
         let body = Box::into_raw(Box::new(body));
         let thread = spawn(work, body.cast());
         if thread.is_none() {
-            // SAFETY: no thread has got it.
+            // SAFETY: no thread received the body.
             drop(unsafe { Box::from_raw(body) });
         }
         thread.map(Thread)
     }
 
-    /// Starts a thread; none if the system has none left. `argument` is what `function` takes.
+    /// Starts a thread; `None` if the system cannot start another. `argument` is passed to `function`.
     fn spawn(
         function: extern "C" fn(*mut c_void) -> *mut c_void,
         argument: *mut c_void,
     ) -> Option<libc::pthread_t> {
         let mut attributes = MaybeUninit::uninit();
         let mut thread = MaybeUninit::uninit();
-        // SAFETY: the attributes are initialised before and destroyed after their use; the thread is there if the call
-        // gives 0.
+        // SAFETY: the attributes are initialised before and destroyed after their use; the thread exists if the call
+        // returns 0.
         unsafe {
             if libc::pthread_attr_init(attributes.as_mut_ptr()) != 0 {
                 return None;
             }
-            // If the system wants another size, its own is good as well.
+            // If the system rejects this size, its default will do.
             let _ = libc::pthread_attr_setstacksize(attributes.as_mut_ptr(), STACK);
             let signals = Signals::hold_back();
             let status = libc::pthread_create(thread.as_mut_ptr(), attributes.as_ptr(), function, argument);
@@ -157,8 +158,8 @@ mod posix {
         }
     }
 
-    /// Holds signals back from this thread, and so from those that it starts, which keep its mask: a host's timers and
-    /// handlers are for the host's threads. Those that a fault raises, and a profiler's, still come.
+    /// Blocks signals on this thread, and so on those that it starts, which inherit its mask: a host's timers and
+    /// handlers are for the host's threads. Signals raised by a fault, and a profiler's, still come.
     struct Signals(libc::sigset_t);
 
     impl Signals {
@@ -185,7 +186,7 @@ mod posix {
 
     impl Drop for Signals {
         fn drop(&mut self) {
-            // SAFETY: the mask that this thread had.
+            // SAFETY: this restores the mask that this thread had.
             unsafe { libc::pthread_sigmask(libc::SIG_SETMASK, &self.0, ptr::null_mut()) };
         }
     }
