@@ -1,10 +1,10 @@
-//! What the log says of a new mesh.
+//! Log messages about a new mesh.
 
 use crate::device::Device;
 use crate::mesh::Mesh;
 use crate::settings::LogLevel;
 
-/// Describes a mesh and its tiles, and warns of what a host may not have meant.
+/// Describes a mesh and its tiles, and warns of possible mistakes of the host.
 pub(super) fn describe(device: &Device, mesh: &Mesh) {
     let info = &mesh.info;
     device.log(

@@ -1,4 +1,4 @@
-//! The strain of a result on the mesh, for reports.
+//! Measures the strain of a result on the mesh, for reports.
 
 use super::Asset;
 use crate::allocation::Collect;
@@ -11,7 +11,7 @@ use crate::team::Team;
 use crate::view::Strided;
 
 impl Asset {
-    /// Fills the strain of the reports of tiles that were solved.
+    /// Fills in the strain of the reports of solved tiles.
     pub(super) fn measure(
         &self,
         team: &Team,
@@ -35,7 +35,7 @@ impl Asset {
     }
 }
 
-/// The positions as they are measured.
+/// The positions in the format of the measurement.
 pub(crate) fn gather(positions: Strided) -> Vec<[f64; 3]> {
     (0..positions.len()).map(|v| positions.get3(v)).collected()
 }

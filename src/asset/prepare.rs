@@ -1,4 +1,4 @@
-//! What prepares a tile: its maps and settings, the grid that follows from them, its estimate, and saved grids.
+//! Prepares a tile: its maps and settings, the grid that follows from them, its estimate, and saved grids.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -23,7 +23,7 @@ use crate::solver::TileSolver;
 use crate::solver::solved::Solved;
 
 impl TileState {
-    /// Takes a new rigidity. The grid is rebuilt at the next solve if it differs.
+    /// Sets the rigidity. The grid is rebuilt at the next solve if the rigidity differs.
     pub fn set_rigidity(&mut self, rigidity: Rigidity) {
         if self.maps.rigidity != rigidity {
             self.maps.rigidity = rigidity;
@@ -33,11 +33,11 @@ impl TileState {
         }
     }
 
-    /// Takes some texels of the rigidity map anew, from an image of the same shape. Of the grid only what follows from them
-    /// is computed, if nodes neither start nor stop to move.
+    /// Replaces some texels of the rigidity map from an image of the same shape. If the same nodes stay movable, only the
+    /// affected part of the grid is recomputed.
     ///
     /// # Errors
-    /// `InvalidArgument` if there is no map of this shape, or a value is not finite.
+    /// `InvalidArgument` if no map of this shape was set, or a value is not finite.
     pub fn update_rigidity(
         &mut self,
         team: &Team,
@@ -88,7 +88,7 @@ impl TileState {
         Ok(())
     }
 
-    /// Takes a new mask. The grid is rebuilt at the next solve if it differs.
+    /// Sets the mask. The grid is rebuilt at the next solve if the mask differs.
     pub fn set_mask(&mut self, mask: Mask) {
         if self.maps.mask != mask {
             self.maps.mask = mask;
@@ -98,7 +98,7 @@ impl TileState {
         }
     }
 
-    /// Takes new settings. The grid is rebuilt at the next solve if it depends on what changed.
+    /// Changes the settings. The grid is rebuilt at the next solve if it depends on the change.
     pub fn set_settings(&mut self, settings: &TileSettings) {
         let of_grid = |maps: &TileMaps| {
             let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, .. } =
@@ -114,12 +114,12 @@ impl TileState {
             self.grid = None;
             self.torn.iter_mut().for_each(Torn::forget_grid);
         } else if before != *settings {
-            // Same grid, other weights: nothing can be reused.
+            // The grid is the same but the weights differ: no result can be reused.
             self.inputs.fill(None);
         }
     }
 
-    /// The tile's grid, built if need be.
+    /// The tile's grid; builds it if necessary.
     pub fn grid(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<Arc<Grid>> {
         if let Some(grid) = &self.grid {
             return Ok(grid.clone());
@@ -148,10 +148,10 @@ impl TileState {
         Ok(grid)
     }
 
-    /// Builds a grid. Its memory is booked before it is taken.
+    /// Builds a grid. Its memory is booked before it is allocated.
     fn build(&mut self, team: &Team, device: &Device, mesh: &Mesh, source: &TileMesh) -> Result<Arc<Grid>> {
         let start = Instant::now();
-        // What the solver holds for another grid is of no more use.
+        // The solver's memory is for another grid and no longer useful.
         self.forget(device);
         let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
         self.book(device, survey.grid_bytes(), source.udim)?;
@@ -164,7 +164,7 @@ impl TileState {
         Ok(grid)
     }
 
-    /// The tile as it hangs together in a pose, and its grid, built if need be.
+    /// The tile with the connectivity of a pose, and its grid; builds the grid if necessary.
     pub(super) fn prepare(&mut self, call: &SolveCall, tile: usize) -> Result<Prepared> {
         let whole = &call.mesh.tiles[tile];
         let torn = torn::welds(call.mesh, whole, &call.positions);
@@ -196,12 +196,12 @@ impl TileState {
         Ok(Prepared { mesh: source, grid })
     }
 
-    /// Bytes of the prepared tile as `save` writes it; prepares it if need be.
+    /// Bytes that `save` writes for the prepared tile; prepares it if necessary.
     pub fn saved_size(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<usize> {
         self.grid(team, device, mesh, tile).map(|grid| saved::size(&grid))
     }
 
-    /// Writes the prepared tile to as many bytes as `saved_size` tells.
+    /// Writes the prepared tile to a buffer of `saved_size` bytes.
     pub fn save(
         &mut self,
         team: &Team,
@@ -215,7 +215,7 @@ impl TileState {
         Ok(())
     }
 
-    /// Takes a prepared tile that was saved with the same mesh, maps and settings.
+    /// Loads a prepared tile that was saved with the same mesh, maps and settings.
     pub fn load(
         &mut self,
         team: &Team,
@@ -233,13 +233,13 @@ impl TileState {
             self.book(device, 0, source.udim).inspect_err(|_| self.grid = before)
         });
         if loaded.is_err() {
-            // What was booked for it goes back: less than before always fits.
+            // Releases the booked memory of the old grid: booking less always succeeds.
             let _ = self.book(device, 0, source.udim);
         }
         loaded
     }
 
-    /// What preparing and solving the tile would take, from a survey alone.
+    /// The memory for preparing and solving the tile, estimated from a survey alone.
     pub fn estimate(&self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileEstimate> {
         let source = &mesh.tiles[tile];
         let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
@@ -251,14 +251,14 @@ impl TileState {
         Ok(TileEstimate {
             movable_nodes: grid.movable.iter().sum(),
             prepared_bytes: prepared,
-            // Of level 1: metrics and lengths of edges, which are gone when the grid is there.
+            // Level 1 needs temporary metrics and edge lengths while the grid is built.
             preparing_bytes: prepared + parts + grid_bytes / 5,
-            // The last result stays until the next one is there.
+            // The last result is kept until the next one exists.
             solving_bytes: prepared + solver + 2 * result,
         })
     }
 
-    /// The facts of the tile that need no solve.
+    /// Facts about the tile that need no solve.
     pub fn info(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileInfo> {
         let grid = self.grid(team, device, mesh, tile)?;
         let source = &mesh.tiles[tile];

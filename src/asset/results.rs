@@ -1,4 +1,4 @@
-//! The last good results of an asset, which any thread may read at any time, also while the next ones are computed.
+//! The last good results of an asset, which any thread may read at any time, even while the next ones are computed.
 
 #[cfg(all(test, feature = "gpu"))]
 mod tests;
@@ -25,9 +25,9 @@ use crate::map::inverse::Outputs;
 use crate::map::{FetchKind, certificate, external};
 use crate::solver::solved::Solved;
 
-/// The last good results of an asset. Cloning gives another handle to the same ones; it may be kept and read by any thread
-/// while the asset is in use, or gone. A read sees the results of one solve, whole: the next solve replaces all of
-/// them at once, when it has succeeded. If the device's GPU goes away, reading gives `DeviceLost`.
+/// The last good results of an asset. A clone is another handle to the same results; any thread may keep and read it
+/// while the asset is in use, and after it is dropped. A read sees the complete results of one solve: a solve that
+/// succeeds replaces all of them at once. If the device's GPU is lost, reading returns `DeviceLost`.
 #[derive(Clone, Debug)]
 pub struct Results(Arc<Shared>);
 
@@ -35,21 +35,21 @@ pub struct Results(Arc<Shared>);
 struct Shared {
     device: Device,
     mesh: Arc<Mesh>,
-    /// Locked for a moment, to take or to replace what is behind it.
+    /// Locked only briefly, to read or replace the pointer.
     last: Mutex<Arc<Last>>,
     outputs: Mutex<Outputs>,
-    /// Dropped after everything above.
+    /// Dropped after all fields above.
     _live: LiveAsset,
 }
 
-/// The results that belong together.
+/// The results of all tiles, published together.
 #[derive(Debug, Default)]
 pub(crate) struct Last {
     /// Per tile.
     pub tiles: Vec<Option<TileResult>>,
     /// Wall-clock milliseconds of the last solve; `None` before the first.
     pub solved_ms: Option<f32>,
-    /// Of the last pose.
+    /// The stretch of the last pose.
     pub stretch: Stretch,
 }
 
@@ -57,7 +57,7 @@ pub(crate) struct Last {
 #[derive(Clone, Debug)]
 pub(crate) struct TileResult {
     pub solved: Arc<Solved>,
-    /// Whether the last solve left the tile alone.
+    /// True if the last solve skipped the tile.
     pub kept: bool,
 }
 
@@ -72,13 +72,13 @@ impl Results {
         }))
     }
 
-    /// Index of the tile with this UDIM number, of a UV set.
+    /// Index of the tile of a UV set with this UDIM number.
     #[must_use]
     pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
         self.0.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
     }
 
-    /// UDIM number and UV set of the tile at `index`; no such tile panics.
+    /// UDIM number and UV set of the tile at `index`; panics if the index is out of range.
     #[must_use]
     pub fn tile_udim(&self, index: usize) -> (u32, u32) {
         let tile = &self.0.mesh.tiles[index];
@@ -98,10 +98,10 @@ impl Results {
         lock(&self.0.last).clone()
     }
 
-    /// Puts new results in the place of the present ones.
+    /// Replaces the present results.
     pub(crate) fn replace(&self, last: Last) {
         let last = Arc::new(last);
-        // The old ones are dropped when the lock is open again.
+        // The old results are dropped after the lock is released.
         let _old = std::mem::replace(&mut *lock(&self.0.last), last);
     }
 
@@ -114,13 +114,13 @@ impl Results {
         self.fetch_of(tile, kind, &part, image)
     }
 
-    /// Writes a part of one output of a tile's result: of an image of `size` texels, those from the column and row `first`
-    /// that `image` has room for. Rows are counted in the image's own order. Large outputs can thus be fetched band by
-    /// band; the parts are those of the whole image, bit by bit on the CPU.
+    /// Writes a part of one output of a tile's result: of an image of `size` texels, those from the column and row
+    /// `first` that fit into `image`. Rows are counted in the image's own order. Large outputs can thus be fetched in
+    /// bands; on the CPU the parts are bit-identical to the whole image.
     ///
     /// # Errors
-    /// Those of [`Results::fetch`]; `InvalidArgument` if the part is not inside of the whole; `Unsupported` for a redirection
-    /// with [`crate::ImageLayout::one_to_one`], which depends on the whole map, unless the part is the whole.
+    /// Those of [`Results::fetch`]; `InvalidArgument` if the part is not inside of the whole; `Unsupported` for a part of
+    /// a redirection with [`crate::ImageLayout::one_to_one`], which depends on the whole map.
     pub fn fetch_part(
         &self,
         tile: usize,
@@ -165,7 +165,7 @@ impl Results {
         let folds = match self.0.outputs.try_lock() {
             Ok(mut outputs) => write(&mut outputs)?,
             Err(TryLockError::Poisoned(poisoned)) => write(&mut poisoned.into_inner())?,
-            // Another thread is fetching: no call waits for another.
+            // Another thread is fetching: calls never wait for each other, so this one uses its own memory.
             Err(TryLockError::WouldBlock) => {
                 let mut outputs = Outputs::default();
                 let result = write(&mut outputs);
@@ -185,25 +185,25 @@ impl Results {
     }
 
     /// Writes a redirection of a tile's result into memory of the host's own graphics device, which must be the same GPU,
-    /// without a way through the CPU. The texels are, bit by bit, those of [`Results::fetch`]. The call returns when they are
-    /// there: no semaphore is needed. The handle stays the caller's.
+    /// without passing through the CPU. The texels are bit-identical to those of [`Results::fetch`]. The call returns
+    /// when they are written, so no semaphore is needed. The caller remains responsible for the handle.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve; `Unsupported` on the CPU, for kinds that are no redirection, and for memory that
-    /// this GPU does not import; `InvalidArgument`, naming the field, for a layout that does not fit; `OutOfMemory`. Nothing
-    /// is written then. `DeviceLost`: the texels are undefined.
+    /// `NotSolved` before the first solve; `Unsupported` on the CPU, for kinds other than redirections, and for memory
+    /// that this GPU does not import; `InvalidArgument`, naming the field, for a layout that does not fit; `OutOfMemory`.
+    /// In all of these cases nothing is written. `DeviceLost`: the texels are undefined.
     ///
     /// # Safety
-    /// The handle is of memory as the image describes it, and while the call lasts, no other program and no device uses
-    /// the image's texels.
+    /// The handle refers to memory as the image describes it, and during the call no other program or device uses the
+    /// image's texels.
     pub unsafe fn fetch_external(&self, tile: usize, kind: FetchKind, image: &ExternalImage) -> Result<()> {
         let texels = external::check(kind, image)?;
         let device = &self.0.device;
         device.call(|| external::write(device, &self.solved(tile)?.solved, kind, &texels))
     }
 
-    /// Looks at the map that a fetch of this kind, size and format would write: whether it is one-to-one when it is read
-    /// with bilinear interpolation, and how far it is from the redirection itself. Computed on the CPU.
+    /// Inspects the map that a fetch of this kind, size and format would write: whether it is one-to-one when read with
+    /// bilinear interpolation, and how far it is from the redirection. Computed on the CPU.
     ///
     /// # Errors
     /// `NotSolved` before the first solve; `InvalidArgument` for another kind than a redirection or an impossible size;
@@ -221,15 +221,16 @@ impl Results {
     /// at corners of faces without UVs.
     ///
     /// # Errors
-    /// `NotSolved`; `InvalidArgument` unless there is one element per corner.
+    /// `NotSolved`; `InvalidArgument` if the length is not the number of corners.
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
         self.corner_uvs_of_set(0, out)
     }
 
-    /// The same of another UV set. In tiles that have not been solved yet, the UVs are the mesh's own.
+    /// Redirected UVs of every face corner of a UV set. In tiles that have not been solved yet, they are the mesh's own
+    /// UVs.
     ///
     /// # Errors
-    /// Those of [`Results::corner_uvs`]; `InvalidArgument` if there is no such set.
+    /// Those of [`Results::corner_uvs`]; `InvalidArgument` for an unknown UV set.
     pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
         let Shared { device, mesh, .. } = &*self.0;
         let corners = mesh.corners.get(uv_set as usize).ok_or_else(|| {
@@ -252,7 +253,7 @@ impl Results {
         })
     }
 
-    /// A tile's last solve.
+    /// The report of a tile's last solve.
     ///
     /// # Errors
     /// `NotSolved` before the first solve.
@@ -260,8 +261,8 @@ impl Results {
         self.solved(tile).map(|result| TileReport { kept: result.kept, ..result.solved.report() })
     }
 
-    /// The dispatches, submissions and transfers of a tile's last solve; `None` on the CPU, or if no chart had to be
-    /// solved.
+    /// The dispatches, submissions and transfers of a tile's last solve; `None` on the CPU, or if no chart needed
+    /// solving.
     ///
     /// # Errors
     /// `NotSolved` before the first solve.
@@ -269,7 +270,7 @@ impl Results {
         self.solved(tile).map(|result| result.solved.work.clone())
     }
 
-    /// The last solve over all tiles.
+    /// The report of the last solve over all tiles.
     ///
     /// # Errors
     /// `NotSolved` before the first solve.
@@ -313,7 +314,7 @@ impl Results {
         self.last().tiles.get(tile).cloned().flatten().ok_or_else(not_solved)
     }
 
-    /// All results, if there are some.
+    /// All results; `NotSolved` before the first solve.
     pub(crate) fn solved_asset(&self) -> Result<Arc<Last>> {
         self.0.device.alive()?;
         let last = self.last();

@@ -1,6 +1,5 @@
-//! The tiles of a solve on the threads that there are. Large tiles are solved one after the other, by all threads
-//! together; the others side by side, one thread each, which wastes no time on waiting for one another. Either way the
-//! results are the same, bit for bit.
+//! Distributes the tiles of a solve over the threads. Large tiles are solved one after the other by all threads together;
+//! the others concurrently, one thread each, which avoids waiting. The results are bit-identical either way.
 
 use std::cmp::Reverse;
 use std::time::Duration;
@@ -12,10 +11,10 @@ use crate::team::{Crew, Team};
 use super::tile::{Prepared, SolveCall, SolveShare, TileState};
 use crate::solver::solved::Solved;
 
-/// What all threads of a team together achieve on one tile, against the same number of threads on tiles of their own.
+/// Efficiency of all threads together on one tile, relative to the same threads on separate tiles.
 const EFFICIENCY: f64 = 0.9;
 
-/// The part of a call's progress that is given to preparing its tiles, if one has to be prepared.
+/// The share of a call's progress for preparing its tiles, if any tile needs it.
 const PREPARING: f32 = 0.3;
 
 /// A tile to solve, and its result.
@@ -25,7 +24,7 @@ struct Queued<'a> {
     prepared: Prepared,
     /// Nodes that may move.
     nodes: u64,
-    /// The part of the call's progress that is this tile's.
+    /// This tile's share of the call's progress.
     progress: f32,
     result: Option<Result<Solved>>,
 }
@@ -37,10 +36,10 @@ pub(super) fn solve(
     tiles: Vec<(usize, &mut TileState)>,
 ) -> Result<Vec<(usize, Solved)>> {
     let mut queue = prepare(call, tiles)?;
-    // Longest first, so that no long one is left for one thread at the end.
+    // Longest first, so that no long tile is left for a single thread at the end.
     queue.sort_unstable_by_key(|queued| (Reverse(queued.nodes), queued.tile));
     let nodes: Vec<u64> = queue.iter().map(|queued| queued.nodes).collected();
-    // A GPU works on them in the order of their submissions: its threads only tell it what to do.
+    // A GPU executes submissions in order, so its threads would only submit work.
     let together = if call.device.gpu().is_some() { 0 } else { together(&nodes, call.team.threads()) };
     let (large, small) = queue.split_at_mut(together);
     for queued in large {
@@ -64,7 +63,7 @@ pub(super) fn solve(
         .try_collected()
 }
 
-/// Solves tiles one after the other within a time budget: what is left of it is divided among the tiles that are left.
+/// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles.
 pub(super) fn in_turn(
     call: &SolveCall,
     budget: Duration,
@@ -86,7 +85,7 @@ pub(super) fn in_turn(
     Ok(solved)
 }
 
-/// Prepares the tiles, one after the other: that is when the host's log is told, on the thread that does the call's work.
+/// Prepares the tiles one after the other, so that the host's log is called on the thread that does the call's work.
 fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Result<Vec<Queued<'a>>> {
     let fresh = tiles.iter().any(|(_, state)| state.grid.is_none());
     let (preparing, count) = (if fresh { PREPARING } else { 0.0 }, tiles.len() as f32);
@@ -106,13 +105,13 @@ fn prepare<'a>(call: &SolveCall, tiles: Vec<(usize, &'a mut TileState)>) -> Resu
     Ok(queue)
 }
 
-/// How many of the tiles, the largest first, are best solved by all threads together.
+/// The number of tiles, largest first, that are best solved by all threads together.
 fn together(nodes: &[u64], threads: usize) -> usize {
     let time = |together: usize| {
         let (large, small) = nodes.split_at(together);
         let mut busy = zeroed::<u64>(threads);
         for &n in small {
-            // The thread that is free first takes the next tile.
+            // The first free thread takes the next tile.
             if let Some(first) = busy.iter_mut().min() {
                 *first += n;
             }
@@ -120,10 +119,10 @@ fn together(nodes: &[u64], threads: usize) -> usize {
         let large = large.iter().sum::<u64>() as f64 / (threads as f64 * EFFICIENCY);
         large + busy.into_iter().max().unwrap_or(0) as f64
     };
-    // Only tiles that are a good part of a thread's work are worth it, and they are few.
+    // Only tiles that are a large part of a thread's work qualify, and they are few.
     let (all, parts) = (nodes.iter().sum::<u64>(), 4 * threads as u64);
     let most = nodes.iter().take_while(|&&n| n * parts > all).count();
-    // Equal times: the fewer the better, as no thread waits for another.
+    // For equal times fewer are better, since no thread waits for another.
     let best = (0..=most).min_by(|&a, &b| time(a).total_cmp(&time(b)));
     if threads > 1 { best.unwrap_or(0) } else { 0 }
 }
@@ -134,14 +133,14 @@ mod tests {
 
     #[test]
     fn large_tiles_are_solved_by_all_threads() {
-        // One tile is always everyone's.
+        // A single tile is always solved by all threads.
         assert_eq!(together(&[1000], 4), 1);
         assert_eq!(together(&[1000], 1), 0);
         assert_eq!(together(&[], 2), 0);
-        // As many equal tiles as threads: one each. One more: it is everyone's.
+        // As many equal tiles as threads: one each. With one more, it is solved by all threads.
         assert_eq!(together(&[1000; 4], 4), 0);
         assert_eq!(together(&[1000; 3], 2), 1);
-        // A tile that outweighs all others, and many small ones.
+        // One tile that outweighs all others, then many small ones.
         assert_eq!(together(&[100_000, 10, 10, 10], 2), 1);
         assert_eq!(together(&[10; 64], 2), 0);
     }

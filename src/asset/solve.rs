@@ -1,4 +1,4 @@
-//! A solve: what a host asks for, which tiles it takes, and that all of its results appear at once.
+//! A solve: the host's request, the tiles that it includes, and the publication of all results at once.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -28,40 +28,39 @@ use crate::solver::solved::{ChartInput, Solved};
 pub struct Fetch<'a> {
     /// Index of the tile.
     pub tile: usize,
-    /// What to write.
+    /// The kind of image.
     pub kind: FetchKind,
-    /// Where to.
+    /// The destination.
     pub image: ImageViewMut<'a>,
 }
 
-/// What to solve, how, and on which threads. The default solves every tile, on the device's threads.
+/// The request for a solve: pose, options and threads. The default solves every tile, on the device's threads.
 #[derive(Clone, Debug, Default)]
 pub struct SolveRequest<'a> {
     /// The pose: the positions of all vertices.
     pub positions: Strided<'a>,
     /// Quality, limits and solver of this solve.
     pub options: SolveOptions,
-    /// CPU threads, at most 1024; `None` = the device's. The result is the same bit for bit.
+    /// CPU threads, at most 1024; `None` = the device's. The result is bit-identical for any number.
     pub threads: Option<NonZeroU32>,
     /// The tiles to solve, in any order; `None` = all. The others keep their results.
     pub tiles: Option<&'a [usize]>,
-    /// The vertices that have moved since the last solve, in any order; `None` = any may have. Tiles that none of them
-    /// touches keep their results, unless their maps, settings or the options have changed since, or they have none.
+    /// The vertices that have moved since the last solve, in any order; `None` = any may have. Tiles without a moved
+    /// vertex keep their results, unless their maps, settings or the options have changed since, or they have no result.
     pub dirty_vertices: Option<&'a [u32]>,
-    /// Drop the results of the tiles that are solved before they are solved, which saves their memory, 8 bytes per node of
-    /// the blocks in use. They cannot be read then until the solve is done, nor if it fails, and nothing of them can be
-    /// reused.
+    /// Drop the results of the tiles to be solved before solving them, which saves their memory, 8 bytes per node of the
+    /// blocks in use. They cannot be read until the solve succeeds, and no part of them can be reused.
     pub release_last: bool,
-    /// Cancels the call and tells its progress.
+    /// Cancels the call and reports its progress.
     pub control: Option<Arc<Control>>,
 }
 
-/// The results of a solve before anyone may read them: the outputs that the call asks for come first, as they can fail.
+/// The results of a solve before they are published: the requested outputs are written first, since that can fail.
 struct Fresh {
     plan: Plan,
-    /// Of each tile that was solved, what its charts' results depend on.
+    /// The inputs of the charts' results, for each solved tile.
     inputs: Vec<(usize, Vec<Option<ChartInput>>)>,
-    /// Of all tiles.
+    /// The results of all tiles.
     last: Last,
 }
 
@@ -69,8 +68,7 @@ impl Asset {
     /// Solves every tile for a pose.
     ///
     /// # Errors
-    /// `InvalidArgument` for a wrong count or a position that is not finite; `OutOfMemory`. The last good result
-    /// stays.
+    /// `InvalidArgument` for a wrong count or a position that is not finite; `OutOfMemory`. The last good result is kept.
     pub fn solve(&mut self, positions: Strided, options: &SolveOptions) -> Result<()> {
         self.redirect(positions, options, &mut [])
     }
@@ -89,11 +87,11 @@ impl Asset {
     }
 
     /// Solves for a pose, and writes outputs. All arguments are checked before anything is changed. The call can be
-    /// cancelled until all tiles are solved; what follows, writing the outputs, is done to its end.
+    /// cancelled until all tiles are solved; the outputs are then always written to the end.
     ///
     /// # Errors
-    /// `InvalidArgument` for a wrong count, a position that is not finite, a tile or a vertex that there is not;
-    /// `Cancelled`; `OutOfMemory`; those of [`Asset::fetch`]. The last good results stay.
+    /// `InvalidArgument` for a wrong count, a position that is not finite, an unknown tile or vertex; `Cancelled`;
+    /// `OutOfMemory`; those of [`Asset::fetch`]. The last good results are kept.
     pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
         let start = Instant::now();
         self.check_request(request)?;
@@ -115,7 +113,7 @@ impl Asset {
         })
     }
 
-    /// Checks all of a request, without doing anything.
+    /// Checks a request without side effects.
     pub(crate) fn check_request(&self, request: &SolveRequest) -> Result<()> {
         self.check_vertices("positions", &request.positions, 3)?;
         request.options.check()?;
@@ -168,7 +166,7 @@ impl Asset {
         let stretch = Stretch::new(&self.mesh, &request.positions);
         stretch.warn(&self.device);
         let fresh = self.fresh(solved, plan, solved_ms, stretch);
-        // From here on the call has a result, and cannot be cancelled.
+        // From here on the call has a result and can no longer be cancelled.
         if let Some(control) = team.control() {
             control.seal_or_unwind();
         }
@@ -208,7 +206,7 @@ impl Asset {
         }
     }
 
-    /// The results of a solve, ready to take the place of the last ones.
+    /// The results of a solve, ready to replace the last ones.
     fn fresh(&self, solved: Vec<(usize, Solved)>, plan: Plan, solved_ms: f32, stretch: Stretch) -> Fresh {
         let kept = |state: &TileState| state.solved.clone().map(|solved| TileResult { solved, kept: true });
         let mut all: Vec<_> = self.tiles.iter().map(kept).collected();
@@ -220,13 +218,13 @@ impl Asset {
         Fresh { plan, inputs, last: Last { tiles: all, solved_ms: Some(solved_ms), stretch } }
     }
 
-    /// Writes outputs of results that are not published yet.
+    /// Writes outputs of results that are not yet published.
     fn write(&self, team: &Team, fresh: &Fresh, fetches: &mut [Fetch]) -> Result<()> {
         let output = |fetch: &Fetch| {
             let result = fresh.last.tiles[fetch.tile].as_ref().ok_or_else(not_solved)?;
             Output::new(&result.solved, fetch.kind, &fetch.image.whole(), &fetch.image.layout)
         };
-        // The memory for all of them comes first, so that none is written where some is missing.
+        // All memory is allocated first, so that no output is written if memory runs short.
         let outputs: Vec<Output> = fetches.iter().map(output).try_collected()?;
         for (fetch, output) in fetches.iter_mut().zip(outputs) {
             self.results.write(team, output, &mut fetch.image)?;
@@ -234,7 +232,7 @@ impl Asset {
         Ok(())
     }
 
-    /// Puts results in the place of the last ones, all at once. Cannot fail.
+    /// Replaces the last results, all at once. Cannot fail.
     fn publish(&mut self, fresh: Fresh) {
         for (tile, inputs) in fresh.inputs {
             if let Some(result) = &fresh.last.tiles[tile] {

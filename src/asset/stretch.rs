@@ -1,5 +1,5 @@
-//! How much longer a pose's edges are than at rest: tells a host that handed over another scene's units, or vertices in
-//! another order.
+//! Measures how much longer a pose's edges are than at rest, to detect a pose in other units, or with vertices in another
+//! order.
 
 use glam::DVec3;
 
@@ -9,12 +9,12 @@ use crate::mesh::Mesh;
 use crate::settings::LogLevel;
 use crate::view::Strided;
 
-/// Edges that are looked at, at most: enough for a median, and few enough to cost nothing beside a solve.
+/// Most edges that are measured: enough for a median, and cheap compared to a solve.
 const SAMPLES: usize = 4096;
-/// A median from here on, or under its inverse, is no deformation that features could survive.
+/// A median above this, or below its inverse, is no deformation that features could survive.
 const IMPLAUSIBLE: f64 = 3.0;
-/// So large a share of edges that are longer by the factor above is none either. In real animation it is 1 % at most; a
-/// tenth of the vertices in a wrong order makes it 10 %.
+/// A pose is also implausible if a larger share of its edges than this is stretched by more than that factor. In real
+/// animation the share is at most 1 %; a tenth of the vertices in a wrong order makes it 10 %.
 const IMPLAUSIBLE_SHARE: f64 = 0.05;
 
 /// The lengths of a pose's edges, as multiples of those at rest.
@@ -22,11 +22,11 @@ const IMPLAUSIBLE_SHARE: f64 = 0.05;
 pub(crate) struct Stretch {
     /// Their median.
     pub median: f64,
-    /// The share of them over 3.
+    /// The share of them that is over 3.
     pub share: f64,
 }
 
-/// Of a mesh without edges.
+/// The values for a mesh without edges.
 impl Default for Stretch {
     fn default() -> Stretch {
         Stretch { median: 1.0, share: 0.0 }
@@ -38,7 +38,7 @@ impl Stretch {
     pub fn new(mesh: &Mesh, pose: &Strided) -> Stretch {
         let sides: usize = mesh.tiles.iter().map(|tile| 3 * tile.triangles.len()).sum();
         let step = sides.div_ceil(SAMPLES).max(1);
-        // Never the same side of all triangles.
+        // Avoids measuring the same side of all triangles.
         let step = if step > 1 && step.is_multiple_of(3) { step + 1 } else { step };
         let mut stretches = with_capacity::<f64>(sides.div_ceil(step));
         let (mut next, mut first) = (0, 0);
@@ -70,7 +70,7 @@ impl Stretch {
         Stretch { median: *median, share }
     }
 
-    /// Warns of a pose that cannot be meant.
+    /// Warns of an implausible pose.
     pub fn warn(&self, device: &Device) {
         let Stretch { median, share } = *self;
         let message = if !(1.0 / IMPLAUSIBLE..=IMPLAUSIBLE).contains(&median) {

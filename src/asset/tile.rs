@@ -38,7 +38,7 @@ pub(crate) struct SolveCall<'a> {
 }
 
 impl SolveCall<'_> {
-    /// Adds a fraction of the call's work to what is done.
+    /// Adds a fraction of the call's work to the completed part.
     pub fn advance(&self, fraction: f32) {
         if let Some(control) = self.team.control() {
             control.advance(fraction);
@@ -46,24 +46,24 @@ impl SolveCall<'_> {
     }
 }
 
-/// What a tile has of a call that solves several.
+/// A tile's share of a call that solves several tiles.
 pub(crate) struct SolveShare {
-    /// The time that the tile may take, from the call's start on.
+    /// The tile's time limit, from the call's start.
     pub budget: Option<Duration>,
-    /// The part of the call's progress that is this tile's.
+    /// The tile's share of the call's progress.
     pub progress: f32,
-    /// Whether the times that stages take are typical of the device.
+    /// True if the measured times of stages are typical of the device.
     pub learns: bool,
 }
 
 impl SolveShare {
-    /// For a tile that has all threads of the call.
+    /// The share of a tile that uses all threads of the call.
     pub fn of_all_threads() -> SolveShare {
         SolveShare { budget: None, progress: 1.0, learns: true }
     }
 }
 
-/// The tile as it hangs together in a pose, with its grid.
+/// The tile with the connectivity of a pose, and its grid.
 pub(crate) struct Prepared {
     pub mesh: Arc<TileMesh>,
     pub grid: Arc<Grid>,
@@ -74,30 +74,30 @@ pub(crate) struct Prepared {
 pub(crate) struct TileState {
     pub maps: TileMaps,
     pub(super) grid: Option<Arc<Grid>>,
-    /// The tile as the last pose that tore it left it.
+    /// The tile as torn by the last pose that tore it.
     pub(super) torn: Option<Torn>,
     /// The welds that the last pose tore.
     pub(super) torn_now: Vec<u32>,
     solver: Option<TileSolver>,
     /// Bytes of the solver's memory.
     solver_bytes: u64,
-    /// Whether that memory has never been used.
+    /// True if the solver's memory has never been used.
     solver_is_fresh: bool,
     pub solved: Option<Arc<Solved>>,
-    /// The inputs of each chart's result; `None` where it also depends on time or on earlier frames.
+    /// The inputs of each chart's result; `None` if the result also depends on time or on earlier frames.
     pub(super) inputs: Vec<Option<ChartInput>>,
-    /// What the result was solved with, unless maps or settings have changed since.
+    /// The plan of the result, unless maps or settings have changed since.
     pub(super) solved_with: Option<Plan>,
-    /// Whether solves leave the tile alone.
+    /// True if solves skip the tile.
     pub frozen: bool,
-    /// The memory that the device has on its account for this tile.
+    /// Bytes booked on the device's account for this tile.
     booked: u64,
-    /// Milliseconds of the last grid build, until reported.
+    /// Milliseconds of the last grid build that was not yet reported.
     pub(super) build_ms: f32,
 }
 
 impl TileState {
-    /// Puts the memory that is held, and `more` that is about to be allocated, on the device's account.
+    /// Books the memory that is held, and `more` that is about to be allocated, on the device's account.
     pub(super) fn book(&mut self, device: &Device, more: u64, udim: u32) -> Result<()> {
         let held = self.held() + more;
         device.rebook(self.booked, held, &format!("tile {udim}"))?;
@@ -127,8 +127,8 @@ impl TileState {
         rigidity + mask
     }
 
-    /// Solves the tile for a pose. Nothing of the last result changes: the caller hands the new one to `take` when all
-    /// tiles have theirs.
+    /// Solves the tile for a pose. The last result is unchanged: the caller passes the new one to `take` when all tiles
+    /// are solved.
     pub fn solve(&mut self, call: &SolveCall, share: &SolveShare, prepared: &Prepared) -> Result<Solved> {
         let start = Instant::now();
         let Prepared { mesh, grid } = prepared;
@@ -153,19 +153,19 @@ impl TileState {
         })
     }
 
-    /// Takes a new result.
+    /// Stores a new result.
     pub fn take(&mut self, solved: Arc<Solved>, inputs: Vec<Option<ChartInput>>, plan: &Plan) {
         self.inputs = inputs;
         self.solved_with = Some(*plan);
         self.solved = Some(solved);
     }
 
-    /// Whether the last result was solved in this way, with the present maps and settings.
+    /// True if the last result was solved with this plan and the present maps and settings.
     pub fn is_solved_with(&self, plan: &Plan) -> bool {
         self.solved.is_some() && self.solved_with == Some(*plan)
     }
 
-    /// Nodes that a solve may have to move, by the present grid; 0 without one.
+    /// Nodes of the present grid that a solve may have to move; 0 without a grid.
     pub fn movable_nodes(&self) -> u64 {
         self.grid.as_ref().map_or(0, |grid| grid.movable.iter().sum())
     }
@@ -175,7 +175,7 @@ impl TileState {
         self.solved.as_deref().filter(|solved| solved.grid.has_blocks_of(grid))
     }
 
-    /// What there is to do for each chart.
+    /// The task for each chart.
     fn tasks(&self, grid: &Arc<Grid>, tile: &TileMesh, pose: &Pose, plan: &Plan) -> Vec<ChartTask> {
         let last = self.last(grid);
         let same = |c: usize| {
@@ -190,7 +190,7 @@ impl TileState {
         (0..tile.charts.len()).map(task).collected()
     }
 
-    /// The warp, solved where need be, and what came of it.
+    /// The warp, solved if necessary, with its report.
     fn warp(
         &mut self,
         call: &SolveCall,
@@ -204,7 +204,7 @@ impl TileState {
         let mut results =
             last.map_or_else(|| filled(ChartResult::default(), tasks.len()), |l| copied(&l.results));
         let solves = tasks.contains(&ChartTask::Solve);
-        // A chart that has become the identity takes its part of the last result along.
+        // A chart that has become the identity changes its part of the last result.
         let mut unchanged = !solves && last.is_some();
         for (result, _) in results.iter_mut().zip(tasks).filter(|(_, task)| **task == ChartTask::Identity) {
             unchanged &= result.max_displacement == 0.0;
@@ -238,7 +238,7 @@ impl TileState {
         Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
     }
 
-    /// Runs the tile's solver, which is made if need be.
+    /// Runs the tile's solver; makes it if necessary.
     fn run_solver(
         &mut self,
         call: &SolveCall,
@@ -252,7 +252,7 @@ impl TileState {
         let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collected();
         let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collected();
         self.allocate(call.device, grid, tile, call.plan.solver())?;
-        // Taken out for the time being: should a stage panic, the memory goes with it.
+        // Taken out during the run: if a stage panics, the memory is dropped.
         let missing = || Error::new(ErrorKind::Internal, "the tile has no solver");
         let mut solver = self.solver.take().ok_or_else(missing)?;
         let settings = &self.maps.settings;
@@ -264,7 +264,7 @@ impl TileState {
         let deadline = Deadline::new(call.start, share.budget, *call.device.pace(), fresh).into();
         let progress = Progress::new(team.control(), share.progress).into();
         let solve = TileSolve { team, input, grid, plan, deadline, progress, last, keep: &keep };
-        // A cancelled solve leaves its memory whole: each solve writes what it reads.
+        // A cancelled solve leaves its memory usable: each solve writes what it reads.
         let solution = caught(|| solver.run(&solve));
         if share.learns {
             *call.device.pace() = solve.deadline.into_inner().learnt();
@@ -330,19 +330,19 @@ impl TileState {
         pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collected()
     }
 
-    /// Frees the solver's remaining memory after a failure, and takes it off the device's account.
+    /// Frees the solver's remaining memory after a failure, and removes it from the device's account.
     fn give_up(&mut self, device: &Device, tile: &TileMesh, error: Error) -> Error {
         self.solver = None;
         self.solver_bytes = 0;
         if let Some(gpu) = device.gpu() {
             gpu.reclaim();
         }
-        // Less than before always fits.
+        // Booking less always succeeds.
         let _ = self.book(device, 0, tile.udim);
         error
     }
 
-    /// After a call that memory was missing for: the solver may be gone, and more may be booked than there is.
+    /// Corrects the account after a call ran out of memory: the solver may be gone, and too much may be booked.
     pub(super) fn settle(&mut self, device: &Device) {
         if self.solver.is_none() {
             self.forget(device);
@@ -362,11 +362,11 @@ impl TileState {
         }
     }
 
-    /// Makes the solver for a grid, if there is none yet. Its memory is booked before it is taken.
+    /// Makes the solver for a grid unless it exists. Its memory is booked before it is allocated.
     fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<()> {
         let fits = self.solver.as_ref().is_some_and(|solver_of| solver_of.is_for(grid, solver));
         if !fits {
-            // The old memory goes before the new one comes.
+            // The old memory is freed before the new memory is allocated.
             self.forget(device);
             let bytes = TileSolver::bytes_for(device, grid, tile, solver)?;
             self.book(device, bytes, tile.udim)?;
@@ -379,7 +379,7 @@ impl TileState {
         Ok(())
     }
 
-    /// Takes the memory off the device's budget.
+    /// Removes the memory from the device's account.
     pub fn release(&mut self, device: &Device) {
         self.solved = None;
         self.torn = None;
@@ -392,18 +392,18 @@ impl TileState {
 /// A tile's new warp.
 struct WarpResult {
     warp: Arc<Warp>,
-    /// Per chart.
+    /// The results of all charts.
     results: Vec<ChartResult>,
-    /// Filled as far as it follows from the solve itself.
+    /// Filled in as far as it follows from the solve itself.
     report: TileReport,
     /// The GPU's dispatches, submissions and transfers.
     work: Option<GpuWork>,
 }
 
-/// What there is to do for a chart.
+/// The task for a chart.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum ChartTask {
-    /// It has to be solved.
+    /// The chart must be solved.
     Solve,
     /// None of its inputs changed: it keeps its last result.
     Reuse,

@@ -1,4 +1,4 @@
-//! The tiles of an asset: their facts, maps and settings, and prepared tiles as bytes.
+//! The tiles of an asset: facts, maps and settings, and prepared tiles as bytes.
 
 use crate::allocation::{Collect, zeroed};
 use std::sync::Arc;
@@ -14,10 +14,10 @@ use crate::settings::TileSettings;
 use crate::view::Strided;
 
 impl Asset {
-    /// The facts of a tile that need no solve. Builds its grid if a map or setting changed.
+    /// Facts about a tile that need no solve. Builds its grid if a map or setting changed.
     ///
     /// # Errors
-    /// `InvalidArgument` if `tile` is out of range; so for every function that takes a tile.
+    /// `InvalidArgument` if `tile` is out of range; this holds for every function that takes a tile.
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
         self.check_tile(tile)?;
         self.call(|asset| {
@@ -26,8 +26,8 @@ impl Asset {
         })
     }
 
-    /// What preparing and solving a tile would take with its present maps and settings. It finds the nodes that may move,
-    /// which takes a small part of the time and memory of preparing the tile, and keeps nothing.
+    /// The memory for preparing and solving a tile with its present maps and settings. It counts the movable nodes, which
+    /// takes a small part of the time and memory of preparing the tile, and keeps nothing.
     ///
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range.
@@ -48,7 +48,7 @@ impl Asset {
         Ok(bytes)
     }
 
-    /// Bytes that [`Asset::save_tile_to`] writes. Prepares the tile if need be.
+    /// Bytes that [`Asset::save_tile_to`] writes. Prepares the tile if necessary.
     ///
     /// # Errors
     /// Those of [`Asset::save_tile`].
@@ -60,7 +60,7 @@ impl Asset {
         })
     }
 
-    /// Writes a tile as [`Asset::save_tile`] returns it, to the first bytes of `out`; returns how many.
+    /// Writes the bytes of [`Asset::save_tile`] to the start of `out`; returns their number.
     ///
     /// # Errors
     /// `InvalidArgument` if `out` is too small; those of [`Asset::save_tile`].
@@ -77,12 +77,12 @@ impl Asset {
         Ok(size)
     }
 
-    /// Takes a tile that was prepared elsewhere, so that it need not be prepared here. Its maps and settings have to be set
-    /// as they were when it was saved: the bytes hold what follows from them, not the maps themselves.
+    /// Loads a tile that was prepared elsewhere, so that it need not be prepared here. Its maps and settings must be set
+    /// as they were when it was saved: the bytes hold what was derived from the maps, not the maps themselves.
     ///
     /// # Errors
     /// `InvalidArgument` for bytes that are damaged, of another version, or saved with another mesh, map or setting;
-    /// `OutOfMemory`. The tile is then as before.
+    /// `OutOfMemory`. The tile is then unchanged.
     pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
         self.check_tile(tile)?;
         self.call(|asset| {
@@ -91,7 +91,7 @@ impl Asset {
         })
     }
 
-    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` takes it away (the tile is then the identity).
+    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` removes it (the tile is then the identity).
     ///
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
@@ -105,7 +105,7 @@ impl Asset {
         Ok(())
     }
 
-    /// Sets a tile's warp mask: texels under 0.5 do not move; `None` = all may.
+    /// Sets a tile's warp mask: texels under 0.5 do not move; `None` = all may move.
     ///
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
@@ -119,9 +119,9 @@ impl Asset {
         Ok(())
     }
 
-    /// Takes a part of a tile's rigidity map anew: that of `size` texels from the column and row `first`, as they lie in
-    /// memory. The image has the size and the format of the one that was set; its other texels are not read. A small part
-    /// takes far less time than setting the map does.
+    /// Replaces a part of a tile's rigidity map: `size` texels from the column and row `first`, in the image's memory
+    /// order. The image has the size and the format of the original map; its other texels are not read. A small part
+    /// takes far less time than setting the whole map.
     ///
     /// # Errors
     /// `InvalidArgument` if no map of this size and format was set, if the part is empty or not inside of it, or for a
@@ -141,7 +141,7 @@ impl Asset {
         })
     }
 
-    /// Copies an image where the charts of a tile are.
+    /// Copies the part of an image near the charts of a tile.
     fn map_of(&self, name: &str, tile: usize, image: ImageView) -> Result<Map> {
         let (size, _) = image.shape();
         let near = pages_near(&self.mesh.tiles[tile], size);
@@ -149,7 +149,7 @@ impl Asset {
         image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE])
     }
 
-    /// Sets the rigidity of all tiles from one value per vertex (linear over each triangle); `None` takes it away.
+    /// Sets the rigidity of all tiles from one value per vertex (linear over each triangle); `None` removes it.
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
@@ -164,8 +164,8 @@ impl Asset {
         Ok(())
     }
 
-    /// Sets the mask of all tiles from one value per vertex (linear over each triangle): what is under 0.5 does not move,
-    /// nor does a node within half a cell of it; `None` = all may move.
+    /// Sets the mask of all tiles from one value per vertex (linear over each triangle): nodes within half a cell of a
+    /// value under 0.5 do not move; `None` = all may move.
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
@@ -198,7 +198,7 @@ impl Asset {
         Ok(())
     }
 
-    /// Whether solves leave a tile alone, so that it keeps its result, or stays without one.
+    /// Sets whether solves skip a tile, so that it keeps its result, or stays without one.
     ///
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range.

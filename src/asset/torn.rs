@@ -1,5 +1,5 @@
-//! Welds that a pose tears: edges that are one by position alone (`WeldBy::Position`), and whose two sides the pose pulls
-//! apart. Charts end there in this pose. Which ones are torn depends on the pose alone, never on the frames before.
+//! Welds that a pose tears: edges joined by position alone (`WeldBy::Position`) whose two sides the pose pulls apart.
+//! Charts end there in this pose. Which welds are torn depends on the pose alone, never on earlier frames.
 
 use std::sync::Arc;
 
@@ -8,18 +8,18 @@ use crate::grid::Grid;
 use crate::mesh::{Mesh, TileMesh};
 use crate::view::Strided;
 
-/// A tile that a pose has torn.
+/// A tile torn by a pose.
 #[derive(Debug)]
 pub(crate) struct Torn {
-    /// The torn ones, as indices into the whole tile's welds.
+    /// The torn welds, as indices into the whole tile's welds.
     welds: Vec<u32>,
     pub mesh: Arc<TileMesh>,
-    /// Its grid, once it was built.
+    /// Its grid, once built.
     pub grid: Option<Arc<Grid>>,
 }
 
-/// The welds that a pose tears, ascending, as indices into the tile's welds: either end's vertices lie farther apart than
-/// `Mesh::torn` and what the rounding of their coordinates explains.
+/// The welds that a pose tears, ascending, as indices into the tile's welds: the vertices at one of the ends are farther
+/// apart than `Mesh::torn` plus the rounding of their coordinates.
 pub(super) fn welds(mesh: &Mesh, tile: &TileMesh, positions: &Strided) -> Vec<u32> {
     let is_torn = |[a, b]: [u32; 2]| {
         if a == b {
@@ -28,14 +28,14 @@ pub(super) fn welds(mesh: &Mesh, tile: &TileMesh, positions: &Strided) -> Vec<u3
         let [p, q] = [a, b].map(|v| positions.get3(v as usize));
         let largest = p.iter().chain(&q).fold(0.0, |m: f64, x| m.max(x.abs()));
         let apart = [0, 1, 2].map(|c| (p[c] - q[c]).abs()).into_iter().fold(0.0, f64::max);
-        // Vertices that a host moves alike end a few roundings of their coordinates apart.
+        // Vertices that a host moves alike differ by a few rounding errors of their coordinates.
         apart > mesh.torn + 8.0 * positions.epsilon() * largest
     };
     let torn = |weld: &u32| tile.welds[*weld as usize].ends.into_iter().any(is_torn);
     (0..tile.welds.len() as u32).filter(torn).collected()
 }
 
-/// The tile as it hangs together in a pose.
+/// The tile with the connectivity of a pose.
 #[cfg(feature = "lab")]
 pub(crate) fn in_pose(mesh: &Mesh, tile: usize, positions: &Strided) -> Arc<TileMesh> {
     let whole = &mesh.tiles[tile];
@@ -50,12 +50,12 @@ impl Torn {
         Torn { welds: copied(welds), mesh: Arc::new(whole.cut(welds)), grid: None }
     }
 
-    /// Whether it is the tile with these welds torn.
+    /// True if these are the torn welds.
     pub fn is(&self, welds: &[u32]) -> bool {
         self.welds == welds
     }
 
-    /// Drops the grid: maps or settings have changed.
+    /// Drops the grid, because maps or settings have changed.
     pub fn forget_grid(&mut self) {
         self.grid = None;
     }

@@ -7,7 +7,7 @@ use half::f16;
 use crate::image::format::PixelFormat;
 use crate::image::{ImageViewMut, TexelLayout};
 
-/// Texels of an image that several threads write, each its own.
+/// Texels of an image that several threads write, each texel by one thread.
 pub(crate) struct Canvas {
     pixels: AtomicPtr<u8>,
     layout: TexelLayout,
@@ -18,7 +18,7 @@ impl Canvas {
         Canvas { pixels: AtomicPtr::new(image.as_mut_ptr()), layout: image.layout }
     }
 
-    /// The first two channels of a texel that was written; row 0 is at v = 0.
+    /// The first two channels of a texel that has been written; row 0 is at v = 0.
     pub fn get(&self, x: usize, y: usize) -> [f64; 2] {
         let TexelLayout { width, height, channels, format, .. } = self.layout;
         assert!(x < width as usize && y < height as usize && channels >= 2);
@@ -33,7 +33,7 @@ impl Canvas {
         }
     }
 
-    /// The largest relative error of a number that is written.
+    /// The largest relative rounding error of a written number.
     pub fn epsilon(&self) -> f64 {
         match self.layout.format {
             PixelFormat::F16 => f64::from(f16::EPSILON) / 2.0,
@@ -66,7 +66,7 @@ impl Canvas {
     }
 }
 
-/// The nearest finite number of 16 bits.
+/// The nearest finite 16-bit float.
 fn half(value: f64) -> f16 {
     f16::from_f32(value as f32).clamp(f16::MIN, f16::MAX)
 }

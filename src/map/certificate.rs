@@ -1,5 +1,5 @@
-//! The certificate of a map: what a fetch writes is not the redirection itself, but its values at texel centres, which
-//! renderers interpolate. Whether that folds, and how far it is off (method §9).
+//! The certificate of a map. A fetch writes the redirection's values at texel centres, which renderers interpolate; the
+//! certificate tells whether the interpolation folds, and how far it is from the redirection (method §9).
 
 pub(crate) mod desc;
 mod error;
@@ -18,14 +18,14 @@ use crate::solver::solved::Solved;
 use desc::{MapDesc, MapReport};
 use strip::{Reader, bands};
 
-/// Texels on a side of the smallest map that is looked at.
+/// Texels on a side of the smallest map that is inspected.
 const SMALLEST: u32 = 16;
 
-/// Looks at a map of a result; `desc` was checked.
+/// Inspects a map of a result; `desc` has been checked.
 pub(crate) fn inspect(device: &Device, team: &Team, solved: &Solved, desc: &MapDesc) -> Result<MapReport> {
     let mut outputs = Outputs::default();
     let mut reader = Reader { device, team, solved, outputs: &mut outputs, whole: None };
-    // Memory that is missing must not leave that of the outputs on the device's account.
+    // If memory runs short, the outputs' memory must not stay on the device's account.
     let report = caught(|| inspect_with(&mut reader, desc));
     outputs.release(device);
     report
@@ -39,7 +39,7 @@ fn inspect_with(reader: &mut Reader, desc: &MapDesc) -> Result<MapReport> {
         if sufficient.is_some() {
             break;
         }
-        // The first fold decides.
+        // One fold decides, so counting stops there.
         let folds = count_folds(reader, &MapDesc { size, ..*desc }, 1)?.folds;
         sufficient = (folds == 0).then_some(size);
     }
@@ -54,8 +54,8 @@ fn inspect_with(reader: &mut Reader, desc: &MapDesc) -> Result<MapReport> {
     })
 }
 
-/// The sizes to look at if a map folds: twice and four times it, which are closer to the redirection, then halves, which are
-/// smoother.
+/// The sizes to try if a map folds: twice and four times its size, which are closer to the redirection, then halves,
+/// which are smoother.
 fn near_sizes(size: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
     let larger = [2, 4].into_iter().map(move |by| size.map(|n| n.saturating_mul(by)));
     let larger = larger.filter(|size| size.iter().all(|&n| n <= MAX_GRID));
@@ -74,7 +74,7 @@ struct Folds {
     min_jacobian: f64,
 }
 
-/// Counts the quads of a map that fold; stops early once there are `enough`.
+/// Counts the quads of a map that fold; stops early at `enough`.
 fn count_folds(reader: &mut Reader, desc: &MapDesc, enough: u64) -> Result<Folds> {
     let [width, height] = desc.sizes();
     let size = [width as f64, height as f64];

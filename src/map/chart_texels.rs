@@ -1,4 +1,4 @@
-//! Which texels of an image have their centre in a chart.
+//! Finds the texels of an image whose centre lies in a chart.
 
 use glam::DVec2;
 
@@ -19,7 +19,7 @@ pub(crate) struct ChartTexels {
 }
 
 impl ChartTexels {
-    /// Texels that no chart covers.
+    /// Starts with texels that no chart covers.
     pub fn new(part: &ImagePart) -> ChartTexels {
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);

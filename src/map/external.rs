@@ -1,4 +1,4 @@
-//! Redirections into memory of a host's graphics device.
+//! Writes redirections into memory of a host's graphics device.
 
 use std::time::Instant;
 
@@ -13,7 +13,7 @@ use crate::solver::tile_solve::Warp;
 use super::{FetchKind, Form};
 
 /// # Errors
-/// `Unsupported` for kinds that are no redirection; `InvalidArgument`, naming the field, for a layout that does not fit.
+/// `Unsupported` for kinds other than redirections; `InvalidArgument`, naming the field, for a layout that does not fit.
 pub(crate) fn check(kind: FetchKind, image: &ExternalImage) -> Result<ExternalTexels> {
     let texels = image.check("image")?;
     if kind.is_redirection() {
@@ -42,7 +42,7 @@ pub(crate) fn write(
     };
     let u = match &*solved.warp {
         Warp::Gpu(u) => Some(u),
-        // On a GPU's device the identity alone is in host memory.
+        // On a GPU device only the identity is in host memory.
         Warp::Host(_) => None,
     };
     let level = &solved.grid.levels[0];
@@ -51,7 +51,7 @@ pub(crate) fn write(
     device.rebook(0, bytes, &what)?;
     let result = gpu::external::write(context, u, [level.nx, level.ny], values, texels);
     let _ = device.rebook(bytes, 0, "");
-    // The buffers are dropped: their memory goes back, and the hold on the host's ends.
+    // The buffers have been dropped: this frees their memory and releases the host's memory.
     context.reclaim();
     result?;
     solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);

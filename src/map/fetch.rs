@@ -21,11 +21,11 @@ use super::untangle::Untangler;
 use super::untangle::written::WrittenMap;
 use crate::solver::solved::Solved;
 
-/// The channel that tells which texels charts cover.
+/// The channel that marks the texels covered by charts.
 const ALPHA: usize = 3;
 
-/// An output that is about to be written: `kind` of a result, a part of an image of the tile. It has all memory that
-/// writing takes on the CPU, so that nothing is written where some is missing.
+/// An output that is about to be written: a `kind` of image of a result, or a part of it. It holds all CPU memory that
+/// writing needs, so that nothing is written if memory runs short.
 pub(crate) struct Output<'a> {
     pub solved: &'a Solved,
     part: ImagePart,
@@ -39,7 +39,7 @@ enum Content<'a> {
 }
 
 impl<'a> Output<'a> {
-    /// Of an image with this layout, whose channels were checked.
+    /// An output for an image with this layout, whose channels have been checked.
     pub fn new(
         solved: &'a Solved,
         kind: FetchKind,
@@ -68,8 +68,8 @@ impl<'a> Output<'a> {
         Ok(Output { solved, part: *part, content })
     }
 
-    /// Writes it to `image`, which is as large as the part. Returns the number of quads of a map that was to be one-to-one,
-    /// and folds for all that.
+    /// Writes the output to `image`, which has the size of the part. Returns the number of quads that still fold in a map
+    /// that was to be one-to-one.
     pub fn write(
         self,
         device: &Device,
@@ -113,13 +113,13 @@ impl<'a> Output<'a> {
 
 /// The largest singular value of a matrix.
 fn largest_stretch([[a, b], [c, d]]: [[f64; 2]; 2]) -> f64 {
-    // The singular values are the sum and the difference of these: of the matrix's parts that turn and that mirror.
+    // The singular values are the sum and the difference of the norms of the matrix's rotating and mirroring parts.
     let turning = ((a + d) * (a + d) + (c - b) * (c - b)).sqrt();
     let mirroring = ((a - d) * (a - d) + (c + b) * (c + b)).sqrt();
     0.5 * (turning + mirroring)
 }
 
-/// Redirected UVs of all face corners of a UV set; where a tile has no result, the mesh's own.
+/// Redirected UVs of all face corners of a UV set; the mesh's own UVs in tiles without a result.
 pub(crate) fn corner_uvs(
     team: &Team,
     corners: &[Corner],

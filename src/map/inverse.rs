@@ -1,4 +1,4 @@
-//! W⁻¹ of a tile's result at texel centres, on the backend that has the result.
+//! W⁻¹ of a tile's result at texel centres, on the backend that holds the result.
 
 use crate::allocation::Collect;
 use crate::cpu::invert::{self, Inverse};
@@ -11,12 +11,12 @@ use crate::team::Team;
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
 
-/// What fetched images come through on their way from a GPU. One serves all tiles of an asset, one after the other:
-/// most of the time their images have the same size.
+/// Memory for images fetched from a GPU. One serves all tiles of an asset in turn: most of the time their images have the
+/// same size.
 #[derive(Debug, Default)]
 pub(crate) struct Outputs {
     gpu: Option<gpu::Output>,
-    /// The memory that the device has on its account for this output.
+    /// Bytes booked on the device's account for this output.
     booked: u64,
 }
 
@@ -32,13 +32,13 @@ impl Centres {
     }
 }
 
-/// More bytes than these are given back after each fetch.
+/// Outputs larger than this many bytes are freed after each fetch.
 const KEPT: u64 = 1 << 28;
 
 impl Outputs {
     /// Calls `put(x, y, uv, delta)` for all texels of a part of an image, with their places in the part, rows from v = 0
-    /// upward: W⁻¹ at the texel centre, and the same less the centre. A texel may come twice, its last call counts; never on two threads at
-    /// once.
+    /// upward: `uv` is W⁻¹ at the texel centre, and `delta` is `uv` minus the centre. A texel may come twice, and its
+    /// last call counts, but never on two threads at once.
     pub fn invert(
         &mut self,
         device: &Device,
@@ -84,7 +84,7 @@ impl Outputs {
         let output = match self.gpu.take().filter(|output| output.holds(size)) {
             Some(output) => output,
             None => {
-                // The old one goes before the new one comes.
+                // The old output is freed before the new one is allocated.
                 self.release(device);
                 let bytes = gpu::Output::bytes_for(&u.context, size);
                 device.rebook(0, bytes, &format!("an image of {}x{} texels", size[0], size[1]))?;
@@ -100,14 +100,14 @@ impl Outputs {
         result
     }
 
-    /// After a call that memory was missing for: the output may be gone.
+    /// Corrects the account after a call ran out of memory: the output may be gone.
     pub fn settle(&mut self, device: &Device) {
         if self.gpu.is_none() {
             self.release(device);
         }
     }
 
-    /// Frees the memory and takes it off the device's budget.
+    /// Frees the memory and removes it from the device's account.
     pub fn release(&mut self, device: &Device) {
         self.gpu = None;
         let _ = device.rebook(self.booked, 0, "");
@@ -119,7 +119,7 @@ impl Outputs {
 }
 
 /// Calls `put(x, y, jacobian)` for all texels of a part of an image, as `Outputs::invert` does: the derivatives of W⁻¹ by
-/// the UV, a row for each component.
+/// the UV, one row per component.
 pub(crate) fn jacobians(
     team: &Team,
     solved: &Solved,
@@ -127,7 +127,7 @@ pub(crate) fn jacobians(
     put: impl Fn(usize, usize, [[f64; 2]; 2]) + Sync,
 ) -> Result<()> {
     let level = &solved.grid.levels[0];
-    // Cells per texel to UV per UV.
+    // Converts cells per texel to UV per UV.
     let of = |axis: usize| part.size[axis] as f64;
     let scale = [level.nx, level.ny].map(|cells| [0, 1].map(|axis| of(axis) / cells as f64));
     let still = |x: usize, y: usize| put(x, y, [[1.0, 0.0], [0.0, 1.0]]);
@@ -137,8 +137,8 @@ pub(crate) fn jacobians(
     })
 }
 
-/// Calls `still(x, y)` for all texels of a part of an image, with their places in the part, and then `moved` for those in
-/// moved cells. Never for one texel on two threads at once.
+/// Calls `still(x, y)` for all texels of a part of an image, with their places in the part, and then `moved` for the
+/// texels in moved cells. Never calls for one texel on two threads at once.
 fn visit(
     team: &Team,
     solved: &Solved,
@@ -155,7 +155,7 @@ fn visit(
             moved(x - first[0], y - first[1], inverse);
         });
     };
-    // Where a warp folds, several cells have the same texel: on one thread, the last one always gets it.
+    // Where a warp folds, several cells cover the same texel: on one thread, the last cell always wins.
     if solved.report.folds > 0 {
         Team::with(1, visit)
     } else {

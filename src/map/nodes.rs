@@ -10,7 +10,7 @@ use crate::team::Team;
 use super::canvas::Canvas;
 use crate::solver::solved::Solved;
 
-/// Most items of work that a warp is written in.
+/// Most items of work into which writing a warp is divided.
 const ITEMS: usize = 64;
 
 /// Memory for writing a part of a warp: two rows of nodes for each item of work.
@@ -31,7 +31,7 @@ pub(crate) fn write(
     let level = &solved.grid.levels[0];
     let cells = [level.nx, level.ny].map(|n| n as f64);
     let [width, height] = part.extent();
-    // The cell of a texel along an axis, and its place in it.
+    // The cell of a texel along an axis, and its fractional place in the cell.
     let place = |x: usize, axis: usize| {
         let last = (part.size[axis] - 1).max(1) as f64;
         let at = (part.first[axis] + x) as f64 * cells[axis] / last;
@@ -48,7 +48,8 @@ pub(crate) fn write(
         for x in 0..width {
             let (i, s) = place(x, 0);
             let at = |di: usize, dj: usize, k: usize| f64::from(rows[dj][i + di][k]);
-            // Along the longer of s and t to the triangle's third corner, then to the far one (method §9).
+            // First along the axis of the larger of s and t to the triangle's third corner, then to the far corner
+            // (method §9).
             let (third, first, second) = if s >= t { ([1, 0], s, t) } else { ([0, 1], t, s) };
             let [u, v] = [(i, s, 0), (j, t, 1)].map(|(cell, along, k)| {
                 let (near, far, third) = (at(0, 0, k), at(1, 1, k), at(third[0], third[1], k));
@@ -67,7 +68,7 @@ pub(crate) fn write(
 pub(crate) struct NodeRows<'a> {
     level: &'a Level,
     u: &'a [[Plane; 2]],
-    /// The active blocks, sorted by their rows.
+    /// The active blocks, sorted by row.
     blocks: Vec<u32>,
 }
 
@@ -91,7 +92,7 @@ impl<'a> NodeRows<'a> {
             let x = list[b].x as usize * SIDE;
             for i in 0..SIDE.min(self.level.nx + 1 - x) {
                 let s = slot(i, j % SIDE);
-                // Where charts share a block, each has its own movable nodes.
+                // Where charts share a block, each chart has its own movable nodes.
                 if self.level.movable[b][s] != 0 {
                     row[x + i] = [self.u[b][0][s], self.u[b][1][s]];
                 }

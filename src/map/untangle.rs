@@ -1,8 +1,8 @@
 //! Makes a redirection map one-to-one under bilinear interpolation. The inverse of a warp is affine on pieces, and where
 //! two pieces with different derivatives meet, the four texel centres of a quad may lie on both sides: its interpolation
-//! may then fold, however fine the map is. Values of such quads move, by a fraction of a texel in most cases, until the
-//! Jacobian at each corner of each quad is positive. Where that does not end, or too many quads fold for it, the map is
-//! made anew around them, from coarse to fine (`levels`; method §9).
+//! may then fold, however fine the map is. Values of such quads move, mostly by a fraction of a texel, until the Jacobian
+//! at each corner of each quad is positive. If that does not converge, or too many quads fold, the map is rebuilt around
+//! these quads, from coarse to fine (`levels`; method §9).
 
 mod lattice;
 mod levels;
@@ -14,33 +14,33 @@ use crate::team::Team;
 use levels::Levels;
 use written::{LEAST, TARGET, WrittenMap, cross};
 
-/// Most passes over the quads that fold.
+/// Most passes over the folding quads.
 const ROUNDS: usize = 500;
-/// Most quads that may fold for these passes, and most of all quads, of which this is one in so many.
+/// These passes are skipped if more than this many quads fold.
 const MOST: usize = 1 << 16;
 const FEW: usize = 50;
-/// If more than one in so many texels of f16 has a quad that folds, nothing is tried.
+/// An f16 map is given up at once if more than one in this many of its quads folds.
 const HOPELESS: usize = 10;
-/// Nor does one begin where a quad folds whose numbers are rounded by more texels than this.
+/// An f16 map is also given up if a folding quad has values with a rounding error above this, in texels.
 const COARSE: f64 = 0.05;
 
-/// The corners of a quad: each with the ends of the edges that meet there, in their order from u to v.
+/// The corners of a quad: each with the ends of the edges that meet there, ordered from u to v.
 const CORNERS: [[[usize; 2]; 3]; 4] =
     [[[0, 0], [1, 0], [0, 1]], [[1, 0], [1, 1], [0, 0]], [[0, 1], [0, 0], [1, 1]], [[1, 1], [0, 1], [1, 0]]];
 
-/// All memory that the work takes, so that nothing is missing once an image is written.
+/// All memory that the work needs, allocated in advance so that it cannot run short once an image is being written.
 pub(crate) struct Untangler {
-    /// Per row of quads the number of those that fold.
+    /// Per row of quads: the number that fold.
     rows: Vec<u32>,
     most: usize,
-    /// Quads that fold, and quads around those: each list has room for as many as are ever in it.
+    /// The folding quads, and the quads around them: each list is allocated for its maximum size.
     quads: Vec<[u32; 2]>,
     near: Vec<[u32; 2]>,
     levels: Levels,
 }
 
 impl Untangler {
-    /// For maps of so many texels.
+    /// An untangler for maps of this size in texels.
     pub fn new(size: [usize; 2]) -> Untangler {
         let [width, height] = size;
         let most = (width * height / FEW + FEW).min(MOST);
@@ -49,15 +49,15 @@ impl Untangler {
         Untangler { rows, most, quads, near, levels: Levels::new(size, most) }
     }
 
-    /// Moves values of quads that fold, so that none does, and returns 0; or leaves the map as it is, and returns the
-    /// number of quads that fold: its numbers are too coarse for its size.
+    /// Moves values of folding quads until none folds, and returns 0; or, if the numbers are too coarse for the map's
+    /// size, leaves the map unchanged and returns the number of folding quads.
     pub fn untangle(mut self, team: &Team, map: &WrittenMap) -> u64 {
         if map.size.iter().any(|&n| n < 2) {
             return 0;
         }
         match self.count(team, map, LEAST) {
             0 => return 0,
-            // Rounding alone does that, and a search would only take time.
+            // Rounding alone causes these folds, and a search would only take time.
             folds if map.is_f16() && self.is_hopeless(map, folds) => return self.count(team, map, 0.0),
             _ => {}
         }
@@ -73,8 +73,8 @@ impl Untangler {
         self.count(team, map, 0.0)
     }
 
-    /// Whether numbers are so coarse that no search is worth its time: too many quads fold, or one folds whose numbers
-    /// are rounded by more than the room that a search can give it.
+    /// True if the numbers are so coarse that no search is worthwhile: too many quads fold, or a folding quad has values
+    /// whose rounding exceeds the room that a search can give it.
     fn is_hopeless(&self, map: &WrittenMap, folds: u64) -> bool {
         if folds as usize > map.size[0] * map.size[1] / HOPELESS {
             return true;
@@ -94,8 +94,8 @@ impl Untangler {
         self.rows.iter().map(|&count| u64::from(count)).sum()
     }
 
-    /// Opens the quads that were counted, one after the other in a fixed order, so that the result does not depend on the
-    /// number of threads. Returns whether none folds any more.
+    /// Opens the counted quads one after the other in a fixed order, so that the result does not depend on the number of
+    /// threads. Returns true if none folds any more.
     fn open_few(&mut self, map: &WrittenMap) -> bool {
         let [width, height] = map.size.map(|n| n as u32);
         if self.rows.iter().map(|&count| count as usize).sum::<usize>() > self.most {
@@ -104,7 +104,7 @@ impl Untangler {
         for (y, _) in self.rows.iter().enumerate().filter(|&(_, &count)| count > 0) {
             map.each_fold(y, LEAST, |x| self.quads.put([x as u32, y as u32]));
         }
-        // What ends at all takes less than half of this.
+        // Searches that converge take less than half of this.
         let mut visits = 0;
         for _ in 0..ROUNDS {
             visits += self.quads.len();
@@ -115,7 +115,7 @@ impl Untangler {
                 break;
             }
             self.quads.iter().for_each(|&quad| open(map, quad));
-            // What moved may have folded the quads around.
+            // Moved values may have folded the surrounding quads.
             self.near.clear();
             for &[x, y] in &self.quads {
                 for j in y.saturating_sub(1)..=(y + 1).min(height - 2) {
@@ -131,14 +131,14 @@ impl Untangler {
     }
 }
 
-/// Moves a quad's texels so that the Jacobian at each of its corners reaches the target: for each corner by the
-/// shortest way that does so to first order.
+/// Moves a quad's texels so that the Jacobian at each of its corners reaches the target: for each corner by the shortest
+/// move that does so to first order.
 fn open(map: &WrittenMap, quad: [u32; 2]) {
     for corner in CORNERS {
         let texels = corner.map(|way| [0, 1].map(|k| quad[k] as usize + way[k]));
         let [a, b, c] = texels.map(|texel| map.place(texel));
         let missing = TARGET - cross(a, b, c);
-        // Derivatives of the Jacobian by the three places.
+        // Derivatives of the Jacobian by the three positions.
         let of_b = [c[1] - a[1], a[0] - c[0]];
         let of_c = [a[1] - b[1], b[0] - a[0]];
         let of_a = [-of_b[0] - of_c[0], -of_b[1] - of_c[1]];

@@ -7,7 +7,7 @@ use crate::mesh::hash::{Table, enter};
 use crate::mesh::triangle::triangulate;
 use crate::mesh::{Corner, Mesh, NONE, TileMesh};
 
-/// A UV that corners of one vertex and one chart share: they are redirected alike.
+/// A UV shared by corners of one vertex and one chart, which are redirected alike.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct UvPoint {
     /// The set's UV, with the tile's offset.
@@ -26,13 +26,13 @@ pub(super) struct BaseTriangle {
     pub corners: [u32; 3],
 }
 
-/// What all refinements of one UV set begin with.
+/// The common starting point of all refinements of one UV set.
 #[derive(Debug)]
 pub(super) struct Base {
-    /// In the order of the faces.
+    /// Ordered by face.
     pub triangles: Vec<BaseTriangle>,
     pub uv_points: Vec<UvPoint>,
-    /// Of each corner of the mesh.
+    /// The UV point of each corner of the mesh.
     pub uv_point: Vec<u32>,
 }
 
@@ -61,15 +61,15 @@ impl Base {
         Base { triangles, uv_points, uv_point }
     }
 
-    /// Bytes that it holds.
+    /// Bytes held.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.triangles) + size_of_val(&*self.uv_points) + size_of_val(&*self.uv_point)
     }
 }
 
-/// The different UVs of a set's corners, and which one each corner has.
+/// The distinct UVs of a set's corners, and the index of each corner's UV.
 fn uv_points(mesh: &Mesh, corners: &[Corner]) -> (Vec<UvPoint>, Vec<u32>) {
-    // A pose may tear welds; corners that it cannot part are in one chart when all are torn.
+    // A pose may tear welds; corners belong together if they are in one chart even when all welds are torn.
     let charts = |tile: &TileMesh| match tile.welds.len() {
         0 => tile.chart_of.iter().copied().collected(),
         welds => tile.cut(&(0..welds as u32).collected()).chart_of,

@@ -1,4 +1,4 @@
-//! How far linear interpolation of redirected corner UVs is from the redirection itself, at worst (method §14).
+//! The largest distance between linear interpolation of redirected corner UVs and the redirection itself (method §14).
 //!
 //! The redirection is affine on each warped triangle of the grid, and the interpolation on each triangle of the mesh.
 //! The length of their difference is therefore convex on each common piece of both, and greatest at a corner of one:
@@ -18,14 +18,14 @@ use crate::solver::solved::Solved;
 /// Barycentric coordinates and places on edges of at least minus this count as inside.
 const SLACK: f64 = 1e-9;
 
-/// The warped edges of a tile's grid, found by where they lie. Lengths are in cells.
+/// The warped edges of a tile's grid, indexed by location. Lengths are in cells.
 #[derive(Debug)]
 pub(super) struct Warped {
     nx: usize,
     ny: usize,
     /// Displacements of the nodes, row by row.
     u: Vec<[f32; 2]>,
-    /// Per unit square, the first of its entries in `cells`, and at the end their number.
+    /// Per unit square, the index of its first entry in `cells`, followed by the number of entries.
     first: Vec<u32>,
     /// The cells whose warped images may meet a square, for all squares. Those cells are left out whose first node has
     /// unmoved cells around it only: on these the redirection is the identity, and what lies between them and the
@@ -43,7 +43,7 @@ impl Warped {
             return Ok(None);
         }
         let mut warped = Warped { nx, ny, u, first: Vec::new(), cells: Vec::new() };
-        // The cells beyond the last column and row have nothing but the tile's border.
+        // Cells beyond the last column and row consist of the tile's border only.
         let rows = team
             .map(ny + 1, |j| (0..=nx).filter(|&i| warped.is_near_moved(i, j)).map(|i| i as u32).collected());
         let width = nx + 1;
@@ -62,7 +62,7 @@ impl Warped {
         Ok(Some(warped))
     }
 
-    /// Whether one of the four cells around a node is moved.
+    /// True if one of the four cells around a node is moved.
     fn is_near_moved(&self, i: usize, j: usize) -> bool {
         (j.saturating_sub(1)..=(j + 1).min(self.ny)).any(|y| {
             let row = y * (self.nx + 1);
@@ -102,8 +102,8 @@ impl Warped {
         Node { at: DVec2::new(i as f64, j as f64) + u, u }
     }
 
-    /// The greatest error on a triangle, in UV. `corners` are its UVs, in cells, and `redirected` what the redirection
-    /// adds to them.
+    /// The greatest error on a triangle, in UV. `corners` are its UVs, in cells, and `redirected` the redirection's
+    /// offsets at them.
     pub fn error(&self, corners: [DVec2; 3], redirected: [DVec2; 3]) -> f64 {
         let low = corners.into_iter().fold(corners[0], DVec2::min);
         let high = corners.into_iter().fold(corners[0], DVec2::max);
@@ -124,7 +124,7 @@ impl Warped {
                 for &cell in &self.cells[self.first[at] as usize..self.first[at + 1] as usize] {
                     let (i, j) = (cell as usize % (self.nx + 1), cell as usize / (self.nx + 1));
                     let first = self.node(i, j);
-                    // A node belongs to one of the squares that its cell is entered in.
+                    // Each node is handled in only one of the squares that its cell is entered in.
                     if first.at.floor() == DVec2::new(x as f64, y as f64)
                         && let Some(added) = triangle.at(first.at)
                     {
@@ -155,7 +155,7 @@ struct Node {
     u: DVec2,
 }
 
-/// What a triangle's corners have, interpolated.
+/// Linear interpolation of the values at a triangle's corners.
 struct Interpolated {
     corners: [DVec2; 3],
     added: [DVec2; 3],
@@ -174,7 +174,7 @@ impl Interpolated {
         let edge = second.at - first.at;
         let det = side.perp_dot(edge);
         if det == 0.0 {
-            // Where both lie on one line, the edge's nodes count.
+            // If both lie on one line, the edge's nodes are visited instead.
             return None;
         }
         let between = first.at - a;
@@ -193,7 +193,7 @@ impl Interpolated {
         let [a, b, c] = self.corners;
         let l1 = (p - a).perp_dot(c - a) / self.doubled_area;
         let l2 = (b - a).perp_dot(p - a) / self.doubled_area;
-        // False for a triangle without area, too.
+        // Also false for a triangle without area.
         let inside = l1 >= -SLACK && l2 >= -SLACK && l1 + l2 <= 1.0 + SLACK;
         inside.then(|| {
             self.added[0] + l1 * (self.added[1] - self.added[0]) + l2 * (self.added[2] - self.added[0])
@@ -206,7 +206,7 @@ fn square(low: f64, high: f64, last: usize) -> std::ops::RangeInclusive<usize> {
     // Rounding must not lose a point between two squares.
     let (low, high) = ((low - SLACK).floor(), (high + SLACK).floor());
     if high < 0.0 || low > last as f64 {
-        #[expect(clippy::reversed_empty_ranges, reason = "there is none")]
+        #[expect(clippy::reversed_empty_ranges, reason = "an empty range is intended")]
         return 1..=0;
     }
     low.max(0.0) as usize..=high.min(last as f64) as usize

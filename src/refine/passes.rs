@@ -1,4 +1,5 @@
-//! The passes of a refinement: which triangles err by more than the tolerance in the present result, until none does.
+//! The passes of a refinement: finds the triangles whose error exceeds the tolerance in the present result, until none
+//! does.
 
 use glam::DVec2;
 
@@ -13,13 +14,14 @@ use super::error::Warped;
 use super::split::{Piece, Pieces, Splitter};
 use crate::solver::solved::Solved;
 
-/// Items of work have so many elements.
+/// Number of elements per item of work.
 const CHUNK: usize = 64;
-/// A triangle whose sides are shorter than this, in cells, is left alone: where charts meet that share texels, the
-/// redirection may jump, and no splitting helps. Elsewhere it is steep at most: thirty cells per cell in a squashed one.
+/// A triangle whose sides are shorter than this, in cells, is not split: where charts that share texels meet, the
+/// redirection may jump, and splitting does not help. Elsewhere it is steep at most: thirty cells per cell in a squashed
+/// region.
 const SHORT: f64 = 1.0 / 1024.0;
-/// Splitting a triangle into four divides its error by four where the redirection is smooth: if that will not do, all of
-/// its edges are split at once.
+/// Splitting a triangle into four divides its error by four where the redirection is smooth: if that does not suffice,
+/// all of its edges are split at once.
 const FOURFOLD: f64 = 4.0;
 
 /// The result of a tile.
@@ -31,11 +33,11 @@ struct Redirected<'a> {
     warped: Option<Warped>,
 }
 
-/// The results that a UV set is redirected by.
+/// The results that redirect a UV set.
 pub(super) struct Redirections<'a>(Vec<Option<Redirected<'a>>>);
 
 impl<'a> Redirections<'a> {
-    /// `with_edges`: also what errors are told by.
+    /// `with_edges`: also prepare what computing errors needs.
     pub fn new(team: &Team, tiles: &[Option<&'a Solved>], with_edges: bool) -> Result<Redirections<'a>> {
         let of = |solved: &'a Solved| -> Result<Redirected<'a>> {
             let level = &solved.grid.levels[0];
@@ -51,7 +53,7 @@ impl<'a> Redirections<'a> {
         tiles.iter().map(|tile| tile.map(of).transpose()).try_collected().map(Redirections)
     }
 
-    /// The redirected UVs of points, as corner UVs are told: in a chart's own warp.
+    /// The redirected UVs of points, computed like corner UVs: by a chart's own warp.
     pub fn redirect(&self, team: &Team, points: &[UvPoint], out: &mut [[f64; 2]]) {
         let mut chunks: Vec<_> = points.chunks(CHUNK).zip(out.chunks_mut(CHUNK)).collected();
         team.fill(&mut chunks, |_, (points, out)| {
@@ -82,7 +84,7 @@ impl<'a> Redirections<'a> {
     }
 }
 
-/// What a refinement came to.
+/// The outcome of a refinement.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Outcome {
     /// The largest error left, in UV.
@@ -93,8 +95,8 @@ pub(super) struct Outcome {
 /// An error that is not known yet.
 const UNKNOWN: f64 = f64::NAN;
 
-/// Splits pieces until no error is above the tolerance, or there would be more than `most` of them. The largest errors
-/// come first, so that a bound takes its effect on the smallest ones.
+/// Splits pieces until no error is above the tolerance, or there would be more than `most` pieces. The largest errors
+/// come first, so that the limit affects only the smallest.
 pub(super) fn refine(
     team: &Team,
     mesh: &Mesh,
@@ -121,7 +123,7 @@ fn split(
     let mut errors = filled(UNKNOWN, splitter.pieces.list.len());
     loop {
         measure(team, splitter, results, uvs, &mut errors);
-        // What can be split; the others' errors are told at the end.
+        // Pieces that cannot be split are skipped here; their errors are reported at the end.
         let helpless = |k: usize| errors[k].is_sign_negative();
         let largest = |all: bool| {
             (0..errors.len()).filter(|&k| all || !helpless(k)).fold(0.0, |m: f64, k| m.max(errors[k].abs()))
@@ -144,7 +146,7 @@ fn split(
             last = true;
             wanted
                 .sort_unstable_by(|&a, &b| errors[b as usize].total_cmp(&errors[a as usize]).then(a.cmp(&b)));
-            // As many of the worst as there is room for.
+            // As many of the worst as fit.
             let (mut fits, mut fails) = (0, wanted.len());
             while fails - fits > 1 {
                 let half = usize::midpoint(fits, fails);
@@ -165,7 +167,7 @@ fn split(
     }
 }
 
-/// Computes what is not known yet. The error of a piece that cannot be split is negated.
+/// Computes the unknown errors. The error of a piece that cannot be split is negated.
 fn measure(
     team: &Team,
     splitter: &Splitter,
@@ -191,8 +193,8 @@ fn measure(
     });
 }
 
-/// The faces that stay polygons: none of their triangles is split, and no way to cut them into triangles lets them err by
-/// more than the tolerance.
+/// The faces that stay polygons: none of their triangles is split, and no other triangulation of them has an error above
+/// the tolerance.
 fn whole(
     team: &Team,
     mesh: &Mesh,
@@ -216,7 +218,7 @@ fn whole(
             4 => [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]]
                 .into_iter()
                 .all(|triangle| results.error(triangle.map(point), points, uvs).0 <= tolerance),
-            // Its triangles keep the tolerance. If no corner moves, so do all others.
+            // Its triangles are within the tolerance. If no corner moves, so is every other triangulation.
             n => (0..n).map(point).all(|q| uvs[q as usize] == points[q as usize].uv),
         }
     };

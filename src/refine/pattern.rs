@@ -1,33 +1,33 @@
-//! What a refined mesh is made of, in the terms of the mesh.
+//! Describes a refined mesh in terms of the original mesh.
 
 use crate::error::Result;
 
 use super::Refinement;
 use super::split::{PieceCorner, Source};
 
-/// Where the pattern of a refinement is written; what is `None` is left out. From it a host interpolates positions and
-/// all else that its vertices and corners have.
+/// Destination of a refinement's pattern; fields that are `None` are skipped. A host uses the pattern to interpolate
+/// positions and all other attributes of its vertices and corners.
 ///
-/// Sources come with weights that add up to 1. A vertex or corner that needs fewer than three has weight 0 for the rest,
-/// which repeat the first.
+/// Sources have weights that add up to 1. A vertex or corner that needs fewer than three has weight 0 for the rest, which
+/// repeat the first.
 #[derive(Debug, Default)]
 pub struct RefinementPattern<'a> {
     /// Per vertex, up to three vertices of the mesh. The mesh's own vertices come first, in their order, each with itself
     /// as its source.
     pub vertex_sources: Option<&'a mut [[u32; 3]]>,
-    /// Per vertex, what each of them weighs.
+    /// Per vertex, the weights of its sources.
     pub vertex_weights: Option<&'a mut [[f32; 3]]>,
-    /// Per face, the face of the mesh that it lies in. They come in the order of the mesh's faces.
+    /// Per face, the face of the mesh that contains it. They are in the order of the mesh's faces.
     pub face_sources: Option<&'a mut [u32]>,
-    /// Per face, its number of corners: 3 for a part of a face; a face that was left alone keeps its own.
+    /// Per face, its number of corners: 3 for a part of a face; an unsplit face keeps its own number.
     pub face_counts: Option<&'a mut [u32]>,
     /// Per corner, its vertex.
     pub corner_vertices: Option<&'a mut [u32]>,
-    /// Per corner, up to three corners of the mesh, of the triangle of the face that it lies in.
+    /// Per corner, up to three corners of the mesh, from the triangle of the face that contains it.
     pub corner_sources: Option<&'a mut [[u32; 3]]>,
-    /// Per corner, what each of them weighs.
+    /// Per corner, the weights of its sources.
     pub corner_weights: Option<&'a mut [[f32; 3]]>,
-    /// Per corner, its original UV in the set, with the tile's offset: what its sources' UVs make.
+    /// Per corner, its original UV in the set, with the tile's offset, interpolated from its sources.
     pub corner_uvs: Option<&'a mut [[f32; 2]]>,
 }
 
@@ -71,8 +71,7 @@ impl Refinement {
     /// Writes the pattern.
     ///
     /// # Errors
-    /// `InvalidArgument`, naming the array, unless it has as many elements as [`Refinement::info`] says; nothing is
-    /// written then.
+    /// `InvalidArgument`, naming the array, if its length differs from [`Refinement::info`]; nothing is written then.
     pub fn pattern(&self, pattern: &mut RefinementPattern) -> Result<()> {
         let info = self.info();
         let check = |name, given: Option<usize>, needed, of| {
@@ -129,7 +128,7 @@ fn write<T>(array: &mut Option<&mut [T]>, values: impl Iterator<Item = T>) {
     values.for_each(&mut put);
 }
 
-/// Writes one element of an array after the other.
+/// Returns a function that writes the elements of an array in order.
 fn next<'a, T>(array: &'a mut Option<&mut [T]>) -> impl FnMut(T) + 'a {
     let mut elements = array.as_deref_mut().unwrap_or_default().iter_mut();
     move |value| {

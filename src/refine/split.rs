@@ -1,6 +1,6 @@
-//! Splits triangles so that all faces at an edge agree: an edge is split for all triangles that have it or for none, and
-//! never before the longest edge of one of them. So the surface stays free of cracks, and no angle gets smaller than
-//! about half of the least angle that there was (Rivara's longest-edge partition).
+//! Splits triangles consistently across edges: an edge is split for all triangles that share it or for none, and never
+//! before the longest edge of each of these triangles. The surface thus stays free of cracks, and no angle becomes
+//! smaller than about half of the smallest original angle (Rivara's longest-edge partition).
 
 use crate::allocation::{Collect, Grow, copied, zeroed};
 use crate::mesh::hash::{Table, enter};
@@ -17,7 +17,7 @@ pub(super) struct NewVertex {
     point: u32,
 }
 
-/// Up to three things of the mesh and what each weighs; a weight of 0 repeats the first.
+/// Up to three vertices or corners of the mesh with their weights; a weight of 0 repeats the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Source {
     pub of: [u32; 3],
@@ -29,7 +29,7 @@ impl Source {
         Source { of: [of; 3], weights: [1.0, 0.0, 0.0] }
     }
 
-    /// Of three with their weights.
+    /// A source of three with their weights.
     pub fn weighed(of: [u32; 3], weights: [f32; 3]) -> Source {
         let (mut found, mut count) = (Source { of, weights: [0.0; 3] }, 0);
         for k in (0..3).filter(|&k| weights[k] > 0.0) {
@@ -40,8 +40,8 @@ impl Source {
         found
     }
 
-    /// Halfway between two. Weights are sums of halves, and exact. Both lie in one triangle, so that there are no more
-    /// than three.
+    /// The midpoint of two sources. Weights are sums of halves, and exact. Both lie in one triangle, so at most three
+    /// sources occur.
     fn between(a: Source, b: Source) -> Source {
         let mut sum: [(u32, f32); 3] = [(NONE, 0.0); 3];
         let mut count = 0;
@@ -68,9 +68,9 @@ impl Source {
 /// An edge between two points. Vertices that are welded by position are one point.
 #[derive(Clone, Copy, Debug)]
 struct Edge {
-    /// In order.
+    /// Its two points, in ascending order.
     ends: [u32; 2],
-    /// Of its length at rest.
+    /// Square of its length at rest.
     square: f64,
     /// The point that splits it, or `NONE`.
     middle: u32,
@@ -98,17 +98,17 @@ pub(super) struct Piece {
 /// A refined mesh.
 #[derive(Debug, Default)]
 pub(super) struct Pieces {
-    /// After those of the mesh.
+    /// The new vertices, which follow those of the mesh.
     pub vertices: Vec<NewVertex>,
     pub uv_points: Vec<UvPoint>,
-    /// Those after the base's: the two that each is halfway between.
+    /// The UV points after those of the base: each is halfway between these two.
     uv_parents: Vec<[u32; 2]>,
     /// Rest positions of the points after those of the mesh.
     points: Vec<[f64; 3]>,
     edges: Vec<Edge>,
-    /// In the order of the base triangles.
+    /// Ordered by base triangle.
     pub list: Vec<Piece>,
-    /// Per face, whether it is still the mesh's own polygon.
+    /// Per face, true if it is still the mesh's own polygon.
     pub whole: Vec<bool>,
 }
 
@@ -125,7 +125,7 @@ impl Pieces {
         }
     }
 
-    /// Bytes that it holds.
+    /// Bytes held.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.vertices)
             + size_of_val(&*self.uv_points)
@@ -137,7 +137,7 @@ impl Pieces {
     }
 }
 
-/// Pieces that are being split, and what is looked up for it.
+/// Pieces that are being split, with look-up tables.
 pub(super) struct Splitter<'a> {
     mesh: &'a Mesh,
     pub pieces: Pieces,
@@ -147,7 +147,7 @@ pub(super) struct Splitter<'a> {
 }
 
 impl<'a> Splitter<'a> {
-    /// Begins with the mesh itself.
+    /// Starts with the mesh itself.
     pub fn new(mesh: &'a Mesh, base: &Base) -> Splitter<'a> {
         let pieces = Pieces {
             uv_points: copied(&base.uv_points),
@@ -169,7 +169,7 @@ impl<'a> Splitter<'a> {
         splitter
     }
 
-    /// Goes on from where another one ended.
+    /// Continues with existing pieces.
     pub fn go_on(mesh: &'a Mesh, base: &Base, pieces: Pieces) -> Splitter<'a> {
         let mut splitter = Splitter {
             mesh,
@@ -191,13 +191,14 @@ impl<'a> Splitter<'a> {
         splitter
     }
 
-    /// Whether the longest edge of a piece has a length.
+    /// True if the longest edge of a piece has a length.
     pub fn can_split(&self, piece: &Piece) -> bool {
         self.pieces.edges[piece.edges[0] as usize].square > 0.0
     }
 
-    /// The edges to split so that these pieces are: of each its longest, or all where the flag is set. With an edge,
-    /// the longest edge of every piece that has it is split as well. Also the number of pieces that there will be.
+    /// The edges to split for these pieces: the longest edge of each, or all of its edges if the flag is set. For each
+    /// edge, the longest edge of every piece that shares it is split as well. Also returns the resulting number of
+    /// pieces.
     pub fn marked(&self, wanted: impl Iterator<Item = (u32, bool)>) -> (Vec<bool>, usize) {
         let list = &self.pieces.list;
         let mut marked = zeroed(self.pieces.edges.len());
@@ -229,7 +230,7 @@ impl<'a> Splitter<'a> {
         }
     }
 
-    /// Splits the marked edges. `values` has one value per piece; parts of pieces get `new`.
+    /// Splits the marked edges. `values` has one value per piece; new parts get `new`.
     pub fn split(&mut self, marked: &[bool], values: &mut Vec<f64>, new: f64) {
         let old = std::mem::take(&mut self.pieces.list);
         let mut list = crate::allocation::with_capacity(old.len());
@@ -256,7 +257,7 @@ impl<'a> Splitter<'a> {
         }
         let [a, b, c] = piece.corners;
         let middle = self.middle(a, b);
-        // Either half is whole, or its side that was one of the piece is split, too.
+        // Each half stays whole, or its side that belonged to the piece is split, too.
         if is_marked(2) {
             let side = self.middle(c, a);
             list.put(self.piece(piece.base, [a, middle, side]));
@@ -273,7 +274,7 @@ impl<'a> Splitter<'a> {
         }
     }
 
-    /// A piece with its edges, of which the longest one becomes the first. Of two equal ones all pieces choose the same.
+    /// A piece with its edges, the longest first. Of equal edges all pieces choose the same one.
     fn piece(&mut self, base: u32, corners: [PieceCorner; 3]) -> Piece {
         let edges = [0, 1, 2].map(|k| self.edge(corners[k].vertex, corners[(k + 1) % 3].vertex));
         let edge = |k: usize| &self.pieces.edges[edges[k] as usize];
@@ -304,7 +305,7 @@ impl<'a> Splitter<'a> {
         edge
     }
 
-    /// The corner halfway between two of one piece.
+    /// The corner halfway between two corners of one piece.
     fn middle(&mut self, a: PieceCorner, b: PieceCorner) -> PieceCorner {
         PieceCorner {
             vertex: self.middle_vertex(a.vertex, b.vertex),
@@ -326,7 +327,7 @@ impl<'a> Splitter<'a> {
         vertex
     }
 
-    /// The point on the edge between two vertices, which all vertices on it share.
+    /// The point on the edge between two vertices, shared by all vertices on it.
     fn middle_point(&mut self, a: u32, b: u32) -> u32 {
         let edge = self.edge(a, b) as usize;
         let Edge { ends, middle, .. } = self.pieces.edges[edge];
@@ -346,7 +347,7 @@ impl<'a> Splitter<'a> {
             return point;
         }
         let [p, q] = parents.map(|point| self.pieces.uv_points[point as usize]);
-        // A corner of triangles without area has none of its own.
+        // A corner of triangles without area only has no triangle.
         let triangle = if p.triangle == NONE { q.triangle } else { p.triangle };
         let uv = std::array::from_fn(|axis| 0.5 * (p.uv[axis] + q.uv[axis]));
         let point = self.pieces.uv_points.len() as u32;

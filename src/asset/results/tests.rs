@@ -1,4 +1,4 @@
-//! A result of a GPU that is fetched on both backends.
+//! Tests that fetch a GPU's result on both backends.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::solver::tile_solve::Warp;
 use crate::view::Strided;
 use crate::{Asset, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat};
 
-/// A GPU's result, inverted there and on the CPU.
+/// Inverts a GPU's result on the GPU and on the CPU.
 #[test]
 fn both_backends_invert_a_result_alike() {
     let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
@@ -67,7 +67,7 @@ fn both_backends_invert_a_result_alike() {
             let mut worst = 0.0f64;
             for (k, (a, b)) in on_gpu.iter().zip(&on_cpu).enumerate() {
                 let off = (f64::from(*a) - f64::from(*b)).abs();
-                // The way from the centre is f32 cells, from f32 barycentrics; then the output is f32 itself.
+                // The offset from the centre is in f32 cells, from f32 barycentrics; then the output itself is f32.
                 let slack = 4e-6 / 96.0 + f64::from(b.abs() * f32::EPSILON);
                 assert!(off < slack, "{kind:?} {size:?}: {k}: {a} {b}");
                 worst = worst.max(off * f64::from(size[k % 2]));

@@ -1,4 +1,4 @@
-//! Which map a host asks about, and what it is told.
+//! The description of a map that a host asks about, and the report on it.
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::format::PixelFormat;
@@ -6,7 +6,7 @@ use crate::map::{FetchKind, Form};
 use crate::settings::MAX_GRID;
 use crate::solver::solved::Solved;
 
-/// A redirection map that a host may fetch.
+/// A redirection map that a host could fetch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MapDesc {
     /// One of the redirection's forms.
@@ -19,16 +19,16 @@ pub struct MapDesc {
     pub one_to_one: bool,
 }
 
-/// What a redirection map gives when it is read with bilinear interpolation. Errors are lengths in UV: times the size of a
-/// texture they are texels of it.
+/// Properties of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiplied by a
+/// texture's size they are in its texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct MapReport {
     /// Texels along u and v.
     pub size: [u32; 2],
-    /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one; 0 certifies that it is on
-    /// all of the tile, but for the half texel along its border that interpolation does not reach. More than 0 for a map
-    /// that is to be one-to-one: its numbers are too coarse for its size, and nothing was moved.
+    /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one. 0 certifies that it is
+    /// one-to-one on the whole tile, except for the half texel along its border that interpolation does not reach. More
+    /// than 0 with `one_to_one` means that the numbers are too coarse for the map's size, and that no value was moved.
     pub folds: u64,
     /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there are
     /// no folds.
@@ -39,9 +39,10 @@ pub struct MapReport {
     pub error_p99: f64,
     /// Largest error in the charts.
     pub error_max: f64,
-    /// A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter and so
-    /// on of it; `None` if there is none. Larger maps often have more folds: [`crate::ImageLayout::one_to_one`] leaves none at
-    /// any size if the numbers are fine enough: f32, or f16 of the delta unless what moves far is squeezed.
+    /// A size at which the map has no folds: this one, or else the first such size among twice, four times, a half, a
+    /// quarter and so on of it; `None` if all of them fold. Larger maps often have more folds:
+    /// [`crate::ImageLayout::one_to_one`] removes them at any size if the numbers are fine enough: f32, or f16 of the
+    /// delta unless regions that move far are squeezed.
     pub sufficient_size: Option<[u32; 2]>,
 }
 

@@ -1,4 +1,4 @@
-//! How far the interpolated map is from the redirection.
+//! Measures how far the interpolated map is from the redirection.
 
 use crate::allocation::{Collect, zeroed};
 use crate::error::Result;
@@ -19,7 +19,7 @@ pub struct Errors {
 /// Items of work per band.
 const ITEMS: usize = 16;
 
-/// What an item of work finds.
+/// The findings of an item of work.
 struct Found {
     squares: f64,
     max: f64,
@@ -29,7 +29,7 @@ struct Found {
 }
 
 /// Measures the error of a map on a lattice of samples: at least two per texel and per cell of the grid along each axis.
-/// Those in charts count.
+/// Only samples in charts count.
 pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
     let size = desc.sizes();
     let level = &reader.solved.grid.levels[0];
@@ -43,7 +43,7 @@ pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
         one_to_one: false,
     };
     let mut all: Vec<Found> = (0..ITEMS).map(|_| Found::new()).collected();
-    // Where interpolation has four texels around it: from the first texel's centre to the last one's.
+    // The range in which interpolation has four texels around it: from the first texel's centre to the last one's.
     let reached = |axis: usize| {
         let half = per_texel[axis].div_ceil(2);
         half.min(samples[axis])..(samples[axis] - per_texel[axis] / 2).max(half.min(samples[axis]))
@@ -78,13 +78,13 @@ pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
     Ok(Found::sum(&all))
 }
 
-/// The texel before a sample, and the way from its centre to the sample in texels.
+/// The texel before a sample, and the offset from its centre to the sample in texels.
 fn place(sample: usize, per_texel: usize) -> (usize, f64) {
     let at = ((sample as f64 + 0.5) / per_texel as f64 - 0.5).max(0.0);
     (at as usize, at - at.floor())
 }
 
-/// Bilinear interpolation of the values of four texels, first those of the lower row.
+/// Bilinear interpolation of the values of four texels, beginning with those of the lower row.
 fn interpolated([a, b, c, d]: [[f64; 2]; 4], s: f64, t: f64) -> [f64; 2] {
     [0, 1].map(|k| {
         let (low, high) = (a[k] + s * (b[k] - a[k]), c[k] + s * (d[k] - c[k]));
@@ -109,7 +109,7 @@ impl Found {
         self.bins[((error as f32).to_bits() >> 16) as usize & 0x7fff] += 1;
     }
 
-    /// All items' findings together, in their order.
+    /// Combines the findings of all items, in order.
     fn sum(all: &[Found]) -> Errors {
         let count: u64 = all.iter().map(|found| found.count).sum();
         let squares: f64 = all.iter().map(|found| found.squares).sum();
@@ -124,7 +124,7 @@ impl Found {
             above -= here;
             bin -= 1;
         }
-        // A bin's upper end.
+        // The upper end of the bin.
         let p99 = f64::from(f32::from_bits((bin as u32 + 1) << 16)).min(max);
         Errors { rms: (squares / count.max(1) as f64).sqrt(), p99, max }
     }

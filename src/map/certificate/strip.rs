@@ -1,4 +1,4 @@
-//! Rows of a map, written as a host gets them and read back.
+//! Rows of a map, written as for a host and read back.
 
 use std::ops::Range;
 
@@ -51,7 +51,7 @@ impl Reader<'_> {
         Ok(strip)
     }
 
-    /// Writes rows of a map as a host gets them.
+    /// Writes rows of a map as for a host.
     fn write(&mut self, desc: &MapDesc, rows: Range<usize>) -> Result<Vec<u8>> {
         let size = desc.sizes();
         let mut bytes = zeroed(rows.len() * size[0] * 2 * desc.format.size());
@@ -85,15 +85,15 @@ impl Reader<'_> {
 }
 
 impl Strip {
-    /// The ways from a row's texel centres to the redirected UVs that are written there; rows count from the whole map's
-    /// first.
+    /// The offsets from a row's texel centres to the redirected UVs that are written there; rows count from the whole
+    /// map's first.
     pub fn row(&self, y: usize) -> &[[f64; 2]] {
         &self.deltas[(y - self.first) * self.width..][..self.width]
     }
 }
 
-/// Divides `count` rows of `width` texels into ranges that are worth the work of writing them, and share their last row
-/// with the next one's first.
+/// Divides `count` rows of `width` texels into ranges large enough to be worth writing, each of which shares its last row
+/// with the next range.
 pub fn bands(width: usize, count: usize) -> impl Iterator<Item = Range<usize>> {
     let rows = ((1 << 21) / width).max(64);
     (0..count.max(2) - 1).step_by(rows).map(move |row| row..(row + rows + 1).min(count))

@@ -2,10 +2,10 @@
 
 use super::written::{TARGET, WrittenMap};
 
-/// The most that a Jacobian stays over its bound for the sake of rounding: identical neighbours have 1.
+/// Upper limit of the slack that keeps a Jacobian above its bound despite rounding: an identity map has Jacobian 1.
 const MOST_SLACK: f64 = 0.3;
 
-/// Texels `stride` apart, and the last ones of the map.
+/// A lattice of texels `stride` apart, with the last texels of the map.
 #[derive(Clone, Copy)]
 pub struct Lattice {
     pub size: [usize; 2],
@@ -13,7 +13,7 @@ pub struct Lattice {
 }
 
 impl Lattice {
-    /// Nodes along an axis.
+    /// Number of nodes along an axis.
     pub fn count(self, axis: usize) -> usize {
         (self.size[axis] - 1).div_ceil(self.stride) + 1
     }
@@ -27,7 +27,8 @@ impl Lattice {
         [0, 1].map(|axis| self.at(axis, node[axis]))
     }
 
-    /// The two nodes of the next coarser lattice around a place, and how far it is from the first to the second.
+    /// The two nodes of the next coarser lattice around a place, and the fraction of the way from the first to the
+    /// second.
     pub fn around(self, axis: usize, at: usize) -> ([usize; 2], f64) {
         let (last, step) = (self.size[axis] - 1, 2 * self.stride);
         if at == last {
@@ -38,8 +39,8 @@ impl Lattice {
         ([low, high], (at - low) as f64 / (high - low) as f64)
     }
 
-    /// The Jacobians that a node's place takes part in, as functions of it, and how many they are. `tight`: they keep what
-    /// the rounding of a texel's numbers may take.
+    /// The Jacobians that depend on a node's place, as functions of it, and their number. If `tight`, their targets
+    /// include the slack for rounding.
     pub fn bounds(self, map: &WrittenMap, node: [usize; 2], tight: bool, bounds: &mut [Bound; 12]) -> usize {
         let texel = self.texel(node);
         let mut count = 0;
@@ -64,8 +65,8 @@ impl Lattice {
     }
 }
 
-/// What rounding the places of a quad's texels by so much may take from its Jacobians at most, per texel; its sides are so
-/// many texels long at rest. `b` and `c` are the neighbours of `a`.
+/// The most that rounding of a quad's texel positions by `rounding` may take from its Jacobians, per texel; `sides` are
+/// the lengths of its sides at rest, in texels. `b` and `c` are the neighbours of `a`.
 pub fn slack(rounding: f64, [a, b, c, d]: [[f64; 2]; 4], sides: [f64; 2]) -> f64 {
     let long = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).abs() + (p[1] - q[1]).abs();
     let along = long(a, b).max(long(c, d)) / sides[0] + long(a, c).max(long(b, d)) / sides[1];
@@ -81,7 +82,7 @@ pub fn way(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
 pub struct Bound {
     through: [f64; 2],
     g: [f64; 2],
-    /// What it should not fall short of.
+    /// The value that the Jacobian should not go below.
     target: f64,
 }
 
@@ -91,8 +92,8 @@ impl Bound {
     }
 }
 
-/// Goes `way` until a Jacobian is down to its target, or not at all if it was under it. Returns the gradient of the one that
-/// ended it.
+/// Moves along `way` until a Jacobian has fallen to its target, or not at all if it was already below it. Returns the
+/// gradient of the limiting Jacobian.
 pub fn advance(bounds: &[Bound], from: [f64; 2], way: [f64; 2]) -> ([f64; 2], Option<[f64; 2]>) {
     let (mut part, mut met) = (1.0, None);
     for bound in bounds {

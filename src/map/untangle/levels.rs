@@ -1,7 +1,7 @@
-//! Makes any map one-to-one, from coarse to fine. A lattice of a few texels, far apart, has no folds where it is the
-//! identity; and where a lattice has none, its bilinear interpolation gives one twice as fine without folds. On each
-//! lattice texels take the values that are wanted. Where those fold they keep the interpolated ones, which then go towards
-//! the wanted ones as far as no quad folds (method §9).
+//! Makes any map one-to-one, from coarse to fine. A lattice of a few distant texels has no folds where it is the
+//! identity; and the bilinear interpolation of a lattice without folds is a lattice twice as fine without folds. On each
+//! lattice texels first take the wanted values. Where those fold, texels keep the interpolated values, which then move
+//! towards the wanted ones as far as no quad folds (method §9).
 
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicUsize, Ordering};
 
@@ -11,51 +11,51 @@ use crate::team::{SharedSlice, Team};
 use super::lattice::{Bound, Lattice, advance, slack, way};
 use super::written::{LEAST, WrittenMap, cross};
 
-/// Passes from coarse to fine: in each but the first one, quads that rounding folds have more room than before.
+/// Passes from coarse to fine: each later pass gives more room to the quads that rounding has folded.
 const PASSES: usize = 8;
-/// Most looks at quads, per texel of the map. One pass over all lattices that finds nothing takes 4/3.
+/// Most quad checks, per texel of the map. One pass over all lattices without folds takes 4/3.
 const LOOKS: usize = 32;
 /// Sweeps on each lattice that bring texels closer to the wanted values.
 const SWEEPS: usize = 16;
 
-/// Marks of a texel, and of a row that has one: it has its interpolated value, ...
+/// Marks of a texel, and of a row with such a texel: the texel has its interpolated value, ...
 const HELD: u8 = 1;
-/// ... has it since this round, ...
+/// ... got it in this round, ...
 const NEW: u8 = 2;
-/// ... the quad of which it is the corner of least u and v folds, ...
+/// ... the quad with this texel as its lower corner (least u and v) folds, ...
 const FOLDED: u8 = 4;
-/// ... and rounding folded a quad around it before.
+/// ... and rounding has folded a quad around the texel before.
 const TIGHT: u8 = 8;
 
-/// All memory that it takes: 9 bytes per texel.
+/// All memory that the work needs: 9 bytes per texel.
 pub(super) struct Levels {
-    /// What the map held, number by number.
+    /// The original values of the map.
     wanted: Vec<[f32; 2]>,
     texels: Vec<AtomicU8>,
     rows: Vec<AtomicU8>,
-    /// Quads that rounding folded.
+    /// Quads that rounding has folded.
     tight: Vec<[usize; 2]>,
 }
 
 impl Levels {
-    /// For maps of so many texels, of which rounding may fold so many quads.
+    /// Memory for maps of this size, of which rounding may fold up to `most` quads.
     pub fn new([width, height]: [usize; 2], most: usize) -> Levels {
         let (texels, rows) = (zeroed(width * height), zeroed(height));
         Levels { wanted: zeroed(width * height), texels, rows, tight: with_capacity(most) }
     }
 
-    /// Remembers what a map holds.
+    /// Stores the map's values as the wanted ones.
     pub fn keep(&mut self, team: &Team, map: &WrittenMap) {
         let wanted = SharedSlice::new(&mut self.wanted);
         team.run(map.size[1], |y| {
             for x in 0..map.size[0] {
-                // SAFETY: each item has its own row, and nothing else reads or writes meanwhile.
+                // SAFETY: each item has its own row, and nothing else accesses the rows meanwhile.
                 unsafe { *wanted.get_mut(y * map.size[0] + x) = map.value([x, y]) };
             }
         });
     }
 
-    /// Writes it again.
+    /// Writes the stored values back.
     pub fn restore(&self, team: &Team, map: &WrittenMap) {
         let row = |y: usize| &self.wanted[y * map.size[0]..][..map.size[0]];
         team.run(map.size[1], |y| {
@@ -63,9 +63,9 @@ impl Levels {
         });
     }
 
-    /// Untangles a map of at least 2 x 2 texels, whose values were kept. Returns whether no quad folds. What happens side by
-    /// side reads nothing that is written meanwhile, so that the result does not depend on the number of threads. `rows`
-    /// is memory for a number per row of quads.
+    /// Untangles a map of at least 2 x 2 texels, whose values were kept. Returns true if no quad folds. Concurrent work
+    /// never reads what is written meanwhile, so the result does not depend on the number of threads. `rows` is scratch
+    /// memory for a number per row of quads.
     pub fn untangle(&mut self, team: &Team, map: &WrittenMap, rows: &mut [u32]) -> bool {
         let looks = AtomicUsize::new(0);
         for _ in 0..PASSES {
@@ -123,7 +123,7 @@ impl Level<'_> {
         self.levels.rows[j].load(Ordering::Relaxed) & mark != 0
     }
 
-    /// Takes marks from all rows.
+    /// Clears marks in all rows.
     fn clear_rows(&self, marks: u8) {
         self.levels.rows.iter().for_each(|row| _ = row.fetch_and(!marks, Ordering::Relaxed));
     }
@@ -132,7 +132,7 @@ impl Level<'_> {
         self.map.place_of(texel, self.levels.wanted[self.index(texel)])
     }
 
-    /// Gives the nodes that the coarser lattice does not have their interpolated values, and marks those of tight quads.
+    /// Gives the nodes that are not in the coarser lattice their interpolated values, and marks the nodes of tight quads.
     fn interpolate(&self, team: &Team, coarsest: bool) {
         let (lattice, map) = (self.lattice, self.map);
         team.run(lattice.count(1), |j| {
@@ -165,8 +165,8 @@ impl Level<'_> {
         }
     }
 
-    /// Gives nodes the wanted values, but for those of quads that fold then: they are held. Returns false if that takes more
-    /// looks than are left.
+    /// Gives nodes the wanted values, except where quads would then fold: their nodes are held. Returns false if the
+    /// remaining quad checks do not suffice.
     fn hold(&self, team: &Team, looks: &AtomicUsize) -> bool {
         let lattice = self.lattice;
         let [columns, rows] = [0, 1].map(|axis| lattice.count(axis));
@@ -221,7 +221,8 @@ impl Level<'_> {
         true
     }
 
-    /// Whether a quad folds, or might: with the wanted values, but for nodes that are held. Tight ones may be rounded.
+    /// True if a quad folds, or might, when its nodes take the wanted values unless they are held. Tight quads include
+    /// rounding.
     fn folds(&self, node: [usize; 2]) -> bool {
         let (from, to) = (self.lattice.texel(node), self.lattice.texel(node.map(|k| k + 1)));
         let texels = [from, [to[0], from[1]], [from[0], to[1]], to];
@@ -234,7 +235,7 @@ impl Level<'_> {
         least <= LEAST || tight && least <= LEAST + slack(self.map.rounding(from), [a, b, c, d], sides)
     }
 
-    /// Brings nodes that are held closer to the wanted values. Nodes of one of four colours have no quad in common.
+    /// Brings held nodes closer to the wanted values. Nodes of one of four colours share no quad.
     fn relax(&self, team: &Team) {
         let [columns, rows] = [0, 1].map(|axis| self.lattice.count(axis));
         for _ in 0..SWEEPS {
@@ -258,8 +259,8 @@ impl Level<'_> {
         }
     }
 
-    /// Moves a node towards its wanted value as far as the Jacobians at the corners of its quads allow, first straight,
-    /// then along the one that ends that. Returns whether it moved by more than a hundredth of a texel.
+    /// Moves a node towards its wanted value as far as the Jacobians at the corners of its quads allow: first straight,
+    /// then along the bound of the limiting one. Returns true if it moved by more than a hundredth of a texel.
     fn approach(&self, node: [usize; 2]) -> bool {
         let (map, texel) = (self.map, self.lattice.texel(node));
         let (old, from, wanted) = (map.value(texel), map.place(texel), self.wanted(texel));
@@ -279,7 +280,7 @@ impl Level<'_> {
         }
         let now = map.place(texel);
         let squared = |[x, y]: [f64; 2]| x * x + y * y;
-        // What rounding spoils is put back.
+        // If rounding spoils the move, it is undone.
         if least(now) < least(from).min(2.0 * LEAST)
             || squared(way(now, wanted)) >= squared(way(from, wanted))
         {

@@ -1,11 +1,11 @@
-//! A written redirection map, as places in texels.
+//! A written redirection map, as positions in texels.
 
 use crate::map::canvas::Canvas;
 use crate::map::{Form, smallest_jacobian};
 
-/// A quad with a corner whose Jacobian is not over this folds, or might for a renderer's rounding.
+/// A quad folds, or might after a renderer's rounding, if the Jacobian at one of its corners is at most this.
 pub(super) const LEAST: f64 = 1e-3;
-/// What the Jacobian at a corner of such a quad is raised to.
+/// The value to which the Jacobian at a corner of such a quad is raised.
 pub(super) const TARGET: f64 = 0.02;
 
 /// A written redirection map of a whole tile.
@@ -43,17 +43,17 @@ impl<'a> WrittenMap<'a> {
         [0, 1].map(|k| (texel[k] as f64 + 0.5) / self.size[k] as f64)
     }
 
-    /// The way from a texel's centre to where its value points, in UV.
+    /// The offset from a texel's centre to where its value points, in UV.
     fn delta(&self, texel: [usize; 2]) -> [f64; 2] {
         self.form.delta(self.canvas.get(texel[0], texel[1]), self.centre(texel))
     }
 
-    /// Where a texel's value points to, in texels.
+    /// The position that a texel's value points to, in texels.
     pub(super) fn place(&self, texel: [usize; 2]) -> [f64; 2] {
         self.place_of(texel, self.value(texel))
     }
 
-    /// The same for another value.
+    /// The position that another value of the texel would point to, in texels.
     pub(super) fn place_of(&self, texel: [usize; 2], value: [f32; 2]) -> [f64; 2] {
         let delta = self.form.delta(value.map(f64::from), self.centre(texel));
         [0, 1].map(|k| texel[k] as f64 + delta[k] * self.size[k] as f64)
@@ -66,7 +66,7 @@ impl<'a> WrittenMap<'a> {
         self.canvas.put(texel[0], texel[1], value);
     }
 
-    /// A texel's two numbers, which f32 holds in either format.
+    /// A texel's two numbers; f32 represents either format exactly.
     pub(super) fn value(&self, texel: [usize; 2]) -> [f32; 2] {
         self.canvas.get(texel[0], texel[1]).map(|x| x as f32)
     }
@@ -79,7 +79,7 @@ impl<'a> WrittenMap<'a> {
         self.canvas.epsilon() > f64::from(f32::EPSILON)
     }
 
-    /// The most by which writing a texel's present numbers rounds them, in texels.
+    /// The largest rounding error of writing a texel's present numbers, in texels.
     pub(super) fn rounding(&self, texel: [usize; 2]) -> f64 {
         let value = self.value(texel);
         let of = |k: usize| f64::from(value[k].abs()) * self.canvas.epsilon() * self.size[k] as f64;
