@@ -1,4 +1,4 @@
-//! Results read and judged from outside of the solver, for tests and benches (cargo feature `lab`).
+//! Results read and judged independently of the solver, for tests and benches (cargo feature `lab`).
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub struct ReferenceMinimum {
     pub energy: f64,
     /// The smallest corner Jacobian: over 0.02, up to rounding.
     pub min_jacobian: f64,
-    /// True if the gradient vanished, or nothing more was gained.
+    /// True if the gradient vanished, or no further gain was found.
     pub converged: bool,
 }
 
@@ -34,7 +34,7 @@ impl Asset {
         self.results.solved(tile).and_then(|result| nodes::dense(&result.solved))
     }
 
-    /// The energy of a warp for a pose, in f64 by the reference.
+    /// The energy of a warp for a pose, computed in f64 by the reference.
     ///
     /// # Errors
     /// `InvalidArgument` for a pose that does not fit the mesh.
@@ -65,7 +65,7 @@ impl Asset {
         let Minimum { u, energy, converged, .. } = minimum;
         Ok(ReferenceMinimum { u, energy, min_jacobian, converged })
     }
-    /// The tile as it hangs together in a pose.
+    /// The tile with the connectivity of a pose.
     fn in_pose(&self, tile: usize, positions: &Strided) -> Result<Arc<TileMesh>> {
         self.check_vertices("positions", positions, 3)?;
         Ok(torn::in_pose(&self.mesh, tile, positions))

@@ -19,8 +19,8 @@ use crate::view::Strided;
 use crate::{cpu, gpu};
 
 impl Asset {
-    /// Solves a tile from the identity on both backends side by side and says after each stage how far they are apart;
-    /// in `lockstep`, each stage then goes on from the CPU's state. The asset's result stays as it is.
+    /// Solves a tile from the identity on both backends in parallel and reports their difference after each stage; in
+    /// `lockstep`, each stage then continues from the CPU's state. The asset's result is unchanged.
     ///
     /// # Errors
     /// `Unsupported` unless the asset is on a GPU; those of [`Asset::solve`].

@@ -1,5 +1,5 @@
-//! Reads the state of a run in the layout that `gpu_state.rs` has, for comparing the two backends. A module of `cpu`, whose
-//! private state it sees.
+//! Reads the state of a run in the layout of `gpu_state.rs`, for comparing the two backends. A module of `cpu`, so that
+//! it can access private state.
 
 use crate::allocation::{Collect, Grow, with_capacity};
 use crate::grid::planes::{NODES, Plane};
@@ -51,7 +51,7 @@ impl Run<'_> {
         self.energies(level)
     }
 
-    /// The step fraction of the next correction per chart; 0 if the chart sits out the level's further corrections.
+    /// The step fraction of the next correction per chart; 0 if the chart skips the level's further corrections.
     pub fn next_fraction(&self) -> &[f32] {
         &self.memory.workspace.next_fraction
     }

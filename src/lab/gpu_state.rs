@@ -1,5 +1,5 @@
-//! Reads and sets a run's state, for comparing the two backends. A module of `gpu`, whose private state it sees. Every call
-//! submits the commands recorded so far; calls that read wait for them.
+//! Reads and sets a run's state, for comparing the two backends. A module of `gpu`, so that it can access private state.
+//! Every call submits the commands recorded so far; calls that read wait for them.
 
 use super::bands::Band;
 use super::dispatch::BandBuffer;
@@ -68,7 +68,7 @@ impl Run<'_> {
         Ok(all)
     }
 
-    /// Computes the values (3) and triangles (1) per block that belong to a level's state.
+    /// Computes the values (3) and triangles (1) per block of a level's state.
     fn samples(&mut self, level: usize) -> Result<Vec<u32>> {
         let kernel = if level == 0 { Kernel::SamplesChords } else { Kernel::SamplesMetrics };
         let block = SAMPLE_PLANES as u64 * PLANE;
@@ -85,7 +85,7 @@ impl Run<'_> {
                 stored,
                 self.at_level(level),
             );
-            // The buffer is not kept, and so its bind group must not be.
+            // The buffer is temporary, so its bind group must not be kept either.
             self.memory.bind_groups.retain(|(of, ..), _| *of != kernel);
             self.recorder.flush();
             let at = |b: usize| (b - held.start) as u64 * block;
@@ -95,7 +95,7 @@ impl Run<'_> {
         Ok(all)
     }
 
-    /// Sets the displacements and triangles of a level's charts that are solved; its values follow from them.
+    /// Sets the displacements and triangles of a level's solved charts; its values follow from them.
     pub fn set_state(&mut self, level: usize, bits: &[u32]) -> Result<()> {
         self.energy_is_known = false;
         let mut state = with_capacity(bits.len() / STATE_PLANES * state_planes(level));
@@ -105,7 +105,7 @@ impl Run<'_> {
                 state.put_all(block[(STATE_PLANES - 1) * NODES..].iter().copied());
             }
         }
-        // On level 0 the other charts have their results there.
+        // On level 0 the other charts keep their results in these planes.
         if level == 0 && self.charts.contains(&false) {
             let present = self.read(level, BandBuffer::State)?;
             let block = state_planes(level) * NODES;
@@ -164,7 +164,7 @@ impl Run<'_> {
         Ok(all)
     }
 
-    /// Writes all planes of one of a level's buffers, copies that other bands hold included.
+    /// Writes all planes of one of a level's buffers, including copies in other bands.
     fn write(&mut self, level: usize, what: BandBuffer, bits: &[u32]) -> Result<()> {
         self.recorder.flush();
         for (n, band) in self.memory.bands[level].iter().enumerate() {
@@ -189,7 +189,7 @@ impl Run<'_> {
             BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
             BandBuffer::Rows => (&buffers.rows, ROW_PLANES, base),
             BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES, base),
-            // Not of planes, and of no interest beyond a V-cycle.
+            // This buffer does not consist of planes, and is only used within a V-cycle.
             BandBuffer::Contributions => return None,
         };
         Some((buffer.clone(), planes as u64, base))

@@ -1,5 +1,5 @@
-//! Comparison of the two backends, to find the stage at which they part. A [`Pair`](pair::Pair) runs the schedule on
-//! both side by side and compares their states after each stage.
+//! Compares the two backends, to find the stage at which they diverge. A [`Pair`](pair::Pair) runs the schedule on both
+//! in parallel and compares their states after each stage.
 
 pub(crate) mod pair;
 mod point;
@@ -14,7 +14,7 @@ pub struct StageDifference {
     pub stage: String,
     /// The quantity, with its unit.
     pub quantity: &'static str,
-    /// The largest difference; infinite if one of two values is NaN and the other is not.
+    /// The largest difference; infinite if exactly one of two values is NaN.
     pub max: f64,
     /// The root mean square of the differences; infinite where `max` is.
     pub rms: f64,
@@ -37,7 +37,7 @@ impl StageDifference {
                 continue;
             }
             let apart = (cpu - gpu).abs();
-            // NaN on both counts as equal, and so do 0 and -0.
+            // Two NaNs count as equal, as do 0 and -0.
             let apart = if cpu.is_nan() && gpu.is_nan() || cpu == gpu { 0.0 } else { apart };
             let apart = if apart.is_nan() { f64::INFINITY } else { apart };
             different += u64::from(apart > 0.0);

@@ -92,13 +92,13 @@ impl<'a> Problem<'a> {
         problem.state(&shape, self.window(problem, u)).energy
     }
 
-    /// The least corner Jacobian over all charts, at most 1; 1 without movable nodes.
+    /// The smallest corner Jacobian over all charts, at most 1; 1 without movable nodes.
     pub fn min_jacobian(&self, u: &[[f64; 2]]) -> f64 {
         let charts = self.charts.iter().flatten();
         charts.map(|p| p.min_jacobian(&self.window(p, u))).fold(f64::INFINITY, f64::min).min(1.0)
     }
 
-    /// The minimum that is reached from `start`, or else from the identity.
+    /// Descends to a minimum from `start`, or from the identity if `start` is `None`.
     pub fn minimise(&mut self, start: Option<&[[f64; 2]]>, options: &Options) -> Minimum {
         let mut out = Minimum {
             u: vec![[0.0; 2]; (self.nx + 1) * (self.ny + 1)],

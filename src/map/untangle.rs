@@ -16,7 +16,7 @@ use written::{LEAST, TARGET, WrittenMap, cross};
 
 /// Most passes over the folding quads.
 const ROUNDS: usize = 500;
-/// These passes are skipped if more than this many quads fold.
+/// These passes are skipped if more than this many quads fold, or more than one in `FEW` of all quads.
 const MOST: usize = 1 << 16;
 const FEW: usize = 50;
 /// An f16 map is given up at once if more than one in this many of its quads folds.

@@ -6,13 +6,13 @@ use super::law::{FRACTION_GROWTH, GAIN_RAMP, IDENTITY_ENERGY_WEIGHT, MODEL_ERROR
 /// One correction: a Gauss-Newton step for all nodes of a level, then sweeps.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Correction {
-    /// True for the first one on its level: all charts take part again.
+    /// True for the first correction on its level: all charts take part again.
     pub first: bool,
     /// Sweeps after the step.
     pub sweeps: u32,
-    /// Gain, as a fraction of a chart's energy, from which the chart takes part in the level's next correction.
+    /// Minimum gain, as a fraction of a chart's energy, for the chart to take part in the level's next correction.
     pub tolerance: f32,
-    /// True if a chart ends after a first correction that gained what the quadratic model predicted.
+    /// True if a chart stops after a first correction whose gain matches the quadratic model's prediction.
     pub trusts_model: bool,
 }
 
@@ -23,7 +23,7 @@ pub(crate) struct Gain<F> {
     pub before: F,
     /// Energy after it.
     pub after: F,
-    /// Energy of the identity; 0 where it is not known, which is on the coarser levels.
+    /// Energy of the identity; 0 on the coarser levels, where it is unknown.
     pub identity: F,
     /// Gain that the quadratic model predicts for the whole step.
     pub predicted: F,
@@ -39,7 +39,7 @@ impl<F: Real> Gain<F> {
 }
 
 impl Correction {
-    /// The chart's step fraction ψ' in the next correction; 0 if it sits out the further corrections of the level.
+    /// The chart's step fraction ψ' in the next correction; 0 if it skips the further corrections of the level.
     ///
     /// It grows with the gain of this correction, but to at most [`FRACTION_GROWTH`] times this one's fraction. After a
     /// first correction whose model is trusted it grows with the error of the model's prediction instead: the next
@@ -49,7 +49,7 @@ impl Correction {
     pub fn next_fraction<F: Real>(&self, gain: &Gain<F>) -> F {
         let identity = F::from_f64(IDENTITY_ENERGY_WEIGHT) * gain.identity;
         let unit = F::from(self.tolerance) * (gain.before + identity);
-        // `draft` has no tolerance.
+        // `draft` has a tolerance of 0.
         let unit = if unit > F::from(0.0) { unit } else { F::from(f32::MIN_POSITIVE) };
         let gained = gain.before - gain.after;
         let most = if self.first && self.trusts_model {
@@ -81,7 +81,7 @@ pub(crate) trait Real:
     /// The nearest number.
     fn from_f64(x: f64) -> Self;
     fn abs(self) -> Self;
-    /// The smaller of both operands, or the other one if one is NaN.
+    /// The smaller of both operands; if one is NaN, the other.
     fn min(self, other: Self) -> Self;
     /// Clamped to 0..1.
     fn clamp_to_unit(self) -> Self;
@@ -114,7 +114,7 @@ mod tests {
 
     fn next(first: bool, trusts_model: bool, gain: f64, predicted: f64, fraction: f32) -> f64 {
         let correction = Correction { first, sweeps: 2, tolerance: 1e-2, trusts_model };
-        // An energy whose unit is 1: gains are in tolerances.
+        // The unit of gains is 1 for this energy.
         let before = 100.0;
         correction.next_fraction(&Gain { before, after: before - gain, identity: 0.0, predicted, fraction })
     }
@@ -126,9 +126,9 @@ mod tests {
         near(next(true, true, 10.0, 10.2, 1.0), 0.0);
         near(next(true, true, 10.0, 11.125, 1.0), 0.5);
         near(next(true, true, 10.0, 15.0, 1.0), 1.0);
-        // No more than the gain's own ramp.
+        // Limited by the gain's own ramp.
         near(next(true, true, 2.5, 15.0, 1.0), 0.5);
-        // Without trust, and later, the fraction grows fourfold at most.
+        // Without trust in the model, and in later corrections, the fraction grows fourfold at most.
         near(next(true, false, 10.0, 10.0, 1.0), 1.0);
         near(next(false, true, 10.0, 10.0, 0.05), 0.2);
         for nothing in [0.0, -1.0, f64::NAN] {

@@ -1,4 +1,4 @@
-//! Declaration of constants that Rust and WGSL have in common: once, in Rust, with their comments.
+//! Declares the constants shared by Rust and WGSL: once, in Rust, with their comments.
 
 /// A constant's type and value in WGSL.
 #[cfg(all(test, feature = "gpu"))]
@@ -66,7 +66,7 @@ impl Constant {
 /// Declares public constants, and, for tests, a function `declarations` that lists them in the same order.
 macro_rules! constants {
     ($($(#[doc = $doc:literal])+ $name:ident: $ty:ty = $value:expr;)+) => {
-        // Some are used by one backend only, or by the shaders only.
+        // Some are used by only one backend, or only by the shaders.
         $($(#[doc = $doc])+ #[allow(dead_code)] pub const $name: $ty = $value;)+
 
         /// All of these constants, in order.

@@ -1,12 +1,12 @@
-//! What the stages of a solve cost, relative to one another: for time budgets and for progress. Costs are microseconds on two
-//! cores of 2.5 GHz; how long they take on the machine at hand is measured (`deadline`, `progress`).
+//! Relative costs of the stages of a solve, for time budgets and for progress. Costs are microseconds on two cores of 2.5
+//! GHz; the actual times on this machine are measured (`deadline`, `progress`).
 
 use crate::allocation::Collect;
 
 use super::plan::{Input, Plan};
 use super::stage::{Stage, Start};
 
-/// The sizes that the cost of a tile's stages follows from.
+/// The sizes that determine the cost of a tile's stages.
 pub(crate) struct Costs {
     /// Per level, the active blocks of the charts that are solved.
     blocks: Vec<f64>,
@@ -14,7 +14,7 @@ pub(crate) struct Costs {
     pbd: bool,
 }
 
-/// Stages of fewer blocks say nothing of how long many take.
+/// Stages with fewer blocks are not representative of larger ones.
 const TYPICAL: f64 = 24.0;
 
 impl Costs {
@@ -38,7 +38,7 @@ impl Costs {
             Stage::Start { .. } => 5.0,
             Stage::Relax { sweeps, .. } => 9.0 * f64::from(sweeps),
             Stage::Correct { ref correction, .. } if correction.first => 75.0,
-            // Most charts sit them out.
+            // Most charts skip these corrections.
             Stage::Correct { .. } => 25.0,
             Stage::Iterate { .. } => 12.0,
             Stage::Certify { .. } => 7.0,
@@ -47,13 +47,13 @@ impl Costs {
         10.0 + of_block * self.blocks[stage.level()]
     }
 
-    /// Whether the time that a stage takes says how long others take.
+    /// True if the time of a stage is representative of others.
     pub fn is_typical(&self, stage: &Stage) -> bool {
         let further = matches!(stage, Stage::Correct { correction, .. } if !correction.first);
         !further && self.blocks[stage.level()] >= TYPICAL
     }
 
-    /// The cost of making a result of a level.
+    /// The cost of turning the state of a level into a result.
     pub fn result_of(&self, level: usize) -> f64 {
         let start = |level| {
             let from = if level > 0 { Start::Passing } else { Start::Coarser };
@@ -66,7 +66,7 @@ impl Costs {
     pub fn least(&self, plan: &Plan, coarsest: usize) -> f64 {
         let step = plan.step(coarsest, 0, false).map_or(0.0, |step| self.of(&step));
         let before = self.of(&Stage::Surface) + self.of(&Stage::Pyramid);
-        // The state that a warm solve starts from is a result already.
+        // The start of a warm solve is already a result.
         before
             + self.of(&plan.start(coarsest))
             + if coarsest > 0 { step } else { 0.0 }

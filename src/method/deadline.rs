@@ -1,36 +1,36 @@
-//! Time budgets: how long stages of known cost (`cost`) take here and now, and what still fits into a solve's budget. Without a
+//! Time budgets: the actual time of stages of known cost (`cost`), and what still fits into a solve's budget. Without a
 //! budget nothing depends on a clock.
 
 use std::time::{Duration, Instant};
 
-/// Seconds that any stage takes at least: waking threads, lists of charts.
+/// Minimum seconds of any stage, for waking threads and lists of charts.
 const LEAST: f64 = 50e-6;
-/// Seconds of cost for which the pace of earlier solves counts against what this solve measures.
+/// Weight of the pace of earlier solves against this solve's measurements, in seconds of cost.
 const PRIOR: f64 = 500e-6;
-/// The first use of memory costs its pages.
+/// Factor for the first use of memory, which also allocates its pages.
 const FRESH: f64 = 1.5;
-/// Predictions are multiplied by this: charts and poses differ.
+/// Safety factor on predictions, since charts and poses differ.
 const MARGIN: f64 = 1.1;
 
 /// The time that a solve may take, and its pace.
 #[derive(Clone, Debug)]
 pub(crate) struct Deadline {
-    /// When the time is up, and when it is up beyond doubt: by then a result that takes more time is given up.
+    /// The end of the time limit, and the end of its grace period, by which a result that takes longer is abandoned.
     ends: Option<[Instant; 2]>,
-    /// Seconds per second of cost, as earlier solves of the device measured it.
+    /// Seconds per second of cost, as measured by the device's earlier solves.
     prior: f64,
-    /// Seconds of this solve's stages: by their cost, and as measured.
+    /// Seconds of this solve's stages: first by their cost, then as measured.
     cost: f64,
     measured: f64,
     fresh: f64,
 }
 
 impl Deadline {
-    /// For a solve that began at `start` and may take so long, on a device of this pace; `fresh` if its memory has never been
-    /// used.
+    /// The deadline of a solve that began at `start` with this budget, on a device of this pace; `fresh` if its memory
+    /// has never been used.
     pub fn new(start: Instant, budget: Option<Duration>, pace: f64, fresh: bool) -> Deadline {
         let ends = budget.and_then(|budget| {
-            // The rest of the fifth and of the 5 ms that the API allows is for what comes after the solve.
+            // The API allows a fifth more plus 5 ms; the rest of that is for work after the solve.
             let over = budget.mul_f64(1.17).saturating_add(Duration::from_millis(3));
             Some([start.checked_add(budget)?, start.checked_add(over)?])
         });
@@ -38,7 +38,7 @@ impl Deadline {
         Deadline { ends, prior: pace, cost: 0.0, measured: 0.0, fresh }
     }
 
-    /// Without a budget.
+    /// A deadline without a budget.
     #[cfg(all(feature = "lab", feature = "gpu"))]
     pub fn unlimited() -> Deadline {
         Deadline::new(Instant::now(), None, 1.0, false)
@@ -53,7 +53,7 @@ impl Deadline {
         (self.prior * self.fresh * PRIOR + self.measured) / (PRIOR + self.cost)
     }
 
-    /// The pace for the device's next solves. It follows a slower pace soon, a quicker one slowly.
+    /// The pace for the device's next solves. It adapts quickly to a slower pace, slowly to a faster one.
     pub fn learnt(&self) -> f64 {
         let now = self.pace() / self.fresh;
         if self.cost == 0.0 {
@@ -66,12 +66,12 @@ impl Deadline {
         LEAST + cost * 1e-6 * self.pace()
     }
 
-    /// Whether stages of some cost fit into what is left of the budget.
+    /// True if stages of this cost fit into the remaining budget.
     pub fn fits(&self, cost: f64) -> bool {
         self.ends.is_none_or(|[end, _]| within(end, self.seconds(cost) * MARGIN))
     }
 
-    /// Whether stages of some cost cannot be done any more, come what may.
+    /// True if stages of this cost cannot finish even within the grace period.
     pub fn is_over(&self, cost: f64) -> bool {
         self.ends.is_some_and(|[_, end]| !within(end, self.seconds(cost)))
     }
@@ -87,14 +87,14 @@ impl Deadline {
         begins
     }
 
-    /// When a stage has to stop that is followed by others of some cost.
+    /// The time at which a stage must stop if stages of this cost follow it.
     pub fn stop_before(&self, cost: f64) -> Option<Instant> {
         let [end, _] = self.ends?;
         let seconds = Duration::from_secs_f64(self.seconds(cost));
         Some(end.checked_sub(seconds).unwrap_or_else(Instant::now))
     }
 
-    /// Takes in that a stage of some cost took so many seconds.
+    /// Records that a stage of this cost took this many seconds.
     pub fn learn(&mut self, cost: f64, seconds: f64) {
         if self.is_limited() {
             self.cost += cost * 1e-6;

@@ -1,4 +1,4 @@
-//! What a solve is to do: its input, and the stages of each level that follow from its options (method §5).
+//! The plan of a solve: its input, and the stages of each level that follow from its options (method §5).
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ pub(crate) struct Input<'a> {
     pub charts: &'a [bool],
     /// λ(level + 1) / λ(level); see `Plan`.
     pub continuation: f32,
-    /// Weight θ of the pull towards the last result, on level 0 (method §5); 0 if there is none.
+    /// Weight θ of the pull towards the last result, on level 0 (method §5); 0 for no pull.
     pub pull: f32,
 }
 
@@ -39,11 +39,11 @@ pub(crate) struct ChartResult {
     pub min_jacobian: f64,
     pub folds: u64,
     pub max_displacement: f32,
-    /// True if the identity took the place of the solver's warp (method §8).
+    /// True if the identity replaced the solver's warp (method §8).
     pub fallback: bool,
 }
 
-/// The work of a solve, from its options.
+/// The work to be done by a solve, derived from its options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plan {
     /// Sweeps after each correction, on the finest level and on the others; on a level without corrections, all of its
@@ -59,7 +59,7 @@ pub(crate) struct Plan {
     /// two features gives way: with 2, the energy of the squash to 40 % ends 2 % lower, that of strips 1.6 %, that of
     /// scenes with room 0.1 to 0.4 %.
     pub continuation: f32,
-    /// The settings of the paper's solver, if it takes the place of the descent.
+    /// The settings of the paper's solver, if it replaces the descent.
     pub pbd: Option<PbdValues>,
     pub warm: bool,
     /// `SolveOptions::temporal_weight`, if it has an effect.
@@ -81,7 +81,7 @@ impl Plan {
             Quality::High => ([4, 2], [12, 1], 1e-4, false, 2.0),
         };
         let cap = |n: u32| options.max_corrections.unwrap_or(n);
-        // Options that the solver does not use must not make two plans differ.
+        // Options that the solver ignores must not make two plans differ.
         let descent = pbd.is_none();
         Plan {
             sweeps: if descent { sweeps } else { [0; 2] },
@@ -100,7 +100,7 @@ impl Plan {
         if self.pbd.is_some() { Solver::Pbd } else { Solver::Descent }
     }
 
-    /// What a level starts from, unless it is the coarsest one of the solve.
+    /// The start of a level, unless it is the coarsest level of the solve.
     pub fn start(&self, level: usize) -> Stage {
         let from = self.pbd.map_or(Start::Coarser, |settings| Start::Smoothed(settings.smoothing));
         Stage::Start { level, from }

@@ -1,28 +1,28 @@
-//! How far a solve is, for a host that waits for it, and whether it goes on.
+//! The progress of a solve, for a host that waits for it, and its cancellation.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use crate::control::Control;
 
-/// A solve's part of a call's progress.
+/// A solve's share of a call's progress.
 #[derive(Debug)]
 pub(crate) struct Progress {
     control: Option<Arc<Control>>,
-    /// What is left of that part.
+    /// The remaining part of that share.
     left: f32,
-    /// That part over the cost of the whole solve.
+    /// That share divided by the cost of the whole solve.
     per_cost: f32,
-    /// When the solve began, and the cost of what it has done.
+    /// The start of the solve; followed by the cost of the work done.
     start: Instant,
     done: f64,
 }
 
-/// What stays until the solve is done, as a fraction of its part: costs may fall short.
+/// The fraction of the share that is reserved until the solve is done: costs may be underestimated.
 const RESERVE: f32 = 0.02;
 
 impl Progress {
-    /// For a solve that is the fraction `part` of what a host waits for.
+    /// The progress of a solve that is the fraction `part` of the call.
     pub fn new(control: Option<&Arc<Control>>, part: f32) -> Progress {
         let start = Instant::now();
         Progress { control: control.cloned(), left: part, per_cost: 0.0, start, done: 0.0 }
@@ -39,7 +39,7 @@ impl Progress {
     pub fn during<R>(&mut self, cost: f64, work: impl FnOnce() -> R) -> R {
         let Some(control) = &self.control else { return work() };
         let fraction = (self.per_cost * cost as f32).clamp(0.0, self.left);
-        // At the pace of what is done, or of the machine that costs are of.
+        // At the pace of the work done, or initially of the machine that costs refer to.
         let pace = if self.done > 0.0 { self.start.elapsed().as_secs_f64() / self.done } else { 1e-6 };
         control.begin_stage(fraction, (pace * cost) as f32);
         let result = work();

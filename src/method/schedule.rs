@@ -71,7 +71,7 @@ pub(crate) fn run(
     run.summary
 }
 
-/// A schedule that is being run.
+/// A schedule in progress.
 struct Schedule<'a, S> {
     stages: &'a mut S,
     plan: &'a Plan,
@@ -82,7 +82,7 @@ struct Schedule<'a, S> {
 }
 
 impl<S: Stages> Schedule<'_, S> {
-    /// Runs a stage and tells how long it took. Returns false if it ended early.
+    /// Runs a stage and records its time. Returns false if it ended early.
     fn stage(&mut self, stage: &Stage) -> bool {
         self.progress.check_or_unwind();
         let cost = self.costs.of(stage);
@@ -99,7 +99,7 @@ impl<S: Stages> Schedule<'_, S> {
         whole
     }
 
-    /// Does a level's steps, as far as there is time for them.
+    /// Does a level's steps, as far as time allows.
     fn steps(&mut self, level: usize, warm: bool) {
         for n in 0.. {
             let Some(mut step) = self.plan.step(level, n, warm) else { return };
@@ -110,7 +110,7 @@ impl<S: Stages> Schedule<'_, S> {
             match &mut step {
                 Stage::Relax { sweeps, .. } => self.summary.sweeps += *sweeps,
                 Stage::Correct { stop, .. } => *stop = self.deadline.stop_before(self.costs.result_of(level)),
-                // The last iteration does not predict, so it has to be known before it that it is the last.
+                // The last iteration does not predict, so it must be known beforehand to be the last.
                 Stage::Iterate { iteration, .. } => {
                     self.summary.sweeps += 1;
                     let two = 2.0 * self.costs.of(&self.plan.step(level, 0, false).unwrap_or(Stage::GiveUp));
@@ -132,13 +132,13 @@ impl<S: Stages> Schedule<'_, S> {
         }
     }
 
-    /// Whether there is time for stages of a level and for making a result of the level.
+    /// True if there is time for stages of a level and for making a result of the level.
     fn has_time_for(&self, stages: &[Option<Stage>], level: usize) -> bool {
         let cost: f64 = stages.iter().flatten().map(|stage| self.costs.of(stage)).sum();
         self.deadline.fits(cost + self.costs.result_of(level))
     }
 
-    /// The result is the identity, for want of time.
+    /// Makes the identity the result, for lack of time.
     fn give_up(mut self) -> Summary {
         self.stages.run(&Stage::GiveUp);
         self.summary.truncated = true;

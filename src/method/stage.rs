@@ -17,8 +17,8 @@ pub(crate) enum Stage {
     Start { level: usize, from: Start },
     /// Relaxes a level node by node (method §6).
     Relax { level: usize, sweeps: u32 },
-    /// Does one Gauss-Newton step for all nodes of a level, relaxes, and accepts or refuses chart by chart (method §7). It
-    /// ends early if it would not be done at `stop`, on a backend that can tell: the level is then as it was before.
+    /// Does one Gauss-Newton step for all nodes of a level, relaxes, and accepts or rejects it for each chart (method
+    /// §7). On a backend that can tell, it ends early if it would not be done at `stop`: the level is then unchanged.
     Correct { level: usize, correction: Correction, stop: Option<Instant> },
     /// Does one iteration of the paper's solver on a level (method §10).
     Iterate { level: usize, iteration: Iteration },
@@ -26,25 +26,25 @@ pub(crate) enum Stage {
     /// energy is not finite or above that of the identity, becomes the identity; with `allow_folds`, only one whose
     /// energy is not finite.
     Certify { allow_folds: bool },
-    /// Makes the identity the result, instead of certifying one, with as little work as can be.
+    /// Makes the identity the result instead of certifying one, with as little work as possible.
     GiveUp,
 }
 
-/// What a level starts from.
+/// The start of a level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Start {
     Identity,
-    /// The previous result. On level 0 alone.
+    /// The previous result. On level 0 only.
     Previous,
     /// The next coarser level, interpolated (method §3).
     Coarser,
     /// The next coarser level, interpolated and then smoothed with this weight, as the paper does (method §10).
     Smoothed(f32),
-    /// The next coarser level, for a level on which nothing else is done.
+    /// The next coarser level, for a level on which no other work is done.
     Passing,
 }
 
-/// What stages are timed as.
+/// The categories in which stages are timed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Kind {
     Surface,
@@ -57,7 +57,7 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// The milliseconds of such stages.
+    /// The milliseconds of this category.
     pub fn of(self, times: &mut StageTimes) -> &mut f32 {
         match self {
             Kind::Surface => &mut times.surface,
@@ -84,7 +84,7 @@ impl Stage {
         }
     }
 
-    /// The level that it works on; that of the finest for stages of no level.
+    /// The level that the stage works on; the finest for stages without a level.
     pub fn level(&self) -> usize {
         match *self {
             Stage::Start { level, .. }
@@ -98,8 +98,8 @@ impl Stage {
 
 /// A backend, for the charts of one tile that are to be solved.
 pub(crate) trait Stages {
-    /// Does a stage. Returns false if a correction ended early. Nothing else comes back on which the schedule would have to
-    /// decide: a GPU records a solve in advance.
+    /// Does a stage. Returns false if a correction ended early. The schedule depends on no other outcome: a GPU records a
+    /// solve in advance.
     fn run(&mut self, stage: &Stage) -> bool;
     /// Waits until all stages called so far are done. Called before the clock is read, if there is a time budget.
     fn wait(&mut self) {}

@@ -19,7 +19,7 @@ pub(crate) struct Pair<'a> {
     grid: &'a Grid,
     /// Per chart, true if it is to be solved.
     charts: &'a [bool],
-    /// True if the GPU continues from the CPU's state after each stage, so that a difference is that of one stage.
+    /// True if the GPU continues from the CPU's state after each stage, so that a difference comes from one stage only.
     lockstep: bool,
     /// Number of the present correction on its level.
     correction: u32,
@@ -109,7 +109,7 @@ impl<'a> Pair<'a> {
         Ok(self.differences)
     }
 
-    /// Does a comparison, unless one has failed before; keeps the error.
+    /// Does a comparison, unless an earlier one failed; keeps the error.
     fn attempt(&mut self, f: impl FnOnce(&mut Self) -> Result<()>) {
         if self.error.is_none() {
             self.error = f(self).err();
@@ -211,7 +211,7 @@ impl<'a> Pair<'a> {
         }
         let [step, fraction] = self.cpu.step_of(level);
         let [other_step, other_fraction] = self.gpu.step_of(level)?;
-        // Most nodes take the whole step: 1 minus the fraction resolves more than the fraction.
+        // Most nodes take the whole step: 1 minus the fraction has better resolution near 1.
         let [cut, other_cut] = [fraction, other_fraction]
             .map(|bits| bits.into_iter().map(|x| (1.0 - f32::from_bits(x)).to_bits()).collect::<Vec<_>>());
         let selection = Selection { level, planes: 2, first: 0, count: 2, movable: true };
@@ -268,7 +268,7 @@ impl Pair<'_> {
         self.gpu.run(stage);
     }
 
-    /// Compares after the stage of this name.
+    /// Compares the results of `surface`.
     fn surface(&mut self) -> Result<()> {
         let (cpu, gpu) = (self.cpu.triangles(), self.gpu.triangles()?);
         let solved = |t: &usize| self.charts[self.grid.chart_of[*t] as usize];
@@ -280,7 +280,7 @@ impl Pair<'_> {
         if self.lockstep { self.gpu.set_triangles(&cpu) } else { Ok(()) }
     }
 
-    /// Compares after the stage of this name.
+    /// Compares the results of `pyramid`.
     fn pyramid(&mut self) -> Result<()> {
         for level in 1..self.grid.levels.len() {
             let (cpu, gpu) = (self.cpu.metric(level), self.gpu.metric(level)?);
@@ -294,7 +294,7 @@ impl Pair<'_> {
         Ok(())
     }
 
-    /// Does a correction on both backends, and compares what it begins with and what comes of it.
+    /// Does a correction on both backends, and compares the systems before it and the results after it.
     fn correct(&mut self, stage: &Stage, level: usize, correction: &Correction) {
         self.correction = if correction.first { 1 } else { self.correction + 1 };
         let at = Point::level(level, 1 + self.correction);
@@ -317,7 +317,7 @@ impl Pair<'_> {
         self.level(level, 1 + self.correction);
         self.attempt(|pair| {
             let rise = |k: usize, c: usize| (pair.energies[k][c] / before[k][c] - 1.0).max(0.0);
-            // A rise on the CPU would be visible in `size`.
+            // An increase on the CPU would be visible in `size`.
             let pairs = (0..taking_part.len()).filter(|&c| taking_part[c] && before[0][c] > 0.0);
             let pairs: Vec<_> = pairs.map(|c| (rise(0, c), rise(1, c))).collect();
             pair.differences.push(StageDifference::new(

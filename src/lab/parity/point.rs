@@ -1,4 +1,4 @@
-//! Points of the schedule, by name: where the two backends were compared.
+//! Named points of the schedule, at which the two backends are compared.
 
 use std::cmp::Reverse;
 use std::fmt;

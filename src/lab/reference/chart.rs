@@ -17,7 +17,7 @@ use crate::strain::exact::{Locator, Surface};
 /// a twist nor changes under a rigid motion, as blended positions would.
 pub(super) const DIM: usize = 6;
 
-/// Floor of rest lengths, as a fraction of the smaller one of two medians, of edges to the east and to the north.
+/// Floor of rest lengths, as a fraction of the smaller of two medians: those of the edges to the east and to the north.
 const FLOOR_FRACTION: f64 = 0.05;
 
 /// An edge (a, b) between two nodes that are neighbours among eight.
@@ -205,7 +205,7 @@ impl ChartProblem {
         let floor = FLOOR_FRACTION * median[0].min(median[1]);
         for edge in &mut self.edges {
             let l = edge.length.max(floor);
-            // A chart that is one point at rest has no strain.
+            // A chart that is a single point at rest has no strain.
             edge.inverse = if l > 0.0 { 1.0 / l } else { 0.0 };
         }
     }

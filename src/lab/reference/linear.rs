@@ -14,7 +14,7 @@ pub(super) fn times(m: &Block, v: DVec2) -> DVec2 {
     DVec2::new(m[0] * v.x + m[1] * v.y, m[2] * v.x + m[3] * v.y)
 }
 
-/// The inverse of a symmetric positive definite block; 0 for another one.
+/// The inverse of a symmetric positive definite block; 0 for any other block.
 pub(super) fn inverse(m: &Block) -> Block {
     let det = m[0] * m[3] - m[1] * m[2];
     if det > 0.0 { [m[3] / det, -m[1] / det, -m[2] / det, m[0] / det] } else { [0.0; 4] }
@@ -74,7 +74,7 @@ impl Multigrid {
                 let mut list = [NO_PARENT; 4];
                 for (k, entry) in list.iter_mut().enumerate() {
                     let (di, dj) = (k % 2, k / 2);
-                    // A node with an even index on an axis has one parent along it, one with an odd index two.
+                    // Along an axis, a node with an even index has one parent, one with an odd index two.
                     if di > i % 2 || dj > j % 2 {
                         continue;
                     }

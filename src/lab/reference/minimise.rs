@@ -64,7 +64,7 @@ pub(super) struct Minimiser<'a> {
 }
 
 impl Minimiser<'_> {
-    /// Descends from `start`, or from the identity if there is none, or from all starts if `thorough`. Returns the
+    /// Descends from `start`, or from the identity if `start` is `None`, or from all starts if `thorough`. Returns the
     /// lowest result.
     pub fn run(&mut self, start: Option<Vec<DVec2>>) -> Descent {
         let identity = vec![DVec2::ZERO; self.chart.movable.len()];
@@ -112,9 +112,8 @@ impl Minimiser<'_> {
         best
     }
 
-    /// Follows the minimum from the rest metric towards that of the pose: in a crowded chart the minimum that is
-    /// reached depends on the way to it, and with the pose's metric at once, nodes are driven into the bound that need
-    /// not be there.
+    /// Follows the minimum from the rest metric towards that of the pose: in a crowded chart the minimum reached depends
+    /// on the path, and using the pose's metric at once drives nodes into the bound unnecessarily.
     fn ease(&mut self, grid: &mut Multigrid, initial: f64, mut u: Vec<DVec2>) -> Vec<DVec2> {
         for t in STAGES {
             let surface = (self.surface)(t);
@@ -237,7 +236,8 @@ impl Minimiser<'_> {
         (trial.energy < state.energy).then_some(trial)
     }
 
-    /// Takes a fraction of a step that lowers the energy, by halving. Returns the fraction, 0 if there is none.
+    /// Applies a fraction of a step that lowers the energy, found by halving. Returns the fraction, or 0 if no fraction
+    /// lowers it.
     fn search(&self, shape: &Shape, state: &mut State, step: &[DVec2]) -> f64 {
         let mut fraction = 1.0;
         for _ in 0..8 {
@@ -251,7 +251,7 @@ impl Minimiser<'_> {
     }
 }
 
-/// The end of a descent.
+/// Termination criteria of a descent.
 struct Goal {
     /// Norm of the gradient.
     gradient: f64,

@@ -80,7 +80,7 @@ fn torus(u: f64, v: f64) -> [f64; 3] {
     [(1.0 + 0.5 * b.cos()) * a.cos(), (1.0 + 0.5 * b.cos()) * a.sin(), 0.5 * b.sin()]
 }
 
-/// Numbers in -1..1 that look random.
+/// Pseudorandom numbers in -1..1.
 fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut x = seed;
     move || {
