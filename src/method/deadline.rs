@@ -76,9 +76,9 @@ impl Deadline {
         self.ends.is_some_and(|[_, end]| !within(end, self.seconds(cost)))
     }
 
-    /// Whether a solve that costs at least this much is worth its beginning. If not, the pace is taken for a little quicker
-    /// afterwards, unless the budget is hopeless: nothing was measured, and a moment in which the machine was busy must
-    /// not keep all later solves from being tried.
+    /// True if a solve that costs at least this much is worth starting. If not, the pace is then assumed to be slightly
+    /// faster, unless the budget is hopeless: nothing was measured, and one moment in which the machine was busy must not
+    /// keep all later solves from being tried.
     pub fn may_begin(&mut self, least: f64) -> bool {
         let begins = !self.is_over(least);
         if !begins && self.fits(least / 6.0) {

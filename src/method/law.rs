@@ -6,8 +6,7 @@ use super::constants::constants;
 constants! {
     /// ε: every corner Jacobian of a descent's warp is at least this (method §6).
     MIN_JACOBIAN: f32 = 0.02;
-    /// A state with a corner Jacobian under this has no energy: rounding may take a Jacobian slightly under
-    /// `MIN_JACOBIAN`.
+    /// A state with a corner Jacobian under this has no energy: rounding may take one a little under `MIN_JACOBIAN`.
     CRUSHED_JACOBIAN: f32 = 0.5 * MIN_JACOBIAN;
     /// Keeps 1 / L finite; lengths of a chart of unit size are far longer.
     TINY: f32 = 1e-24;
