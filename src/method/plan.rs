@@ -106,10 +106,10 @@ impl Plan {
         Stage::Start { level, from }
     }
 
-    /// The `n`-th stage after a level's start, from 0; `None` after the last. Corrections bring their sweeps along; no sweeps
-    /// come before the first one: a prolonged state is as good a start as a relaxed one (the gaps of scenes with room are
-    /// the same or smaller without). `warm` on level 0 of a warm solve: the last frame's result is relaxed for this pose
-    /// first.
+    /// The `n`-th stage after a level's start, from 0; `None` after the last. Corrections include their sweeps; no sweeps
+    /// come before the first correction: a prolonged state is as good a start as a relaxed one (the gaps of scenes with
+    /// room are the same or smaller without). `warm` on level 0 of a warm solve: the last frame's result is relaxed for
+    /// this pose first.
     pub fn step(&self, level: usize, n: u32, warm: bool) -> Option<Stage> {
         let coarser = usize::from(level > 0);
         let (corrections, sweeps) = (self.corrections[coarser], self.sweeps[coarser]);
