@@ -88,7 +88,10 @@ impl ErrorLog {
         let mut errors = lock(&self.errors);
         if errors.len() < MAX_ERRORS {
             let error = Error::new(kind, format!("the GPU: {}", one_line(&error.to_string())));
-            #[expect(clippy::disallowed_methods, reason = "few errors; wgpu calls this, and must not be unwound")]
+            #[expect(
+                clippy::disallowed_methods,
+                reason = "few errors; wgpu calls this, and must not be unwound"
+            )]
             errors.push((thread::current().id(), error));
         }
     }

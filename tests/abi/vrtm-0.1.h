@@ -2,7 +2,7 @@
  * vrtm: keeps painted features rigid while the surface under them deforms.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
- * Generated from src/ffi: do not edit. `VRTM_UPDATE_HEADER=1 cargo test --test header` writes it anew.
+ * Generated from src/ffi: do not edit. `VRTM_UPDATE_HEADER=1 cargo test --test c_api header::` writes it again.
  *
  * THE PIPELINE
  *
@@ -14,13 +14,13 @@
  *   prepare  vrtm_tile_estimate, vrtm_tile_save, vrtm_tile_load   if memory or the first frame's time matter
  *   frame    vrtm_asset_redirect          every frame: new positions in, redirection maps out
  *            or vrtm_asset_solve, then vrtm_tile_fetch and vrtm_asset_fetch_corner_uvs
- *   job      vrtm_asset_submit, then vrtm_job_wait    the same beside the host's own work, which can be cancelled
+ *   job      vrtm_asset_submit, then vrtm_job_wait    solves in the background; can be cancelled
  *   facts    vrtm_tile_report, vrtm_asset_report
- *   refine   vrtm_refinement_create, then vrtm_refinement_fetch_corner_uvs every frame, for hosts that know UV sets
- *            only
+ *   refine   vrtm_refinement_create, then vrtm_refinement_fetch_corner_uvs every frame, for hosts that support
+ *            only UV sets
  *
- * A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture. So the
- * shader does, with v pointing up and texture coordinates within the tile (VRTM_FETCH_ has other forms):
+ * A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture. A shader
+ * uses it as follows, with v pointing up and texture coordinates within the tile (see VRTM_FETCH_ for other forms):
  *
  *   vec2 uv2 = texture(redirection, uv).rg;
  *   vec4 colour = texture(albedo, uv2);
@@ -57,72 +57,72 @@
  * RULES FOR ALL FUNCTIONS
  *
  * Status. Every function but vrtm_version, vrtm_status_string and vrtm_last_error returns VRTM_OK (0) or an error.
- * After an error, vrtm_last_error() on the same thread says which argument, and which element of it, was wrong.
- * Outputs are written only on VRTM_OK, and an asset's last good result stays readable after a call that failed.
- * Besides the errors that a function lists, any may give VRTM_ERROR_INTERNAL: a defect of the library, which left the
- * asset as it was; and any that computes something VRTM_ERROR_OUT_OF_MEMORY.
+ * After an error, vrtm_last_error() on the same thread says which argument, and which element of it, was wrong. Outputs
+ * are written only on VRTM_OK, and an asset's last good result stays readable after a failed call. Besides its listed
+ * errors, any function may give VRTM_ERROR_INTERNAL, a defect of the library that leaves the asset unchanged, and any
+ * function that computes may give VRTM_ERROR_OUT_OF_MEMORY.
  *
- * Handles are numbers, to be copied freely. A zero, destroyed or foreign handle is an error and never does harm; a
- * number once given out is never given out again. Objects may be destroyed in any order.
+ * Handles are numbers and may be copied freely. A zero, destroyed or foreign handle gives an error and does no harm; a
+ * handle's number is never reused. Objects may be destroyed in any order.
  *
  * Structs that start with struct_size may grow at their end in later versions. Get them from their _init() function,
- * which sets struct_size and the defaults. The library accepts structs of older headers (fields that those do not have
- * count as zero, which is the default of every field that is added) and of newer ones, as long as the fields that it
- * does not know are zero; otherwise it gives VRTM_ERROR_UNSUPPORTED. Structs that the library fills keep the caller's
- * struct_size.
+ * which sets struct_size and the defaults. The library accepts structs of older headers (missing fields count as zero,
+ * which is the default of every added field) and of newer headers, as long as the fields that it does not know are
+ * zero; otherwise it gives VRTM_ERROR_UNSUPPORTED. Structs that the library fills keep the caller's struct_size.
  *
  * Memory. Inputs are read during the call and copied where needed: the caller may free or change them as soon as it
- * returns. Outputs go to memory of the caller. Nothing is allocated on one side and freed on the other. Pointers must
- * be null or valid for the size that goes with them, structs and number arrays aligned as in C; the data of
+ * returns. Outputs are written to the caller's memory. Neither side frees memory that the other allocated. Pointers
+ * must be null or valid for the size that goes with them, structs and number arrays aligned as in C; the data of
  * vrtm_array, vrtm_image and vrtm_image_out need no alignment. Strides are in bytes.
  *
- * Memory that is short. A call for which there is too little memory gives VRTM_ERROR_OUT_OF_MEMORY, with the number of
- * bytes that could not be had: nothing was written, maps and the last result are as they were, and the same call may
- * be made again. Prepared grids and a solver's memory may be gone then, and are made anew when they are needed. The
- * process goes on: for all memory whose size follows from input that holds without exception. What the code for GPUs
- * takes in small pieces comes out of a reserve of 256 KiB when the system has nothing left; a driver may do otherwise.
- * Where the memory comes from is the host's to say (vrtm_allocator).
+ * Out of memory. A call that runs out of memory gives VRTM_ERROR_OUT_OF_MEMORY, and the message says how many bytes
+ * could not be allocated: nothing was written, maps and the last result are unchanged, and the call may be repeated.
+ * Prepared grids and a solver's memory may have been freed; they are rebuilt when needed. The process keeps running:
+ * this holds for all memory that is sized by user input. Small allocations of the GPU code use a reserve of 256 KiB
+ * when the system has no memory left; a driver may behave differently. The host can supply the allocator
+ * (vrtm_allocator).
  *
- * Floating point. Functions work in the processor's default mode (rounding to nearest, no flushing to zero, no traps),
- * the host's log function included, and restore the mode of the calling thread (on x86-64 and ARM64).
+ * Floating point. Functions, and the host's log function that they call, run in the processor's default mode (rounding
+ * to nearest, no flushing to zero, no traps), and restore the mode of the calling thread (on x86-64 and ARM64).
  *
- * Threads. Any function may be called from any thread. Different assets work at the same time. Calls on one asset do
- * not wait for each other. Results (maps, corner UVs, reports), what describes a device, an asset or a job, and tiles
- * can be asked for at any time, also while the next result is computed: what is read is the last good one. A call that
- * solves or changes anything gives VRTM_ERROR_BUSY while another call, or a job, is using the asset, and so do
+ * Threads. Any function may be called from any thread. Different assets can be used at the same time. Calls on one
+ * asset do not wait for each other. Results (maps, corner UVs, reports), descriptions of a device, an asset or a job,
+ * and tile handles can be read at any time; while the next result is computed, results are the last good ones. A call
+ * that solves or changes anything gives VRTM_ERROR_BUSY while another call, or a job, is using the asset, and so do
  * vrtm_tile_info (which may have to prepare the tile), vrtm_tile_get_settings and vrtm_tile_estimate while such a call
  * runs. A solve uses threads of its own, which end before it returns, or the host's (vrtm_executor). No lock is held
  * while a function of the host runs.
  *
- * Stack. On the CPU a thread with a stack of 48 KiB may call any function. A GPU's driver sets no bound that is known:
- * call on threads with the system's usual stack there, megabytes.
+ * Stack. On the CPU a thread with a stack of 48 KiB may call any function. The stack that a GPU's driver needs is
+ * unknown: use threads with the system's usual stack of megabytes there.
  *
- * Process. Nothing is printed, no signal handler, locale or other state of the process is changed, and none of it
- * changes a result. Threads of the library leave signals to the host's threads, but for those of faults and SIGPROF.
- * After a fork while no call runs and no job is alive, both processes may use all devices and assets on the CPU; a
- * child of a fork during a call may only exec or _exit, as POSIX has it. GPUs are not for the child. The library may be
- * unloaded when no call is running, and loaded again. Nothing of it
- * stays in memory then, unless a thread that lives on has looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too).
+ * Process. The library prints nothing, changes no signal handler, locale or other state of the process, and its results
+ * do not depend on them. Its threads leave signals to the host's threads, except those of faults and SIGPROF. After a
+ * fork while no call runs and no job is alive, both processes may use all devices and assets on the CPU; a child of a
+ * fork during a call may only exec or _exit, as POSIX has it. The child must not use GPUs. The library may be unloaded
+ * when no call is running, and loaded again. Nothing of it stays in memory then, unless a thread that lives on has
+ * looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too).
  *
  * VERSIONS
  *
  * A program that was compiled against this header runs with this library and any later one of the same major version,
- * without being compiled anew. The major version is in the name by which the program loads the library: libvrtm.so.0,
+ * without being recompiled. The major version is in the file name by which the program loads the library: libvrtm.so.0,
  * libvrtm.0.dylib (a DLL has the same name in all versions: vrtm_version() tells). This holds from 0.1 on, also before
  * 1.0.
  *
- *   patch   0.1.x   declares nothing new. Results keep their bits, but where the changelog names a defect.
+ *   patch   0.1.x   declares nothing new. Results keep their bits, except for defects that the changelog names.
  *   minor   0.x     adds functions, types, constants and, at the end of structs that start with struct_size, fields;
- *                   zero in a new field means what the library did before there was one. Nothing is removed, renamed,
- *                   renumbered or gets another type. Results may differ in their bits, defaults may improve, what was
- *                   an error may be allowed, messages may have other words, and tiles that were saved by an earlier
+ *                   zero in a new field means the library's earlier behaviour. Nothing is removed, renamed, renumbered
+ *                   or given another type. Results may differ in their bits, defaults may improve, former errors may
+ *                   become allowed, messages may change, and tiles that were saved by an earlier
  *                   version may be refused by vrtm_tile_load: prepare and save them again.
- *                   What stands under "Experimental" may change, be renamed or go.
- *   major   x       may change anything, and has another name to be loaded by, so that both can be installed. 1.0 will
- *                   be the next; what it leaves out is marked as obsolete in a minor version before it.
+ *                   Everything under "Experimental" may change, be renamed or be removed.
+ *   major   x       may change anything, and is loaded by another name, so that both can be installed. 1.0 will be the
+ *                   next; what it removes is marked as obsolete in an earlier minor version.
  *
- * The other way round, a program that uses what only a later library has does not start with an older one, or gets
- * VRTM_ERROR_UNSUPPORTED for a field that the older one does not have. Names with vrtm_ and VRTM_ are the library's.
+ * Conversely, a program that uses features of a later library does not start with an older one, or gets
+ * VRTM_ERROR_UNSUPPORTED for a field that the older one lacks. Names that start with vrtm_ or VRTM_ are reserved for
+ * the library.
  */
 
 #ifndef VRTM_H
@@ -164,7 +164,7 @@ extern "C" {
 // may add some, so treat any value but VRTM_OK as a failure.
 typedef int32_t vrtm_status;
 
-// The call did all of what it says.
+// The call succeeded.
 #define VRTM_OK 0
 
 // An argument is null, out of its range, of a wrong size, or holds a NaN or an infinity.
@@ -176,17 +176,18 @@ typedef int32_t vrtm_status;
 // The backend, format or combination is not available in this build or on this machine.
 #define VRTM_ERROR_UNSUPPORTED 3
 
-// The memory, or the device's memory budget, does not suffice.
+// Out of memory, or over the device's memory budget.
 #define VRTM_ERROR_OUT_OF_MEMORY 4
 
-// There is no result to read: solve first.
+// The asset has no result yet: solve first.
 #define VRTM_ERROR_NOT_SOLVED 5
 
 // Another call is using the asset; try again when it has returned.
 #define VRTM_ERROR_BUSY 6
 
-// The GPU went away: a driver reset, a crash, a removed adapter. From then on every call that uses the device or its
-// assets gives this, but for those that describe or destroy them. Destroy them, and make a new device and new assets.
+// The GPU was lost: a driver reset, a crash, a removed adapter. From then on every call that uses the device or its
+// assets gives this status, except calls that describe or destroy them. Destroy them, and make a new device and new
+// assets.
 #define VRTM_ERROR_DEVICE_LOST 7
 
 // A defect of the library; please report the message. The asset keeps its last good result.
@@ -203,49 +204,50 @@ typedef int32_t vrtm_status;
 VRTM_API
 uint32_t vrtm_version(void);
 
-// The name of a status, such as "VRTM_ERROR_BUSY"; "unknown status" for any other value. The string is static and
-// not to be freed. Never fails. It is valid until the library is unloaded.
+// The name of a status, such as "VRTM_ERROR_BUSY"; "unknown status" for any other value. The string is static: do not
+// free it. It is valid until the library is unloaded. Never fails.
 VRTM_API
 const char *vrtm_status_string(vrtm_status status);
 
-// What went wrong in the last call of this thread that failed: one UTF-8 line of at most 511 bytes with the
-// function and the argument, as in "vrtm_asset_create: desc.indices is null"; "" if none has failed. A call that
-// succeeds leaves it alone. The string belongs to the library and to the calling thread, and is valid until that
-// thread's next failing call or its end. Never fails.
+// Message of this thread's last failed call: one UTF-8 line of at most 511 bytes with the function and the argument,
+// as in "vrtm_asset_create: desc.indices is null"; "" if no call has failed. A successful call does not change it. The
+// string belongs to the library and to the calling thread, and is valid until that thread's next failing call or its
+// end. Never fails.
 VRTM_API
 const char *vrtm_last_error(void);
 
 /* ---- Handles ---- */
 
-// A device: where assets are solved. Made by vrtm_device_create, ended by vrtm_device_destroy. Zero is no device.
+// A device: where assets are solved. Created by vrtm_device_create, destroyed by vrtm_device_destroy. Zero = no
+// device.
 typedef struct vrtm_device {
     // Opaque.
     uint64_t id;
 } vrtm_device;
 
-// An asset: one mesh with its tiles, their maps, settings and results. Made by vrtm_asset_create, ended by
-// vrtm_asset_destroy. Zero is no asset.
+// An asset: one mesh with its tiles, their maps, settings and results. Created by vrtm_asset_create, destroyed by
+// vrtm_asset_destroy. Zero = no asset.
 typedef struct vrtm_asset {
     // Opaque.
     uint64_t id;
 } vrtm_asset;
 
-// A tile: one UDIM unit square of an asset. It belongs to the asset and ends with it; there is nothing to destroy.
-// Handles of the same tile are equal. Zero is no tile.
+// A tile: one UDIM unit square of an asset. It belongs to the asset and is destroyed with it. Handles of the same tile
+// are equal. Zero = no tile.
 typedef struct vrtm_tile {
     // Opaque.
     uint64_t id;
 } vrtm_tile;
 
-// A job: one solve that runs beside the host's own work. Made by vrtm_asset_submit, ended by vrtm_job_destroy. Zero is
-// no job.
+// A job: one solve that runs beside the host's own work. Created by vrtm_asset_submit, destroyed by vrtm_job_destroy.
+// Zero = no job.
 typedef struct vrtm_job {
     // Opaque.
     uint64_t id;
 } vrtm_job;
 
-// A refinement: an asset's mesh with its triangles split, for hosts that know UV sets only. Made by
-// vrtm_refinement_create, ended by vrtm_refinement_destroy. Zero is no refinement.
+// A refinement: an asset's mesh with its triangles split, for hosts that support only UV sets. Created by
+// vrtm_refinement_create, destroyed by vrtm_refinement_destroy. Zero = no refinement.
 typedef struct vrtm_refinement {
     // Opaque.
     uint64_t id;
@@ -277,7 +279,7 @@ typedef int32_t vrtm_pixel_format;
 // 8-bit integer, 0..255 for 0..1. Inputs only.
 #define VRTM_PIXEL_U8 3
 
-// Which end of a tile the first row of an image is.
+// Where in the tile the first row of an image lies.
 typedef int32_t vrtm_origin;
 
 // The first row is at v = 1, as in image files; the default.
@@ -286,9 +288,10 @@ typedef int32_t vrtm_origin;
 // The first row is at v = 0, as in OpenGL textures.
 #define VRTM_ORIGIN_BOTTOM 1
 
-// A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). How many components
-// an element has follows from the use: 3 for positions (a fourth, as in Maya's double4, is skipped by the stride), 2
-// for UV pairs, 1 for single values. The data need not be aligned. It is read during the call only.
+// A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). The function or field
+// that takes the array determines the number of components per element: 3 for positions (a fourth, as in Maya's
+// double4, is skipped by the stride), 2 for UV pairs, 1 for single values. The data need not be aligned. It is read
+// during the call only.
 typedef struct vrtm_array {
     // sizeof(vrtm_array); set by vrtm_array_init().
     uint32_t struct_size;
@@ -302,9 +305,9 @@ typedef struct vrtm_array {
     size_t stride;
 } vrtm_array;
 
-// An input image with one channel: a rigidity map or a warp mask. It covers its tile whole; texel (x, y) from the
-// corner (0, 0) has its centre at u = (x + 0.5) / width, v = (y + 0.5) / height. Start from vrtm_image_init(). To
-// use one channel of several, point `data` at it and set `pixel_stride`. The data is copied before the call returns.
+// An input image with one channel: a rigidity map or a warp mask. It covers the whole tile; texel (x, y) from the
+// corner (0, 0) has its centre at u = (x + 0.5) / width, v = (y + 0.5) / height. Start from vrtm_image_init(). To use
+// one channel of several, point `data` at it and set `pixel_stride`. The data is copied before the call returns.
 typedef struct vrtm_image {
     // sizeof(vrtm_image); set by vrtm_image_init().
     uint32_t struct_size;
@@ -324,8 +327,8 @@ typedef struct vrtm_image {
     size_t row_stride;
 } vrtm_image;
 
-// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size will do; the first `channels`
-// channels of each texel are written, and the bytes that a stride skips are left as they are.
+// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size is allowed; the first `channels`
+// channels of each texel are written, and bytes that a stride skips are left unchanged.
 typedef struct vrtm_image_out {
     // sizeof(vrtm_image_out); set by vrtm_image_out_init().
     uint32_t struct_size;
@@ -337,19 +340,20 @@ typedef struct vrtm_image_out {
     uint32_t height;
     // VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     vrtm_origin origin;
-    // Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. 3 adds one that is
-    // 0, and 4, for a redirection, one that is 1 where a chart covers the texel's centre and 0 elsewhere.
+    // Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. With 3, the third
+    // channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
+    // elsewhere.
     uint32_t channels;
-    // 1 = a redirection is one-to-one also when a renderer interpolates between its texels: values around folds of the
-    // interpolated map are moved for that, by less than a texel in most maps, and by several where a warp is crumpled
-    // or numbers have 16 bits (vrtm_tile_inspect_map tells the error). In f32 no map is known that is left with folds.
-    // Numbers of 16 bits may be too coarse for the map's size: the values are then those without one_to_one, the log
-    // warns, and vrtm_tile_inspect_map with the same settings counts the `folds`; the call succeeds. The call takes 9
-    // bytes per texel and up to 11 MB more. It takes little longer than without for most maps, and up to two hundred
-    // times as long for crumpled ones. A part of an image cannot have it (vrtm_tile_fetch_part). 0 (the default) =
+    // 1 = make a redirection one-to-one even when a renderer interpolates between its texels: values around folds of
+    // the interpolated map are moved, by less than a texel in most maps, and by several where a warp is crumpled or
+    // the format is f16 (vrtm_tile_inspect_map reports the error). No f32 map is known that keeps folds. f16 may be
+    // too coarse for the map's size: the call then succeeds, writes the values as without one_to_one, the log warns,
+    // and vrtm_tile_inspect_map with the same settings counts the `folds`. The call needs 9 bytes per texel and up to
+    // 11 MB of additional memory. It takes little longer than without one_to_one for most maps, and up to two hundred
+    // times as long for crumpled ones. Not available for a part of an image (vrtm_tile_fetch_part). 0 (the default) =
     // every value is that of the redirection at the texel's centre. Ignored for other kinds.
     uint32_t one_to_one;
-    // Where the first texel of the first row goes. Need not be aligned.
+    // Where to write the first texel of the first row. Need not be aligned.
     void *data;
     // Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     size_t pixel_stride;
@@ -365,14 +369,14 @@ struct vrtm_allocator;
 // Where assets are solved.
 typedef int32_t vrtm_backend;
 
-// A hardware GPU if there is one, discrete before integrated, and the CPU otherwise, also if the GPU cannot be opened;
-// the default. A software driver counts as no GPU. vrtm_device_info says what was chosen and why.
+// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened; the default. A
+// software driver does not count as a GPU. vrtm_device_info says what was chosen and why.
 #define VRTM_BACKEND_AUTO 0
 
 // The CPU.
 #define VRTM_BACKEND_CPU 1
 
-// The GPU that vrtm_device_desc.adapter names, also if it is a software driver; never falls back to the CPU.
+// The GPU that vrtm_device_desc selects, even a software driver; never falls back to the CPU.
 #define VRTM_BACKEND_GPU 2
 
 // How vrtm_device_desc names a GPU.
@@ -385,8 +389,8 @@ typedef int32_t vrtm_adapter_by;
 #define VRTM_ADAPTER_BY_UUID 1
 
 // By its LUID, 8 bytes: the host's DXGI_ADAPTER_DESC1::AdapterLuid, ID3D12Device::GetAdapterLuid(), or, on Windows,
-// VkPhysicalDeviceIDProperties::deviceLUID. A GPU that is listed through Vulkan and through Direct3D 12 is taken
-// through the one that comes first.
+// VkPhysicalDeviceIDProperties::deviceLUID. A GPU that is listed both for Vulkan and for Direct3D 12 is used through
+// the first of the two.
 #define VRTM_ADAPTER_BY_LUID 2
 
 // By its registry ID, 8 bytes: the number MTLDevice.registryID.
@@ -402,13 +406,13 @@ typedef int32_t vrtm_log_level;
 #define VRTM_LOG_INFO 2
 
 // A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
-// threads, if the device has an executor, and on a job's thread); several threads may be in it at once. `message` is
-// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; those that use the asset of
-// the call it was called from give VRTM_ERROR_BUSY, and so does waiting for the job. It must return normally: no
-// exception, no longjmp.
+// threads, if the device has an executor, and on a job's thread); several threads may call it at once. `message` is
+// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; calls that use the asset of
+// the current call give VRTM_ERROR_BUSY, as does waiting for the current job. It must return normally: no exception,
+// no longjmp.
 typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
 
-// Settings of a new device. Start from vrtm_device_desc_init(); that alone is: choose the backend, all cores, no
+// Settings of a new device. Start from vrtm_device_desc_init(), whose defaults are: automatic backend, all cores, no
 // memory budget, no log.
 typedef struct vrtm_device_desc {
     // sizeof(vrtm_device_desc); set by vrtm_device_desc_init().
@@ -416,71 +420,72 @@ typedef struct vrtm_device_desc {
     // One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu, or
     // gpu:UUID with the UUID of an adapter) overrides it, for support.
     vrtm_backend backend;
-    // One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the latter three `adapter_id`
-    // takes the place of `adapter`, so that vrtm computes on the GPU that the host draws with. If `backend` is GPU
-    // there must be such an adapter; AUTO takes it if it is a hardware GPU that can be used, and the CPU otherwise.
+    // One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the last three, `adapter_id` is
+    // used instead of `adapter`, so that vrtm can compute on the GPU that the host draws with. With `backend` GPU, the
+    // adapter must exist; AUTO uses it if it is a usable hardware GPU, and the CPU otherwise.
     vrtm_adapter_by adapter_by;
     // Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
     uint32_t adapter;
-    // The identity of the adapter, in memory order; bytes that it does not have are zero.
+    // The identity of the adapter, in memory order; unused bytes are zero.
     uint8_t adapter_id[16];
     // CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     // environment variable VRTM_THREADS overrides it.
     uint32_t threads;
-    // Most bytes that all assets of the device may hold together; 0 = no limit. A call that would exceed it gives
+    // Maximum bytes that all assets of the device may hold together; 0 = no limit. A call that would exceed it gives
     // VRTM_ERROR_OUT_OF_MEMORY.
     uint64_t memory_budget;
-    // Where messages go; null (the default) = nowhere. The function and `log_user` must stay valid until the device
+    // Receives log messages; null (the default) = no log. The function and `log_user` must stay valid until the device
     // and all of its assets are destroyed.
     vrtm_log_fn log;
-    // Passed to `log` as it is.
+    // Passed to `log` unchanged.
     void *log_user;
-    // The host's threads, copied; null (the default) = solves and fetches have threads of the library's own, which end
-    // with the call.
+    // The host's threads; null (the default) = the library starts threads for each solve or fetch, which end with the
+    // call. The struct is copied.
     const struct vrtm_executor *executor;
     // The host's allocator; null (the default) = the system's. The struct is copied.
     const struct vrtm_allocator *allocator;
 } vrtm_device_desc;
 
-// Makes a device. `desc` may be null, which means all defaults. `*device` is the caller's to destroy.
+// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`.
 //
 // Looking for GPUs and opening one loads drivers, which takes tens of milliseconds, the first time more; an open GPU
-// holds threads of its driver until the device and all of its assets are destroyed. So make one device and keep it.
-// The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
+// keeps threads of its driver alive until the device and all of its assets are destroyed. So make one device and keep
+// it. The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
 //
 // The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
 // buffers of 256 MiB) and without optional features, for support.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
-// has (VRTM_BACKEND_GPU; the message lists those that there are), more than 1024 threads, an allocator without a
+// has (VRTM_BACKEND_GPU; the message lists the available ones), more than 1024 threads, an allocator without a
 // function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if there is no GPU or it cannot be opened, and for an allocator if the
+// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was found or it cannot be opened, and for an allocator if the
 // library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
                                vrtm_device *device);
 
-// Ends a device's handle. Assets that were made on it keep what they need and go on working until they are
-// destroyed themselves, in any order; so does the log function.
+// Destroys a device's handle. Assets that were made on it, and the log function, remain in use until the assets are
+// destroyed, in any order.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
-VRTM_API vrtm_status vrtm_device_destroy(vrtm_device device);
+VRTM_API
+vrtm_status vrtm_device_destroy(vrtm_device device);
 
 /* ---- Asset ---- */
 
-// By what two corners of different faces are recognised as one, so that charts go on over the edges between them.
+// How corners of different faces are recognised as one corner, so that a chart continues across the edge between them.
 typedef int32_t vrtm_weld;
 
-// The same vertex, and UVs within the tolerance; the default. The host's vertices say what hangs together: what is cut
-// in the modelling program is cut here, lips that are closed at rest included, and no pose changes that.
+// The same vertex, and UVs within the tolerance; the default. The host's vertices define connectivity: a cut in the
+// modelling program is a cut here, even between lips that are closed at rest, and in every pose.
 #define VRTM_WELD_INDEX 0
 
-// Also different vertices whose rest positions lie within the tolerance (vrtm_mesh_desc.weld_position_tolerance):
-// for meshes out of games, where vertices are doubled along hard edges and seams. A pose tears an edge between
-// such vertices where those at either of its ends lie farther apart, along x, y or z, than ten times the
-// tolerance, its rounding included, plus 8 e times the largest magnitude of their six coordinates in the pose; e
-// is 2^-23 for f32 positions and 2^-52 for f64. Charts end there in this pose, the result is that of the mesh cut
-// there, and the log warns.
+// As VRTM_WELD_INDEX, and also different vertices whose rest positions lie within the tolerance
+// (vrtm_mesh_desc.weld_position_tolerance): for game meshes, whose vertices are duplicated along hard edges and seams.
+// A pose tears a welded edge if the two vertices at either of its ends lie farther apart, along x, y or z, than ten
+// times the tolerance (with its rounding) plus 8 e times the largest magnitude of their six posed coordinates; e is
+// 2^-23 for f32 positions and 2^-52 for f64. In such a pose charts end at the edge, as if the mesh were cut there, and
+// the log warns.
 #define VRTM_WELD_POSITION 1
 
 // The same vertex, and exactly the same UV.
@@ -503,20 +508,20 @@ typedef struct vrtm_uv_set {
 // A mesh at rest. Start from vrtm_mesh_desc_init(), which sets the tolerances. All arrays are copied before the call
 // returns.
 //
-// A face's corners stand one after the other: corner k of the mesh has the vertex indices[k] and the UV
-// uv_indices[k] (or UV k, without uv_indices). Polygons of any size will do; they are triangulated. UVs are
-// face-varying, v points up, and a face belongs to the UDIM tile 1001 + floor(u) + 10 floor(v) of its UV centroid.
+// The corners of a face are consecutive: corner k of the mesh has the vertex indices[k] and the UV uv_indices[k] (or
+// UV k, without uv_indices). Polygons may have any number of corners; they are triangulated. UVs are face-varying, v
+// points up, and a face belongs to the UDIM tile 1001 + floor(u) + 10 floor(v) of its UV centroid.
 typedef struct vrtm_mesh_desc {
     // sizeof(vrtm_mesh_desc); set by vrtm_mesh_desc_init().
     uint32_t struct_size;
     // Rest positions, 3 components, any unit of length. Required.
     const vrtm_array *positions;
     // Corners of each face; null = all faces are triangles, unless `face_offsets` is given. Faces with fewer than 3
-    // corners (points, lines) are skipped and counted; their corners keep their places in the order.
+    // corners (points, lines) are skipped and counted; their corners still count in the order.
     const uint32_t *face_counts;
     // Number of faces: the length of `face_counts`. Ignored when that is null.
     size_t face_count;
-    // In place of `face_counts`: the first corner of each face, and at the end `index_count`. Null = absent.
+    // Instead of `face_counts`: the first corner of each face, followed by `index_count`. Null = absent.
     const uint32_t *face_offsets;
     // The length of `face_offsets`: the number of faces plus 1. Ignored when that is null.
     size_t face_offset_count;
@@ -530,39 +535,39 @@ typedef struct vrtm_mesh_desc {
     const vrtm_array *u;
     // v of each UV (1 component), as many as `u`.
     const vrtm_array *v;
-    // UV of each corner; null = one UV per corner, in the order of the corners. A face all of whose corners have
-    // UINT32_MAX has no texture: it belongs to no tile, and its corners keep their places in the order.
+    // UV of each corner; null = one UV per corner, in the order of the corners. A face whose corners all have
+    // UINT32_MAX is untextured: it belongs to no tile, but its corners still count in the order.
     const uint32_t *uv_indices;
     // The length of `uv_indices`: `index_count`. Ignored when that is null.
     size_t uv_index_count;
-    // Further UV sets, from set 1 on; the UVs above are set 0. Null = none. Each set has tiles of its own.
+    // Further UV sets, starting with set 1; the UVs above are set 0. Null = none. Each set has its own tiles.
     const vrtm_uv_set *uv_sets;
     // The length of `uv_sets`. Ignored when that is null.
     size_t uv_set_count;
-    // The faces that carry the texture, each less than the number of faces, in any order; null = all. The others
-    // are as if they had no UVs.
+    // The faces that carry the texture, each less than the number of faces, in any order; null = all. The other faces
+    // are treated as if they had no UVs.
     const uint32_t *textured_faces;
     // The length of `textured_faces`. Ignored when that is null.
     size_t textured_face_count;
-    // Edges at which charts end in all UV sets: 2 vertices each. Null = none. A pair that is no edge of a face does
-    // nothing, is counted, and the log warns.
+    // Edges at which charts end in all UV sets: 2 vertices each. Null = none. A pair that is not an edge of any face
+    // has no effect; it is counted, and the log warns.
     const uint32_t *seams;
     // The number of these edges: half the length of `seams`. Ignored when that is null.
     size_t seam_count;
     // One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
     vrtm_weld weld;
     // The tolerance of VRTM_WELD_POSITION, the largest distance of vertices that it welds: this fraction (0..1) of the
-    // longest side of the bounding box at rest; default 1e-5. Unless it is 0, a rounding is added, 2^-23 (for f64
-    // positions 2^-52) times the largest magnitude of a coordinate at rest. A vertex has at most a quarter of its
-    // shortest edge; one with an edge shorter than half of the tolerance is welded to vertices at equal positions
-    // alone.
+    // longest side of the bounding box at rest; default 1e-5. Unless it is 0, an allowance for rounding is added:
+    // 2^-23 (2^-52 for f64 positions) times the largest magnitude of a rest coordinate. The tolerance of a vertex is
+    // at most a quarter of its shortest edge; a vertex with an edge shorter than half of the tolerance is welded only
+    // to vertices at the same position.
     double weld_position_tolerance;
-    // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. Corners of
-    // small triangles have less: a quarter of the least height in UV of the triangles at the vertex.
+    // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
+    // smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex.
     double weld_uv_tolerance;
 } vrtm_mesh_desc;
 
-// Makes an asset from a mesh. `*asset` is the caller's to destroy; it may outlive `device`.
+// Makes an asset from a mesh. The caller destroys `*asset`; it may outlive `device`.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the array and the index, for null, an
 // index out of range, a value that is not finite, counts that do not add up, a face with UVs at some corners only, a
@@ -572,15 +577,15 @@ vrtm_status vrtm_asset_create(vrtm_device device,
                               const vrtm_mesh_desc *desc,
                               vrtm_asset *asset);
 
-// Ends an asset and all of its tile handles. If another thread is in a call on the asset, or a job is, a solve is
-// cancelled, any other call runs to its end, and the memory is freed then; this does not wait for it. With a device's
+// Destroys an asset and all of its tile handles. If another thread or a job is using the asset, a solve is cancelled,
+// any other call runs to its end, and the memory is freed afterwards; this function does not wait. With a device's
 // last asset, free pages of the process's heap go back to the system (on Linux with glibc, by malloc_trim).
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API
 vrtm_status vrtm_asset_destroy(vrtm_asset asset);
 
-// The tile with a UDIM number (1001 + U + 10 V), of UV set 0.
+// The tile with a UDIM number (1001 + U + 10 V) in UV set 0.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
 // null. Never busy.
@@ -589,9 +594,10 @@ vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
                                  uint32_t udim,
                                  vrtm_tile *tile);
 
-// Sets a tile's rigidity: 0 is infinitely elastic, 1 as rigid as possible; values outside are clamped. Any size; it is
-// resampled to the grid. Null takes the map away: a tile without rigidity does not move at all. The last result stays
-// readable until the next solve. May be called between frames; only what depends on it is rebuilt.
+// Sets a tile's rigidity: 0 is infinitely elastic, 1 as rigid as possible; values outside are clamped. The map may
+// have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does not move at all. The
+// last result stays readable until the next solve. May be called between frames; only data that depends on the map is
+// rebuilt.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
 // zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -604,13 +610,13 @@ vrtm_status vrtm_tile_set_rigidity(vrtm_tile tile,
 // How much work a solve does on each level of its grid.
 typedef int32_t vrtm_quality;
 
-// One correction on each level, and more on the finest where a chart is crowded; the default.
+// One correction on each level, and more on the finest level in crowded charts; the default.
 #define VRTM_QUALITY_NORMAL 0
 
-// The same, but relaxation alone on the finest level: a preview.
+// As VRTM_QUALITY_NORMAL, but with relaxation only on the finest level: a preview.
 #define VRTM_QUALITY_DRAFT 1
 
-// More sweeps, and corrections until little is left to gain.
+// More sweeps, and corrections until they gain little.
 #define VRTM_QUALITY_HIGH 2
 
 // How a solve finds its warp.
@@ -620,9 +626,9 @@ typedef int32_t vrtm_solver;
 #define VRTM_SOLVER_DESCENT 0
 
 // The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
-// its result is returned as it is, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
-// folds, a texel has several places to look at and gets one of them. Nodes may leave their charts, and the tile:
-// by 0.08 of its side in the worst pose tried. Redirections stay within the tile.
+// its result is returned unchecked, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
+// folds, a texel has several possible lookups and gets one of them. Nodes may leave their charts, and even the tile,
+// by 0.08 of its side in the worst pose tested. Redirections stay within the tile.
 #define VRTM_SOLVER_PBD 1
 
 // Settings of VRTM_SOLVER_PBD; vrtm_solve_options_init() sets the defaults. A plain value that never grows.
@@ -640,46 +646,46 @@ typedef struct vrtm_pbd_settings {
     float coarse_correction;
 } vrtm_pbd_settings;
 
-// A host's function that is told how far a solve is: 0..1, by prediction, never falling. If it returns anything but 0,
-// the solve is cancelled. It may call vrtm functions: results of the asset can be read, and what would change the asset
-// gives VRTM_ERROR_BUSY. On a device with an executor, what it asks for is computed on its own thread alone, so that it
-// never waits for threads that wait for it. It must return normally: no exception, no longjmp.
+// A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
+// value, the solve is cancelled. It may call vrtm functions: results of the asset can be read, and calls that would
+// change the asset give VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that
+// they never wait for threads that wait for this function. It must return normally: no exception, no longjmp.
 typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 
 // Options of one solve. Start from vrtm_solve_options_init(), which sets the defaults.
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     uint32_t struct_size;
-    // VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH: of VRTM_SOLVER_DESCENT, as are the two limits below.
+    // VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH. This and the two limits below apply to VRTM_SOLVER_DESCENT
+    // only.
     vrtm_quality quality;
-    // Most corrections per level, in place of the quality's own, 0..64; 0 = the quality's own.
+    // Maximum corrections per level, 0..64, overriding the quality's limit; 0 = the quality's own.
     uint32_t max_corrections;
     // A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
-    // original UVs is added), or when a level's first correction gained what its quadratic model predicted, to a
-    // quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
+    // original UVs is added), or when the gain of a level's first correction matches the prediction of its quadratic
+    // model to a quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
     float tolerance;
-    // The milliseconds that the call may take, its fetches, measuring and what follows a change of maps or settings
-    // left out; 0 = no limit. The result is that of the best level of the grid that there is time for, brought up to
-    // the finest one and certified: never worse than the identity, and the identity itself if there is no time for any
-    // (the report is then `truncated`, with energies of 0). What work takes is predicted from the last solves: the call
-    // returns within 1.2 times the budget and 5 ms, unless the machine is suddenly busier than before. On a GPU that
-    // holds as far as the driver's own delays allow. With a limit the result depends on the speed of the machine.
+    // Milliseconds that the call may take, excluding fetches, measuring and rebuilding after a change of maps or
+    // settings; 0 = no limit. The result comes from the finest level of the grid that the time allows, interpolated to
+    // the finest level and certified: never worse than the identity, and the identity itself if no level fits (the
+    // report is then `truncated`, with energies of 0). Costs are predicted from the last solves: the call returns
+    // within 1.2 times the budget plus 5 ms, unless the machine is suddenly busier than before. On a GPU this holds up
+    // to delays of the driver. With a limit the result depends on the speed of the machine.
     float time_budget_ms;
     // 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     // the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
     uint32_t warm;
-    // With `warm`, of VRTM_SOLVER_DESCENT: how strongly the warp is held to the last result, 0..1e6, in the unit
-    // of the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, what jumps from
-    // frame to frame falls to between three quarters and a fifth, and the warp of a steady motion is one to two
-    // frames late. Without `warm` it has no effect.
+    // With `warm` and VRTM_SOLVER_DESCENT: how strongly the warp is pulled towards the last result, 0..1e6, in the
+    // unit of the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: 0.1 reduces jumps between
+    // frames to between three quarters and a fifth, and delays the warp of a steady motion by one to two frames.
+    // Without `warm` it has no effect.
     float temporal_weight;
     // CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
     uint32_t threads;
     // 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
     uint32_t measure;
-    // 1: the results of the tiles that are solved are dropped before they are solved, which saves their memory: 8 bytes
-    // per node of the blocks in use. They cannot be read then until the solve is done, nor if it fails. 0 (the
-    // default): they can be read all the time.
+    // 1: drop the last results of the solved tiles before solving, which saves 8 bytes per node of the blocks in use.
+    // These results cannot be read until the solve succeeds. 0 (the default): results can be read at any time.
     uint32_t release_last;
     // VRTM_SOLVER_DESCENT (0, the default) or PBD.
     vrtm_solver solver;
@@ -689,52 +695,55 @@ typedef struct vrtm_solve_options {
     const vrtm_tile *tiles;
     // The length of `tiles`. Ignored when that is null.
     size_t tile_count;
-    // The vertices that have moved since the last solve, in any order; null = any may have. Tiles that none of them
-    // touches keep their results, unless they have none, or their maps, settings or these options have changed since.
+    // The vertices that have moved since the last solve, in any order; null = any vertex may have moved. Tiles that
+    // none of these vertices touches keep their results, unless they have no result yet, or their maps, settings or
+    // these options have changed.
     const uint32_t *dirty_vertices;
     // The length of `dirty_vertices`. Ignored when that is null.
     size_t dirty_vertex_count;
-    // Called about 500 times per second while the tiles are solved, on the thread that does the work: the calling one,
-    // unless the device has an executor, or the job's. Null = nobody is told.
+    // Called about 500 times per second while the tiles are solved, on the thread that does the work: the calling
+    // thread or the job's, or one of the executor's if the device has one. Null = no progress function.
     vrtm_progress_fn progress;
-    // Passed to `progress` as it is. Both must stay valid until the call returns, or the job is destroyed.
+    // Passed to `progress` unchanged. Both must stay valid until the call returns, or the job is destroyed.
     void *progress_user;
 } vrtm_solve_options;
 
-// Content of a fetched image: two channels (u, v) per texel, if not said otherwise.
+// Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
 typedef int32_t vrtm_fetch_kind;
 
 // The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
-// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds
-// ((x + 0.5) / width, (y + 0.5) / height). Take f32: from 1024 texels on, f16 cannot tell neighbours apart.
+// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds ((x + 0.5) /
+// width, (y + 0.5) / height). Use f32: from 1024 texels on, f16 cannot distinguish neighbouring texels.
 #define VRTM_FETCH_REDIRECTION 0
 
-// The same less the texel centre itself: what to add to a UV; 0 where nothing moves. Good in f16 too.
+// The redirection minus the texel's own centre: the offset to add to a UV; 0 where nothing moves. f16 is sufficient.
 #define VRTM_FETCH_REDIRECTION_DELTA 1
 
 // The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
-// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of
-// a row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the
-// grid's nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the
-// cell's corner of least u and v to that of greatest: all outputs of a result agree on that, so that at any size
-// the warp of a redirected UV is that UV. Take f32.
+// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of a
+// row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the grid's
+// nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the cell's corner
+// of least u and v to the corner of greatest u and v. All outputs of a result use this split, so that at any size the
+// warp maps a redirected UV back to the UV. Use f32.
 #define VRTM_FETCH_WARP 2
 
-// The redirection plus the offset of the tile (U, V) among the UDIM tiles: UVs as those of the mesh, to be looked up in
-// all tiles of a texture. Take f32.
+// The redirection plus the offset (U, V) of the UDIM tile: UVs in the mesh's own range, for lookups in a texture of
+// several tiles. Use f32.
 #define VRTM_FETCH_REDIRECTION_UDIM 3
 
-// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv; 1,
-// 0, 0, 1 where nothing moves. What turns with a feature, as a tangent-space normal does, turns with it. Good in f16.
+// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv;
+// 1, 0, 0, 1 where nothing moves. Use them to rotate texture values that turn with a feature, such as tangent-space
+// normals. f16 is sufficient.
 #define VRTM_FETCH_JACOBIAN 4
 
-// One channel: the largest singular value of that. A lookup's footprint is at most so many times wider in the texture
-// than on the surface: for renderers that filter by a width which they take from the mesh's own UVs. Good in f16.
+// One channel: the largest singular value of the Jacobian. The footprint of a lookup is at most this factor wider in
+// the texture than on the surface: for renderers that derive their filter width from the mesh's own UVs. f16 is
+// sufficient.
 #define VRTM_FETCH_FILTER_SCALE 5
 
 // One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
 typedef struct vrtm_fetch {
-    // sizeof(vrtm_fetch); set by vrtm_fetch_init(). The same in all elements of an array.
+    // sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
     uint32_t struct_size;
     // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
     // FILTER_SCALE.
@@ -745,11 +754,11 @@ typedef struct vrtm_fetch {
     const vrtm_image_out *image;
 } vrtm_fetch;
 
-// Solves every tile for a pose and writes `count` outputs, in one call: what a host's compute() needs for a frame. As
-// vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are checked before
-// any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No two images may
-// write the same byte, but they may lie between each other's texels, as two pairs of channels of one image do. None may
-// overlap the memory that the positions span.
+// Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
+// Equivalent to vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are
+// checked before any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No
+// two images may write the same byte, but they may be interleaved, such as two pairs of channels of one image. No
+// image may overlap the memory that the positions span.
 //
 // Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile of another asset and
 // for images that overlap. On an error no image is written, unless a GPU fails while the images are written.
@@ -760,7 +769,7 @@ vrtm_status vrtm_asset_redirect(vrtm_asset asset,
                                 const vrtm_fetch *fetches,
                                 size_t count);
 
-// Solves every tile for a pose; returns when that is done. `positions` are the deformed positions of all vertices (3
+// Solves every tile for a pose; returns when all are done. `positions` are the deformed positions of all vertices (3
 // components, as many and in the same order as at rest). `options` may be null: all defaults. On any error the last
 // good result stays readable.
 //
@@ -776,7 +785,8 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
                              const vrtm_array *positions,
                              const vrtm_solve_options *options);
 
-// Writes one output of the last solve into the caller's memory. Any size; the result does not depend on other fetches.
+// Writes one output of the last solve into the caller's memory. Any size is allowed; the result does not depend on
+// other fetches.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 // integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
@@ -812,11 +822,11 @@ typedef struct vrtm_device_data {
     vrtm_backend backend;
     // The processor's or adapter's name, UTF-8.
     char name[128];
-    // Why this backend was chosen, in a sentence, UTF-8; if the GPU went away, it starts with how.
+    // Why this backend was chosen, in a sentence, UTF-8. If the GPU was lost, the cause comes first.
     char reason[256];
     // CPU threads per solve.
     uint32_t threads;
-    // Bytes that all assets of the device hold now.
+    // Bytes that all assets of the device currently hold.
     uint64_t bytes_held;
 } vrtm_device_data;
 
@@ -824,8 +834,8 @@ typedef struct vrtm_device_data {
 typedef struct vrtm_adapter_data {
     // sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
     uint32_t struct_size;
-    // 1 for an adapter that is emulated on the CPU (or does not say that it is hardware): VRTM_BACKEND_AUTO never
-    // takes it. 0 otherwise.
+    // 1 for an adapter that is emulated on the CPU (or does not identify as hardware): VRTM_BACKEND_AUTO never chooses
+    // it. 0 otherwise.
     uint32_t software;
     // The adapter's name, UTF-8.
     char name[128];
@@ -833,18 +843,18 @@ typedef struct vrtm_adapter_data {
     char driver[128];
     // The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
     char api[16];
-    // PCI vendor; 0 where the interface does not tell.
+    // PCI vendor ID; 0 if the interface does not report it.
     uint32_t vendor;
-    // PCI device of that vendor; 0 where the interface does not tell.
+    // PCI device ID of the vendor; 0 if the interface does not report it.
     uint32_t device;
-    // Place on the PCI bus, domain:bus:device.function, hexadecimal; empty where the interface does not tell.
+    // Place on the PCI bus, domain:bus:device.function, hexadecimal; empty if the interface does not report it.
     char pci_bus[32];
     // 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
     uint32_t has_uuid;
     // VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
     uint8_t uuid[16];
-    // VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) where
-    // both UUIDs are those of its own device.
+    // VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) if both
+    // UUIDs equal those of its own device.
     uint8_t driver_uuid[16];
     // 1 if `luid` is known: on Windows. 0 otherwise.
     uint32_t has_luid;
@@ -854,8 +864,8 @@ typedef struct vrtm_adapter_data {
     uint8_t registry_id[8];
 } vrtm_adapter_data;
 
-// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works after a lost GPU,
-// too.
+// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
+// was lost.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
@@ -863,15 +873,15 @@ vrtm_status vrtm_device_info(vrtm_device device,
                              vrtm_device_data *info);
 
 // Number of GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits,
-// through Vulkan, Direct3D 12 or Metal. Hardware stands before software, discrete before integrated; the order stays
-// while the machine and its drivers do. 0 without a GPU or a driver. Each call loads the drivers, which takes tens of
-// milliseconds.
+// through Vulkan, Direct3D 12 or Metal. Hardware is listed before software, discrete before integrated; the order is
+// stable as long as the machine and its drivers do not change. 0 without a GPU or a driver. Each call loads the
+// drivers, which takes tens of milliseconds.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 VRTM_API
 vrtm_status vrtm_adapter_count(uint32_t *count);
 
-// Describes adapter `index`, 0 <= index < vrtm_adapter_count. It takes as long as vrtm_adapter_count.
+// Describes adapter `index`, 0 <= index < vrtm_adapter_count. Takes as long as vrtm_adapter_count.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 VRTM_API
@@ -880,32 +890,31 @@ vrtm_status vrtm_adapter_info(uint32_t index,
 
 /* ---- Threads of the host ---- */
 
-// One of the library's tasks, which a host runs by calling it with the `data` that it got along with it.
+// One of the library's tasks: the host runs it by calling it with the `data` that came with it.
 typedef void (*vrtm_task_fn)(void *data, size_t index);
 
 // A host's parallel loop, such as TBB's parallel_for: it calls `task(data, index)` for each index from 0 to `count` -
-// 1, once, on any threads and in any order, side by side or one after the other, and returns when all of these calls
+// 1, exactly once, on any threads and in any order, in parallel or in sequence, and returns when all of these calls
 // have returned. It may be called by several threads at once. The first task to begin does the work of the call, and
-// the others help it: so it is well for the calling thread to run tasks, too, and no harm if no other does. It must
-// return normally: no exception, no longjmp.
+// the others help it, so the calling thread should run tasks too; it may even run all of them. It must return
+// normally: no exception, no longjmp.
 typedef void (*vrtm_parallel_for_fn)(void *user, size_t count, vrtm_task_fn task, void *data);
 
-// A host's task queue: it calls `task(data, 0)` once, on any thread, at any time, now or later. It must return
-// normally.
+// A host's task queue: it calls `task(data, 0)` once, on any thread, immediately or later. It must return normally.
 typedef void (*vrtm_spawn_fn)(void *user, vrtm_task_fn task, void *data);
 
-// A host's threads, on which all work is done in place of the library's own threads, with the same bits. Start from
-// vrtm_executor_init(). The functions and `user` must stay valid until the device, all of its assets and all of their
-// jobs are destroyed.
+// A host's threads, which do all work instead of the library's own threads, with the same results bit for bit. Start
+// from vrtm_executor_init(). The functions and `user` must stay valid until the device, all of its assets and all of
+// their jobs are destroyed.
 typedef struct vrtm_executor {
     // sizeof(vrtm_executor); set by vrtm_executor_init().
     uint32_t struct_size;
     // Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve asks
     // for. Required.
     vrtm_parallel_for_fn parallel_for;
-    // Runs jobs; null = each job has a thread of the library's own.
+    // Runs jobs; null = the library starts a thread for each job.
     vrtm_spawn_fn spawn;
-    // Passed to both as it is.
+    // Passed unchanged to both functions.
     void *user;
 } vrtm_executor;
 
@@ -929,14 +938,14 @@ typedef struct vrtm_asset_data {
     uint64_t corners;
     // Triangles kept, over all tiles.
     uint64_t triangles;
-    // Faces without texture: without UVs, or not among the textured faces. This and the counts of UVs above are over
-    // all UV sets.
+    // Untextured faces: without UVs, or not among the textured faces. Like the other counts that concern UVs, a sum
+    // over all UV sets.
     uint64_t faces_untextured;
     // Faces skipped because they have fewer than 3 corners.
     uint64_t faces_skipped;
     // Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
     uint64_t faces_outside;
-    // Faces some of whose UVs lie outside of their tile; the map is clipped to the tile.
+    // Faces with UVs outside their tile; the map is clipped to the tile.
     uint64_t clipped_faces;
     // Triangles dropped because their UVs have no area.
     uint64_t degenerate_triangles;
@@ -944,11 +953,11 @@ typedef struct vrtm_asset_data {
     uint64_t border_edges;
     // Edges inside charts whose two sides have different vertices: welded by position.
     uint64_t welded_edges;
-    // Edges whose two sides have the same positions and UVs, up to the tolerances, and are not connected: charts end
-    // there. They are cuts; or the mesh wants VRTM_WELD_POSITION; or the noise of its UVs is large against its
-    // triangles.
+    // Edges whose two sides have the same positions and UVs, within the tolerances, but are not connected: charts end
+    // there. Either they are deliberate cuts, or the mesh needs VRTM_WELD_POSITION, or its UVs are noisy compared with
+    // the size of its triangles.
     uint64_t edges_apart;
-    // Seams that are no edge of a face.
+    // Seams that are not an edge of any face.
     uint64_t seams_unused;
 } vrtm_asset_data;
 
@@ -959,7 +968,7 @@ VRTM_API
 vrtm_status vrtm_asset_info(vrtm_asset asset,
                             vrtm_asset_data *info);
 
-// Number of tiles that hold at least one triangle. Never busy.
+// Number of tiles with at least one triangle. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 VRTM_API vrtm_status vrtm_asset_tile_count(vrtm_asset asset, uint32_t *count);
@@ -973,7 +982,7 @@ vrtm_status vrtm_asset_tile(vrtm_asset asset,
                             uint32_t index,
                             vrtm_tile *tile);
 
-// The tile with a UDIM number, of a UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+// The tile with a UDIM number in the UV set `uv_set`, 0 <= uv_set < vrtm_asset_data.uv_sets.
 //
 // Errors: those of vrtm_asset_find_tile.
 VRTM_API
@@ -990,7 +999,7 @@ typedef struct vrtm_tile_data {
     uint32_t struct_size;
     // UDIM number: 1001 + U + 10 V.
     uint32_t udim;
-    // The UV set that it belongs to.
+    // The UV set that the tile belongs to.
     uint32_t uv_set;
     // Charts in the tile: connected pieces of UV triangles.
     uint32_t charts;
@@ -1000,7 +1009,7 @@ typedef struct vrtm_tile_data {
     uint64_t border_edges;
     // Edges inside charts whose two sides have different vertices: welded by position.
     uint64_t welded_edges;
-    // Edges whose two sides lie together and are not connected: see vrtm_asset_data.
+    // Edges whose two sides coincide but are not connected: see vrtm_asset_data.edges_apart.
     uint64_t edges_apart;
     // Cells of the grid in u. A grid of w x h cells has (w + 1) x (h + 1) nodes.
     uint32_t grid_width;
@@ -1010,18 +1019,18 @@ typedef struct vrtm_tile_data {
     uint64_t movable_nodes;
     // Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
     float overlap;
-    // Fraction (0..1) of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least
-    // 0.5, those that a border, an overlap or the mask fixes. Near 1, a map can have no effect.
+    // Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
+    // that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     float frozen;
 } vrtm_tile_data;
 
-// Who owns texels that faces of different charts, or two layers of one chart, share.
+// Which chart moves texels that several charts, or two layers of one chart, share.
 typedef int32_t vrtm_overlap;
 
-// They do not move, so that nothing gets worse; the default.
+// Shared texels do not move, so that nothing gets worse; the default.
 #define VRTM_OVERLAP_FIXED 0
 
-// The chart with the first face owns them: for mirrored halves that deform alike.
+// The chart with the first face moves them: for mirrored halves that deform alike.
 #define VRTM_OVERLAP_FIRST_FACE 1
 
 // A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
@@ -1031,20 +1040,20 @@ typedef struct vrtm_tile_settings {
     // Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
     // map. Rounded up to a multiple of 16, at most 16384.
     uint32_t grid_width;
-    // Cells of the grid in v, likewise.
+    // Cells of the grid in v, with the same rules as `grid_width`.
     uint32_t grid_height;
     // VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
     vrtm_overlap overlap;
-    // Smoothness of elastic material against the stiffness 1 of rigid material, 0 to 1e6; default 0.02. A lower one
-    // lets rigid features keep their shape better and makes material of little rigidity more rigid.
+    // Smoothness of elastic material against the stiffness 1 of rigid material, 0 to 1e6; default 0.02. Lower values
+    // keep the shape of rigid features better, and make material of low rigidity more rigid.
     float smoothness;
     // Smoothness of all material, 1e-6 to 1e6; default 0.0005.
     float smoothness_floor;
     // Weight that keeps rigid features from turning, 0 (the default) to 1e6.
     float orientation;
-    // Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
-    // a tent of half of the tile), 0 (the default) to 1e6. Sparse features then turn to keep their shape, dense ones
-    // stay in order. For VRTM_SOLVER_PBD it is added to the fraction that a segment turns back.
+    // Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over a
+    // tent of half of the tile), 0 (the default) to 1e6. Sparse features then turn to keep their shape, and dense ones
+    // keep their orientation. VRTM_SOLVER_PBD adds it to the fraction of its turn that a segment takes back.
     float orientation_density;
     // Weight of the penalty on cells that lose their area, 0 to 1e6; default 0.3.
     float room;
@@ -1052,11 +1061,14 @@ typedef struct vrtm_tile_settings {
     float room_threshold;
 } vrtm_tile_settings;
 
-// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info it prepares
-// nothing. Never busy.
+// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info, it does not prepare
+// the tile. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `udim` is null.
-VRTM_API vrtm_status vrtm_tile_udim(vrtm_tile tile, uint32_t *udim, uint32_t *uv_set);
+VRTM_API
+vrtm_status vrtm_tile_udim(vrtm_tile tile,
+                           uint32_t *udim,
+                           uint32_t *uv_set);
 
 // Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.
@@ -1067,14 +1079,15 @@ VRTM_API
 vrtm_status vrtm_tile_info(vrtm_tile tile,
                            vrtm_tile_data *info);
 
-// Takes a part of a tile's rigidity map anew, after a stroke of a brush for instance: `width` x `height` texels from
-// the column `x` and the row `y`, as they lie in memory. `rigidity` describes the whole map, with the size and the
-// format of the one that was set; its other texels are not read. A small part takes a small fraction of the time that
-// setting the map takes, unless a chart gets its first rigidity or loses its last, or orientation_density is in use:
-// then the tile is prepared anew.
+// Updates a part of a tile's rigidity map, for instance after a brush stroke: `width` x `height` texels from the
+// column `x` and the row `y`, in memory order. `rigidity` describes the whole map, with the size and the format of the
+// one that was set; its other texels are not read. Updating a small part takes a small fraction of the time of setting
+// the map, unless a chart gains its first rigidity or loses its last, or orientation_density is in use: then the tile
+// is prepared again.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if there is no map of this size and format, if the
-// part is empty or not inside of it, and as vrtm_tile_set_rigidity; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the tile has no map of this size and format, if
+// the part is empty or not inside the map, and in the cases of vrtm_tile_set_rigidity; VRTM_ERROR_BUSY;
+// VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_tile_update_rigidity(vrtm_tile tile,
                                       const vrtm_image *rigidity,
@@ -1083,8 +1096,8 @@ vrtm_status vrtm_tile_update_rigidity(vrtm_tile tile,
                                       uint32_t width,
                                       uint32_t height);
 
-// Sets a tile's warp mask: what lies under a texel of less than 0.5 does not move. Null: all may move, the default.
-// Otherwise as vrtm_tile_set_rigidity.
+// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null: all may move, the default. In other
+// respects as vrtm_tile_set_rigidity.
 //
 // Errors: those of vrtm_tile_set_rigidity.
 VRTM_API
@@ -1092,7 +1105,7 @@ vrtm_status vrtm_tile_set_mask(vrtm_tile tile,
                                const vrtm_image *mask);
 
 // Sets the rigidity of all tiles from one value per vertex (1 component, as many as vertices, 0..1), linear over each
-// triangle. Null takes it away. A tile's grid then has the size in its settings, or 1024 x 1024.
+// triangle. Null removes it. Without a rigidity map, a tile's grid has the size in its settings, or 1024 x 1024.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 // value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -1101,7 +1114,7 @@ vrtm_status vrtm_asset_set_vertex_rigidity(vrtm_asset asset,
                                            const vrtm_array *rigidity);
 
 // Sets the warp mask of all tiles from one value per vertex (1 component, as many as vertices), linear over each
-// triangle: what is under 0.5 does not move. Null: all may move, the default.
+// triangle: points below 0.5 do not move. Null: all may move, the default.
 //
 // Errors: those of vrtm_asset_set_vertex_rigidity.
 VRTM_API
@@ -1113,7 +1126,7 @@ vrtm_status vrtm_asset_set_vertex_mask(vrtm_asset asset,
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field; VRTM_ERROR_BUSY.
 VRTM_API vrtm_status vrtm_tile_set_settings(vrtm_tile tile, const vrtm_tile_settings *settings);
 
-// A tile's settings: what was set, or the defaults. What comes out can be passed to vrtm_tile_set_settings as it is.
+// Gets a tile's settings, as set or the defaults. The struct can be passed to vrtm_tile_set_settings unchanged.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `settings` is null or has a wrong struct_size;
 // VRTM_ERROR_BUSY.
@@ -1121,19 +1134,18 @@ VRTM_API
 vrtm_status vrtm_tile_get_settings(vrtm_tile tile,
                                    vrtm_tile_settings *settings);
 
-// Freezes a tile (1) or lets it go (0): solves leave a frozen tile alone, so that it keeps its result, or stays without
-// one.
+// Freezes a tile (1) or unfreezes it (0): solves skip a frozen tile, so that it keeps its result, if it has one.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `frozen` is neither 0 nor 1; VRTM_ERROR_BUSY.
 VRTM_API
 vrtm_status vrtm_tile_freeze(vrtm_tile tile,
                              uint32_t frozen);
 
-// What a tile takes, before any of it is taken. Start from vrtm_tile_needs_init().
+// The predicted cost of preparing and solving a tile. Start from vrtm_tile_needs_init().
 typedef struct vrtm_tile_needs {
     // sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
     uint32_t struct_size;
-    // Nodes of the grid that may move: time and memory follow their number.
+    // Nodes of the grid that may move: time and memory grow with their number.
     uint64_t movable_nodes;
     // Bytes held once the tile is prepared: maps and grid.
     uint64_t prepared_bytes;
@@ -1143,9 +1155,9 @@ typedef struct vrtm_tile_needs {
     uint64_t solving_bytes;
 } vrtm_tile_needs;
 
-// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. This
-// takes a small part of the time and memory of preparing the tile, and keeps nothing. A device's memory_budget is
-// checked in the same way before a tile is prepared.
+// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
+// a small fraction of the time and memory of preparing the tile, and caches nothing. The same estimate is checked
+// against a device's memory_budget before a tile is prepared.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
 // VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -1154,8 +1166,9 @@ vrtm_status vrtm_tile_estimate(vrtm_tile tile,
                                vrtm_tile_needs *needs);
 
 // Writes a prepared tile to the host's memory, for vrtm_tile_load on another machine or in a later session. Prepares
-// the tile if need be. `size` gets the number of bytes that it takes: call once with `data` null and `capacity` 0 to
-// learn it, then with as much memory. The bytes hold what follows from mesh, maps and settings, not these themselves.
+// the tile if necessary. `size` gets the number of bytes: call once with `data` null and `capacity` 0 to learn it,
+// then with a buffer of that size. The bytes hold what is derived from mesh, maps and settings, not the mesh, maps and
+// settings themselves.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `size` is null, or if `data` is neither null nor
 // large enough; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
@@ -1165,15 +1178,15 @@ vrtm_status vrtm_tile_save(vrtm_tile tile,
                            size_t capacity,
                            size_t *size);
 
-// Takes a tile that was prepared elsewhere, so that it need not be prepared here. Mesh, maps and settings have to be
-// those that it was saved with; they are compared, and set before this call. `size` is the number of bytes. They may
-// come from anywhere: what is not a saved tile, or was damaged, is refused. The checksum is no signature: bytes that
-// somebody has changed, and the checksum with them, may be taken, and at worst lead to another warp, which is certified
-// as any other. They never lead to a crash.
+// Loads a tile that was prepared elsewhere, so that it need not be prepared here. Before this call, set the mesh, maps
+// and settings that the tile was saved with; they are compared. `size` is the number of bytes. The bytes need not be
+// trusted: anything but an intact saved tile is refused. The checksum is not a signature: bytes that were changed on
+// purpose, together with their checksum, may be accepted. At worst they give a different warp, which is certified like
+// any other; they never cause a crash.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged or of another
-// version of the format, or that were saved with another mesh, map or setting; VRTM_ERROR_BUSY;
-// VRTM_ERROR_OUT_OF_MEMORY. On any error the tile is as before.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged, in another
+// version of the format, or saved with another mesh, map or setting; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any
+// error the tile is as before.
 VRTM_API
 vrtm_status vrtm_tile_load(vrtm_tile tile,
                            const void *data,
@@ -1181,12 +1194,12 @@ vrtm_status vrtm_tile_load(vrtm_tile tile,
 
 /* ---- Results ---- */
 
-// Writes a part of one output of the last solve, for images that are too large to be held at once: of an image of
-// `width` x `height` texels, those from the column `x` and the row `y` that `image` has room for. Rows are counted in
-// the order of image->origin. On the CPU the parts are, bit by bit, those of the whole image. A redirection that is
-// one_to_one depends on the whole map, and cannot be had in parts: fetch it whole.
+// Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
+// image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
+// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit. A
+// redirection with one_to_one depends on the whole map and must be fetched whole.
 //
-// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside of the whole;
+// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image;
 // VRTM_ERROR_UNSUPPORTED for a redirection with image->one_to_one, unless the part is the whole.
 VRTM_API
 vrtm_status vrtm_tile_fetch_part(vrtm_tile tile,
@@ -1197,16 +1210,16 @@ vrtm_status vrtm_tile_fetch_part(vrtm_tile tile,
                                  uint32_t width,
                                  uint32_t height);
 
-// The same of a UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+// As vrtm_asset_fetch_corner_uvs, for any UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
 //
-// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT if there is no such set.
+// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set.
 VRTM_API
 vrtm_status vrtm_asset_fetch_corner_uvs_of_set(vrtm_asset asset,
                                                uint32_t uv_set,
                                                float *uvs,
                                                size_t count);
 
-// A redirection map that may be fetched. Start from vrtm_map_desc_init().
+// The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
 typedef struct vrtm_map_desc {
     // sizeof(vrtm_map_desc); set by vrtm_map_desc_init().
     uint32_t struct_size;
@@ -1222,40 +1235,42 @@ typedef struct vrtm_map_desc {
     uint32_t one_to_one;
 } vrtm_map_desc;
 
-// What a redirection map gives when it is read with bilinear interpolation. Errors are lengths in UV: times the size of
-// a texture they are texels of it. Start from vrtm_map_data_init().
+// How accurate a redirection map is when it is read with bilinear interpolation. Errors are lengths in UV; multiply
+// them by a texture's size to get its texels. Start from vrtm_map_data_init().
 typedef struct vrtm_map_data {
     // sizeof(vrtm_map_data); set by vrtm_map_data_init().
     uint32_t struct_size;
-    // Quads of four neighbouring texel centres on which the interpolated map is not one-to-one, in the numbers that a
-    // fetch writes: 0 certifies that it is everywhere between the centres of the tile's outermost texels. More than 0
-    // for a map with one_to_one: its numbers are too coarse for its size, and nothing was moved.
+    // Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
+    // not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
+    // texels. If a map with one_to_one has more than 0, its format is too coarse for its size, and no value was moved.
     uint64_t folds;
     // Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
     double min_jacobian;
-    // Root of the mean square error over the tile's charts, against the redirection itself.
+    // Root mean square error over the tile's charts, relative to the exact redirection.
     double error_rms;
     // 99th percentile of the error over the charts, rounded up by at most one percent.
     double error_p99;
     // Largest error in the charts.
     double error_max;
-    // A size at which the map has no folds: this one, or else the first of twice and four times it, a half, a quarter
-    // and so on of it; 0 if there is none. Larger maps often have more folds; one_to_one leaves none at any size if
-    // the numbers are fine enough: f32, or f16 of the delta unless what moves far is squeezed.
+    // Width at which the map has no folds: the given size, or the first that works of two and four times that size,
+    // then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds; one_to_one removes
+    // all folds at any size if the format is precise enough: f32, or f16 for REDIRECTION_DELTA unless a region moves
+    // far and is squeezed.
     uint32_t sufficient_width;
-    // The same in v.
+    // Height at which the map has no folds; see `sufficient_width`.
     uint32_t sufficient_height;
 } vrtm_map_data;
 
-// Looks at the map that a vrtm_tile_fetch of this kind, size and format would write of the last result. A warp without
-// folds has an inverse without folds, but a map holds that at texel centres only, and what a renderer interpolates
-// between them may fold where the warp squeezes. This tells whether it does, how far it is from the redirection, and
-// which size suffices. It takes about as long as fetching the map and one of twice its or the grid's size, and more if
-// it has to look for another size. A map with one_to_one is counted as it is written. Others are computed on the CPU:
-// where a GPU writes them, single quads that all but fold may count otherwise.
+// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A warp
+// without folds has an inverse without folds, but a map samples the inverse at texel centres only, and a renderer's
+// interpolation between them may fold where the warp squeezes. This function reports whether it folds, how far it is
+// from the exact redirection, and which size suffices. It takes about as long as fetching the map and a second map of
+// twice its size or the grid's, and longer if it has to search for another size. With one_to_one, the map is inspected
+// exactly as it would be written. Other maps are computed on the CPU: if a GPU writes them, single quads that almost
+// fold may be counted differently.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is no redirection, or a size
+// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
 // out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
@@ -1264,9 +1279,9 @@ vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
 
 /* ---- Solve ---- */
 
-// Cancels the solve of an asset that is under way, be it another thread's call or a job: it gives VRTM_ERROR_CANCELLED
-// soon after, and the last good result stays. One that has its result already is not cancelled any more. Without a
-// solve it does nothing. Never busy.
+// Cancels the solve of an asset that is in progress, whether another thread's call or a job: it soon gives
+// VRTM_ERROR_CANCELLED, and the last good result stays. A solve that already has its result is not cancelled. Does
+// nothing if no solve is in progress. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE.
 VRTM_API
@@ -1274,7 +1289,7 @@ vrtm_status vrtm_asset_cancel(vrtm_asset asset);
 
 /* ---- Jobs ---- */
 
-// For vrtm_job_wait: as long as it takes.
+// For vrtm_job_wait: wait as long as it takes.
 #define VRTM_FOREVER UINT32_MAX
 
 // What a job is doing.
@@ -1283,10 +1298,10 @@ typedef int32_t vrtm_job_state;
 // It has not begun, or is under way.
 #define VRTM_JOB_RUNNING 0
 
-// It is over: vrtm_job_data.status says how it ended.
+// It has ended: vrtm_job_data.status says how.
 #define VRTM_JOB_DONE 1
 
-// How far a job is. Start from vrtm_job_data_init().
+// The state and progress of a job. Start from vrtm_job_data_init().
 typedef struct vrtm_job_data {
     // sizeof(vrtm_job_data); set by vrtm_job_data_init().
     uint32_t struct_size;
@@ -1294,21 +1309,21 @@ typedef struct vrtm_job_data {
     vrtm_job_state state;
     // How it ended: VRTM_OK or an error; VRTM_OK while it is running.
     vrtm_status status;
-    // The fraction (0..1) that is done, by prediction. It never falls.
+    // Predicted fraction (0..1) of the work that is done; it never decreases.
     float progress;
-    // Milliseconds since it was submitted, until it was done.
+    // Milliseconds from submission until now, or until the job ended.
     float ms;
 } vrtm_job_data;
 
-// Begins to solve an asset for a pose, and returns at once: the host may go on drawing. Positions and options are
-// copied; otherwise all is as with vrtm_asset_solve. `*job` is the caller's to destroy.
+// Begins to solve an asset for a pose, and returns at once, so that the host can keep drawing. Positions and options
+// are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`.
 //
-// Until the job is done, it has the asset for itself: calls that solve or change it give VRTM_ERROR_BUSY, and results
-// and reports are those of the last solve. A job keeps what it needs alive: destroying the asset cancels it, destroying
-// the device does nothing to it. It runs on a thread of its own, which ends with the job, or in the host's queue, if
-// the device has an executor with `spawn`.
+// Until the job is done, it has exclusive use of the asset: calls that solve or change the asset give VRTM_ERROR_BUSY,
+// and results and reports are those of the last solve. A job keeps what it needs alive: destroying the asset cancels
+// it, destroying the device does not affect it. It runs in the host's queue if the device has an executor with
+// `spawn`, and otherwise on a thread of its own, which ends with the job.
 //
-// Errors: those of vrtm_asset_solve, but for what only comes up while solving, which vrtm_job_wait tells of;
+// Errors: those of vrtm_asset_solve, except those that occur while solving, which vrtm_job_wait returns;
 // VRTM_ERROR_INVALID_ARGUMENT if `job` is null; VRTM_ERROR_OUT_OF_MEMORY, also if no thread can be started.
 VRTM_API
 vrtm_status vrtm_asset_submit(vrtm_asset asset,
@@ -1316,10 +1331,10 @@ vrtm_status vrtm_asset_submit(vrtm_asset asset,
                               const vrtm_solve_options *options,
                               vrtm_job *job);
 
-// Waits until a job is done, for at most so many milliseconds; 0 only looks, VRTM_FOREVER waits as long as it takes.
-// Any number of threads may wait, and each may wait again afterwards.
+// Waits until a job is done, for at most `timeout_ms` milliseconds; 0 returns at once, VRTM_FOREVER waits as long as
+// it takes. Any number of threads may wait, and each may wait again afterwards.
 //
-// A job that no thread has begun by then is done by the first thread that waits for it as long as it takes.
+// If no thread has begun the job yet, the first thread that waits with VRTM_FOREVER does its work.
 //
 // Returns what vrtm_asset_solve would have returned, with its message: VRTM_OK once the result can be read;
 // VRTM_ERROR_CANCELLED after a cancel; VRTM_ERROR_TIMEOUT if the job is not done yet. Errors:
@@ -1328,22 +1343,22 @@ VRTM_API
 vrtm_status vrtm_job_wait(vrtm_job job,
                           uint32_t timeout_ms);
 
-// How far a job is. Never waits.
+// Gets the state and progress of a job. Never waits.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
 VRTM_API
 vrtm_status vrtm_job_progress(vrtm_job job,
                               vrtm_job_data *data);
 
-// Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. One that has
-// its result already ends as it would have. Never waits.
+// Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. A job that
+// already has its result ends normally. Never waits.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE.
 VRTM_API
 vrtm_status vrtm_job_cancel(vrtm_job job);
 
-// Ends a job's handle. A job that is not done is cancelled, and this waits for its end, and for that of its thread:
-// after it nothing of the job is left. Destroy all jobs before the library is unloaded.
+// Destroys a job. A job that is not done is cancelled. The call waits until the job and its thread have ended. Destroy
+// all jobs before the library is unloaded.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the job's
 // work, as in its own progress function.
@@ -1352,8 +1367,8 @@ vrtm_status vrtm_job_destroy(vrtm_job job);
 
 /* ---- Reports ---- */
 
-// One distribution of strain: deformed length over rest length, minus 1, of segments that are fixed in the texture. A
-// plain value that never grows.
+// Statistics of strain: deformed length over rest length, minus 1, of segments that are fixed in the texture. A plain
+// value that never grows.
 typedef struct vrtm_strain {
     // Root of the mean square.
     float rms;
@@ -1381,14 +1396,14 @@ typedef struct vrtm_tile_report_data {
     uint32_t grid_width;
     // Cells of the grid in v.
     uint32_t grid_height;
-    // Energy of the identity, summed over the charts that were solved or reused; 0, as that of the result, where a time
-    // budget left no time to compute it.
+    // Energy of the identity, summed over the charts that were solved or reused. It and `energy` are 0 if a time
+    // budget left no time to compute them.
     double energy_before;
     // Energy of the result.
     double energy;
-    // Smallest corner Jacobian of the result (1 at rest), found in double precision (on a GPU in single precision,
-    // less a bound of the rounding: never more than the true one): greater than 0 certifies that the warp is
-    // one-to-one and onto.
+    // Smallest corner Jacobian of the result (1 at rest), computed in double precision (on a GPU in single precision
+    // minus a bound of the rounding error, so never too large): greater than 0 certifies that the warp is one-to-one
+    // and onto.
     double min_jacobian;
     // Corner Jacobians that are not greater than 0: always 0 from VRTM_SOLVER_DESCENT.
     uint64_t folds;
@@ -1396,8 +1411,8 @@ typedef struct vrtm_tile_report_data {
     float max_displacement;
     // 1 if the time budget ended the solve early.
     uint32_t truncated;
-    // 1 if the asset's last solve left the tile alone: it was frozen, not asked for, or touched by no dirty vertex. The
-    // other fields are then of the tile's own last solve.
+    // 1 if the asset's last solve skipped the tile: it was frozen, not requested, or touched by no dirty vertex. The
+    // other fields then describe the tile's own last solve.
     uint32_t kept;
     // Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     uint32_t welds_torn;
@@ -1407,7 +1422,7 @@ typedef struct vrtm_tile_report_data {
     uint32_t charts_active;
     // Charts that kept their last result because none of their inputs changed.
     uint32_t charts_reused;
-    // Charts that are the identity: nothing rigid, nothing movable, or deformed without any strain.
+    // Charts whose warp is the identity: nothing rigid, nothing movable, or deformed without strain.
     uint32_t charts_identity;
     // Charts that fell back to the identity because nothing better was found.
     uint32_t charts_fallback;
@@ -1415,20 +1430,20 @@ typedef struct vrtm_tile_report_data {
     uint32_t levels;
     // Blocks of 16 x 16 nodes that were visited on the finest level.
     uint64_t blocks_active;
-    // Blocks of the whole tile.
+    // All blocks of the tile.
     uint64_t blocks;
     // Movable nodes of the solved charts on the finest level.
     uint64_t nodes_active;
     // Relaxation sweeps, or iterations of VRTM_SOLVER_PBD, over all levels.
     uint32_t sweeps;
-    // Corrections, over all levels.
+    // Gauss-Newton corrections, over all levels.
     uint32_t corrections;
-    // Node updates by these, over all levels.
+    // Node updates by relaxation sweeps or iterations, over all levels.
     uint64_t node_updates;
     // Bytes held for this tile: maps, state, result.
     uint64_t bytes;
-    // Milliseconds: positions to triangles and their metrics. The stages' times are taken on the device; on a GPU
-    // without timestamps they are 0, and only the total is told.
+    // Milliseconds: positions to triangles and their metrics. The times of stages are measured on the device; on a GPU
+    // without timestamps they are 0, and only the total is known.
     float ms_surface;
     // Milliseconds: maps to grids; 0 unless a map or a setting changed.
     float ms_maps;
@@ -1444,13 +1459,13 @@ typedef struct vrtm_tile_report_data {
     float ms_pbd;
     // Milliseconds: the certificate.
     float ms_certify;
-    // Milliseconds: the latest inversion; not part of the total.
+    // Milliseconds: the latest inversion of the warp; not part of the total.
     float ms_invert;
-    // Milliseconds: the whole solve of this tile, less measuring.
+    // Milliseconds: the whole solve of this tile, without measuring strain.
     float ms_total;
-    // 1 if the solve was asked to measure: the fields below are set, and 0 otherwise. They speak of the segments
-    // between neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` of those
-    // that a border, an overlap or the mask fixes at both ends, and all others of the rest.
+    // 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
+    // neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the segments
+    // that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
     uint32_t measured;
     // Strain with the mesh's own UVs.
     vrtm_strain before;
@@ -1460,9 +1475,9 @@ typedef struct vrtm_tile_report_data {
     float harm;
     // Fraction of the segments whose strain fell by more than 0.10.
     float help;
-    // RMS strain of the segments that are fixed at both ends: the same with the warp and without. The RMS strain of all
-    // rigid segments is the root of (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with
-    // before.rms or after.rms.
+    // RMS strain of the segments that are fixed at both ends; the warp does not change it. The RMS strain of all rigid
+    // segments is the root of (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with before.rms
+    // or after.rms.
     float strain_fixed;
     // Segments that are not fixed at both ends.
     uint64_t edges;
@@ -1478,14 +1493,14 @@ typedef struct vrtm_asset_report_data {
     uint32_t tiles;
     // Tiles with at least one chart solved in the last call.
     uint32_t tiles_active;
-    // Tiles that the last call left alone: frozen, not asked for, or touched by no dirty vertex. Their charts count as
+    // Tiles that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their charts count as
     // reused.
     uint32_t tiles_kept;
     // Charts solved.
     uint32_t charts_active;
     // Charts that kept their last result because none of their inputs changed.
     uint32_t charts_reused;
-    // Charts that are the identity.
+    // Charts whose warp is the identity.
     uint32_t charts_identity;
     // Movable nodes of the solved charts.
     uint64_t nodes_active;
@@ -1495,15 +1510,15 @@ typedef struct vrtm_asset_report_data {
     uint64_t folds;
     // Bytes held for the asset.
     uint64_t bytes;
-    // Milliseconds of the last solve by the clock, less measuring.
+    // Wall-clock milliseconds of the last solve, without measuring strain.
     float ms_total;
     // 1 if the time budget ended a tile's solve early.
     uint32_t truncated;
-    // The median, over some thousand edges of the last pose, of their length as a multiple of that at rest. Over 3 or
-    // under 1/3, which the log warns of, the pose is most likely in other units, or its vertices in another order.
+    // Median ratio of posed length to rest length, over a few thousand edges. If it is over 3 or under 1/3, the log
+    // warns: the pose probably has other units, or its vertices are in another order.
     float median_stretch;
-    // The share of these edges, 0..1, that are more than 3 times as long as at rest. Over 0.05, which the log warns
-    // of, the pose's vertices are most likely in another order than the mesh's.
+    // Share (0..1) of these edges that are more than 3 times as long as at rest. If it is over 0.05, the log warns:
+    // the pose's vertices are probably in another order than the mesh's.
     float stretched_share;
 } vrtm_asset_report_data;
 
@@ -1531,21 +1546,20 @@ vrtm_status vrtm_asset_report(vrtm_asset asset,
 // least 16), or null if there is no memory. The bytes need not be zero.
 typedef void *(*vrtm_alloc_fn)(void *user, size_t size, size_t alignment);
 
-// A host's function that takes memory back, with the size and the alignment that it was asked for with. Never called
-// with null.
+// A host's function that frees memory, given the size and alignment of its allocation. Never called with null.
 typedef void (*vrtm_free_fn)(void *user, void *pointer, size_t size, size_t alignment);
 
-// A host's allocator, for all memory of a device whose size follows from input: meshes, maps, grids, results, a
-// solve's arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the
-// system, as does what a GPU's driver takes. Start from vrtm_allocator_init().
+// A host's allocator, for all memory of a device that is sized by user input: meshes, maps, grids, results, a solve's
+// arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the system,
+// as does the memory of a GPU's driver. Start from vrtm_allocator_init().
 //
 // Both functions are called on any thread that works in a call, also by several at once. They must return normally
 // (no exception, no longjmp) and must not call vrtm. They and `user` must stay valid until the device and all of its
 // assets are destroyed; by then everything has been freed.
 //
 // If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY: nothing was written, the asset is as it was,
-// and the call may be made again. Memory that the code for GPUs takes on its own comes from the system where `alloc`
-// returns null.
+// and the call may be made again. Internal allocations of the GPU code fall back to the system if `alloc` returns
+// null.
 typedef struct vrtm_allocator {
     // sizeof(vrtm_allocator); set by vrtm_allocator_init().
     uint32_t struct_size;
@@ -1553,35 +1567,35 @@ typedef struct vrtm_allocator {
     vrtm_alloc_fn alloc;
     // Frees.
     vrtm_free_fn free;
-    // Passed to both as it is.
+    // Passed unchanged to both functions.
     void *user;
 } vrtm_allocator;
 
 /* ---- Images in memory of the host's GPU ---- */
 
-// What kind of handle a host has exported its memory as.
+// The kind of handle that a host has exported its memory as.
 typedef int32_t vrtm_external_kind;
 
 // A file descriptor from vkGetMemoryFdKHR with VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT: on Linux.
 #define VRTM_EXTERNAL_OPAQUE_FD 1
 
 // An NT handle from vkGetMemoryWin32HandleKHR with VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_WIN32_BIT: on Windows.
-// Written and compiled, but never run by the authors of this version.
+// Compiled, but never run by the authors of this version.
 #define VRTM_EXTERNAL_OPAQUE_WIN32 2
 
-// An output image in memory of the host's own Vulkan device: rows of texels, two 32-bit floats each, as a buffer holds
-// them that is drawn from or copied to an image (VK_FORMAT_R32G32_SFLOAT). Start from vrtm_external_image_init().
+// An output image in memory of the host's own Vulkan device: rows of texels of two 32-bit floats each, laid out as in
+// a buffer that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT). Start from
+// vrtm_external_image_init().
 //
 // The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
-// whose deviceUUID and driverUUID are those of the adapter (vrtm_adapter_data), which is what Vulkan demands of both
-// sides.
+// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_data), as Vulkan requires.
 typedef struct vrtm_external_image {
     // sizeof(vrtm_external_image); set by vrtm_external_image_init().
     uint32_t struct_size;
     // One of VRTM_EXTERNAL_. Required.
     vrtm_external_kind handle_kind;
-    // The file descriptor, or the handle's bits. It stays the caller's: the library imports a duplicate of a
-    // descriptor, so that the same one can be handed over again for the next frame, and the caller closes its own.
+    // The file descriptor, or the handle's bits. The caller keeps ownership: the library imports a duplicate of a
+    // descriptor, so that the same descriptor can be passed again for the next frame, and the caller closes it.
     uint64_t handle;
     // VkMemoryAllocateInfo::allocationSize of the memory. Required.
     uint64_t memory_size;
@@ -1595,30 +1609,30 @@ typedef struct vrtm_external_image {
     uint32_t height;
     // VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     vrtm_origin origin;
-    // Bytes from the memory's begin to the first texel of the first row, a multiple of 8.
+    // Bytes from the start of the memory to the first texel of the first row, a multiple of 8.
     uint64_t offset;
     // Bytes from one row to the next, a multiple of 8; 0 = tightly packed. Bytes between rows are not written.
     uint64_t row_stride;
 } vrtm_external_image;
 
 // Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
-// (vrtm_device_desc.adapter_by), without a way through the CPU. The texels are, bit by bit, those of vrtm_tile_fetch.
+// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_tile_fetch bit for
+// bit.
 //
-// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. The others are computed on the CPU and not offered
-// here, nor are f16, a third or fourth channel, one_to_one, parts of an image, images in VkImage, memory that is
-// dedicated to a resource, D3D12 resources, and semaphores: take vrtm_tile_fetch.
+// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. Other kinds are computed on the CPU and not supported
+// here; nor are f16, a third or fourth channel, one_to_one, parts of an image, VkImage, memory dedicated to a
+// resource, D3D12 resources or semaphores. Use vrtm_tile_fetch for these.
 //
-// Synchronisation: nothing on the host's device may use the texels while the call lasts. It returns when the GPU has
-// written them, so that the host needs no semaphore; work that the host submits afterwards reads them, once it has
-// acquired its buffer from VK_QUEUE_FAMILY_EXTERNAL as Vulkan has it (as vrtm releases it to that family), if its
-// sharing mode is exclusive. Where bytes of the buffer are to keep their content, the host releases it to that
-// family beforehand.
+// Synchronisation: nothing on the host's device may use the texels during the call. The call returns when the GPU has
+// written them, so that the host needs no semaphore. If the buffer's sharing mode is exclusive, the host first
+// acquires it from VK_QUEUE_FAMILY_EXTERNAL, to which vrtm releases it. To preserve other bytes of the buffer, the
+// host releases it to that family before the call.
 //
 // Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 // formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
-// naming the field, for an unknown value, a zero size, an offset or stride that is short or no multiple of 8, memory
-// that is too small, a handle that is no memory, or a memory type that holds no buffers. Nothing is written then.
-// After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
+// naming the field, for an unknown value, a zero size, an offset or stride that is too short or not a multiple of 8,
+// memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers. On
+// these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
                                      vrtm_fetch_kind kind,
@@ -1632,15 +1646,15 @@ typedef struct vrtm_refinement_desc {
     uint32_t struct_size;
     // The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
     uint32_t uv_set;
-    // Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048,
-    // half a texel of a texture of 1024. Half of it takes up to three times as many triangles.
+    // Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
+    // a texel of a texture of 1024. Halving it needs up to three times as many triangles.
     double tolerance;
-    // Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million more than
-    // the mesh has. Where there is no room for all, the largest errors are split first.
+    // Maximum number of triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million
+    // more than the mesh has. If the limit is reached, the largest errors are split first.
     uint64_t max_triangles;
 } vrtm_refinement_desc;
 
-// Sizes of a refinement, and what it came to. Start from vrtm_refinement_data_init().
+// Sizes and accuracy of a refinement. Start from vrtm_refinement_data_init().
 typedef struct vrtm_refinement_data {
     // sizeof(vrtm_refinement_data); set by vrtm_refinement_data_init().
     uint32_t struct_size;
@@ -1654,24 +1668,23 @@ typedef struct vrtm_refinement_data {
     uint64_t corners;
     // Triangles, a polygon of n corners counting as n - 2.
     uint64_t triangles;
-    // Bytes that it holds, beside the mesh and the results.
+    // Bytes held by the refinement, excluding the mesh and the results.
     uint64_t bytes;
     // The tolerance, in UV of a tile.
     double tolerance;
-    // Largest error, in UV of a tile, that was left in the result that it was last made or extended for.
+    // Largest remaining error, in UV of a tile, for the result that the refinement was created or last extended for.
     double error;
-    // 1 if that is within the tolerance; 0 if there was no room for more triangles.
+    // 1 if `error` is within the tolerance; 0 if max_triangles was reached before.
     uint32_t reached;
-    // Milliseconds that making it took, or extending it the last time.
+    // Milliseconds that the creation or the last extension took.
     float ms;
 } vrtm_refinement_data;
 
-// Where the pattern of a refinement is written: the caller's arrays, of which null ones are left out. From it a
-// host interpolates positions and all else that its vertices and corners have. Start from
-// vrtm_refinement_pattern_init().
+// Where to write the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern a host
+// interpolates positions and all other values per vertex or corner. Start from vrtm_refinement_pattern_init().
 //
-// Sources come in threes, with weights that add up to 1. What needs fewer than three has weight 0 for the rest,
-// which repeat the first.
+// Each vertex and corner has three sources, with weights that add up to 1. If fewer are needed, the others repeat the
+// first source with weight 0.
 typedef struct vrtm_refinement_pattern {
     // sizeof(vrtm_refinement_pattern); set by vrtm_refinement_pattern_init().
     uint32_t struct_size;
@@ -1681,37 +1694,37 @@ typedef struct vrtm_refinement_pattern {
     size_t face_count;
     // vrtm_refinement_data.corners: the room in the arrays by corner.
     size_t corner_count;
-    // Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their order, each with itself
-    // as its source.
+    // Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their original order, each its
+    // own source.
     uint32_t *vertex_sources;
-    // Three per vertex: what each of them weighs.
+    // Three per vertex: the weights of `vertex_sources`.
     float *vertex_weights;
-    // One per face: the face of the mesh that it lies in. They come in the order of the mesh's faces.
+    // One per face: the face of the mesh that contains it. Faces are sorted by the mesh's faces.
     uint32_t *face_sources;
-    // One per face: its number of corners. 3 for a part of a face; a face that was left alone keeps its own.
+    // One per face: its number of corners. 3 for a part of a face; an unsplit face keeps its number of corners.
     uint32_t *face_corners;
-    // One per corner: its vertex.
+    // One per corner: the index of its vertex.
     uint32_t *corner_vertices;
-    // Three per corner: corners of the mesh, of the triangle of the face that it lies in.
+    // Three per corner: corners of the mesh that form the triangle containing it.
     uint32_t *corner_sources;
-    // Three per corner: what each of them weighs.
+    // Three per corner: the weights of `corner_sources`.
     float *corner_weights;
-    // Two per corner: its original UV in the set, with the tile's offset. It is what its sources' UVs make.
+    // Two per corner: its original UV in the set, with the tile's offset: the weighted sum of its sources' UVs.
     float *corner_uvs;
 } vrtm_refinement_pattern;
 
-// Refines the mesh of an asset for its last result, for hosts that know UV sets only. Corner UVs of the mesh
-// itself recover less than the map where the mesh is coarser than what is painted on it: between corners a
-// renderer interpolates linearly. Here triangles are split until that is nowhere farther from the redirection than
-// the tolerance.
+// Refines the mesh of an asset for its last result, for hosts that support only UV sets. Where the mesh is coarser
+// than the painted detail, its own corner UVs recover less than the map, since a renderer interpolates linearly
+// between corners. Here triangles are split until the interpolated UV is nowhere farther from the redirection than the
+// tolerance.
 //
-// Edges are split at their middle, for all faces that have them, also across seams and borders of charts: no
-// cracks open, and no angle gets much smaller than half of the least one. A face that needs no split stays as it
-// is, a quadrilateral only if it keeps the tolerance whichever way a renderer cuts it. Where nothing moves,
-// nothing is split. The pattern depends on the result and on `desc` alone. `desc` may be null: the defaults.
+// Edges are split at their midpoints, in all faces that share them, also across seams and chart borders: no cracks
+// open, and no angle gets much smaller than half of the mesh's smallest one. A face that needs no split stays
+// unchanged; a quadrilateral stays whole only if it keeps the tolerance along either diagonal. Where nothing moves,
+// nothing is split. The pattern depends only on the result and on `desc`. `desc` may be null: the defaults.
 //
-// `*refinement` is the caller's to destroy. It keeps what it needs alive, the mesh and the last result among it,
-// and may be used when the asset is destroyed. Never busy: it reads the last good result, also during a solve.
+// The caller destroys `*refinement`. It keeps the data that it needs alive, including the mesh and the last result,
+// and may be used after the asset is destroyed. Never busy: it reads the last good result, even during a solve.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for
 // a UV set or a tolerance out of range, or if `refinement` is null; VRTM_ERROR_OUT_OF_MEMORY.
@@ -1720,17 +1733,18 @@ vrtm_status vrtm_refinement_create(vrtm_asset asset,
                                    const vrtm_refinement_desc *desc,
                                    vrtm_refinement *refinement);
 
-// Refines further, for the asset's last result. What was split stays split: a refinement that was extended for each
-// frame of a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces and corners
-// are numbered anew. vrtm_refinement_info tells the new sizes. Where all frames are to keep the tolerance, go round
-// them until the number of triangles stays: a split for one may push another slightly over it.
+// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame of
+// a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and corners
+// are renumbered. vrtm_refinement_info gives the new sizes. To keep the tolerance in all frames, repeat the pass over
+// the frames until the number of triangles no longer changes: a split for one frame may push another slightly over the
+// tolerance.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
 // VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
 VRTM_API
 vrtm_status vrtm_refinement_extend(vrtm_refinement refinement);
 
-// Sizes of a refinement, and what it came to. Never busy.
+// Gets the sizes and the accuracy of a refinement. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
 VRTM_API
@@ -1740,17 +1754,17 @@ vrtm_status vrtm_refinement_info(vrtm_refinement refinement,
 // Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
-// is not that of vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
+// differs from vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
 VRTM_API
 vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
                                           const vrtm_refinement_pattern *pattern);
 
-// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v),
-// with the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Every frame: solve,
-// then this. At corners of the mesh they are those of vrtm_asset_fetch_corner_uvs_of_set, bit by bit. `count` is
-// the number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
+// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v), with
+// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Call it after each frame's
+// solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs_of_set bit for bit. `count` is the
+// number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
 //
-// A pose that the refinement was not made or extended for may err by more than the tolerance.
+// For a pose that the refinement was not created or extended for, the error may exceed the tolerance.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `uvs` is null or `count` is not the number of
 // corners; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
@@ -1759,12 +1773,12 @@ vrtm_status vrtm_refinement_fetch_corner_uvs(vrtm_refinement refinement,
                                              float *uvs,
                                              size_t count);
 
-// Ends a refinement's handle. Calls that are using it run to their end, and the memory is freed then.
+// Destroys a refinement. Calls that are using it run to their end; the memory is freed afterwards.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API vrtm_status vrtm_refinement_destroy(vrtm_refinement refinement);
 
-/* ---- Initialisers: struct_size set, the defaults that are not zero, and all else zero ---- */
+/* ---- Initialisers: set struct_size and nonzero defaults; all else is zero ---- */
 
 #define VRTM_DEFINE_INIT_WITH_(type, defaults) \
     static inline type type##_init(void)       \
