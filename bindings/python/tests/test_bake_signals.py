@@ -84,6 +84,10 @@ def test_a_signal_leaves_whole_files_alone(
             asked = time.monotonic()
             (os.killpg if group else os.kill)(process.pid, number)
             _, told = process.communicate(timeout=30)
+            if count == 0 and process.returncode == -number:
+                # On a busy machine Python was still starting: the system ended it, before it could write anything.
+                assert not out.exists(), told
+                continue
             assert process.returncode == code, told
             assert "Traceback" not in told and f"ended by {number.name}" in told
             assert time.monotonic() - asked < 3
