@@ -261,7 +261,7 @@ struct Params {
     momentum: f32,
     /// The paper's solver: smoothing s of its eq. 4.
     smoothing: f32,
-    /// Weight theta of the pull towards the previous result; 0 where there is none.
+    /// Weight theta of the pull towards the previous result; 0 without a pull.
     pull: f32,
     /// 1 if the previous result is the identity, whatever stands in `anchor`.
     anchor_is_identity: u32,
@@ -313,7 +313,8 @@ struct Chart {
 
 /// A block. Blocks are named by their indices in the buffers of the same band.
 struct BlockRecord {
-    /// The 3x3 neighbour blocks of the same chart, the block itself in the middle; NONE where there is none.
+    /// The 3x3 neighbour blocks of the same chart, the block itself in the middle; NONE where the chart has
+    /// no block.
     neighbours: array<u32, 9>,
     /// The active ones of these blocks; NONE elsewhere.
     active_neighbours: array<u32, 9>,
@@ -323,7 +324,7 @@ struct BlockRecord {
     /// 1 if the block has a movable node.
     is_active: u32,
     /// The block of the next coarser level that holds the nodes at this block's even nodes; its neighbours on the side of
-    /// the quarter of it that this block is, along x, along y and across the corner; NONE where there is none.
+    /// the quarter of it that this block is, along x, along y and across the corner; NONE where that level has no block.
     parents: array<u32, 4>,
     /// One bit per parent: 1 if it has a movable node.
     active_parents: u32,
@@ -390,22 +391,22 @@ struct Request {
     texels_per_step: vec2f,
 }
 
-/// What the kernel `redirect` writes: a band of texel rows.
+/// A band of texel rows that the kernel `redirect` writes into the host's memory.
 struct RedirectRequest {
-    /// Texels of a row.
+    /// Texels per row.
     width: u32,
-    /// The band's first row, from v = 0 upward.
+    /// The band's first row, counted from v = 0 upward.
     row: u32,
-    /// Its rows.
+    /// Number of rows in the band.
     rows: u32,
-    /// The place of its first texel in the host's memory, in texels from the begin of the binding.
+    /// Index of the band's first texel in the host's memory, in texels from the start of the binding.
     first: u32,
-    /// From there to the texel of the next row, modulo 2^32.
+    /// Distance in the host's memory from a row to the next one, in texels, modulo 2^32.
     step: u32,
-    /// 1 = less the texel's centre.
+    /// 1 to write redirections as offsets from the texel's centre; 0 to write UVs.
     is_delta: u32,
-    /// Cells of the grid.
+    /// Number of the grid's cells along u and v.
     cells: array<u32, 2>,
-    /// What is added to values that are not less the centre: the tile's place.
+    /// The tile's lower left corner in UV space, which is added to UVs.
     origin: array<u32, 2>,
 }

@@ -1,17 +1,18 @@
-//! Devices and adapters.
+//! Devices.
 
 use std::ffi::{CString, c_char, c_void};
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
+use super::adapter::{adapter_id, vrtm_adapter_by};
 use super::allocator::{self, vrtm_allocator};
 use super::desc::{self, Out, Place, Sized32};
 use super::executor::{HostExecutor, vrtm_executor};
 use super::guard::guard;
 use super::handle::{self, vrtm_device};
 use super::status::{Failure, Outcome, chars, vrtm_status};
-use crate::device::{Device, adapters};
-use crate::settings::{AdapterId, Backend, DeviceSettings, LogFn, LogLevel};
+use crate::device::Device;
+use crate::settings::{Backend, DeviceSettings, LogFn, LogLevel};
 
 /// Where assets are solved.
 pub type vrtm_backend = i32;
@@ -22,19 +23,6 @@ pub const VRTM_BACKEND_AUTO: vrtm_backend = 0;
 pub const VRTM_BACKEND_CPU: vrtm_backend = 1;
 /// The GPU that vrtm_device_desc selects, even a software driver; never falls back to the CPU.
 pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
-
-/// How vrtm_device_desc names a GPU.
-pub type vrtm_adapter_by = i32;
-/// By its number, vrtm_device_desc.adapter; the default.
-pub const VRTM_ADAPTER_BY_NUMBER: vrtm_adapter_by = 0;
-/// By its UUID, 16 bytes: VkPhysicalDeviceIDProperties::deviceUUID of the host's own VkPhysicalDevice.
-pub const VRTM_ADAPTER_BY_UUID: vrtm_adapter_by = 1;
-/// By its LUID, 8 bytes: the host's DXGI_ADAPTER_DESC1::AdapterLuid, ID3D12Device::GetAdapterLuid(), or, on Windows,
-/// VkPhysicalDeviceIDProperties::deviceLUID. A GPU that is listed both for Vulkan and for Direct3D 12 is used through
-/// the first of the two.
-pub const VRTM_ADAPTER_BY_LUID: vrtm_adapter_by = 2;
-/// By its registry ID, 8 bytes: the number MTLDevice.registryID.
-pub const VRTM_ADAPTER_BY_REGISTRY_ID: vrtm_adapter_by = 3;
 
 /// How important a log line is.
 pub type vrtm_log_level = i32;
@@ -105,44 +93,8 @@ pub struct vrtm_device_data {
     pub bytes_held: u64,
 }
 
-/// A GPU that a device can be made on. Start from vrtm_adapter_data_init().
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_adapter_data {
-    /// sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
-    pub struct_size: u32,
-    /// 1 for an adapter that is emulated on the CPU (or does not identify as hardware): VRTM_BACKEND_AUTO never chooses
-    /// it. 0 otherwise.
-    pub software: u32,
-    /// The adapter's name, UTF-8.
-    pub name: [c_char; 128],
-    /// The driver's name and version, UTF-8.
-    pub driver: [c_char; 128],
-    /// The graphics interface it is driven through: "Vulkan", "Direct3D 12" or "Metal".
-    pub api: [c_char; 16],
-    /// PCI vendor ID; 0 if the interface does not report it.
-    pub vendor: u32,
-    /// PCI device ID of the vendor; 0 if the interface does not report it.
-    pub device: u32,
-    /// Place on the PCI bus, domain:bus:device.function, hexadecimal; empty if the interface does not report it.
-    pub pci_bus: [c_char; 32],
-    /// 1 if `uuid` and `driver_uuid` are known: through Vulkan. 0 otherwise.
-    pub has_uuid: u32,
-    /// VkPhysicalDeviceIDProperties::deviceUUID: the same for this GPU in all programs.
-    pub uuid: [u8; 16],
-    /// VkPhysicalDeviceIDProperties::driverUUID: a host's memory can be imported (vrtm_tile_fetch_external) if both
-    /// UUIDs equal those of its own device.
-    pub driver_uuid: [u8; 16],
-    /// 1 if `luid` is known: on Windows. 0 otherwise.
-    pub has_luid: u32,
-    /// The LUID of Direct3D and DXGI, in memory order.
-    pub luid: [u8; 8],
-    /// The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
-    pub registry_id: [u8; 8],
-}
-
-// SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function, as in the two structs
-// below.
+// SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function, as in the next
+// struct.
 unsafe impl Sized32 for vrtm_device_desc {
     const NAME: &'static str = "vrtm_device_desc";
 }
@@ -156,11 +108,6 @@ impl Default for vrtm_device_desc {
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_device_data {
     const NAME: &'static str = "vrtm_device_data";
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_adapter_data {
-    const NAME: &'static str = "vrtm_adapter_data";
 }
 
 /// A host's log function and its user data.
@@ -190,30 +137,6 @@ impl HostLog {
     }
 }
 
-fn adapter_id(desc: &vrtm_device_desc) -> Outcome<Option<AdapterId>> {
-    let id = desc.adapter_id;
-    let [mut first, mut second] = [[0; 8]; 2];
-    first.copy_from_slice(&id[..8]);
-    second.copy_from_slice(&id[8..]);
-    let (id, rest) = match desc.adapter_by {
-        VRTM_ADAPTER_BY_NUMBER => (None, &id[..]),
-        VRTM_ADAPTER_BY_UUID => (Some(AdapterId::Uuid(id)), &[][..]),
-        VRTM_ADAPTER_BY_LUID => (Some(AdapterId::Luid(first)), &second[..]),
-        VRTM_ADAPTER_BY_REGISTRY_ID => (Some(AdapterId::Registry(u64::from_ne_bytes(first))), &second[..]),
-        other => {
-            return Err(Failure::argument(format!("desc.adapter_by is {other}, no VRTM_ADAPTER_BY_ value")));
-        }
-    };
-    if rest.iter().any(|&byte| byte != 0) {
-        let at = 16 - rest.len();
-        return Err(Failure::argument(format!(
-            "desc.adapter_id: bytes from number {at} on are set, which desc.adapter_by, {}, does not have",
-            desc.adapter_by
-        )));
-    }
-    Ok(id)
-}
-
 unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     let backend = match desc.backend {
         VRTM_BACKEND_AUTO => Backend::Auto,
@@ -230,7 +153,7 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     Ok(DeviceSettings {
         backend,
         adapter: desc.adapter,
-        adapter_id: adapter_id(desc)?,
+        adapter_id: adapter_id(desc.adapter_by, desc.adapter_id)?,
         threads: NonZeroU32::new(desc.threads),
         memory_budget: (desc.memory_budget != 0).then_some(desc.memory_budget),
         log,
@@ -304,52 +227,6 @@ pub unsafe extern "C" fn vrtm_device_destroy(device: vrtm_device) -> vrtm_status
     guard("vrtm_device_destroy", || handle::remove_device(device))
 }
 
-/// Number of GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits,
-/// through Vulkan, Direct3D 12 or Metal. Hardware is listed before software, discrete before integrated; the order is
-/// stable as long as the machine and its drivers do not change. 0 without a GPU or a driver. Each call loads the
-/// drivers, which takes tens of milliseconds.
-///
-/// Errors: VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
-    guard("vrtm_adapter_count", || {
-        let out = Place::new(count, "count")?;
-        out.write(u32::try_from(adapters().len()).unwrap_or(u32::MAX));
-        Ok(())
-    })
-}
-
-/// Describes adapter `index`, 0 <= index < vrtm_adapter_count. Takes as long as vrtm_adapter_count.
-///
-/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_adapter_info(index: u32, info: *mut vrtm_adapter_data) -> vrtm_status {
-    guard("vrtm_adapter_info", || {
-        let out = Out::new(info, "info")?;
-        let all = adapters();
-        let adapter = all.get(index as usize).ok_or_else(|| {
-            Failure::argument(format!("index is {index}, but the number of adapters is {}", all.len()))
-        })?;
-        out.write(vrtm_adapter_data {
-            struct_size: 0,
-            software: u32::from(adapter.software),
-            name: chars(&adapter.name),
-            driver: chars(&adapter.driver),
-            api: chars(adapter.api),
-            has_uuid: u32::from(adapter.uuid.is_some()),
-            has_luid: u32::from(adapter.luid.is_some()),
-            uuid: adapter.uuid.unwrap_or_default(),
-            driver_uuid: adapter.driver_uuid.unwrap_or_default(),
-            luid: adapter.luid.unwrap_or_default(),
-            registry_id: adapter.registry_id.unwrap_or_default().to_ne_bytes(),
-            vendor: adapter.vendor,
-            device: adapter.device,
-            pci_bus: chars(&adapter.pci_bus),
-        });
-        Ok(())
-    })
-}
-
 #[cfg(all(test, feature = "gpu"))]
 mod tests {
     use std::ffi::CStr;
@@ -366,14 +243,6 @@ mod tests {
     use super::super::types::{VRTM_SCALAR_F32, vrtm_array};
     use super::*;
     use crate::device::tests::{asset, gpu};
-
-    fn sized<T: Sized32>() -> T {
-        // SAFETY: all zeros is a valid value (trait contract).
-        let mut value: T = unsafe { std::mem::zeroed() };
-        // SAFETY: the first field is `struct_size: u32` (trait contract).
-        unsafe { (&raw mut value).cast::<u32>().write(size_of::<T>() as u32) };
-        value
-    }
 
     #[test]
     fn a_lost_gpu_is_a_status_of_its_own_and_handles_still_end() {
@@ -400,7 +269,7 @@ mod tests {
             assert_eq!(vrtm_asset_tile(made, 0, &mut tile), VRTM_OK);
             said(vrtm_tile_set_mask(tile, std::ptr::null()), "vrtm_tile_set_mask");
             let points = [0.0f32; 18];
-            let mut positions: vrtm_array = sized();
+            let mut positions: vrtm_array = Sized32::zeroed();
             positions.data = points.as_ptr().cast();
             positions.count = 6;
             positions.format = VRTM_SCALAR_F32;
@@ -412,14 +281,14 @@ mod tests {
             let mut uvs: vrtm_array = positions;
             uvs.count = 3;
             let indices = [0u32, 1, 2];
-            let mut mesh: super::super::mesh::vrtm_mesh_desc = sized();
+            let mut mesh: super::super::mesh::vrtm_mesh_desc = Sized32::zeroed();
             (mesh.positions, mesh.uvs) = (&positions, &uvs);
             (mesh.indices, mesh.index_count) = (indices.as_ptr(), 3);
             let mut other = vrtm_asset { id: 77 };
             said(vrtm_asset_create(device, &mesh, &mut other), "vrtm_asset_create");
             assert_eq!(other.id, 77);
 
-            let mut info: vrtm_device_data = sized();
+            let mut info: vrtm_device_data = Sized32::zeroed();
             assert_eq!(vrtm_device_info(device, &mut info), VRTM_OK);
             assert_eq!(info.backend, VRTM_BACKEND_GPU);
             assert!(CStr::from_ptr(info.reason.as_ptr()).to_str().unwrap().contains(" is lost: "));
@@ -427,29 +296,7 @@ mod tests {
             assert_eq!(vrtm_device_destroy(device), VRTM_OK);
             said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
             assert_eq!(vrtm_asset_destroy(made), VRTM_OK);
-            assert_eq!(vrtm_asset_report(made, &mut sized()), VRTM_ERROR_INVALID_HANDLE);
-        }
-    }
-
-    #[test]
-    fn every_adapter_is_described() {
-        let mut count = 77;
-        // SAFETY: the pointers point to living memory.
-        unsafe {
-            assert_eq!(vrtm_adapter_count(&mut count), VRTM_OK);
-            for (index, adapter) in adapters().iter().enumerate() {
-                let mut info: vrtm_adapter_data = sized();
-                assert_eq!(vrtm_adapter_info(index as u32, &mut info), VRTM_OK);
-                assert_eq!(info.software == 1, adapter.software);
-                let text = [&info.name[..], &info.driver, &info.api]
-                    .map(|text| CStr::from_ptr(text.as_ptr()).to_str().unwrap());
-                assert_eq!(text, [&adapter.name, &adapter.driver, adapter.api]);
-            }
-            let mut info: vrtm_adapter_data = sized();
-            assert_eq!(
-                vrtm_adapter_info(count, &mut info),
-                super::super::status::VRTM_ERROR_INVALID_ARGUMENT
-            );
+            assert_eq!(vrtm_asset_report(made, &mut Sized32::zeroed()), VRTM_ERROR_INVALID_HANDLE);
         }
     }
 }

@@ -9,6 +9,7 @@
 #![allow(clippy::missing_safety_doc)] // The contract of all pointers stands once, at the head of the header.
 #![allow(rustdoc::broken_intra_doc_links)] // The comments are C: `indices[k]` there is an array's element.
 
+pub mod adapter;
 pub mod allocator;
 pub mod asset;
 mod desc;

@@ -22,23 +22,23 @@ use crate::image::external::ExternalTexels;
 mod import;
 
 structs! {
-    /// What the kernel `redirect` writes: a band of texel rows.
+    /// A band of texel rows that the kernel `redirect` writes into the host's memory.
     pub struct RedirectRequest {
-        /// Texels of a row.
+        /// Texels per row.
         width: u32,
-        /// The band's first row, from v = 0 upward.
+        /// The band's first row, counted from v = 0 upward.
         row: u32,
-        /// Its rows.
+        /// Number of rows in the band.
         rows: u32,
-        /// The place of its first texel in the host's memory, in texels from the begin of the binding.
+        /// Index of the band's first texel in the host's memory, in texels from the start of the binding.
         first: u32,
-        /// From there to the texel of the next row, modulo 2^32.
+        /// Distance in the host's memory from a row to the next one, in texels, modulo 2^32.
         step: u32,
-        /// 1 = less the texel's centre.
+        /// 1 to write redirections as offsets from the texel's centre; 0 to write UVs.
         is_delta: u32,
-        /// Cells of the grid.
+        /// Number of the grid's cells along u and v.
         cells: [u32; 2],
-        /// What is added to values that are not less the centre: the tile's place.
+        /// The tile's lower left corner in UV space, which is added to UVs.
         origin: [u32; 2],
     }
 }

@@ -227,7 +227,7 @@ structs! {
         momentum: f32,
         /// The paper's solver: smoothing s of its eq. 4.
         smoothing: f32,
-        /// Weight theta of the pull towards the previous result; 0 where there is none.
+        /// Weight theta of the pull towards the previous result; 0 without a pull.
         pull: f32,
         /// 1 if the previous result is the identity, whatever stands in `anchor`.
         anchor_is_identity: u32,
@@ -280,7 +280,8 @@ structs! {
 
     /// A block. Blocks are named by their indices in the buffers of the same band.
     pub struct BlockRecord {
-        /// The 3x3 neighbour blocks of the same chart, the block itself in the middle; NONE where there is none.
+        /// The 3x3 neighbour blocks of the same chart, the block itself in the middle; NONE where the chart has
+        /// no block.
         neighbours: [u32; 9],
         /// The active ones of these blocks; NONE elsewhere.
         active_neighbours: [u32; 9],
@@ -290,7 +291,7 @@ structs! {
         /// 1 if the block has a movable node.
         is_active: u32,
         /// The block of the next coarser level that holds the nodes at this block's even nodes; its neighbours on the side of
-        /// the quarter of it that this block is, along x, along y and across the corner; NONE where there is none.
+        /// the quarter of it that this block is, along x, along y and across the corner; NONE where that level has no block.
         parents: [u32; 4],
         /// One bit per parent: 1 if it has a movable node.
         active_parents: u32,

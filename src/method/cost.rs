@@ -2,6 +2,7 @@
 //! GHz; the actual times on this machine are measured (`deadline`, `progress`).
 
 use crate::allocation::Collect;
+use crate::grid::Level;
 
 use super::plan::{Input, Plan};
 use super::stage::{Stage, Start};
@@ -19,7 +20,7 @@ const TYPICAL: f64 = 24.0;
 
 impl Costs {
     pub fn new(input: &Input, pbd: bool) -> Costs {
-        let active = |level: &crate::grid::Level| {
+        let active = |level: &Level| {
             let list = level.blocks.list.iter();
             list.filter(|block| block.active && input.charts[block.chart as usize]).count() as f64
         };
@@ -62,22 +63,26 @@ impl Costs {
         (0..level).map(start).sum::<f64>() + self.of(&Stage::Certify { allow_folds: self.pbd })
     }
 
+    /// The cost of a level's first step; 0 if the level has no steps.
+    pub fn first_step(&self, plan: &Plan, level: usize) -> f64 {
+        plan.step(level, 0, false).map_or(0.0, |step| self.of(&step))
+    }
+
     /// The cost of a result of the coarsest level.
     pub fn least(&self, plan: &Plan, coarsest: usize) -> f64 {
-        let step = plan.step(coarsest, 0, false).map_or(0.0, |step| self.of(&step));
         let before = self.of(&Stage::Surface) + self.of(&Stage::Pyramid);
         // The start of a warm solve is already a result.
         before
             + self.of(&plan.start(coarsest))
-            + if coarsest > 0 { step } else { 0.0 }
+            + if coarsest > 0 { self.first_step(plan, coarsest) } else { 0.0 }
             + self.result_of(coarsest)
     }
 
     /// The cost of the whole solve, if no chart is crowded.
     pub fn whole(&self, plan: &Plan, coarsest: usize) -> f64 {
         let steps = plan.pbd.map_or(1.0, |settings| f64::from(settings.iterations));
-        let step = |level| plan.step(level, 0, false).map_or(0.0, |step| steps * self.of(&step));
-        let levels = (0..=coarsest).map(|level| self.of(&plan.start(level)) + step(level));
+        let level = |level| self.of(&plan.start(level)) + steps * self.first_step(plan, level);
+        let levels = (0..=coarsest).map(level);
         self.of(&Stage::Surface) + self.of(&Stage::Pyramid) + levels.sum::<f64>() + self.result_of(0)
     }
 }

@@ -106,3 +106,58 @@ impl Deadline {
 fn within(end: Instant, seconds: f64) -> bool {
     seconds <= end.saturating_duration_since(Instant::now()).as_secs_f64()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A second of cost, in the unit of costs.
+    const SECOND: f64 = 1e6;
+
+    /// A budget so long that the test's own time does not matter.
+    fn hundred_seconds(pace: f64) -> Deadline {
+        Deadline::new(Instant::now(), Some(Duration::from_secs(100)), pace, false)
+    }
+
+    #[test]
+    fn a_prediction_needs_a_margin_to_fit_and_has_grace_before_it_is_over() {
+        let deadline = hundred_seconds(2.0);
+        assert!(deadline.fits(44.0 * SECOND));
+        // 96 seconds are less than the budget, but not by the margin.
+        assert!(!deadline.fits(48.0 * SECOND));
+        assert!(!deadline.is_over(58.0 * SECOND));
+        assert!(deadline.is_over(60.0 * SECOND));
+        let unlimited = Deadline::new(Instant::now(), None, 2.0, false);
+        assert!(unlimited.fits(f64::MAX) && !unlimited.is_over(f64::MAX));
+        assert!(unlimited.stop_before(1.0).is_none());
+    }
+
+    #[test]
+    fn measured_stages_replace_the_pace_of_earlier_solves() {
+        let mut deadline = hundred_seconds(1.0);
+        assert_eq!(deadline.learnt(), 1.0);
+        deadline.learn(SECOND, 4.0);
+        assert!((deadline.pace() - 4.0).abs() < 0.01, "{}", deadline.pace());
+        assert!(!deadline.fits(25.0 * SECOND));
+        // The next solves expect most of the slowness, or a part of the quickness.
+        assert!((deadline.learnt() - 3.1).abs() < 0.01, "{}", deadline.learnt());
+        let mut quick = hundred_seconds(4.0);
+        quick.learn(SECOND, 1.0);
+        assert!((quick.learnt() - 3.1).abs() < 0.01, "{}", quick.learnt());
+    }
+
+    #[test]
+    fn a_pace_that_lets_nothing_begin_recovers_unless_the_budget_is_hopeless() {
+        let mut slow = hundred_seconds(10.0);
+        let mut refused = 0;
+        while !slow.may_begin(20.0 * SECOND) {
+            refused += 1;
+            slow = hundred_seconds(slow.learnt());
+        }
+        // 200 seconds come down to the grace period's 117: 0.95^11 < 117 / 200 < 0.95^10.
+        assert_eq!(refused, 11);
+        let mut hopeless = hundred_seconds(10.0);
+        assert!(!hopeless.may_begin(200.0 * SECOND));
+        assert_eq!(hopeless.learnt(), 10.0);
+    }
+}

@@ -38,14 +38,12 @@ pub(crate) fn run(
             _ if warm => Stage::Start { level, from: Start::Previous },
             _ => Stage::Start { level, from: Start::Identity },
         };
-        if level == 0 && run.deadline.is_over(run.costs.result_of(0)) {
+        if level == 0 && run.deadline.is_over(run.costs.result_of(1)) {
             return run.give_up();
         }
         // The start of level 0 is part of making a result of any level.
-        if level > 0
-            && level < coarsest
-            && !run.has_time_for(&[Some(start), plan.step(level, 0, warm)], level)
-        {
+        let first = run.costs.of(&start) + run.costs.first_step(plan, level);
+        if level > 0 && level < coarsest && !run.has_time_for(first, level) {
             run.summary.truncated = true;
             break;
         }
@@ -57,7 +55,7 @@ pub(crate) fn run(
         }
     }
     for level in (0..reached).rev() {
-        if level == 0 && run.deadline.is_over(run.costs.result_of(0)) {
+        if level == 0 && run.deadline.is_over(run.costs.result_of(1)) {
             return run.give_up();
         }
         let from = if level > 0 { Start::Passing } else { Start::Coarser };
@@ -103,7 +101,7 @@ impl<S: Stages> Schedule<'_, S> {
     fn steps(&mut self, level: usize, warm: bool) {
         for n in 0.. {
             let Some(mut step) = self.plan.step(level, n, warm) else { return };
-            if !self.has_time_for(&[Some(step)], level) {
+            if !self.has_time_for(self.costs.of(&step), level) {
                 self.summary.truncated = true;
                 return;
             }
@@ -113,8 +111,8 @@ impl<S: Stages> Schedule<'_, S> {
                 // The last iteration does not predict, so it must be known beforehand to be the last.
                 Stage::Iterate { iteration, .. } => {
                     self.summary.sweeps += 1;
-                    let two = 2.0 * self.costs.of(&self.plan.step(level, 0, false).unwrap_or(Stage::GiveUp));
-                    if !iteration.last && !self.deadline.fits(two + self.costs.result_of(level)) {
+                    let two = 2.0 * self.costs.first_step(self.plan, level);
+                    if !iteration.last && !self.has_time_for(two, level) {
                         (iteration.last, iteration.regularise) = (true, true);
                         self.summary.truncated = true;
                     }
@@ -132,9 +130,8 @@ impl<S: Stages> Schedule<'_, S> {
         }
     }
 
-    /// True if there is time for stages of a level and for making a result of the level.
-    fn has_time_for(&self, stages: &[Option<Stage>], level: usize) -> bool {
-        let cost: f64 = stages.iter().flatten().map(|stage| self.costs.of(stage)).sum();
+    /// True if there is time for stages of this cost on a level and for making a result of the level.
+    fn has_time_for(&self, cost: f64, level: usize) -> bool {
         self.deadline.fits(cost + self.costs.result_of(level))
     }
 

@@ -830,6 +830,14 @@ typedef struct vrtm_device_data {
     uint64_t bytes_held;
 } vrtm_device_data;
 
+// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
+// was lost.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
+VRTM_API
+vrtm_status vrtm_device_info(vrtm_device device,
+                             vrtm_device_data *info);
+
 // A GPU that a device can be made on. Start from vrtm_adapter_data_init().
 typedef struct vrtm_adapter_data {
     // sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
@@ -863,14 +871,6 @@ typedef struct vrtm_adapter_data {
     // The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
     uint8_t registry_id[8];
 } vrtm_adapter_data;
-
-// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
-// was lost.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
-VRTM_API
-vrtm_status vrtm_device_info(vrtm_device device,
-                             vrtm_device_data *info);
 
 // Number of GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits,
 // through Vulkan, Direct3D 12 or Metal. Hardware is listed before software, discrete before integrated; the order is

@@ -7,7 +7,8 @@ use std::ffi::CStr;
 use std::os::fd::{FromRawFd, OwnedFd};
 
 use vrtm::ffi::{
-    asset::*, device::*, external::*, fetch::*, handle::*, mesh::*, solve::*, status::*, tile::*, types::*,
+    adapter::*, asset::*, device::*, external::*, fetch::*, handle::*, mesh::*, solve::*, status::*, tile::*,
+    types::*,
 };
 use vrtm::{
     AdapterId, Asset, Backend, Device, DeviceSettings, ErrorKind, ExternalHandle, ExternalImage, FetchKind,

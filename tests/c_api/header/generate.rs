@@ -4,12 +4,13 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 17] = [
+const SECTIONS: [&str; 18] = [
     "status",
     "handle",
     "types",
     "allocator",
     "executor",
+    "adapter",
     "device",
     "mesh",
     "asset",
