@@ -188,8 +188,8 @@ fn run_allocate(program: &Path, way: &str, rounds: &Path) {
 #[test]
 fn allocations_of_a_host_s_allocator_fail() {
     let program = build(&root().join("tests/host/allocate.c"), true);
-    run_allocate(&program, "cpu", &rounds(8, 3));
-    if gpu::has_gpu() {
+    run_allocate(&program, "cpu", &rounds(8, 1));
+    if gpu::has_gpu() && long::only("failures on a GPU") {
         run_allocate(&program, "gpu", &rounds(2, 1));
     }
 }
@@ -199,7 +199,7 @@ fn allocations_of_a_host_s_allocator_fail() {
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn allocations_of_the_system_fail() {
     let program = build(&root().join("tests/host/allocate_outside.c"), true);
-    run_allocate(&program, "interposed", &rounds(4, 2));
+    run_allocate(&program, "interposed", &rounds(4, 1));
     run_allocate(&program, "limited", Path::new("0"));
 }
 
@@ -280,12 +280,16 @@ fn misuse_under_valgrind() {
 
 #[test]
 fn jobs_under_valgrind() {
-    run_under_valgrind("job.c", true, &[Path::new("96")]);
+    if long::only("jobs under valgrind") {
+        run_under_valgrind("job.c", true, &[Path::new("96")]);
+    }
 }
 
 #[test]
 fn unload_under_valgrind() {
-    run_under_valgrind("unload.c", false, &[&library()]);
+    if long::only("unloading under valgrind") {
+        run_under_valgrind("unload.c", false, &[&library()]);
+    }
 }
 
 /// The C++ wrapper, hosts' contracts, the examples for hosts, and the code in the documents.

@@ -7,6 +7,14 @@ pub fn long() -> bool {
     std::env::var_os("VRTM_LONG_TESTS").is_some_and(|value| value == "1")
 }
 
+/// True in a long run. Otherwise a line says what is left out.
+pub fn only(what: &str) -> bool {
+    if !long() {
+        println!("without {what}; VRTM_LONG_TESTS=1 runs them");
+    }
+    long()
+}
+
 /// How many of `all` cases a sweep runs: all of them in a long run, otherwise `few`, and a line says so.
 pub fn cases(all: u64, few: u64, what: &str) -> u64 {
     if long() {

@@ -275,7 +275,7 @@ fn whole_solves_agree() {
             real: true,
         }));
     }
-    let cases = long::share(cases, 4, "solves");
+    let cases = long::share(cases, 8, "solves");
     let differences =
         format!("| {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}", "max", "99.9 %", "RMS", "E", "E of id.", "min J");
     println!("{:64} | {:53} | CPU with noise against CPU", "", "GPU against CPU");

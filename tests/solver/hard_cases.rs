@@ -13,7 +13,7 @@ use vrtm::{
 
 mod table;
 
-use crate::common::gpu;
+use crate::common::{gpu, long};
 use table::cases;
 
 /// No case takes a second on an idle machine; a busy one under a memory checker may need far longer. Only a hang
@@ -256,11 +256,11 @@ fn guarded<R: Send + 'static>(f: impl FnOnce() -> R + Send + 'static) -> Result<
     receive.recv_timeout(HANG).unwrap_or_else(|_| Err(format!("still running after {HANG:?}")))
 }
 
-/// Runs all cases and prints a line for each.
-fn each(run: impl Fn(Case) -> Option<TileReport> + Clone + Send + 'static) {
+/// Runs cases and prints a line for each.
+fn each(cases: Vec<Case>, run: impl Fn(Case) -> Option<TileReport> + Clone + Send + 'static) {
     let mut failed = Vec::new();
     println!("{:<44} {:>10} {:>10} {:>7} {:>7} {:>6}", "case", "E before", "E", "min J", "moved", "ms");
-    for case in cases() {
+    for case in cases {
         let name = case.name;
         let run = run.clone();
         match guarded(move || run(case)) {
@@ -282,7 +282,7 @@ fn each(run: impl Fn(Case) -> Option<TileReport> + Clone + Send + 'static) {
 
 #[test]
 fn each_ends_in_a_certified_result() {
-    each(|case| {
+    each(cases(), |case| {
         let (one, report) = case.run(1);
         let (two, _) = case.run(2);
         // Where a time budget ends the solve, the result is not a function of the inputs.
@@ -294,7 +294,7 @@ fn each_ends_in_a_certified_result() {
 #[test]
 fn each_ends_in_a_certified_result_on_a_gpu() {
     let Some(device) = gpu(&DeviceSettings::default()) else { return };
-    each(move |case| {
+    each(long::share(cases(), 5, "cases"), move |case| {
         let report = case.run_with(case.asset_on(&device).unwrap()).1;
         // Rounding decides in which direction a crushed sheet gives way; it decides neither the counts nor the energy
         // of the identity.

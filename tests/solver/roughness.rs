@@ -54,7 +54,7 @@ fn check(backend: &str, grid: u32, qualities: &[Quality], device: &Device) {
     let scenes = scenes::cases(&[], grid).unwrap();
     let of_scene = |case| qualities.iter().map(move |&quality| (case, quality));
     let cases: Vec<(&Case, Quality)> = scenes.iter().flat_map(of_scene).collect();
-    for (case, quality) in long::share(cases, 4, "scenes and qualities") {
+    for (case, quality) in long::share(cases, 8, "scenes and qualities") {
         let (mut asset, tile) = case.asset(device);
         let r = Roughness::of(&mut asset, tile, &case.model, case.frame, &options(quality));
         let line = format!(

@@ -148,9 +148,10 @@ fn the_lag_is_that_of_any_grid() {
             [0.0, 0.3].map(|weight| figures(&stateless, play(&model, &held(weight), grid)).lag);
         held - free
     };
-    let lags = [96, 128, 192].map(late);
+    let grids = long::share(vec![96, 192, 128], 2, "grids");
+    let lags: Vec<f64> = grids.into_iter().map(late).collect();
     println!("{lags:?}");
-    for lag in lags {
+    for lag in &lags {
         assert!((lag / lags[0] - 1.0).abs() < 0.2, "{lags:?}");
     }
 }
