@@ -4,6 +4,7 @@
 // Each test uses some of these items only.
 #![allow(dead_code, unused_imports)]
 
+pub mod features;
 mod files;
 mod gpu;
 pub mod long;

@@ -1,0 +1,101 @@
+//! Measures the error of each painted feature: inside of charts, at open borders and at seams. Writes a table.
+//!
+//!     cargo bench --bench features
+//!     cargo bench --bench features -- --grid 256 --scenes fox --qualities draft,normal
+
+#![allow(missing_docs)]
+
+#[path = "../../tests/common/mod.rs"]
+mod common;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use common::Model;
+use common::features::{CASES, Kind, Summary, models, solved};
+use vrtm::Quality;
+
+/// Measures the error of each painted feature.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// Scenes and assets; by default all.
+    #[arg(long, value_delimiter = ',')]
+    scenes: Vec<String>,
+    /// Cells on a side of the grids.
+    #[arg(long, default_value_t = 512)]
+    grid: u32,
+    /// draft, normal, high.
+    #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
+    qualities: Vec<String>,
+    /// Also write the table there.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Passed by `cargo bench` and not by `cargo test`; without it one small scene is measured.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> ExitCode {
+    let mut args = Args::parse();
+    if !args.bench {
+        args.grid = args.grid.min(64);
+        args.scenes = vec!["arm".into()];
+    }
+    match run(&args) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+const HEAD: &str = "| scene | quality | where | features | mean error before | after | over 0.05 before | after | worse by 0.02 |
+|---|---|---|---|---|---|---|---|---|
+";
+
+fn run(args: &Args) -> Result<(), String> {
+    let mut text = HEAD.to_owned();
+    print!("{HEAD}");
+    let models = models();
+    if let Some(name) = args.scenes.iter().find(|name| !models.iter().any(|model| model.name == **name)) {
+        return Err(format!("no scene or asset '{name}'"));
+    }
+    let wanted = |name: &str| args.scenes.is_empty() || args.scenes.iter().any(|scene| scene == name);
+    for (name, frame) in CASES.into_iter().filter(|case| wanted(case.0)) {
+        let Some(model) = models.iter().find(|model| model.name == name) else { continue };
+        for quality in &args.qualities {
+            let rows = rows(model, frame, quality, args.grid)?;
+            print!("{rows}");
+            text += &rows;
+        }
+    }
+    match &args.out {
+        Some(path) => std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display())),
+        None => Ok(()),
+    }
+}
+
+/// A line for each place at which the scene has features, on all of its tiles.
+fn rows(model: &Model, frame: usize, quality: &str, grid: u32) -> Result<String, String> {
+    let options = common::options(match quality {
+        "draft" => Quality::Draft,
+        "normal" => Quality::Normal,
+        "high" => Quality::High,
+        other => return Err(format!("--qualities {other}: neither draft, normal nor high")),
+    });
+    let features = solved(model, &model.frames[frame - 1], 0, grid, &options);
+    let mut rows = String::new();
+    for (kind, place) in [(Kind::Inner, "inside"), (Kind::Open, "open border"), (Kind::Seam, "seam")] {
+        let s = Summary::of(&features, kind);
+        if s.count > 0 {
+            rows += &format!(
+                "| {} {} | {quality} | {place} | {} | {:.4} | {:.4} | {} | {} | {} |\n",
+                model.name, frame, s.count, s.mean[0], s.mean[1], s.bad[0], s.bad[1], s.worse
+            );
+        }
+    }
+    Ok(rows)
+}
