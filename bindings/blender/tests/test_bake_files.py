@@ -225,7 +225,7 @@ class Files(Case):
                     with limited(100), self.assertRaisesRegex(RuntimeError, "damaged file .* removed"):
                         bpy.ops.vrtm.bake()
                     self.assertEqual(os.listdir(self.folder), [])
-                    # With room it is written anew.
+                    # With room it is written again.
                     self.put(NAME, good[:limit])
                     self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
                     self.assertEqual(self.content(), good)

@@ -336,7 +336,7 @@ class Life(Case):
             addon_utils.enable(EXTENSION)
             self.assertEqual(arm.object.vrtm.rigidity_image.name, "rigidity")
         if bpy.app.version >= (5, 0, 0):
-            # Reload Scripts, with the add-on's modules loaded anew. (As a module, Blender 4.2 crashes at its end after
+            # Reload Scripts, with the add-on's modules loaded again. (As a module, Blender 4.2 crashes at its end after
             # this, without any add-on, too.)
             bpy.ops.script.reload()
             self.assertEqual(len(ours()), len(part("handlers").HANDLERS))

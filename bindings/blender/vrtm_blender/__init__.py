@@ -30,7 +30,7 @@ REGISTERED = ("properties", "operators", "panel", "handlers")
 
 
 def register() -> None:
-    # After Reload Scripts Blender has loaded this file anew, but not those beside it.
+    # After Reload Scripts Blender has loaded this file again, but not those beside it.
     loaded = {name for name in NAMES if f"{__name__}.{name}" in sys.modules}
     for name in NAMES:
         module = importlib.import_module(f"{__name__}.{name}")

@@ -44,8 +44,8 @@ def keep_results() -> None:
 
 
 def _count_again(image: bpy.types.Image) -> None:
-    """Gives an image a user again if it has one in truth: Blender saves none whose count is 0. An assignment counts
-    anew; it takes no user away where the count says that there is none."""
+    """Gives an image a user again if something uses it: Blender does not save an image whose count of users is 0.
+    Assigning the image counts its users again; a count of 0 does not become negative."""
     for obj in bpy.data.objects:
         if obj.vrtm.image == image:
             obj.vrtm.image = image

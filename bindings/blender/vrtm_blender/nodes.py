@@ -45,11 +45,11 @@ def stale_groups(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
     return [tree for tree in groups_of(obj) if image_of(tree) != obj.vrtm.image]
 
 
-def update_groups(obj: bpy.types.Object, anew: bool) -> None:
-    """Builds the object's groups by image that have lost it; `anew`: all of them, after a change of the image's
+def update_groups(obj: bpy.types.Object, rebuild: bool) -> None:
+    """Builds the object's groups by image that have lost it; with `rebuild` all of them, after a change of the image's
     layout."""
     if not obj.vrtm.shows_baked:
-        for tree in groups_of(obj) if anew else stale_groups(obj):
+        for tree in groups_of(obj) if rebuild else stale_groups(obj):
             build_by_image(tree, obj.vrtm.image)
 
 
@@ -133,7 +133,7 @@ def remember(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
 
 
 def show_baked(obj: bpy.types.Object, path: str, first: int, number: int) -> None:
-    """Has the object's group read a sequence of baked files, from the file of frame `first` on, in the place of the
+    """Has the object's group read a sequence of baked files, from the file of frame `first` on, instead of the
     result image."""
     tree = group_by_image(obj)
     before = _baked_of(tree)

@@ -110,7 +110,7 @@ class VrtmSettings(bpy.types.PropertyGroup):
         items=[
             ("auto", "Automatic", "A GPU if there is one, and the CPU otherwise"),
             ("cpu", "CPU", "The processor"),
-            ("gpu", "GPU", "The first GPU; an error if there is none"),
+            ("gpu", "GPU", "The first GPU; an error if the machine has no GPU"),
         ],
         default="auto",
         update=_changed,

@@ -186,10 +186,10 @@ def own_image(obj: bpy.types.Object, layout: Layout) -> bpy.types.Image:
         image.generated_width, image.generated_height = layout.width, layout.height
     elif tuple(image.size) != (layout.width, layout.height):
         image.scale(layout.width, layout.height)
-    anew = list(image.get(LAYOUT, ())) != layout.numbers()
-    if anew:
+    rebuild = list(image.get(LAYOUT, ())) != layout.numbers()
+    if rebuild:
         image[LAYOUT] = layout.numbers()
-    nodes.update_groups(obj, anew)
+    nodes.update_groups(obj, rebuild)
     return image
 
 

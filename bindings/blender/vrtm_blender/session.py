@@ -163,7 +163,7 @@ def clear() -> None:
 
 
 def synchronous() -> bool:
-    """Whether a frame is to be solved at once, in the place of beside Blender's work."""
+    """Whether a frame is to be solved at once, instead of beside Blender's work."""
     return rendering or baking or (bpy.app.background and not live_in_background)
 
 

@@ -76,7 +76,7 @@ def _set_mask(state: State, new: maps.Map) -> None:
 
 
 def _set_rigidity(state: State, new: maps.Map) -> None:
-    # Kept again at the end: after a failure all of it is set anew.
+    # Kept again at the end: after a failure all of it is set again.
     before, state.painted = state.painted, {}
     if new.vertices is not None or not before:
         state.asset.set_vertex_rigidity(new.vertices)
@@ -87,7 +87,7 @@ def _set_rigidity(state: State, new: maps.Map) -> None:
         if image is None or old is None or image.shape != old.shape:
             tile.set_rigidity(image, **_origin(image))
             continue
-        # A stroke of a brush: what has changed is prepared anew, and nothing else.
+        # A stroke of a brush: only what has changed is prepared again.
         changed = image != old
         rows, columns = np.flatnonzero(changed.any(1)), np.flatnonzero(changed.any(0))
         if len(rows):

@@ -172,7 +172,7 @@ def test_a_binding_that_is_stronger_is_said(tmp_path: Path) -> None:
     stage.Save()
     _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"))
     assert warnings == [
-        "/world/one: a stronger binding keeps /world/looks/other in the place of /world/looks/other_one_redirected"
+        "/world/one: a stronger binding keeps /world/looks/other instead of /world/looks/other_one_redirected"
     ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Fingerprint:
-    """Collects what a content depends on. Paths, threads and the time are none of it."""
+    """Collects what the content of an output depends on: not paths, threads or the time."""
 
     def __init__(self) -> None:
         self._hash = hashlib.blake2b(digest_size=16)

@@ -29,7 +29,7 @@ class Output:
     """Channels of the file: as many, or all alike."""
     dtype: str
     one_to_one: bool
-    """Whether values next to a fold of the interpolated map are moved, so that there is none."""
+    """Whether values next to a fold of the interpolated map are moved, so that the map has no folds."""
 
     def image(self, tile, size: tuple[int, int]) -> np.ndarray:
         """(height, width, channels) of a tile that is solved, the first row at the top."""

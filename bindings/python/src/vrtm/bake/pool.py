@@ -36,7 +36,7 @@ class Jobs:
     """Bakes frames. A context manager: at its end nothing runs any more."""
 
     def __init__(self, settings: Settings, work: Work, jobs: int, threads: int, stop: Stop) -> None:
-        """`work` is used by a single job; several open the scene anew, with so many `threads` each."""
+        """A single job uses `work`. Of several jobs, each opens the scene itself and solves on `threads` threads."""
         self.stop = stop
         self._work = work
         self._sender: Connection | None = None

@@ -130,7 +130,7 @@ def _author(
             changes = True
         else:
             warnings.append(
-                f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} in the place of {material.GetPath()}"
+                f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} instead of {material.GetPath()}"
             )
     return changes
 

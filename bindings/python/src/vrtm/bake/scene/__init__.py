@@ -46,7 +46,7 @@ class Scene:
     @property
     def files(self) -> tuple[str, ...]:
         """The files that are read for the scene and exist, and the textures that its materials name: what no output
-        may replace. Those that vrtm wrote earlier are none of them."""
+        may replace. Files that vrtm wrote earlier do not count."""
         rest = self.options.rest
         if rest is None or not os.path.isfile(rest):
             return self._source.files

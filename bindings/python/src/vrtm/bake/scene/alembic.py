@@ -126,7 +126,7 @@ class AlembicMesh:
 
     def param(self, name: str, kinds: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, str] | None:
         """(values, elements, interpolation) of a geometry parameter at the first sample: value of entry k is
-        values[elements[k]]. None if there is none of these types."""
+        values[elements[k]]. None if no parameter of that name has one of these types."""
         group = self.schema.getArbGeomParams()
         header = group.getPropertyHeader(name) if group.valid() else None
         for kind in kinds if header else ():

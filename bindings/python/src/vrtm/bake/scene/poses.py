@@ -43,7 +43,7 @@ def _files(pattern: str) -> list[str]:
 
 
 def _sequence(pattern: str) -> dict[int, str] | None:
-    """Files by the number in the place of `####` or `%04d`; None if the pattern has neither."""
+    """Files by the number that stands where the pattern has `####` or `%04d`; None if it has neither."""
     folder, name = str(Path(pattern).parent), Path(pattern).name
     token = re.search(r"#+|%(0?)(\d*)d", name)
     if not token:

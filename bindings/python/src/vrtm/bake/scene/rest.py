@@ -10,7 +10,7 @@ from vrtm.bake.scene.types import SceneError
 
 def rest_from_file(file: str, path: str, counts: np.ndarray, indices: np.ndarray, points: int) -> np.ndarray:
     """(vertices, 3) of the mesh of `file` that has the same path, else the same name, else is its only one; at the
-    file's first frame. Raises SceneError if there is none, or its faces are not those of the mesh."""
+    file's first frame. Raises SceneError if no mesh fits, or its faces are not those of the mesh."""
     from vrtm.bake.scene.obj import read_obj
 
     if file.lower().endswith(".obj"):
