@@ -199,7 +199,7 @@ fn allocations_of_a_host_s_allocator_fail() {
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn allocations_of_the_system_fail() {
     let program = build(&root().join("tests/host/allocate_outside.c"), true);
-    run_allocate(&program, "interposed", &rounds(4, 1));
+    run_allocate(&program, "interposed", &rounds(4, 2));
     run_allocate(&program, "limited", Path::new("0"));
 }
 
