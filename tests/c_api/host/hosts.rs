@@ -9,7 +9,7 @@ fn build_with(source: &str, name: &str, options: &[&str], linked: bool) -> PathB
     let built = scratch().join(name);
     let mut command = Command::new(compiler("cpp"));
     command
-        .args(["-O1", "-g", "-Wall", "-Wextra", "-pedantic", "-Werror", "-pthread", "-fPIC"])
+        .args([optimisation(), "-g", "-Wall", "-Wextra", "-pedantic", "-Werror", "-pthread", "-fPIC"])
         .args(options);
     for folder in ["include", "tests/host"] {
         command.arg("-I").arg(root().join(folder));
@@ -42,6 +42,9 @@ fn the_wrapper_with_exceptions() {
 
 #[test]
 fn the_wrapper_without_exceptions() {
+    if !long::only("the wrapper's tests without exceptions") {
+        return;
+    }
     let options = [&["-std=c++17"][..], &WITHOUT_EXCEPTIONS].concat();
     let wrapper = build_with("tests/host/wrapper.cpp", "wrapper_without_exceptions", &options, true);
     check_cases(&run(&wrapper, &[]), 180);
@@ -49,6 +52,9 @@ fn the_wrapper_without_exceptions() {
 
 #[test]
 fn the_wrapper_as_cpp20() {
+    if !long::only("the wrapper as C++20") {
+        return;
+    }
     build_with("tests/host/wrapper.cpp", "wrapper_20", &["-std=c++20", "-c"], false);
     build_with("tests/host/wrapper_throws.cpp", "wrapper_throws_20", &["-std=c++20", "-c"], false);
     let options = [&["-std=c++20", "-c"][..], &WITHOUT_EXCEPTIONS].concat();

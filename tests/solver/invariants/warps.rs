@@ -4,7 +4,7 @@
 use vrtm::{Asset, Backend, Device, DeviceSettings, FetchKind, Quality};
 
 use super::fixed::fixed_nodes;
-use crate::common::{self, Model, Warp, fetch, on_all_cores, options};
+use crate::common::{self, Model, Warp, fetch, long, on_all_cores, options};
 
 /// A model that is solved and checked.
 struct Case<'a> {
@@ -137,9 +137,9 @@ fn crushed_sheets() {
 fn built_in_scenes() {
     use common::scenes::{arm, creature, mug_to_jug};
     let models = [mug_to_jug(), creature(), arm()].map(Model::from);
-    let sizes = [256, 512];
+    let sizes = long::share(vec![256, 512], 2, "sizes of grids");
     let cases: Vec<Case> =
-        models.iter().flat_map(|model| sizes.map(|grid| all_frames(model, grid))).collect();
+        models.iter().flat_map(|model| sizes.iter().map(|&grid| all_frames(model, grid))).collect();
     check(&cases);
 }
 
