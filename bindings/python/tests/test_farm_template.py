@@ -9,6 +9,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -117,7 +119,8 @@ def test_a_job_writes_what_a_local_run_does(farm: Farm, local: dict[str, bytes],
 def test_a_job_that_is_killed_and_run_again(farm: Farm, local: dict[str, bytes], tmp_path: Path, way: str) -> None:
     out = tmp_path / "out"
     process = farm.start(out)
-    while process.poll() is None and (not out.is_dir() or len(os.listdir(out)) < 3):
+    # Until all files of a frame are there, which the next run must leave alone.
+    while process.poll() is None and not any(names <= listed(out) for names in by_frame(local)):
         time.sleep(0.005)
     time.sleep(0.02)
     if way == "SIGTERM":
@@ -139,6 +142,19 @@ def test_a_job_that_is_killed_and_run_again(farm: Farm, local: dict[str, bytes],
     assert again.returncode == 0, told[-3000:]
     assert files(out) == local
     assert "files up to date" in told
+
+
+def listed(folder: Path) -> set[str]:
+    return set(os.listdir(folder)) if folder.is_dir() else set()
+
+
+def by_frame(names: Iterable[str]) -> list[set[str]]:
+    """The maps of each frame and tile, by their names: jacobian.0001.1001.exr."""
+    groups: dict[str, set[str]] = defaultdict(set)
+    for name in names:
+        if name.endswith(".exr"):
+            groups[name.split(".", 1)[1]].add(name)
+    return list(groups.values())
 
 
 def tree(root: int) -> list[int]:

@@ -154,7 +154,7 @@ class UsdMesh:
             raise SceneError(f"{self.where}: {name} has {error}") from error
 
     def _values(self, name: str | None, time: Usd.TimeCode) -> np.ndarray | None:
-        """(vertices,) of a primvar, the mean of its values where it is not one per vertex; None if the mesh has none."""
+        """(vertices,) of a primvar, the mean where it has more values than one per vertex; None if it is missing."""
         if name is None:
             return None
         primvar = UsdGeom.PrimvarsAPI(self._prim).FindPrimvarWithInheritance(name.removeprefix("primvars:"))
