@@ -137,7 +137,8 @@ fn a_host_fetches_all_kinds_of_maps() {
 #[test]
 #[cfg(target_os = "linux")]
 fn memory_goes_back_after_the_last_asset() {
-    run_host("memory.c", 40);
+    let rounds = long::cases(2, 1, "rounds").to_string();
+    run_host_with("memory.c", &[Path::new(&rounds)], 25);
 }
 
 #[test]
@@ -204,8 +205,10 @@ fn allocations_of_a_host_s_allocator_fail() {
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn allocations_of_the_system_fail() {
     let program = build(&root().join("tests/host/allocate_outside.c"), true);
-    run_allocate(&program, "interposed", &rounds(4, 2));
-    run_allocate(&program, "limited", Path::new("0"));
+    run_allocate(&program, "interposed", &rounds(4, 1));
+    if long::only("limits of address space") {
+        run_allocate(&program, "limited", Path::new("0"));
+    }
 }
 
 #[test]
@@ -247,6 +250,9 @@ fn the_readme_s_example_runs() {
 /// Checks every access and that all memory is freed, where valgrind is installed; otherwise it is skipped with a
 /// message.
 fn run_under_valgrind(file: &str, linked: bool, arguments: &[&Path]) {
+    if !long::only("hosts under valgrind") {
+        return;
+    }
     if Command::new("valgrind").arg("--version").output().is_err() {
         println!("skipped: valgrind is not installed");
         return;
@@ -280,23 +286,17 @@ fn smoke_under_valgrind() {
 
 #[test]
 fn misuse_under_valgrind() {
-    if long::only("misuse under valgrind") {
-        run_under_valgrind("misuse.c", true, &[]);
-    }
+    run_under_valgrind("misuse.c", true, &[]);
 }
 
 #[test]
 fn jobs_under_valgrind() {
-    if long::only("jobs under valgrind") {
-        run_under_valgrind("job.c", true, &[Path::new("96")]);
-    }
+    run_under_valgrind("job.c", true, &[Path::new("96")]);
 }
 
 #[test]
 fn unload_under_valgrind() {
-    if long::only("unloading under valgrind") {
-        run_under_valgrind("unload.c", false, &[&library()]);
-    }
+    run_under_valgrind("unload.c", false, &[&library()]);
 }
 
 /// The C++ wrapper, hosts' contracts, the examples for hosts, and the code in the documents.

@@ -28,7 +28,7 @@ fn dispatches(asset: &Asset) -> u64 {
 fn webgpu_s_limits_give_the_same_bits() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
     let limited = limited(None);
-    for scene in [common::scenes::creature(), common::scenes::arm()] {
+    for scene in long::share(vec![common::scenes::creature(), common::scenes::arm()], 2, "scenes") {
         let model = Model::from(scene);
         let [a, b] = [&device, &limited].map(|device| solve(device, &model, Quality::Normal));
         assert!(bits(&a) == bits(&b), "{}", model.name);
@@ -72,16 +72,13 @@ fn bands_give_the_same_bits() {
 /// right-hand side crosses bands.
 #[test]
 fn bands_of_two_levels_give_the_same_bits() {
-    if !common::has_gpu() {
+    if !common::has_gpu() || !long::only("bands of two levels") {
         return;
     }
     let model = Model::from(common::scenes::analytic::squash(0.4));
-    // A draft has corrections on the second level, too.
-    let quality = if long::long() { Quality::Normal } else { Quality::Draft };
-    println!("quality {quality:?}; VRTM_LONG_TESTS=1 takes Normal");
     let [a, b] = [None, Some(86)].map(|band| {
         let mut asset = model.asset_on(&limited(band), 320);
-        asset.solve(model.frame(1), &options(quality)).unwrap();
+        asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
         asset
     });
     assert!(dispatches(&b) > dispatches(&a));

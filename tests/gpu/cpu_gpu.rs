@@ -294,7 +294,8 @@ fn the_same_bits_every_time() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
     // On a crushed sheet the smallest difference would grow to a visible one.
     let models = [squash(0.1), Model::from(common::scenes::creature())];
-    for (model, quality) in models.iter().flat_map(|m| [Quality::Draft, Quality::Normal].map(|q| (m, q))) {
+    let cases = models.iter().flat_map(|m| [Quality::Draft, Quality::Normal].map(|q| (m, q))).collect();
+    for (model, quality) in long::share(cases, 3, "models and qualities") {
         let case = Case { model, frame: 1, grid: 128, quality, real: false };
         let mut first = solve(model, &model.frames[0], &device, &case);
         let report = |asset: &Asset| {

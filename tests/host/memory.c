@@ -59,8 +59,10 @@ static double use(vrtm_device device, uint32_t grid)
     return held;
 }
 
-int main(void)
+/* An argument says how many rounds, 2 without one. */
+int main(int count, char **arguments)
 {
+    const long rounds = count > 1 ? atol(arguments[1]) : 2;
     vrtm_device_desc desc = vrtm_device_desc_init();
     vrtm_device device;
     char detail[100];
@@ -68,7 +70,7 @@ int main(void)
     sheet_make(&s);
     succeeds("a device is made", vrtm_device_create(&desc, &device));
     const double before = resident();
-    for (int round = 0; round < 2; ++round) {
+    for (long round = 0; round < rounds; ++round) {
         const uint32_t sizes[3] = {256, GRID, 512};
         for (int k = 0; k < 3; ++k) {
             const double held = use(device, sizes[k]) - before, left = resident() - before;

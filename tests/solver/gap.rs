@@ -173,7 +173,7 @@ fn scenes() {
     squash.name = "squash to 40 %".into();
     let mut models = vec![squash, Model::from(scenes::mug_to_jug())];
     models.extend(common::analytic().into_iter().filter(|model| model.name != "strips"));
-    check(&long::share(cases(&models, true), 8, "scenes"));
+    check(&long::share(cases(&models, long::only("the thorough search")), 16, "scenes"));
 }
 
 #[test]

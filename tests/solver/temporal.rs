@@ -107,6 +107,7 @@ fn jitter_falls_and_lag_grows_with_the_weight() {
     models.extend(common::assets().into_iter().filter(|model| held_ones.contains(&model.name.as_str())));
     let weights: Vec<f32> =
         WEIGHTS.into_iter().filter(|&weight| long::long() || weight == 0.0 || weight == WEIGHT).collect();
+    let models = long::share(models, 3, "models");
     println!("{} of {} weights; VRTM_LONG_TESTS=1 shows all", weights.len(), WEIGHTS.len());
     let rows = on_all_cores(&models, |model| {
         let stateless = play(model, &SolveOptions::default(), 128);

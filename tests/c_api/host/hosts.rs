@@ -170,7 +170,8 @@ fn a_node_as_in_maya() {
     let options = [&["-std=c++17", "-shared"][..], &WITHOUT_EXCEPTIONS].concat();
     let plugin = build_with("tests/host/maya_plugin.cpp", "maya_plugin.so", &options, true);
     let host = build_with("tests/host/maya_node.cpp", "maya_node", &["-std=c++17"], false);
-    check_cases(&run(&host, &[&plugin]), 29);
+    let rounds = long::cases(100, 25, "rounds of loading and unloading").to_string();
+    check_cases(&run(&host, &[&plugin, Path::new(&rounds)]), 29);
 }
 
 #[test]
