@@ -41,9 +41,14 @@ const TRIES: usize = 4;
 fn a_budget_holds_from_the_first_solve_on() {
     let model = Model::from(scenes::analytic::squash(0.7));
     let device = common::cpu(0);
-    for grid in [512, 1024] {
+    let all = [2.0, 10.0, 50.0, 200.0, 800.0];
+    // The paper's solver takes no account of time within an iteration: what does not fit must not begin.
+    let cases =
+        [(Solver::Descent, 512, &all[..]), (Solver::Descent, 1024, &all), (Solver::Pbd, 512, &all[2..4])];
+    for (solver, grid, budgets) in cases {
+        let with_budget = |ms| SolveOptions { solver, ..with_budget(ms) };
         let mut used = prepared(&model, &device, grid);
-        for budget in [2.0, 10.0, 50.0, 200.0, 800.0] {
+        for &budget in budgets {
             let bound = 1.2 * budget + 5.0;
             let mut best = [f64::INFINITY; 2];
             for _ in 0..TRIES {
@@ -52,15 +57,17 @@ fn a_budget_holds_from_the_first_solve_on() {
                     // A result that was not cut short would be kept.
                     asset.solve(model.frame(1), &SolveOptions { warm: true, ..with_budget(1e-6) }).unwrap();
                     let (ms, report) = solve(asset, &model, &with_budget(budget));
-                    check(&report, &format!("{grid}, {budget} ms"));
+                    if solver == Solver::Descent {
+                        check(&report, &format!("{grid}, {budget} ms"));
+                    }
                     *best = best.min(ms);
                 }
                 if best.iter().all(|ms| *ms <= bound) {
                     break;
                 }
             }
-            println!("{grid}: {budget} ms: first {:.1}, later {:.1}", best[0], best[1]);
-            assert!(best.iter().all(|ms| *ms <= bound), "{grid}: {budget} ms took {best:?}");
+            println!("{solver:?} {grid}: {budget} ms: first {:.1}, later {:.1}", best[0], best[1]);
+            assert!(best.iter().all(|ms| *ms <= bound), "{solver:?} {grid}: {budget} ms took {best:?}");
         }
     }
 }
