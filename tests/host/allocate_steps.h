@@ -130,6 +130,9 @@ static vrtm_status solve(work *w, int frame, float apart, vrtm_quality quality, 
     options.warm = warm > 0;
     options.temporal_weight = warm;
     options.measure = (uint32_t)measure;
+    /* Memory is allocated in the first corrections and iterations alone; the others take most of the time. */
+    options.max_corrections = 2;
+    options.pbd.iterations = 2;
     return vrtm_asset_solve(w->asset, &points, &options);
 }
 
