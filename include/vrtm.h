@@ -1638,6 +1638,25 @@ vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
                                      vrtm_fetch_kind kind,
                                      const vrtm_external_image *image);
 
+/* ---- Dilation of textures ---- */
+
+// Writes what a texture must hold around a tile's charts, so that a lookup beside a seam shows what the surface shows
+// there: for each texel whose centre lies beside the charts, up to about `reach` from a seam, the UV of the texel to
+// copy from, in the mesh's own range as with VRTM_FETCH_REDIRECTION_UDIM, since it may lie in another tile; for all
+// other texels their own centre. `reach` is a length in UV, over 0 and at most 0.5; 1/16 is more than most gutters are
+// wide. Two to four channels: u, v, 0, and 1 in charts and where a UV was found, 0 elsewhere. Use f32. A triangle is
+// left out, with what lies beyond it, if it would come out mirrored, or with an area other than a quarter to four times
+// that which the chart has at its border. It depends on the rest positions and the UVs alone: no solve is needed, and
+// once per mesh and size is enough.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the argument or the field, for a reach out of
+// range, null, a zero size, a short stride, or other numbers of channels; VRTM_ERROR_UNSUPPORTED for an integer format;
+// VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
+VRTM_API
+vrtm_status vrtm_tile_fetch_dilation(vrtm_tile tile,
+                                     double reach,
+                                     const vrtm_image_out *image);
+
 /* ---- Refinements ---- */
 
 // How a mesh is refined. Start from vrtm_refinement_desc_init(), which sets the defaults.

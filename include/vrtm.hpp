@@ -866,6 +866,12 @@ public:
         return Result<>(vrtm_tile_fetch_part(handle_, vrtm::value(kind), &image.c(), x, y, width, height));
     }
 
+    // What a texture must hold around the tile's charts, up to `reach` in UV from their seams. Needs no solve.
+    Result<> fetch_dilation(double reach, const ImageOut &image) const noexcept
+    {
+        return Result<>(vrtm_tile_fetch_dilation(handle_, reach, &image.c()));
+    }
+
     // A redirection into memory of the host's own Vulkan device.
     Result<> fetch_external(FetchKind kind, const vrtm_external_image &image) const noexcept
     {

@@ -3,6 +3,7 @@
 mod build;
 mod charts;
 mod check;
+pub(crate) mod collar;
 pub(crate) mod hash;
 mod read;
 mod source;

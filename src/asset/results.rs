@@ -19,7 +19,9 @@ use crate::team::Team;
 use crate::unwind::caught;
 
 use super::stretch::Stretch;
+use crate::map::canvas::Canvas;
 use crate::map::certificate::desc::{MapDesc, MapReport};
+use crate::map::dilation::Dilation;
 use crate::map::fetch::{self, Output};
 use crate::map::inverse::Outputs;
 use crate::map::{FetchKind, certificate, external};
@@ -60,6 +62,9 @@ pub(crate) struct TileResult {
     /// True if the last solve skipped the tile.
     pub kept: bool,
 }
+
+/// The farthest reach of a dilation, in UV.
+const MAX_REACH: f64 = 0.5;
 
 impl Results {
     pub(crate) fn new(device: &Device, mesh: &Arc<Mesh>) -> Results {
@@ -147,6 +152,32 @@ impl Results {
             let solved = self.solved(tile)?.solved;
             let output = Output::new(&solved, kind, part, &image.layout)?;
             device.team(|team| self.write(team, output, image))
+        })
+    }
+
+    /// Writes what a texture must hold around a tile's charts: for each texel whose centre lies beside them, up to `reach`
+    /// (in UV, at most 0.5) from a seam, the UV among all tiles, as in [`FetchKind::RedirectionUdim`], of the texel that
+    /// shows what the surface shows there; for all other texels their own centre. The fourth channel, if the image has one,
+    /// is 1 in charts and where a UV was found, and 0 elsewhere. It depends on the rest pose and the UVs alone, and needs no
+    /// solve. Two to four channels.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for an unknown tile, a reach out of range or an impossible number of channels; `OutOfMemory`. Nothing
+    /// is written then.
+    pub fn fetch_dilation(&self, tile: usize, reach: f64, image: &mut ImageViewMut) -> Result<()> {
+        let Shared { device, mesh, .. } = &*self.0;
+        self.check_tile(tile)?;
+        if !(reach > 0.0 && reach <= MAX_REACH) {
+            return Err(Error::argument(format!("reach: {reach} is not over 0 and at most {MAX_REACH}")));
+        }
+        FetchKind::RedirectionUdim.check_channels("image", image.layout.channels)?;
+        let part = image.whole();
+        device.call(|| {
+            device.team(|team| {
+                let dilation = Dilation::new(team, mesh, tile, reach, &part);
+                dilation.write(team, &Canvas::new(image));
+                Ok(())
+            })
         })
     }
 
@@ -304,13 +335,18 @@ impl Results {
         Ok(report)
     }
 
+    fn check_tile(&self, tile: usize) -> Result<()> {
+        let count = self.0.mesh.tiles.len();
+        if tile < count {
+            return Ok(());
+        }
+        Err(Error::argument(format!("tile: index {tile} is out of range, there are {count}")))
+    }
+
     /// A tile's result.
     pub(crate) fn solved(&self, tile: usize) -> Result<TileResult> {
         self.0.device.alive()?;
-        let count = self.0.mesh.tiles.len();
-        if tile >= count {
-            return Err(Error::argument(format!("tile: index {tile} is out of range, there are {count}")));
-        }
+        self.check_tile(tile)?;
         self.last().tiles.get(tile).cloned().flatten().ok_or_else(not_solved)
     }
 

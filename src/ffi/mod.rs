@@ -14,6 +14,7 @@ pub mod allocator;
 pub mod asset;
 mod desc;
 pub mod device;
+pub mod dilation;
 pub mod executor;
 pub mod external;
 pub mod fetch;

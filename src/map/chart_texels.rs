@@ -9,7 +9,7 @@ use crate::mesh::TileMesh;
 use crate::team::Team;
 
 /// Rows that one item of work draws.
-const BAND: usize = 64;
+pub(crate) const BAND: usize = 64;
 
 /// Per texel of a part of an image, true if its centre lies in a chart or on its border.
 pub(crate) struct ChartTexels {

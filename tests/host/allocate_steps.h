@@ -204,6 +204,12 @@ static vrtm_status fetch_part(work *w)
     return vrtm_tile_fetch_part(w->tiles[0], VRTM_FETCH_WARP, &image, 700, 300, 2048, 1024);
 }
 
+static vrtm_status fetch_dilation(work *w)
+{
+    vrtm_image_out image = image_of(w->out[0], VRTM_PIXEL_F32);
+    return vrtm_tile_fetch_dilation(w->tiles[0], 0.1, &image);
+}
+
 static vrtm_status fetch_corners(work *w)
 {
     return vrtm_asset_fetch_corner_uvs_of_set(w->asset, 1, w->corners[0], QUAD_CORNERS);
@@ -313,6 +319,7 @@ static const struct {
     {"warp", fetch_warp},
     {"redirection of f16", fetch_half},
     {"part of a warp", fetch_part},
+    {"dilation", fetch_dilation},
     {"corner UVs", fetch_corners},
     {"refinement", refine},
     {"stroke", stroke},

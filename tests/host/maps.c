@@ -49,6 +49,27 @@ static void kinds(vrtm_tile tile)
     check_that(moved > 0 && covered > MAP, "and something", "");
 }
 
+/* The sheet is one chart, beyond whose border there is nothing. It has not been solved yet. */
+static void dilation(vrtm_tile tile)
+{
+    vrtm_image_out image = image_of(four);
+    int same = 1, covered = 0;
+    image.channels = 4;
+    image.origin = VRTM_ORIGIN_BOTTOM;
+    succeeds("a dilation", vrtm_tile_fetch_dilation(tile, 1.0 / 16, &image));
+    for (size_t k = 0; k < MAP * MAP; k++) {
+        const float u = ((float)(k % MAP) + 0.5f) / MAP, v = ((float)(k / MAP) + 0.5f) / MAP;
+        same &= fabsf(four[4 * k] - u) < 1e-6f && fabsf(four[4 * k + 1] - v) < 1e-6f && four[4 * k + 2] == 0;
+        covered += four[4 * k + 3] == 1;
+    }
+    check_that(same && covered > MAP && covered < MAP * MAP, "texels keep their own places", "");
+    fails("no reach", vrtm_tile_fetch_dilation(tile, 0, &image), VRTM_ERROR_INVALID_ARGUMENT, "reach: 0");
+    fails("too far", vrtm_tile_fetch_dilation(tile, 0.75, &image), VRTM_ERROR_INVALID_ARGUMENT, "reach: 0.75");
+    image.channels = 1;
+    fails("one channel of it", vrtm_tile_fetch_dilation(tile, 0.1, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 4");
+    fails("nowhere", vrtm_tile_fetch_dilation(tile, 0.1, NULL), VRTM_ERROR_INVALID_ARGUMENT, "image is null");
+}
+
 static void refusals(vrtm_tile tile)
 {
     vrtm_image_out image = image_of(four);
@@ -123,6 +144,7 @@ int main(void)
     succeeds("rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
     desc.width = desc.height = MAP;
     fails("nothing to look at", vrtm_tile_inspect_map(tile, &desc, &data), VRTM_ERROR_NOT_SOLVED, "solve");
+    dilation(tile);
     vrtm_array positions = sheet_positions(pose);
     succeeds("solved", vrtm_asset_solve(asset, &positions, NULL));
     kinds(tile);

@@ -1,6 +1,7 @@
 //! What renderers read: forms of the redirection, further channels, derivatives, and maps that stay one-to-one when they are
 //! interpolated. Everything is checked by code that shares nothing with the library but the nodes of the warp.
 
+mod dilation;
 mod inspected;
 mod kinds;
 mod one_to_one;

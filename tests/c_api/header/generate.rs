@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-const SECTIONS: [&str; 18] = [
+const SECTIONS: [&str; 19] = [
     "status",
     "handle",
     "types",
@@ -17,6 +17,7 @@ const SECTIONS: [&str; 18] = [
     "tile",
     "prepare",
     "fetch",
+    "dilation",
     "external",
     "map",
     "solve",

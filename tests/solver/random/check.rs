@@ -42,6 +42,7 @@ pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
     let mut asset = recipe.asset(&model, device).unwrap();
     let mut seen = Seen::default();
     let bits = run(recipe, &model, &mut asset, &mut seen);
+    let dilated = dilations(&asset);
     let again = |mut asset: Asset| run(recipe, &model, &mut asset, &mut Seen::default());
     match &recipe.then {
         Then::Again => {
@@ -51,7 +52,9 @@ pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
             // On a GPU device, the CPU's threads only prepare and fetch.
             let other = cpu(*threads);
             let other = if device.info().backend == Backend::Cpu { &other } else { device };
-            assert!(bits == again(recipe.asset(&model, other).unwrap()), "other bits on {threads} threads");
+            let fresh = recipe.asset(&model, other).unwrap();
+            assert!(dilated == dilations(&fresh), "another dilation on {threads} threads");
+            assert!(bits == again(fresh), "other bits on {threads} threads");
         }
         Then::Alone if !recipe.options.warm => {
             let mut fresh = recipe.asset(&model, device).unwrap();
@@ -68,6 +71,26 @@ pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
         Then::Refused(refusal) => refused(recipe, &model, &mut asset, refusal),
     }
     seen
+}
+
+/// The bits of the dilations of all tiles.
+fn dilations(asset: &Asset) -> Vec<u32> {
+    const SIZE: u32 = 32;
+    let of_tile = |tile| {
+        let mut bytes = vec![0; (SIZE * SIZE) as usize * 16];
+        let layout = ImageLayout::packed(SIZE, SIZE, PixelFormat::F32).with_channels(4);
+        let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
+        asset.results().fetch_dilation(tile, 0.2, &mut image).unwrap();
+        let bits: Vec<u32> =
+            bytes.chunks_exact(4).map(|b| u32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect();
+        for texel in bits.chunks_exact(4) {
+            let [u, v, zero, known] = [0, 1, 2, 3].map(|k| f32::from_bits(texel[k]));
+            assert!(u.is_finite() && v.is_finite() && zero == 0.0, "a dilation with {u} {v} {zero}");
+            assert!(known == 0.0 || known == 1.0, "a dilation that is known by {known}");
+        }
+        bits
+    };
+    (0..asset.tile_count()).flat_map(of_tile).collect()
 }
 
 /// The bits of all displacements.

@@ -170,6 +170,31 @@ class Tile:
         check(library.vrtm_tile_fetch_part(self._handle, number, ctypes.byref(target.struct), *place))
         return target.done()
 
+    def dilation(
+        self,
+        size: int | tuple[int, int],
+        *,
+        reach: float = 1 / 16,
+        channels: int = 0,
+        origin: str = "top",
+        out: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """What a texture must hold around the tile's charts, (height, width, channels) of float32: for each texel
+        beside the charts, up to about `reach` (in UV) from a seam, the UV among all tiles of the texel that shows what
+        the surface shows there; for all other texels their own. A fourth channel is 1 in charts and where a UV was
+        found. Depends on the mesh alone: no solve is needed."""
+        target = Target(
+            Pinned(),
+            "redirection_udim",
+            image_size(size),
+            dtype=np.float32,
+            channels=channels,
+            origin=origin,
+            out=out,
+        )
+        check(library.vrtm_tile_fetch_dilation(self._handle, reach, ctypes.byref(target.struct)))
+        return target.done()
+
     def fetch_external(
         self,
         kind: str,

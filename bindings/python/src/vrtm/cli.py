@@ -44,6 +44,7 @@ def _run(given: list[str]) -> int:
     parser.add_argument("--version", action="version", version=f"vrtm {vrtm.version()}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     bake = arguments.add_to(commands)
+    arguments.add_dilate_to(commands)
     template = commands.add_parser(
         "farm-template",
         help="write a job template for a render farm",
@@ -63,6 +64,8 @@ def _run(given: list[str]) -> int:
         return _template(parsed.out, not parsed.no_layer, parsed.overwrite)
     if parsed.command == "devices":
         return _devices()
+    if parsed.command == "dilate":
+        return _dilate(parsed)
     return _bake(arguments.settings(bake, parsed), parsed)
 
 
@@ -78,6 +81,22 @@ def _bake(settings, parsed: argparse.Namespace) -> int:
         console.error(failure.message)
         return failure.code
     return bake(settings, console)
+
+
+def _dilate(parsed: argparse.Namespace) -> int:
+    from vrtm.bake.console import Console
+    from vrtm.bake.failure import describe
+
+    console = Console(parsed.quiet, False, False)
+    try:
+        from vrtm.bake.dilate import dilate
+
+        dilate(parsed, console)
+    except Exception as error:
+        failure = describe(error)
+        console.error(failure.message)
+        return failure.code
+    return 0
 
 
 def _template(path: str | None, layer: bool, replace: bool) -> int:

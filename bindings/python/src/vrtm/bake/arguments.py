@@ -21,7 +21,13 @@ exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-stra
 layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number if it was ended
 (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
 
+DILATION = """\
+Writes copies of textures that hold, around each chart, what the surface shows beyond the chart's seams, so that seams
+do not show when a renderer filters. What lies in charts, and farther from seams, stays as it is. Not for normal maps,
+whose directions would have to be turned."""
+
 LARGEST = 65536
+WELDS = ("index", "position", "off")
 
 
 def add_to(commands: Any) -> argparse.ArgumentParser:
@@ -35,6 +41,30 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     _work(parser.add_argument_group("work"))
     _messages(parser.add_argument_group("messages"))
     return parser
+
+
+def add_dilate_to(commands: Any) -> None:
+    """Adds the subcommand `dilate`."""
+    parser = commands.add_parser("dilate", help="fill textures around charts, across seams", description=DILATION)
+    parser.add_argument("scene", metavar="SCENE", help="a USD, Alembic or OBJ file")
+    parser.add_argument(
+        "--texture",
+        nargs="+",
+        action="extend",
+        required=True,
+        metavar="PATTERN",
+        help="images; <UDIM> stands for the tile, <mesh> for the mesh's name",
+    )
+    parser.add_argument("--out", required=True, metavar="DIR", help="where to write, under the textures' own names")
+    parser.add_argument(
+        "--reach", type=_positive, default=1 / 16, metavar="X", help="how far from seams, in UV, at most 0.5 (0.0625)"
+    )
+    parser.add_argument("--meshes", nargs="+", action="extend", default=[], metavar="NAME", help="as for bake")
+    parser.add_argument("--uv", metavar="NAME", help="as for bake")
+    parser.add_argument("--rest", metavar="WHERE", help="as for bake")
+    parser.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
+    parser.add_argument("--overwrite", action="store_true", help="replace files that vrtm has not written, too")
+    parser.add_argument("--quiet", action="store_true", help="print errors and warnings only")
 
 
 def _scene(group: argparse._ArgumentGroup) -> None:
@@ -164,9 +194,7 @@ def _layer(group: argparse._ArgumentGroup) -> None:
 
 def _work(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--quality", choices=("draft", "normal", "high"), default="normal")
-    group.add_argument(
-        "--weld", choices=("index", "position", "off"), default="index", help="by what faces hang together (index)"
-    )
+    group.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
     group.add_argument("--device", choices=("auto", "cpu", "gpu"), default="auto", help="where to compute (auto)")
     group.add_argument("--adapter", type=_whole(0, 255), default=0, metavar="N", help="which GPU; see vrtm devices")
     group.add_argument(

@@ -209,7 +209,7 @@ def _sampled(padded: np.ndarray, x: np.ndarray, y: np.ndarray, axes: np.ndarray)
                 for across in (np.arange(m) + 0.5) / m - 0.5:
                     shift_x = along * spread[:, 0] + across * spread[:, 2]
                     shift_y = along * spread[:, 1] + across * spread[:, 3]
-                    total += _interpolated(padded, px + shift_x, py + shift_y)
+                    total += interpolated(padded, px + shift_x, py + shift_y)
             out[texels] = total / np.float32(n * m)
     return out
 
@@ -219,7 +219,7 @@ def _samples(length: np.ndarray) -> np.ndarray:
     return np.where(length < 0.3, 1, np.minimum(_MOST_SAMPLES, 1 + np.ceil(length))).astype(np.int64)
 
 
-def _interpolated(padded: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def interpolated(padded: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """(texels, channels) f32: Catmull-Rom interpolation at places in texels of the image inside of the margin."""
     height, width, channels = padded.shape
     # In the margin's texels, from the centre of the first one; what lies outside of the image is at its edge.

@@ -1,0 +1,114 @@
+"""`vrtm dilate`: both sides of a seam show the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bake_scenes import files, image, pixels, run
+
+SIZE = 128
+# Two squares side by side; the second one lies in the next tile, turned by 90 degrees and half as large.
+OBJ = """\
+v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0
+vt 0.1 0.1\nvt 0.9 0.1\nvt 0.9 0.9\nvt 0.1 0.9
+vt 1.7 0.3\nvt 1.7 0.7\nvt 1.3 0.7\nvt 1.3 0.3
+f 1/1 2/2 5/3 4/4\nf 2/5 3/6 6/7 5/8
+"""
+
+
+def content(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """What is painted at a point of the surface, from 0 to 1."""
+    return np.stack([0.2 + 0.3 * x, 0.1 + 0.8 * y, 0.5 + 0.4 * np.sin(3 * x + 2 * y)], axis=-1)
+
+
+def at_texels(udim: int) -> tuple[np.ndarray, np.ndarray]:
+    """The points of the surface under the texels of a tile."""
+    along = (np.arange(SIZE) + 0.5) / SIZE
+    u, v = np.meshgrid(along, 1 - along)
+    if udim == 1001:
+        return (u - 0.1) / 0.8, (v - 0.1) / 0.8
+    return 1 + (v - 0.3) / 0.4, (0.7 - u) / 0.4
+
+
+def inside(udim: int) -> np.ndarray:
+    x, y = at_texels(udim)
+    x = x if udim == 1001 else x - 1
+    return (x >= 0) & (x <= 1) & (y >= 0) & (y <= 1)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """The squares, with content in their charts and a colour of its own beside them."""
+    path = tmp_path / "squares.obj"
+    path.write_text(OBJ)
+    for udim in (1001, 1002):
+        texels = np.where(inside(udim)[..., None], content(*at_texels(udim)), [1.0, 0.0, 1.0])
+        image(tmp_path / f"skin.{udim}.png", np.rint(65535 * texels).astype(np.uint16))
+        image(tmp_path / f"height.{udim}.exr", texels[..., :1].astype(np.float32))
+    return path
+
+
+def dilate(scene: Path, *more: object, expect: int = 0):
+    out = scene.parent / "out"
+    return run("dilate", scene, "--texture", scene.parent / "skin.<UDIM>.png", "--out", out, *more, expect=expect)
+
+
+def test_what_lies_beyond_a_seam_is_copied(scene: Path) -> None:
+    said = dilate(scene, "--texture", scene.parent / "height.<UDIM>.exr", "--reach", "0.08")
+    assert "4 files written" in said.stdout
+    for name, top in (("skin.{}.png", 65535), ("height.{}.exr", 1)):
+        for udim in (1001, 1002):
+            before = pixels(scene.parent / name.format(udim))
+            after = pixels(scene.parent / "out" / name.format(udim))
+            assert before.dtype == after.dtype
+            x, y = at_texels(udim)
+            # The strip beyond the seam, less its ends; all else stays as it was.
+            beyond = x - 1 if udim == 1001 else 1 - x
+            scale = 0.8 if udim == 1001 else 0.4
+            strip = (beyond > 0) & (beyond * scale < 0.05) & (y > 0.1) & (y < 0.9)
+            far = inside(udim) | (beyond < 0) | (beyond * scale > 0.1) | (y < -0.2) | (y > 1.2)
+            assert strip.sum() > 200 and far.sum() > 1000
+            wanted = content(x, y)[..., : after.shape[2]]
+            assert np.abs(after[strip] / top - wanted[strip]).max() < 0.01
+            assert np.array_equal(after[far], before[far])
+
+
+def test_a_second_run_finds_all_up_to_date(scene: Path) -> None:
+    dilate(scene)
+    before = files(scene.parent / "out")
+    said = dilate(scene)
+    assert "0 files written, 2 up to date" in said.stdout
+    assert files(scene.parent / "out") == before
+    # Another reach is another content.
+    assert "2 files written" in dilate(scene, "--reach", "0.02").stdout
+
+
+def test_textures_are_not_replaced(scene: Path) -> None:
+    before = files(scene.parent)
+    said = run(
+        "dilate", scene, "--texture", scene.parent / "skin.<UDIM>.png", "--out", scene.parent, "--overwrite", expect=2
+    )
+    assert "which is read" in said.stderr
+    (scene.parent / "out").mkdir()
+    (scene.parent / "out" / "skin.1001.png").write_bytes(b"mine")
+    assert "--overwrite replaces it" in dilate(scene, expect=2).stderr
+    (scene.parent / "out" / "skin.1001.png").unlink()
+    (scene.parent / "out").rmdir()
+    assert files(scene.parent) == before
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (("--reach", "0.7"), "reach: 0.7"),
+        (("--reach", "-1"), "not a number above 0"),
+        (("--texture", "none.<UDIM>.png"), "none.<UDIM>.png: no such file"),
+    ],
+)
+def test_bad_input_is_named(scene: Path, more: tuple[str, ...], message: str) -> None:
+    said = dilate(scene, *more, expect=2)
+    assert message in said.stderr
+    assert not (scene.parent / "out").exists()

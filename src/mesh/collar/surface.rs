@@ -1,0 +1,252 @@
+//! The triangles of a UV set on the surface: which of them lie beyond the borders of charts.
+
+use glam::{DVec2, DVec3};
+
+use super::tiles_of_set;
+use crate::allocation::{Grow, with_capacity, zeroed};
+use crate::mesh::hash::{Table, enter};
+use crate::mesh::triangle::doubled_area;
+use crate::mesh::{Mesh, NONE, TileMesh};
+
+/// A side of a triangle: the triangle's number in the UV set, and the corner opposite to the side.
+pub(super) type Side = (u32, u8);
+
+/// The triangles of all tiles of a UV set, numbered tile by tile.
+pub(super) struct Surface<'a> {
+    mesh: &'a Mesh,
+    /// The tiles of the UV set.
+    tiles: &'a [std::sync::Arc<TileMesh>],
+    /// Per tile, the number of its first triangle.
+    first: Vec<u32>,
+    /// The chart of each triangle, numbered over all tiles, and per tile the number of its first chart.
+    chart_of: Vec<u32>,
+    first_chart: Vec<u32>,
+    /// The tile whose charts get collars, as an index in `tiles`.
+    home: usize,
+    /// The side beyond each side that is a border of its chart, where exactly these two sides form an edge of the surface.
+    beyond: Table<Side, Side>,
+}
+
+/// The triangles beyond a chart's border, out to some distance.
+pub(super) struct Region {
+    /// Their numbers, ascending.
+    pub triangles: Vec<u32>,
+    /// The sides at the chart's border.
+    pub rims: Vec<(Side, Rim)>,
+}
+
+/// A side of a triangle at the border of the chart.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rim {
+    /// The chart's own UVs at the corners that follow the corner opposite to the side.
+    pub uv: [DVec2; 2],
+    /// How the chart's UVs change per length on the surface, at right angles to the side and away from the chart.
+    pub across: DVec2,
+}
+
+impl<'a> Surface<'a> {
+    pub fn new(mesh: &'a Mesh, tile: usize) -> Surface<'a> {
+        let range = tiles_of_set(mesh, tile);
+        let tiles = &mesh.tiles[range.clone()];
+        let (mut first, mut first_chart) = (with_capacity(tiles.len()), with_capacity(tiles.len()));
+        let (mut triangles, mut charts) = (0, 0);
+        let mut chart_of = Vec::new();
+        for tile in tiles {
+            first.put(triangles);
+            first_chart.put(charts);
+            chart_of.put_all(tile.chart_of_triangles().into_iter().map(|c| charts + c));
+            triangles += tile.triangles.len() as u32;
+            charts += tile.charts.len() as u32;
+        }
+        let beyond = Table::default();
+        let home = tile - range.start;
+        let mut surface = Surface { mesh, tiles, first, chart_of, first_chart, home, beyond };
+        surface.pair_borders();
+        surface
+    }
+
+    /// Finds the sides beyond the borders.
+    fn pair_borders(&mut self) {
+        let mut at_border: Vec<bool> = zeroed(self.mesh.rest.len());
+        let all = 0..self.chart_of.len() as u32;
+        for side in all.clone().flat_map(sides) {
+            if self.neighbour(side) == NONE {
+                self.ends(side).into_iter().for_each(|v| at_border[v as usize] = true);
+            }
+        }
+        // Sides of triangles inside of a chart count as well: three triangles at an edge have no order.
+        let mut edges: Vec<([u32; 2], Side)> = Vec::new();
+        for side in all.flat_map(sides) {
+            let [a, b] = self.ends(side);
+            if a != b && at_border[a as usize] && at_border[b as usize] {
+                edges.put(([a.min(b), a.max(b)], side));
+            }
+        }
+        edges.sort_unstable();
+        for at_edge in edges.chunk_by(|x, y| x.0 == y.0) {
+            if let [(_, s), (_, t)] = *at_edge
+                && self.neighbour(s) == NONE
+                && self.neighbour(t) == NONE
+            {
+                enter(&mut self.beyond, s, t);
+                enter(&mut self.beyond, t, s);
+            }
+        }
+    }
+
+    fn place(&self, g: u32) -> (&TileMesh, usize, usize) {
+        let tile = self.first.partition_point(|&first| first <= g) - 1;
+        (&self.tiles[tile], tile, (g - self.first[tile]) as usize)
+    }
+
+    /// The neighbour in the chart, as a number in its tile, or `NONE`.
+    fn neighbour(&self, (g, k): Side) -> u32 {
+        let (tile, _, t) = self.place(g);
+        tile.triangles[t].neighbours[k as usize]
+    }
+
+    /// The places of a triangle's vertices: vertices that are welded by position have one place.
+    pub fn places(&self, g: u32) -> [u32; 3] {
+        let (tile, index, t) = self.place(g);
+        let chart = &tile.charts[(self.chart_of[g as usize] - self.first_chart[index]) as usize];
+        let place = |v: u32| self.mesh.place.get(v as usize).copied().unwrap_or(v);
+        tile.triangles[t].local.map(|v| place(chart.vertices[v as usize]))
+    }
+
+    pub fn point(&self, place: u32) -> DVec3 {
+        DVec3::from(self.mesh.rest[place as usize])
+    }
+
+    fn corners(&self, g: u32) -> [DVec3; 3] {
+        self.places(g).map(|v| self.point(v))
+    }
+
+    /// A triangle's UVs in the plane of all tiles.
+    pub fn uv(&self, g: u32) -> [DVec2; 3] {
+        let (tile, _, t) = self.place(g);
+        tile.triangles[t].uv.map(|uv| uv + tile.origin())
+    }
+
+    fn ends(&self, (g, k): Side) -> [u32; 2] {
+        let places = self.places(g);
+        [1, 2].map(|d| places[(k as usize + d) % 3])
+    }
+
+    /// The side of another triangle at the same edge of the surface.
+    fn across(&self, side: Side) -> Option<Side> {
+        let neighbour = self.neighbour(side);
+        if neighbour == NONE {
+            return self.beyond.get(&side).copied();
+        }
+        let (tile, index, t) = self.place(side.0);
+        let back = tile.triangles[neighbour as usize].neighbours;
+        let mut ends = self.ends(side);
+        ends.sort_unstable();
+        let other = self.first[index] + neighbour;
+        let same = |&k: &u8| {
+            let mut of_other = self.ends((other, k));
+            of_other.sort_unstable();
+            back[k as usize] == t as u32 && of_other == ends
+        };
+        (0..3u8).find(same).map(|k| (other, k))
+    }
+
+    /// Length in the UV plane over length on the surface, in the mean over a chart of the tile.
+    pub fn scale(&self, chart: usize) -> f64 {
+        let tile = &self.tiles[self.home];
+        let (mut plane, mut surface) = (0.0, 0.0);
+        for t in tile.charts[chart].triangles.clone() {
+            plane += doubled_area(tile.triangles[t].uv).abs();
+            let [a, b, c] = self.corners(self.first[self.home] + t as u32);
+            surface += (b - a).cross(c - a).length();
+        }
+        (plane / surface).sqrt()
+    }
+
+    /// The triangles beyond the border of a chart of the tile, up to a distance on the surface.
+    pub fn region(&self, chart: usize, reach: f64) -> Region {
+        let tile = &self.tiles[self.home];
+        let number = self.first_chart[self.home] + chart as u32;
+        let mut rims = Vec::new();
+        let mut open: Vec<(Side, f64)> = Vec::new();
+        for t in tile.charts[chart].triangles.clone() {
+            let own = self.first[self.home] + t as u32;
+            for k in 0..3u8 {
+                let Some(&side) = self.beyond.get(&(own, k)) else { continue };
+                if self.is_flat(own) || self.is_flat(side.0) {
+                    continue;
+                }
+                let mut uv = [1, 2, 0].map(|d| tile.triangles[t].uv[(k as usize + d) % 3]);
+                let points = self.corners(own);
+                let mut at = [1, 2, 0].map(|d| points[(k as usize + d) % 3]);
+                if self.ends(side)[0] != self.ends((own, k))[0] {
+                    uv.swap(0, 1);
+                    at.swap(0, 1);
+                }
+                let along = (at[1] - at[0]).normalize_or(DVec3::X);
+                let inward = at[2] - at[0];
+                let foot = uv[0].lerp(uv[1], inward.dot(along) / at[0].distance(at[1]));
+                let across = (foot - uv[2]) / inward.cross(along).length();
+                rims.put((side, Rim { uv: [uv[0], uv[1]], across }));
+                open.put((side, 0.0));
+            }
+        }
+        // The least distance at which each triangle was reached, from the middle of one side to that of another.
+        let mut nearest: Table<u32, f64> = Table::default();
+        let mut triangles = Vec::new();
+        while !open.is_empty() {
+            let mut round = std::mem::take(&mut open);
+            round.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+            for (entry, distance) in round {
+                let known = nearest.get(&entry.0).copied();
+                if known.is_some_and(|known| known <= distance) {
+                    continue;
+                }
+                enter(&mut nearest, entry.0, distance);
+                if known.is_none() {
+                    triangles.put(entry.0);
+                }
+                let middle = self.middle(entry);
+                for side in sides(entry.0).filter(|&side| side != entry) {
+                    let way = distance + middle.distance(self.middle(side));
+                    // The border of the chart itself is where collars begin, not where they go on.
+                    let next = self.across(side).filter(|next| {
+                        let is_rim = self.neighbour(side) == NONE && self.chart_of[next.0 as usize] == number;
+                        way < reach && !is_rim && !self.is_flat(next.0)
+                    });
+                    open.put_all(next.map(|next| (next, way)));
+                }
+            }
+        }
+        triangles.sort_unstable();
+        rims.sort_unstable_by_key(|(side, _)| *side);
+        Region { triangles, rims }
+    }
+
+    fn middle(&self, side: Side) -> DVec3 {
+        let [a, b] = self.ends(side).map(|v| self.point(v));
+        0.5 * (a + b)
+    }
+
+    /// True for a triangle whose shape on the surface is not that of a triangle.
+    fn is_flat(&self, g: u32) -> bool {
+        let [a, b, c] = self.corners(g);
+        let longest = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+        (b - a).cross(c - a).length() <= 1e-6 * longest
+    }
+
+    /// The numbers of the triangles beyond the sides of a triangle, or `NONE`.
+    pub fn neighbours(&self, g: u32) -> [u32; 3] {
+        [0, 1, 2].map(|k| self.across((g, k)).map_or(NONE, |side| side.0))
+    }
+
+    /// The mean length of the sides of some triangles.
+    pub fn mean_side(&self, triangles: &[u32]) -> f64 {
+        let of = |[a, b, c]: [DVec3; 3]| (a.distance(b) + b.distance(c) + c.distance(a)) / 3.0;
+        triangles.iter().map(|&g| of(self.corners(g))).sum::<f64>() / triangles.len().max(1) as f64
+    }
+}
+
+pub(super) fn sides(g: u32) -> impl Iterator<Item = Side> {
+    (0..3).map(move |k| (g, k))
+}
