@@ -13,10 +13,24 @@ use std::collections::BinaryHeap;
 use glam::{DMat2, DVec2, DVec3};
 
 use super::patch::Patch;
-use super::{BANDS, CollarTriangle};
 use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::mesh::NONE;
 use crate::mesh::triangle::doubled_area;
+
+/// The collar of a chart has this many bands of equal width, each laid out after the ones nearer to the border: what is far
+/// away must not bend what is near.
+pub(super) const BANDS: usize = 6;
+
+/// A triangle of a collar.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CollarTriangle {
+    /// Its corners in the chart's plane, as UVs within the chart's tile.
+    pub uv: [DVec2; 3],
+    /// The same points of the surface where the mesh has them: UVs in the plane of all tiles.
+    pub source: [DVec2; 3],
+    /// Their distances from the chart's border, along the surface, as lengths in the chart's plane.
+    pub distance: [f64; 3],
+}
 
 /// Rounds of fitting rotations and placing corners, and the steps of conjugate gradients in each.
 const ROUNDS: usize = 6;

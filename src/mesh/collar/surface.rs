@@ -1,8 +1,10 @@
 //! The triangles of a UV set on the surface: which of them lie beyond the borders of charts.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use glam::{DVec2, DVec3};
 
-use super::tiles_of_set;
 use crate::allocation::{Grow, with_capacity, zeroed};
 use crate::mesh::hash::{Table, enter};
 use crate::mesh::triangle::doubled_area;
@@ -15,7 +17,7 @@ pub(super) type Side = (u32, u8);
 pub(super) struct Surface<'a> {
     mesh: &'a Mesh,
     /// The tiles of the UV set.
-    tiles: &'a [std::sync::Arc<TileMesh>],
+    tiles: &'a [Arc<TileMesh>],
     /// Per tile, the number of its first triangle.
     first: Vec<u32>,
     /// The chart of each triangle, numbered over all tiles, and per tile the number of its first chart.
@@ -249,4 +251,10 @@ impl<'a> Surface<'a> {
 
 pub(super) fn sides(g: u32) -> impl Iterator<Item = Side> {
     (0..3).map(move |k| (g, k))
+}
+
+/// The tiles of the UV set of a tile.
+fn tiles_of_set(mesh: &Mesh, tile: usize) -> Range<usize> {
+    let set = mesh.tiles[tile].uv_set;
+    mesh.tiles.partition_point(|t| t.uv_set < set)..mesh.tiles.partition_point(|t| t.uv_set <= set)
 }
