@@ -42,7 +42,6 @@ pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
     let mut asset = recipe.asset(&model, device).unwrap();
     let mut seen = Seen::default();
     let bits = run(recipe, &model, &mut asset, &mut seen);
-    let dilated = dilations(&asset);
     let again = |mut asset: Asset| run(recipe, &model, &mut asset, &mut Seen::default());
     match &recipe.then {
         Then::Again => {
@@ -53,7 +52,7 @@ pub fn check(recipe: &Recipe, device: Option<&Device>) -> Seen {
             let other = cpu(*threads);
             let other = if device.info().backend == Backend::Cpu { &other } else { device };
             let fresh = recipe.asset(&model, other).unwrap();
-            assert!(dilated == dilations(&fresh), "another dilation on {threads} threads");
+            assert!(dilations(&asset) == dilations(&fresh), "another dilation on {threads} threads");
             assert!(bits == again(fresh), "other bits on {threads} threads");
         }
         Then::Alone if !recipe.options.warm => {
