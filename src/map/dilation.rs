@@ -28,6 +28,7 @@ pub(crate) struct Dilation<'a> {
     part: ImagePart,
     charts: ChartTexels,
     collars: Vec<Vec<CollarTriangle>>,
+    reach: f64,
     rows: Vec<Vec<Found>>,
 }
 
@@ -42,13 +43,13 @@ impl<'a> Dilation<'a> {
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
         let rows = (0..height.div_ceil(BAND)).map(|band| filled(NOTHING, rows(band) * width)).collected();
-        Dilation { mesh, tile, part: *part, charts, collars, rows }
+        Dilation { mesh, tile, part: *part, charts, collars, reach, rows }
     }
 
     /// Writes the UV and, as a fourth channel, whether it is known.
     pub fn write(mut self, team: &Team, canvas: &Canvas) {
         let tile: &TileMesh = &self.mesh.tiles[self.tile];
-        let (part, collars) = (self.part, &self.collars);
+        let (part, collars, reach) = (self.part, &self.collars, self.reach);
         let size = DVec2::new(part.size[0] as f64, part.size[1] as f64);
         let width = part.extent()[0];
         let charts = &self.charts;
@@ -62,7 +63,7 @@ impl<'a> Dilation<'a> {
                     let [s, t] = barycentrics(corners, DVec2::new(x as f64, y as f64));
                     let [p, q, r] = triangle.distance;
                     let distance = p + s * (q - p) + t * (r - p);
-                    if distance < texel.distance {
+                    if distance < texel.distance && distance <= reach {
                         let [a, b, c] = triangle.source;
                         *texel = Found { distance, uv: a + s * (b - a) + t * (c - a) };
                     }

@@ -12,6 +12,9 @@ use flatten::BANDS;
 pub(crate) use flatten::CollarTriangle;
 use surface::Surface;
 
+/// The largest reach of a chart's collar on the surface, in sides of a square of the chart's area.
+const WIDEST: f64 = 4.0;
+
 /// The collars of all charts of a tile, out to `reach`, a length in UV.
 pub(crate) fn collars(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> Vec<Vec<CollarTriangle>> {
     let surface = Surface::new(mesh, tile);
@@ -19,13 +22,15 @@ pub(crate) fn collars(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> Vec<
 }
 
 fn collar(surface: &Surface, chart: usize, reach: f64) -> Vec<CollarTriangle> {
-    let scale = surface.scale(chart);
+    let [scale, side] = surface.size(chart);
     if !(scale > 0.0 && scale.is_finite()) {
         return Vec::new();
     }
-    let region = surface.region(chart, reach / scale);
-    let patch = patch::Patch::new(surface, &region, reach / scale / BANDS as f64);
-    flatten::flatten(&patch, reach / scale, scale)
+    // A chart that is shrunk to a dot in the UV plane must not drag the whole mesh after it.
+    let reach = (reach / scale).min(WIDEST * side);
+    let region = surface.region(chart, reach);
+    let patch = patch::Patch::new(surface, &region, reach / BANDS as f64);
+    flatten::flatten(&patch, reach, scale)
 }
 
 #[cfg(test)]

@@ -9,7 +9,6 @@ import pytest
 
 from bake_scenes import files, image, pixels, run
 
-SIZE = 128
 # Two squares side by side; the second one lies in the next tile, turned by 90 degrees and half as large.
 OBJ = """\
 v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0
@@ -24,31 +23,35 @@ def content(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.stack([0.2 + 0.3 * x, 0.1 + 0.8 * y, 0.5 + 0.4 * np.sin(3 * x + 2 * y)], axis=-1)
 
 
-def at_texels(udim: int) -> tuple[np.ndarray, np.ndarray]:
+def at_texels(udim: int, size: int) -> tuple[np.ndarray, np.ndarray]:
     """The points of the surface under the texels of a tile."""
-    along = (np.arange(SIZE) + 0.5) / SIZE
+    along = (np.arange(size) + 0.5) / size
     u, v = np.meshgrid(along, 1 - along)
     if udim == 1001:
         return (u - 0.1) / 0.8, (v - 0.1) / 0.8
     return 1 + (v - 0.3) / 0.4, (0.7 - u) / 0.4
 
 
-def inside(udim: int) -> np.ndarray:
-    x, y = at_texels(udim)
+def inside(udim: int, size: int) -> np.ndarray:
+    x, y = at_texels(udim, size)
     x = x if udim == 1001 else x - 1
     return (x >= 0) & (x <= 1) & (y >= 0) & (y <= 1)
 
 
-@pytest.fixture
-def scene(tmp_path: Path) -> Path:
+def painted(folder: Path, size: int) -> Path:
     """The squares, with content in their charts and a colour of its own beside them."""
-    path = tmp_path / "squares.obj"
+    path = folder / "squares.obj"
     path.write_text(OBJ)
     for udim in (1001, 1002):
-        texels = np.where(inside(udim)[..., None], content(*at_texels(udim)), [1.0, 0.0, 1.0])
-        image(tmp_path / f"skin.{udim}.png", np.rint(65535 * texels).astype(np.uint16))
-        image(tmp_path / f"height.{udim}.exr", texels[..., :1].astype(np.float32))
+        texels = np.where(inside(udim, size)[..., None], content(*at_texels(udim, size)), [1.0, 0.0, 1.0])
+        image(folder / f"skin.{udim}.png", np.rint(65535 * texels).astype(np.uint16))
+        image(folder / f"height.{udim}.exr", texels[..., :1].astype(np.float32))
     return path
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    return painted(tmp_path, 128)
 
 
 def dilate(scene: Path, *more: object, expect: int = 0):
@@ -56,7 +59,10 @@ def dilate(scene: Path, *more: object, expect: int = 0):
     return run("dilate", scene, "--texture", scene.parent / "skin.<UDIM>.png", "--out", out, *more, expect=expect)
 
 
-def test_what_lies_beyond_a_seam_is_copied(scene: Path) -> None:
+# 125 texels put the border of the first chart on texels' centres, 121 and 126 close to them on either side.
+@pytest.mark.parametrize("size", [128, 125, 121, 126])
+def test_what_lies_beyond_a_seam_is_copied(tmp_path: Path, size: int) -> None:
+    scene = painted(tmp_path, size)
     said = dilate(scene, "--texture", scene.parent / "height.<UDIM>.exr", "--reach", "0.08")
     assert "4 files written" in said.stdout
     for name, top in (("skin.{}.png", 65535), ("height.{}.exr", 1)):
@@ -64,16 +70,26 @@ def test_what_lies_beyond_a_seam_is_copied(scene: Path) -> None:
             before = pixels(scene.parent / name.format(udim))
             after = pixels(scene.parent / "out" / name.format(udim))
             assert before.dtype == after.dtype
-            x, y = at_texels(udim)
+            x, y = at_texels(udim, size)
             # The strip beyond the seam, less its ends; all else stays as it was.
             beyond = x - 1 if udim == 1001 else 1 - x
             scale = 0.8 if udim == 1001 else 0.4
-            strip = (beyond > 0) & (beyond * scale < 0.05) & (y > 0.1) & (y < 0.9)
-            far = inside(udim) | (beyond < 0) | (beyond * scale > 0.1) | (y < -0.2) | (y > 1.2)
-            assert strip.sum() > 200 and far.sum() > 1000
+            strip = (beyond > 1e-4) & (beyond * scale < 0.04) & (y > 0.1) & (y < 0.9)
+            far = (beyond < -1e-4) | (beyond * scale > 0.1) | (y < -0.2) | (y > 1.2)
+            assert strip.sum() > 150 and far.sum() > 1000
             wanted = content(x, y)[..., : after.shape[2]]
             assert np.abs(after[strip] / top - wanted[strip]).max() < 0.01
             assert np.array_equal(after[far], before[far])
+
+
+def test_numbers_that_are_none_stay_where_they_are(scene: Path) -> None:
+    path = scene.parent / "height.1001.exr"
+    texels = pixels(path).copy()
+    texels[64, 64] = np.nan
+    image(path, texels)
+    run("dilate", scene, "--texture", scene.parent / "height.<UDIM>.exr", "--out", scene.parent / "out")
+    for udim, bad in ((1001, 1), (1002, 0)):
+        assert np.isnan(pixels(scene.parent / "out" / f"height.{udim}.exr")).sum() == bad
 
 
 def test_a_second_run_finds_all_up_to_date(scene: Path) -> None:
@@ -98,6 +114,13 @@ def test_textures_are_not_replaced(scene: Path) -> None:
     (scene.parent / "out" / "skin.1001.png").unlink()
     (scene.parent / "out").rmdir()
     assert files(scene.parent) == before
+
+
+def test_tiles_of_other_numbers_are_refused(scene: Path) -> None:
+    path = scene.parent / "skin.1002.png"
+    image(path, (pixels(path) // 257).astype(np.uint8))
+    assert f"{path}: other channels or numbers" in dilate(scene, expect=2).stderr
+    assert not (scene.parent / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -54,7 +54,7 @@ struct Piece {
     parent: u32,
     distance: f64,
     /// Its corners in the plane of the first triangle on the way here, if all triangles on the way are turned into that
-    /// plane, and the sign of its doubled area there. The side at the border lies on the x axis, all else above it.
+    /// plane, and the sign of its doubled area there. The side at the border lies on the x axis, the first triangle above.
     flat: [DVec2; 3],
     sign: f64,
     /// What lies at (x, y) there is expected at `origin` + `map` (x, y) in the chart's plane.

@@ -10,7 +10,7 @@ use crate::mesh::NONE;
 /// Most parts into which a side is divided.
 const MOST_PARTS: usize = 8;
 /// Regions are not divided into more triangles than this.
-const MOST_TRIANGLES: usize = 1 << 20;
+const MOST_TRIANGLES: usize = 1 << 17;
 
 /// Small triangles, connected.
 pub(super) struct Patch {
@@ -110,16 +110,17 @@ impl Patch {
         }
     }
 
-    /// Connects the small triangles at the edges that two of them form.
+    /// Connects the small triangles at their common edges.
     fn connect(&mut self, mut edges: Vec<Edge>) {
         edges.sort_unstable_by_key(|edge| (edge.ends, edge.side));
         for at_edge in edges.chunk_by(|a, b| a.ends == b.ends) {
-            let [a, b] = at_edge else { continue };
-            if a.beyond == b.of && b.beyond == a.of {
-                for (from, to) in [(a, b), (b, a)] {
-                    let triangle = &mut self.triangles[from.side.0 as usize];
-                    triangle.across[from.side.1 as usize] = to.side;
-                    triangle.turns[from.side.1 as usize] = a.falls != b.falls;
+            for a in at_edge {
+                // More than two where a third triangle stands on an edge that two others connect.
+                let fits = |b: &&Edge| b.side != a.side && a.beyond == b.of && b.beyond == a.of;
+                if let Some(b) = at_edge.iter().take(4).find(fits) {
+                    let triangle = &mut self.triangles[a.side.0 as usize];
+                    triangle.across[a.side.1 as usize] = b.side;
+                    triangle.turns[a.side.1 as usize] = a.falls != b.falls;
                 }
             }
         }

@@ -10,6 +10,9 @@ use crate::mesh::hash::{Table, enter};
 use crate::mesh::triangle::doubled_area;
 use crate::mesh::{Mesh, NONE, TileMesh};
 
+/// Most triangles of the mesh in a region.
+const MOST_OF_MESH: usize = 1 << 18;
+
 /// A side of a triangle: the triangle's number in the UV set, and the corner opposite to the side.
 pub(super) type Side = (u32, u8);
 
@@ -153,8 +156,9 @@ impl<'a> Surface<'a> {
         (0..3u8).find(same).map(|k| (other, k))
     }
 
-    /// Length in the UV plane over length on the surface, in the mean over a chart of the tile.
-    pub fn scale(&self, chart: usize) -> f64 {
+    /// Length in the UV plane over length on the surface, in the mean over a chart of the tile; and the side of a square on
+    /// the surface of the chart's area.
+    pub fn size(&self, chart: usize) -> [f64; 2] {
         let tile = &self.tiles[self.home];
         let (mut plane, mut surface) = (0.0, 0.0);
         for t in tile.charts[chart].triangles.clone() {
@@ -162,7 +166,7 @@ impl<'a> Surface<'a> {
             let [a, b, c] = self.corners(self.first[self.home] + t as u32);
             surface += (b - a).cross(c - a).length();
         }
-        (plane / surface).sqrt()
+        [(plane / surface).sqrt(), (0.5 * surface).sqrt()]
     }
 
     /// The triangles beyond the border of a chart of the tile, up to a distance on the surface.
@@ -202,6 +206,9 @@ impl<'a> Surface<'a> {
             for (entry, distance) in round {
                 let known = nearest.get(&entry.0).copied();
                 if known.is_some_and(|known| known <= distance) {
+                    continue;
+                }
+                if known.is_none() && triangles.len() == MOST_OF_MESH {
                     continue;
                 }
                 enter(&mut nearest, entry.0, distance);

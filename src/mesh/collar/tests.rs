@@ -177,6 +177,17 @@ fn a_dome_keeps_shapes_and_sizes_near_the_seam() {
 }
 
 #[test]
+fn a_chart_shrunk_to_a_dot_does_not_take_the_whole_mesh() {
+    let shrunk = 1e-3;
+    let turn = DMat2::from_diagonal(DVec2::splat(shrunk));
+    let sheet = Sheet { n: 64, cut: 63, point: flat, turn, shift: DVec2::splat(0.01), closed: false };
+    let collar = &of_tile(&sheet.mesh(), 0, 0.5)[1];
+    // A column of 64 quads of a sheet of side 1 has the area of a square of side 1/8.
+    let widest = collar.iter().flat_map(|t| t.distance).fold(0.0, f64::max) / (0.5 * shrunk);
+    assert!((0.3..0.75).contains(&widest), "{widest}");
+}
+
+#[test]
 fn nothing_lies_beyond_a_border_of_the_mesh_or_an_edge_of_three_triangles() {
     let whole = Sheet { n: 6, cut: 6, point: flat, turn: DMat2::IDENTITY, shift: DVec2::ZERO, closed: false };
     assert!(of_tile(&whole.mesh(), 0, 0.1)[0].is_empty());

@@ -59,7 +59,6 @@ def add_dilate_to(commands: Any) -> None:
     parser.add_argument(
         "--reach", type=_positive, default=1 / 16, metavar="X", help="how far from seams, in UV, at most 0.5 (0.0625)"
     )
-    parser.add_argument("--meshes", nargs="+", action="extend", default=[], metavar="NAME", help="as for bake")
     parser.add_argument("--uv", metavar="NAME", help="as for bake")
     parser.add_argument("--rest", metavar="WHERE", help="as for bake")
     parser.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")

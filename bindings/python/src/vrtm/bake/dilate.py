@@ -1,7 +1,7 @@
 """`vrtm dilate`: textures with, around each chart, what the surface shows beyond the chart's seams.
 
 A renderer's filter reads beyond the border of a chart. A texture that was dilated so has the content of the other side
-of the seam there, in its place, so that both sides show the same on the seam, in mipmaps, too.
+of the seam there, in its place, so that both sides show the same on the seam.
 """
 
 from __future__ import annotations
@@ -19,14 +19,11 @@ from vrtm.bake.console import Console
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.image_file import Target
-from vrtm.bake.scene import Scene, SceneOptions, Shape
+from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape
 from vrtm.bake.scene.images import find_maps
 
 VERSION = 1
 """Of the way of copying: a file that was made in another way is not up to date."""
-
-PASSES = 2
-"""What is copied lies beside a seam: the first pass interpolates it with texels that the second one finds dilated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,21 +37,12 @@ class _Mesh:
 
 def dilate(parsed: argparse.Namespace, console: Console) -> None:
     """Runs the command. Raises Failure, and what vrtm.bake.failure.describe knows."""
-    options = SceneOptions(meshes=tuple(parsed.meshes), uv=parsed.uv, rest=parsed.rest)
-    with Scene(parsed.scene, options) as scene, vrtm.Device("cpu") as device:
+    # All meshes: what lies in the charts of any of them stays as it is.
+    with Scene(parsed.scene, SceneOptions(uv=parsed.uv, rest=parsed.rest)) as scene, vrtm.Device("cpu") as device:
         for warning in scene.warnings:
             console.warning(warning)
         assets = [_asset(device, shape, parsed.weld) for shape in scene.shapes]
-        groups = []
-        for pattern in dict.fromkeys(parsed.texture):
-            meshes = []
-            for shape, asset in zip(scene.shapes, assets):
-                udims = [tile.udim for tile in asset.tiles]
-                if udims:
-                    meshes.append(_Mesh(shape, asset, find_maps(pattern, shape.name, udims)))
-            if not any(mesh.files for mesh in meshes):
-                raise Failure(INPUT, f"--texture {pattern}: no mesh has such a file")
-            groups.append(meshes)
+        groups = [_meshes(pattern, scene.shapes, assets) for pattern in dict.fromkeys(parsed.texture)]
         inputs = [(parsed.scene, "the scene"), *((path, "a file of the scene") for path in scene.files)]
         outputs = []
         for meshes in groups:
@@ -63,8 +51,28 @@ def dilate(parsed: argparse.Namespace, console: Console) -> None:
             outputs += [(_output(parsed.out, path), f"--out, for {path}") for path in paths]
         overwrite.check(outputs, inputs, parsed.overwrite)
         staging.sweep(parsed.out)
-        written = sum(_dilate(meshes, parsed, console) for meshes in groups)
+        # What is up to date, and what somebody has painted on, is found before anything is written.
+        left = [_left(meshes, parsed) for meshes in groups]
+        for meshes, targets in zip(groups, left):
+            if targets:
+                _dilate(meshes, targets, parsed.reach, console)
+    written = sum(map(len, left))
     console.info(f"{written} files written, {len(outputs) - written} up to date: {parsed.out}")
+
+
+def _meshes(pattern: str, shapes: Sequence[Shape], assets: Sequence[vrtm.Asset]) -> list[_Mesh]:
+    """The meshes that look files of a pattern up. Raises SceneError if there is none."""
+    meshes: list[_Mesh] = []
+    missing: SceneError | None = None
+    for shape, asset in zip(shapes, assets):
+        try:
+            udims = [tile.udim for tile in asset.tiles]
+            meshes.append(_Mesh(shape, asset, find_maps(pattern, shape.name, udims)))
+        except SceneError as error:
+            missing = missing or error
+    if not any(mesh.files for mesh in meshes):
+        raise missing or Failure(INPUT, f"--texture {pattern}: no mesh has such a file")
+    return meshes
 
 
 def _output(folder: str, path: str) -> str:
@@ -86,66 +94,99 @@ def _asset(device: vrtm.Device, shape: Shape, weld: str) -> vrtm.Asset:
         raise describe(error, shape.path) from error
 
 
-def _dilate(meshes: Sequence[_Mesh], parsed: argparse.Namespace, console: Console) -> int:
-    """Dilates the textures of one pattern. Returns how many files were written."""
-    textures = {path: warped.read(path) for mesh in meshes for path in mesh.files.values()}
+def _left(meshes: Sequence[_Mesh], parsed: argparse.Namespace) -> dict[str, Target]:
+    """What is not up to date of the textures of one pattern. Raises Failure."""
+    paths = list(dict.fromkeys(path for mesh in meshes for path in mesh.files.values()))
+    first = warped.read(paths[0])
     common = Fingerprint().text(VERSION, vrtm.version(), parsed.reach, parsed.weld)
     for mesh in meshes:
         shape = mesh.shape
         for array in (shape.rest, shape.face_counts, shape.indices, shape.uvs, shape.uv_indices):
             common.array(array)
         common.text(sorted(mesh.files))
-    for path in textures:
-        common.text(textures[path].inputs)
     targets = {}
-    for path, texture in textures.items():
+    for path in paths:
+        texture = warped.read(path)
+        if (texture.pixels.dtype, texture.channels) != (first.pixels.dtype, first.channels):
+            raise Failure(INPUT, f"{path}: other channels or numbers than those of {paths[0]}")
+        common.text(texture.inputs)
         height, width, _ = texture.pixels.shape
-        facts: dict[str, str | int] = {"vrtm:kind": "dilated", "vrtm:inputs": common.copy().text(path).hex()}
-        targets[path] = Target(
-            _output(parsed.out, path),
-            width,
-            height,
-            texture.channels,
-            str(texture.pixels.dtype),
-            facts,
-            texture.attributes,
-            texture.format,
-            texture.alpha,
-        )
-    left = [path for path in textures if image_file.up_to_date(targets[path], parsed.overwrite) is None]
-    if not left:
-        return 0
-    copies = {path: _copies(path, texture, meshes, parsed.reach) for path, texture in textures.items()}
+        named = (texture.channels, str(texture.pixels.dtype), texture.attributes, texture.format, texture.alpha)
+        targets[path] = (_output(parsed.out, path), width, height, *named)
+    left = {}
+    for path, (output, width, height, channels, dtype, attributes, form, alpha) in targets.items():
+        inputs = common.copy().text(os.path.basename(path)).hex()
+        facts: dict[str, str | int] = {"vrtm:kind": "dilated", "vrtm:inputs": inputs}
+        target = Target(output, width, height, channels, dtype, facts, attributes, form, alpha)
+        if image_file.up_to_date(target, parsed.overwrite) is None:
+            left[path] = target
+    return left
+
+
+def _dilate(meshes: Sequence[_Mesh], targets: dict[str, Target], reach: float, console: Console) -> None:
+    """Writes what is left of the textures of one pattern."""
+    paths = dict.fromkeys(path for mesh in meshes for path in mesh.files.values())
+    textures = {path: warped.read(path) for path in paths}
+    found = {path: _copies(path, texture, meshes, reach) for path, texture in textures.items()}
     now = {path: texture.pixels.astype(np.float32) for path, texture in textures.items()}
-    ranges = {path: (t.pixels.min(axis=(0, 1)), t.pixels.max(axis=(0, 1))) for path, t in textures.items()}
-    for _ in range(PASSES):
-        before = {path: np.pad(pixels, ((2, 2), (2, 2), (0, 0)), mode="edge") for path, pixels in now.items()}
+    for final in (False, True):
+        before = {path: pixels.copy() for path, pixels in now.items()}
         for path in textures:
-            for source, (rows, columns, uv) in copies[path].items():
-                height, width, _ = textures[source].pixels.shape
-                # What overshoots beside an edge must not leave the range that the texture has.
-                low, high = ranges[source]
-                values = warped.interpolated(before[source], uv[:, 0] * width, (1 - uv[:, 1]) * height)
-                now[path][rows, columns] = np.clip(values, low, high)
-    for path in left:
+            for source, (rows, columns, uv) in found[path].copies.items():
+                height, width, _ = before[source].shape
+                x, y = uv[:, 0] * width, (1 - uv[:, 1]) * height
+                # First of texels in charts alone; then also of what was copied beside them, as finely as filters do.
+                sample = _filtered if final else _in_charts
+                now[path][rows, columns] = sample(before[source], found[source].covered, x, y)
+    for path, target in targets.items():
         texture = textures[path]
         whole = texture.pixels.dtype.kind == "u"
-        pixels = (np.rint(now[path]) if whole else now[path]).astype(texture.pixels.dtype)
-        # What is not copied stays as it was, bit by bit.
-        kept = np.ones(pixels.shape[:2], bool)
-        for rows, columns, _ in copies[path].values():
+        kept = np.ones(texture.pixels.shape[:2], bool)
+        for rows, columns, _ in found[path].copies.values():
             kept[rows, columns] = False
-        pixels[kept] = texture.pixels[kept]
-        image_file.write(targets[path], pixels)
-        console.detail(f"{targets[path].path}: {1 - kept.mean():.1%} of its texels")
-    return len(left)
+        pixels = np.rint(now[path]) if whole else now[path]
+        # What is not copied stays as it was, bit by bit.
+        image_file.write(target, np.where(kept[..., None], texture.pixels, pixels.astype(texture.pixels.dtype)))
+        console.detail(f"{target.path}: {1 - kept.mean():.1%} of its texels")
 
 
-def _copies(
-    path: str, texture: warped.Texture, meshes: Sequence[_Mesh], reach: float
-) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """The texels of a texture that are copied, by the file that they are copied from: their rows and columns, and the
-    UVs, within the tile, of what they show."""
+def _in_charts(pixels: np.ndarray, covered: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The mean of those of the four texels around each place that lie in charts; of all four where none does."""
+    height, width, channels = pixels.shape
+    column, row = np.floor(x - 0.5).astype(np.int64), np.floor(y - 0.5).astype(np.int64)
+    across, down = x - 0.5 - column, y - 0.5 - row
+    total = np.zeros((2, len(x), channels))
+    weights = np.zeros((2, len(x), 1))
+    for j in range(2):
+        for i in range(2):
+            at = (np.clip(row + j, 0, height - 1), np.clip(column + i, 0, width - 1))
+            weight = (np.abs(1 - i - across) * np.abs(1 - j - down))[:, None]
+            for k, of in enumerate((weight * covered[at][:, None], weight)):
+                total[k] += np.where(of > 0, of * pixels[at], 0)
+                weights[k] += of
+    inside = weights[0] > 1e-6
+    return np.where(inside, total[0] / np.where(inside, weights[0], 1), total[1] / weights[1])
+
+
+def _filtered(pixels: np.ndarray, _covered: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Catmull-Rom interpolation, within the range of the image: beside an edge it would overshoot."""
+    finite = np.where(np.isfinite(pixels), pixels, np.nan)
+    low, high = np.nanmin(finite, axis=(0, 1)), np.nanmax(finite, axis=(0, 1))
+    return np.clip(warped.interpolated(np.pad(pixels, ((2, 2), (2, 2), (0, 0)), mode="edge"), x, y), low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What is known of a texture's texels."""
+
+    covered: np.ndarray
+    """(height, width): whether a chart covers it."""
+    copies: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+    """By the file that texels are copied from: their rows and columns, and the UVs, within the tile, of what they
+    show."""
+
+
+def _copies(path: str, texture: warped.Texture, meshes: Sequence[_Mesh], reach: float) -> _Found:
     height, width, _ = texture.pixels.shape
     covered = np.zeros((height, width), bool)
     found: dict[str, list[np.ndarray]] = {}
@@ -161,7 +202,8 @@ def _copies(
             origin = np.array([(udim - 1001) % 10, (udim - 1001) // 10])
             own = np.stack(np.broadcast_arrays(across[None, :], down[:, None]), axis=-1) + origin
             known = dilation[..., 3] > 0
-            away = known & (np.abs(dilation[..., :2] - own) > 1e-6).any(axis=-1)
+            # More than the rounding of UVs among all tiles.
+            away = known & (np.abs(dilation[..., :2] - own) > 4e-7 * (1 + own)).any(axis=-1)
             covered |= known & ~away
             pieces.append((mesh, dilation, away))
     for mesh, dilation, away in pieces:
@@ -177,4 +219,4 @@ def _copies(
                 taken[part[0], part[1]] = True
                 old = found.get(source)
                 found[source] = part if old is None else [np.concatenate(pair) for pair in zip(old, part)]
-    return {source: (rows, columns, uv) for source, (rows, columns, uv) in found.items()}
+    return _Found(covered, {source: (rows, columns, uv) for source, (rows, columns, uv) in found.items()})
