@@ -116,6 +116,22 @@ def test_textures_are_not_replaced(scene: Path) -> None:
     assert files(scene.parent) == before
 
 
+def test_a_mesh_without_a_texture_is_told(tmp_path: Path) -> None:
+    square = """
+    def Mesh "%s" {
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+        texCoord2f[] primvars:st = [(%s.1, 0.1), (%s.9, 0.1), (%s.9, 0.9), (%s.1, 0.9)] (interpolation = "vertex")
+    }"""
+    scene = tmp_path / "two.usda"
+    scene.write_text("#usda 1.0\n" + square % ("first", 0, 0, 0, 0) + square % ("second", 1, 1, 1, 1))
+    image(tmp_path / "skin.1001.png", np.zeros((32, 32, 3), np.uint8))
+    said = dilate(scene)
+    assert "1 files written" in said.stdout
+    assert "/second: left out, with its charts" in said.stderr and "1002" in said.stderr
+
+
 def test_tiles_of_other_numbers_are_refused(scene: Path) -> None:
     path = scene.parent / "skin.1002.png"
     image(path, (pixels(path) // 257).astype(np.uint8))

@@ -42,7 +42,7 @@ def dilate(parsed: argparse.Namespace, console: Console) -> None:
         for warning in scene.warnings:
             console.warning(warning)
         assets = [_asset(device, shape, parsed.weld) for shape in scene.shapes]
-        groups = [_meshes(pattern, scene.shapes, assets) for pattern in dict.fromkeys(parsed.texture)]
+        groups = [_meshes(pattern, scene.shapes, assets, console) for pattern in dict.fromkeys(parsed.texture)]
         inputs = [(parsed.scene, "the scene"), *((path, "a file of the scene") for path in scene.files)]
         outputs = []
         for meshes in groups:
@@ -60,18 +60,20 @@ def dilate(parsed: argparse.Namespace, console: Console) -> None:
     console.info(f"{written} files written, {len(outputs) - written} up to date: {parsed.out}")
 
 
-def _meshes(pattern: str, shapes: Sequence[Shape], assets: Sequence[vrtm.Asset]) -> list[_Mesh]:
-    """The meshes that look files of a pattern up. Raises SceneError if there is none."""
+def _meshes(pattern: str, shapes: Sequence[Shape], assets: Sequence[vrtm.Asset], console: Console) -> list[_Mesh]:
+    """The meshes that look files of a pattern up; a warning names the others. Raises SceneError if there is none."""
     meshes: list[_Mesh] = []
-    missing: SceneError | None = None
+    missing: list[tuple[Shape, SceneError]] = []
     for shape, asset in zip(shapes, assets):
         try:
             udims = [tile.udim for tile in asset.tiles]
             meshes.append(_Mesh(shape, asset, find_maps(pattern, shape.name, udims)))
         except SceneError as error:
-            missing = missing or error
+            missing.append((shape, error))
     if not any(mesh.files for mesh in meshes):
-        raise missing or Failure(INPUT, f"--texture {pattern}: no mesh has such a file")
+        raise missing[0][1] if missing else Failure(INPUT, f"--texture {pattern}: no mesh has such a file")
+    for shape, error in missing:
+        console.warning(f"{shape.path}: left out, with its charts: {error}")
     return meshes
 
 
@@ -81,15 +83,7 @@ def _output(folder: str, path: str) -> str:
 
 def _asset(device: vrtm.Device, shape: Shape, weld: str) -> vrtm.Asset:
     try:
-        return vrtm.Asset(
-            device,
-            shape.rest,
-            shape.indices,
-            face_counts=shape.face_counts,
-            uvs=shape.uvs,
-            uv_indices=shape.uv_indices,
-            weld=weld,
-        )
+        return shape.asset(device, weld)
     except vrtm.Error as error:
         raise describe(error, shape.path) from error
 
@@ -187,6 +181,7 @@ class _Found:
 
 
 def _copies(path: str, texture: warped.Texture, meshes: Sequence[_Mesh], reach: float) -> _Found:
+    """What is copied in a texture, by the dilations of all meshes that look it up. No chart of theirs is changed."""
     height, width, _ = texture.pixels.shape
     covered = np.zeros((height, width), bool)
     found: dict[str, list[np.ndarray]] = {}

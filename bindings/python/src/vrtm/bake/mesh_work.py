@@ -85,15 +85,7 @@ class MeshWork:
         self.shape = shape
         self.copies = tuple(copies)
         self.listed = outputs.listed(settings)
-        self.asset = vrtm.Asset(
-            device,
-            shape.rest,
-            shape.indices,
-            face_counts=shape.face_counts,
-            uvs=shape.uvs,
-            uv_indices=shape.uv_indices,
-            weld=settings.weld,
-        )
+        self.asset = shape.asset(device, settings.weld)
         common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
         if device.info.backend == "gpu":
             # The CPU gives the same bits on every machine.

@@ -7,6 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+import vrtm
+
 
 class SceneError(Exception):
     """Bad input. The message names the file and the prim, and says what is wrong with it."""
@@ -68,6 +70,18 @@ class Shape:
     """Paths of all prims that this shape stands for, `path` first: instances in the same pose are one shape."""
     cage_corners: np.ndarray | None = None
     """(corners of the control cage,) int32: the refined corner that lies at each; None where nothing was refined."""
+
+    def asset(self, device: vrtm.Device, weld: str) -> vrtm.Asset:
+        """The library's asset of the mesh, without maps. Raises vrtm.Error."""
+        return vrtm.Asset(
+            device,
+            self.rest,
+            self.indices,
+            face_counts=self.face_counts,
+            uvs=self.uvs,
+            uv_indices=self.uv_indices,
+            weld=weld,
+        )
 
 
 class Source(Protocol):
