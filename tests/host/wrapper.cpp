@@ -213,9 +213,10 @@ void images(const vrtm::Device &device)
     refuses("no map", tile.inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");
     works("fetch a part",
           tile.fetch_part(vrtm::FetchKind::redirection, {texel.data(), 1, 1}, 21, 40, MAP, MAP));
+    const float texel_s_side = 1 / float(MAP);
     Map beside(2 * MAP * MAP);
     works("fetch a dilation", tile.fetch_dilation(1.0 / 16, {beside.data(), MAP, MAP}));
-    check_that(beside[0] > 0 && beside[0] < 1.0f / MAP, "its first texel keeps its place", "");
+    check_that(beside[0] > 0 && beside[0] < texel_s_side, "its first texel keeps its place", "");
     refuses("a dilation without reach", tile.fetch_dilation(0, {beside.data(), MAP, MAP}), vrtm::Code::invalid_argument,
             "reach");
     refuses("memory of a GPU on the CPU",

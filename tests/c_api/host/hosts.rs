@@ -52,13 +52,11 @@ fn the_wrapper_without_exceptions() {
 
 #[test]
 fn the_wrapper_as_cpp20() {
-    if !long::only("the wrapper as C++20") {
-        return;
+    // Whether it compiles without a warning is all that C++20 can change.
+    for (file, options) in [("wrapper", &[][..]), ("wrapper_throws", &[]), ("wrapper", &WITHOUT_EXCEPTIONS)] {
+        let options = [&["-std=c++20", "-fsyntax-only"][..], options].concat();
+        build_with(&format!("tests/host/{file}.cpp"), &format!("{file}_20"), &options, false);
     }
-    build_with("tests/host/wrapper.cpp", "wrapper_20", &["-std=c++20", "-c"], false);
-    build_with("tests/host/wrapper_throws.cpp", "wrapper_throws_20", &["-std=c++20", "-c"], false);
-    let options = [&["-std=c++20", "-c"][..], &WITHOUT_EXCEPTIONS].concat();
-    build_with("tests/host/wrapper.cpp", "wrapper_20_without_exceptions", &options, false);
 }
 
 fn read(path: &str) -> String {
