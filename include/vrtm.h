@@ -1033,6 +1033,18 @@ typedef int32_t vrtm_overlap;
 // The chart with the first face moves them: for mirrored halves that deform alike.
 #define VRTM_OVERLAP_FIRST_FACE 1
 
+// What happens where the surface goes on beyond a chart's border, elsewhere in the UV plane.
+typedef int32_t vrtm_seams;
+
+// Nothing moves at a border, and any texture will do; the default.
+#define VRTM_SEAMS_SHUT 0
+
+// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to `seam_reach`.
+// Redirections near a seam then lead over the border of the chart: the texture must show there what lies beyond it, as
+// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay as
+// they are with VRTM_SEAMS_SHUT. Experimental.
+#define VRTM_SEAMS_CONTINUE 1
+
 // A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
 typedef struct vrtm_tile_settings {
     // sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
@@ -1059,6 +1071,11 @@ typedef struct vrtm_tile_settings {
     float room;
     // Fraction of a cell's area, 0 to 1, under which that penalty starts; default 0.4.
     float room_threshold;
+    // VRTM_SEAMS_SHUT (0, the default) or VRTM_SEAMS_CONTINUE; the latter only with an `orientation_density` of 0.
+    vrtm_seams seams;
+    // How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, in UV: about the size of a large rigid feature.
+    // Over 0 and at most 0.5; default 0.03125.
+    float seam_reach;
 } vrtm_tile_settings;
 
 // UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info, it does not prepare
@@ -1483,6 +1500,11 @@ typedef struct vrtm_tile_report_data {
     uint64_t edges;
     // Segments that are fixed at both ends.
     uint64_t edges_fixed;
+    // With VRTM_SEAMS_CONTINUE: charts that could not be brought together at their seams with what their neighbours
+    // say, or not wholly, without crushing a cell.
+    uint32_t charts_apart;
+    // Milliseconds: bringing charts together at seams.
+    float ms_blend;
 } vrtm_tile_report_data;
 
 // An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -1818,7 +1840,8 @@ VRTM_DEFINE_INIT_WITH_(vrtm_tile_settings,
     value.smoothness = 0.02f;
     value.smoothness_floor = 0.0005f;
     value.room = 0.3f;
-    value.room_threshold = 0.4f;)
+    value.room_threshold = 0.4f;
+    value.seam_reach = 0.03125f;)
 VRTM_DEFINE_INIT_WITH_(vrtm_solve_options,
     value.pbd.iterations = 16;
     value.pbd.smoothing = 0.8f;

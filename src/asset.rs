@@ -4,6 +4,7 @@ mod log;
 pub(crate) mod measure;
 mod prepare;
 pub(crate) mod results;
+mod seams;
 mod side_by_side;
 pub(crate) mod solve;
 mod stretch;
@@ -14,6 +15,7 @@ pub(crate) mod torn;
 use std::sync::Arc;
 
 use crate::allocation::Collect;
+use crate::blend::Places;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::ImageViewMut;
@@ -34,6 +36,8 @@ pub struct Asset {
     pub(crate) mesh: Arc<Mesh>,
     pub(crate) tiles: Vec<TileState>,
     pub(crate) results: Results,
+    /// Where charts have what lies beyond their seams, if any go on there.
+    pub(crate) places: Option<Places>,
 }
 
 impl Asset {
@@ -52,7 +56,7 @@ impl Asset {
         log::describe(device, &mesh);
         let tiles = mesh.tiles.iter().map(|_| TileState::default()).collected();
         let results = Results::new(device, &mesh);
-        Ok(Asset { device: device.clone(), mesh, tiles, results })
+        Ok(Asset { device: device.clone(), mesh, tiles, results, places: None })
     }
 
     /// The device that the asset was made on.

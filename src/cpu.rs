@@ -11,7 +11,7 @@ mod prolong;
 mod relax;
 mod correct;
 mod pbd;
-mod certify;
+pub(crate) mod certify;
 pub(crate) mod invert;
 
 mod energy;

@@ -90,6 +90,7 @@ mod gpu;
 mod device;
 mod strain;
 mod solver;
+mod blend;
 mod map;
 mod asset;
 mod refine;
@@ -119,7 +120,7 @@ pub use image::external::{ExternalHandle, ExternalImage};
 pub use image::format::PixelFormat;
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin};
 #[cfg(feature = "lab")]
-pub use lab::asset::ReferenceMinimum;
+pub use lab::asset::{CollarOfChart, CollarTriangleInSpace, ReferenceMinimum};
 #[cfg(all(feature = "lab", feature = "gpu"))]
 pub use lab::parity::StageDifference;
 pub use map::FetchKind;
@@ -132,7 +133,7 @@ pub use report::{
     TileEstimate, TileInfo, TileReport,
 };
 pub use settings::{
-    AdapterId, Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, PbdSettings, Quality,
+    AdapterId, Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, PbdSettings, Quality, Seams,
     SolveOptions, Solver, TileSettings,
 };
 pub use team::{Executor, Task};

@@ -4,6 +4,7 @@ mod build;
 mod charts;
 mod check;
 pub(crate) mod collar;
+pub(crate) mod extended;
 pub(crate) mod hash;
 mod read;
 mod source;
@@ -35,12 +36,58 @@ pub(crate) struct Triangle {
 }
 
 /// A connected component of triangles in the UV plane (method §1).
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Chart {
     /// Its triangles in `TileMesh::triangles`.
     pub triangles: Range<usize>,
-    /// The mesh vertices that it uses, ascending.
+    /// The triangles of its collar there.
+    pub collar: Range<usize>,
+    /// The mesh vertices that it uses: ascending, and then the further ones of its collar.
     pub vertices: Vec<u32>,
+    /// The points of its collar that are no vertices; they are numbered after the vertices.
+    pub points: Vec<FacePoint>,
+}
+
+/// A point of a triangle of the mesh.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FacePoint {
+    pub vertices: [u32; 3],
+    /// Their weights, whose sum is 1.
+    pub weights: [f64; 3],
+}
+
+impl Chart {
+    /// Number of vertices and points.
+    pub fn count(&self) -> usize {
+        self.vertices.len() + self.points.len()
+    }
+
+    /// The value at a vertex or point, given the values at the mesh's vertices.
+    pub fn value<const D: usize>(&self, local: u32, of_vertex: impl Fn(u32) -> [f64; D]) -> [f64; D] {
+        match self.vertices.get(local as usize) {
+            Some(&v) => of_vertex(v),
+            None => {
+                let point = &self.points[local as usize - self.vertices.len()];
+                let [a, b, c] = point.vertices.map(of_vertex);
+                let [p, q, r] = point.weights;
+                std::array::from_fn(|k| p * a[k] + q * b[k] + r * c[k])
+            }
+        }
+    }
+}
+
+/// Where the surface has a triangle of a collar.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Source {
+    /// Its tile in `Mesh::tiles`, and the triangle there that it is a part of.
+    pub tile: u32,
+    pub triangle: u32,
+    /// UVs within that tile.
+    pub uv: [DVec2; 3],
+    /// Distances from the chart's border along the surface, as lengths in the chart's plane.
+    pub distance: [f32; 3],
+    /// How much of the collar is left around each corner: 1 at the chart's border, 0 where the collar ends.
+    pub depth: [f32; 3],
 }
 
 /// An edge of the UV plane whose two sides have different vertices and are joined by position alone.
@@ -57,8 +104,11 @@ pub(crate) struct WeldedEdge {
 pub(crate) struct TileMesh {
     pub udim: u32,
     pub uv_set: u32,
-    /// Sorted by chart; charts are numbered by their first face.
+    /// Sorted by chart; charts are numbered by their first face. The triangles of the charts' collars follow, if the tile
+    /// has been extended, sorted by chart, too.
     pub triangles: Vec<Triangle>,
+    /// For the triangles of collars.
+    pub sources: Vec<Source>,
     pub charts: Vec<Chart>,
     /// The chart of each triangle, in the order of the mesh's faces: the numbers that `Corner` and `WeldedEdge` use.
     pub chart_of: Vec<u32>,
@@ -77,13 +127,33 @@ impl TileMesh {
 
     /// The chart of each triangle.
     pub fn chart_of_triangles(&self) -> Vec<u32> {
-        let count = |c: usize| self.charts[c].triangles.len();
-        (0..self.charts.len()).flat_map(|c| std::iter::repeat_n(c as u32, count(c))).collected()
+        let of = |range: fn(&Chart) -> &Range<usize>| {
+            let each = move |(c, chart)| std::iter::repeat_n(c as u32, range(chart).len());
+            self.charts.iter().enumerate().flat_map(each)
+        };
+        of(|chart| &chart.triangles).chain(of(|chart| &chart.collar)).collected()
+    }
+
+    /// The chart of a triangle.
+    pub fn chart_of_triangle(&self, triangle: u32) -> u32 {
+        let t = triangle as usize;
+        let end = |chart: &Chart| if t < self.own() { chart.triangles.end } else { chart.collar.end };
+        self.charts.partition_point(|chart| end(chart) <= t) as u32
+    }
+
+    /// Number of triangles of charts; those of collars follow.
+    pub fn own(&self) -> usize {
+        self.triangles.len() - self.sources.len()
+    }
+
+    /// Where the surface has a triangle, if it is one of a collar.
+    pub fn source(&self, triangle: usize) -> Option<&Source> {
+        triangle.checked_sub(self.own()).map(|k| &self.sources[k])
     }
 
     /// Number of triangle sides without a neighbour.
     pub fn border_edges(&self) -> u64 {
-        self.triangles.iter().flat_map(|t| t.neighbours).filter(|&n| n == NONE).count() as u64
+        self.triangles[..self.own()].iter().flat_map(|t| t.neighbours).filter(|&n| n == NONE).count() as u64
     }
 }
 

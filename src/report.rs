@@ -169,6 +169,8 @@ pub struct StageTimes {
     pub pbd: f32,
     /// The f64 certificate.
     pub certify: f32,
+    /// Bringing charts together at seams.
+    pub blend: f32,
     /// The latest inversion; not included in `total`.
     pub invert: f32,
     /// The whole solve of this tile, excluding measuring.
@@ -248,6 +250,9 @@ pub struct TileReport {
     pub charts_identity: u32,
     /// Charts that fell back to the identity because nothing better was found.
     pub charts_fallback: u32,
+    /// Charts that go on beyond seams and could not be brought together there with what their neighbours say, or not wholly,
+    /// without crushing a cell.
+    pub charts_apart: u32,
     /// 16x16 blocks visited on the finest level.
     pub blocks_active: u64,
     /// 16x16 blocks of the whole tile.

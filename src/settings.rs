@@ -141,6 +141,20 @@ pub enum Overlap {
     FirstFace,
 }
 
+/// What happens where the surface goes on beyond a chart's border, elsewhere in the UV plane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Seams {
+    /// Nothing moves at a border. Any texture will do.
+    #[default]
+    Shut,
+    /// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to
+    /// [`TileSettings::seam_reach`]. Redirections near a seam then lead over the border of the chart: the texture must show
+    /// there what lies beyond it, as [`crate::Results::fetch_dilation`] of at least the same reach says. Open borders, and
+    /// charts that lie over one another, stay as they are with [`Seams::Shut`].
+    Continue,
+}
+
 /// A tile's settings. All have a working default; a change rebuilds only what depends on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileSettings {
@@ -164,6 +178,11 @@ pub struct TileSettings {
     pub room_threshold: f32,
     /// Who owns overlapped texels.
     pub overlap: Overlap,
+    /// What happens at seams.
+    pub seams: Seams,
+    /// How far charts go on beyond their seams, in UV, over 0 and at most 0.5; about the size of a large rigid feature. For
+    /// [`Seams::Continue`].
+    pub seam_reach: f32,
 }
 
 impl Default for TileSettings {
@@ -177,6 +196,8 @@ impl Default for TileSettings {
             room: 0.3,
             room_threshold: 0.4,
             overlap: Overlap::Fixed,
+            seams: Seams::Shut,
+            seam_reach: 1.0 / 32.0,
         }
     }
 }
@@ -205,6 +226,14 @@ impl TileSettings {
         if !(0.0..=1.0).contains(&self.room_threshold) {
             return bad("room_threshold", self.room_threshold, "in 0..1");
         }
+        if !(self.seam_reach > 0.0 && self.seam_reach <= MAX_SEAM_REACH) {
+            return bad("seam_reach", self.seam_reach, "over 0 and at most 0.5");
+        }
+        if self.seams == Seams::Continue && self.orientation_density > 0.0 {
+            let message =
+                "settings.seams: charts cannot go on beyond seams with settings.orientation_density over 0";
+            return Err(Error::argument(message.to_string()));
+        }
         for n in self.grid.into_iter().flatten() {
             if !(1..=MAX_GRID).contains(&n) {
                 return Err(Error::argument(format!("settings.grid: {n} cells are not in 1..={MAX_GRID}")));
@@ -213,6 +242,9 @@ impl TileSettings {
         Ok(())
     }
 }
+
+/// The farthest that charts go on beyond seams, in UV.
+pub(crate) const MAX_SEAM_REACH: f32 = 0.5;
 
 /// Most cells on a side of a tile's grid.
 pub const MAX_GRID: u32 = 16384;

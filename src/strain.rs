@@ -29,7 +29,7 @@ const HELP: f64 = 0.10;
 /// |Strain| is limited to this: enough for any scene, and statistics stay finite in f32.
 const LARGEST: f64 = 1e12;
 
-/// Measures the strain of a warp of one tile. `u(i, j)` is the displacement of node (i, j) in cells; `pose` has one
+/// Measures the strain of a warp of one tile, whose triangles `coverage` and `maps` name. `u(i, j)` is the displacement of node (i, j) in cells; `pose` has one
 /// position per vertex. An edge counts if both of its ends are covered and rigid. If at least one end may move, one chart
 /// must cover both. Edges with two fixed ends are counted separately, if the surface continues from one end to the other:
 /// no warp changes their strain.
@@ -79,6 +79,14 @@ pub(crate) fn measure(
                     edges.add_fixed(strain(distance(ends[a].before, posed.at(under, at).into()), length));
                 }
                 continue;
+            }
+            // With collars, nodes next to a border move, too: on its other side another part of the surface may begin.
+            if !tile.sources.is_empty() {
+                let at = DVec2::new(i as f64, j as f64);
+                let under = locator.walk(coverage.triangle[a], at);
+                if under.is_none_or(|t| t as usize >= tile.own()) {
+                    continue;
+                }
             }
             let length = distance(ends[a].rest, ends[b].rest);
             if length > 0.0 {

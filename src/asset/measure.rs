@@ -1,9 +1,12 @@
 //! Measures the strain of a result on the mesh, for reports.
 
+use std::sync::Arc;
+
 use super::Asset;
 use crate::allocation::Collect;
 use crate::error::Result;
-use crate::grid::coverage::{Coverage, node_maps};
+use crate::grid::coverage::{Coverage, NodeMaps, node_maps};
+use crate::grid::planes::{NODES, SIDE, slot};
 use crate::map::nodes;
 use crate::solver::solved::Solved;
 use crate::strain::measure;
@@ -16,22 +19,48 @@ impl Asset {
         &self,
         team: &Team,
         positions: Strided,
-        tiles: &mut [(usize, Solved)],
+        tiles: &[(usize, Arc<Solved>)],
+        published: &mut [Option<Solved>],
     ) -> Result<()> {
         let pose = gather(positions);
-        for (tile, solved) in tiles {
+        for ((tile, result), published) in tiles.iter().zip(published) {
+            let solved = published.get_or_insert_with(|| result.with_warp(result.warp.clone()));
             team.check_or_unwind();
             let state = &self.tiles[*tile];
             let mesh = &*solved.mesh;
             let level = &solved.grid.levels[0];
             let coverage = Coverage::new(mesh, level.nx, level.ny, state.maps.settings.overlap);
-            let maps = node_maps(mesh, &state.maps, [level.nx, level.ny]);
+            let mut maps = node_maps(mesh, &state.maps, [level.nx, level.ny]);
+            if solved.extended.is_some() {
+                set_movable(&mut maps, solved);
+            }
             let nodes = nodes::dense(solved)?;
             let width = level.nx + 1;
-            let strain = measure(&self.mesh, mesh, &coverage, &maps, &pose, &|i, j| nodes[j * width + i]);
+            let strain = measure(
+                &self.mesh,
+                solved.extended.as_deref().unwrap_or(mesh),
+                &coverage,
+                &maps,
+                &pose,
+                &|i, j| nodes[j * width + i],
+            );
             solved.report.strain = Some(strain);
         }
         Ok(())
+    }
+}
+
+/// Sets which nodes of charts may move to those of a result with collars.
+fn set_movable(maps: &mut NodeMaps, solved: &Solved) {
+    let level = &solved.grid.levels[0];
+    for (b, block) in level.blocks.list.iter().enumerate().filter(|(_, block)| block.active) {
+        for n in 0..NODES {
+            let (i, j) = (block.x as usize * SIDE + n % SIDE, block.y as usize * SIDE + n / SIDE);
+            let s = slot(n % SIDE, n / SIDE);
+            if level.movable[b][s] != 0 && (solved.grid.triangle[b][s] as usize) < solved.mesh.own() {
+                maps.chart[j * (level.nx + 1) + i] = block.chart;
+            }
+        }
     }
 }
 

@@ -5,15 +5,16 @@ use std::time::Instant;
 
 use crate::device::Device;
 use crate::error::{Error, Result};
-use crate::grid::maps::{Mask, Rigidity, TileMaps};
+use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
 use crate::grid::repaint::repaint;
 use crate::grid::survey::Survey;
 use crate::grid::{Grid, build, saved};
 use crate::image::ImageView;
 use crate::image::map::TexelRect;
+use crate::mesh::extended::extended;
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
-use crate::settings::{LogLevel, Solver, TileSettings};
+use crate::settings::{LogLevel, Seams, Solver, TileSettings};
 use crate::team::Team;
 use crate::unwind::caught;
 
@@ -60,14 +61,15 @@ impl TileState {
         image.check_finite("rigidity", texels)?;
         let start = Instant::now();
         let before = map.part(&texels);
-        image.copy_to(map, texels);
+        image.copy_to(Arc::make_mut(map), texels);
+        let tile = self.extended.get().map_or(tile, |extended| extended);
         let repainted = caught(|| match (&self.maps.rigidity, &self.grid) {
             (Rigidity::Map(map), Some(grid)) => Ok(repaint(team, grid, tile, &self.maps, map, &texels)),
             _ => Ok(None),
         });
         // A failed call leaves the map as it was.
         if let (Err(_), Rigidity::Map(map)) = (&repainted, &mut self.maps.rigidity) {
-            map.set_part(&texels, &before);
+            Arc::make_mut(map).set_part(&texels, &before);
         }
         let repainted = repainted?;
         self.solved_with = None;
@@ -101,14 +103,20 @@ impl TileState {
     /// Changes the settings. The grid is rebuilt at the next solve if it depends on the change.
     pub fn set_settings(&mut self, settings: &TileSettings) {
         let of_grid = |maps: &TileMaps| {
-            let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, .. } =
+            let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, seams, .. } =
                 maps.settings;
-            (maps.grid_size(), overlap, smoothness, smoothness_floor, orientation_density > 0.0)
+            (maps.grid_size(), overlap, smoothness, smoothness_floor, orientation_density > 0.0, seams)
         };
         let grid_before = of_grid(&self.maps);
         let before = std::mem::replace(&mut self.maps.settings, *settings);
         if before != *settings {
             self.solved_with = None;
+        }
+        let reach =
+            |settings: &TileSettings| (settings.seams == Seams::Continue).then_some(settings.seam_reach);
+        if reach(&before) != reach(settings) {
+            self.extended.take();
+            self.grid = None;
         }
         if of_grid(&self.maps) != grid_before {
             self.grid = None;
@@ -119,13 +127,42 @@ impl TileState {
         }
     }
 
+    /// The tile as it is solved: with collars, if charts go on beyond seams.
+    pub(crate) fn source(&self, team: &Team, mesh: &Mesh, tile: usize) -> Arc<TileMesh> {
+        let TileSettings { seams, seam_reach, .. } = self.maps.settings;
+        match seams {
+            Seams::Shut => mesh.tiles[tile].clone(),
+            Seams::Continue => {
+                let new = || Arc::new(extended(team, mesh, tile, f64::from(seam_reach)));
+                self.extended.get_or_init(new).clone()
+            }
+        }
+    }
+
+    /// Drops what depends on the maps of another tile, if the tile's collars lie there.
+    pub fn forget_maps_of(&mut self, tile: usize) {
+        let is_there = |mesh: &Arc<TileMesh>| mesh.sources.iter().any(|source| source.tile as usize == tile);
+        if self.extended.get().is_some_and(is_there) {
+            self.copies = None;
+            self.grid = None;
+            self.solved_with = None;
+        }
+    }
+
     /// The tile's grid; builds it if necessary.
-    pub fn grid(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<Arc<Grid>> {
+    pub fn grid(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        maps: &[TileMaps],
+    ) -> Result<Arc<Grid>> {
         if let Some(grid) = &self.grid {
             return Ok(grid.clone());
         }
-        let source = &mesh.tiles[tile];
-        let grid = self.build(team, device, mesh, source)?;
+        let source = &self.source(team, mesh, tile);
+        let grid = self.build(team, device, mesh, source, maps)?;
         if grid.overlap > 0.0 {
             let percent = 100.0 * grid.overlap;
             device
@@ -141,6 +178,7 @@ impl TileState {
         );
         device.log(LogLevel::Info, &message);
         self.grid = Some(grid.clone());
+        self.copies = None;
         if let Err(error) = self.book(device, 0, source.udim) {
             self.grid = None;
             return Err(error);
@@ -149,17 +187,25 @@ impl TileState {
     }
 
     /// Builds a grid. Its memory is booked before it is allocated.
-    fn build(&mut self, team: &Team, device: &Device, mesh: &Mesh, source: &TileMesh) -> Result<Arc<Grid>> {
+    fn build(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        source: &TileMesh,
+        maps: &[TileMaps],
+    ) -> Result<Arc<Grid>> {
         let start = Instant::now();
         // The solver's memory is for another grid and no longer useful.
         self.forget(device);
-        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
+        let of_tile = MapsOfTile { own: &self.maps, all: maps };
+        let survey = Survey::new(team, source, of_tile, self.maps.grid_size());
         self.book(device, survey.grid_bytes(), source.udim)?;
         if survey.has_rigid_nodes() && survey.movable.iter().all(|&count| count == 0) {
             let message = format!("tile {}: it has rigid texels, but nothing that may move", source.udim);
             device.log(LogLevel::Warning, &message);
         }
-        let grid = Arc::new(build::grid(team, mesh, &self.maps, survey));
+        let grid = Arc::new(build::grid(team, mesh, MapsOfTile { own: &self.maps, all: maps }, survey));
         self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
         Ok(grid)
     }
@@ -176,29 +222,37 @@ impl TileState {
         }
         self.torn_now = torn;
         if self.torn_now.is_empty() {
-            let grid = self.grid(call.team, call.device, call.mesh, tile)?;
-            return Ok(Prepared { mesh: whole.clone(), grid });
+            let grid = self.grid(call.team, call.device, call.mesh, tile, call.maps)?;
+            let mesh = self.source(call.team, call.mesh, tile);
+            return Ok(Prepared { mesh, own: whole.clone(), grid });
         }
         let kept = self.torn.take().filter(|kept| kept.is(&self.torn_now));
         let mut torn = kept.unwrap_or_else(|| Torn::new(whole, &self.torn_now));
         let source = torn.mesh.clone();
         if let Some(grid) = torn.grid.clone() {
             self.torn = Some(torn);
-            return Ok(Prepared { mesh: source, grid });
+            return Ok(Prepared { mesh: source.clone(), own: source, grid });
         }
-        let grid = self.build(call.team, call.device, call.mesh, &source)?;
+        let grid = self.build(call.team, call.device, call.mesh, &source, &[])?;
         torn.grid = Some(grid.clone());
         self.torn = Some(torn);
         if let Err(error) = self.book(call.device, Solved::bytes_for(&grid), source.udim) {
             self.torn = None;
             return Err(error);
         }
-        Ok(Prepared { mesh: source, grid })
+        Ok(Prepared { mesh: source.clone(), own: source, grid })
     }
 
     /// Bytes that `save` writes for the prepared tile; prepares it if necessary.
-    pub fn saved_size(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<usize> {
-        self.grid(team, device, mesh, tile).map(|grid| saved::size(&grid))
+    pub fn saved_size(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        maps: &[TileMaps],
+    ) -> Result<usize> {
+        self.grid(team, device, mesh, tile, maps).map(|grid| saved::size(&grid))
     }
 
     /// Writes the prepared tile to a buffer of `saved_size` bytes.
@@ -208,10 +262,12 @@ impl TileState {
         device: &Device,
         mesh: &Mesh,
         tile: usize,
+        maps: &[TileMaps],
         out: &mut [u8],
     ) -> Result<()> {
-        let grid = self.grid(team, device, mesh, tile)?;
-        saved::save(&grid, saved::key(mesh, &mesh.tiles[tile], &self.maps), out);
+        let grid = self.grid(team, device, mesh, tile, maps)?;
+        let of_tile = MapsOfTile { own: &self.maps, all: maps };
+        saved::save(&grid, saved::key(mesh, &self.source(team, mesh, tile), of_tile), out);
         Ok(())
     }
 
@@ -222,13 +278,15 @@ impl TileState {
         device: &Device,
         mesh: &Mesh,
         tile: usize,
+        maps: &[TileMaps],
         data: &[u8],
     ) -> Result<()> {
-        let source = &mesh.tiles[tile];
-        let key = saved::key(mesh, source, &self.maps);
+        let source = &self.source(team, mesh, tile);
+        let key = saved::key(mesh, source, MapsOfTile { own: &self.maps, all: maps });
         let grid = saved::load(team, data, key, mesh, source, |bytes| self.book(device, bytes, source.udim));
         let loaded = grid.and_then(|grid| {
             self.forget(device);
+            self.copies = None;
             let before = self.grid.replace(Arc::new(grid));
             self.book(device, 0, source.udim).inspect_err(|_| self.grid = before)
         });
@@ -240,9 +298,17 @@ impl TileState {
     }
 
     /// The memory for preparing and solving the tile, estimated from a survey alone.
-    pub fn estimate(&self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileEstimate> {
-        let source = &mesh.tiles[tile];
-        let survey = Survey::new(team, source, &self.maps, self.maps.grid_size());
+    pub fn estimate(
+        &self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        maps: &[TileMaps],
+    ) -> Result<TileEstimate> {
+        let source = &self.source(team, mesh, tile);
+        let of_tile = MapsOfTile { own: &self.maps, all: maps };
+        let survey = Survey::new(team, source, of_tile, self.maps.grid_size());
         let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());
         let grid = build::skeleton(survey);
         let result = Solved::bytes_for(&grid);
@@ -259,8 +325,15 @@ impl TileState {
     }
 
     /// Facts about the tile that need no solve.
-    pub fn info(&mut self, team: &Team, device: &Device, mesh: &Mesh, tile: usize) -> Result<TileInfo> {
-        let grid = self.grid(team, device, mesh, tile)?;
+    pub fn info(
+        &mut self,
+        team: &Team,
+        device: &Device,
+        mesh: &Mesh,
+        tile: usize,
+        maps: &[TileMaps],
+    ) -> Result<TileInfo> {
+        let grid = self.grid(team, device, mesh, tile, maps)?;
         let source = &mesh.tiles[tile];
         Ok(TileInfo {
             udim: source.udim,

@@ -4,7 +4,7 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
+use crate::allocation::{Collect, Grow, copied, filled, zeroed};
 use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::method::plan::Plan;
@@ -17,7 +17,7 @@ use super::Asset;
 use super::results::{Last, TileResult, not_solved};
 use super::side_by_side;
 use super::stretch::Stretch;
-use super::tile::{SolveCall, TileState};
+use super::tile::SolveCall;
 use crate::image::ImageViewMut;
 use crate::map::FetchKind;
 use crate::map::fetch::Output;
@@ -60,6 +60,8 @@ struct Fresh {
     plan: Plan,
     /// The inputs of the charts' results, for each solved tile.
     inputs: Vec<(usize, Vec<Option<ChartInput>>)>,
+    /// The solved tiles' results before the blend at seams.
+    solved: Vec<(usize, Arc<Solved>)>,
     /// The results of all tiles.
     last: Last,
 }
@@ -148,24 +150,36 @@ impl Asset {
         let _working = team.control().map(|control| control.begin());
         team.check_or_unwind();
         let plan = Plan::new(&request.options);
-        let wanted = self.wanted(request, &plan);
+        let asked = self.asked(request);
+        let wanted = self.wanted(request, &plan, &asked);
         if request.release_last {
             self.release_results(&wanted);
         }
+        let maps = self.maps();
         let Asset { device, mesh, tiles, .. } = &mut *self;
-        let call = SolveCall { team, device, mesh, positions: request.positions, plan: &plan, start };
+        let maps = &maps;
+        let call = SolveCall { team, device, mesh, maps, positions: request.positions, plan: &plan, start };
         let states = tiles.iter_mut().enumerate().filter(|(tile, _)| wanted[*tile]).collected();
         let mut solved = match request.options.time_budget {
             Some(budget) => side_by_side::in_turn(&call, budget, states)?,
             None => side_by_side::solve(&call, crew, states)?,
         };
-        let solved_ms = start.elapsed().as_secs_f32() * 1000.0;
+        let inputs =
+            solved.iter_mut().map(|(tile, solved)| (*tile, std::mem::take(&mut solved.inputs))).collected();
+        let mut solved: Vec<(usize, Arc<Solved>)> =
+            solved.into_iter().map(|(tile, solved)| (tile, Arc::new(solved))).collected();
+        let new = solved.len();
+        solved.put_all(self.beside(&asked, &wanted));
+        let mut published = self.blend(team, &solved)?;
+        let beside = published.split_off(new).into_iter().zip(solved.split_off(new));
+        let beside = beside.filter_map(|(published, (tile, _))| Some((tile, published?))).collected();
         if request.options.measure {
-            self.measure(team, request.positions, &mut solved)?;
+            self.measure(team, request.positions, &solved, &mut published)?;
         }
+        let solved_ms = start.elapsed().as_secs_f32() * 1000.0;
         let stretch = Stretch::new(&self.mesh, &request.positions);
         stretch.warn(&self.device);
-        let fresh = self.fresh(solved, plan, solved_ms, stretch);
+        let fresh = self.fresh(solved, published, beside, inputs, plan, solved_ms, stretch);
         // From here on the call has a result and can no longer be cancelled.
         if let Some(control) = team.control() {
             control.seal_or_unwind();
@@ -173,24 +187,29 @@ impl Asset {
         Ok(fresh)
     }
 
-    /// Per tile, whether it has to be solved.
-    fn wanted(&self, request: &SolveRequest, plan: &Plan) -> Vec<bool> {
-        let mut wanted = filled(request.tiles.is_none(), self.tiles.len());
+    /// Per tile, whether its result may change.
+    fn asked(&self, request: &SolveRequest) -> Vec<bool> {
+        let mut asked = filled(request.tiles.is_none(), self.tiles.len());
         for &tile in request.tiles.unwrap_or_default() {
-            wanted[tile] = true;
+            asked[tile] = true;
         }
+        self.tiles.iter().zip(&mut asked).for_each(|(state, asked)| *asked &= !state.frozen);
+        asked
+    }
+
+    /// Per tile, whether it has to be solved.
+    fn wanted(&self, request: &SolveRequest, plan: &Plan, asked: &[bool]) -> Vec<bool> {
+        let mut wanted = copied(asked);
         if let Some(dirty) = request.dirty_vertices {
             let mut is_dirty = zeroed(self.mesh.rest.len());
             for &vertex in dirty {
                 is_dirty[vertex as usize] = true;
             }
             for ((state, tile), wanted) in self.tiles.iter().zip(&self.mesh.tiles).zip(&mut wanted) {
+                let tile = state.extended.get().unwrap_or(tile);
                 let mut vertices = tile.charts.iter().flat_map(|chart| &chart.vertices);
                 *wanted &= !state.is_solved_with(plan) || vertices.any(|&vertex| is_dirty[vertex as usize]);
             }
-        }
-        for (state, wanted) in self.tiles.iter().zip(&mut wanted) {
-            *wanted &= !state.frozen;
         }
         wanted
     }
@@ -207,15 +226,29 @@ impl Asset {
     }
 
     /// The results of a solve, ready to replace the last ones.
-    fn fresh(&self, solved: Vec<(usize, Solved)>, plan: Plan, solved_ms: f32, stretch: Stretch) -> Fresh {
-        let kept = |state: &TileState| state.solved.clone().map(|solved| TileResult { solved, kept: true });
-        let mut all: Vec<_> = self.tiles.iter().map(kept).collected();
-        let mut inputs = with_capacity(solved.len());
-        for (tile, mut solved) in solved {
-            inputs.put((tile, std::mem::take(&mut solved.inputs)));
-            all[tile] = Some(TileResult { solved: Arc::new(solved), kept: false });
+    fn fresh(
+        &self,
+        solved: Vec<(usize, Arc<Solved>)>,
+        published: Vec<Option<Solved>>,
+        beside: Vec<(usize, Solved)>,
+        inputs: Vec<(usize, Vec<Option<ChartInput>>)>,
+        plan: Plan,
+        solved_ms: f32,
+        stretch: Stretch,
+    ) -> Fresh {
+        let last = self.results.last();
+        let mut all = filled(None, self.tiles.len());
+        for (result, last) in all.iter_mut().zip(&last.tiles) {
+            *result = last.as_ref().map(|last| TileResult { solved: last.solved.clone(), kept: true });
         }
-        Fresh { plan, inputs, last: Last { tiles: all, solved_ms: Some(solved_ms), stretch } }
+        for (tile, solved) in beside {
+            all[tile] = Some(TileResult { solved: Arc::new(solved), kept: true });
+        }
+        for ((tile, solved), published) in solved.iter().zip(published) {
+            let solved = published.map_or_else(|| solved.clone(), Arc::new);
+            all[*tile] = Some(TileResult { solved, kept: false });
+        }
+        Fresh { plan, inputs, solved, last: Last { tiles: all, solved_ms: Some(solved_ms), stretch } }
     }
 
     /// Writes outputs of results that are not yet published.
@@ -234,10 +267,8 @@ impl Asset {
 
     /// Replaces the last results, all at once. Cannot fail.
     fn publish(&mut self, fresh: Fresh) {
-        for (tile, inputs) in fresh.inputs {
-            if let Some(result) = &fresh.last.tiles[tile] {
-                self.tiles[tile].take(result.solved.clone(), inputs, &fresh.plan);
-            }
+        for ((tile, inputs), (_, solved)) in fresh.inputs.into_iter().zip(fresh.solved) {
+            self.tiles[tile].take(solved, inputs, &fresh.plan);
         }
         self.results.replace(fresh.last);
     }

@@ -1,7 +1,7 @@
 //! One tile of an asset: its maps, its grid (built when needed), its solver's memory, and its last good result.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use crate::allocation::{Collect, copied, filled, zeroed};
@@ -22,6 +22,7 @@ use crate::unwind::caught;
 use crate::view::Strided;
 
 use super::torn::Torn;
+use crate::blend::Copies;
 use crate::solver::TileSolver;
 use crate::solver::solved::{ChartInput, Solved};
 use crate::solver::tile_solve::{TileSolution, TileSolve, Warp};
@@ -31,6 +32,8 @@ pub(crate) struct SolveCall<'a> {
     pub team: &'a Team,
     pub device: &'a Device,
     pub mesh: &'a Mesh,
+    /// The maps of all tiles, if charts of any go on beyond seams.
+    pub maps: &'a [TileMaps],
     pub positions: Strided<'a>,
     pub plan: &'a Plan,
     /// When it began.
@@ -65,7 +68,10 @@ impl SolveShare {
 
 /// The tile with the connectivity of a pose, and its grid.
 pub(crate) struct Prepared {
+    /// As it is solved: with collars, if charts go on beyond seams.
     pub mesh: Arc<TileMesh>,
+    /// Without collars.
+    pub own: Arc<TileMesh>,
     pub grid: Arc<Grid>,
 }
 
@@ -74,15 +80,20 @@ pub(crate) struct Prepared {
 pub(crate) struct TileState {
     pub maps: TileMaps,
     pub(super) grid: Option<Arc<Grid>>,
+    /// The tile with collars, once it is needed.
+    pub(super) extended: OnceLock<Arc<TileMesh>>,
     /// The tile as torn by the last pose that tore it.
     pub(super) torn: Option<Torn>,
     /// The welds that the last pose tore.
     pub(super) torn_now: Vec<u32>,
+    /// What the blend at seams needs for the grid.
+    pub(super) copies: Option<Copies>,
     solver: Option<TileSolver>,
     /// Bytes of the solver's memory.
     solver_bytes: u64,
     /// True if the solver's memory has never been used.
     solver_is_fresh: bool,
+    /// The last good result; at seams as it was before the blend.
     pub solved: Option<Arc<Solved>>,
     /// The inputs of each chart's result; `None` if the result also depends on time or on earlier frames.
     pub(super) inputs: Vec<Option<ChartInput>>,
@@ -109,7 +120,10 @@ impl TileState {
     pub(super) fn held(&self) -> u64 {
         let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
         let torn = self.torn.as_ref().map_or(0, Torn::bytes);
-        self.map_bytes() + grid + torn + self.solver_bytes
+        // The blend is a result of its own.
+        let blended = self.copies.as_ref().map_or(0, |copies| copies.bytes() as u64)
+            + self.grid.as_ref().filter(|_| self.copies.is_some()).map_or(0, |grid| Solved::bytes_for(grid));
+        self.map_bytes() + grid + torn + blended + self.solver_bytes
     }
 
     /// Bytes of the maps.
@@ -131,7 +145,7 @@ impl TileState {
     /// are solved.
     pub fn solve(&mut self, call: &SolveCall, share: &SolveShare, prepared: &Prepared) -> Result<Solved> {
         let start = Instant::now();
-        let Prepared { mesh, grid } = prepared;
+        let Prepared { mesh, own, grid } = prepared;
         let pose = Pose::new(mesh, |v| call.positions.get3(v as usize), Some(&grid.rest));
         let tasks = self.tasks(grid, mesh, &pose, call.plan);
         let WarpResult { warp, results, mut report, work } =
@@ -141,7 +155,8 @@ impl TileState {
         report.welds_torn = self.torn_now.len() as u32;
         report.times.total = start.elapsed().as_secs_f32() * 1000.0 + report.times.maps;
         Ok(Solved {
-            mesh: mesh.clone(),
+            mesh: own.clone(),
+            extended: (!mesh.sources.is_empty()).then(|| mesh.clone()),
             grid: grid.clone(),
             warp,
             inputs,
@@ -248,7 +263,7 @@ impl TileState {
         last: Option<&Warp>,
         tasks: &[ChartTask],
     ) -> Result<TileSolution> {
-        let Prepared { mesh: tile, grid } = prepared;
+        let Prepared { mesh: tile, grid, .. } = prepared;
         let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collected();
         let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collected();
         self.allocate(call.device, grid, tile, call.plan.solver())?;

@@ -4,13 +4,14 @@ use crate::allocation::{Collect, zeroed};
 use std::sync::Arc;
 
 use super::Asset;
+use super::tile::TileState;
 use crate::error::{Error, Result};
-use crate::grid::maps::{Mask, Rigidity};
+use crate::grid::maps::{Mask, Rigidity, TileMaps};
 use crate::grid::squares::pages_near;
 use crate::image::ImageView;
 use crate::image::map::{Map, PAGE};
 use crate::report::{TileEstimate, TileInfo};
-use crate::settings::TileSettings;
+use crate::settings::{Seams, TileSettings};
 use crate::view::Strided;
 
 impl Asset {
@@ -21,8 +22,9 @@ impl Asset {
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
         self.check_tile(tile)?;
         self.call(|asset| {
+            let maps = &asset.maps();
             let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
-            device.team(|team| state.info(team, device, mesh, tile))
+            device.team(|team| state.info(team, device, mesh, tile, maps))
         })
     }
 
@@ -34,7 +36,8 @@ impl Asset {
     pub fn tile_estimate(&self, tile: usize) -> Result<TileEstimate> {
         self.check_tile(tile)?;
         let (state, device) = (&self.tiles[tile], &self.device);
-        device.call(|| device.team(|team| state.estimate(team, device, &self.mesh, tile)))
+        let maps = &self.maps();
+        device.call(|| device.team(|team| state.estimate(team, device, &self.mesh, tile, maps)))
     }
 
     /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another machine.
@@ -55,8 +58,9 @@ impl Asset {
     pub fn saved_tile_size(&mut self, tile: usize) -> Result<usize> {
         self.check_tile(tile)?;
         self.call(|asset| {
+            let maps = &asset.maps();
             let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
-            device.team(|team| state.saved_size(team, device, mesh, tile))
+            device.team(|team| state.saved_size(team, device, mesh, tile, maps))
         })
     }
 
@@ -71,8 +75,9 @@ impl Asset {
             .get_mut(..size)
             .ok_or_else(|| Error::argument(format!("data: {given} bytes given, {size} needed")))?;
         self.call(|asset| {
+            let maps = &asset.maps();
             let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
-            device.team(|team| state.save(team, device, mesh, tile, out))
+            device.team(|team| state.save(team, device, mesh, tile, maps, out))
         })?;
         Ok(size)
     }
@@ -86,8 +91,9 @@ impl Asset {
     pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
         self.check_tile(tile)?;
         self.call(|asset| {
+            let maps = &asset.maps();
             let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
-            device.team(|team| state.load(team, device, mesh, tile, data))
+            device.team(|team| state.load(team, device, mesh, tile, maps, data))
         })
     }
 
@@ -102,6 +108,7 @@ impl Asset {
             None => Rigidity::None,
         };
         self.tiles[tile].set_rigidity(rigidity);
+        self.forget_maps_of(tile);
         Ok(())
     }
 
@@ -116,6 +123,7 @@ impl Asset {
             None => Mask::None,
         };
         self.tiles[tile].set_mask(mask);
+        self.forget_maps_of(tile);
         Ok(())
     }
 
@@ -135,18 +143,33 @@ impl Asset {
     ) -> Result<()> {
         self.check_tile(tile)?;
         let texels = image.rect("rigidity", first, size)?;
+        self.forget_maps_of(tile);
         self.call(|asset| {
             let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh.tiles[tile]);
             device.team(|team| state.update_rigidity(team, device, mesh, &image, texels))
         })
     }
 
+    /// The maps of all tiles, if charts of any go on beyond seams.
+    pub(crate) fn maps(&self) -> Vec<TileMaps> {
+        let continues = |state: &TileState| state.maps.settings.seams == Seams::Continue;
+        if !self.tiles.iter().any(continues) {
+            return Vec::new();
+        }
+        self.tiles.iter().map(|state| state.maps.clone()).collected()
+    }
+
+    /// Drops what other tiles have of a tile's maps.
+    fn forget_maps_of(&mut self, tile: usize) {
+        self.tiles.iter_mut().for_each(|state| state.forget_maps_of(tile));
+    }
+
     /// Copies the part of an image near the charts of a tile.
-    fn map_of(&self, name: &str, tile: usize, image: ImageView) -> Result<Map> {
+    fn map_of(&self, name: &str, tile: usize, image: ImageView) -> Result<Arc<Map>> {
         let (size, _) = image.shape();
         let near = pages_near(&self.mesh.tiles[tile], size);
         let columns = size[0].div_ceil(PAGE);
-        image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE])
+        image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE]).map(Arc::new)
     }
 
     /// Sets the rigidity of all tiles from one value per vertex (linear over each triangle); `None` removes it.
@@ -195,6 +218,7 @@ impl Asset {
         self.check_tile(tile)?;
         settings.check()?;
         self.tiles[tile].set_settings(settings);
+        self.forget_maps_of(tile);
         Ok(())
     }
 

@@ -18,6 +18,8 @@ use crate::team::Team;
 pub(crate) struct Inverse<'a> {
     /// The point, in cells.
     pub p: [f64; 2],
+    /// The chart whose warp it is.
+    pub chart: u32,
     /// The triangle that contains the point.
     piece: &'a Piece,
 }
@@ -83,7 +85,7 @@ pub(crate) fn texels(
                     let rest = [a, b, c].map(|k| corners[k].0);
                     // All cells at this node compute the same texel coordinates.
                     let warped = [a, b, c].map(|k| (corners[k].0 + corners[k].1) * scale - 0.5);
-                    triangle(rest, warped, part, &put);
+                    triangle(block.chart, rest, warped, part, &put);
                 }
             }
         }
@@ -101,7 +103,13 @@ fn load(level: &Level, u: &[[Plane; 2]], b: usize, windows: &mut [Window; 2]) ->
 /// Calls `put` for the texels whose centre lies in a warped triangle, given its corners at rest in cells and warped in
 /// texels. A triangle without area, which only the paper's solver produces, covers no texel. In a sliver the rounded
 /// coordinates are clamped to the triangle.
-fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], part: &ImagePart, put: &impl Fn(usize, usize, Inverse)) {
+fn triangle(
+    chart: u32,
+    rest: [DVec2; 3],
+    warped: [DVec2; 3],
+    part: &ImagePart,
+    put: &impl Fn(usize, usize, Inverse),
+) {
     let [a, b, c] = warped;
     let (e1, e2) = (b - a, c - a);
     let area = e1.perp_dot(e2);
@@ -117,7 +125,7 @@ fn triangle(rest: [DVec2; 3], warped: [DVec2; 3], part: &ImagePart, put: &impl F
         let l1 = (d.perp_dot(e2) * piece.inverse).clamp(0.0, 1.0);
         let l2 = (e1.perp_dot(d) * piece.inverse).clamp(0.0, 1.0 - l1);
         let p = rest[0] + l1 * (rest[1] - rest[0]) + l2 * (rest[2] - rest[0]);
-        put(x, y, Inverse { p: p.into(), piece: &piece });
+        put(x, y, Inverse { p: p.into(), chart, piece: &piece });
     });
 }
 
@@ -230,7 +238,7 @@ mod tests {
         let rest = [[3.0, 5.0], [4.0, 5.0], [4.0, 6.0]].map(DVec2::from);
         let found = RefCell::new(Vec::new());
         let part = ImagePart { size: [8, 8], first: [0, 0], end: [8, 8] };
-        triangle(rest, warped.map(DVec2::from), &part, &|_, _, inverse: Inverse| {
+        triangle(0, rest, warped.map(DVec2::from), &part, &|_, _, inverse: Inverse| {
             found.borrow_mut().push(inverse.p)
         });
         found.into_inner()

@@ -126,6 +126,11 @@ pub struct vrtm_tile_report_data {
     pub edges: u64,
     /// Segments that are fixed at both ends.
     pub edges_fixed: u64,
+    /// With VRTM_SEAMS_CONTINUE: charts that could not be brought together at their seams with what their neighbours
+    /// say, or not wholly, without crushing a cell.
+    pub charts_apart: u32,
+    /// Milliseconds: bringing charts together at seams.
+    pub ms_blend: f32,
 }
 
 /// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -249,6 +254,8 @@ pub unsafe extern "C" fn vrtm_tile_report(
             kept: u32::from(r.kept),
             edges_fixed: strain.edges_fixed,
             strain_fixed: strain.fixed,
+            charts_apart: r.charts_apart,
+            ms_blend: r.times.blend,
         });
         Ok(())
     })

@@ -5,7 +5,7 @@ use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{flag, image_or_none, strided, vrtm_array, vrtm_image};
-use crate::settings::{Overlap, TileSettings};
+use crate::settings::{Overlap, Seams, TileSettings};
 
 /// Facts of a tile that need no solve. Start from vrtm_tile_data_init().
 #[repr(C)]
@@ -47,6 +47,16 @@ pub const VRTM_OVERLAP_FIXED: vrtm_overlap = 0;
 /// The chart with the first face moves them: for mirrored halves that deform alike.
 pub const VRTM_OVERLAP_FIRST_FACE: vrtm_overlap = 1;
 
+/// What happens where the surface goes on beyond a chart's border, elsewhere in the UV plane.
+pub type vrtm_seams = i32;
+/// Nothing moves at a border, and any texture will do; the default.
+pub const VRTM_SEAMS_SHUT: vrtm_seams = 0;
+/// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to `seam_reach`.
+/// Redirections near a seam then lead over the border of the chart: the texture must show there what lies beyond it, as
+/// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay as
+/// they are with VRTM_SEAMS_SHUT. Experimental.
+pub const VRTM_SEAMS_CONTINUE: vrtm_seams = 1;
+
 /// A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -75,6 +85,11 @@ pub struct vrtm_tile_settings {
     pub room: f32,
     /// Fraction of a cell's area, 0 to 1, under which that penalty starts; default 0.4.
     pub room_threshold: f32,
+    /// VRTM_SEAMS_SHUT (0, the default) or VRTM_SEAMS_CONTINUE; the latter only with an `orientation_density` of 0.
+    pub seams: vrtm_seams,
+    /// How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, in UV: about the size of a large rigid feature.
+    /// Over 0 and at most 0.5; default 0.03125.
+    pub seam_reach: f32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
@@ -112,6 +127,11 @@ fn to_c(settings: &TileSettings) -> vrtm_tile_settings {
         orientation_density: settings.orientation_density,
         room: settings.room,
         room_threshold: settings.room_threshold,
+        seams: match settings.seams {
+            Seams::Shut => VRTM_SEAMS_SHUT,
+            Seams::Continue => VRTM_SEAMS_CONTINUE,
+        },
+        seam_reach: settings.seam_reach,
     }
 }
 
@@ -123,6 +143,11 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
             return Err(Failure::argument(format!("settings.overlap is {other}, no VRTM_OVERLAP_ value")));
         }
     };
+    let seams = match from.seams {
+        VRTM_SEAMS_SHUT => Seams::Shut,
+        VRTM_SEAMS_CONTINUE => Seams::Continue,
+        other => return Err(Failure::argument(format!("settings.seams is {other}, no VRTM_SEAMS_ value"))),
+    };
     Ok(TileSettings {
         grid: [from.grid_width, from.grid_height].map(|n| (n != 0).then_some(n)),
         smoothness: from.smoothness,
@@ -132,6 +157,8 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
         room: from.room,
         room_threshold: from.room_threshold,
         overlap,
+        seams,
+        seam_reach: from.seam_reach,
     })
 }
 

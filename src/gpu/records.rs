@@ -117,7 +117,7 @@ pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
     let mut vertices = 0u32;
     for chart in &tile.charts {
         first_vertex.put(vertices);
-        vertices += chart.vertices.len() as u32;
+        vertices += chart.count() as u32;
     }
     tile.triangles
         .iter()

@@ -89,7 +89,7 @@ impl BufferSizes {
             }
         };
         let common = |planes: usize| coarse.map_or(0, |coarse| coarse.blocks as u64 * planes as u64 * PLANE);
-        let vertices = tile.charts.iter().map(|chart| chart.vertices.len()).sum();
+        let vertices = tile.charts.iter().map(|chart| chart.count()).sum();
         BufferSizes {
             bands: bands
                 .iter()

@@ -13,6 +13,8 @@ use super::rigidity::NodeRigidity;
 use super::survey::{Survey, SurveyLevel};
 use super::{Grid, Level, cover, coverage, density, rest};
 use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
+use crate::grid::maps::MapsOfTile;
+#[cfg(test)]
 use crate::grid::maps::TileMaps;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::{Mesh, NONE};
@@ -20,20 +22,20 @@ use crate::settings::TileSettings;
 use crate::team::Team;
 
 /// Builds the grid of a surveyed tile.
-pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: &TileMaps, survey: Survey) -> Grid {
+pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid {
     let tile = survey.coverer.tile;
     let charts = tile.charts.len();
     let mut levels = levels_of(&survey.levels, charts);
     let rigidity = NodeRigidity { maps, coverer: &survey.coverer, triangles: &survey.triangles };
     set_rigidity(team, &rigidity, &survey, &mut levels);
-    if maps.settings.orientation_density > 0.0 {
+    if maps.own.settings.orientation_density > 0.0 {
         let density = density::density(&coverage::node_maps_of(&rigidity, &survey));
         let width = survey.coverer.nx + 1;
         for (k, level) in levels.iter_mut().enumerate() {
             level.density = Arc::new(planes(level, |i, j| density[(j << k) * width + (i << k)]));
         }
     }
-    set_interpolation(team, &survey, &mut levels, &maps.settings);
+    set_interpolation(team, &survey, &mut levels, &maps.own.settings);
     let triangle = Arc::new(triangles_of_nodes(team, &survey));
     let mut gather = Gather::default();
     if let Some(level) = levels.get_mut(1) {
@@ -67,8 +69,8 @@ impl Grid {
     /// Builds a tile's grid.
     pub fn new(mesh: &Mesh, tile: &crate::mesh::TileMesh, maps: &TileMaps) -> Grid {
         Team::with(2, |team| {
-            let survey = Survey::new(team, tile, maps, maps.grid_size());
-            grid(team, mesh, maps, survey)
+            let survey = Survey::new(team, tile, MapsOfTile::alone(maps), maps.grid_size());
+            grid(team, mesh, MapsOfTile::alone(maps), survey)
         })
     }
 }
@@ -191,7 +193,8 @@ fn triangles_of_nodes(team: &Team, survey: &Survey) -> Vec<Plane<u32>> {
     let blocks = &survey.levels[0].blocks.list;
     let mut triangles = filled([NONE; NODES], blocks.len());
     team.fill(&mut triangles, |b, plane| {
-        if let Some(square) = survey.coverer.squares.find(blocks[b].x, blocks[b].y) {
+        let block = &blocks[b];
+        if let Some(square) = survey.coverer.squares.find(block.chart, block.x, block.y) {
             let cover = survey.coverer.cover(square);
             for j in 0..SIDE {
                 for i in 0..SIDE {

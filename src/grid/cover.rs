@@ -34,7 +34,7 @@ pub struct Cover {
     pub triangle: [u32; WIDE * WIDE],
     /// The square's nodes whose four cells all lie in the tile and inside one chart, and on no border.
     pub interior: NodeSet,
-    /// The square's nodes that a triangle covers.
+    /// The square's nodes that a triangle of a chart covers, not only one of a collar.
     pub covered: NodeSet,
     /// The square's nodes that more than one layer covers.
     pub layered: NodeSet,
@@ -50,21 +50,22 @@ const SEVERAL: u32 = NONE - 1;
 
 impl<'a> Coverer<'a> {
     pub fn new(tile: &'a TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverer<'a> {
-        let squares = Squares::new(tile, nx, ny, None);
-        Coverer { tile, nx, ny, overlap, charts: Cow::Owned(tile.chart_of_triangles()), squares }
+        let charts = tile.chart_of_triangles();
+        let squares = Squares::new(tile, &charts, nx, ny, None);
+        Coverer { tile, nx, ny, overlap, charts: Cow::Owned(charts), squares }
     }
 
     /// Covers a square. Where layers overlap, a node belongs to the first triangle (triangles are sorted by chart,
     /// charts by first face); with `Overlap::Fixed` such nodes are not interior.
     pub fn cover(&self, square: usize) -> Cover {
-        let [x, y] = self.squares.list[square].map(|x| x as usize * SIDE);
+        let [x, y] = self.squares.list[square].at.map(|x| x as usize * SIDE);
         let triangles = self.squares.triangles(square);
         let (triangle, layered) = self.fill(x, y, triangles);
         let mut cover =
             Cover { triangle, interior: NodeSet::EMPTY, covered: NodeSet::EMPTY, layered: NodeSet::EMPTY };
         for j in 0..SIDE {
             for i in 0..SIDE {
-                if triangle[at(i + 1, j + 1)] != NONE {
+                if triangle[at(i + 1, j + 1)] < self.tile.own() as u32 {
                     cover.covered.insert(i, j);
                 }
                 if layered[at(i + 1, j + 1)] {
@@ -72,7 +73,7 @@ impl<'a> Coverer<'a> {
                 }
             }
         }
-        if !cover.covered.is_empty() {
+        if triangle.iter().any(|&t| t != NONE) {
             cover.interior = self.interior(x, y, triangles, &triangle, &layered);
         }
         cover
@@ -96,7 +97,8 @@ impl<'a> Coverer<'a> {
                 let node = at(i + 1 - x, j + 1 - y);
                 match (inside, triangle[node]) {
                     (true, NONE) => triangle[node] = t,
-                    (true, _) => layered[node] = true,
+                    // Triangles of collars lie over no others of their chart.
+                    (true, first) => layered[node] |= t.max(first) < self.tile.own() as u32,
                     (false, _) if rim[node] == NONE => rim[node] = t,
                     (false, _) => {}
                 }

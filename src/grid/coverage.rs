@@ -5,7 +5,7 @@ use super::cover::{Coverer, WIDE, at};
 use super::rigidity::NodeRigidity;
 use super::survey::Survey;
 use crate::allocation::{filled, zeroed};
-use crate::grid::maps::TileMaps;
+use crate::grid::maps::{MapsOfTile, TileMaps};
 use crate::grid::planes::SIDE;
 use crate::mesh::{NONE, TileMesh};
 use crate::settings::Overlap;
@@ -30,7 +30,7 @@ impl Coverage {
         let mut coverage = Coverage { nx, ny, triangle: filled(NONE, nodes), interior: zeroed(nodes) };
         for square in 0..coverer.squares.list.len() {
             let cover = coverer.cover(square);
-            each_node(coverer.squares.list[square], nx, ny, |i, j, node| {
+            each_node(coverer.squares.list[square].at, nx, ny, |i, j, node| {
                 coverage.triangle[node] = cover.triangle[at(i + 1, j + 1)];
                 coverage.interior[node] = cover.interior.contains(i, j);
             });
@@ -52,8 +52,12 @@ pub(crate) struct NodeMaps {
 
 /// Rigidity and mobility of a tile on a grid of nx by ny cells.
 pub(crate) fn node_maps(tile: &TileMesh, maps: &TileMaps, [nx, ny]: [usize; 2]) -> NodeMaps {
-    let survey = Team::with(1, |team| Survey::new(team, tile, maps, [nx, ny]));
-    let rigidity = NodeRigidity { maps, coverer: &survey.coverer, triangles: &survey.triangles };
+    let survey = Team::with(1, |team| Survey::new(team, tile, MapsOfTile::alone(maps), [nx, ny]));
+    let rigidity = NodeRigidity {
+        maps: MapsOfTile::alone(maps),
+        coverer: &survey.coverer,
+        triangles: &survey.triangles,
+    };
     node_maps_of(&rigidity, &survey)
 }
 
@@ -64,8 +68,8 @@ pub(super) fn node_maps_of(source: &NodeRigidity, survey: &Survey) -> NodeMaps {
     let mut maps = NodeMaps { nx: *nx, ny: *ny, rigidity: zeroed(nodes), chart: filled(NONE, nodes) };
     for square in 0..squares.list.len() {
         let cover = source.coverer.cover(square);
-        let values: [f32; WIDE * WIDE] = source.window(squares.list[square], &cover);
-        each_node(squares.list[square], *nx, *ny, |i, j, node| {
+        let values: [f32; WIDE * WIDE] = source.window(squares.list[square].at, &cover);
+        each_node(squares.list[square].at, *nx, *ny, |i, j, node| {
             maps.rigidity[node] = values[at(i + 1, j + 1)];
         });
     }

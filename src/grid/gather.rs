@@ -149,7 +149,7 @@ impl BlockGather {
 fn triangles(coverer: &Coverer, block: &Block) -> Vec<u32> {
     let mut triangles = Vec::new();
     for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-        if let Some(square) = coverer.squares.find(2 * block.x + dx, 2 * block.y + dy) {
+        if let Some(square) = coverer.squares.find(block.chart, 2 * block.x + dx, 2 * block.y + dy) {
             let of_square = coverer.squares.triangles(square);
             triangles
                 .put_all(of_square.iter().copied().filter(|t| coverer.charts[*t as usize] == block.chart));

@@ -14,7 +14,7 @@ pub(crate) enum Rigidity {
     #[default]
     None,
     /// An image.
-    Map(Map),
+    Map(Arc<Map>),
     /// One value per vertex of the mesh.
     Vertices(Arc<Vec<f32>>),
 }
@@ -26,7 +26,7 @@ pub(crate) enum Mask {
     #[default]
     None,
     /// An image.
-    Map(Map),
+    Map(Arc<Map>),
     /// One value per vertex of the mesh.
     Vertices(Arc<Vec<f32>>),
 }
@@ -37,6 +37,26 @@ pub(crate) struct TileMaps {
     pub rigidity: Rigidity,
     pub mask: Mask,
     pub settings: TileSettings,
+}
+
+/// The maps that a tile's grid depends on.
+#[derive(Clone, Copy)]
+pub(crate) struct MapsOfTile<'a> {
+    pub own: &'a TileMaps,
+    /// Those of all tiles of the mesh, for a tile with collars; otherwise they may be missing.
+    pub all: &'a [TileMaps],
+}
+
+impl<'a> MapsOfTile<'a> {
+    /// Those of a tile without collars.
+    pub fn alone(own: &'a TileMaps) -> MapsOfTile<'a> {
+        MapsOfTile { own, all: &[] }
+    }
+
+    /// Those of a tile, by its number in the mesh.
+    pub fn of(&self, tile: u32) -> Option<&'a TileMaps> {
+        self.all.get(tile as usize)
+    }
 }
 
 /// Cells on a side of the grid of a tile with rigidity per vertex, unless the settings give a size.

@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use crate::allocation::{Collect, copied};
-use crate::mesh::TileMesh;
+use crate::mesh::{Chart, TileMesh};
 
 /// The bound to which coordinates are clamped, in units of the chart: squares of lengths divided by rest lengths have
 /// to stay finite in f32.
@@ -42,8 +42,8 @@ impl Pose {
             .map(|(c, chart)| {
                 let mut low = [f64::INFINITY; 3];
                 let mut high = [f64::NEG_INFINITY; 3];
-                for &v in &chart.vertices {
-                    let p = position(v);
+                let point = |local: u32| chart.value(local, &position);
+                for p in (0..chart.count() as u32).map(point) {
                     for axis in 0..3 {
                         low[axis] = low[axis].min(p[axis]);
                         high[axis] = high[axis].max(p[axis]);
@@ -52,11 +52,9 @@ impl Pose {
                 let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
                 let scale = rest.map_or_else(|| power_of_two_near_inverse(extent), |r| r.charts[c].scale);
                 let centre: [f64; 3] = std::array::from_fn(|axis| 0.5 * low[axis] + 0.5 * high[axis]);
-                let positions = chart
-                    .vertices
-                    .iter()
-                    .map(|&v| {
-                        let p = position(v);
+                let positions = (0..chart.count() as u32)
+                    .map(|local| {
+                        let p = point(local);
                         std::array::from_fn(|axis| {
                             ((p[axis] - centre[axis]) * scale).clamp(-FARTHEST, FARTHEST) as f32
                         })
@@ -84,7 +82,8 @@ impl Pose {
         // Extents at rest are 0.5 to 1, so the end of an edge is rounded by up to 2^-25 and its length by a few times
         // that.
         const ROUNDING: f64 = 4.0 / (1u64 << 24) as f64;
-        tile.triangles[tile.charts[c].triangles.clone()].iter().all(|t| {
+        let Chart { triangles, collar, .. } = &tile.charts[c];
+        [triangles, collar].into_iter().flat_map(|range| &tile.triangles[range.clone()]).all(|t| {
             (0..3).all(|k| {
                 let (a, b) = (t.local[k], t.local[(k + 1) % 3]);
                 let (was, is) = (length(rest, a, b), length(pose, a, b));

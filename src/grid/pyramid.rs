@@ -39,7 +39,7 @@ pub fn finest_block(
 ) {
     let block = &level.blocks.list[b];
     *codes = [0; NODES];
-    let Some(square) = rigidity.coverer.squares.find(block.x, block.y) else { return };
+    let Some(square) = rigidity.coverer.squares.find(block.chart, block.x, block.y) else { return };
     let cover = rigidity.coverer.cover(square);
     let values = rigidity.window([block.x, block.y], &cover);
     for j in 0..SIDE {

@@ -12,7 +12,7 @@ use super::rigidity::NodeRigidity;
 use super::squares::Squares;
 use super::survey::{RigidNodes, SurveyLevel, has_rigidity, movable_of_charts, rigid_nodes};
 use crate::allocation::{Collect, Grow, zeroed};
-use crate::grid::maps::TileMaps;
+use crate::grid::maps::{MapsOfTile, TileMaps};
 use crate::grid::planes::{NODES, SIDE};
 use crate::image::map::{Map, TexelRect};
 use crate::mesh::{NONE, TileMesh};
@@ -79,7 +79,7 @@ pub(crate) struct Repainted {
 ///
 /// # Returns
 /// `None` if the grid has to be built from scratch: because a chart gained its first or lost its last rigidity, or
-/// because the settings need the density of rigid material.
+/// because the settings need the density of rigid material, or because the tile has collars, in which other texels lie.
 pub(crate) fn repaint(
     team: &Team,
     grid: &Grid,
@@ -88,17 +88,18 @@ pub(crate) fn repaint(
     map: &Map,
     texels: &TexelRect,
 ) -> Option<Repainted> {
-    if maps.settings.orientation_density > 0.0 {
+    if maps.settings.orientation_density > 0.0 || !tile.sources.is_empty() {
         return None;
     }
     let cells = [grid.levels[0].nx, grid.levels[0].ny];
     let nodes = Nodes::of_texels(map, cells, texels);
     let near = nodes.grown(1);
-    let squares = Squares::new(tile, cells[0], cells[1], Some(near.squares(cells)));
+    let squares = Squares::new(tile, &grid.chart_of, cells[0], cells[1], Some(near.squares(cells)));
     let charts = Cow::Borrowed(&grid.chart_of[..]);
     let coverer =
         Coverer { tile, nx: cells[0], ny: cells[1], overlap: maps.settings.overlap, charts, squares };
-    let rigidity = NodeRigidity { maps, coverer: &coverer, triangles: &grid.triangles };
+    let rigidity =
+        NodeRigidity { maps: MapsOfTile::alone(maps), coverer: &coverer, triangles: &grid.triangles };
     let rigid = parts_with_rigidity(&rigidity, &grid.parts, &grid.rigid, near);
     if movable_of_charts(grid.movable.len(), &grid.parts, &rigid) != grid.movable {
         return None;
@@ -119,7 +120,7 @@ fn parts_with_rigidity(source: &NodeRigidity, parts: &[Part], before: &[bool], n
         if !near.meet([part.x, part.y], SIDE) {
             return *before;
         }
-        let Some(square) = source.coverer.squares.find(part.x, part.y) else { return *before };
+        let Some(square) = source.coverer.squares.find(part.chart, part.x, part.y) else { return *before };
         let cover = source.coverer.cover(square);
         let window: [f32; WIDE * WIDE] = source.window([part.x, part.y], &cover);
         let moves = |n: &usize| part.nodes.contains(n % SIDE, n / SIDE);
@@ -132,11 +133,11 @@ fn parts_with_rigidity(source: &NodeRigidity, parts: &[Part], before: &[bool], n
 fn rigid_nodes_now(source: &NodeRigidity, before: &[RigidNodes], near: Nodes) -> Vec<RigidNodes> {
     let of_square = |before: &RigidNodes| {
         let [x, y] = before.square;
-        match source.coverer.squares.find(x, y).filter(|_| near.meet([x, y], SIDE)) {
+        match source.coverer.squares.find(0, x, y).filter(|_| near.meet([x, y], SIDE)) {
             Some(square) => {
                 let cover = source.coverer.cover(square);
                 let window = source.window([x, y], &cover);
-                rigid_nodes([x, y], &cover, &source.free([x, y]), &window)
+                rigid_nodes([x, y], &cover, &source.free(square, &cover), &window)
             }
             None => *before,
         }

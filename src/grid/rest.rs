@@ -205,9 +205,9 @@ struct TriangleInSpace {
 impl TriangleInSpace {
     fn new(chords: &Chords, chart: u32, t: u32) -> TriangleInSpace {
         let source = &chords.tile.triangles[t as usize];
-        let vertices = &chords.tile.charts[chart as usize].vertices;
+        let chart = &chords.tile.charts[chart as usize];
         let [a, b, c] = source.uv.map(|uv| uv * chords.cells);
-        let [p, q, r] = source.local.map(|v| DVec3::from(chords.mesh.rest[vertices[v as usize] as usize]));
+        let [p, q, r] = source.local.map(|v| DVec3::from(chart.value(v, |v| chords.mesh.rest[v as usize])));
         TriangleInSpace { origin: a, uv: [b - a, c - a], first: p, edges: [q - p, r - p] }
     }
 

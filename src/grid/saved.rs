@@ -21,7 +21,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::Grid;
 use crate::error::Result;
-use crate::grid::maps::{Mask, Rigidity, TileMaps};
+use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
 use crate::mesh::{Mesh, TileMesh};
 use crate::team::Team;
 use read::{Reader, refuse};
@@ -33,7 +33,7 @@ const FORMAT: u32 = 1;
 /// Bytes of the header.
 const HEADER: usize = 8 + 4 + 4 + 8 + 16 + 16;
 /// A hash that identifies the inputs of a grid: the tile's mesh, its maps, and the settings that a grid depends on.
-pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> u128 {
+pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, MapsOfTile { own: maps, all }: MapsOfTile) -> u128 {
     let mut hash = Xxh3::new();
     let settings = &maps.settings;
     for number in maps.grid_size().map(|n| n as u64) {
@@ -53,9 +53,28 @@ pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> u128 {
         let positions = chart.vertices.iter().flat_map(|&v| mesh.rest[v as usize]);
         positions.for_each(|x| hash.update(&x.to_le_bytes()));
     }
+    hash_maps(&mut hash, tile, maps);
+    if !tile.sources.is_empty() {
+        for source in &tile.sources {
+            hash.update(&source.tile.to_le_bytes());
+            source.uv.iter().flat_map(|uv| uv.to_array()).for_each(|x| hash.update(&x.to_le_bytes()));
+        }
+        let points = tile.charts.iter().flat_map(|chart| &chart.points);
+        points.flat_map(|point| point.weights).for_each(|x| hash.update(&x.to_le_bytes()));
+        for (_, maps) in
+            all.iter().enumerate().filter(|(k, _)| tile.sources.iter().any(|s| s.tile as usize == *k))
+        {
+            maps.grid_size().iter().for_each(|n| hash.update(&(*n as u64).to_le_bytes()));
+            hash_maps(&mut hash, tile, maps);
+        }
+    }
+    hash.digest128()
+}
+
+fn hash_maps(hash: &mut Xxh3, tile: &TileMesh, maps: &TileMaps) {
     match &maps.rigidity {
         Rigidity::None => hash.update(&[0]),
-        Rigidity::Map(map) => map.hash(&mut hash),
+        Rigidity::Map(map) => map.hash(hash),
         Rigidity::Vertices(values) => {
             let of_tile = tile.charts.iter().flat_map(|chart| &chart.vertices);
             of_tile.for_each(|&v| hash.update(&values[v as usize].to_le_bytes()));
@@ -63,14 +82,13 @@ pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, maps: &TileMaps) -> u128 {
     }
     match &maps.mask {
         Mask::None => hash.update(&[0]),
-        Mask::Map(map) => map.hash(&mut hash),
+        Mask::Map(map) => map.hash(hash),
         Mask::Vertices(values) => {
             hash.update(b"vertices");
             let of_tile = tile.charts.iter().flat_map(|chart| &chart.vertices);
             of_tile.for_each(|&v| hash.update(&values[v as usize].to_le_bytes()));
         }
     }
-    hash.digest128()
 }
 
 /// Bytes of a saved grid.

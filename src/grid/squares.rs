@@ -3,15 +3,28 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Grow, zeroed};
+use crate::allocation::{Collect, Grow, zeroed};
 use crate::grid::planes::SIDE;
 use crate::image::map::PAGE;
-use crate::mesh::TileMesh;
+use crate::mesh::{Chart, TileMesh};
+
+/// A square of 16 by 16 nodes of a layer.
+///
+/// A chart with a collar is a layer of its own, since its collar may lie over other charts; all other charts are layer 0
+/// together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Square {
+    pub layer: u32,
+    /// Position (x, y), in squares.
+    pub at: [u32; 2],
+}
 
 /// The squares that a triangle meets.
 pub struct Squares {
-    /// Position (x, y) of each square, sorted by y, x.
-    pub list: Vec<[u32; 2]>,
+    /// Sorted by layer, y, x.
+    pub list: Vec<Square>,
+    /// The layer of each chart.
+    layers: Vec<u32>,
     /// Per square, the index of its first triangle, followed by the total count.
     starts: Vec<u32>,
     /// The triangles of all squares, square by square, ascending in each.
@@ -24,30 +37,43 @@ const SLACK: f64 = 1e-5;
 impl Squares {
     /// Finds the squares of a grid of nx by ny cells whose nodes, or a neighbour of one, may lie on a triangle.
     /// `wanted` limits the search to the squares from the first to the last along both axes.
-    pub fn new(tile: &TileMesh, nx: usize, ny: usize, wanted: Option<[[u32; 2]; 2]>) -> Squares {
+    /// `charts` has the chart of each triangle.
+    pub fn new(
+        tile: &TileMesh,
+        charts: &[u32],
+        nx: usize,
+        ny: usize,
+        wanted: Option<[[u32; 2]; 2]>,
+    ) -> Squares {
         let cells = DVec2::new(nx as f64, ny as f64);
-        let mut pairs: Vec<(u32, u32, u32)> = Vec::new();
-        for (t, triangle) in tile.triangles.iter().enumerate() {
+        let layer = |(c, chart): (usize, &Chart)| if chart.collar.is_empty() { 0 } else { c as u32 + 1 };
+        let layers: Vec<u32> = tile.charts.iter().enumerate().map(layer).collected();
+        let mut pairs: Vec<(u32, u32, u32, u32)> = Vec::new();
+        for ((t, triangle), &chart) in tile.triangles.iter().enumerate().zip(charts) {
             let corners = triangle.uv.map(|uv| uv * cells);
             // The window of square x covers the nodes from 16 x - 1 to 16 x + 16.
             let range = wanted.unwrap_or([[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)]);
-            each_square(corners, range, [DVec2::ONE, DVec2::ZERO], |x, y| pairs.put((y, x, t as u32)));
+            each_square(corners, range, [DVec2::ONE, DVec2::ZERO], |x, y| {
+                pairs.put((layers[chart as usize], y, x, t as u32))
+            });
         }
         pairs.sort_unstable();
-        let mut squares = Squares { list: Vec::new(), starts: Vec::new(), triangles: Vec::new() };
+        let mut squares = Squares { list: Vec::new(), layers, starts: Vec::new(), triangles: Vec::new() };
         squares.triangles.make_exact_room(pairs.len());
-        for of_square in pairs.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            squares.list.put([of_square[0].1, of_square[0].0]);
+        for of_square in pairs.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
+            let (layer, y, x, _) = of_square[0];
+            squares.list.put(Square { layer, at: [x, y] });
             squares.starts.put(squares.triangles.len() as u32);
-            squares.triangles.put_all(of_square.iter().map(|pair| pair.2));
+            squares.triangles.put_all(of_square.iter().map(|pair| pair.3));
         }
         squares.starts.put(squares.triangles.len() as u32);
         squares
     }
 
-    /// The index of the square at (x, y).
-    pub fn find(&self, x: u32, y: u32) -> Option<usize> {
-        self.list.binary_search_by_key(&(y, x), |&[x, y]| (y, x)).ok()
+    /// The index of the square at (x, y) in the layer of a chart.
+    pub fn find(&self, chart: u32, x: u32, y: u32) -> Option<usize> {
+        let key = (self.layers[chart as usize], y, x);
+        self.list.binary_search_by_key(&key, |square| (square.layer, square.at[1], square.at[0])).ok()
     }
 
     /// The triangles that meet a square or the nodes next to it, ascending.
@@ -57,7 +83,7 @@ impl Squares {
 
     /// Upper bound of the bytes in use while the squares are found.
     pub fn bytes(&self) -> usize {
-        self.list.len() * 12 + self.triangles.len() * 16
+        self.list.len() * 16 + self.triangles.len() * 20
     }
 }
 

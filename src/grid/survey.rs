@@ -9,8 +9,8 @@ use super::cover::{Cover, Coverer, WIDE, at};
 use super::node_set::NodeSet;
 use super::rigidity::NodeRigidity;
 use crate::allocation::{Collect, Grow, with_capacity, zeroed};
-use crate::grid::maps::TileMaps;
-use crate::grid::planes::SIDE;
+use crate::grid::maps::MapsOfTile;
+use crate::grid::planes::{NODES, SIDE};
 use crate::grid::uv_triangle::{UvTriangle, uv_triangles};
 use crate::mesh::{NONE, TileMesh};
 use crate::team::Team;
@@ -75,8 +75,8 @@ const CHUNK: usize = 16;
 
 impl<'a> Survey<'a> {
     /// Surveys a tile on a grid of `size` cells.
-    pub fn new(team: &Team, tile: &'a TileMesh, maps: &TileMaps, [nx, ny]: [usize; 2]) -> Survey<'a> {
-        let coverer = Coverer::new(tile, nx, ny, maps.settings.overlap);
+    pub fn new(team: &Team, tile: &'a TileMesh, maps: MapsOfTile, [nx, ny]: [usize; 2]) -> Survey<'a> {
+        let coverer = Coverer::new(tile, nx, ny, maps.own.settings.overlap);
         let triangles = uv_triangles(tile, nx, ny);
         let rigidity = NodeRigidity { maps, coverer: &coverer, triangles: &triangles };
         let squares = coverer.squares.list.len();
@@ -96,6 +96,7 @@ impl<'a> Survey<'a> {
             rigid_nodes.put_all(of_chunk.rigid_nodes);
             parts.put_all(of_chunk.parts);
         }
+        let rigid_nodes = merged(rigid_nodes);
         parts.sort_unstable_by_key(|(part, _)| (part.chart, part.y, part.x));
         let rigid: Vec<bool> = parts.iter().map(|(_, rigid)| *rigid).collected();
         let parts: Vec<Part> = parts.into_iter().map(|(part, _)| part).collected();
@@ -192,6 +193,21 @@ pub(super) fn has_rigidity(window: &[f32; WIDE * WIDE], i: usize, j: usize) -> b
     (0..3).any(|dj| window[at(i, j + dj)..][..3].iter().any(|&r| r > 0.0))
 }
 
+/// The rigid nodes of squares, those of all layers together.
+fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
+    found.sort_by_key(|of| (of.square[1], of.square[0]));
+    found.dedup_by(|next, kept| {
+        let same = next.square == kept.square;
+        if same {
+            // A node where two charts touch counts once.
+            kept.rigid = (kept.rigid + next.rigid).min(NODES as u16);
+            kept.frozen = (kept.frozen + next.frozen).min(kept.rigid);
+        }
+        same
+    });
+    found
+}
+
 /// What a thread found in some squares.
 #[derive(Default)]
 struct Found {
@@ -221,12 +237,12 @@ pub(super) fn rigid_nodes(
 impl Found {
     fn add_square(&mut self, maps: &NodeRigidity, square: usize) {
         let cover = maps.coverer.cover(square);
-        if cover.covered.is_empty() {
+        if cover.covered.is_empty() && cover.interior.is_empty() {
             return;
         }
-        let [x, y] = maps.coverer.squares.list[square];
+        let [x, y] = maps.coverer.squares.list[square].at;
         let rigidity = maps.window([x, y], &cover);
-        let free = maps.free([x, y]);
+        let free = maps.free(square, &cover);
         let first = self.parts.len();
         for j in 0..SIDE {
             for i in 0..SIDE {

@@ -11,16 +11,16 @@ use crate::grid::planes::SIDE;
 const FREE: f64 = 0.5;
 
 /// The nodes of a square that the mask leaves free.
-pub fn free(coverer: &Coverer, values: &[f32], square: [u32; 2]) -> NodeSet {
+pub fn free(coverer: &Coverer, values: &[f32], index: usize) -> NodeSet {
     let mut free = NodeSet([u16::MAX; SIDE]);
     let tile = coverer.tile;
     let cells = DVec2::new(coverer.nx as f64, coverer.ny as f64);
+    let square = coverer.squares.list[index].at;
     let first = DVec2::from(square.map(|x| f64::from(x) * SIDE as f64));
-    let Some(index) = coverer.squares.find(square[0], square[1]) else { return free };
     for &t in coverer.squares.triangles(index) {
         let triangle = &tile.triangles[t as usize];
         let chart = &tile.charts[coverer.charts[t as usize] as usize];
-        let masks = triangle.local.map(|v| f64::from(values[chart.vertices[v as usize] as usize]));
+        let masks = triangle.local.map(|v| chart.value(v, |v| [f64::from(values[v as usize])])[0]);
         if masks.iter().all(|&mask| mask >= FREE) {
             continue;
         }

@@ -148,7 +148,9 @@ impl Map {
 /// texel centres where it is coarser (method §1); row by row.
 pub(crate) fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<f32> {
     let taps = |axis: usize, texels: usize| -> Vec<Taps> {
-        (first[axis]..first[axis] + count[axis]).map(|node| Taps::new(texels, cells[axis], node)).collected()
+        (first[axis]..first[axis] + count[axis])
+            .map(|node| Taps::new(texels, cells[axis], node as f64))
+            .collected()
     };
     let (columns, rows) = (taps(0, map.width), taps(1, map.height));
     let (Some(west), Some(east)) = (columns.first(), columns.last()) else { return Vec::new() };
@@ -172,11 +174,33 @@ pub(crate) fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [
     out
 }
 
+/// A map's value at a point, as at a node of a grid that lies there.
+pub(crate) fn at_point(map: &Map, cells: [usize; 2], uv: [f64; 2]) -> f32 {
+    let taps = |axis: usize, texels: usize| Taps::new(texels, cells[axis], uv[axis] * cells[axis] as f64);
+    let (columns, rows) = (taps(0, map.width), taps(1, map.height));
+    let mut sum = 0.0;
+    for (y, of_row) in rows.each() {
+        for (x, of_column) in columns.each() {
+            sum += of_row * of_column * map.value(clamp(x, map.width), clamp(y, map.height));
+        }
+    }
+    sum.clamp(0.0, 1.0)
+}
+
+/// True if a mask has no texel under 0.5 within half a cell of a point.
+pub(crate) fn is_free(mask: &Map, cells: [usize; 2], uv: [f64; 2]) -> bool {
+    let texels = |axis: usize, texels: usize| span(texels, cells[axis], uv[axis] * cells[axis] as f64);
+    let columns = texels(0, mask.width);
+    texels(1, mask.height).all(|y| columns.clone().all(|x| mask.value(x, y) >= 0.5))
+}
+
 /// Per node, row by row: true if the mask has no texel under 0.5 within half a cell. A fixed line one texel wide is thus
 /// a barrier, however coarse the grid.
 pub(crate) fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<bool> {
     let spans = |axis: usize, texels: usize| -> Vec<std::ops::Range<usize>> {
-        (first[axis]..first[axis] + count[axis]).map(|node| span(texels, cells[axis], node)).collected()
+        (first[axis]..first[axis] + count[axis])
+            .map(|node| span(texels, cells[axis], node as f64))
+            .collected()
     };
     let (columns, rows) = (spans(0, mask.width), spans(1, mask.height));
     let (Some(west), Some(east)) = (columns.first(), columns.last()) else { return Vec::new() };
@@ -205,10 +229,10 @@ struct Taps {
 }
 
 impl Taps {
-    fn new(texels: usize, cells: usize, node: usize) -> Taps {
+    fn new(texels: usize, cells: usize, node: f64) -> Taps {
         let per_cell = texels as f64 / cells as f64;
         let half = 0.5 * per_cell.max(1.0);
-        let centre = node as f64 * per_cell;
+        let centre = node * per_cell;
         // A box one texel wide, sampled between texel centres, equals the bilinear filter.
         let (low, high) = (centre - half, centre + half);
         let first = low.floor() as i64;
@@ -230,11 +254,11 @@ fn clamp(texel: i64, texels: usize) -> usize {
 }
 
 /// The texels along one axis that are within half a cell of a node.
-fn span(texels: usize, cells: usize, node: usize) -> std::ops::Range<usize> {
+fn span(texels: usize, cells: usize, node: f64) -> std::ops::Range<usize> {
     let per_cell = texels as f64 / cells as f64;
-    let centre = node as f64 * per_cell;
+    let centre = node * per_cell;
     let first = (centre - 0.5 * per_cell).floor().max(0.0) as usize;
-    let last = (centre + 0.5 * per_cell).ceil() as usize;
+    let last = (centre + 0.5 * per_cell).ceil().max(0.0) as usize;
     first.min(texels - 1)..last.clamp(1, texels)
 }
 

@@ -2,13 +2,15 @@
 
 use std::sync::Arc;
 
+use crate::allocation::{Collect, zeroed};
 use crate::asset::measure::gather;
 use crate::asset::{Asset, torn};
 use crate::error::Result;
+use crate::grid::planes::{NODES, SIDE, slot};
 use crate::lab::reference::minimise::Options;
 use crate::lab::reference::{Minimum, Problem};
 use crate::map::nodes;
-use crate::mesh::TileMesh;
+use crate::mesh::{Chart, FacePoint, TileMesh, Triangle};
 use crate::view::Strided;
 
 /// The converged f64 minimum of a tile's finest-level energy: the oracle of tests and benches.
@@ -24,6 +26,19 @@ pub struct ReferenceMinimum {
     pub converged: bool,
 }
 
+/// Corners in the chart's plane, as UVs within the tile; and the vertices of the mesh with their weights that each of them is
+/// on the surface.
+pub type CollarTriangleInSpace = ([[f64; 2]; 3], [[(u32, f64); 3]; 3]);
+
+/// The collar of a chart.
+#[derive(Clone, Debug)]
+pub struct CollarOfChart {
+    /// A point of the chart, as UV within the tile.
+    pub inside: [f64; 2],
+    /// Nearer ones first.
+    pub triangles: Vec<CollarTriangleInSpace>,
+}
+
 impl Asset {
     /// Displacements of the last result, in cells, row by row from v = 0, (nx + 1) x (ny + 1).
     ///
@@ -32,6 +47,62 @@ impl Asset {
     pub fn displacements(&self, tile: usize) -> Result<Vec<[f32; 2]>> {
         self.check_tile(tile)?;
         self.results.solved(tile).and_then(|result| nodes::dense(&result.solved))
+    }
+
+    /// Displacements of the last result, as [`Asset::displacements`] returns them, of each chart by itself: with its collar,
+    /// which may lie over other charts.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve.
+    pub fn displacements_of_charts(&self, tile: usize) -> Result<Vec<Vec<[f32; 2]>>> {
+        self.check_tile(tile)?;
+        let solved = self.results.solved(tile)?.solved;
+        let level = &solved.grid.levels[0];
+        let u = solved.warp.host()?;
+        let width = level.nx + 1;
+        let of_chart = |blocks: &std::ops::Range<usize>| {
+            let mut dense = zeroed(width * (level.ny + 1));
+            for b in blocks.clone() {
+                let block = &level.blocks.list[b];
+                for n in 0..NODES {
+                    let (i, j) = (block.x as usize * SIDE + n % SIDE, block.y as usize * SIDE + n / SIDE);
+                    if i <= level.nx && j <= level.ny {
+                        dense[j * width + i] = [0, 1].map(|c| u[b][c][slot(n % SIDE, n / SIDE)]);
+                    }
+                }
+            }
+            dense
+        };
+        Ok(level.blocks.of_chart.iter().map(of_chart).collected())
+    }
+
+    /// What lies beyond the seams of each chart in the chart's own plane, as it was solved with: empty unless charts go on
+    /// beyond seams.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve.
+    pub fn collars(&self, tile: usize) -> Result<Vec<CollarOfChart>> {
+        self.check_tile(tile)?;
+        let result = self.results.solved(tile)?;
+        let Some(tile) = &result.solved.extended else { return Ok(Vec::new()) };
+        let of_chart = |chart: &Chart| {
+            let own = tile.triangles[chart.triangles.start].uv;
+            let triangle = |t: usize| {
+                let Triangle { local, uv, .. } = &tile.triangles[t];
+                let point = |local: u32| match chart.vertices.get(local as usize) {
+                    Some(&v) => [(v, 1.0), (v, 0.0), (v, 0.0)],
+                    None => {
+                        let FacePoint { vertices, weights } =
+                            chart.points[local as usize - chart.vertices.len()];
+                        [0, 1, 2].map(|k| (vertices[k], weights[k]))
+                    }
+                };
+                (uv.map(|uv| uv.to_array()), local.map(point))
+            };
+            let triangles = chart.collar.clone().map(triangle).collected();
+            CollarOfChart { inside: ((own[0] + own[1] + own[2]) / 3.0).to_array(), triangles }
+        };
+        Ok(tile.charts.iter().map(of_chart).collected())
     }
 
     /// The energy of a warp for a pose, computed in f64 by the reference.

@@ -6,6 +6,7 @@ use crate::allocation::{Collect, filled, zeroed};
 use crate::asset::{Asset, torn};
 use crate::error::{Error, ErrorKind, Result};
 use crate::grid::build;
+use crate::grid::maps::MapsOfTile;
 use crate::grid::pose::Pose;
 use crate::grid::survey::Survey;
 use crate::lab::parity::StageDifference;
@@ -38,10 +39,16 @@ impl Asset {
         let Some(context) = self.device.gpu() else {
             return Err(Error::new(ErrorKind::Unsupported, "the asset is not on a GPU"));
         };
-        let mesh = &*torn::in_pose(&self.mesh, tile, &positions);
-        let maps = &self.tiles[tile].maps;
+        let (maps, all) = (&self.tiles[tile].maps, self.maps());
+        let mesh = match torn::in_pose(&self.mesh, tile, &positions) {
+            torn if !Arc::ptr_eq(&torn, &self.mesh.tiles[tile]) => torn,
+            _ => self.device.team(|team| self.tiles[tile].source(team, &self.mesh, tile)),
+        };
+        let mesh = &*mesh;
         let grid = self.device.team(|team| {
-            Arc::new(build::grid(team, &self.mesh, maps, Survey::new(team, mesh, maps, maps.grid_size())))
+            let of_tile = MapsOfTile { own: maps, all: &all };
+            let survey = Survey::new(team, mesh, of_tile, maps.grid_size());
+            Arc::new(build::grid(team, &self.mesh, of_tile, survey))
         });
         let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
         let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collected();

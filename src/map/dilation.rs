@@ -8,7 +8,7 @@ use super::chart_texels::{BAND, ChartTexels};
 use crate::allocation::{Collect, filled};
 use crate::grid::fill::Fill;
 use crate::image::ImagePart;
-use crate::mesh::collar::{CollarTriangle, collars};
+use crate::mesh::collar::{Collar, collars};
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, TileMesh};
 use crate::team::Team;
@@ -27,7 +27,7 @@ pub(crate) struct Dilation<'a> {
     tile: usize,
     part: ImagePart,
     charts: ChartTexels,
-    collars: Vec<Vec<CollarTriangle>>,
+    collars: Vec<Collar>,
     reach: f64,
     rows: Vec<Vec<Found>>,
 }
@@ -52,11 +52,11 @@ impl<'a> Dilation<'a> {
         let (part, collars, reach) = (self.part, &self.collars, self.reach);
         let size = DVec2::new(part.size[0] as f64, part.size[1] as f64);
         let width = part.extent()[0];
-        let charts = &self.charts;
+        let (charts, mesh) = (&self.charts, self.mesh);
         team.fill_large(&mut self.rows, |band, texels| {
             let first = [part.first[0], part.first[1] + band * BAND];
             let end = [part.end[0], first[1] + texels.len() / width];
-            for triangle in collars.iter().flatten() {
+            for triangle in collars.iter().flat_map(|collar| &collar.triangles) {
                 let corners = triangle.uv.map(|uv| uv * size - 0.5);
                 Fill::new(corners).visit_in(first, end, |x, y, _| {
                     let texel = &mut texels[(y - first[1]) * width + x - first[0]];
@@ -64,8 +64,12 @@ impl<'a> Dilation<'a> {
                     let [p, q, r] = triangle.distance;
                     let distance = p + s * (q - p) + t * (r - p);
                     if distance < texel.distance && distance <= reach {
-                        let [a, b, c] = triangle.source;
-                        *texel = Found { distance, uv: a + s * (b - a) + t * (c - a) };
+                        let [a, b, c] = triangle.source.uv;
+                        let uv = a
+                            + s * (b - a)
+                            + t * (c - a)
+                            + mesh.tiles[triangle.source.tile as usize].origin();
+                        *texel = Found { distance, uv };
                     }
                 });
             }

@@ -35,6 +35,11 @@ pub(crate) fn write(
         let message = "tile: its device is the CPU, which does not write to memory of a GPU";
         return Err(Error::new(ErrorKind::Unsupported, message));
     };
+    if solved.extended.is_some() {
+        let message =
+            "tile: its charts go on beyond seams (settings.seams), which memory of a GPU is not written with";
+        return Err(Error::new(ErrorKind::Unsupported, message));
+    }
     let values = match Form::new(kind, &solved.mesh) {
         Form::Delta => Values::Delta,
         Form::Tile => Values::Absolute([0; 2]),

@@ -8,6 +8,7 @@ use crate::gpu::{self, Displacements};
 use crate::image::ImagePart;
 use crate::team::Team;
 
+use super::owners::Owners;
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
 
@@ -52,7 +53,9 @@ impl Outputs {
         let cells = [level.nx as f64, level.ny as f64];
         let (size, extent) = (part.size, part.extent());
         let centre = |x: usize, y: usize| [centres.0[0][x], centres.0[1][y]];
+        // Where charts may lie over one another, the CPU tells their texels apart.
         if let Warp::Gpu(u) = &*solved.warp
+            && solved.extended.is_none()
             && extent == size
             && gpu::Output::suits(&u.context, size)
         {
@@ -150,9 +153,13 @@ fn visit(
     let (first, extent) = (part.first, part.extent());
     team.run(extent[1], |y| (0..extent[0]).for_each(|x| still(x, y)));
     let reach = solved.report.max_displacement;
+    let owners = solved.extended.as_deref().map(|tile| Owners::of_texels(team, tile, part));
     let visit = |team: &Team| {
         invert::texels(team, &solved.grid, u, part, reach, |x, y, inverse| {
-            moved(x - first[0], y - first[1], inverse);
+            let (x, y) = (x - first[0], y - first[1]);
+            if owners.as_ref().is_none_or(|owners| owners.chart(x, y) == inverse.chart) {
+                moved(x, y, inverse);
+            }
         });
     };
     // Where a warp folds, several cells cover the same texel: on one thread, the last cell always wins.

@@ -1,13 +1,17 @@
 //! The displacements of a result's nodes, in rows, and the warp as an image.
 
+use std::sync::Arc;
+
 use crate::allocation::{Collect, zeroed};
 use crate::error::Result;
 use crate::grid::Level;
 use crate::grid::planes::{Plane, SIDE, slot};
 use crate::image::ImagePart;
+use crate::mesh::TileMesh;
 use crate::team::Team;
 
 use super::canvas::Canvas;
+use super::owners::Owners;
 use crate::solver::solved::Solved;
 
 /// Most items of work into which writing a warp is divided.
@@ -68,6 +72,8 @@ pub(crate) fn write(
 pub(crate) struct NodeRows<'a> {
     level: &'a Level,
     u: &'a [[Plane; 2]],
+    /// The charts of nodes, for a tile with collars.
+    owners: Option<Owners>,
     /// The active blocks, sorted by row.
     blocks: Vec<u32>,
 }
@@ -78,7 +84,10 @@ impl<'a> NodeRows<'a> {
         let list = &level.blocks.list;
         let mut blocks: Vec<u32> = (0..list.len() as u32).filter(|&b| list[b as usize].active).collected();
         blocks.sort_unstable_by_key(|&b| (list[b as usize].y, b));
-        Ok(NodeRows { level, u: solved.warp.host()?, blocks })
+        let of_nodes =
+            |tile: &Arc<TileMesh>| Team::with(1, |team| Owners::of_nodes(team, tile, [level.nx, level.ny]));
+        let owners = solved.extended.as_ref().map(of_nodes);
+        Ok(NodeRows { level, u: solved.warp.host()?, owners, blocks })
     }
 
     /// Reads row j, from u = 0.
@@ -92,8 +101,9 @@ impl<'a> NodeRows<'a> {
             let x = list[b].x as usize * SIDE;
             for i in 0..SIDE.min(self.level.nx + 1 - x) {
                 let s = slot(i, j % SIDE);
-                // Where charts share a block, each chart has its own movable nodes.
-                if self.level.movable[b][s] != 0 {
+                // Where charts share a block, each chart has its own movable nodes, unless they have collars.
+                let owns = |owners: &Owners| owners.chart(x + i, j) == list[b].chart;
+                if self.level.movable[b][s] != 0 && self.owners.as_ref().is_none_or(owns) {
                     row[x + i] = [self.u[b][0][s], self.u[b][1][s]];
                 }
             }

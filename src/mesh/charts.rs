@@ -97,7 +97,7 @@ fn assemble(neighbours: &[[u32; 3]], source: impl Fn(usize) -> ([u32; 3], [DVec2
                     .map(|n| if n == NONE { NONE } else { new_index[n as usize] }),
             });
         }
-        charts.put(Chart { triangles: start..triangles.len(), vertices });
+        charts.put(Chart { triangles: start..triangles.len(), vertices, ..Chart::default() });
     }
     TileMesh { triangles, charts, chart_of, ..TileMesh::default() }
 }

@@ -9,28 +9,30 @@ mod surface;
 use crate::mesh::Mesh;
 use crate::team::Team;
 use flatten::BANDS;
-pub(crate) use flatten::CollarTriangle;
+#[cfg(test)]
+use flatten::CollarTriangle;
+pub(crate) use flatten::{Across, Collar};
 use surface::Surface;
 
 /// The largest reach of a chart's collar on the surface, in sides of a square of the chart's area.
 const WIDEST: f64 = 4.0;
 
 /// The collars of all charts of a tile, out to `reach`, a length in UV.
-pub(crate) fn collars(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> Vec<Vec<CollarTriangle>> {
+pub(crate) fn collars(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> Vec<Collar> {
     let surface = Surface::new(mesh, tile);
     team.map(mesh.tiles[tile].charts.len(), |chart| collar(&surface, chart, reach))
 }
 
-fn collar(surface: &Surface, chart: usize, reach: f64) -> Vec<CollarTriangle> {
+fn collar(surface: &Surface, chart: usize, reach: f64) -> Collar {
     let [scale, side] = surface.size(chart);
     if !(scale > 0.0 && scale.is_finite()) {
-        return Vec::new();
+        return Collar::default();
     }
     // A chart that is shrunk to a dot in the UV plane must not drag the whole mesh after it.
     let reach = (reach / scale).min(WIDEST * side);
     let region = surface.region(chart, reach);
     let patch = patch::Patch::new(surface, &region, reach / BANDS as f64);
-    flatten::flatten(&patch, reach, scale)
+    flatten::flatten(surface, &patch, reach, scale)
 }
 
 #[cfg(test)]

@@ -21,6 +21,8 @@ use super::tile_solve::Warp;
 pub(crate) struct Solved {
     /// The tile with the connectivity of the pose, in which welds may be torn.
     pub mesh: Arc<TileMesh>,
+    /// The tile with collars, if it was solved with them.
+    pub extended: Option<Arc<TileMesh>>,
     /// The grid it was solved on, which may be older than the maps.
     pub grid: Arc<Grid>,
     pub warp: Arc<Warp>,
@@ -45,10 +47,10 @@ impl Solved {
     }
 
     /// The same result with its warp stored elsewhere.
-    #[cfg(all(test, feature = "gpu"))]
     pub fn with_warp(&self, warp: Arc<Warp>) -> Solved {
         Solved {
             mesh: self.mesh.clone(),
+            extended: self.extended.clone(),
             grid: self.grid.clone(),
             warp,
             inputs: Vec::new(),
@@ -90,7 +92,8 @@ impl Solved {
 
     /// Charts whose warp may move a corner of `chart`: itself, and if the first face owns shared texels, any chart.
     fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
-        let others = if self.overlap == Overlap::FirstFace { self.results.len() as u32 } else { 0 };
+        let shared = self.overlap == Overlap::FirstFace && self.extended.is_none();
+        let others = if shared { self.results.len() as u32 } else { 0 };
         std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
     }
 }

@@ -3,7 +3,7 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Collect, Grow, with_capacity};
+use crate::allocation::Collect;
 use crate::mesh::{NONE, TileMesh};
 
 /// Barycentric coordinates of at least minus this count as inside: a point on an edge belongs to the triangles on both
@@ -111,9 +111,8 @@ impl Locator {
     /// The triangle of a chart whose least barycentric coordinate of the point is the greatest.
     fn search(&self, chart: u32, at: DVec2) -> u32 {
         let depth = |t: usize| self.triangles[t].barycentrics(at).into_iter().fold(f64::INFINITY, f64::min);
-        let first = self.chart_of.partition_point(|&c| c < chart);
-        let end = self.chart_of.partition_point(|&c| c <= chart);
-        (first..end).max_by(|&s, &t| depth(s).total_cmp(&depth(t))).map_or(NONE, |t| t as u32)
+        let of_chart = (0..self.triangles.len()).filter(|&t| self.chart_of[t] == chart);
+        of_chart.max_by(|&s, &t| depth(s).total_cmp(&depth(t))).map_or(NONE, |t| t as u32)
     }
 }
 
@@ -135,23 +134,20 @@ struct Affine<const D: usize> {
 impl<const D: usize> Surface<D> {
     /// `position(v)` is the position of vertex v of the mesh.
     pub fn new(tile: &TileMesh, locator: &Locator, position: impl Fn(usize) -> [f64; D]) -> Surface<D> {
-        let mut triangles = with_capacity(tile.triangles.len());
-        for chart in &tile.charts {
+        let affine = |(t, &chart): (usize, &u32)| {
+            let chart = &tile.charts[chart as usize];
             let base = position(chart.vertices[0] as usize);
-            for t in chart.triangles.clone() {
-                let [p, q, r] =
-                    tile.triangles[t].local.map(|v| position(chart.vertices[v as usize] as usize));
-                let uv = &locator.triangles[t];
-                let tangent = [0, 1].map(|axis| {
-                    std::array::from_fn(|k| {
-                        (q[k] - p[k]) * uv.barycentric[0][axis] + (r[k] - p[k]) * uv.barycentric[1][axis]
-                    })
-                });
-                let value = std::array::from_fn(|k| p[k] - base[k]);
-                triangles.put(Affine { origin: uv.origin, value, tangent });
-            }
-        }
-        Surface { triangles }
+            let [p, q, r] = tile.triangles[t].local.map(|v| chart.value(v, |v| position(v as usize)));
+            let uv = &locator.triangles[t];
+            let tangent = [0, 1].map(|axis| {
+                std::array::from_fn(|k| {
+                    (q[k] - p[k]) * uv.barycentric[0][axis] + (r[k] - p[k]) * uv.barycentric[1][axis]
+                })
+            });
+            let value = std::array::from_fn(|k| p[k] - base[k]);
+            Affine { origin: uv.origin, value, tangent }
+        };
+        Surface { triangles: locator.chart_of.iter().enumerate().map(affine).collected() }
     }
 
     /// f at a point of a triangle.

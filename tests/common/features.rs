@@ -4,14 +4,18 @@
 //! face each other across a seam. Its error is the root mean square of |l / L - 1| over all of its edges, those at a
 //! chart's border included; l is an edge's chord in the pose, from W(a) to W(b), and L its chord at rest.
 
+mod beyond;
 mod charts;
+mod gaps;
 
 use std::collections::HashMap;
 
-use vrtm::{SolveOptions, Strided};
+use vrtm::{Asset, CollarOfChart, Seams, SolveOptions, Strided, TileSettings};
 
 use super::{Maps, Model, Warp, assets, scenes};
+use beyond::Beyond;
 use charts::{Border, Charts, distance, interpolate};
+pub use gaps::gaps;
 
 /// Where a feature lies: in the order of preference, if it is at borders of several kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -67,12 +71,36 @@ pub fn solved(
     pose: &[[f32; 3]],
     threads: u32,
     grid: u32,
+    seams: Seams,
     options: &SolveOptions,
 ) -> Vec<Feature> {
+    of_asset(model, pose, &solve(model, pose, threads, grid, seams, options))
+}
+
+/// An asset of a model, solved for a pose on a CPU.
+pub fn solve(
+    model: &Model,
+    pose: &[[f32; 3]],
+    threads: u32,
+    grid: u32,
+    seams: Seams,
+    options: &SolveOptions,
+) -> Asset {
     let mut asset = model.asset(threads, grid);
+    for tile in 0..asset.tile_count() {
+        let settings = TileSettings { seams, ..asset.settings(tile).unwrap() };
+        asset.set_settings(tile, &settings).unwrap();
+    }
     asset.solve(Strided::from_f32x3(pose), options).unwrap();
-    let warp = |maps: &Maps| Warp::of(&asset, asset.find_tile(maps.udim).unwrap());
-    features(model, pose, &model.maps.iter().map(warp).collect::<Vec<_>>())
+    asset
+}
+
+/// The features of a model in a pose, with the last result of an asset of it.
+pub fn of_asset(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> Vec<Feature> {
+    let tiles: Vec<usize> = model.maps.iter().map(|maps| asset.find_tile(maps.udim).unwrap()).collect();
+    let warps: Vec<Warp> = tiles.iter().map(|&tile| Warp::of(asset, tile)).collect();
+    let collars: Vec<_> = tiles.iter().map(|&tile| asset.collars(tile).unwrap()).collect();
+    features(model, pose, &warps, &collars)
 }
 
 /// Features with fewer edges are left out.
@@ -81,9 +109,16 @@ const LEAST_EDGES: usize = 12;
 /// A node of a grid: the warp's index, and the node's in it.
 type Node = (usize, usize);
 
-/// The features of a model in a pose; `warps` are those of its maps, in their order.
-pub fn features(model: &Model, pose: &[[f32; 3]], warps: &[Warp]) -> Vec<Feature> {
+/// The features of a model in a pose; `warps` are those of its maps, in their order, and `collars` what lies beyond the seams
+/// of their charts, where redirections lead over them.
+fn features(
+    model: &Model,
+    pose: &[[f32; 3]],
+    warps: &[Warp],
+    collars: &[Vec<CollarOfChart>],
+) -> Vec<Feature> {
     let charts = Charts::new(model, warps);
+    let beyond = Beyond::new(&charts, warps, collars);
     let mut rigid: HashMap<Node, usize> = HashMap::new();
     let mut nodes = Vec::new();
     for (w, (maps, warp)) in model.maps.iter().zip(warps).enumerate() {
@@ -102,11 +137,10 @@ pub fn features(model: &Model, pose: &[[f32; 3]], warps: &[Warp]) -> Vec<Feature
             let (warp, home) = (&warps[w], charts.under[w][n].unwrap());
             let (i, j) = (n % (warp.nx + 1), n / (warp.nx + 1));
             let (at, to) = ([i as f64, j as f64], warp.node(i, j));
-            let there = charts.find(w, home, to);
             [
                 interpolate(&charts.triangles[home], &model.rest, at),
                 interpolate(&charts.triangles[home], pose, at),
-                interpolate(&charts.triangles[there], pose, to),
+                beyond.position(&charts, w, home, to, pose),
             ]
         })
         .collect();

@@ -287,6 +287,14 @@ static void maps(void)
          fails("no floor", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness_floor"));
     WITH(float, settings.room_threshold, 2,
          fails("threshold 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room_threshold"));
+    WITH(vrtm_seams, settings.seams, 2,
+         fails("seams 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seams is 2"));
+    WITH(float, settings.seam_reach, 0,
+         fails("no reach", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seam_reach: 0 is not"));
+    settings.seams = VRTM_SEAMS_CONTINUE;
+    WITH(float, settings.orientation_density, 1,
+         fails("seams and density", vrtm_tile_set_settings(tile, &settings), BAD, "orientation_density"));
+    settings.seams = VRTM_SEAMS_SHUT;
     WITH(uint32_t, settings.grid_width, 20000,
          fails("a grid too large", vrtm_tile_set_settings(tile, &settings), BAD, "settings.grid"));
     WITH(vrtm_overlap, settings.overlap, 5,

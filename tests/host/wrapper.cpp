@@ -495,7 +495,7 @@ void tiles(const vrtm::Device &device)
     check_that(tile.estimate()->movable_nodes > 0, "its needs", "");
 
     vrtm::TileSettings settings;
-    settings.set(vrtm::Overlap::first_face).grid_width = 128;
+    settings.set(vrtm::Overlap::first_face).set(vrtm::Seams::go_on).grid_width = 128;
     settings.grid_height = 96;
     works("settings", tile.set_settings(settings));
     const vrtm::TileSettings read = *tile.settings();

@@ -15,6 +15,7 @@ mod pbd;
 mod random;
 mod roughness;
 mod scenes;
+mod seams;
 mod smooth;
 mod strips;
 mod temporal;

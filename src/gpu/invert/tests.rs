@@ -32,7 +32,7 @@ fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
     });
     let mesh = mesh.unwrap();
     let maps = TileMaps {
-        rigidity: Rigidity::Map(Map::from_values(1, 1, &[1.0])),
+        rigidity: Rigidity::Map(std::sync::Arc::new(Map::from_values(1, 1, &[1.0]))),
         settings: TileSettings { grid: cells.map(Some), ..TileSettings::default() },
         ..TileMaps::default()
     };

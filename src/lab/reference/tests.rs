@@ -61,7 +61,7 @@ pub(crate) fn posed(n: u32, pose: impl Fn(f64, f64) -> [f64; 3]) -> Vec<[f64; 3]
 pub(crate) fn maps(size: usize, settings: TileSettings, rigidity: impl Fn(f64, f64) -> f64) -> TileMaps {
     let at = |k: usize| (k as f64 + 0.5) / size as f64;
     let values: Vec<f32> = (0..size * size).map(|k| rigidity(at(k % size), at(k / size)) as f32).collect();
-    let rigidity = Rigidity::Map(Map::from_values(size, size, &values));
+    let rigidity = Rigidity::Map(std::sync::Arc::new(Map::from_values(size, size, &values)));
     TileMaps { rigidity, settings, ..TileMaps::default() }
 }
 

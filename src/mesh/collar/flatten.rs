@@ -13,9 +13,10 @@ use std::collections::BinaryHeap;
 use glam::{DMat2, DVec2, DVec3};
 
 use super::patch::Patch;
-use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
-use crate::mesh::NONE;
+use super::surface::{Side, Surface};
+use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::mesh::triangle::doubled_area;
+use crate::mesh::{FacePoint, NONE, Source};
 
 /// The collar of a chart has this many bands of equal width, each laid out after the ones nearer to the border: what is far
 /// away must not bend what is near.
@@ -26,10 +27,31 @@ pub(super) const BANDS: usize = 6;
 pub(crate) struct CollarTriangle {
     /// Its corners in the chart's plane, as UVs within the chart's tile.
     pub uv: [DVec2; 3],
-    /// The same points of the surface where the mesh has them: UVs in the plane of all tiles.
-    pub source: [DVec2; 3],
+    /// The same points of the surface where the mesh has them.
+    pub source: Source,
+    pub points: [FacePoint; 3],
     /// Their distances from the chart's border, along the surface, as lengths in the chart's plane.
     pub distance: [f64; 3],
+    /// What lies across the side opposite to each corner.
+    pub across: [Across; 3],
+}
+
+/// What lies across a side of a collar's triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Across {
+    Nothing,
+    /// A triangle of the collar, by its place in the list.
+    Collar(u32),
+    /// The chart itself: a side of a triangle, by its number in the tile. Several triangles of the collar may lie at it.
+    Chart(Side),
+}
+
+/// A chart's collar.
+#[derive(Debug, Default)]
+pub(crate) struct Collar {
+    pub triangles: Vec<CollarTriangle>,
+    /// The number of triangles that lie at each side of the chart, if none is missing.
+    pub parts: usize,
 }
 
 /// Rounds of fitting rotations and placing corners, and the steps of conjugate gradients in each.
@@ -69,11 +91,11 @@ impl Piece {
 }
 
 /// Lays a patch out. `reach` is a length on the surface, and `scale` that of the chart.
-pub(super) fn flatten(patch: &Patch, reach: f64, scale: f64) -> Vec<CollarTriangle> {
+pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) -> Collar {
     let pieces = pieces(patch, reach);
     let corners = Corners::join(patch, &pieces, APART * reach * scale);
     let distances = distances(patch, &pieces, &corners);
-    let mut places: Vec<Option<DVec2>> = corners.fixed;
+    let mut places: Vec<Option<DVec2>> = copied(&corners.fixed);
     let mut kept: Vec<bool> = zeroed(pieces.len());
     let mut slots = filled(NONE, places.len());
     let band = |piece: &Piece| (piece.distance / reach * BANDS as f64) as usize;
@@ -93,12 +115,46 @@ pub(super) fn flatten(patch: &Patch, reach: f64, scale: f64) -> Vec<CollarTriang
             kept[p] = of_parent && is_good(piece, uv_of(&corners.of[p], &places));
         }
     }
-    let keep = |p: usize| CollarTriangle {
-        uv: uv_of(&corners.of[p], &places),
-        source: patch.triangles[pieces[p].triangle as usize].source,
-        distance: corners.of[p].map(|c| distances[c as usize] * scale),
+    let mut numbers = filled(NONE, patch.triangles.len());
+    let list: Vec<usize> = (0..pieces.len()).filter(|&p| kept[p]).collected();
+    for (number, &p) in list.iter().enumerate() {
+        numbers[pieces[p].triangle as usize] = number as u32;
+    }
+    let rim_of = patch.rim_of_sides();
+    let triangle = |&p: &usize| {
+        let triangle = &patch.triangles[pieces[p].triangle as usize];
+        let uv = uv_of(&corners.of[p], &places);
+        let (source, vertices) = surface.source(triangle.of);
+        let at = |[a, b, c]: [f64; 3]| a * source.uv[0] + b * source.uv[1] + c * source.uv[2];
+        let across = [0, 1, 2].map(|k| {
+            let rim = rim_of[pieces[p].triangle as usize][k];
+            if rim != NONE {
+                let rim = &patch.rims[rim as usize].1;
+                let is_there = [1, 2].map(|d| uv[(k + d) % 3]) == rim.uv;
+                return if is_there { Across::Chart(rim.own) } else { Across::Nothing };
+            }
+            let (other, j) = triangle.across[k];
+            let number = if other == NONE { NONE } else { numbers[other as usize] };
+            let ends = |p: usize, k: usize| [1, 2].map(|d| corners.of[p][(k + d) % 3]);
+            let is_joined = |q: usize| {
+                let [a, b] = ends(q, j as usize);
+                [[a, b], [b, a]].contains(&ends(p, k))
+            };
+            if number != NONE && is_joined(list[number as usize]) {
+                Across::Collar(number)
+            } else {
+                Across::Nothing
+            }
+        });
+        CollarTriangle {
+            uv,
+            source: Source { uv: triangle.weights.map(at), ..source },
+            points: triangle.weights.map(|weights| FacePoint { vertices, weights }),
+            distance: corners.of[p].map(|c| distances[c as usize] * scale),
+            across,
+        }
     };
-    (0..pieces.len()).filter(|&p| kept[p]).map(keep).collected()
+    Collar { triangles: list.iter().map(triangle).collected(), parts: patch.parts }
 }
 
 fn uv_of(corners: &[u32; 3], places: &[Option<DVec2>]) -> [DVec2; 3] {

@@ -1,7 +1,7 @@
 //! A region of the surface as small triangles: where a mesh is coarse, each of its triangles is divided evenly, since a
 //! coarse triangle cannot bend around a vertex of the border.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::surface::{Region, Rim, Side, Surface};
 use crate::allocation::{Grow, filled};
@@ -17,12 +17,15 @@ pub(super) struct Patch {
     pub triangles: Vec<PatchTriangle>,
     /// The sides at the chart's border, with the chart's own UVs.
     pub rims: Vec<(Side, Rim)>,
+    /// The number of parts into which each side is divided.
+    pub parts: usize,
 }
 
 pub(super) struct PatchTriangle {
     pub corners: [DVec3; 3],
-    /// UVs in the plane of all tiles.
-    pub source: [DVec2; 3],
+    /// The triangle that it is part of, and the barycentric coordinates of its corners there.
+    pub of: u32,
+    pub weights: [[f64; 3]; 3],
     /// The side of another triangle beyond each side, or (NONE, 0).
     pub across: [Side; 3],
     /// Whether the second end of each side is the first end of the side beyond it.
@@ -50,7 +53,7 @@ impl Patch {
         let most = ((MOST_TRIANGLES / region.triangles.len().max(1)) as f64).sqrt() as usize;
         let wanted = (surface.mean_side(&region.triangles) / side).ceil() as usize;
         let parts = wanted.min(most).clamp(1, MOST_PARTS);
-        let mut patch = Patch { triangles: Vec::new(), rims: Vec::new() };
+        let mut patch = Patch { triangles: Vec::new(), rims: Vec::new(), parts };
         let mut edges: Vec<Edge> = Vec::new();
         for &g in &region.triangles {
             patch.divide(surface, g, parts, region, &mut edges);
@@ -60,7 +63,7 @@ impl Patch {
     }
 
     fn divide(&mut self, surface: &Surface, g: u32, parts: usize, region: &Region, edges: &mut Vec<Edge>) {
-        let (places, uv, beyond) = (surface.places(g), surface.uv(g), surface.neighbours(g));
+        let (places, beyond) = (surface.places(g), surface.neighbours(g));
         let corners = places.map(|v| surface.point(v));
         let rims: [Option<Rim>; 3] = [0, 1, 2].map(|k| {
             let found = region.rims.binary_search_by_key(&(g, k), |(side, _)| *side);
@@ -73,7 +76,8 @@ impl Patch {
             let t = self.triangles.len() as u32;
             self.triangles.put(PatchTriangle {
                 corners: weights.map(|w| w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2]),
-                source: weights.map(|w| w[0] * uv[0] + w[1] * uv[1] + w[2] * uv[2]),
+                of: g,
+                weights,
                 across: [(NONE, 0); 3],
                 turns: [false; 3],
             });
@@ -84,7 +88,8 @@ impl Patch {
                 let rim = on.and_then(|c| rims[c].map(|rim| (c, rim)));
                 if let Some((c, rim)) = rim {
                     let along = |w: [u32; 3]| f64::from(w[(c + 2) % 3]) / f64::from(n);
-                    let uv = ends.map(|end| rim.uv[0].lerp(rim.uv[1], along(end)));
+                    // Along a line of the grid its coordinate stays what it is.
+                    let uv = ends.map(|end| rim.uv[0] + along(end) * (rim.uv[1] - rim.uv[0]));
                     self.rims.put(((t, k as u8), Rim { uv, ..rim }));
                 } else {
                     let [a, b] = ends.map(|end| point(g, places, end));

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::allocation::{Grow, with_capacity, zeroed};
 use crate::mesh::hash::{Table, enter};
 use crate::mesh::triangle::doubled_area;
-use crate::mesh::{Mesh, NONE, TileMesh};
+use crate::mesh::{Mesh, NONE, Source, TileMesh, Triangle};
 
 /// Most triangles of the mesh in a region.
 const MOST_OF_MESH: usize = 1 << 18;
@@ -19,8 +19,9 @@ pub(super) type Side = (u32, u8);
 /// The triangles of all tiles of a UV set, numbered tile by tile.
 pub(super) struct Surface<'a> {
     mesh: &'a Mesh,
-    /// The tiles of the UV set.
+    /// The tiles of the UV set, and the first one's index in the mesh.
     tiles: &'a [Arc<TileMesh>],
+    first_tile: u32,
     /// Per tile, the number of its first triangle.
     first: Vec<u32>,
     /// The chart of each triangle, numbered over all tiles, and per tile the number of its first chart.
@@ -45,6 +46,8 @@ pub(super) struct Region {
 pub(super) struct Rim {
     /// The chart's own UVs at the corners that follow the corner opposite to the side.
     pub uv: [DVec2; 2],
+    /// The chart's own side there: its triangle, by its number in the tile.
+    pub own: Side,
     /// How the chart's UVs change per length on the surface, at right angles to the side and away from the chart.
     pub across: DVec2,
 }
@@ -65,7 +68,8 @@ impl<'a> Surface<'a> {
         }
         let beyond = Table::default();
         let home = tile - range.start;
-        let mut surface = Surface { mesh, tiles, first, chart_of, first_chart, home, beyond };
+        let first_tile = range.start as u32;
+        let mut surface = Surface { mesh, tiles, first_tile, first, chart_of, first_chart, home, beyond };
         surface.pair_borders();
         surface
     }
@@ -126,10 +130,19 @@ impl<'a> Surface<'a> {
         self.places(g).map(|v| self.point(v))
     }
 
-    /// A triangle's UVs in the plane of all tiles.
-    pub fn uv(&self, g: u32) -> [DVec2; 3] {
-        let (tile, _, t) = self.place(g);
-        tile.triangles[t].uv.map(|uv| uv + tile.origin())
+    /// A triangle's tile, as an index in `Mesh::tiles`, its UVs within the tile, and its vertices.
+    pub fn source(&self, g: u32) -> (Source, [u32; 3]) {
+        let (tile, index, t) = self.place(g);
+        let chart = &tile.charts[(self.chart_of[g as usize] - self.first_chart[index]) as usize];
+        let Triangle { local, uv, .. } = tile.triangles[t];
+        let source = Source {
+            tile: self.first_tile + index as u32,
+            triangle: t as u32,
+            uv,
+            distance: [0.0; 3],
+            depth: [0.0; 3],
+        };
+        (source, local.map(|v| chart.vertices[v as usize]))
     }
 
     fn ends(&self, (g, k): Side) -> [u32; 2] {
@@ -193,7 +206,7 @@ impl<'a> Surface<'a> {
                 let inward = at[2] - at[0];
                 let foot = uv[0].lerp(uv[1], inward.dot(along) / at[0].distance(at[1]));
                 let across = (foot - uv[2]) / inward.cross(along).length();
-                rims.put((side, Rim { uv: [uv[0], uv[1]], across }));
+                rims.put((side, Rim { uv: [uv[0], uv[1]], own: (t as u32, k), across }));
                 open.put((side, 0.0));
             }
         }

@@ -10,10 +10,12 @@ type Point = [f64; 2];
 /// A triangle in the plane of its tile, in cells.
 pub struct Triangle {
     pub vertices: [usize; 3],
-    at: [Point; 3],
-    chart: usize,
+    /// The face corners of the mesh.
+    pub corners: [usize; 3],
+    pub at: [Point; 3],
+    pub chart: usize,
     /// The triangles of the same chart beyond the edges opposite to the corners.
-    neighbours: [Option<usize>; 3],
+    pub neighbours: [Option<usize>; 3],
 }
 
 /// A node within a cell of a border of its chart.
@@ -28,6 +30,8 @@ pub struct Charts {
     /// Per warp and node, the triangle under the node, if only one chart covers it.
     pub under: Vec<Vec<Option<usize>>>,
     pub borders: Vec<Border>,
+    /// Per triangle, its warp.
+    pub warp_of: Vec<usize>,
     /// Per warp and cell, the triangles that may overlap the cell.
     cells: Vec<HashMap<[i64; 2], Vec<usize>>>,
 }
@@ -46,8 +50,10 @@ impl Charts {
             cells: vec![HashMap::new(); warps.len()],
             triangles,
             borders: Vec::new(),
+            warp_of: Vec::new(),
         };
         charts.cover(warps, &warp_of);
+        charts.warp_of = warp_of.clone();
         charts.borders = sides.iter().flat_map(|side| charts.along(side, warps, &warp_of)).collect();
         charts
     }
@@ -97,6 +103,14 @@ impl Charts {
             }
         }
         best.1
+    }
+
+    /// The chart that contains a point.
+    pub fn chart_at(&self, w: usize, at: Point) -> Option<usize> {
+        let cell = at.map(|x| x.floor() as i64);
+        let near = self.cells[w].get(&cell).into_iter().flatten();
+        let found = near.copied().find(|&t| least(&self.triangles[t].at, at) >= -SLACK)?;
+        Some(self.triangles[found].chart)
     }
 
     /// Whether the surface goes on from a triangle to a point that is near to it.
@@ -181,7 +195,7 @@ fn triangles(model: &Model, warps: &[Warp]) -> (Vec<Triangle>, Vec<usize>) {
             let at = of.map(|c| [0, 1].map(|axis| (uv(c)[axis] - middle[axis].floor()) * cells[axis]));
             if area(at[0], at[1], at[2]) != 0.0 {
                 let vertices = of.map(|c| model.indices[c] as usize);
-                triangles.push(Triangle { vertices, at, chart: 0, neighbours: [None; 3] });
+                triangles.push(Triangle { vertices, corners: of, at, chart: 0, neighbours: [None; 3] });
                 warp_of.push(w);
             }
         }
@@ -248,13 +262,13 @@ fn area(a: Point, b: Point, c: Point) -> f64 {
     (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 }
 
-fn barycentric(&[a, b, c]: &[Point; 3], at: Point) -> [f64; 3] {
+pub fn barycentric(&[a, b, c]: &[Point; 3], at: Point) -> [f64; 3] {
     let all = area(a, b, c);
     [area(at, b, c) / all, area(a, at, c) / all, area(a, b, at) / all]
 }
 
 /// The least barycentric coordinate.
-fn least(triangle: &[Point; 3], at: Point) -> f64 {
+pub fn least(triangle: &[Point; 3], at: Point) -> f64 {
     barycentric(triangle, at).into_iter().fold(f64::INFINITY, f64::min)
 }
 

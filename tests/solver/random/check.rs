@@ -3,7 +3,7 @@
 
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
-    Origin, Overlap, PixelFormat, SolveOptions, TileSettings,
+    Origin, Overlap, PixelFormat, Seams, SolveOptions, TileSettings,
 };
 
 use super::borders::{borders, hold};
@@ -122,15 +122,18 @@ fn run(recipe: &Recipe, model: &Model, asset: &mut Asset, seen: &mut Seen) -> Ve
 
 fn warp(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], asset: &Asset, tile: usize, seen: &mut Seen) {
     let report = asset.tile_report(tile).unwrap();
+    let warps = warps(recipe, asset, tile);
     let warp = Warp::of(asset, tile);
-    assert!(warp.u.iter().flatten().all(|x| x.is_finite()), "a displacement is not finite");
-    let min_jacobian = warp.min_jacobian();
+    let finite = warps.iter().flat_map(|warp| &warp.u).flatten().all(|x| x.is_finite());
+    assert!(finite, "a displacement is not finite");
+    let min_jacobian = warps.iter().map(Warp::min_jacobian).fold(f64::INFINITY, f64::min);
     assert!(min_jacobian > 0.0, "min J is {min_jacobian}, reported {}", report.min_jacobian);
     assert_eq!(report.folds, 0, "folds");
     // The GPU's value is a lower bound; for a tile without movable nodes it is the identity's.
     let reported = report.min_jacobian;
     assert!(reported > 0.0 && reported <= min_jacobian + 1e-12, "min J {min_jacobian}, reported {reported}");
-    let (reported, longest) = (report.max_displacement, warp.longest());
+    let longest = warps.iter().map(Warp::longest).fold(0.0, f32::max);
+    let reported = report.max_displacement;
     assert!(
         (reported - longest).abs() <= 1e-6 * longest,
         "longest displacement {longest}, reported {reported}"
@@ -143,12 +146,37 @@ fn warp(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], asset: &Asset, tile: 
         assert!(all.iter().all(|x| x.is_finite()), "{strain:?}");
     }
     seen.solved |= report.charts_active > 0;
-    seen.moved |= warp.longest() > 0.01;
+    seen.moved |= longest > 0.01;
     seen.crushed |= min_jacobian < 0.1;
     seen.fell_back |= report.charts_fallback > 0;
+    if recipe.settings.seams == Seams::Continue {
+        return;
+    }
     let held = held(recipe, model, pose, report.udim, [warp.nx, warp.ny]);
     let moved = held.iter().zip(&warp.u).position(|(held, u)| *held && *u != [0.0; 2]);
     assert_eq!(moved, None, "this node may not move");
+}
+
+/// The warps whose displacements of a tile are checked: one of all charts, or one of each if charts go on beyond seams, where
+/// they may lie over one another.
+fn warps(recipe: &Recipe, asset: &Asset, tile: usize) -> Vec<Warp> {
+    let whole = Warp::of(asset, tile);
+    match recipe.settings.seams {
+        Seams::Continue => {
+            let of_charts = asset.displacements_of_charts(tile).unwrap();
+            of_charts.into_iter().map(|u| Warp { u, ..whole }).collect()
+        }
+        _ => vec![whole],
+    }
+}
+
+/// How far the warp that comes nearest takes a point from another one, along the axis of the greater distance.
+fn off(warps: &[Warp], from: [f64; 2], to: [f64; 2], scale: [f64; 2]) -> f64 {
+    let of = |warp: &Warp| {
+        let back = warp.at(from);
+        (0..2).map(|c| ((back[c] - to[c]) * scale[c]).abs()).fold(0.0, f64::max)
+    };
+    warps.iter().map(of).fold(f64::INFINITY, f64::min)
 }
 
 /// The nodes that must be fixed: masked, not wholly surrounded by faces, or at a border. (The library may fix more.)
@@ -250,13 +278,14 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     // W maps the tile onto itself, so that redirections lie in the tile up to f32 rounding.
     let outside = floats.iter().position(|x| !(-1e-6..=1.0 + 1e-6).contains(x));
     assert_eq!(outside, None, "{:?} is outside of the tile", outside.map(|k| floats[k]));
-    let warp = Warp::of(asset, tile);
-    let cells = [warp.nx as f64, warp.ny as f64];
+    let warps = warps(recipe, asset, tile);
+    let cells = [warps[0].nx as f64, warps[0].ny as f64];
+    let scale = [0, 1].map(|c| f64::from(size[c]) / cells[c]);
     for (k, uv) in floats.chunks_exact(2).enumerate() {
-        let back = warp.at([0, 1].map(|c| f64::from(uv[c]) * cells[c]));
+        let from = [0, 1].map(|c| f64::from(uv[c]) * cells[c]);
         let centre = [k as u32 % size[0], k as u32 / size[0]].map(|x| f64::from(x) + 0.5);
-        let off = [0, 1].map(|c| back[c] * f64::from(size[c]) / cells[c] - centre[c]);
-        assert!(off.iter().all(|x| x.abs() <= 1e-3), "texel {k} comes back {off:?} texels off");
+        let off = off(&warps, from, [0, 1].map(|c| centre[c] / scale[c]), scale);
+        assert!(off <= 1e-3, "texel {k} comes back {off:?} texels off");
     }
     floats.iter().map(|x| x.to_bits()).collect()
 }
@@ -272,12 +301,12 @@ fn corner_uvs(recipe: &Recipe, model: &Model, asset: &Asset, redirected: &[[f32;
         // Corners of triangles without area belong to no chart and stay as they are.
         let solid = *textured && is_solid(recipe, &given);
         let Some(tile) = asset.find_tile(tile as u32).filter(|_| solid) else { continue };
-        let warp = Warp::of(asset, tile);
-        let cells = [warp.nx as f64, warp.ny as f64];
+        let warps = warps(recipe, asset, tile);
+        let cells = [warps[0].nx as f64, warps[0].ny as f64];
         for (given, new) in given.iter().zip(new) {
             let [p, q] = [new, *given].map(|uv| [0, 1].map(|c| (uv[c] - origin[c]) * cells[c]));
             if (0..2).all(|c| (0.0..=cells[c]).contains(&q[c])) {
-                let off = (0..2).map(|c| (warp.at(p)[c] - q[c]).abs()).fold(0.0, f64::max);
+                let off = off(&warps, p, q, [1.0; 2]);
                 // As for texels: the rounding of a UV in f32, magnified by W.
                 assert!(off <= 1e-3, "corner at {q:?}, redirected to {p:?}, comes back {off} cells off");
             }

@@ -6,7 +6,7 @@ use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
-use vrtm::{Overlap, Quality, SolveOptions, TileSettings, WeldBy};
+use vrtm::{Overlap, Quality, Seams, SolveOptions, TileSettings, WeldBy};
 
 use super::recipe::{Joints, Layer, Move, Paint, Piece, Recipe, Refusal, Rigidity, Shape, Then};
 
@@ -174,7 +174,10 @@ fn settings() -> impl Strategy<Value = TileSettings> {
             .prop_map(|(a, b, c, d, e)| [a, b, c, d, e]),
     ];
     let density = prop_oneof![6 => Just(0.0f32), 1 => magnitude(-3.0, 1.0)];
-    ([cells(), cells()], weights, density, overlap).prop_map(|(grid, w, density, overlap)| TileSettings {
+    let seams = prop_oneof![3 => Just(Seams::Shut), 2 => Just(Seams::Continue)];
+    let reach = prop_oneof![2 => Just(default.seam_reach), 2 => magnitude(-3.0, -0.31)];
+    let all = ([cells(), cells()], weights, density, overlap, seams, reach);
+    all.prop_map(|(grid, w, density, overlap, seams, seam_reach)| TileSettings {
         grid: grid.map(|n| (n > 0).then_some(n)),
         smoothness: w[0],
         smoothness_floor: w[1],
@@ -183,6 +186,9 @@ fn settings() -> impl Strategy<Value = TileSettings> {
         room: w[3],
         room_threshold: w[4],
         overlap,
+        // They do not go together.
+        seams: if density > 0.0 { Seams::Shut } else { seams },
+        seam_reach,
     })
 }
 

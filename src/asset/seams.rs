@@ -1,0 +1,140 @@
+//! The blend of results at seams, after all tiles are solved: it is part of what is published, never of what a later solve
+//! starts from.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
+use std::time::Instant;
+
+use super::Asset;
+use crate::allocation::{Collect, copied};
+use crate::blend::{Blends, Copies, Depths, Limited, Places, Side, blend};
+use crate::error::Result;
+use crate::grid::Grid;
+use crate::method::plan::ChartResult;
+use crate::report::TileReport;
+use crate::solver::solved::Solved;
+use crate::solver::tile_solve::Warp;
+use crate::team::Team;
+
+impl Asset {
+    /// Blends results with those of the tiles that their charts go on in; returns what is to be published instead of them, where
+    /// that is something else.
+    pub(super) fn blend(
+        &mut self,
+        team: &Team,
+        results: &[(usize, Arc<Solved>)],
+    ) -> Result<Vec<Option<Solved>>> {
+        if results.iter().all(|(_, solved)| solved.extended.is_none()) {
+            return Ok(results.iter().map(|_| None).collected());
+        }
+        self.find_places();
+        self.find_copies(team, results)?;
+        let Some(places) = &self.places else { return Ok(Vec::new()) };
+        let side = |tile: usize| -> Result<Option<Side>> {
+            let fresh = results.iter().find(|(k, _)| *k == tile).map(|(_, solved)| solved);
+            let Some(solved) = fresh.or(self.tiles[tile].solved.as_ref()) else { return Ok(None) };
+            // A tile that was torn, or whose settings have changed since, is no longer what the places are of.
+            let tile = &places.tiles[tile];
+            let is_it = Arc::ptr_eq(solved.extended.as_ref().unwrap_or(&solved.mesh), tile);
+            Ok(is_it.then_some(Side { tile, grid: &solved.grid, u: solved.warp.host()? }))
+        };
+        let sides: Vec<Option<Side>> = (0..self.tiles.len()).map(side).try_collected()?;
+        let published = |(tile, solved): &(usize, Arc<Solved>)| {
+            let start = Instant::now();
+            let state = &self.tiles[*tile];
+            let copies = state.copies.as_ref().filter(|_| solved.extended.is_some())?;
+            let farthest = f64::from(state.maps.settings.seam_reach);
+            let blended = blend(team, places, copies, &sides, *tile, farthest)?;
+            let mut published = with(solved, blended);
+            published.report.times.blend = start.elapsed().as_secs_f32() * 1000.0;
+            published.report.times.total += published.report.times.blend;
+            Some(published)
+        };
+        Ok(results.iter().map(published).collected())
+    }
+
+    /// Finds what nodes are blended of, unless that is known.
+    fn find_copies(&mut self, team: &Team, results: &[(usize, Arc<Solved>)]) -> Result<()> {
+        let Some(places) = &self.places else { return Ok(()) };
+        let extended = || results.iter().filter(|(_, solved)| solved.extended.is_some());
+        if extended().all(|(tile, _)| self.tiles[*tile].copies.is_some()) {
+            return Ok(());
+        }
+        // Those of all tiles depend on the grids of all tiles.
+        self.tiles.iter_mut().for_each(|state| state.copies = None);
+        let grid = |tile: usize| {
+            let fresh = results.iter().find(|(k, _)| *k == tile).map(|(_, solved)| &*solved.grid);
+            fresh.or(self.tiles[tile].grid.as_deref())
+        };
+        let grids: Vec<Option<&Grid>> = (0..self.tiles.len()).map(grid).collected();
+        let blends = Blends { places, depths: &Depths::new(places, &grids) };
+        let copies =
+            |(tile, solved): &(usize, Arc<Solved>)| (*tile, Copies::new(team, &blends, &solved.grid, *tile));
+        let found: Vec<(usize, Copies)> = extended().map(copies).collected();
+        for (tile, copies) in found {
+            let state = &mut self.tiles[tile];
+            state.copies = Some(copies);
+            state.book(&self.device, 0, self.mesh.tiles[tile].udim)?;
+        }
+        Ok(())
+    }
+
+    /// The results of tiles that were asked for and need no solve, since nothing in them has moved, but whose neighbours may
+    /// say something else at their seams.
+    pub(super) fn beside(&self, asked: &[bool], wanted: &[bool]) -> Vec<(usize, Arc<Solved>)> {
+        let tiles = (0..self.tiles.len()).filter(|&tile| asked[tile] && !wanted[tile]);
+        let result = |tile: usize| {
+            let solved = self.tiles[tile].solved.as_ref().filter(|solved| solved.extended.is_some())?;
+            Some((tile, solved.clone()))
+        };
+        tiles.filter_map(result).collected()
+    }
+
+    /// Finds where charts have what lies beyond their seams, unless that is known.
+    fn find_places(&mut self) {
+        let tiles = || {
+            let of = |(state, tile): (&super::tile::TileState, &Arc<_>)| {
+                state.extended.get().unwrap_or(tile).clone()
+            };
+            self.tiles.iter().zip(&self.mesh.tiles).map(of)
+        };
+        let is_known = |places: &Places| tiles().zip(&places.tiles).all(|(a, b)| Arc::ptr_eq(&a, b));
+        if !self.places.as_ref().is_some_and(is_known) {
+            let places = Places::new(tiles().collected());
+            self.places = Some(places);
+            self.tiles.iter_mut().for_each(|state| state.copies = None);
+        }
+    }
+}
+
+/// A result with the warp of a blend.
+fn with(solved: &Solved, blended: Limited) -> Solved {
+    let Limited { u, certificates, charts } = blended;
+    let mut results: Vec<ChartResult> = copied(&solved.results);
+    for (result, certificate) in results.iter_mut().zip(certificates) {
+        if let Some(certificate) = certificate {
+            result.min_jacobian = certificate.min_jacobian;
+            result.folds = certificate.folds;
+            result.max_displacement = certificate.max_displacement;
+        }
+    }
+    let report = TileReport {
+        min_jacobian: results.iter().map(|r| r.min_jacobian).fold(1.0, f64::min),
+        max_displacement: results.iter().map(|r| r.max_displacement).fold(0.0, f32::max),
+        folds: results.iter().map(|r| r.folds).sum(),
+        charts_apart: charts,
+        ..solved.report
+    };
+    Solved {
+        mesh: solved.mesh.clone(),
+        extended: solved.extended.clone(),
+        grid: solved.grid.clone(),
+        warp: Arc::new(Warp::Host(u)),
+        inputs: Vec::new(),
+        results,
+        overlap: solved.overlap,
+        report,
+        invert_ms: AtomicU32::new(0),
+        work: solved.work.clone(),
+    }
+}

@@ -1,0 +1,146 @@
+//! The nodes of a tile that are blended, and what each is blended of: its copies in other charts, with their parts.
+
+use glam::DVec2;
+
+use super::depths::{Depths, depth_of, sheets, smooth};
+use super::places::{Places, on_surface};
+use super::{cells, in_block};
+use crate::allocation::{Collect, Grow};
+use crate::grid::Grid;
+use crate::grid::planes::{NODES, SIDE};
+use crate::mesh::NONE;
+use crate::mesh::triangle::barycentrics;
+use crate::team::Team;
+
+/// A node that is blended.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    pub slot: u16,
+    /// The number of its copies.
+    count: u16,
+    /// The index of the first one.
+    first: u32,
+    /// Which part of the blend it takes: where the collar comes to its end, the node keeps what its own chart says.
+    pub fade: f32,
+}
+
+/// A node's place in another chart, or beyond another seam of its own.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Copy {
+    /// The tile in the mesh, and the triangle there.
+    pub tile: u32,
+    pub triangle: u32,
+    /// Barycentric coordinates of corners 1 and 2.
+    pub at: [f32; 2],
+    /// Its part of the blend.
+    pub part: f32,
+}
+
+/// What a tile's nodes are blended of. It depends on the mesh, on the grid's size and on which nodes may move.
+#[derive(Debug)]
+pub(crate) struct Copies {
+    /// The blocks with nodes that are blended, ascending, and the index of each one's first node, followed by the number of
+    /// all nodes.
+    blocks: Vec<u32>,
+    starts: Vec<u32>,
+    nodes: Vec<Node>,
+    copies: Vec<Copy>,
+}
+
+/// The surface that charts have in common, and how deep each is there.
+#[derive(Clone, Copy)]
+pub(crate) struct Blends<'a> {
+    pub places: &'a Places,
+    pub depths: &'a Depths,
+}
+
+/// Parts under this are left out.
+const SMALLEST: f32 = 1e-3;
+
+impl Copies {
+    /// The copies of the nodes of the mesh's tile `index`.
+    pub fn new(team: &Team, surface: &Blends, grid: &Grid, index: usize) -> Copies {
+        let level = &grid.levels[0];
+        let active: Vec<u32> =
+            (0..level.blocks.list.len() as u32).filter(|&b| level.blocks.list[b as usize].active).collected();
+        let found = team.map(active.len(), |k| {
+            let b = active[k] as usize;
+            let mut of_block = OfBlock::default();
+            for s in (0..NODES).filter(|&s| level.movable[b][s] != 0) {
+                let triangle = grid.triangle[b][s];
+                if triangle != NONE {
+                    let block = &level.blocks.list[b];
+                    let (i, j) = in_block(s);
+                    let (x, y) = (block.x as usize * SIDE + i, block.y as usize * SIDE + j);
+                    let uv = DVec2::new(x as f64, y as f64) / cells(level);
+                    of_block.add(surface, index as u32, triangle, s, uv);
+                }
+            }
+            of_block
+        });
+        let mut copies =
+            Copies { blocks: Vec::new(), starts: Vec::new(), nodes: Vec::new(), copies: Vec::new() };
+        for (b, of_block) in active.into_iter().zip(found).filter(|(_, found)| !found.nodes.is_empty()) {
+            copies.blocks.put(b);
+            copies.starts.put(copies.nodes.len() as u32);
+            let first = copies.copies.len() as u32;
+            copies
+                .nodes
+                .put_all(of_block.nodes.iter().map(|node| Node { first: first + node.first, ..*node }));
+            copies.copies.put_all(of_block.copies);
+        }
+        copies.starts.put(copies.nodes.len() as u32);
+        copies
+    }
+
+    /// Bytes in use.
+    pub fn bytes(&self) -> usize {
+        self.blocks.len() * 8 + size_of_val(&*self.nodes) + size_of_val(&*self.copies)
+    }
+
+    pub(super) fn blocks(&self) -> &[u32] {
+        &self.blocks
+    }
+
+    /// The nodes of the k-th block.
+    pub(super) fn of_block(&self, k: usize) -> &[Node] {
+        &self.nodes[self.starts[k] as usize..self.starts[k + 1] as usize]
+    }
+
+    pub(super) fn of_node(&self, node: &Node) -> &[Copy] {
+        &self.copies[node.first as usize..][..node.count as usize]
+    }
+}
+
+#[derive(Default)]
+struct OfBlock {
+    nodes: Vec<Node>,
+    copies: Vec<Copy>,
+}
+
+impl OfBlock {
+    /// Adds a node at a UV on a triangle, if the blend changes it.
+    fn add(&mut self, surface: &Blends, index: u32, triangle: u32, s: usize, uv: DVec2) {
+        let Blends { places, depths } = *surface;
+        let tile = &*places.tiles[index as usize];
+        let place = on_surface(tile, index, triangle, uv);
+        let all = sheets(places, place);
+        let is_collar = tile.source(triangle as usize).is_some();
+        let own = (index, tile.chart_of_triangle(triangle), is_collar);
+        let Some(home) = all.iter().find(|on| on.sheet() == own) else { return };
+        let parts = depths.parts(places, place, &all);
+        let fade = if is_collar { smooth(2.0 * depth_of(places, home)) } else { 1.0 };
+        let first = self.copies.len();
+        for (on, part) in all.iter().zip(parts).filter(|(on, part)| on.sheet() != own && *part >= SMALLEST) {
+            let at = barycentrics(places.tiles[on.tile as usize].triangles[on.triangle as usize].uv, on.uv);
+            let at = at.map(|x| x as f32);
+            self.copies.put(Copy { tile: on.tile, triangle: on.triangle, at, part });
+        }
+        let count = self.copies.len() - first;
+        if count > 0 && fade > SMALLEST {
+            self.nodes.put(Node { slot: s as u16, count: count as u16, first: first as u32, fade });
+        } else {
+            self.copies.truncate(first);
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! How much of the blend each node takes: the whole of it, but less around cells that it would crush, falling off smoothly.
+
+use crate::allocation::{Collect, filled, zeroed};
+use crate::cpu::certify::{Certificate, certify_block};
+use crate::grid::Level;
+use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::grid::window::{self, WINDOW_NODES, Window, place};
+use crate::method::law::MIN_JACOBIAN;
+use crate::team::Team;
+
+/// Rounds in which fractions are lowered around cells that are crushed; then the charts that still have one give the blend up.
+const ROUNDS: usize = 24;
+/// The factor of a round; a fraction under the smallest one becomes 0.
+const FACTOR: f32 = 0.5;
+const SMALLEST: f32 = 1.0 / 32.0;
+/// The greatest change of the fraction from node to node.
+const SLOPE: f32 = 0.125;
+
+/// A blend as far as it was taken.
+pub(crate) struct Limited {
+    pub u: Vec<[Plane; 2]>,
+    /// Per chart that has a change.
+    pub certificates: Vec<Option<Certificate>>,
+    /// The charts with a node that took less than the whole.
+    pub charts: u32,
+}
+
+/// Adds changes to displacements. `blocks` are the changed blocks, ascending, with their changes.
+pub(super) fn add(
+    team: &Team,
+    level: &Level,
+    before: &[[Plane; 2]],
+    blocks: &[u32],
+    changes: &[[Plane; 2]],
+) -> Limited {
+    let count = level.blocks.list.len();
+    let mut index = filled(u32::MAX, count);
+    blocks.iter().enumerate().for_each(|(k, &b)| index[b as usize] = k as u32);
+    let charts = level.blocks.of_chart.len();
+    let mut is_changed: Vec<bool> = zeroed(charts);
+    blocks.iter().for_each(|&b| is_changed[level.blocks.list[b as usize].chart as usize] = true);
+    let active: Vec<u32> = (0..count as u32)
+        .filter(|&b| level.blocks.list[b as usize].active)
+        .filter(|&b| is_changed[level.blocks.list[b as usize].chart as usize])
+        .collected();
+    let mut fractions: Vec<Plane> = filled([1.0; NODES], count);
+    let mut u: Vec<[Plane; 2]> = zeroed(count);
+    let mut open: Vec<u32> = active.iter().copied().collected();
+    for round in 0..=ROUNDS {
+        take(team, before, changes, &index, &fractions, &mut u);
+        let marks = team.map(open.len(), |k| marked(level, &u, open[k] as usize));
+        if marks.iter().all(Option::is_none) {
+            break;
+        }
+        let mut is_open: Vec<bool> = zeroed(charts);
+        for (&b, marks) in open.iter().zip(&marks) {
+            let Some(marks) = marks else { continue };
+            is_open[level.blocks.list[b as usize].chart as usize] = true;
+            for (fraction, mark) in fractions[b as usize].iter_mut().zip(marks) {
+                if *mark {
+                    let less = *fraction * FACTOR;
+                    *fraction = if less < SMALLEST || round == ROUNDS { 0.0 } else { less };
+                }
+            }
+        }
+        open.retain(|&b| is_open[level.blocks.list[b as usize].chart as usize]);
+        for _ in 0..4 {
+            let next = team.map(open.len(), |k| fallen_off(level, &fractions, open[k] as usize));
+            open.iter().zip(next).for_each(|(&b, next)| fractions[b as usize] = next);
+        }
+        if round == ROUNDS {
+            for &b in &open {
+                fractions[b as usize] = [0.0; NODES];
+            }
+            take(team, before, changes, &index, &fractions, &mut u);
+        }
+    }
+    let mut is_limited: Vec<bool> = zeroed(charts);
+    for &b in blocks {
+        let is_whole = fractions[b as usize].iter().all(|&f| f >= 1.0);
+        is_limited[level.blocks.list[b as usize].chart as usize] |= !is_whole;
+    }
+    let parts = team.map(active.len(), |k| certify_block(level, &u, active[k] as usize));
+    let mut certificates: Vec<Option<Certificate>> = filled(None, charts);
+    for (&b, part) in active.iter().zip(&parts) {
+        let chart = level.blocks.list[b as usize].chart as usize;
+        certificates[chart].get_or_insert_default().add(part);
+    }
+    let limited = is_limited.iter().filter(|limited| **limited).count() as u32;
+    Limited { u, certificates, charts: limited }
+}
+
+/// Sets displacements to those before plus fractions of the changes.
+fn take(
+    team: &Team,
+    before: &[[Plane; 2]],
+    changes: &[[Plane; 2]],
+    index: &[u32],
+    fractions: &[Plane],
+    u: &mut [[Plane; 2]],
+) {
+    team.fill(u, |b, u| {
+        *u = before[b];
+        if let Some(change) = changes.get(index[b] as usize) {
+            for c in 0..2 {
+                for s in 0..NODES {
+                    u[c][s] += fractions[b][s] * change[c][s];
+                }
+            }
+        }
+    });
+}
+
+/// The nodes of a block at a cell that is crushed.
+fn marked(level: &Level, u: &[[Plane; 2]], b: usize) -> Option<[bool; NODES]> {
+    let mut windows = [[0.0f32; WINDOW_NODES]; 2];
+    for (c, window) in windows.iter_mut().enumerate() {
+        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
+    }
+    let mut marks = None;
+    for j in 0..17 {
+        for i in 0..17 {
+            let w = |di: usize, dj: usize| {
+                let at = place(i + di, j + dj);
+                [di as f64 + f64::from(windows[0][at]), dj as f64 + f64::from(windows[1][at])]
+            };
+            let (a, b, c, d) = (w(0, 0), w(1, 0), w(0, 1), w(1, 1));
+            let cross = |o: [f64; 2], p: [f64; 2], q: [f64; 2]| {
+                (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
+            };
+            let least = [cross(a, b, c), cross(b, d, a), cross(d, c, b), cross(c, a, d)];
+            // Rounding may leave a corner a little under the bound before the blend, too.
+            let bound = 0.99 * f64::from(MIN_JACOBIAN);
+            if least.iter().all(|&jacobian| jacobian >= bound) {
+                continue;
+            }
+            let marks = marks.get_or_insert([false; NODES]);
+            for (x, y) in [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)] {
+                if (1..=SIDE).contains(&x) && (1..=SIDE).contains(&y) {
+                    marks[slot(x - 1, y - 1)] = true;
+                }
+            }
+        }
+    }
+    marks
+}
+
+/// A block's fractions, at most those of their neighbours plus `SLOPE`.
+fn fallen_off(level: &Level, fractions: &[Plane], b: usize) -> Plane {
+    let mut window: Window = [1.0; WINDOW_NODES];
+    window::load(&level.blocks.neighbours[b], 1.0, |b| &fractions[b], &mut window);
+    let mut out = fractions[b];
+    for j in 0..SIDE {
+        for i in 0..SIDE {
+            let around = (0..9).map(|k| window[place(i + k % 3, j + k / 3)]);
+            let least = around.fold(f32::INFINITY, f32::min);
+            let own = &mut out[slot(i, j)];
+            *own = own.min(least + SLOPE);
+        }
+    }
+    out
+}

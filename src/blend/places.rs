@@ -1,0 +1,135 @@
+//! Which charts have a point of the surface: the one whose triangle it lies on, and those whose collars hold that triangle.
+
+use std::sync::Arc;
+
+use glam::DVec2;
+
+use super::point;
+use crate::allocation::{Collect, filled, zeroed};
+use crate::mesh::TileMesh;
+use crate::mesh::triangle::barycentrics;
+
+/// A point of the surface: a triangle of a chart, by its tile and its number there, and a UV within the tile.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub tile: u32,
+    pub triangle: u32,
+    pub uv: DVec2,
+}
+
+/// The triangles of collars at each triangle of the mesh.
+#[derive(Debug)]
+pub(crate) struct Places {
+    /// The tiles with collars, or without where charts do not go on.
+    pub tiles: Vec<Arc<TileMesh>>,
+    /// Per tile, the number of its first triangle among those of all tiles.
+    first: Vec<u32>,
+    /// Per triangle, the index of its first entry, followed by the number of all entries.
+    starts: Vec<u32>,
+    /// Tiles and triangles, in that order.
+    entries: Vec<(u32, u32)>,
+}
+
+/// A point on the side of a triangle may be outside of it by this, in barycentric coordinates.
+pub(super) const OUTSIDE: f64 = 1e-6;
+
+/// A place as a chart has it: on the chart itself, or in its collar.
+pub(super) struct OnChart {
+    pub tile: u32,
+    pub triangle: u32,
+    pub chart: u32,
+    pub is_collar: bool,
+    /// The least barycentric coordinate on the triangle.
+    pub depth: f64,
+    /// In the chart's plane.
+    pub uv: DVec2,
+}
+
+impl OnChart {
+    pub fn sheet(&self) -> (u32, u32, bool) {
+        (self.tile, self.chart, self.is_collar)
+    }
+}
+
+impl Places {
+    pub fn new(tiles: Vec<Arc<TileMesh>>) -> Places {
+        let mut count = 0;
+        let first: Vec<u32> = tiles
+            .iter()
+            .map(|tile| {
+                count += tile.own() as u32;
+                count - tile.own() as u32
+            })
+            .collected();
+        let mut starts: Vec<u32> = zeroed(count as usize + 1);
+        let number = |tile: u32, triangle: u32| (first[tile as usize] + triangle) as usize;
+        let sources = || tiles.iter().flat_map(|tile| &tile.sources);
+        sources().for_each(|source| starts[number(source.tile, source.triangle) + 1] += 1);
+        (0..count as usize).for_each(|k| starts[k + 1] += starts[k]);
+        let mut next: Vec<u32> = starts.iter().copied().collected();
+        let mut entries: Vec<(u32, u32)> = filled((0, 0), starts[count as usize] as usize);
+        for (k, tile) in tiles.iter().enumerate() {
+            for (t, source) in tile.sources.iter().enumerate() {
+                let next = &mut next[number(source.tile, source.triangle)];
+                entries[*next as usize] = (k as u32, (tile.own() + t) as u32);
+                *next += 1;
+            }
+        }
+        Places { tiles, first, starts, entries }
+    }
+
+    /// The triangles of collars that are parts of a triangle.
+    pub fn of(&self, tile: u32, triangle: u32) -> &[(u32, u32)] {
+        let number = (self.first[tile as usize] + triangle) as usize;
+        &self.entries[self.starts[number] as usize..self.starts[number + 1] as usize]
+    }
+
+    /// Where a chart of `tile`, the mesh's tile `index`, has a point of the surface: the place that is nearest to `at`. `home`
+    /// is a triangle that may contain it.
+    pub(super) fn in_chart(
+        &self,
+        tile: &TileMesh,
+        index: u32,
+        chart: u32,
+        home: u32,
+        place: Place,
+        at: DVec2,
+    ) -> Option<DVec2> {
+        if let Some((_, uv)) = seen_by(tile, index, home, place).filter(|(depth, _)| *depth >= 0.0) {
+            return Some(uv);
+        }
+        let of_chart = &tile.charts[chart as usize];
+        let own = (place.tile == index && of_chart.triangles.contains(&(place.triangle as usize)))
+            .then_some(place.triangle);
+        let collars = self.of(place.tile, place.triangle).iter();
+        let collars = collars.filter(|(k, t)| *k == index && of_chart.collar.contains(&(*t as usize)));
+        let seen =
+            own.into_iter().chain(collars.map(|(_, t)| *t)).filter_map(|t| seen_by(tile, index, t, place));
+        let inside = seen.filter(|(depth, _)| *depth >= -OUTSIDE).map(|(_, uv)| uv);
+        inside.min_by(|a, b| a.distance_squared(at).total_cmp(&b.distance_squared(at)))
+    }
+}
+
+/// The least barycentric coordinate of a place on a triangle of a tile, and the UV there in the plane of the triangle's chart;
+/// `None` if the triangle is no part of that triangle of the mesh.
+pub(super) fn seen_by(tile: &TileMesh, index: u32, t: u32, place: Place) -> Option<(f64, DVec2)> {
+    let uv = tile.triangles[t as usize].uv;
+    let surface = match tile.source(t as usize) {
+        None if index == place.tile && t == place.triangle => uv,
+        Some(source) if (source.tile, source.triangle) == (place.tile, place.triangle) => source.uv,
+        _ => return None,
+    };
+    let [s, r] = barycentrics(surface, place.uv);
+    Some((s.min(r).min(1.0 - s - r), point(uv, [s, r])))
+}
+
+/// The point of the surface at a UV on a triangle of a tile, the mesh's tile `index`.
+pub(super) fn on_surface(tile: &TileMesh, index: u32, t: u32, uv: DVec2) -> Place {
+    match tile.source(t as usize) {
+        None => Place { tile: index, triangle: t, uv },
+        Some(source) => {
+            let there = point(source.uv, barycentrics(tile.triangles[t as usize].uv, uv));
+            Place { tile: source.tile, triangle: source.triangle, uv: there }
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! A tile whose charts go on beyond their seams: each chart with its collar, as far as it lies over nothing else of the same
+//! chart. What is left out of a collar is beyond a border, as everything is without collars.
+
+mod overlaps;
+
+use std::ops::Range;
+
+use glam::DVec2;
+
+use super::collar::{Across, Collar, collars};
+use super::hash::{Table, enter};
+use super::{Chart, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
+use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use crate::team::Team;
+use overlaps::Overlaps;
+
+/// A tile with collars out to `reach`, a length in UV. Triangles of charts keep their numbers. Charts that lie over others get
+/// no collars: what they share must stay where it is.
+pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> TileMesh {
+    let source = &mesh.tiles[tile];
+    let mut collars = collars(team, mesh, tile, reach);
+    for (collar, is_stacked) in collars.iter_mut().zip(stacked(source)) {
+        if is_stacked {
+            *collar = Collar::default();
+        }
+    }
+    let kept = team.map(collars.len(), |c| Kept::new(source, c, &collars[c]));
+    let mut extended = TileMesh {
+        udim: source.udim,
+        uv_set: source.uv_set,
+        triangles: source.triangles.iter().map(|triangle| Triangle { ..*triangle }).collected(),
+        sources: Vec::new(),
+        charts: with_capacity(source.charts.len()),
+        chart_of: copied(&source.chart_of),
+        welds: Vec::new(),
+        edges_apart: source.edges_apart,
+    };
+    for ((chart, collar), kept) in source.charts.iter().zip(&collars).zip(&kept) {
+        let chart = add(&mut extended, chart, collar, kept, reach);
+        extended.charts.put(chart);
+    }
+    extended
+}
+
+/// Per chart, whether it lies over another chart.
+fn stacked(tile: &TileMesh) -> Vec<bool> {
+    let charts = tile.chart_of_triangles();
+    let mut stacked = zeroed(tile.charts.len());
+    let all = Overlaps::of(tile.triangles.iter().map(|t| t.uv).collected());
+    for (t, triangle) in tile.triangles.iter().enumerate() {
+        let chart = charts[t] as usize;
+        let is_other = |other: usize| charts[other] as usize != chart;
+        stacked[chart] = stacked[chart] || all.any(triangle.uv, is_other);
+    }
+    stacked
+}
+
+/// A side of a chart's triangle: the triangle, and the corner opposite to the side.
+type Side = (u32, u8);
+
+/// What is kept of a collar.
+struct Kept {
+    /// Per triangle.
+    triangles: Vec<bool>,
+    /// The sides of the chart at which no triangle is missing, ascending.
+    open: Vec<Side>,
+}
+
+impl Kept {
+    /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, as far as they hang together with it.
+    fn new(tile: &TileMesh, chart: usize, collar: &Collar) -> Kept {
+        let own = tile.charts[chart].triangles.clone();
+        let list = &collar.triangles;
+        if list.is_empty() {
+            return Kept { triangles: Vec::new(), open: Vec::new() };
+        }
+        let first = own.len();
+        let all = tile.triangles[own].iter().map(|t| t.uv).chain(list.iter().map(|t| t.uv));
+        let all = Overlaps::of(all.collected());
+        let mut triangles: Vec<bool> = zeroed(list.len());
+        for (k, triangle) in list.iter().enumerate() {
+            let lies = |other: usize| other < first || triangles[other - first];
+            triangles[k] = in_tile(triangle.uv) && !all.any(triangle.uv, lies);
+        }
+        loop {
+            let open = open_sides(collar, &triangles);
+            let reached = reached(collar, &triangles, &open);
+            if reached == triangles {
+                return Kept { triangles, open };
+            }
+            triangles = reached;
+        }
+    }
+}
+
+fn in_tile(uv: [DVec2; 3]) -> bool {
+    let [low, high] = [uv[0].min(uv[1]).min(uv[2]), uv[0].max(uv[1]).max(uv[2])];
+    high.min_element() > 0.0 && low.max_element() < 1.0
+}
+
+/// The sides of the chart at a triangle.
+fn sides_of(across: [Across; 3]) -> impl Iterator<Item = Side> {
+    across.into_iter().filter_map(|across| match across {
+        Across::Chart(side) => Some(side),
+        _ => None,
+    })
+}
+
+/// The sides of the chart at which all triangles are kept, ascending.
+fn open_sides(collar: &Collar, kept: &[bool]) -> Vec<Side> {
+    let list = collar.triangles.iter().zip(kept).filter(|(_, kept)| **kept);
+    let mut sides: Vec<Side> = list.flat_map(|(triangle, _)| sides_of(triangle.across)).collected();
+    sides.sort_unstable();
+    let whole = sides.chunk_by(|a, b| a == b).filter(|same| same.len() == collar.parts);
+    whole.map(|same| same[0]).collected()
+}
+
+/// The triangles that hang together with the chart.
+fn reached(collar: &Collar, kept: &[bool], open: &[Side]) -> Vec<bool> {
+    let list = &collar.triangles;
+    let mut reached: Vec<bool> = zeroed(list.len());
+    let mut stack: Vec<u32> = Vec::new();
+    let is_open = |side: Side| open.binary_search(&side).is_ok();
+    for k in (0..list.len()).filter(|&k| kept[k] && sides_of(list[k].across).any(is_open)) {
+        reached[k] = true;
+        stack.put(k as u32);
+    }
+    while let Some(k) = stack.pop() {
+        for across in list[k as usize].across {
+            if let Across::Collar(next) = across
+                && kept[next as usize]
+                && !std::mem::replace(&mut reached[next as usize], true)
+            {
+                stack.put(next);
+            }
+        }
+    }
+    reached
+}
+
+/// Adds what is kept of a collar to a tile; returns the extended chart.
+fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: f64) -> Chart {
+    let first = tile.triangles.len() as u32;
+    let list = &collar.triangles;
+    let mut numbers = filled(NONE, list.len());
+    let kept_ones: Vec<usize> = (0..list.len()).filter(|&k| kept.triangles[k]).collected();
+    for (number, &k) in kept_ones.iter().enumerate() {
+        numbers[k] = first + number as u32;
+    }
+    let mut vertices = copied(&chart.vertices);
+    let mut local_of: Table<u32, u32> = Table::default();
+    let mut with_vertex = |vertices: &mut Vec<u32>, v: u32| match local_of.get(&v) {
+        Some(&local) => local,
+        None => {
+            let local = vertices.len() as u32;
+            vertices.put(v);
+            enter(&mut local_of, v, local);
+            local
+        }
+    };
+    // Points are numbered after all vertices.
+    let mut points: Vec<FacePoint> = Vec::new();
+    let vertex = |point: &FacePoint| (0..3).find(|&c| point.weights[c] == 1.0).map(|c| point.vertices[c]);
+    let locals: Vec<[Result<u32, u32>; 3]> = kept_ones
+        .iter()
+        .map(|&k| {
+            list[k].points.each_ref().map(|point| match vertex(point) {
+                Some(v) => Ok(with_vertex(&mut vertices, v)),
+                None => {
+                    points.put(*point);
+                    Err(points.len() as u32 - 1)
+                }
+            })
+        })
+        .collected();
+    let mut seen: Table<Side, usize> = Table::default();
+    for (&k, local) in kept_ones.iter().zip(locals) {
+        let number = tile.triangles.len() as u32;
+        let neighbours = list[k].across.map(|across| match across {
+            Across::Nothing => NONE,
+            Across::Collar(other) => numbers[other as usize],
+            Across::Chart(side) if kept.open.binary_search(&side).is_err() => NONE,
+            Across::Chart(side) => {
+                let count = seen.get(&side).copied().unwrap_or(0) + 1;
+                enter(&mut seen, side, count);
+                // From the chart, walks go on from the triangle in the middle.
+                if count == collar.parts / 2 + 1 {
+                    tile.triangles[side.0 as usize].neighbours[side.1 as usize] = number;
+                }
+                side.0
+            }
+        });
+        let local = local.map(|local| local.unwrap_or_else(|point| vertices.len() as u32 + point));
+        tile.triangles.put(Triangle { local, uv: list[k].uv, neighbours });
+        tile.sources.put(Source { distance: list[k].distance.map(|x| x as f32), ..list[k].source });
+    }
+    let collar = first as usize..tile.triangles.len();
+    set_depths(tile, collar.clone(), reach);
+    Chart { triangles: chart.triangles.clone(), collar, vertices, points }
+}
+
+/// Sets the depths of a collar's corners: the distance to where the collar ends, in the plane, over the reach; and at most what
+/// is left of the reach.
+fn set_depths(tile: &mut TileMesh, collar: Range<usize>, reach: f64) {
+    let own = tile.own() as u32;
+    let mut numbers: Table<[u64; 2], u32> = Table::default();
+    let mut depths: Vec<f64> = Vec::new();
+    let corners: Vec<[u32; 3]> = collar
+        .clone()
+        .map(|t| {
+            let left = tile.sources[t - own as usize].distance.map(|d| 1.0 - f64::from(d) / reach);
+            [0, 1, 2].map(|k| {
+                let key = tile.triangles[t].uv[k].to_array().map(f64::to_bits);
+                match numbers.get(&key) {
+                    Some(&number) => {
+                        let depth = &mut depths[number as usize];
+                        *depth = depth.min(left[k].max(0.0));
+                        number
+                    }
+                    None => {
+                        enter(&mut numbers, key, depths.len() as u32);
+                        depths.put(left[k].max(0.0));
+                        depths.len() as u32 - 1
+                    }
+                }
+            })
+        })
+        .collected();
+    // Ends first: a corner at which the collar both begins and ends counts as its beginning.
+    for is_end in [true, false] {
+        for (of, t) in corners.iter().zip(collar.clone()) {
+            for k in 0..3 {
+                let next = tile.triangles[t].neighbours[k];
+                if if is_end { next == NONE } else { next < own } {
+                    let depth = if is_end { 0.0 } else { 1.0 };
+                    [1, 2].into_iter().for_each(|d| depths[of[(k + d) % 3] as usize] = depth);
+                }
+            }
+        }
+    }
+    let mut is_known = false;
+    while !is_known {
+        is_known = true;
+        for (of, t) in corners.iter().zip(collar.clone()) {
+            let uv = tile.triangles[t].uv;
+            for k in 0..3 {
+                for other in [(k + 1) % 3, (k + 2) % 3] {
+                    let along = depths[of[other] as usize] + uv[k].distance(uv[other]) / reach;
+                    let depth = &mut depths[of[k] as usize];
+                    // The beginning keeps its depth.
+                    if *depth < 1.0 && along < *depth {
+                        (*depth, is_known) = (along, false);
+                    }
+                }
+            }
+        }
+    }
+    for (of, t) in corners.iter().zip(collar) {
+        tile.sources[t - own as usize].depth = of.map(|c| depths[c as usize] as f32);
+    }
+}

@@ -1,0 +1,97 @@
+//! Which triangles of the UV plane lie over one another, by more than a line.
+
+use glam::DVec2;
+
+use crate::allocation::{Collect, zeroed};
+
+/// Triangles that overlap by less than this, in UV, count as neighbours.
+const SLACK: f64 = 1e-9;
+/// Most bins along a side.
+const MOST_BINS: usize = 1024;
+
+/// Triangles, sorted into square bins.
+pub(super) struct Overlaps {
+    triangles: Vec<[DVec2; 3]>,
+    bins: usize,
+    low: DVec2,
+    scale: DVec2,
+    /// Per bin, the index of its first entry, followed by the number of entries.
+    starts: Vec<u32>,
+    entries: Vec<u32>,
+}
+
+impl Overlaps {
+    pub fn of(triangles: Vec<[DVec2; 3]>) -> Overlaps {
+        let infinite = DVec2::splat(f64::INFINITY);
+        let corners = || triangles.iter().flatten();
+        let low = corners().fold(infinite, |low, p| low.min(*p));
+        let high = corners().fold(-infinite, |high, p| high.max(*p));
+        let bins = (triangles.len() as f64).sqrt().ceil().clamp(1.0, MOST_BINS as f64) as usize;
+        let scale = bins as f64 / (high - low).max(DVec2::splat(SLACK));
+        let mut overlaps = Overlaps { triangles, bins, low, scale, starts: Vec::new(), entries: Vec::new() };
+        let mut counts: Vec<u32> = zeroed(bins * bins + 1);
+        for triangle in &overlaps.triangles {
+            overlaps.bins_of(*triangle).for_each(|bin| counts[bin + 1] += 1);
+        }
+        (0..bins * bins).for_each(|bin| counts[bin + 1] += counts[bin]);
+        let mut next: Vec<u32> = counts.iter().copied().collected();
+        let mut entries: Vec<u32> = zeroed(counts[bins * bins] as usize);
+        for (t, triangle) in overlaps.triangles.iter().enumerate() {
+            for bin in overlaps.bins_of(*triangle) {
+                entries[next[bin] as usize] = t as u32;
+                next[bin] += 1;
+            }
+        }
+        (overlaps.starts, overlaps.entries) = (counts, entries);
+        overlaps
+    }
+
+    /// True if a triangle lies over one of the triangles for which `counts` is true.
+    pub fn any(&self, triangle: [DVec2; 3], mut counts: impl FnMut(usize) -> bool) -> bool {
+        self.bins_of(triangle).any(|bin| {
+            let entries = &self.entries[self.starts[bin] as usize..self.starts[bin + 1] as usize];
+            entries.iter().any(|&t| counts(t as usize) && overlap(triangle, self.triangles[t as usize]))
+        })
+    }
+
+    /// The bins that a triangle's bounding box meets.
+    fn bins_of(&self, [a, b, c]: [DVec2; 3]) -> impl Iterator<Item = usize> + use<> {
+        let (bins, last) = (self.bins, (self.bins - 1) as f64);
+        let bin = |p: DVec2| ((p - self.low) * self.scale).floor().clamp(DVec2::ZERO, DVec2::splat(last));
+        let (from, to) = (bin(a.min(b).min(c)), bin(a.max(b).max(c)));
+        let range = |from: f64, to: f64| from as usize..=to as usize;
+        range(from.y, to.y).flat_map(move |y| range(from.x, to.x).map(move |x| y * bins + x))
+    }
+}
+
+/// True unless a side of one of the triangles separates them.
+fn overlap(a: [DVec2; 3], b: [DVec2; 3]) -> bool {
+    !separates(a, b) && !separates(b, a)
+}
+
+fn separates(a: [DVec2; 3], b: [DVec2; 3]) -> bool {
+    (0..3).any(|k| {
+        let [p, q, inside] = [0, 1, 2].map(|d| a[(k + d) % 3]);
+        let normal = (q - p).perp().normalize_or_zero();
+        let inward = if normal.dot(inside - p) < 0.0 { -normal } else { normal };
+        b.iter().all(|&r| inward.dot(r - p) <= SLACK)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn triangles_overlap_by_area_alone() {
+        let at = |x: f64, y: f64| [[x, y], [x + 0.1, y], [x, y + 0.1]].map(DVec2::from);
+        let flipped = [[0.3, 0.3], [0.3, 0.2], [0.2, 0.3]].map(DVec2::from);
+        let all = Overlaps::of([at(0.2, 0.2), at(0.5, 0.5), at(0.9, 0.1)].into_iter().collected());
+        // Two halves of a square, and triangles that touch at a corner.
+        assert!(!all.any(flipped, |_| true));
+        assert!(!all.any(at(0.3, 0.2), |_| true));
+        assert!(all.any(at(0.25, 0.21), |_| true));
+        assert!(!all.any(at(0.25, 0.21), |t| t != 0));
+        assert!(all.any(at(0.5, 0.5), |t| t == 1));
+    }
+}
