@@ -1074,7 +1074,7 @@ typedef struct vrtm_tile_settings {
     // VRTM_SEAMS_SHUT (0, the default) or VRTM_SEAMS_CONTINUE; the latter only with an `orientation_density` of 0.
     vrtm_seams seams;
     // How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, in UV: about the size of a large rigid feature.
-    // Over 0 and at most 0.5; default 0.03125.
+    // At most 0.5; 0 (the default) = 0.03125.
     float seam_reach;
 } vrtm_tile_settings;
 
@@ -1840,8 +1840,7 @@ VRTM_DEFINE_INIT_WITH_(vrtm_tile_settings,
     value.smoothness = 0.02f;
     value.smoothness_floor = 0.0005f;
     value.room = 0.3f;
-    value.room_threshold = 0.4f;
-    value.seam_reach = 0.03125f;)
+    value.room_threshold = 0.4f;)
 VRTM_DEFINE_INIT_WITH_(vrtm_solve_options,
     value.pbd.iterations = 16;
     value.pbd.smoothing = 0.8f;

@@ -38,6 +38,8 @@ pub struct Asset {
     pub(crate) results: Results,
     /// Where charts have what lies beyond their seams, if any go on there.
     pub(crate) places: Option<Places>,
+    /// The tiles that were last blended together, ascending.
+    pub(crate) together: Vec<usize>,
 }
 
 impl Asset {
@@ -56,7 +58,7 @@ impl Asset {
         log::describe(device, &mesh);
         let tiles = mesh.tiles.iter().map(|_| TileState::default()).collected();
         let results = Results::new(device, &mesh);
-        Ok(Asset { device: device.clone(), mesh, tiles, results, places: None })
+        Ok(Asset { device: device.clone(), mesh, tiles, results, places: None, together: Vec::new() })
     }
 
     /// The device that the asset was made on.

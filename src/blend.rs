@@ -6,6 +6,7 @@
 
 mod copies;
 mod depths;
+mod lattice;
 mod limit;
 mod places;
 
@@ -13,7 +14,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::grid::planes::{NODES, Plane, SIDE, node_at, slot};
 use crate::grid::{Grid, Level};
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{NONE, TileMesh};
@@ -22,6 +23,7 @@ pub(crate) use copies::{Blends, Copies};
 use copies::{Copy, Node};
 pub(crate) use depths::Depths;
 use depths::smooth;
+use lattice::{cells, point};
 pub(crate) use limit::Limited;
 pub(crate) use places::Places;
 
@@ -71,7 +73,7 @@ impl Blending<'_> {
         let level = &side.grid.levels[0];
         let of_block = &level.blocks.list[block as usize];
         let s = node.slot as usize;
-        let (i, j) = in_block(s);
+        let (i, j) = node_at(s);
         let at = DVec2::new((of_block.x as usize * SIDE + i) as f64, (of_block.y as usize * SIDE + j) as f64);
         let moved = DVec2::from(side.u[block as usize].each_ref().map(|plane| f64::from(plane[s])));
         let cells = cells(level);
@@ -106,21 +108,6 @@ impl Blending<'_> {
         let here = &self.sides[self.tile].as_ref()?;
         self.places.in_chart(here.tile, self.tile as u32, chart, home, place, at)
     }
-}
-
-/// The column and row of a slot.
-fn in_block(s: usize) -> (usize, usize) {
-    let found = (0..NODES).map(|n| (n % SIDE, n / SIDE)).find(|&(i, j)| slot(i, j) == s);
-    found.unwrap_or_default()
-}
-
-fn cells(level: &Level) -> DVec2 {
-    DVec2::new(level.nx as f64, level.ny as f64)
-}
-
-/// The point of a triangle with barycentric coordinates of corners 1 and 2.
-fn point([a, b, c]: [DVec2; 3], [s, t]: [f64; 2]) -> DVec2 {
-    a + s * (b - a) + t * (c - a)
 }
 
 /// The displacement of a chart's warp at a point, both in cells: affine on the two triangles of each cell (method §9).

@@ -151,7 +151,8 @@ pub enum Seams {
     /// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to
     /// [`TileSettings::seam_reach`]. Redirections near a seam then lead over the border of the chart: the texture must show
     /// there what lies beyond it, as [`crate::Results::fetch_dilation`] of at least the same reach says. Open borders, and
-    /// charts that lie over one another, stay as they are with [`Seams::Shut`].
+    /// charts that lie over one another, stay as they are with [`Seams::Shut`]. Tiles that are solved in one call are brought
+    /// together at their seams.
     Continue,
 }
 

@@ -17,8 +17,8 @@ use crate::solver::tile_solve::Warp;
 use crate::team::Team;
 
 impl Asset {
-    /// Blends results with those of the tiles that their charts go on in; returns what is to be published instead of them, where
-    /// that is something else.
+    /// Blends the results of a call with one another; returns what is to be published instead of them, where that is something
+    /// else. Tiles without a result of this call take no part: their results may be those of another pose.
     pub(super) fn blend(
         &mut self,
         team: &Team,
@@ -31,8 +31,7 @@ impl Asset {
         self.find_copies(team, results)?;
         let Some(places) = &self.places else { return Ok(Vec::new()) };
         let side = |tile: usize| -> Result<Option<Side>> {
-            let fresh = results.iter().find(|(k, _)| *k == tile).map(|(_, solved)| solved);
-            let Some(solved) = fresh.or(self.tiles[tile].solved.as_ref()) else { return Ok(None) };
+            let Some((_, solved)) = results.iter().find(|(k, _)| *k == tile) else { return Ok(None) };
             // A tile that was torn, or whose settings have changed since, is no longer what the places are of.
             let tile = &places.tiles[tile];
             let is_it = Arc::ptr_eq(solved.extended.as_ref().unwrap_or(&solved.mesh), tile);
@@ -57,15 +56,15 @@ impl Asset {
     fn find_copies(&mut self, team: &Team, results: &[(usize, Arc<Solved>)]) -> Result<()> {
         let Some(places) = &self.places else { return Ok(()) };
         let extended = || results.iter().filter(|(_, solved)| solved.extended.is_some());
-        if extended().all(|(tile, _)| self.tiles[*tile].copies.is_some()) {
+        let mut tiles: Vec<usize> = results.iter().map(|(tile, _)| *tile).collected();
+        tiles.sort_unstable();
+        if extended().all(|(tile, _)| self.tiles[*tile].copies.is_some()) && tiles == self.together {
             return Ok(());
         }
         // Those of all tiles depend on the grids of all tiles.
         self.tiles.iter_mut().for_each(|state| state.copies = None);
-        let grid = |tile: usize| {
-            let fresh = results.iter().find(|(k, _)| *k == tile).map(|(_, solved)| &*solved.grid);
-            fresh.or(self.tiles[tile].grid.as_deref())
-        };
+        self.together = tiles;
+        let grid = |tile: usize| results.iter().find(|(k, _)| *k == tile).map(|(_, solved)| &*solved.grid);
         let grids: Vec<Option<&Grid>> = (0..self.tiles.len()).map(grid).collected();
         let blends = Blends { places, depths: &Depths::new(places, &grids) };
         let copies =

@@ -171,15 +171,23 @@ impl Asset {
         let new = solved.len();
         solved.put_all(self.beside(&asked, &wanted));
         let mut published = self.blend(team, &solved)?;
-        let beside = published.split_off(new).into_iter().zip(solved.split_off(new));
-        let beside = beside.filter_map(|(published, (tile, _))| Some((tile, published?))).collected();
         if request.options.measure {
-            self.measure(team, request.positions, &solved, &mut published)?;
+            self.measure(team, request.positions, &solved[..new], &mut published)?;
         }
+        let each = solved.iter().zip(published).enumerate();
+        // What is beside the new results was blended again, where it changes.
+        let results = each.filter(|(k, (_, published))| *k < new || published.is_some());
+        let published = results
+            .map(|(k, ((tile, solved), published))| {
+                let solved = published.map_or_else(|| solved.clone(), Arc::new);
+                (*tile, TileResult { solved, kept: k >= new })
+            })
+            .collected();
+        solved.truncate(new);
         let solved_ms = start.elapsed().as_secs_f32() * 1000.0;
         let stretch = Stretch::new(&self.mesh, &request.positions);
         stretch.warn(&self.device);
-        let fresh = self.fresh(solved, published, beside, inputs, plan, solved_ms, stretch);
+        let fresh = self.fresh(solved, published, inputs, plan, solved_ms, stretch);
         // From here on the call has a result and can no longer be cancelled.
         if let Some(control) = team.control() {
             control.seal_or_unwind();
@@ -229,8 +237,7 @@ impl Asset {
     fn fresh(
         &self,
         solved: Vec<(usize, Arc<Solved>)>,
-        published: Vec<Option<Solved>>,
-        beside: Vec<(usize, Solved)>,
+        published: Vec<(usize, TileResult)>,
         inputs: Vec<(usize, Vec<Option<ChartInput>>)>,
         plan: Plan,
         solved_ms: f32,
@@ -241,12 +248,8 @@ impl Asset {
         for (result, last) in all.iter_mut().zip(&last.tiles) {
             *result = last.as_ref().map(|last| TileResult { solved: last.solved.clone(), kept: true });
         }
-        for (tile, solved) in beside {
-            all[tile] = Some(TileResult { solved: Arc::new(solved), kept: true });
-        }
-        for ((tile, solved), published) in solved.iter().zip(published) {
-            let solved = published.map_or_else(|| solved.clone(), Arc::new);
-            all[*tile] = Some(TileResult { solved, kept: false });
+        for (tile, result) in published {
+            all[tile] = Some(result);
         }
         Fresh { plan, inputs, solved, last: Last { tiles: all, solved_ms: Some(solved_ms), stretch } }
     }

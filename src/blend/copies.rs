@@ -3,11 +3,11 @@
 use glam::DVec2;
 
 use super::depths::{Depths, depth_of, sheets, smooth};
+use super::lattice::cells;
 use super::places::{Places, on_surface};
-use super::{cells, in_block};
 use crate::allocation::{Collect, Grow};
 use crate::grid::Grid;
-use crate::grid::planes::{NODES, SIDE};
+use crate::grid::planes::{NODES, SIDE, node_at};
 use crate::mesh::NONE;
 use crate::mesh::triangle::barycentrics;
 use crate::team::Team;
@@ -70,7 +70,7 @@ impl Copies {
                 let triangle = grid.triangle[b][s];
                 if triangle != NONE {
                     let block = &level.blocks.list[b];
-                    let (i, j) = in_block(s);
+                    let (i, j) = node_at(s);
                     let (x, y) = (block.x as usize * SIDE + i, block.y as usize * SIDE + j);
                     let uv = DVec2::new(x as f64, y as f64) / cells(level);
                     of_block.add(surface, index as u32, triangle, s, uv);

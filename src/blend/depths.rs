@@ -4,12 +4,12 @@
 
 use glam::DVec2;
 
+use super::lattice::cells;
 use super::places::{OUTSIDE, OnChart, Place, Places, on_surface, seen_by};
-use super::{cells, in_block};
 use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::grid::Grid;
 use crate::grid::codes::decode_rigidity;
-use crate::grid::planes::{NODES, SIDE};
+use crate::grid::planes::{NODES, SIDE, node_at};
 use crate::mesh::NONE;
 use crate::mesh::hash::{Table, enter};
 use crate::mesh::triangle::barycentrics;
@@ -100,7 +100,7 @@ impl Depths {
         for (b, block) in level.blocks.list.iter().enumerate() {
             for s in 0..NODES {
                 let triangle = grid.triangle[b][s];
-                let (i, j) = in_block(s);
+                let (i, j) = node_at(s);
                 let at = [block.x as usize * SIDE + i, block.y as usize * SIDE + j];
                 if triangle as usize >= tile.own() || at[0] >= size[0] || at[1] >= size[1] {
                     continue;

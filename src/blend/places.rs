@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use super::point;
+use super::lattice::point;
 use crate::allocation::{Collect, filled, zeroed};
 use crate::mesh::TileMesh;
 use crate::mesh::triangle::barycentrics;

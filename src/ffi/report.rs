@@ -174,6 +174,8 @@ pub struct vrtm_asset_report_data {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_tile_report_data {
+    // It ended with `edges_fixed`.
+    const FIRST: usize = 264;
     const NAME: &'static str = "vrtm_tile_report_data";
 }
 

@@ -88,7 +88,7 @@ pub struct vrtm_tile_settings {
     /// VRTM_SEAMS_SHUT (0, the default) or VRTM_SEAMS_CONTINUE; the latter only with an `orientation_density` of 0.
     pub seams: vrtm_seams,
     /// How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, in UV: about the size of a large rigid feature.
-    /// Over 0 and at most 0.5; default 0.03125.
+    /// At most 0.5; 0 (the default) = 0.03125.
     pub seam_reach: f32,
 }
 
@@ -99,6 +99,8 @@ unsafe impl Sized32 for vrtm_tile_data {
 
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_tile_settings {
+    // It ended with `room_threshold`.
+    const FIRST: usize = 40;
     const NAME: &'static str = "vrtm_tile_settings";
 }
 
@@ -106,6 +108,7 @@ impl Default for vrtm_tile_settings {
     fn default() -> vrtm_tile_settings {
         vrtm_tile_settings {
             struct_size: size_of::<vrtm_tile_settings>() as u32,
+            seam_reach: 0.0,
             ..to_c(&TileSettings::default())
         }
     }
@@ -158,7 +161,7 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
         room_threshold: from.room_threshold,
         overlap,
         seams,
-        seam_reach: from.seam_reach,
+        seam_reach: if from.seam_reach == 0.0 { TileSettings::default().seam_reach } else { from.seam_reach },
     })
 }
 

@@ -15,7 +15,6 @@ pub const fn slot(i: usize, j: usize) -> usize {
 }
 
 /// The node (i, j) at an index of a plane.
-#[cfg(test)]
 pub const fn node_at(slot: usize) -> (usize, usize) {
     let (colour, row, column) = (slot / 64, slot / 8 % 8, slot % 8);
     (2 * column + colour % 2, 2 * row + colour / 2)

@@ -195,7 +195,7 @@ pub(super) fn has_rigidity(window: &[f32; WIDE * WIDE], i: usize, j: usize) -> b
 
 /// The rigid nodes of squares, those of all layers together.
 fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
-    found.sort_by_key(|of| (of.square[1], of.square[0]));
+    found.sort_unstable_by_key(|of| (of.square[1], of.square[0]));
     found.dedup_by(|next, kept| {
         let same = next.square == kept.square;
         if same {

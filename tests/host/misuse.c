@@ -289,8 +289,8 @@ static void maps(void)
          fails("threshold 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room_threshold"));
     WITH(vrtm_seams, settings.seams, 2,
          fails("seams 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seams is 2"));
-    WITH(float, settings.seam_reach, 0,
-         fails("no reach", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seam_reach: 0 is not"));
+    WITH(float, settings.seam_reach, -1,
+         fails("no reach", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seam_reach: -1 is not"));
     settings.seams = VRTM_SEAMS_CONTINUE;
     WITH(float, settings.orientation_density, 1,
          fails("seams and density", vrtm_tile_set_settings(tile, &settings), BAD, "orientation_density"));

@@ -193,6 +193,13 @@ def _layer(group: argparse._ArgumentGroup) -> None:
 
 def _work(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--quality", choices=("draft", "normal", "high"), default="normal")
+    group.add_argument(
+        "--seams",
+        choices=("shut", "continue"),
+        default="shut",
+        help="at seams nothing moves (shut), or features keep their shape across them: textures that renderers look up "
+        "by the maps then have to be dilated (vrtm dilate)",
+    )
     group.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
     group.add_argument("--device", choices=("auto", "cpu", "gpu"), default="auto", help="where to compute (auto)")
     group.add_argument("--adapter", type=_whole(0, 255), default=0, metavar="N", help="which GPU; see vrtm devices")
@@ -245,6 +252,8 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
         parser.error("--only-layer needs --layer")
     if a.layer and a.layer_mode != "texture" and a.tiles:
         parser.error(f"--layer-mode {a.layer_mode} takes all tiles of a mesh, so that --tiles cannot go with it")
+    if a.seams == "continue" and a.normal_maps:
+        parser.error("--seams continue cannot go with --normal-map: what lies beyond a seam would have to be turned")
     options = SceneOptions(
         meshes=tuple(a.meshes),
         uv=a.uv,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,7 @@ VERSION = 1
 
 
 @dataclass(frozen=True, eq=False)
-class _Mesh:
+class Mesh:
     """A mesh and the files of one pattern that it looks up, by UDIM number."""
 
     shape: Shape
@@ -60,14 +60,14 @@ def dilate(parsed: argparse.Namespace, console: Console) -> None:
     console.info(f"{written} files written, {len(outputs) - written} up to date: {parsed.out}")
 
 
-def _meshes(pattern: str, shapes: Sequence[Shape], assets: Sequence[vrtm.Asset], console: Console) -> list[_Mesh]:
+def _meshes(pattern: str, shapes: Sequence[Shape], assets: Sequence[vrtm.Asset], console: Console) -> list[Mesh]:
     """The meshes that look files of a pattern up; a warning names the others. Raises SceneError if there is none."""
-    meshes: list[_Mesh] = []
+    meshes: list[Mesh] = []
     missing: list[tuple[Shape, SceneError]] = []
     for shape, asset in zip(shapes, assets):
         try:
             udims = [tile.udim for tile in asset.tiles]
-            meshes.append(_Mesh(shape, asset, find_maps(pattern, shape.name, udims)))
+            meshes.append(Mesh(shape, asset, find_maps(pattern, shape.name, udims)))
         except SceneError as error:
             missing.append((shape, error))
     if not any(mesh.files for mesh in meshes):
@@ -88,7 +88,7 @@ def _asset(device: vrtm.Device, shape: Shape, weld: str) -> vrtm.Asset:
         raise describe(error, shape.path) from error
 
 
-def _left(meshes: Sequence[_Mesh], parsed: argparse.Namespace) -> dict[str, Target]:
+def _left(meshes: Sequence[Mesh], parsed: argparse.Namespace) -> dict[str, Target]:
     """What is not up to date of the textures of one pattern. Raises Failure."""
     paths = list(dict.fromkeys(path for mesh in meshes for path in mesh.files.values()))
     first = warped.read(paths[0])
@@ -117,8 +117,17 @@ def _left(meshes: Sequence[_Mesh], parsed: argparse.Namespace) -> dict[str, Targ
     return left
 
 
-def _dilate(meshes: Sequence[_Mesh], targets: dict[str, Target], reach: float, console: Console) -> None:
+def _dilate(meshes: Sequence[Mesh], targets: dict[str, Target], reach: float, console: Console) -> None:
     """Writes what is left of the textures of one pattern."""
+    textures = dilated(meshes, reach)
+    for path, target in targets.items():
+        pixels = textures[path].pixels
+        image_file.write(target, pixels)
+        console.detail(f"{target.path}: {np.mean((pixels != warped.read(path).pixels).any(axis=-1)):.1%} of its texels")
+
+
+def dilated(meshes: Sequence[Mesh], reach: float) -> dict[str, warped.Texture]:
+    """The textures of one pattern with what lies beyond the seams of the meshes, by their files."""
     paths = dict.fromkeys(path for mesh in meshes for path in mesh.files.values())
     textures = {path: warped.read(path) for path in paths}
     found = {path: _copies(path, texture, meshes, reach) for path, texture in textures.items()}
@@ -132,16 +141,17 @@ def _dilate(meshes: Sequence[_Mesh], targets: dict[str, Target], reach: float, c
                 # First of texels in charts alone; then also of what was copied beside them, as finely as filters do.
                 sample = _filtered if final else _in_charts
                 now[path][rows, columns] = sample(before[source], found[source].covered, x, y)
-    for path, target in targets.items():
-        texture = textures[path]
+    done = {}
+    for path, texture in textures.items():
         whole = texture.pixels.dtype.kind == "u"
         kept = np.ones(texture.pixels.shape[:2], bool)
         for rows, columns, _ in found[path].copies.values():
             kept[rows, columns] = False
         pixels = np.rint(now[path]) if whole else now[path]
         # What is not copied stays as it was, bit by bit.
-        image_file.write(target, np.where(kept[..., None], texture.pixels, pixels.astype(texture.pixels.dtype)))
-        console.detail(f"{target.path}: {1 - kept.mean():.1%} of its texels")
+        pixels = np.where(kept[..., None], texture.pixels, pixels.astype(texture.pixels.dtype))
+        done[path] = replace(texture, pixels=pixels)
+    return done
 
 
 def _in_charts(pixels: np.ndarray, covered: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -180,7 +190,7 @@ class _Found:
     show."""
 
 
-def _copies(path: str, texture: warped.Texture, meshes: Sequence[_Mesh], reach: float) -> _Found:
+def _copies(path: str, texture: warped.Texture, meshes: Sequence[Mesh], reach: float) -> _Found:
     """What is copied in a texture, by the dilations of all meshes that look it up. No chart of theirs is changed."""
     height, width, _ = texture.pixels.shape
     covered = np.zeros((height, width), bool)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import vrtm
-from vrtm.bake import image_file, outputs, warped
+from vrtm.bake import dilate, image_file, outputs, warped
 from vrtm.bake.corners import CornerFile, corner_name
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
@@ -87,6 +87,8 @@ class MeshWork:
         self.listed = outputs.listed(settings)
         self.asset = shape.asset(device, settings.weld)
         common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
+        self.dilated: dict[str, warped.Texture] = {}
+        """Textures with what lies beyond seams, by their files."""
         if device.info.backend == "gpu":
             # The CPU gives the same bits on every machine.
             common.text(device.info.name)
@@ -113,6 +115,11 @@ class MeshWork:
         rigid, masks = (
             {udim: read_map(path) for udim, path in self.maps[option].items()} for option in ("rigidity", "mask")
         )
+        if settings.seams == "continue":
+            # What lies beyond a tile's seams may be in any other.
+            for maps in (rigid, masks):
+                for udim, pixels in sorted(maps.items()):
+                    common = common.copy().text(udim).array(pixels)
         # A tile without a map is the identity, and gets the size of the others.
         alone = SIZE_OF_PRIMVAR if self.shape.vertex_rigidity is not None else SIZE_WITHOUT_MAP
         other = max(((m.shape[1], m.shape[0]) for m in rigid.values()), default=(alone, alone))
@@ -128,7 +135,7 @@ class MeshWork:
             own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
             cells = own if settings.size is None else (settings.size, settings.size)
             grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
-            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1])
+            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], seams=settings.seams)
             size = cells if settings.map_size is None else (settings.map_size, settings.map_size)
             inputs = common.copy().text(tile.udim, dataclasses.astuple(tile.settings)).array(rigidity).array(mask)
             if settings.tiles is None or tile.udim in settings.tiles:
@@ -279,7 +286,8 @@ class MeshWork:
                 positions,
                 quality=self.settings.quality,
                 measure=self.settings.measure,
-                tiles=[tile.tile for tile in tiles],
+                # At seams, tiles are brought together with those that are solved with them.
+                tiles=None if self.settings.seams == "continue" else [tile.tile for tile in tiles],
                 progress=progress,
             )
         except vrtm.Error as error:
@@ -311,7 +319,17 @@ class MeshWork:
         def fetch(kind: str, width: int, height: int, first: int, rows: int) -> np.ndarray:
             return tile.fetch_part(kind, (width, height), (0, first, width, rows))
 
-        return warped.warp(warped.read(piece.texture), piece.copy, fetch, stop)
+        return warped.warp(self._texture(piece.texture, piece.copy), piece.copy, fetch, stop)
+
+    def _texture(self, path: str, copy: warped.Copy) -> warped.Texture:
+        """A texture as it is looked up: if features go on over seams, with what lies beyond them."""
+        if self.settings.seams == "shut":
+            return warped.read(path)
+        if path not in self.dilated:
+            files = next(paths for other, paths in self.textures if other is copy)
+            meshes = [dilate.Mesh(self.shape, self.asset, files)]
+            self.dilated |= dilate.dilated(meshes, self.asset.tiles[0].settings.seam_reach)
+        return self.dilated[path]
 
 
 def _strain(report: vrtm.TileReport) -> dict:

@@ -36,6 +36,7 @@ class Settings:
     layer_mode: str = "texture"
     only_layer: bool = False
     quality: str = "normal"
+    seams: str = "shut"
     weld: str = "index"
     device: str = "auto"
     adapter: int = 0

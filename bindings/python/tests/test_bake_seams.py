@@ -1,0 +1,94 @@
+"""`vrtm bake --seams continue`: features keep their shape across seams, and copies of textures show what lies there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bake_scenes import files, image, pixels, run
+
+CELLS = 24
+SIZE = 256
+
+
+def place(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The UVs of the sheet: its second half lies in the next tile."""
+    return np.where(x < 1, 0.1 + 0.8 * x, 1 + 0.1 + 0.8 * (x - 1)), 0.1 + 0.8 * y
+
+
+def write_obj(path: Path, pose: bool) -> Path:
+    along = np.arange(CELLS + 1) / CELLS
+    lines, faces = [], []
+    for j in along:
+        for i in 2 * along:
+            x = i + 0.12 * np.sin(np.pi * i) if pose else i
+            lines.append(f"v {x:.6f} {j:.6f} {0.1 * np.sin(2 * j) if pose else 0.0:.6f}")
+    uvs: list[tuple[float, float]] = []
+    for j in range(CELLS):
+        for i in range(CELLS):
+            face = []
+            for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                x, y = 2 * (i + di) / CELLS, (j + dj) / CELLS
+                u, v = 0.1 + 0.8 * (x if i < CELLS // 2 else x - 1), 0.1 + 0.8 * y
+                uvs.append((u + (i >= CELLS // 2), v))
+                face.append(f"{(j + dj) * (CELLS + 1) + i + di + 1}/{len(uvs)}")
+            faces.append("f " + " ".join(face))
+    path.write_text("\n".join(lines + [f"vt {u:.6f} {v:.6f}" for u, v in uvs] + faces) + "\n")
+    return path
+
+
+def on_sheet(tile: int) -> tuple[np.ndarray, np.ndarray]:
+    along = (np.arange(SIZE) + 0.5) / SIZE
+    u, v = np.meshgrid(along, 1 - along)
+    return (u - 0.1) / 0.8 + tile, (v - 0.1) / 0.8
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> list[object]:
+    """The arguments of a bake of a sheet with a rigid disc in the middle, over the seam, and a texture with a colour of its
+    own beside the charts."""
+    for tile in range(2):
+        x, y = on_sheet(tile)
+        inside = (x >= tile) & (x <= tile + 1) & (y >= 0) & (y <= 1)
+        disc = np.hypot(x - 1, y - 0.5) < 0.1
+        image(tmp_path / f"rigid.{1001 + tile}.png", np.where(inside & disc, 255, 0).astype(np.uint8)[..., None])
+        content = np.stack([0.2 + 0.3 * x, 0.2 + 0.6 * y, 0.3 + 0.2 * np.sin(20 * x)], axis=-1)
+        colour = np.where(inside[..., None], content, [1.0, 0.0, 1.0])
+        image(tmp_path / f"colour.{1001 + tile}.png", np.rint(65535 * colour).astype(np.uint16))
+    rest, pose = write_obj(tmp_path / "rest.obj", False), write_obj(tmp_path / "pose.obj", True)
+    maps = ["--rigidity", tmp_path / "rigid.<UDIM>.png", "--texture", tmp_path / "colour.<UDIM>.png"]
+    return ["bake", rest, "--poses", pose, *maps]
+
+
+def test_both_sides_of_a_seam_show_the_same(scene: list[object], tmp_path: Path) -> None:
+    run(*scene, "--seams", "continue", "--out", tmp_path / "out")
+    left, right = (pixels(next((tmp_path / "out").glob(f"*colour*{1001 + tile}*"))) / 65535 for tile in range(2))
+    redirections = [pixels(next((tmp_path / "out").glob(f"*redirect*{1001 + tile}*"))) for tile in range(2)]
+    column = round(0.9 * SIZE), round(0.1 * SIZE)
+    rows = slice(int(0.15 * SIZE), int(0.85 * SIZE))
+    # The texels on either side of the seam. Something moves there, and no colour from beside the charts gets in.
+    own = (np.arange(SIZE) + 0.5)[None, :] / SIZE
+    moved = SIZE * np.abs(redirections[0][rows, :, 0] - own)[:, column[0] - 2 : column[0]]
+    assert moved.max() > 0.3, moved.max()
+    before, after = left[rows, column[0] - 1], right[rows, column[1]]
+    assert before[:, 1].min() > 0.15 and after[:, 1].min() > 0.15
+    # A texel is 0.3 / (0.8 * SIZE) wide in the first channel.
+    assert np.abs(after - before)[:, :2].max() < 0.012, np.abs(after - before).max(axis=0)
+
+
+def test_files_depend_on_the_maps_of_other_tiles(scene: list[object], tmp_path: Path) -> None:
+    arguments = [*scene, "--seams", "continue", "--out", tmp_path / "out"]
+    run(*arguments)
+    before = files(tmp_path / "out")
+    image(tmp_path / "rigid.1002.png", np.zeros((SIZE, SIZE, 1), np.uint8))
+    run(*arguments)
+    after = files(tmp_path / "out")
+    first = [name for name in before if "redirect" in name and "1001" in name]
+    assert first and all(after[name] != before[name] for name in first)
+
+
+def test_normal_maps_are_refused(scene: list[object], tmp_path: Path) -> None:
+    said = run(*scene, "--seams", "continue", "--normal-map", tmp_path / "colour.<UDIM>.png", expect=2)
+    assert "--normal-map" in said.stderr
