@@ -103,10 +103,19 @@ impl Blending<'_> {
             return Some(at);
         }
         let to = from + moved / cells(level);
-        let end = walk(there.tile, copy.triangle, to)?;
-        let place = places::on_surface(there.tile, copy.tile, end, to);
-        let here = &self.sides[self.tile].as_ref()?;
-        self.places.in_chart(here.tile, self.tile as u32, chart, home, place, at)
+        let here = self.sides[self.tile].as_ref()?;
+        let index = self.tile as u32;
+        let exactly = || {
+            let end = walk(there.tile, copy.triangle, to)?;
+            let place = places::on_surface(there.tile, copy.tile, end, to);
+            self.places.in_chart(here.tile, index, chart, home, place, at)
+        };
+        // Beyond the end of either collar, as if the triangle of the node went on.
+        let nearly = || {
+            let place = places::on_surface(there.tile, copy.tile, copy.triangle, to);
+            places::seen_by(here.tile, index, home, place).map(|(_, uv)| uv)
+        };
+        exactly().or_else(nearly)
     }
 }
 
@@ -114,8 +123,12 @@ impl Blending<'_> {
 fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, at: DVec2) -> DVec2 {
     let cell = at.floor();
     let (i, j) = (cell.x as i64, cell.y as i64);
+    let holder = level.blocks.find(chart, i >> 4, j >> 4);
     let node = |i: i64, j: i64| {
-        let b = level.blocks.find(chart, i >> 4, j >> 4);
+        let b = match holder {
+            NONE => level.blocks.find(chart, i >> 4, j >> 4),
+            holder => level.blocks.holding(holder as usize, i, j),
+        };
         if b == NONE {
             return DVec2::ZERO;
         }

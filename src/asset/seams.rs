@@ -66,7 +66,9 @@ impl Asset {
         self.together = tiles;
         let grid = |tile: usize| results.iter().find(|(k, _)| *k == tile).map(|(_, solved)| &*solved.grid);
         let grids: Vec<Option<&Grid>> = (0..self.tiles.len()).map(grid).collected();
-        let blends = Blends { places, depths: &Depths::new(places, &grids) };
+        let reaches = extended().map(|(tile, _)| f64::from(self.tiles[*tile].maps.settings.seam_reach));
+        let reach = reaches.fold(0.0, f64::max);
+        let blends = Blends { places, depths: &Depths::new(places, &grids, reach) };
         let copies =
             |(tile, solved): &(usize, Arc<Solved>)| (*tile, Copies::new(team, &blends, &solved.grid, *tile));
         let found: Vec<(usize, Copies)> = extended().map(copies).collected();

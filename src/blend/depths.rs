@@ -1,6 +1,6 @@
 //! How deep inside of each chart a node of the surface lies, from 0 where the chart's collar ends to 1 on the chart itself: the
 //! measure of a chart's part in the blend there. On a rigid feature it is the same everywhere, so that the feature moves as one
-//! piece; around features it changes no faster than `SLOPE`.
+//! piece; around features it changes little faster than elsewhere.
 
 use glam::DVec2;
 
@@ -16,8 +16,11 @@ use crate::mesh::triangle::barycentrics;
 
 /// The rigidity of a node of a feature.
 const RIGID: f32 = 0.5;
-/// The greatest change of a depth from node to node beside features.
-const SLOPE: f32 = 0.15;
+/// The greatest change of a depth beside features, relative to that along a collar: from 1 to 0 over the reach.
+const SLOPE: f64 = 1.5;
+
+/// Most rounds in which depths spread by a node or more.
+const MOST_ROUNDS: f32 = 1000.0;
 
 /// The depth of a chart at a node.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +60,7 @@ struct Node {
 
 impl Depths {
     /// The depths at the nodes of the grids of some tiles; those of tiles without one are 1 on the chart itself.
-    pub fn new(places: &Places, grids: &[Option<&Grid>]) -> Depths {
+    pub fn new(places: &Places, grids: &[Option<&Grid>], reach: f64) -> Depths {
         let mut charts = 0;
         let first_chart: Vec<u32> = places
             .tiles
@@ -78,7 +81,9 @@ impl Depths {
             .into_iter()
             .filter_map(|(node, place)| Some([node, depths.nearest(places, place)?]))
             .collected();
-        depths.settle(&nodes, &links);
+        let cells = grids.iter().flatten().map(|grid| grid.levels[0].nx.max(grid.levels[0].ny)).max();
+        let slope = SLOPE / (reach * cells.unwrap_or(1) as f64);
+        depths.settle(&nodes, &links, slope as f32);
         depths
     }
 
@@ -178,7 +183,7 @@ impl Depths {
     }
 
     /// Makes depths the same on each feature, and lets them change slowly beside features.
-    fn settle(&mut self, nodes: &[Node], links: &[[u32; 2]]) {
+    fn settle(&mut self, nodes: &[Node], links: &[[u32; 2]], slope: f32) {
         let around = |n: usize, dx: i64, dy: i64| {
             let Node { tile, at, .. } = &nodes[n];
             let tile = &self.tiles[*tile as usize];
@@ -247,7 +252,7 @@ impl Depths {
                 }
             }
         }
-        let rounds = (1.0 / SLOPE).ceil() as usize + 1;
+        let rounds = (1.0 / slope).ceil().min(MOST_ROUNDS) as usize + 1;
         for _ in 0..rounds {
             let mut changed = false;
             for k in 0..2 * edges.len() {
@@ -263,7 +268,7 @@ impl Depths {
                     for e in self.starts[to as usize]..self.starts[to as usize + 1] {
                         let Depth { key, depth } = self.entries[e as usize];
                         let swapped = if turns && key >> 1 == own >> 1 { key ^ 1 } else { key };
-                        let bound = self.depth(from, swapped) + SLOPE;
+                        let bound = self.depth(from, swapped) + slope;
                         if bound < depth {
                             self.entries[e as usize].depth = bound;
                             changed = true;

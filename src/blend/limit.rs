@@ -1,6 +1,6 @@
 //! How much of the blend each node takes: the whole of it, but less around cells that it would crush, falling off smoothly.
 
-use crate::allocation::{Collect, filled, zeroed};
+use crate::allocation::{Collect, copied, filled, zeroed};
 use crate::cpu::certify::{Certificate, certify_block};
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
@@ -13,8 +13,12 @@ const ROUNDS: usize = 24;
 /// The factor of a round; a fraction under the smallest one becomes 0.
 const FACTOR: f32 = 0.5;
 const SMALLEST: f32 = 1.0 / 32.0;
-/// The greatest change of the fraction from node to node.
+/// The greatest change of the fraction from node to node, and that of what it makes of a chart's largest change, in cells: more
+/// would crush the next cells.
 const SLOPE: f32 = 0.125;
+const STEP: f32 = 0.25;
+/// Passes of the falloff in a round.
+const PASSES: usize = 8;
 
 /// A blend as far as it was taken.
 pub(crate) struct Limited {
@@ -43,11 +47,19 @@ pub(super) fn add(
         .filter(|&b| level.blocks.list[b as usize].active)
         .filter(|&b| is_changed[level.blocks.list[b as usize].chart as usize])
         .collected();
+    let mut slopes: Vec<f32> = filled(SLOPE, charts);
+    for (&b, change) in blocks.iter().zip(changes) {
+        let slope = &mut slopes[level.blocks.list[b as usize].chart as usize];
+        let largest = change.as_flattened().iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        *slope = slope.min(STEP / largest.max(STEP));
+    }
+    let slope = |b: u32| slopes[level.blocks.list[b as usize].chart as usize];
     let mut fractions: Vec<Plane> = filled([1.0; NODES], count);
-    let mut u: Vec<[Plane; 2]> = zeroed(count);
+    let mut u: Vec<[Plane; 2]> = copied(before);
     let mut open: Vec<u32> = active.iter().copied().collected();
     for round in 0..=ROUNDS {
-        take(team, before, changes, &index, &fractions, &mut u);
+        let now = team.map(open.len(), |k| taken(before, changes, &index, &fractions, open[k] as usize));
+        open.iter().zip(now).for_each(|(&b, now)| u[b as usize] = now);
         let marks = team.map(open.len(), |k| marked(level, &u, open[k] as usize));
         if marks.iter().all(Option::is_none) {
             break;
@@ -64,15 +76,15 @@ pub(super) fn add(
             }
         }
         open.retain(|&b| is_open[level.blocks.list[b as usize].chart as usize]);
-        for _ in 0..4 {
-            let next = team.map(open.len(), |k| fallen_off(level, &fractions, open[k] as usize));
+        for _ in 0..PASSES {
+            let next =
+                team.map(open.len(), |k| fallen_off(level, &fractions, open[k] as usize, slope(open[k])));
             open.iter().zip(next).for_each(|(&b, next)| fractions[b as usize] = next);
         }
         if round == ROUNDS {
             for &b in &open {
-                fractions[b as usize] = [0.0; NODES];
+                (fractions[b as usize], u[b as usize]) = ([0.0; NODES], before[b as usize]);
             }
-            take(team, before, changes, &index, &fractions, &mut u);
         }
     }
     let mut is_limited: Vec<bool> = zeroed(charts);
@@ -90,25 +102,23 @@ pub(super) fn add(
     Limited { u, certificates, charts: limited }
 }
 
-/// Sets displacements to those before plus fractions of the changes.
-fn take(
-    team: &Team,
+/// A block's displacements before, plus fractions of the changes.
+fn taken(
     before: &[[Plane; 2]],
     changes: &[[Plane; 2]],
     index: &[u32],
     fractions: &[Plane],
-    u: &mut [[Plane; 2]],
-) {
-    team.fill(u, |b, u| {
-        *u = before[b];
-        if let Some(change) = changes.get(index[b] as usize) {
-            for c in 0..2 {
-                for s in 0..NODES {
-                    u[c][s] += fractions[b][s] * change[c][s];
-                }
+    b: usize,
+) -> [Plane; 2] {
+    let mut u = before[b];
+    if let Some(change) = changes.get(index[b] as usize) {
+        for c in 0..2 {
+            for s in 0..NODES {
+                u[c][s] += fractions[b][s] * change[c][s];
             }
         }
-    });
+    }
+    u
 }
 
 /// The nodes of a block at a cell that is crushed.
@@ -145,8 +155,8 @@ fn marked(level: &Level, u: &[[Plane; 2]], b: usize) -> Option<[bool; NODES]> {
     marks
 }
 
-/// A block's fractions, at most those of their neighbours plus `SLOPE`.
-fn fallen_off(level: &Level, fractions: &[Plane], b: usize) -> Plane {
+/// A block's fractions, at most those of their neighbours plus `slope`.
+fn fallen_off(level: &Level, fractions: &[Plane], b: usize, slope: f32) -> Plane {
     let mut window: Window = [1.0; WINDOW_NODES];
     window::load(&level.blocks.neighbours[b], 1.0, |b| &fractions[b], &mut window);
     let mut out = fractions[b];
@@ -155,7 +165,7 @@ fn fallen_off(level: &Level, fractions: &[Plane], b: usize) -> Plane {
             let around = (0..9).map(|k| window[place(i + k % 3, j + k / 3)]);
             let least = around.fold(f32::INFINITY, f32::min);
             let own = &mut out[slot(i, j)];
-            *own = own.min(least + SLOPE);
+            *own = own.min(least + slope);
         }
     }
     out

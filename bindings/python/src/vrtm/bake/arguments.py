@@ -200,6 +200,13 @@ def _work(group: argparse._ArgumentGroup) -> None:
         help="at seams nothing moves (shut), or features keep their shape across them: textures that renderers look up "
         "by the maps then have to be dilated (vrtm dilate)",
     )
+    group.add_argument(
+        "--seam-reach",
+        type=_positive,
+        default=0.0,
+        metavar="UV",
+        help="how far charts go on beyond their seams: the radius of the largest feature on one, at most 0.5 (0.03125)",
+    )
     group.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
     group.add_argument("--device", choices=("auto", "cpu", "gpu"), default="auto", help="where to compute (auto)")
     group.add_argument("--adapter", type=_whole(0, 255), default=0, metavar="N", help="which GPU; see vrtm devices")

@@ -37,6 +37,7 @@ class Settings:
     only_layer: bool = False
     quality: str = "normal"
     seams: str = "shut"
+    seam_reach: float = 0.0
     weld: str = "index"
     device: str = "auto"
     adapter: int = 0
