@@ -47,8 +47,8 @@ def on_sheet(tile: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.fixture
 def scene(tmp_path: Path) -> list[object]:
-    """The arguments of a bake of a sheet with a rigid disc in the middle, over the seam, and a texture with a colour of its
-    own beside the charts."""
+    """The arguments of a bake of a sheet with a rigid disc in the middle, over the seam, and a texture with a colour of
+    its own beside the charts."""
     for tile in range(2):
         x, y = on_sheet(tile)
         inside = (x >= tile) & (x <= tile + 1) & (y >= 0) & (y <= 1)
