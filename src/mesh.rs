@@ -57,6 +57,11 @@ pub(crate) struct FacePoint {
 }
 
 impl Chart {
+    /// The vertices of the mesh on which its vertices and points depend.
+    pub fn of_mesh(&self) -> impl Iterator<Item = u32> + '_ {
+        self.vertices.iter().copied().chain(self.points.iter().flat_map(|point| point.vertices))
+    }
+
     /// Number of vertices and points.
     pub fn count(&self) -> usize {
         self.vertices.len() + self.points.len()

@@ -24,14 +24,16 @@ use crate::solver::TileSolver;
 use crate::solver::solved::Solved;
 
 impl TileState {
-    /// Sets the rigidity. The grid is rebuilt at the next solve if the rigidity differs.
-    pub fn set_rigidity(&mut self, rigidity: Rigidity) {
-        if self.maps.rigidity != rigidity {
+    /// Sets the rigidity. The grid is rebuilt at the next solve if the rigidity differs, which is returned.
+    pub fn set_rigidity(&mut self, rigidity: Rigidity) -> bool {
+        let differs = self.maps.rigidity != rigidity;
+        if differs {
             self.maps.rigidity = rigidity;
             self.grid = None;
             self.solved_with = None;
             self.torn.iter_mut().for_each(Torn::forget_grid);
         }
+        differs
     }
 
     /// Replaces some texels of the rigidity map from an image of the same shape. If the same nodes stay movable, only the
@@ -90,18 +92,21 @@ impl TileState {
         Ok(())
     }
 
-    /// Sets the mask. The grid is rebuilt at the next solve if the mask differs.
-    pub fn set_mask(&mut self, mask: Mask) {
-        if self.maps.mask != mask {
+    /// Sets the mask. The grid is rebuilt at the next solve if the mask differs, which is returned.
+    pub fn set_mask(&mut self, mask: Mask) -> bool {
+        let differs = self.maps.mask != mask;
+        if differs {
             self.maps.mask = mask;
             self.grid = None;
             self.solved_with = None;
             self.torn.iter_mut().for_each(Torn::forget_grid);
         }
+        differs
     }
 
-    /// Changes the settings. The grid is rebuilt at the next solve if it depends on the change.
-    pub fn set_settings(&mut self, settings: &TileSettings) {
+    /// Changes the settings. The grid is rebuilt at the next solve if it depends on the change. Returns whether the grid's
+    /// size has changed, at which others read this tile's maps.
+    pub fn set_settings(&mut self, settings: &TileSettings) -> bool {
         let of_grid = |maps: &TileMaps| {
             let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, seams, .. } =
                 maps.settings;
@@ -125,17 +130,22 @@ impl TileState {
             // The grid is the same but the weights differ: no result can be reused.
             self.inputs.fill(None);
         }
+        self.maps.grid_size() != grid_before.0
     }
 
     /// The tile as it is solved: with collars, if charts go on beyond seams.
     pub(crate) fn source(&self, team: &Team, mesh: &Mesh, tile: usize) -> Arc<TileMesh> {
+        match self.maps.settings.seams {
+            Seams::Shut => mesh.tiles[tile].clone(),
+            Seams::Continue => self.extended.get_or_init(|| self.new_source(team, mesh, tile)).clone(),
+        }
+    }
+
+    fn new_source(&self, team: &Team, mesh: &Mesh, tile: usize) -> Arc<TileMesh> {
         let TileSettings { seams, seam_reach, .. } = self.maps.settings;
         match seams {
             Seams::Shut => mesh.tiles[tile].clone(),
-            Seams::Continue => {
-                let new = || Arc::new(extended(team, mesh, tile, f64::from(seam_reach)));
-                self.extended.get_or_init(new).clone()
-            }
+            Seams::Continue => Arc::new(extended(team, mesh, tile, f64::from(seam_reach))),
         }
     }
 
@@ -306,7 +316,11 @@ impl TileState {
         tile: usize,
         maps: &[TileMaps],
     ) -> Result<TileEstimate> {
-        let source = &self.source(team, mesh, tile);
+        // Nothing is kept.
+        let source = &match self.extended.get() {
+            Some(extended) => extended.clone(),
+            None => self.new_source(team, mesh, tile),
+        };
         let of_tile = MapsOfTile { own: &self.maps, all: maps };
         let survey = Survey::new(team, source, of_tile, self.maps.grid_size());
         let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());

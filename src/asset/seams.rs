@@ -10,6 +10,7 @@ use crate::allocation::{Collect, copied};
 use crate::blend::{Blends, Copies, Depths, Limited, Places, Side, blend};
 use crate::error::Result;
 use crate::grid::Grid;
+use crate::mesh::TileMesh;
 use crate::method::plan::ChartResult;
 use crate::report::TileReport;
 use crate::solver::solved::Solved;
@@ -27,15 +28,12 @@ impl Asset {
         if results.iter().all(|(_, solved)| solved.extended.is_none()) {
             return Ok(results.iter().map(|_| None).collected());
         }
-        self.find_places();
+        self.find_places(results);
         self.find_copies(team, results)?;
         let Some(places) = &self.places else { return Ok(Vec::new()) };
         let side = |tile: usize| -> Result<Option<Side>> {
-            let Some((_, solved)) = results.iter().find(|(k, _)| *k == tile) else { return Ok(None) };
-            // A tile that was torn, or whose settings have changed since, is no longer what the places are of.
-            let tile = &places.tiles[tile];
-            let is_it = Arc::ptr_eq(solved.extended.as_ref().unwrap_or(&solved.mesh), tile);
-            Ok(is_it.then_some(Side { tile, grid: &solved.grid, u: solved.warp.host()? }))
+            let Some(solved) = taking_part(places, results, tile) else { return Ok(None) };
+            Ok(Some(Side { tile: &places.tiles[tile], grid: &solved.grid, u: solved.warp.host()? }))
         };
         let sides: Vec<Option<Side>> = (0..self.tiles.len()).map(side).try_collected()?;
         let published = |(tile, solved): &(usize, Arc<Solved>)| {
@@ -56,26 +54,28 @@ impl Asset {
     fn find_copies(&mut self, team: &Team, results: &[(usize, Arc<Solved>)]) -> Result<()> {
         let Some(places) = &self.places else { return Ok(()) };
         let extended = || results.iter().filter(|(_, solved)| solved.extended.is_some());
-        let mut tiles: Vec<usize> = results.iter().map(|(tile, _)| *tile).collected();
-        tiles.sort_unstable();
+        let grid = |tile: usize| taking_part(places, results, tile).map(|solved| &*solved.grid);
+        let tiles: Vec<usize> = (0..self.tiles.len()).filter(|&tile| grid(tile).is_some()).collected();
         if extended().all(|(tile, _)| self.tiles[*tile].copies.is_some()) && tiles == self.together {
             return Ok(());
         }
         // Those of all tiles depend on the grids of all tiles.
         self.tiles.iter_mut().for_each(|state| state.copies = None);
         self.together = tiles;
-        let grid = |tile: usize| results.iter().find(|(k, _)| *k == tile).map(|(_, solved)| &*solved.grid);
         let grids: Vec<Option<&Grid>> = (0..self.tiles.len()).map(grid).collected();
-        let reaches = extended().map(|(tile, _)| f64::from(self.tiles[*tile].maps.settings.seam_reach));
-        let reach = reaches.fold(0.0, f64::max);
-        let blends = Blends { places, depths: &Depths::new(places, &grids, reach) };
+        let reaches: Vec<f64> =
+            self.tiles.iter().map(|state| f64::from(state.maps.settings.seam_reach)).collected();
+        let blends = Blends { places, depths: &Depths::new(places, &grids, &reaches) };
         let copies =
             |(tile, solved): &(usize, Arc<Solved>)| (*tile, Copies::new(team, &blends, &solved.grid, *tile));
         let found: Vec<(usize, Copies)> = extended().map(copies).collected();
         for (tile, copies) in found {
             let state = &mut self.tiles[tile];
             state.copies = Some(copies);
-            state.book(&self.device, 0, self.mesh.tiles[tile].udim)?;
+            if let Err(error) = state.book(&self.device, 0, self.mesh.tiles[tile].udim) {
+                self.tiles.iter_mut().for_each(|state| state.copies = None);
+                return Err(error);
+            }
         }
         Ok(())
     }
@@ -84,28 +84,34 @@ impl Asset {
     /// say something else at their seams.
     pub(super) fn beside(&self, asked: &[bool], wanted: &[bool]) -> Vec<(usize, Arc<Solved>)> {
         let tiles = (0..self.tiles.len()).filter(|&tile| asked[tile] && !wanted[tile]);
-        let result = |tile: usize| {
-            let solved = self.tiles[tile].solved.as_ref().filter(|solved| solved.extended.is_some())?;
-            Some((tile, solved.clone()))
-        };
-        tiles.filter_map(result).collected()
+        tiles.filter_map(|tile| Some((tile, self.tiles[tile].solved.clone()?))).collected()
     }
 
     /// Finds where charts have what lies beyond their seams, unless that is known.
-    fn find_places(&mut self) {
-        let tiles = || {
-            let of = |(state, tile): (&super::tile::TileState, &Arc<_>)| {
-                state.extended.get().unwrap_or(tile).clone()
-            };
-            self.tiles.iter().zip(&self.mesh.tiles).map(of)
+    fn find_places(&mut self, results: &[(usize, Arc<Solved>)]) {
+        let tile = |tile: usize| {
+            let found = results.iter().find(|(k, _)| *k == tile);
+            let extended = found.and_then(|(_, solved)| solved.extended.as_ref());
+            extended.unwrap_or(&self.mesh.tiles[tile]).clone()
         };
-        let is_known = |places: &Places| tiles().zip(&places.tiles).all(|(a, b)| Arc::ptr_eq(&a, b));
+        let tiles: Vec<Arc<TileMesh>> = (0..self.tiles.len()).map(tile).collected();
+        let is_known = |places: &Places| tiles.iter().zip(&places.tiles).all(|(a, b)| Arc::ptr_eq(a, b));
         if !self.places.as_ref().is_some_and(is_known) {
-            let places = Places::new(tiles().collected());
-            self.places = Some(places);
+            self.places = Some(Places::new(tiles));
             self.tiles.iter_mut().for_each(|state| state.copies = None);
         }
     }
+}
+
+/// The result of a tile, if it is one of the mesh that the places are of: not of a tile that the pose tears.
+fn taking_part<'a>(
+    places: &Places,
+    results: &'a [(usize, Arc<Solved>)],
+    tile: usize,
+) -> Option<&'a Arc<Solved>> {
+    let (_, solved) = results.iter().find(|(k, _)| *k == tile)?;
+    let mesh = solved.extended.as_ref().unwrap_or(&solved.mesh);
+    Arc::ptr_eq(mesh, &places.tiles[tile]).then_some(solved)
 }
 
 /// A result with the warp of a blend.

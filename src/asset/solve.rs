@@ -7,6 +7,7 @@ use std::time::Instant;
 use crate::allocation::{Collect, Grow, copied, filled, zeroed};
 use crate::control::Control;
 use crate::error::{Error, Result};
+use crate::mesh::Chart;
 use crate::method::plan::Plan;
 use crate::settings::{MAX_THREADS, SolveOptions};
 use crate::team::{Crew, Team};
@@ -215,8 +216,8 @@ impl Asset {
             }
             for ((state, tile), wanted) in self.tiles.iter().zip(&self.mesh.tiles).zip(&mut wanted) {
                 let tile = state.extended.get().unwrap_or(tile);
-                let mut vertices = tile.charts.iter().flat_map(|chart| &chart.vertices);
-                *wanted &= !state.is_solved_with(plan) || vertices.any(|&vertex| is_dirty[vertex as usize]);
+                let mut vertices = tile.charts.iter().flat_map(Chart::of_mesh);
+                *wanted &= !state.is_solved_with(plan) || vertices.any(|vertex| is_dirty[vertex as usize]);
             }
         }
         wanted

@@ -107,8 +107,9 @@ impl Asset {
             Some(image) => Rigidity::Map(self.device.call(|| self.map_of("rigidity", tile, image))?),
             None => Rigidity::None,
         };
-        self.tiles[tile].set_rigidity(rigidity);
-        self.forget_maps_of(tile);
+        if self.tiles[tile].set_rigidity(rigidity) {
+            self.forget_maps_of(tile);
+        }
         Ok(())
     }
 
@@ -122,8 +123,9 @@ impl Asset {
             Some(image) => Mask::Map(self.device.call(|| self.map_of("mask", tile, image))?),
             None => Mask::None,
         };
-        self.tiles[tile].set_mask(mask);
-        self.forget_maps_of(tile);
+        if self.tiles[tile].set_mask(mask) {
+            self.forget_maps_of(tile);
+        }
         Ok(())
     }
 
@@ -181,8 +183,10 @@ impl Asset {
             Some(values) => Rigidity::Vertices(self.of_vertices("rigidity", &values)?),
             None => Rigidity::None,
         };
-        for tile in &mut self.tiles {
-            tile.set_rigidity(rigidity.clone());
+        for tile in 0..self.tiles.len() {
+            if self.tiles[tile].set_rigidity(rigidity.clone()) {
+                self.forget_maps_of(tile);
+            }
         }
         Ok(())
     }
@@ -197,8 +201,10 @@ impl Asset {
             Some(values) => Mask::Vertices(self.of_vertices("mask", &values)?),
             None => Mask::None,
         };
-        for tile in &mut self.tiles {
-            tile.set_mask(mask.clone());
+        for tile in 0..self.tiles.len() {
+            if self.tiles[tile].set_mask(mask.clone()) {
+                self.forget_maps_of(tile);
+            }
         }
         Ok(())
     }
@@ -217,8 +223,9 @@ impl Asset {
     pub fn set_settings(&mut self, tile: usize, settings: &TileSettings) -> Result<()> {
         self.check_tile(tile)?;
         settings.check()?;
-        self.tiles[tile].set_settings(settings);
-        self.forget_maps_of(tile);
+        if self.tiles[tile].set_settings(settings) {
+            self.forget_maps_of(tile);
+        }
         Ok(())
     }
 

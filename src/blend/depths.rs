@@ -60,7 +60,7 @@ struct Node {
 
 impl Depths {
     /// The depths at the nodes of the grids of some tiles; those of tiles without one are 1 on the chart itself.
-    pub fn new(places: &Places, grids: &[Option<&Grid>], reach: f64) -> Depths {
+    pub fn new(places: &Places, grids: &[Option<&Grid>], reaches: &[f64]) -> Depths {
         let mut charts = 0;
         let first_chart: Vec<u32> = places
             .tiles
@@ -81,9 +81,12 @@ impl Depths {
             .into_iter()
             .filter_map(|(node, place)| Some([node, depths.nearest(places, place)?]))
             .collected();
-        let cells = grids.iter().flatten().map(|grid| grid.levels[0].nx.max(grid.levels[0].ny)).max();
-        let slope = SLOPE / (reach * cells.unwrap_or(1) as f64);
-        depths.settle(&nodes, &links, slope as f32);
+        // Per tile and axis, the greatest change from node to node.
+        let slopes = grids.iter().zip(reaches).map(|(grid, reach)| {
+            let of = |cells: usize| (SLOPE / (reach * cells as f64)) as f32;
+            grid.map_or([1.0; 2], |grid| [of(grid.levels[0].nx), of(grid.levels[0].ny)])
+        });
+        depths.settle(&nodes, &links, &slopes.collected());
         depths
     }
 
@@ -183,7 +186,7 @@ impl Depths {
     }
 
     /// Makes depths the same on each feature, and lets them change slowly beside features.
-    fn settle(&mut self, nodes: &[Node], links: &[[u32; 2]], slope: f32) {
+    fn settle(&mut self, nodes: &[Node], links: &[[u32; 2]], slopes: &[[f32; 2]]) {
         let around = |n: usize, dx: i64, dy: i64| {
             let Node { tile, at, .. } = &nodes[n];
             let tile = &self.tiles[*tile as usize];
@@ -252,7 +255,17 @@ impl Depths {
                 }
             }
         }
-        let rounds = (1.0 / slope).ceil().min(MOST_ROUNDS) as usize + 1;
+        let least = slopes.as_flattened().iter().copied().fold(1.0, f32::min);
+        let rounds = (1.0 / least).ceil().min(MOST_ROUNDS) as usize + 1;
+        let slope = |[a, b]: [u32; 2]| {
+            let [of_a, of_b] = [a, b].map(|n| slopes[nodes[n as usize].tile as usize]);
+            let along = nodes[a as usize].at[0] == nodes[b as usize].at[0];
+            if nodes[a as usize].tile == nodes[b as usize].tile && of_a == of_b {
+                of_a[usize::from(along)]
+            } else {
+                of_a[0].min(of_a[1]).min(of_b[0]).min(of_b[1])
+            }
+        };
         for _ in 0..rounds {
             let mut changed = false;
             for k in 0..2 * edges.len() {
@@ -268,7 +281,7 @@ impl Depths {
                     for e in self.starts[to as usize]..self.starts[to as usize + 1] {
                         let Depth { key, depth } = self.entries[e as usize];
                         let swapped = if turns && key >> 1 == own >> 1 { key ^ 1 } else { key };
-                        let bound = self.depth(from, swapped) + slope;
+                        let bound = self.depth(from, swapped) + slope([a, b]);
                         if bound < depth {
                             self.entries[e as usize].depth = bound;
                             changed = true;

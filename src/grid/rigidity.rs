@@ -44,13 +44,15 @@ impl NodeRigidity<'_> {
                         *value = self.on_triangle(values, t as usize, node(n));
                     }
                 }
-                return rigidity;
             }
         }
         for (n, (value, t)) in rigidity.iter_mut().zip(cover.triangle).enumerate() {
             if let Some((maps, uv)) = self.beyond(t, node(n)) {
-                let of_map = |map: &Map| at_point(map, maps.grid_size(), uv);
-                *value = if let Rigidity::Map(map) = &maps.rigidity { of_map(map) } else { 0.0 };
+                *value = match &maps.rigidity {
+                    Rigidity::None => 0.0,
+                    Rigidity::Map(map) => at_point(map, maps.grid_size(), uv),
+                    Rigidity::Vertices(values) => self.on_triangle(values, t as usize, node(n)),
+                };
             }
         }
         rigidity

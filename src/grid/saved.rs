@@ -22,7 +22,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 use super::Grid;
 use crate::error::Result;
 use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
-use crate::mesh::{Mesh, TileMesh};
+use crate::mesh::{Chart, Mesh, TileMesh};
 use crate::team::Team;
 use read::{Reader, refuse};
 use write::{Writer, write};
@@ -50,7 +50,7 @@ pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, MapsOfTile { own: maps, all }: M
     }
     for chart in &tile.charts {
         hash.update(&(chart.triangles.len() as u64).to_le_bytes());
-        let positions = chart.vertices.iter().flat_map(|&v| mesh.rest[v as usize]);
+        let positions = chart.of_mesh().flat_map(|v| mesh.rest[v as usize]);
         positions.for_each(|x| hash.update(&x.to_le_bytes()));
     }
     hash_maps(&mut hash, tile, maps);
@@ -76,8 +76,8 @@ fn hash_maps(hash: &mut Xxh3, tile: &TileMesh, maps: &TileMaps) {
         Rigidity::None => hash.update(&[0]),
         Rigidity::Map(map) => map.hash(hash),
         Rigidity::Vertices(values) => {
-            let of_tile = tile.charts.iter().flat_map(|chart| &chart.vertices);
-            of_tile.for_each(|&v| hash.update(&values[v as usize].to_le_bytes()));
+            let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);
+            of_tile.for_each(|v| hash.update(&values[v as usize].to_le_bytes()));
         }
     }
     match &maps.mask {
@@ -85,8 +85,8 @@ fn hash_maps(hash: &mut Xxh3, tile: &TileMesh, maps: &TileMaps) {
         Mask::Map(map) => map.hash(hash),
         Mask::Vertices(values) => {
             hash.update(b"vertices");
-            let of_tile = tile.charts.iter().flat_map(|chart| &chart.vertices);
-            of_tile.for_each(|&v| hash.update(&values[v as usize].to_le_bytes()));
+            let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);
+            of_tile.for_each(|v| hash.update(&values[v as usize].to_le_bytes()));
         }
     }
 }

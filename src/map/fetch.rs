@@ -17,6 +17,7 @@ use super::canvas::Canvas;
 use super::chart_texels::ChartTexels;
 use super::inverse::{self, Centres, Outputs};
 use super::nodes::{self, NodeRows};
+use super::owners::Owners;
 use super::untangle::Untangler;
 use super::untangle::written::WrittenMap;
 use crate::solver::solved::Solved;
@@ -29,6 +30,8 @@ const ALPHA: usize = 3;
 pub(crate) struct Output<'a> {
     pub solved: &'a Solved,
     part: ImagePart,
+    /// The charts of texels, where the charts of the result may lie over one another.
+    owners: Option<Owners>,
     content: Content<'a>,
 }
 
@@ -65,7 +68,9 @@ impl<'a> Output<'a> {
                 Content::Warp { nodes: NodeRows::new(solved)?, rows: nodes::rows(solved, part) }
             }
         };
-        Ok(Output { solved, part: *part, content })
+        let inverts = !matches!(content, Content::Warp { .. });
+        let owners = solved.extended.as_ref().filter(|_| inverts).map(|_| Owners::new(part));
+        Ok(Output { solved, part: *part, owners, content })
     }
 
     /// Writes the output to `image`, which has the size of the part. Returns the number of quads that still fold in a map
@@ -77,12 +82,16 @@ impl<'a> Output<'a> {
         outputs: &mut Outputs,
         image: &mut ImageViewMut,
     ) -> Result<u64> {
-        let Output { solved, part, content } = self;
+        let Output { solved, part, mut owners, content } = self;
+        if let (Some(owners), Some(tile)) = (&mut owners, &solved.extended) {
+            owners.draw(team, tile, &part);
+        }
+        let owners = owners.as_ref();
         let canvas = Canvas::new(image);
         let mut folds = 0;
         match content {
             Content::Inverse { form, centres, coverage, untangler } => {
-                outputs.invert(device, team, solved, &part, &centres, |x, y, uv, delta| {
+                outputs.invert(device, team, solved, &part, &centres, owners, |x, y, uv, delta| {
                     let [u, v] = form.value(uv, delta);
                     canvas.put(x, y, [u, v, 0.0]);
                 })?;
@@ -98,12 +107,14 @@ impl<'a> Output<'a> {
                 }
             }
             Content::Jacobian { is_scale: false } => {
-                inverse::jacobians(team, solved, &part, |x, y, [[a, b], [c, d]]| {
+                inverse::jacobians(team, solved, &part, owners, |x, y, [[a, b], [c, d]]| {
                     canvas.put(x, y, [a, b, c, d])
                 })?;
             }
             Content::Jacobian { is_scale: true } => {
-                inverse::jacobians(team, solved, &part, |x, y, j| canvas.put(x, y, [largest_stretch(j)]))?;
+                inverse::jacobians(team, solved, &part, owners, |x, y, j| {
+                    canvas.put(x, y, [largest_stretch(j)])
+                })?;
             }
             Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
         }

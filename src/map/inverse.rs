@@ -47,6 +47,7 @@ impl Outputs {
         solved: &Solved,
         part: &ImagePart,
         centres: &Centres,
+        owners: Option<&Owners>,
         put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
     ) -> Result<()> {
         let level = &solved.grid.levels[0];
@@ -71,7 +72,7 @@ impl Outputs {
             });
         }
         let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
-        visit(team, solved, part, still, |x, y, inverse| {
+        visit(team, solved, part, owners, still, |x, y, inverse| {
             let (uv, at) = ([0, 1].map(|k| inverse.p[k] / cells[k]), centre(x, y));
             put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
         })
@@ -127,6 +128,7 @@ pub(crate) fn jacobians(
     team: &Team,
     solved: &Solved,
     part: &ImagePart,
+    owners: Option<&Owners>,
     put: impl Fn(usize, usize, [[f64; 2]; 2]) + Sync,
 ) -> Result<()> {
     let level = &solved.grid.levels[0];
@@ -134,7 +136,7 @@ pub(crate) fn jacobians(
     let of = |axis: usize| part.size[axis] as f64;
     let scale = [level.nx, level.ny].map(|cells| [0, 1].map(|axis| of(axis) / cells as f64));
     let still = |x: usize, y: usize| put(x, y, [[1.0, 0.0], [0.0, 1.0]]);
-    visit(team, solved, part, still, |x, y, inverse| {
+    visit(team, solved, part, owners, still, |x, y, inverse| {
         let cells = inverse.jacobian();
         put(x, y, [0, 1].map(|k| [0, 1].map(|axis| cells[k][axis] * scale[k][axis])));
     })
@@ -146,6 +148,7 @@ fn visit(
     team: &Team,
     solved: &Solved,
     part: &ImagePart,
+    owners: Option<&Owners>,
     still: impl Fn(usize, usize) + Sync,
     moved: impl Fn(usize, usize, Inverse) + Sync,
 ) -> Result<()> {
@@ -153,11 +156,10 @@ fn visit(
     let (first, extent) = (part.first, part.extent());
     team.run(extent[1], |y| (0..extent[0]).for_each(|x| still(x, y)));
     let reach = solved.report.max_displacement;
-    let owners = solved.extended.as_deref().map(|tile| Owners::of_texels(team, tile, part));
     let visit = |team: &Team| {
         invert::texels(team, &solved.grid, u, part, reach, |x, y, inverse| {
             let (x, y) = (x - first[0], y - first[1]);
-            if owners.as_ref().is_none_or(|owners| owners.chart(x, y) == inverse.chart) {
+            if owners.is_none_or(|owners| owners.chart(x, y) == inverse.chart) {
                 moved(x, y, inverse);
             }
         });

@@ -29,27 +29,41 @@ struct Owner {
 const NOBODY: Owner = Owner { chart: NONE, distance: f32::INFINITY };
 
 impl Owners {
-    /// The owners of the texels of a part, for a tile with collars.
-    pub fn of_texels(team: &Team, tile: &TileMesh, part: &ImagePart) -> Owners {
+    /// The owners of the texels of a part: nobody, before they are drawn.
+    pub fn new(part: &ImagePart) -> Owners {
+        let [width, height] = part.extent();
+        let rows = |band: usize| BAND.min(height - band * BAND);
+        let bands = (0..height.div_ceil(BAND)).map(|band| filled(NOBODY, rows(band) * width)).collected();
+        Owners { width, bands }
+    }
+
+    /// Draws the charts of a tile with collars on the texels of a part.
+    pub fn draw(&mut self, team: &Team, tile: &TileMesh, part: &ImagePart) {
         let size = DVec2::new(part.size[0] as f64, part.size[1] as f64);
-        Owners::new(team, tile, part, |uv| uv * size - 0.5)
+        self.draw_at(team, tile, part, |uv| uv * size - 0.5);
     }
 
     /// The owners of the nodes of a grid of nx by ny cells.
     pub fn of_nodes(team: &Team, tile: &TileMesh, [nx, ny]: [usize; 2]) -> Owners {
         let cells = DVec2::new(nx as f64, ny as f64);
         let size = [nx + 1, ny + 1];
-        Owners::new(team, tile, &ImagePart { size, first: [0, 0], end: size }, |uv| uv * cells)
+        let part = ImagePart { size, first: [0, 0], end: size };
+        let mut owners = Owners::new(&part);
+        owners.draw_at(team, tile, &part, |uv| uv * cells);
+        owners
     }
 
     /// `place` takes a UV to a place among the points, which have integer places.
-    fn new(team: &Team, tile: &TileMesh, part: &ImagePart, place: impl Fn(DVec2) -> DVec2 + Sync) -> Owners {
-        let [width, height] = part.extent();
-        let rows = |band: usize| BAND.min(height - band * BAND);
-        let mut bands: Vec<Vec<Owner>> =
-            (0..height.div_ceil(BAND)).map(|band| filled(NOBODY, rows(band) * width)).collected();
+    fn draw_at(
+        &mut self,
+        team: &Team,
+        tile: &TileMesh,
+        part: &ImagePart,
+        place: impl Fn(DVec2) -> DVec2 + Sync,
+    ) {
+        let width = self.width;
         let charts = tile.chart_of_triangles();
-        team.fill_large(&mut bands, |band, texels| {
+        team.fill_large(&mut self.bands, |band, texels| {
             let first = [part.first[0], part.first[1] + band * BAND];
             let end = [part.end[0], first[1] + texels.len() / width];
             for (t, triangle) in tile.triangles.iter().enumerate() {
@@ -68,7 +82,6 @@ impl Owners {
                 });
             }
         });
-        Owners { width, bands }
     }
 
     /// The chart of a point, or `NONE`.

@@ -36,4 +36,4 @@ fn collar(surface: &Surface, chart: usize, reach: f64) -> Collar {
 }
 
 #[cfg(test)]
-mod tests;
+pub(in crate::mesh) mod tests;

@@ -2,6 +2,8 @@
 //! chart. What is left out of a collar is beyond a border, as everything is without collars.
 
 mod overlaps;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Range;
 
@@ -19,12 +21,14 @@ use overlaps::Overlaps;
 pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> TileMesh {
     let source = &mesh.tiles[tile];
     let mut collars = collars(team, mesh, tile, reach);
-    for (collar, is_stacked) in collars.iter_mut().zip(stacked(source)) {
-        if is_stacked {
-            *collar = Collar::default();
-        }
+    let stacked = stacked(source);
+    for (collar, _) in collars.iter_mut().zip(&stacked).filter(|(_, stacked)| **stacked) {
+        *collar = Collar::default();
     }
-    let kept = team.map(collars.len(), |c| Kept::new(source, c, &collars[c]));
+    // Where a stacked chart of the tile lies beyond the seam, which stays, the seam is shut.
+    let stays =
+        |of: &Source| of.tile as usize == tile && stacked[source.chart_of_triangle(of.triangle) as usize];
+    let kept = team.map(collars.len(), |c| Kept::new(source, c, &collars[c], stays));
     let mut extended = TileMesh {
         udim: source.udim,
         uv_set: source.uv_set,
@@ -68,7 +72,7 @@ struct Kept {
 
 impl Kept {
     /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, as far as they hang together with it.
-    fn new(tile: &TileMesh, chart: usize, collar: &Collar) -> Kept {
+    fn new(tile: &TileMesh, chart: usize, collar: &Collar, stays: impl Fn(&Source) -> bool) -> Kept {
         let own = tile.charts[chart].triangles.clone();
         let list = &collar.triangles;
         if list.is_empty() {
@@ -80,7 +84,7 @@ impl Kept {
         let mut triangles: Vec<bool> = zeroed(list.len());
         for (k, triangle) in list.iter().enumerate() {
             let lies = |other: usize| other < first || triangles[other - first];
-            triangles[k] = in_tile(triangle.uv) && !all.any(triangle.uv, lies);
+            triangles[k] = in_tile(triangle.uv) && !stays(&triangle.source) && !all.any(triangle.uv, lies);
         }
         loop {
             let open = open_sides(collar, &triangles);

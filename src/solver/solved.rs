@@ -92,9 +92,14 @@ impl Solved {
 
     /// Charts whose warp may move a corner of `chart`: itself, and if the first face owns shared texels, any chart.
     fn candidates(&self, chart: u32) -> impl Iterator<Item = u32> + use<> {
-        let shared = self.overlap == Overlap::FirstFace && self.extended.is_none();
-        let others = if shared { self.results.len() as u32 } else { 0 };
-        std::iter::once(chart).chain((0..others).filter(move |&other| other != chart))
+        // A chart with a collar shares nothing.
+        let collars = self.extended.clone();
+        let shares = move |chart: u32| {
+            collars.as_ref().is_none_or(|tile| tile.charts[chart as usize].collar.is_empty())
+        };
+        let any = self.overlap == Overlap::FirstFace && shares(chart);
+        let others = if any { self.results.len() as u32 } else { 0 };
+        std::iter::once(chart).chain((0..others).filter(move |&other| other != chart && shares(other)))
     }
 }
 

@@ -227,6 +227,42 @@ fn bits_depend_neither_on_threads_nor_on_frames_before() {
     }
 }
 
+/// A call that names the vertices that have moved gives what a solve of the whole pose gives: also for vertices on which only
+/// the far end of a collar depends, and where charts of the other tile do not go on.
+#[test]
+fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
+    let model = sheet(Some(places()[4].1));
+    let assets = |seams: Seams| {
+        let mut asset = with(&model, &cpu(2), 256, Seams::Continue);
+        let settings = TileSettings { seams, ..asset.settings(1).unwrap() };
+        asset.set_settings(1, &settings).unwrap();
+        asset
+    };
+    for seams in [Seams::Continue, Seams::Shut] {
+        let mut asset = assets(seams);
+        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        let mut pose = model.frames[0].clone();
+        for column in [0.4f32, 0.55, 0.575, 0.6, 0.625] {
+            let near = |v: &u32| {
+                let [x, y, _] = model.rest[*v as usize];
+                (x - column).abs() < 1e-3 && (y - 0.5).abs() < 1e-3
+            };
+            let moved: Vec<u32> = (0..pose.len() as u32).filter(near).collect();
+            assert_eq!(moved.len(), 1);
+            pose[moved[0] as usize][2] += 0.03;
+            let request = vrtm::SolveRequest {
+                positions: Strided::from_f32x3(&pose),
+                dirty_vertices: Some(&moved),
+                ..vrtm::SolveRequest::default()
+            };
+            asset.run(&request, &mut []).unwrap();
+            let mut fresh = assets(seams);
+            fresh.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+            assert!(all_bits(&fresh) == all_bits(&asset), "{seams:?}, a vertex at {column}");
+        }
+    }
+}
+
 /// The bits of all tiles' displacements and of a redirection of each.
 fn all_bits(asset: &Asset) -> Vec<u32> {
     let mut all = Vec::new();

@@ -6,16 +6,16 @@ use crate::team::Team;
 use crate::view::{Scalar, Strided};
 
 /// A sheet of `n` by `n` quads whose columns from `cut` on lie elsewhere in the UV plane.
-struct Sheet {
-    n: usize,
-    cut: usize,
+pub(in crate::mesh) struct Sheet {
+    pub n: usize,
+    pub cut: usize,
     /// Where the point (i, j) of the sheet is on the surface.
-    point: fn(f64, f64) -> [f32; 3],
+    pub point: fn(f64, f64) -> [f32; 3],
     /// The second chart's UVs, from those that the uncut sheet would have there.
-    turn: DMat2,
-    shift: DVec2,
+    pub turn: DMat2,
+    pub shift: DVec2,
     /// Whether the last column's right border is the first one's left border on the surface.
-    closed: bool,
+    pub closed: bool,
 }
 
 impl Sheet {
@@ -24,7 +24,7 @@ impl Sheet {
         DVec2::new(0.1, 0.1) + 0.5 * DVec2::new(i as f64, j as f64) / self.n as f64
     }
 
-    fn mesh(&self) -> Mesh {
+    pub fn mesh(&self) -> Mesh {
         let n = self.n;
         let columns = if self.closed { n } else { n + 1 };
         let vertex = |i: usize, j: usize| (j * columns + i % columns) as u32;
@@ -68,7 +68,7 @@ impl Sheet {
     }
 }
 
-fn flat(x: f64, y: f64) -> [f32; 3] {
+pub(in crate::mesh) fn flat(x: f64, y: f64) -> [f32; 3] {
     [x as f32, y as f32, 0.0]
 }
 

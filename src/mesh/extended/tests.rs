@@ -1,0 +1,92 @@
+//! Charts of a flat sheet that is cut in the middle, extended.
+
+use glam::{DMat2, DVec2};
+
+use super::extended;
+use crate::mesh::collar::tests::{Sheet, flat};
+use crate::mesh::{NONE, TileMesh};
+use crate::team::Team;
+
+const REACH: f64 = 0.06;
+
+fn cut(shift: DVec2) -> (Sheet, TileMesh) {
+    let sheet = Sheet { n: 20, cut: 10, point: flat, turn: DMat2::IDENTITY, shift, closed: false };
+    let mesh = sheet.mesh();
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, REACH));
+    (sheet, tile)
+}
+
+#[test]
+fn both_charts_go_on_as_the_sheet_does() {
+    let (sheet, tile) = cut(DVec2::new(0.25, 0.0));
+    let mesh = sheet.mesh();
+    let own = tile.own();
+    assert_eq!(own, mesh.tiles[0].triangles.len());
+    assert_eq!(tile.sources.len(), tile.charts.iter().map(|chart| chart.collar.len()).sum::<usize>());
+    for (c, chart) in tile.charts.iter().enumerate() {
+        let collar = chart.collar.clone();
+        assert!(!collar.is_empty());
+        for t in collar.clone() {
+            assert_eq!(tile.chart_of_triangle(t as u32), c as u32);
+            let (triangle, source) = (&tile.triangles[t], tile.source(t).unwrap());
+            let (mut deepest, mut least) = (0.0f32, 1.0f32);
+            for k in 0..3 {
+                // The second chart lies a quarter farther to the right than the sheet does.
+                let on_sheet = triangle.uv[k] - if c == 0 { DVec2::ZERO } else { sheet.shift };
+                let [x, y, _] = chart.value(triangle.local[k], |v| mesh.rest[v as usize]);
+                let expected = DVec2::splat(0.1) + 0.5 * DVec2::new(x, y);
+                assert!(on_sheet.distance(expected) < 1e-6, "{on_sheet} {expected}");
+                (deepest, least) = (deepest.max(source.depth[k]), least.min(source.depth[k]));
+            }
+            assert!((0.0..=1.0).contains(&least) && (0.0..=1.0).contains(&deepest));
+            let begins = triangle.neighbours.iter().any(|&n| (n as usize) < own);
+            let ends = triangle.neighbours.contains(&NONE);
+            assert!(!begins || deepest == 1.0, "the collar's beginning has the depth {deepest}");
+            assert!(!ends || least == 0.0, "the collar's end has the depth {least}");
+            // A neighbour in the collar knows this triangle, and one of the chart goes on into the collar.
+            for &n in triangle.neighbours.iter().filter(|&&n| n != NONE) {
+                let back = tile.triangles[n as usize].neighbours;
+                let known = if (n as usize) < own { collar.clone() } else { t..t + 1 };
+                assert!(back.iter().any(|&b| b != NONE && known.contains(&(b as usize))));
+            }
+        }
+        let borders = |tile: &TileMesh| {
+            let sides = tile.triangles[chart.triangles.clone()].iter().flat_map(|t| t.neighbours);
+            sides.filter(|&n| n == NONE).count()
+        };
+        // The sides along the cut, one for each of the rows.
+        assert_eq!(borders(&mesh.tiles[0]) - borders(&tile), 20);
+    }
+}
+
+#[test]
+fn charts_over_one_another_end_where_they_end() {
+    let (sheet, tile) = cut(DVec2::new(-0.1, 0.0));
+    assert!(tile.sources.is_empty() && tile.charts.iter().all(|chart| chart.points.is_empty()));
+    let before = &sheet.mesh().tiles[0].triangles;
+    assert!(before.iter().zip(&tile.triangles).all(|(a, b)| a.neighbours == b.neighbours && a.uv == b.uv));
+}
+
+#[test]
+fn a_collar_ends_where_its_own_chart_lies() {
+    fn tube(x: f64, y: f64) -> [f32; 3] {
+        let (sin, cos) = (std::f64::consts::TAU * x).sin_cos();
+        [sin as f32, (6.2 * y) as f32, cos as f32]
+    }
+    // A tube whose left and right border are one: its collar lies beyond both.
+    let sheet =
+        Sheet { n: 24, cut: 24, point: tube, turn: DMat2::IDENTITY, shift: DVec2::ZERO, closed: true };
+    let mesh = sheet.mesh();
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, REACH));
+    let low_high = |range: std::ops::Range<usize>| {
+        let xs = tile.triangles[range].iter().flat_map(|t| t.uv.map(|uv| uv.x));
+        xs.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    };
+    let chart = &tile.charts[0];
+    let [low, high] = low_high(chart.triangles.clone());
+    assert!(!chart.collar.is_empty());
+    for triangle in &tile.triangles[chart.collar.clone()] {
+        let middle = (triangle.uv[0].x + triangle.uv[1].x + triangle.uv[2].x) / 3.0;
+        assert!(!(low..high).contains(&middle), "{middle} is on the chart");
+    }
+}
