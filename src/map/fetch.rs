@@ -15,7 +15,7 @@ use super::FetchKind;
 use super::Form;
 use super::canvas::Canvas;
 use super::chart_texels::ChartTexels;
-use super::inverse::{self, Centres, Outputs};
+use super::inverse::{self, Area, Centres, Outputs};
 use super::nodes::{self, NodeRows};
 use super::owners::Owners;
 use super::untangle::Untangler;
@@ -86,12 +86,12 @@ impl<'a> Output<'a> {
         if let (Some(owners), Some(tile)) = (&mut owners, &solved.extended) {
             owners.draw(team, tile, &part);
         }
-        let owners = owners.as_ref();
+        let area = Area { part: &part, owners: owners.as_ref() };
         let canvas = Canvas::new(image);
         let mut folds = 0;
         match content {
             Content::Inverse { form, centres, coverage, untangler } => {
-                outputs.invert(device, team, solved, &part, &centres, owners, |x, y, uv, delta| {
+                outputs.invert(device, team, solved, &area, &centres, |x, y, uv, delta| {
                     let [u, v] = form.value(uv, delta);
                     canvas.put(x, y, [u, v, 0.0]);
                 })?;
@@ -107,14 +107,12 @@ impl<'a> Output<'a> {
                 }
             }
             Content::Jacobian { is_scale: false } => {
-                inverse::jacobians(team, solved, &part, owners, |x, y, [[a, b], [c, d]]| {
+                inverse::jacobians(team, solved, &area, |x, y, [[a, b], [c, d]]| {
                     canvas.put(x, y, [a, b, c, d])
                 })?;
             }
             Content::Jacobian { is_scale: true } => {
-                inverse::jacobians(team, solved, &part, owners, |x, y, j| {
-                    canvas.put(x, y, [largest_stretch(j)])
-                })?;
+                inverse::jacobians(team, solved, &area, |x, y, j| canvas.put(x, y, [largest_stretch(j)]))?;
             }
             Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
         }

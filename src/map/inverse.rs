@@ -33,6 +33,12 @@ impl Centres {
     }
 }
 
+/// The part of an image that is inverted, and the charts of its texels where the charts of the result may lie over one another.
+pub(crate) struct Area<'a> {
+    pub part: &'a ImagePart,
+    pub owners: Option<&'a Owners>,
+}
+
 /// Outputs larger than this many bytes are freed after each fetch.
 const KEPT: u64 = 1 << 28;
 
@@ -45,14 +51,13 @@ impl Outputs {
         device: &Device,
         team: &Team,
         solved: &Solved,
-        part: &ImagePart,
+        area: &Area,
         centres: &Centres,
-        owners: Option<&Owners>,
         put: impl Fn(usize, usize, [f64; 2], [f64; 2]) + Sync,
     ) -> Result<()> {
         let level = &solved.grid.levels[0];
         let cells = [level.nx as f64, level.ny as f64];
-        let (size, extent) = (part.size, part.extent());
+        let (size, extent) = (area.part.size, area.part.extent());
         let centre = |x: usize, y: usize| [centres.0[0][x], centres.0[1][y]];
         // Where charts may lie over one another, the CPU tells their texels apart.
         if let Warp::Gpu(u) = &*solved.warp
@@ -72,7 +77,7 @@ impl Outputs {
             });
         }
         let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
-        visit(team, solved, part, owners, still, |x, y, inverse| {
+        visit(team, solved, area, still, |x, y, inverse| {
             let (uv, at) = ([0, 1].map(|k| inverse.p[k] / cells[k]), centre(x, y));
             put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
         })
@@ -127,16 +132,15 @@ impl Outputs {
 pub(crate) fn jacobians(
     team: &Team,
     solved: &Solved,
-    part: &ImagePart,
-    owners: Option<&Owners>,
+    area: &Area,
     put: impl Fn(usize, usize, [[f64; 2]; 2]) + Sync,
 ) -> Result<()> {
     let level = &solved.grid.levels[0];
     // Converts cells per texel to UV per UV.
-    let of = |axis: usize| part.size[axis] as f64;
+    let of = |axis: usize| area.part.size[axis] as f64;
     let scale = [level.nx, level.ny].map(|cells| [0, 1].map(|axis| of(axis) / cells as f64));
     let still = |x: usize, y: usize| put(x, y, [[1.0, 0.0], [0.0, 1.0]]);
-    visit(team, solved, part, owners, still, |x, y, inverse| {
+    visit(team, solved, area, still, |x, y, inverse| {
         let cells = inverse.jacobian();
         put(x, y, [0, 1].map(|k| [0, 1].map(|axis| cells[k][axis] * scale[k][axis])));
     })
@@ -147,12 +151,12 @@ pub(crate) fn jacobians(
 fn visit(
     team: &Team,
     solved: &Solved,
-    part: &ImagePart,
-    owners: Option<&Owners>,
+    area: &Area,
     still: impl Fn(usize, usize) + Sync,
     moved: impl Fn(usize, usize, Inverse) + Sync,
 ) -> Result<()> {
     let u = solved.warp.host()?;
+    let Area { part, owners } = *area;
     let (first, extent) = (part.first, part.extent());
     team.run(extent[1], |y| (0..extent[0]).for_each(|x| still(x, y)));
     let reach = solved.report.max_displacement;
