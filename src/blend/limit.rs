@@ -1,7 +1,7 @@
 //! How much of the blend each node takes: the whole of it, but less around cells that it would crush, falling off smoothly.
 
 use crate::allocation::{Collect, copied, filled, zeroed};
-use crate::cpu::certify::{Certificate, certify_block};
+use crate::cpu::certify::{Certificate, certify_block, corner_jacobians};
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::grid::window::{self, WINDOW_NODES, Window, place};
@@ -130,18 +130,9 @@ fn marked(level: &Level, u: &[[Plane; 2]], b: usize) -> Option<[bool; NODES]> {
     let mut marks = None;
     for j in 0..17 {
         for i in 0..17 {
-            let w = |di: usize, dj: usize| {
-                let at = place(i + di, j + dj);
-                [di as f64 + f64::from(windows[0][at]), dj as f64 + f64::from(windows[1][at])]
-            };
-            let (a, b, c, d) = (w(0, 0), w(1, 0), w(0, 1), w(1, 1));
-            let cross = |o: [f64; 2], p: [f64; 2], q: [f64; 2]| {
-                (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
-            };
-            let least = [cross(a, b, c), cross(b, d, a), cross(d, c, b), cross(c, a, d)];
             // Rounding may leave a corner a little under the bound before the blend, too.
             let bound = 0.99 * f64::from(MIN_JACOBIAN);
-            if least.iter().all(|&jacobian| jacobian >= bound) {
+            if corner_jacobians(&windows, i, j).iter().all(|&jacobian| jacobian >= bound) {
                 continue;
             }
             let marks = marks.get_or_insert([false; NODES]);

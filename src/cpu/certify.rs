@@ -5,7 +5,7 @@
 use crate::allocation::{Collect, filled};
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane};
-use crate::grid::window::{self, WINDOW_NODES, place};
+use crate::grid::window::{self, WINDOW_NODES, Window, place};
 use crate::mesh::NONE;
 use crate::method::plan::ChartResult;
 
@@ -136,6 +136,18 @@ impl Certificate {
     }
 }
 
+/// The Jacobians at the corners of the cell (i - 1, j - 1) of a block, from the windows of its displacements.
+pub(crate) fn corner_jacobians(windows: &[Window; 2], i: usize, j: usize) -> [f64; 4] {
+    let w = |di: usize, dj: usize| {
+        let at = place(i + di, j + dj);
+        [di as f64 + f64::from(windows[0][at]), dj as f64 + f64::from(windows[1][at])]
+    };
+    let (a, b, c, d) = (w(0, 0), w(1, 0), w(0, 1), w(1, 1));
+    let cross =
+        |o: [f64; 2], p: [f64; 2], q: [f64; 2]| (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0]);
+    [cross(a, b, c), cross(b, d, a), cross(d, c, b), cross(c, a, d)]
+}
+
 /// Computes the certificate of an active block: of the block's cells, and of the adjacent cells of inactive blocks.
 /// Cells that are adjacent to no active block are at rest, with J = 1.
 pub(crate) fn certify_block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
@@ -158,15 +170,7 @@ pub(crate) fn certify_block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certif
             if holder != 4 && is_active(holder) {
                 continue;
             }
-            let w = |di: usize, dj: usize| {
-                let at = place(i + di, j + dj);
-                [di as f64 + f64::from(windows[0][at]), dj as f64 + f64::from(windows[1][at])]
-            };
-            let (a, b, c, d) = (w(0, 0), w(1, 0), w(0, 1), w(1, 1));
-            let cross = |o: [f64; 2], p: [f64; 2], q: [f64; 2]| {
-                (p[0] - o[0]) * (q[1] - o[1]) - (p[1] - o[1]) * (q[0] - o[0])
-            };
-            for jacobian in [cross(a, b, c), cross(b, d, a), cross(d, c, b), cross(c, a, d)] {
+            for jacobian in corner_jacobians(&windows, i, j) {
                 certificate.add_jacobian(jacobian);
                 certificate.folds += u64::from(jacobian.is_nan() || jacobian <= 0.0);
             }

@@ -65,18 +65,6 @@ pub fn models() -> Vec<Model> {
     models
 }
 
-/// The features of a model in a pose, after a solve of it on a CPU.
-pub fn solved(
-    model: &Model,
-    pose: &[[f32; 3]],
-    threads: u32,
-    grid: u32,
-    seams: Seams,
-    options: &SolveOptions,
-) -> Vec<Feature> {
-    of_asset(model, pose, &solve(model, pose, threads, grid, seams, options))
-}
-
 /// An asset of a model, solved for a pose on a CPU.
 pub fn solve(
     model: &Model,
