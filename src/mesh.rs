@@ -95,6 +95,14 @@ pub(crate) struct Source {
     pub depth: [f32; 3],
 }
 
+/// A part of a triangle's side at which the chart ends.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cut {
+    pub triangle: u32,
+    /// Its ends.
+    pub uv: [DVec2; 2],
+}
+
 /// An edge of the UV plane whose two sides have different vertices and are joined by position alone.
 #[derive(Debug)]
 pub(crate) struct WeldedEdge {
@@ -115,6 +123,8 @@ pub(crate) struct TileMesh {
     /// For the triangles of collars.
     pub sources: Vec<Source>,
     pub charts: Vec<Chart>,
+    /// Parts of sides beyond which a chart ends although it goes on beyond the rest of the side, sorted by triangle.
+    pub cuts: Vec<Cut>,
     /// The chart of each triangle, in the order of the mesh's faces: the numbers that `Corner` and `WeldedEdge` use.
     pub chart_of: Vec<u32>,
     /// Edges joined by position alone.
@@ -144,6 +154,12 @@ impl TileMesh {
         let t = triangle as usize;
         let end = |chart: &Chart| if t < self.own() { chart.triangles.end } else { chart.collar.end };
         self.charts.partition_point(|chart| end(chart) <= t) as u32
+    }
+
+    /// The parts of a triangle's sides at which the chart ends.
+    pub fn cuts_of(&self, triangle: u32) -> impl Iterator<Item = [DVec2; 2]> + '_ {
+        let first = self.cuts.partition_point(|cut| cut.triangle < triangle);
+        self.cuts[first..].iter().take_while(move |cut| cut.triangle == triangle).map(|cut| cut.uv)
     }
 
     /// Number of triangles of charts; those of collars follow.

@@ -178,8 +178,10 @@ impl<'a> Coverer<'a> {
         for &t in triangles {
             let triangle = &self.tile.triangles[t as usize];
             let chart = self.charts[t as usize];
-            for k in (0..3).filter(|&k| triangle.neighbours[k] == NONE) {
-                let [a, b] = [triangle.uv[(k + 1) % 3], triangle.uv[(k + 2) % 3]].map(|uv| uv * size);
+            let whole = (0..3).filter(|&k| triangle.neighbours[k] == NONE);
+            let whole = whole.map(|k| [triangle.uv[(k + 1) % 3], triangle.uv[(k + 2) % 3]]);
+            for ends in whole.chain(self.tile.cuts_of(t)) {
+                let [a, b] = ends.map(|uv| uv * size);
                 cells_of_segment(a, b, first_cell, CELLS, |i, j| {
                     mark(&mut borders.cells[j * CELLS + i], chart)
                 });

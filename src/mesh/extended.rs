@@ -11,7 +11,7 @@ use glam::DVec2;
 
 use super::collar::{Across, Collar, collars};
 use super::hash::{Table, enter};
-use super::{Chart, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
+use super::{Chart, Cut, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
 use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::team::Team;
 use overlaps::Overlaps;
@@ -35,6 +35,7 @@ pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> Til
         triangles: source.triangles.iter().map(|triangle| Triangle { ..*triangle }).collected(),
         sources: Vec::new(),
         charts: with_capacity(source.charts.len()),
+        cuts: Vec::new(),
         chart_of: copied(&source.chart_of),
         welds: Vec::new(),
         edges_apart: source.edges_apart,
@@ -66,8 +67,24 @@ type Side = (u32, u8);
 struct Kept {
     /// Per triangle.
     triangles: Vec<bool>,
-    /// The sides of the chart at which no triangle is missing, ascending.
-    open: Vec<Side>,
+    /// The sides of the chart beyond which it goes on, ascending.
+    open: Vec<Open>,
+}
+
+/// A side of a chart beyond which the chart goes on: beyond these of its equal parts, counted from the corner that follows
+/// the opposite one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Open {
+    side: Side,
+    parts: Range<usize>,
+}
+
+/// A triangle of a collar at a part of a chart's side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct AtSide {
+    side: Side,
+    part: usize,
+    triangle: u32,
 }
 
 impl Kept {
@@ -81,14 +98,15 @@ impl Kept {
         let first = own.len();
         let all = tile.triangles[own].iter().map(|t| t.uv).chain(list.iter().map(|t| t.uv));
         let all = Overlaps::of(all.collected());
+        let rims = rims(tile, collar);
         let mut triangles: Vec<bool> = zeroed(list.len());
         for (k, triangle) in list.iter().enumerate() {
             let lies = |other: usize| other < first || triangles[other - first];
             triangles[k] = in_tile(triangle.uv) && !stays(&triangle.source) && !all.any(triangle.uv, lies);
         }
         loop {
-            let open = open_sides(collar, &triangles);
-            let reached = reached(collar, &triangles, &open);
+            let open = open_sides(&rims, &triangles);
+            let reached = reached(collar, &triangles, &rims, &open);
             if reached == triangles {
                 return Kept { triangles, open };
             }
@@ -102,32 +120,62 @@ fn in_tile(uv: [DVec2; 3]) -> bool {
     high.min_element() > 0.0 && low.max_element() < 1.0
 }
 
-/// The sides of the chart at a triangle.
-fn sides_of(across: [Across; 3]) -> impl Iterator<Item = Side> {
-    across.into_iter().filter_map(|across| match across {
-        Across::Chart(side) => Some(side),
-        _ => None,
-    })
+/// The triangles at the sides of the chart, ascending.
+fn rims(tile: &TileMesh, collar: &Collar) -> Vec<AtSide> {
+    let mut rims = Vec::new();
+    for (k, triangle) in collar.triangles.iter().enumerate() {
+        for (corner, across) in triangle.across.into_iter().enumerate() {
+            if let Across::Chart(side) = across {
+                let part = part_of(tile, collar, side, triangle.uv, corner);
+                rims.put(AtSide { side, part, triangle: k as u32 });
+            }
+        }
+    }
+    rims.sort_unstable();
+    rims
 }
 
-/// The sides of the chart at which all triangles are kept, ascending.
-fn open_sides(collar: &Collar, kept: &[bool]) -> Vec<Side> {
-    let list = collar.triangles.iter().zip(kept).filter(|(_, kept)| **kept);
-    let mut sides: Vec<Side> = list.flat_map(|(triangle, _)| sides_of(triangle.across)).collected();
-    sides.sort_unstable();
-    let whole = sides.chunk_by(|a, b| a == b).filter(|same| same.len() == collar.parts);
-    whole.map(|same| same[0]).collected()
+/// At which of the parts of a chart's side a triangle of its collar lies.
+fn part_of(tile: &TileMesh, collar: &Collar, side: Side, uv: [DVec2; 3], corner: usize) -> usize {
+    let middle = 0.5 * (uv[(corner + 1) % 3] + uv[(corner + 2) % 3]);
+    let [from, to] = ends(tile, side);
+    let along = (middle - from).dot(to - from) / (to - from).length_squared();
+    (along * collar.parts as f64) as usize
+}
+
+/// The ends of a side.
+fn ends(tile: &TileMesh, (t, k): Side) -> [DVec2; 2] {
+    let uv = &tile.triangles[t as usize].uv;
+    [1, 2].map(|d| uv[(k as usize + d) % 3])
+}
+
+/// The sides of the chart at which triangles are kept, ascending: of each side the longest run of parts, since whoever
+/// crosses the side goes on from one of its parts.
+fn open_sides(rims: &[AtSide], kept: &[bool]) -> Vec<Open> {
+    let list: Vec<AtSide> = rims.iter().copied().filter(|rim| kept[rim.triangle as usize]).collected();
+    let of_side = |rims: &[AtSide]| {
+        let runs = rims.chunk_by(|a, b| a.part + 1 == b.part);
+        let run = runs.reduce(|longest, run| if run.len() > longest.len() { run } else { longest })?;
+        Some(Open { side: run[0].side, parts: run[0].part..run[run.len() - 1].part + 1 })
+    };
+    list.chunk_by(|a, b| a.side == b.side).filter_map(of_side).collected()
+}
+
+/// The run of a side's parts beyond which the chart goes on.
+fn run_of(open: &[Open], side: Side) -> Option<&Open> {
+    open.binary_search_by_key(&side, |open| open.side).ok().map(|k| &open[k])
 }
 
 /// The triangles that hang together with the chart.
-fn reached(collar: &Collar, kept: &[bool], open: &[Side]) -> Vec<bool> {
+fn reached(collar: &Collar, kept: &[bool], rims: &[AtSide], open: &[Open]) -> Vec<bool> {
     let list = &collar.triangles;
     let mut reached: Vec<bool> = zeroed(list.len());
     let mut stack: Vec<u32> = Vec::new();
-    let is_open = |side: Side| open.binary_search(&side).is_ok();
-    for k in (0..list.len()).filter(|&k| kept[k] && sides_of(list[k].across).any(is_open)) {
-        reached[k] = true;
-        stack.put(k as u32);
+    let is_open = |rim: &&AtSide| run_of(open, rim.side).is_some_and(|open| open.parts.contains(&rim.part));
+    for rim in rims.iter().filter(|rim| kept[rim.triangle as usize]).filter(is_open) {
+        if !std::mem::replace(&mut reached[rim.triangle as usize], true) {
+            stack.put(rim.triangle);
+        }
     }
     while let Some(k) = stack.pop() {
         for across in list[k as usize].across {
@@ -177,22 +225,38 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: 
             })
         })
         .collected();
-    let mut seen: Table<Side, usize> = Table::default();
+    let parts = collar.parts as f64;
+    for Open { side, parts: run } in &kept.open {
+        let [from, to] = ends(tile, *side);
+        let at = |part: usize| from + (part as f64 / parts) * (to - from);
+        for [a, b] in [[0, run.start], [run.end, collar.parts]] {
+            if a < b {
+                tile.cuts.put(Cut { triangle: side.0, uv: [at(a), at(b)] });
+            }
+        }
+    }
+    let across = |tile: &TileMesh, k: usize, corner: usize| match list[k].across[corner] {
+        Across::Nothing => (NONE, None),
+        Across::Collar(other) => (numbers[other as usize], None),
+        Across::Chart(side) => {
+            let part = part_of(tile, collar, side, list[k].uv, corner);
+            match run_of(&kept.open, side).filter(|open| open.parts.contains(&part)) {
+                None => (NONE, None),
+                // From the chart, walks go on from the part in the middle.
+                Some(Open { parts, .. }) => {
+                    (side.0, Some(side).filter(|_| part == (parts.start + parts.end - 1) / 2))
+                }
+            }
+        }
+    };
     for (&k, local) in kept_ones.iter().zip(locals) {
         let number = tile.triangles.len() as u32;
-        let neighbours = list[k].across.map(|across| match across {
-            Across::Nothing => NONE,
-            Across::Collar(other) => numbers[other as usize],
-            Across::Chart(side) if kept.open.binary_search(&side).is_err() => NONE,
-            Across::Chart(side) => {
-                let count = seen.get(&side).copied().unwrap_or(0) + 1;
-                enter(&mut seen, side, count);
-                // From the chart, walks go on from the triangle in the middle.
-                if count == collar.parts / 2 + 1 {
-                    tile.triangles[side.0 as usize].neighbours[side.1 as usize] = number;
-                }
-                side.0
+        let neighbours = [0, 1, 2].map(|corner| {
+            let (neighbour, entered) = across(tile, k, corner);
+            if let Some((t, side)) = entered {
+                tile.triangles[t as usize].neighbours[side as usize] = number;
             }
+            neighbour
         });
         let local = local.map(|local| local.unwrap_or_else(|point| vertices.len() as u32 + point));
         tile.triangles.put(Triangle { local, uv: list[k].uv, neighbours });
