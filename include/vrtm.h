@@ -1045,6 +1045,18 @@ typedef int32_t vrtm_seams;
 // they are with VRTM_SEAMS_SHUT. Experimental.
 #define VRTM_SEAMS_CONTINUE 1
 
+// What happens at a border of a chart beyond which the surface ends: along an edge that only one face has.
+typedef int32_t vrtm_open_borders;
+
+// Nothing moves at an open border; the default. The surface may go on in a mesh that is not known here, as a head's
+// neck does.
+#define VRTM_OPEN_BORDERS_FIXED 0
+
+// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its
+// shape; any texture will do. Corners of more than 50 degrees stay where they are. Edges whose vertices are not welded
+// look like open borders, and so do those at which faces of other sizes meet. Experimental.
+#define VRTM_OPEN_BORDERS_SLIDE 1
+
 // A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
 typedef struct vrtm_tile_settings {
     // sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
@@ -1073,9 +1085,12 @@ typedef struct vrtm_tile_settings {
     float room_threshold;
     // VRTM_SEAMS_SHUT (0, the default) or VRTM_SEAMS_CONTINUE; the latter only with an `orientation_density` of 0.
     vrtm_seams seams;
-    // How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, in UV: about the size of a large rigid feature.
-    // At most 0.5; 0 (the default) = 0.03125.
+    // How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
+    // VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. At most 0.5; 0 (the default) = 0.03125.
     float seam_reach;
+    // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE; the latter only with an
+    // `orientation_density` of 0.
+    vrtm_open_borders open_borders;
 } vrtm_tile_settings;
 
 // UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info, it does not prepare

@@ -10,8 +10,8 @@
 @group(0) @binding(2) var<storage, read> blocks: array<BlockRecord>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
 /// Constants, per block: rigidity (a code of 16 bits; sign bit: fixed), four rest lengths (codes of 16 bits in two
-/// words), triangle under the node (level 0) or coverage (coarser levels) and, on grids with densities, density of
-/// rigid material.
+/// words), triangle under the node (level 0) or coverage (coarser levels) and, on grids that have it, density of rigid
+/// material or what holds nodes at open borders.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
 /// State, per block: displacement (2) and, on level 0, triangle under W. The position or metric at W follows from these
 /// and is computed where it is read (`value_at`). A fixed node has a displacement of 0, and its triangle is the one at

@@ -34,6 +34,8 @@ const NEAR_BOUND_STIFFNESS: f32 = 10.0;
 /// Weight of the tangents in the slopes of the finest level (method §2); differences have the rest. More of it follows
 /// the energy more closely across the edges of triangles, and jumps more there.
 const TANGENT_WEIGHT: f32 = 0.15;
+/// Weight of the hold at open borders along which texture slides (method §16).
+const HOLD: f32 = 4.0;
 /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
 const TENSION_STIFFNESS: f32 = 0.25;
 /// ... and of one that is shorter.
@@ -99,8 +101,8 @@ const RIGIDITY: u32 = 0u;
 const LENGTH: u32 = 1u;
 /// Plane of the triangle under the node, or of the coverage.
 const TRIANGLE_OR_COVERAGE: u32 = 3u;
-/// Plane of the density, on grids that have it.
-const DENSITY: u32 = 4u;
+/// Plane of the density, or of what holds nodes at open borders, on grids that have it: none has both.
+const EXTRA: u32 = 4u;
 /// Planes per block of the state of a coarser level: displacement (2).
 const COARSE_STATE_PLANES: u32 = 2u;
 /// Planes per block of the state of level 0: displacement (2), triangle under W.
@@ -248,6 +250,8 @@ struct Params {
     orientation_density: f32,
     room: f32,
     room_threshold: f32,
+    /// Weight of the hold at open borders; 0 without one.
+    hold: f32,
     level: u32,
     /// Number of this level's first block in `rows` and `vectors`.
     base: u32,

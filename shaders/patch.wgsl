@@ -8,8 +8,8 @@ var<workgroup> patch_value: array<vec4f, 324>;
 var<workgroup> patch_length: array<vec4f, 324>;
 /// Twice the index of the triangle under W, plus 1 if the node is fixed.
 var<workgroup> patch_tag: array<u32, 324>;
-/// Density of rigid material; loaded only if `orientation_density` is not 0.
-var<workgroup> patch_density: array<f32, 324>;
+/// Density of rigid material, or what holds a node; loaded only where a term needs it.
+var<workgroup> patch_extra: array<u32, 324>;
 
 /// The rest lengths of the owned edges of the node at slot s of block b, given the codings of the block's chart.
 fn rest_lengths(b: u32, s: u32, base: array<u32, 4>, shift: array<u32, 4>) -> vec4f {
@@ -44,10 +44,10 @@ fn load_patch(b: u32, t: u32) {
             patch_length[k] = rest_lengths(holder, source.y, base, shift);
             patch_tag[k] = (triangle << 1u) | (rigidity >> 31u);
         }
-        if params.orientation_density > 0.0 {
-            patch_density[k] = 0.0;
+        if params.orientation_density > 0.0 || params.hold > 0.0 {
+            patch_extra[k] = 0u;
             if holder != NONE {
-                patch_density[k] = bitcast<f32>(nodes[node_index(holder, DENSITY, source.y)]);
+                patch_extra[k] = nodes[node_index(holder, EXTRA, source.y)];
             }
         }
     }

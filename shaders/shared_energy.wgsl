@@ -8,9 +8,9 @@ fn movable(n: vec2u, o: vec2i) -> f32 {
     return select(1.0, 0.0, fixed_in_patch(place_at(n, o)));
 }
 
-/// The node's share of the values of its edges and corners.
+/// The node's share of the values of its edges and corners, and its hold.
 fn shared_energy(n: vec2u, p: NodeState, floor: f32) -> f32 {
-    var sum = 0.0;
+    var sum = hold(n, p.u);
     for (var k = 0u; k < 8u; k++) {
         sum += (1.0 - 0.5 * movable(n, offset(k))) * edge_energy(edge(n, p, k, floor));
     }

@@ -16,6 +16,24 @@ struct Edge {
     orientation: f32,
 }
 
+fn density(at: u32) -> f32 {
+    return bitcast<f32>(patch_extra[at]);
+}
+
+/// Across the open border near node n of a block, along which texture slides: 1 - distance long, or 0 far from one.
+fn across_border(n: vec2u) -> vec2f {
+    if params.hold == 0.0 {
+        return vec2f();
+    }
+    return unpack2x16snorm(patch_extra[place_at(n, vec2i())]);
+}
+
+/// The energy of the hold at a node near an open border.
+fn hold(n: vec2u, u: vec2f) -> f32 {
+    let moved = dot(across_border(n), u);
+    return params.hold * moved * moved;
+}
+
 /// Edge k of node n of a block. `p` is the state of the node; `floor` is the least length that strains refer to.
 fn edge(n: vec2u, p: NodeState, k: u32, floor: f32) -> Edge {
     let o = offset(k);
@@ -29,7 +47,7 @@ fn edge(n: vec2u, p: NodeState, k: u32, floor: f32) -> Edge {
     let inverse_d0_square = 1.0 / f32(o.x * o.x + o.y * o.y);
     var kappa = params.orientation;
     if params.orientation_density > 0.0 {
-        kappa += params.orientation_density * 0.5 * (patch_density[at_node] + patch_density[at_neighbour]);
+        kappa += params.orientation_density * 0.5 * (density(at_node) + density(at_neighbour));
     }
     return Edge(at_neighbour, chord, length, 1.0 / max(length, floor), weight, inverse_d0_square, vec2f(o), kappa);
 }
@@ -110,9 +128,9 @@ fn cell_corner(m: CellOffsets, k: u32) -> Corner {
     return corner(m.c, m.b, m.sign);
 }
 
-/// Sum of the energies of a node's eight edges and twelve corners, undivided (E_p in method §6).
+/// Sum of the energies of a node's eight edges and twelve corners, undivided, and of its hold (E_p in method §6).
 fn node_energy(n: vec2u, p: NodeState, floor: f32) -> f32 {
-    var energy = 0.0;
+    var energy = hold(n, p.u);
     for (var k = 0u; k < 8u; k++) {
         energy += edge_energy(edge(n, p, k, floor));
     }
@@ -139,7 +157,9 @@ fn outer(v: vec2f) -> vec3f {
 /// Computes the local problem of a node; `slopes` are the slopes at the node. Only the matrix of the pull towards the
 /// previous result (pull.wgsl) is included.
 fn local_problem(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32) -> Local {
-    var out = Local(0.0, vec2f(), vec3f());
+    let across = across_border(n);
+    let moved = dot(across, p.u);
+    var out = Local(hold(n, p.u), params.hold * moved * across, params.hold * outer(across));
     for (var k = 0u; k < 8u; k++) {
         let e = edge(n, p, k, floor);
         out.energy += edge_energy(e);

@@ -107,7 +107,8 @@ impl Blending<'_> {
         let index = self.tile as u32;
         let exactly = || {
             let end = walk(there.tile, copy.triangle, to)?;
-            let place = places::on_surface(there.tile, copy.tile, end, to);
+            let mut place = places::on_surface(there.tile, copy.tile, end, to);
+            place.image ^= copy.mirrored;
             self.places.in_chart(here.tile, index, chart, home, place, at)
         };
         // Beyond the end of either collar, as if the triangle of the node went on.

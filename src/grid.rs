@@ -22,6 +22,7 @@ pub(crate) mod window;
 pub(crate) mod interpolation;
 pub(crate) mod maps;
 pub(crate) mod metric;
+pub(crate) mod mirrors;
 pub(crate) mod pose;
 pub(crate) mod pyramid;
 mod rest;
@@ -35,6 +36,7 @@ use blocks::{Blocks, Part};
 use codes::Lengths;
 use gather::Gather;
 use interpolation::StiffnessPlanes;
+use mirrors::Held;
 use planes::{NODES, Plane};
 use pose::{Pose, PoseTriangle};
 use survey::{RigidNodes, Survey, SurveyLevel};
@@ -53,6 +55,8 @@ pub struct Level {
     pub rigidity: Vec<Plane<u16>>,
     /// Per block: density ρ of rigid material around each node, 0..1 (method §4). Empty unless a setting asks for it.
     pub density: Arc<Vec<Plane>>,
+    /// Per block: what holds nodes near open borders along which texture slides. Empty where it does not.
+    pub held: Arc<Vec<Plane<Held>>>,
     /// Per block: weight of each node's lower neighbour where corrections are interpolated from the next coarser level
     /// (method §7.5; the upper neighbour has the rest), as codes of `codes::encode_weight`. Empty on the coarsest
     /// level.
@@ -81,6 +85,7 @@ impl Clone for Level {
             blocks: self.blocks.clone(),
             rigidity: copied(&self.rigidity),
             density: self.density.clone(),
+            held: self.held.clone(),
             interpolation: copied(&self.interpolation),
             stiffness: copied(&self.stiffness),
             movable: self.movable.clone(),
@@ -178,7 +183,8 @@ impl Grid {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let level_bytes = |(k, level): (usize, &Level)| {
-            level.blocks.list.len() * block_bytes(k) + level.density.len() * size_of::<Plane>()
+            let planes = level.density.len() + level.held.len();
+            level.blocks.list.len() * block_bytes(k) + planes * size_of::<Plane>()
         };
         let squares = self.rigid_nodes.len() * size_of::<RigidNodes>();
         let parts = self.parts.len() * (size_of::<Part>() + 1) + squares;

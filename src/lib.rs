@@ -133,8 +133,8 @@ pub use report::{
     TileEstimate, TileInfo, TileReport,
 };
 pub use settings::{
-    AdapterId, Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, Overlap, PbdSettings, Quality, Seams,
-    SolveOptions, Solver, TileSettings,
+    AdapterId, Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, OpenBorders, Overlap, PbdSettings,
+    Quality, Seams, SolveOptions, Solver, TileSettings,
 };
 pub use team::{Executor, Task};
 pub use view::{Scalar, Strided};

@@ -48,18 +48,58 @@ pub(crate) struct Chart {
     pub points: Vec<FacePoint>,
 }
 
-/// A point of a triangle of the mesh.
+/// A point of a triangle of the mesh, or the mirror image of one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FacePoint {
     pub vertices: [u32; 3],
     /// Their weights, whose sum is 1.
     pub weights: [f64; 3],
+    pub mirror: Option<Mirror>,
+}
+
+impl FacePoint {
+    /// The vertex of the mesh that the point is, if it is one.
+    fn vertex(&self) -> Option<u32> {
+        let k = (0..3).find(|&k| self.weights[k] == 1.0)?;
+        self.mirror.is_none().then_some(self.vertices[k])
+    }
+
+    fn of_mesh(&self) -> impl Iterator<Item = u32> + use<> {
+        let of_mirror = |mirror: Mirror| mirror.edge.into_iter().chain([mirror.inner]);
+        self.vertices.into_iter().chain(self.mirror.into_iter().flat_map(of_mirror))
+    }
+}
+
+/// The plane through an edge of the mesh at right angles to the triangle there: the surface ends at the edge, and goes on with
+/// its mirror image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Mirror {
+    pub edge: [u32; 2],
+    /// The third vertex of the triangle.
+    pub inner: u32,
+}
+
+impl Mirror {
+    /// The mirror image of a point; a triangle without area has none but the point itself.
+    fn image<const D: usize>(&self, point: [f64; D], position: impl Fn(u32) -> [f64; D]) -> [f64; D] {
+        let dot = |a: &[f64; D], b: &[f64; D]| (0..D).map(|k| a[k] * b[k]).sum::<f64>();
+        let [a, b] = self.edge.map(&position);
+        let from_a = |p: [f64; D]| -> [f64; D] { std::array::from_fn(|k| p[k] - a[k]) };
+        let (along, inward) = (from_a(b), from_a(position(self.inner)));
+        let share = dot(&inward, &along) / dot(&along, &along);
+        let normal: [f64; D] = std::array::from_fn(|k| inward[k] - share * along[k]);
+        let twice = 2.0 * dot(&from_a(point), &normal) / dot(&normal, &normal);
+        if !twice.is_finite() {
+            return point;
+        }
+        std::array::from_fn(|k| point[k] - twice * normal[k])
+    }
 }
 
 impl Chart {
     /// The vertices of the mesh on which its vertices and points depend.
     pub fn of_mesh(&self) -> impl Iterator<Item = u32> + '_ {
-        self.vertices.iter().copied().chain(self.points.iter().flat_map(|point| point.vertices))
+        self.vertices.iter().copied().chain(self.points.iter().flat_map(FacePoint::of_mesh))
     }
 
     /// Number of vertices and points.
@@ -67,7 +107,17 @@ impl Chart {
         self.vertices.len() + self.points.len()
     }
 
-    /// The value at a vertex or point, given the values at the mesh's vertices.
+    /// The position of a vertex or point, given those of the mesh's vertices.
+    pub fn position<const D: usize>(&self, local: u32, of_vertex: impl Fn(u32) -> [f64; D]) -> [f64; D] {
+        let position = self.value(local, &of_vertex);
+        let point = (local as usize).checked_sub(self.vertices.len()).map(|k| &self.points[k]);
+        match point.and_then(|point| point.mirror) {
+            Some(mirror) => mirror.image(position, of_vertex),
+            None => position,
+        }
+    }
+
+    /// The value at a vertex or point, given the values at the mesh's vertices; mirror images have those of what they are of.
     pub fn value<const D: usize>(&self, local: u32, of_vertex: impl Fn(u32) -> [f64; D]) -> [f64; D] {
         match self.vertices.get(local as usize) {
             Some(&v) => of_vertex(v),
@@ -87,6 +137,8 @@ pub(crate) struct Source {
     /// Its tile in `Mesh::tiles`, and the triangle there that it is a part of.
     pub tile: u32,
     pub triangle: u32,
+    /// Whether it is the mirror image of that part, beyond an open border.
+    pub image: bool,
     /// UVs within that tile.
     pub uv: [DVec2; 3],
     /// Distances from the chart's border along the surface, as lengths in the chart's plane.
@@ -170,6 +222,11 @@ impl TileMesh {
     /// Where the surface has a triangle, if it is one of a collar.
     pub fn source(&self, triangle: usize) -> Option<&Source> {
         triangle.checked_sub(self.own()).map(|k| &self.sources[k])
+    }
+
+    /// Whether a triangle is a mirror image of a part of the surface.
+    pub fn is_image(&self, triangle: u32) -> bool {
+        self.source(triangle as usize).is_some_and(|source| source.image)
     }
 
     /// Number of triangle sides without a neighbour.

@@ -156,6 +156,27 @@ pub enum Seams {
     Continue,
 }
 
+/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum OpenBorders {
+    /// Nothing moves at an open border. The surface may go on in a mesh that is not known here, as a head's neck does.
+    #[default]
+    Fixed,
+    /// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its shape.
+    /// Corners of more than 50 degrees stay where they are. Edges whose vertices are not welded, and those at which faces
+    /// of other sizes meet, look like open borders.
+    Slide,
+}
+
+/// What charts go on beyond, and how far in UV.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Beyond {
+    pub seams: bool,
+    pub open_borders: bool,
+    pub reach: f64,
+}
+
 /// A tile's settings. All have a working default; a change rebuilds only what depends on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TileSettings {
@@ -181,9 +202,11 @@ pub struct TileSettings {
     pub overlap: Overlap,
     /// What happens at seams.
     pub seams: Seams,
-    /// How far charts go on beyond their seams, in UV, over 0 and at most 0.5; about the size of a large rigid feature. For
-    /// [`Seams::Continue`].
+    /// How far charts go on beyond their seams and open borders, in UV, over 0 and at most 0.5; about the size of a large
+    /// rigid feature. For [`Seams::Continue`] and [`OpenBorders::Slide`].
     pub seam_reach: f32,
+    /// What happens at open borders.
+    pub open_borders: OpenBorders,
 }
 
 impl Default for TileSettings {
@@ -199,11 +222,19 @@ impl Default for TileSettings {
             overlap: Overlap::Fixed,
             seams: Seams::Shut,
             seam_reach: 1.0 / 32.0,
+            open_borders: OpenBorders::Fixed,
         }
     }
 }
 
 impl TileSettings {
+    /// What charts go on beyond, if anything.
+    pub(crate) fn beyond(&self) -> Option<Beyond> {
+        let seams = self.seams == Seams::Continue;
+        let open_borders = self.open_borders == OpenBorders::Slide;
+        (seams || open_borders).then_some(Beyond { seams, open_borders, reach: f64::from(self.seam_reach) })
+    }
+
     pub(crate) fn check(&self) -> Result<()> {
         let bad = |name: &str, value: f32, range: &str| {
             Err(Error::argument(format!("settings.{name}: {value} is not {range}")))
@@ -230,10 +261,12 @@ impl TileSettings {
         if !(self.seam_reach > 0.0 && self.seam_reach <= MAX_SEAM_REACH) {
             return bad("seam_reach", self.seam_reach, "over 0 and at most 0.5");
         }
-        if self.seams == Seams::Continue && self.orientation_density > 0.0 {
-            let message =
-                "settings.seams: charts cannot go on beyond seams with settings.orientation_density over 0";
-            return Err(Error::argument(message.to_string()));
+        if let Some(beyond) = self.beyond()
+            && self.orientation_density > 0.0
+        {
+            let name = if beyond.seams { "seams" } else { "open_borders" };
+            let message = "charts cannot go on beyond their borders with settings.orientation_density over 0";
+            return Err(Error::argument(format!("settings.{name}: {message}")));
         }
         for n in self.grid.into_iter().flatten() {
             if !(1..=MAX_GRID).contains(&n) {

@@ -15,7 +15,7 @@ use std::time::Instant;
 use clap::Parser;
 use common::Model;
 use common::features::{CASES, Kind, Summary, gaps, models, of_asset, solve};
-use vrtm::{Quality, Seams, Strided};
+use vrtm::{OpenBorders, Quality, Seams, Strided};
 
 /// Measures the error of each painted feature.
 #[derive(Parser)]
@@ -33,6 +33,9 @@ struct Args {
     /// shut, continue: what happens at seams.
     #[arg(long, value_delimiter = ',', default_values_t = ["shut".to_owned()])]
     seams: Vec<String>,
+    /// fixed, slide: what happens at open borders.
+    #[arg(long, value_delimiter = ',', default_values_t = ["fixed".to_owned()])]
+    open_borders: Vec<String>,
     /// Also write the table there.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -56,8 +59,8 @@ fn main() -> ExitCode {
     }
 }
 
-const HEAD: &str = "| scene | quality | seams | ms | where | features | mean error before | after | over 0.05 before | after | worse by 0.02 | both sides apart, texels of 4096: 50, 90, 99, 99.9 % |
-|---|---|---|---|---|---|---|---|---|---|---|---|
+const HEAD: &str = "| scene | quality | seams | open borders | ms | where | features | mean error before | after | over 0.05 before | after | worse by 0.02 | both sides apart, texels of 4096: 50, 90, 99, 99.9 % |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
 fn run(args: &Args) -> Result<(), String> {
@@ -71,8 +74,9 @@ fn run(args: &Args) -> Result<(), String> {
     for (name, frame) in CASES.into_iter().filter(|case| wanted(case.0)) {
         let Some(model) = models.iter().find(|model| model.name == name) else { continue };
         for quality in &args.qualities {
-            for seams in &args.seams {
-                let rows = rows(model, frame, quality, seams, args.grid)?;
+            let open = |seams| args.open_borders.iter().map(move |open| [seams, open]);
+            for borders in args.seams.iter().flat_map(open) {
+                let rows = rows(model, frame, quality, borders, args.grid)?;
                 print!("{rows}");
                 text += &rows;
             }
@@ -85,17 +89,28 @@ fn run(args: &Args) -> Result<(), String> {
 }
 
 /// A line for each place at which the scene has features, on all of its tiles.
-fn rows(model: &Model, frame: usize, quality: &str, seams: &str, grid: u32) -> Result<String, String> {
+fn rows(
+    model: &Model,
+    frame: usize,
+    quality: &str,
+    [seams, open]: [&String; 2],
+    grid: u32,
+) -> Result<String, String> {
     let options = common::options(match quality {
         "draft" => Quality::Draft,
         "normal" => Quality::Normal,
         "high" => Quality::High,
         other => return Err(format!("--qualities {other}: neither draft, normal nor high")),
     });
-    let wanted = match seams {
+    let of_seams = match &**seams {
         "shut" => Seams::Shut,
         "continue" => Seams::Continue,
         other => return Err(format!("--seams {other}: neither shut nor continue")),
+    };
+    let wanted = match &**open {
+        "fixed" => (of_seams, OpenBorders::Fixed),
+        "slide" => (of_seams, OpenBorders::Slide),
+        other => return Err(format!("--open-borders {other}: neither fixed nor slide")),
     };
     let pose = &model.frames[frame - 1];
     let mut asset = solve(model, pose, 0, grid, wanted, &options);
@@ -116,7 +131,7 @@ fn rows(model: &Model, frame: usize, quality: &str, seams: &str, grid: u32) -> R
         let s = Summary::of(&features, kind);
         if s.count > 0 {
             rows += &format!(
-                "| {} {} | {quality} | {seams} | {:.0} | {place} | {} | {:.4} | {:.4} | {} | {} | {} | {} |\n",
+                "| {} {} | {quality} | {seams} | {open} | {:.0} | {place} | {} | {:.4} | {:.4} | {} | {} | {} | {} |\n",
                 model.name,
                 frame,
                 1000.0 * seconds,

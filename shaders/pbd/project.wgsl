@@ -35,7 +35,7 @@ fn load_values(b: u32, t: u32) {
         if params.orientation_density > 0.0 {
             patch_density[k] = 0.0;
             if holder != NONE {
-                patch_density[k] = bitcast<f32>(nodes[node_index(holder, DENSITY, source.y)]);
+                patch_density[k] = bitcast<f32>(nodes[node_index(holder, EXTRA, source.y)]);
             }
         }
     }

@@ -42,6 +42,11 @@ fn regularise(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_ind
             other_state[at] = bitcast<u32>(integrated.x);
             other_state[at + NODES] = bitcast<u32>(integrated.y);
         }
+        if params.hold > 0.0 {
+            // At an open border along which texture slides, nothing moves across it.
+            let across = unpack2x16snorm(nodes[node_index(b, EXTRA, s)]);
+            u -= across * (dot(across, u) / max(dot(across, across), TINY));
+        }
         move_to(b, s, u, moves);
     }
 }

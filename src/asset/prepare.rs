@@ -14,7 +14,7 @@ use crate::image::map::TexelRect;
 use crate::mesh::extended::extended;
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
-use crate::settings::{LogLevel, Seams, Solver, TileSettings};
+use crate::settings::{LogLevel, Solver, TileSettings};
 use crate::team::Team;
 use crate::unwind::caught;
 
@@ -108,22 +108,20 @@ impl TileState {
     /// size has changed, at which others read this tile's maps.
     pub fn set_settings(&mut self, settings: &TileSettings) -> bool {
         let of_grid = |maps: &TileMaps| {
-            let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, seams, .. } =
+            let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, .. } =
                 maps.settings;
-            (maps.grid_size(), overlap, smoothness, smoothness_floor, orientation_density > 0.0, seams)
+            (maps.grid_size(), overlap, smoothness, smoothness_floor, orientation_density > 0.0)
         };
         let grid_before = of_grid(&self.maps);
         let before = std::mem::replace(&mut self.maps.settings, *settings);
         if before != *settings {
             self.solved_with = None;
         }
-        let reach =
-            |settings: &TileSettings| (settings.seams == Seams::Continue).then_some(settings.seam_reach);
-        if reach(&before) != reach(settings) {
+        let goes_on = before.beyond() != settings.beyond();
+        if goes_on {
             self.extended.take();
-            self.grid = None;
         }
-        if of_grid(&self.maps) != grid_before {
+        if goes_on || of_grid(&self.maps) != grid_before {
             self.grid = None;
             self.torn.iter_mut().for_each(Torn::forget_grid);
         } else if before != *settings {
@@ -133,19 +131,18 @@ impl TileState {
         self.maps.grid_size() != grid_before.0
     }
 
-    /// The tile as it is solved: with collars, if charts go on beyond seams.
+    /// The tile as it is solved: with collars, if charts go on beyond their borders.
     pub(crate) fn source(&self, team: &Team, mesh: &Mesh, tile: usize) -> Arc<TileMesh> {
-        match self.maps.settings.seams {
-            Seams::Shut => mesh.tiles[tile].clone(),
-            Seams::Continue => self.extended.get_or_init(|| self.new_source(team, mesh, tile)).clone(),
+        if self.maps.settings.beyond().is_none() {
+            return mesh.tiles[tile].clone();
         }
+        self.extended.get_or_init(|| self.new_source(team, mesh, tile)).clone()
     }
 
     fn new_source(&self, team: &Team, mesh: &Mesh, tile: usize) -> Arc<TileMesh> {
-        let TileSettings { seams, seam_reach, .. } = self.maps.settings;
-        match seams {
-            Seams::Shut => mesh.tiles[tile].clone(),
-            Seams::Continue => Arc::new(extended(team, mesh, tile, f64::from(seam_reach))),
+        match self.maps.settings.beyond() {
+            None => mesh.tiles[tile].clone(),
+            Some(beyond) => Arc::new(extended(team, mesh, tile, &beyond)),
         }
     }
 

@@ -4,14 +4,13 @@ use crate::allocation::{Collect, zeroed};
 use std::sync::Arc;
 
 use super::Asset;
-use super::tile::TileState;
 use crate::error::{Error, Result};
 use crate::grid::maps::{Mask, Rigidity, TileMaps};
 use crate::grid::squares::pages_near;
 use crate::image::ImageView;
 use crate::image::map::{Map, PAGE};
 use crate::report::{TileEstimate, TileInfo};
-use crate::settings::{Seams, TileSettings};
+use crate::settings::TileSettings;
 use crate::view::Strided;
 
 impl Asset {
@@ -152,10 +151,9 @@ impl Asset {
         })
     }
 
-    /// The maps of all tiles, if charts of any go on beyond seams.
+    /// The maps of all tiles, if charts of any go on beyond their borders.
     pub(crate) fn maps(&self) -> Vec<TileMaps> {
-        let continues = |state: &TileState| state.maps.settings.seams == Seams::Continue;
-        if !self.tiles.iter().any(continues) {
+        if self.tiles.iter().all(|state| state.maps.settings.beyond().is_none()) {
             return Vec::new();
         }
         self.tiles.iter().map(|state| state.maps.clone()).collected()

@@ -24,7 +24,7 @@ pub(super) struct Node {
     pub fade: f32,
 }
 
-/// A node's place in another chart, or beyond another seam of its own.
+/// A node's place in another chart, or beyond another seam or an open border of its own.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Copy {
     /// The tile in the mesh, and the triangle there.
@@ -34,6 +34,8 @@ pub(super) struct Copy {
     pub at: [f32; 2],
     /// Its part of the blend.
     pub part: f32,
+    /// Whether one of the node and the copy lies on a mirror image of the surface: what the copy's chart says is mirrored, too.
+    pub mirrored: bool,
 }
 
 /// What a tile's nodes are blended of. It depends on the mesh, on the grid's size and on which nodes may move.
@@ -126,7 +128,7 @@ impl OfBlock {
         let place = on_surface(tile, index, triangle, uv);
         let all = sheets(places, place);
         let is_collar = tile.source(triangle as usize).is_some();
-        let own = (index, tile.chart_of_triangle(triangle), is_collar);
+        let own = (index, tile.chart_of_triangle(triangle), is_collar, place.image);
         let Some(home) = all.iter().find(|on| on.sheet() == own) else { return };
         let parts = depths.parts(places, place, &all);
         let fade = if is_collar { smooth(2.0 * depth_of(places, home)) } else { 1.0 };
@@ -134,7 +136,8 @@ impl OfBlock {
         for (on, part) in all.iter().zip(parts).filter(|(on, part)| on.sheet() != own && *part >= SMALLEST) {
             let at = barycentrics(places.tiles[on.tile as usize].triangles[on.triangle as usize].uv, on.uv);
             let at = at.map(|x| x as f32);
-            self.copies.put(Copy { tile: on.tile, triangle: on.triangle, at, part });
+            let mirrored = on.image != place.image;
+            self.copies.put(Copy { tile: on.tile, triangle: on.triangle, at, part, mirrored });
         }
         let count = self.copies.len() - first;
         if count > 0 && fade > SMALLEST {

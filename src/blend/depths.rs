@@ -25,10 +25,16 @@ const MOST_ROUNDS: f32 = 1000.0;
 /// The depth of a chart at a node.
 #[derive(Clone, Copy, Debug)]
 struct Depth {
-    /// Twice the chart's number among those of all tiles; plus 1 for the collar of the node's own chart, which goes on in
-    /// itself.
+    /// Four times the chart's number among those of all tiles; plus 1 for the collar of the node's own chart, which goes on in
+    /// itself; plus 2 for the mirror image of the chart, which has the node where the chart has the node's image.
     key: u32,
     depth: f32,
+}
+
+impl Depth {
+    fn is_image(&self) -> bool {
+        self.key & 2 != 0
+    }
 }
 
 /// A tile's nodes.
@@ -123,11 +129,15 @@ impl Depths {
                 nodes.put(Node { tile: index, triangle, at, rigid });
                 self.starts.put(self.entries.len() as u32);
                 let uv = DVec2::new(at[0] as f64, at[1] as f64) / cells(level);
-                let place = Place { tile: index, triangle, uv };
-                let own = 2 * (self.first_chart[index as usize] + own);
+                let place = Place { tile: index, triangle, uv, image: false };
+                let own = 4 * (self.first_chart[index as usize] + own);
                 self.entries.put(Depth { key: own, depth: 1.0 });
                 for on in sheets(places, place).into_iter().filter(|on| on.is_collar) {
-                    self.entries.put(Depth { key: self.key(&on, own), depth: depth_of(places, &on) });
+                    let depth = match on.image {
+                        true => beside_mirror(places, &on, cells(level)),
+                        false => depth_of(places, &on),
+                    };
+                    self.entries.put(Depth { key: self.key(&on, own), depth });
                 }
             }
         }
@@ -142,7 +152,7 @@ impl Depths {
                 }
                 let s = crate::grid::planes::slot((x & 15) as usize, (y & 15) as usize);
                 let triangle = grid.triangle[b as usize][s];
-                if triangle != NONE && triangle as usize >= tile.own() {
+                if triangle != NONE && triangle as usize >= tile.own() && !tile.is_image(triangle) {
                     let uv = DVec2::new(x as f64, y as f64) / cells(level);
                     beyond.put(((first + k) as u32, on_surface(tile, index, triangle, uv)));
                 }
@@ -153,8 +163,8 @@ impl Depths {
 
     /// The key of a chart at a place on the chart with the key `own`.
     fn key(&self, on: &OnChart, own: u32) -> u32 {
-        let key = 2 * (self.first_chart[on.tile as usize] + on.chart);
-        key + u32::from(key == own && on.is_collar)
+        let key = 4 * (self.first_chart[on.tile as usize] + on.chart);
+        if on.image { key + 2 } else { key + u32::from(key == own && on.is_collar) }
     }
 
     /// The node of the same chart that is nearest to a place on it.
@@ -168,7 +178,7 @@ impl Depths {
         let last = DVec2::new(tile.size[0] as f64, tile.size[1] as f64) - 1.0;
         let at = (place.uv * last).round().clamp(DVec2::ZERO, last);
         let n = tile.number[at.y as usize * tile.size[0] + at.x as usize];
-        (n != NONE && self.own(n) == 2 * chart).then_some(n)
+        (n != NONE && self.own(n) == 4 * chart).then_some(n)
     }
 
     /// The key of a node's own chart.
@@ -227,7 +237,7 @@ impl Depths {
         for n in (0..nodes.len() as u32).filter(|&n| nodes[n as usize].rigid) {
             let feature = root(&mut parents, n);
             sizes[feature as usize] += 1;
-            for entry in self.of(n) {
+            for entry in self.of(n).iter().filter(|entry| !entry.is_image()) {
                 let (depth, count) = least.get(&(feature, entry.key)).copied().unwrap_or((f32::INFINITY, 0));
                 enter(&mut least, (feature, entry.key), (depth.min(entry.depth), count + 1));
             }
@@ -243,14 +253,15 @@ impl Depths {
         let mut is_whole: Vec<bool> = zeroed(nodes.len());
         for n in (0..nodes.len() as u32).filter(|&n| nodes[n as usize].rigid) {
             let feature = root(&mut parents, n);
-            let whole = self.of(n).iter().any(|entry| of_feature(feature, entry.key) > 0.0);
+            let mut of_charts = self.of(n).iter().filter(|entry| !entry.is_image());
+            let whole = of_charts.any(|entry| of_feature(feature, entry.key) > 0.0);
             is_whole[feature as usize] |= whole;
         }
         for n in (0..nodes.len() as u32).filter(|&n| nodes[n as usize].rigid) {
             let feature = root(&mut parents, n);
             if is_whole[feature as usize] {
                 let range = self.starts[n as usize] as usize..self.starts[n as usize + 1] as usize;
-                for entry in &mut self.entries[range] {
+                for entry in self.entries[range].iter_mut().filter(|entry| !entry.is_image()) {
                     entry.depth = of_feature(feature, entry.key);
                 }
             }
@@ -279,7 +290,11 @@ impl Depths {
                         continue;
                     }
                     for e in self.starts[to as usize]..self.starts[to as usize + 1] {
-                        let Depth { key, depth } = self.entries[e as usize];
+                        let entry = self.entries[e as usize];
+                        if entry.is_image() {
+                            continue;
+                        }
+                        let Depth { key, depth } = entry;
                         let swapped = if turns && key >> 1 == own >> 1 { key ^ 1 } else { key };
                         let bound = self.depth(from, swapped) + slope([a, b]);
                         if bound < depth {
@@ -297,7 +312,7 @@ impl Depths {
 
     /// The parts that the charts that have a place take in the blend, in their order.
     pub(super) fn parts(&self, places: &Places, place: Place, sheets: &[OnChart]) -> Vec<f32> {
-        let own = 2
+        let own = 4
             * (self.first_chart[place.tile as usize]
                 + places.tiles[place.tile as usize].chart_of_triangle(place.triangle));
         let keys: Vec<u32> = sheets.iter().map(|on| self.key(on, own)).collected();
@@ -348,7 +363,8 @@ pub(super) fn sheets(places: &Places, place: Place) -> Vec<OnChart> {
         let other = &places.tiles[k as usize];
         let Some((depth, uv)) = seen_by(other, k, t, place) else { continue };
         let is_collar = other.source(t as usize).is_some();
-        let on = OnChart { tile: k, triangle: t, chart: other.chart_of_triangle(t), is_collar, depth, uv };
+        let (chart, image) = (other.chart_of_triangle(t), other.is_image(t));
+        let on = OnChart { tile: k, triangle: t, chart, is_collar, image, depth, uv };
         match all.iter_mut().find(|known| known.sheet() == on.sheet()) {
             Some(known) if known.depth >= depth => {}
             Some(known) => *known = on,
@@ -366,6 +382,21 @@ pub(super) fn depth_of(places: &Places, on: &OnChart) -> f32 {
         let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
         let [a, b, c] = source.depth;
         (a + s * (b - a) + r * (c - a)).clamp(0.0, 1.0)
+    })
+}
+
+/// Where this many cells from an open border, a chart and its image are no longer blended: the solve holds texture at the
+/// border, so that only a rest is left there.
+const BESIDE_MIRROR: f64 = 2.0;
+
+/// How near a place is to the open border beyond which a chart has its image there: 1 at the border.
+fn beside_mirror(places: &Places, on: &OnChart, cells: DVec2) -> f32 {
+    let tile = &places.tiles[on.tile as usize];
+    tile.source(on.triangle as usize).map_or(1.0, |source| {
+        let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
+        let [a, b, c] = source.distance;
+        let distance = f64::from(a + s * (b - a) + r * (c - a)) * cells.min_element();
+        (1.0 - distance / BESIDE_MIRROR).clamp(0.0, 1.0) as f32
     })
 }
 

@@ -9,12 +9,14 @@ use crate::allocation::{Collect, filled, zeroed};
 use crate::mesh::TileMesh;
 use crate::mesh::triangle::barycentrics;
 
-/// A point of the surface: a triangle of a chart, by its tile and its number there, and a UV within the tile.
+/// A point of the surface: a triangle of a chart, by its tile and its number there, and a UV within the tile; or the mirror
+/// image of such a point beyond an open border.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub tile: u32,
     pub triangle: u32,
     pub uv: DVec2,
+    pub image: bool,
 }
 
 /// The triangles of collars at each triangle of the mesh.
@@ -33,12 +35,13 @@ pub(crate) struct Places {
 /// A point on the side of a triangle may be outside of it by this, in barycentric coordinates.
 pub(super) const OUTSIDE: f64 = 1e-6;
 
-/// A place as a chart has it: on the chart itself, or in its collar.
+/// A point of the surface as a chart has it: on the chart itself, or in its collar; there perhaps its mirror image.
 pub(super) struct OnChart {
     pub tile: u32,
     pub triangle: u32,
     pub chart: u32,
     pub is_collar: bool,
+    pub image: bool,
     /// The least barycentric coordinate on the triangle.
     pub depth: f64,
     /// In the chart's plane.
@@ -46,8 +49,8 @@ pub(super) struct OnChart {
 }
 
 impl OnChart {
-    pub fn sheet(&self) -> (u32, u32, bool) {
-        (self.tile, self.chart, self.is_collar)
+    pub fn sheet(&self) -> (u32, u32, bool, bool) {
+        (self.tile, self.chart, self.is_collar, self.image)
     }
 }
 
@@ -95,7 +98,8 @@ impl Places {
         place: Place,
         at: DVec2,
     ) -> Option<DVec2> {
-        if let Some((_, uv)) = seen_by(tile, index, home, place).filter(|(depth, _)| *depth >= 0.0) {
+        let seen_by = |t: u32| seen_by(tile, index, t, place).filter(|_| tile.is_image(t) == place.image);
+        if let Some((_, uv)) = seen_by(home).filter(|(depth, _)| *depth >= 0.0) {
             return Some(uv);
         }
         let of_chart = &tile.charts[chart as usize];
@@ -103,15 +107,14 @@ impl Places {
             .then_some(place.triangle);
         let collars = self.of(place.tile, place.triangle).iter();
         let collars = collars.filter(|(k, t)| *k == index && of_chart.collar.contains(&(*t as usize)));
-        let seen =
-            own.into_iter().chain(collars.map(|(_, t)| *t)).filter_map(|t| seen_by(tile, index, t, place));
+        let seen = own.into_iter().chain(collars.map(|(_, t)| *t)).filter_map(seen_by);
         let inside = seen.filter(|(depth, _)| *depth >= -OUTSIDE).map(|(_, uv)| uv);
         inside.min_by(|a, b| a.distance_squared(at).total_cmp(&b.distance_squared(at)))
     }
 }
 
 /// The least barycentric coordinate of a place on a triangle of a tile, and the UV there in the plane of the triangle's chart;
-/// `None` if the triangle is no part of that triangle of the mesh.
+/// `None` if the triangle is no part of that triangle of the mesh. A place and its image are not told apart.
 pub(super) fn seen_by(tile: &TileMesh, index: u32, t: u32, place: Place) -> Option<(f64, DVec2)> {
     let uv = tile.triangles[t as usize].uv;
     let surface = match tile.source(t as usize) {
@@ -126,10 +129,10 @@ pub(super) fn seen_by(tile: &TileMesh, index: u32, t: u32, place: Place) -> Opti
 /// The point of the surface at a UV on a triangle of a tile, the mesh's tile `index`.
 pub(super) fn on_surface(tile: &TileMesh, index: u32, t: u32, uv: DVec2) -> Place {
     match tile.source(t as usize) {
-        None => Place { tile: index, triangle: t, uv },
+        None => Place { tile: index, triangle: t, uv, image: false },
         Some(source) => {
             let there = point(source.uv, barycentrics(tile.triangles[t as usize].uv, uv));
-            Place { tile: source.tile, triangle: source.triangle, uv: there }
+            Place { tile: source.tile, triangle: source.triangle, uv: there, image: source.image }
         }
     }
 }

@@ -131,7 +131,7 @@ impl<V: Lanes> Total<V> {
     /// Adds the terms of a row, whose movable nodes are in the lanes `movable`.
     #[inline(always)]
     pub fn add(&mut self, patch: &Patch, row: Row, movable: V::Mask, weights: &Weights, terms: &Terms<V>) {
-        let mut energy = V::zero();
+        let mut energy = terms.hold;
         for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
             energy += (V::one() - patch.movable_near::<V>(row, di, dj) * 0.5) * terms.edges[k];
         }

@@ -2,10 +2,11 @@
 //! (method §1).
 
 use crate::allocation::{Plain, zeroed_box};
-use crate::grid::Level;
 use crate::grid::planes::{Plane, SIDE};
 use crate::grid::window::{self, WINDOW_NODES, Window};
+use crate::grid::{Level, mirrors};
 use crate::mesh::NONE;
+use crate::method::law::HOLD;
 use crate::method::plan::Input;
 
 use super::buffers::State;
@@ -88,6 +89,9 @@ pub struct Patch {
     pub movable: Window<u8>,
     /// Density ρ of rigid material; 0 if the level stores none, because no setting needs it.
     pub density: Window,
+    /// √`HOLD` times what holds the nodes of the block, without the halo, and whether anything does.
+    pub held: [Plane; 2],
+    pub is_held: bool,
     /// Whether the level stores densities.
     pub has_density: bool,
     /// Displacements of the previous result; loaded only if there is a pull.
@@ -148,10 +152,21 @@ impl Patch {
             self.density = [0.0; WINDOW_NODES];
         }
         self.has_density = !level.density.is_empty();
+        self.load_held(level, b);
         for e in 0..4 {
             decode::rest_length::<V>(level, b, e, &mut self.length[e]);
             for at in window_vectors() {
                 (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse_length[e], at);
+            }
+        }
+    }
+
+    /// Gathers what holds the nodes of block `b`.
+    fn load_held(&mut self, level: &Level, b: usize) {
+        self.is_held = level.held.get(b).is_some_and(|plane| plane.iter().any(|&held| held != 0));
+        if self.is_held {
+            for (s, &held) in level.held[b].iter().enumerate() {
+                [self.held[0][s], self.held[1][s]] = mirrors::decode(held).map(|x| x * HOLD.sqrt());
             }
         }
     }

@@ -9,8 +9,10 @@ use crate::method::law::{COMPRESSION_STIFFNESS, MIN_OFFSET_SQUARE, TENSION_STIFF
 
 /// The energy terms at each node of a row.
 pub struct Terms<V> {
-    /// The sum over the node's eight edges and twelve corners.
+    /// The sum over the node's eight edges and twelve corners, and of the hold.
     pub energy: V,
+    /// The energy of the hold at an open border.
+    pub hold: V,
     /// The terms of the edges to the eight neighbours.
     pub edges: [V; 8],
     /// J of the twelve corners and its gradient in the node: three corners for each of the four cells.
@@ -140,13 +142,19 @@ impl Patch {
         for edge in edges {
             energy += edge;
         }
+        let mut hold = V::zero();
+        if self.is_held {
+            let (_, moved) = self.moved_across(row, p);
+            hold = moved * moved;
+        }
+        energy += hold;
         let corners = self.corners(row, p);
         if least_jacobian(&corners).lt(V::splat(weights.room_threshold)).any() {
             for corner in &corners {
                 energy += room_energy(corner.0, weights);
             }
         }
-        Terms { energy, edges, corners }
+        Terms { energy, hold, edges, corners }
     }
 
     /// The quadratic model of a row's nodes. `stiff` is the result of `has_stiff_edges`; if it is true, `visitor`
@@ -238,7 +246,14 @@ impl Patch {
         self.with_room(row, p, edges, gradient, matrix, weights)
     }
 
-    /// Completes a quadratic model: adds the room term to the edges' gradient and matrix, and sums the energy.
+    /// The direction across the border at a row's nodes, with the root of the hold's weight, and the displacement along it.
+    #[inline(always)]
+    fn moved_across<V: Lanes>(&self, row: Row, p: &NodeState<V>) -> ([V; 2], V) {
+        let across = each!([0, 1], |c| V::load(&self.held[c], row.slot()));
+        (across, across[0] * p.u[0] + across[1] * p.u[1])
+    }
+
+    /// Completes a quadratic model: adds hold and room term to the edges' gradient and matrix, and sums the energy.
     #[inline(always)]
     fn with_room<V: Lanes>(
         &self,
@@ -250,6 +265,14 @@ impl Patch {
         weights: &Weights,
     ) -> QuadraticModel<V> {
         let terms = self.with_corners(row, p, edges, weights);
+        if self.is_held {
+            let ([x, y], moved) = self.moved_across(row, p);
+            gradient[0] += x * moved;
+            gradient[1] += y * moved;
+            matrix[0] += x * x;
+            matrix[1] += x * y;
+            matrix[2] += y * y;
+        }
         if least_jacobian(&terms.corners).lt(V::splat(weights.room_threshold)).any() {
             for (jacobian, corner_gradient) in &terms.corners {
                 let lack = (V::splat(weights.room_threshold) - *jacobian).max(V::zero());

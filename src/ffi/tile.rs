@@ -5,7 +5,7 @@ use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{flag, image_or_none, strided, vrtm_array, vrtm_image};
-use crate::settings::{Overlap, Seams, TileSettings};
+use crate::settings::{OpenBorders, Overlap, Seams, TileSettings};
 
 /// Facts of a tile that need no solve. Start from vrtm_tile_data_init().
 #[repr(C)]
@@ -57,6 +57,16 @@ pub const VRTM_SEAMS_SHUT: vrtm_seams = 0;
 /// they are with VRTM_SEAMS_SHUT. Experimental.
 pub const VRTM_SEAMS_CONTINUE: vrtm_seams = 1;
 
+/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face has.
+pub type vrtm_open_borders = i32;
+/// Nothing moves at an open border; the default. The surface may go on in a mesh that is not known here, as a head's
+/// neck does.
+pub const VRTM_OPEN_BORDERS_FIXED: vrtm_open_borders = 0;
+/// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its
+/// shape; any texture will do. Corners of more than 50 degrees stay where they are. Edges whose vertices are not welded
+/// look like open borders, and so do those at which faces of other sizes meet. Experimental.
+pub const VRTM_OPEN_BORDERS_SLIDE: vrtm_open_borders = 1;
+
 /// A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -87,9 +97,12 @@ pub struct vrtm_tile_settings {
     pub room_threshold: f32,
     /// VRTM_SEAMS_SHUT (0, the default) or VRTM_SEAMS_CONTINUE; the latter only with an `orientation_density` of 0.
     pub seams: vrtm_seams,
-    /// How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, in UV: about the size of a large rigid feature.
-    /// At most 0.5; 0 (the default) = 0.03125.
+    /// How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
+    /// VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. At most 0.5; 0 (the default) = 0.03125.
     pub seam_reach: f32,
+    /// VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE; the latter only with an
+    /// `orientation_density` of 0.
+    pub open_borders: vrtm_open_borders,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
@@ -135,6 +148,10 @@ fn to_c(settings: &TileSettings) -> vrtm_tile_settings {
             Seams::Continue => VRTM_SEAMS_CONTINUE,
         },
         seam_reach: settings.seam_reach,
+        open_borders: match settings.open_borders {
+            OpenBorders::Fixed => VRTM_OPEN_BORDERS_FIXED,
+            OpenBorders::Slide => VRTM_OPEN_BORDERS_SLIDE,
+        },
     }
 }
 
@@ -151,6 +168,14 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
         VRTM_SEAMS_CONTINUE => Seams::Continue,
         other => return Err(Failure::argument(format!("settings.seams is {other}, no VRTM_SEAMS_ value"))),
     };
+    let open_borders = match from.open_borders {
+        VRTM_OPEN_BORDERS_FIXED => OpenBorders::Fixed,
+        VRTM_OPEN_BORDERS_SLIDE => OpenBorders::Slide,
+        other => {
+            let message = format!("settings.open_borders is {other}, no VRTM_OPEN_BORDERS_ value");
+            return Err(Failure::argument(message));
+        }
+    };
     Ok(TileSettings {
         grid: [from.grid_width, from.grid_height].map(|n| (n != 0).then_some(n)),
         smoothness: from.smoothness,
@@ -162,6 +187,7 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
         overlap,
         seams,
         seam_reach: if from.seam_reach == 0.0 { TileSettings::default().seam_reach } else { from.seam_reach },
+        open_borders,
     })
 }
 

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 #[cfg(test)]
 use super::generated::WgslType;
 use super::generated::structs;
-use crate::grid::Grid;
+use crate::grid::{Grid, Level};
 
 /// Constants of both languages.
 pub mod shared {
@@ -32,8 +32,8 @@ pub mod shared {
         LENGTH: usize = 1;
         /// Plane of the triangle under the node, or of the coverage.
         TRIANGLE_OR_COVERAGE: usize = 3;
-        /// Plane of the density, on grids that have it.
-        DENSITY: usize = 4;
+        /// Plane of the density, or of what holds nodes at open borders, on grids that have it: none has both.
+        EXTRA: usize = 4;
 
         /// Planes per block of the state of a coarser level: displacement (2).
         COARSE_STATE_PLANES: usize = 2;
@@ -169,9 +169,11 @@ pub const METRIC_PLANES: usize = 3;
 pub const SCRATCH_PLANES: usize = 2;
 
 /// Planes per block of the constants of a grid's nodes: rigidity, four rest lengths (two planes), triangle under the
-/// node (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material.
+/// node (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material or what holds
+/// nodes.
 pub fn node_planes(grid: &Grid) -> usize {
-    if grid.levels[0].density.is_empty() { DENSITY } else { DENSITY + 1 }
+    let Level { density, held, .. } = &grid.levels[0];
+    if density.is_empty() && held.is_empty() { EXTRA } else { EXTRA + 1 }
 }
 
 /// Planes per block of a level's state.
@@ -214,6 +216,8 @@ structs! {
         orientation_density: f32,
         room: f32,
         room_threshold: f32,
+        /// Weight of the hold at open borders; 0 without one.
+        hold: f32,
         level: u32,
         /// Number of this level's first block in `rows` and `vectors`.
         base: u32,

@@ -13,6 +13,7 @@ use crate::allocation::{Collect, Grow};
 use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
+use crate::method::law::HOLD;
 use crate::method::plan::{ChartResult, Input};
 
 /// One solve of one tile.
@@ -102,6 +103,7 @@ impl<'a> Run<'a> {
                 true => 0.0,
                 false => settings.orientation_density,
             },
+            hold: if grid.levels[0].held.is_empty() { 0.0 } else { HOLD },
             node_planes: node_planes(grid) as u32,
             room: settings.room,
             room_threshold: settings.room_threshold,

@@ -11,7 +11,7 @@ use super::pose::Pose;
 use super::pyramid::{self, Held};
 use super::rigidity::NodeRigidity;
 use super::survey::{Survey, SurveyLevel};
-use super::{Grid, Level, cover, coverage, density, rest};
+use super::{Grid, Level, cover, coverage, density, mirrors, rest};
 use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
 use crate::grid::maps::MapsOfTile;
 #[cfg(test)]
@@ -36,6 +36,10 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -
         }
     }
     set_interpolation(team, &survey, &mut levels, &maps.own.settings);
+    for level in &mut levels {
+        let cells = [level.nx, level.ny];
+        level.held = Arc::new(mirrors::held(tile, &survey.coverer.charts, &level.blocks, cells));
+    }
     let triangle = Arc::new(triangles_of_nodes(team, &survey));
     let mut gather = Gather::default();
     if let Some(level) = levels.get_mut(1) {
@@ -119,6 +123,7 @@ pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
             ny: size[1],
             rigidity: Vec::new(),
             density: Arc::default(),
+            held: Arc::default(),
             interpolation: Vec::new(),
             stiffness: Vec::new(),
             movable: Arc::new(movable.iter().map(mobility).collected()),

@@ -42,7 +42,7 @@ impl Pose {
             .map(|(c, chart)| {
                 let mut low = [f64::INFINITY; 3];
                 let mut high = [f64::NEG_INFINITY; 3];
-                let point = |local: u32| chart.value(local, &position);
+                let point = |local: u32| chart.position(local, &position);
                 for p in (0..chart.count() as u32).map(point) {
                     for axis in 0..3 {
                         low[axis] = low[axis].min(p[axis]);
@@ -83,7 +83,10 @@ impl Pose {
         // that.
         const ROUNDING: f64 = 4.0 / (1u64 << 24) as f64;
         let Chart { triangles, collar, .. } = &tile.charts[c];
-        [triangles, collar].into_iter().flat_map(|range| &tile.triangles[range.clone()]).all(|t| {
+        // Mirror images move as what they are images of, to a greater rounding.
+        let is_real = |t: &usize| !tile.is_image(*t as u32);
+        triangles.clone().chain(collar.clone()).filter(is_real).all(|t| {
+            let t = &tile.triangles[t];
             (0..3).all(|k| {
                 let (a, b) = (t.local[k], t.local[(k + 1) % 3]);
                 let (was, is) = (length(rest, a, b), length(pose, a, b));

@@ -207,7 +207,8 @@ impl TriangleInSpace {
         let source = &chords.tile.triangles[t as usize];
         let chart = &chords.tile.charts[chart as usize];
         let [a, b, c] = source.uv.map(|uv| uv * chords.cells);
-        let [p, q, r] = source.local.map(|v| DVec3::from(chart.value(v, |v| chords.mesh.rest[v as usize])));
+        let [p, q, r] =
+            source.local.map(|v| DVec3::from(chart.position(v, |v| chords.mesh.rest[v as usize])));
         TriangleInSpace { origin: a, uv: [b - a, c - a], first: p, edges: [q - p, r - p] }
     }
 

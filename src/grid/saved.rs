@@ -59,8 +59,10 @@ pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, MapsOfTile { own: maps, all }: M
             hash.update(&source.tile.to_le_bytes());
             source.uv.iter().flat_map(|uv| uv.to_array()).for_each(|x| hash.update(&x.to_le_bytes()));
         }
-        let points = tile.charts.iter().flat_map(|chart| &chart.points);
-        points.flat_map(|point| point.weights).for_each(|x| hash.update(&x.to_le_bytes()));
+        for point in tile.charts.iter().flat_map(|chart| &chart.points) {
+            point.weights.iter().for_each(|x| hash.update(&x.to_le_bytes()));
+            hash.update(&[u8::from(point.mirror.is_some())]);
+        }
         for (_, maps) in
             all.iter().enumerate().filter(|(k, _)| tile.sources.iter().any(|s| s.tile as usize == *k))
         {

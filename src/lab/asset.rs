@@ -77,7 +77,7 @@ impl Asset {
     }
 
     /// What lies beyond the seams of each chart in the chart's own plane, as it was solved with: empty unless charts go on
-    /// beyond seams.
+    /// beyond seams. What is a mirror image beyond an open border is left out.
     ///
     /// # Errors
     /// `NotSolved` before the first solve.
@@ -92,14 +92,19 @@ impl Asset {
                 let point = |local: u32| match chart.vertices.get(local as usize) {
                     Some(&v) => [(v, 1.0), (v, 0.0), (v, 0.0)],
                     None => {
-                        let FacePoint { vertices, weights } =
+                        let FacePoint { vertices, weights, .. } =
                             chart.points[local as usize - chart.vertices.len()];
                         [0, 1, 2].map(|k| (vertices[k], weights[k]))
                     }
                 };
                 (uv.map(|uv| uv.to_array()), local.map(point))
             };
-            let triangles = chart.collar.clone().map(triangle).collected();
+            let is_image = |&local: &u32| {
+                let point = (local as usize).checked_sub(chart.vertices.len()).map(|k| &chart.points[k]);
+                point.is_some_and(|point| point.mirror.is_some())
+            };
+            let is_there = |t: &usize| !tile.triangles[*t].local.iter().any(is_image);
+            let triangles = chart.collar.clone().filter(is_there).map(triangle).collected();
             CollarOfChart { inside: ((own[0] + own[1] + own[2]) / 3.0).to_array(), triangles }
         };
         Ok(tile.charts.iter().map(of_chart).collected())

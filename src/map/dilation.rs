@@ -11,6 +11,7 @@ use crate::image::ImagePart;
 use crate::mesh::collar::{Collar, collars};
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, TileMesh};
+use crate::settings::Beyond;
 use crate::team::Team;
 
 /// What a texel beside the charts shows.
@@ -35,9 +36,9 @@ pub(crate) struct Dilation<'a> {
 const NOTHING: Found = Found { distance: f64::INFINITY, uv: DVec2::ZERO };
 
 impl<'a> Dilation<'a> {
-    /// Lays out the collars of a tile's charts up to `reach`, a length in UV.
+    /// Lays out the collars of a tile's charts beyond their seams up to `reach`, a length in UV.
     pub fn new(team: &Team, mesh: &'a Mesh, tile: usize, reach: f64, part: &ImagePart) -> Dilation<'a> {
-        let collars = collars(team, mesh, tile, reach);
+        let collars = collars(team, mesh, tile, &Beyond { seams: true, open_borders: false, reach });
         let mut charts = ChartTexels::new(part);
         charts.draw(team, &mesh.tiles[tile], part);
         let [width, height] = part.extent();

@@ -36,8 +36,8 @@ pub(crate) fn write(
         return Err(Error::new(ErrorKind::Unsupported, message));
     };
     if solved.extended.is_some() {
-        let message =
-            "tile: its charts go on beyond seams (settings.seams), which memory of a GPU is not written with";
+        let message = "tile: its charts go on beyond their borders (settings.seams, settings.open_borders), which memory of a GPU \
+                       is not written with";
         return Err(Error::new(ErrorKind::Unsupported, message));
     }
     let values = match Form::new(kind, &solved.mesh) {

@@ -1,4 +1,4 @@
-//! A tile whose charts go on beyond their seams: each chart with its collar, as far as it lies over nothing else of the same
+//! A tile whose charts go on beyond their borders: each chart with its collar, as far as it lies over nothing else of the same
 //! chart. What is left out of a collar is beyond a border, as everything is without collars.
 
 mod overlaps;
@@ -13,14 +13,15 @@ use super::collar::{Across, Collar, collars};
 use super::hash::{Table, enter};
 use super::{Chart, Cut, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
 use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use crate::settings::Beyond;
 use crate::team::Team;
 use overlaps::Overlaps;
 
-/// A tile with collars out to `reach`, a length in UV. Triangles of charts keep their numbers. Charts that lie over others get
-/// no collars: what they share must stay where it is.
-pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> TileMesh {
+/// A tile with collars. Triangles of charts keep their numbers. Charts that lie over others get no collars: what they share
+/// must stay where it is.
+pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileMesh {
     let source = &mesh.tiles[tile];
-    let mut collars = collars(team, mesh, tile, reach);
+    let mut collars = collars(team, mesh, tile, beyond);
     let stacked = stacked(source);
     for (collar, _) in collars.iter_mut().zip(&stacked).filter(|(_, stacked)| **stacked) {
         *collar = Collar::default();
@@ -41,7 +42,7 @@ pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, reach: f64) -> Til
         edges_apart: source.edges_apart,
     };
     for ((chart, collar), kept) in source.charts.iter().zip(&collars).zip(&kept) {
-        let chart = add(&mut extended, chart, collar, kept, reach);
+        let chart = add(&mut extended, chart, collar, kept, beyond.reach);
         extended.charts.put(chart);
     }
     extended
@@ -212,11 +213,10 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: 
     };
     // Points are numbered after all vertices.
     let mut points: Vec<FacePoint> = Vec::new();
-    let vertex = |point: &FacePoint| (0..3).find(|&c| point.weights[c] == 1.0).map(|c| point.vertices[c]);
     let locals: Vec<[Result<u32, u32>; 3]> = kept_ones
         .iter()
         .map(|&k| {
-            list[k].points.each_ref().map(|point| match vertex(point) {
+            list[k].points.each_ref().map(|point| match point.vertex() {
                 Some(v) => Ok(with_vertex(&mut vertices, v)),
                 None => {
                     points.put(*point);

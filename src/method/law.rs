@@ -42,6 +42,9 @@ constants! {
     /// the energy more closely across the edges of triangles, and jumps more there.
     TANGENT_WEIGHT: f32 = 0.15;
 
+    /// Weight of the hold at open borders along which texture slides (method §16).
+    HOLD: f32 = 4.0;
+
     /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
     TENSION_STIFFNESS: f32 = 0.25;
     /// ... and of one that is shorter.

@@ -137,7 +137,7 @@ impl<const D: usize> Surface<D> {
         let affine = |(t, &chart): (usize, &u32)| {
             let chart = &tile.charts[chart as usize];
             let base = position(chart.vertices[0] as usize);
-            let [p, q, r] = tile.triangles[t].local.map(|v| chart.value(v, |v| position(v as usize)));
+            let [p, q, r] = tile.triangles[t].local.map(|v| chart.position(v, |v| position(v as usize)));
             let uv = &locator.triangles[t];
             let tangent = [0, 1].map(|axis| {
                 std::array::from_fn(|k| {

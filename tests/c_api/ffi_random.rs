@@ -341,6 +341,7 @@ impl Host {
                     settings.room_threshold = self.odd(0.4, &[0.0, 1.0, 1.5]);
                     settings.seams = self.odd(0, &[1, 1, 2]);
                     settings.seam_reach = self.odd(0.03125, &[0.3, 0.0, f32::NAN]);
+                    settings.open_borders = self.odd(0, &[1, 1, 2]);
                     vrtm_tile_set_settings(self.tile(), &settings)
                 }
                 19 => {

@@ -10,7 +10,7 @@ mod gaps;
 
 use std::collections::HashMap;
 
-use vrtm::{Asset, CollarOfChart, Seams, SolveOptions, Strided, TileSettings};
+use vrtm::{Asset, CollarOfChart, OpenBorders, Seams, SolveOptions, Strided, TileSettings};
 
 use super::{Maps, Model, Warp, assets, scenes};
 use beyond::Beyond;
@@ -65,18 +65,24 @@ pub fn models() -> Vec<Model> {
     models
 }
 
+/// What happens at the borders of charts.
+pub type Borders = (Seams, OpenBorders);
+
+/// Nothing moves there.
+pub const STILL: Borders = (Seams::Shut, OpenBorders::Fixed);
+
 /// An asset of a model, solved for a pose on a CPU.
 pub fn solve(
     model: &Model,
     pose: &[[f32; 3]],
     threads: u32,
     grid: u32,
-    seams: Seams,
+    (seams, open_borders): Borders,
     options: &SolveOptions,
 ) -> Asset {
     let mut asset = model.asset(threads, grid);
     for tile in 0..asset.tile_count() {
-        let settings = TileSettings { seams, ..asset.settings(tile).unwrap() };
+        let settings = TileSettings { seams, open_borders, ..asset.settings(tile).unwrap() };
         asset.set_settings(tile, &settings).unwrap();
     }
     asset.solve(Strided::from_f32x3(pose), options).unwrap();

@@ -295,6 +295,12 @@ static void maps(void)
     WITH(float, settings.orientation_density, 1,
          fails("seams and density", vrtm_tile_set_settings(tile, &settings), BAD, "orientation_density"));
     settings.seams = VRTM_SEAMS_SHUT;
+    WITH(vrtm_open_borders, settings.open_borders, -1,
+         fails("borders -1", vrtm_tile_set_settings(tile, &settings), BAD, "settings.open_borders is -1"));
+    settings.open_borders = VRTM_OPEN_BORDERS_SLIDE;
+    WITH(float, settings.orientation_density, 1,
+         fails("borders and density", vrtm_tile_set_settings(tile, &settings), BAD, "settings.open_borders: "));
+    settings.open_borders = VRTM_OPEN_BORDERS_FIXED;
     WITH(uint32_t, settings.grid_width, 20000,
          fails("a grid too large", vrtm_tile_set_settings(tile, &settings), BAD, "settings.grid"));
     WITH(vrtm_overlap, settings.overlap, 5,

@@ -495,11 +495,12 @@ void tiles(const vrtm::Device &device)
     check_that(tile.estimate()->movable_nodes > 0, "its needs", "");
 
     vrtm::TileSettings settings;
-    settings.set(vrtm::Overlap::first_face).set(vrtm::Seams::go_on).grid_width = 128;
+    settings.set(vrtm::Overlap::first_face).set(vrtm::Seams::go_on).set(vrtm::OpenBorders::slide).grid_width = 128;
     settings.grid_height = 96;
     works("settings", tile.set_settings(settings));
     const vrtm::TileSettings read = *tile.settings();
     check_that(read.grid_width == 128 && vrtm::Overlap(read.overlap) == vrtm::Overlap::first_face &&
+                   vrtm::OpenBorders(read.open_borders) == vrtm::OpenBorders::slide &&
                    tile.info()->grid_height == 96,
                "are taken", "");
     settings.room = -3;

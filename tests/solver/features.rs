@@ -1,8 +1,8 @@
 //! How well each painted feature keeps its shape: inside of charts, at open borders and at seams.
 
-use vrtm::{Quality, Seams, SolveOptions, Strided};
+use vrtm::{Quality, SolveOptions, Strided};
 
-use crate::common::features::{CASES, Feature, Kind, Summary, models, of_asset, solve};
+use crate::common::features::{CASES, Feature, Kind, STILL, Summary, models, of_asset, solve};
 use crate::common::{Maps, Model, on_all_cores, options};
 
 /// The features of a model in a pose, with the original UVs.
@@ -62,7 +62,7 @@ fn a_feature_over_a_seam_is_one_and_has_the_error_it_was_given() {
         assert!((feature.before / expected - 1.0).abs() < 0.05, "{feature:?}, {expected}");
         assert_eq!(feature.before, feature.after);
     }
-    let asset = solve(&model, &pose, 1, 128, Seams::Shut, &SolveOptions::default());
+    let asset = solve(&model, &pose, 1, 128, STILL, &SolveOptions::default());
     let warped = of_asset(&model, &pose, &asset);
     let inner = warped.iter().find(|feature| feature.kind == Kind::Inner).unwrap();
     assert!(inner.after < 0.1 * inner.before, "{inner:?}");
@@ -99,7 +99,7 @@ fn features_keep_their_shape() {
         .collect();
     let rows = on_all_cores(&cases, |&(model, frame)| {
         let pose = &model.frames[frame - 1];
-        let asset = solve(model, pose, 1, 512, Seams::Shut, &options(Quality::Normal));
+        let asset = solve(model, pose, 1, 512, STILL, &options(Quality::Normal));
         let features = of_asset(model, pose, &asset);
         let name = &*model.name;
         let bars = BARS.iter().find(|bars| bars.0 == name).map_or([(0, 0, 0.0); 3], |bars| bars.1);

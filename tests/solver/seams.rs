@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, Seams,
-    SolveOptions, Strided, TileSettings,
+    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, OpenBorders, PixelFormat, Quality,
+    Seams, SolveOptions, Strided, TileSettings,
 };
 
 use crate::common::features::{CASES, Kind, Summary, gaps, models, of_asset, solve};
@@ -346,7 +346,8 @@ fn features_over_seams_keep_their_shape_and_stay_together() {
         .collect();
     let failed = on_all_cores(&cases, |&(model, frame, bars)| {
         let pose = &model.frames[frame - 1];
-        let asset = solve(model, pose, 1, 512, Seams::Continue, &options(Quality::Normal));
+        let asset =
+            solve(model, pose, 1, 512, (Seams::Continue, OpenBorders::Fixed), &options(Quality::Normal));
         let features = of_asset(model, pose, &asset);
         let [seam, inside] = [Kind::Seam, Kind::Inner].map(|kind| Summary::of(&features, kind));
         let gaps = gaps(model, &asset);

@@ -1,16 +1,17 @@
 //! Regularisation (the paper's eq. 4 and 5), integration, and the prediction of the positions from which the next
 //! projections begin (method §10).
 
-use crate::grid::Level;
 use crate::grid::codes::RIGIDITY_STEPS;
 use crate::grid::planes::{Plane, SIDE};
 use crate::grid::window::{self, WINDOW_NODES, Window};
+use crate::grid::{Level, mirrors};
 
 use super::super::buffers::State;
-use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
+use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
 use super::super::row::Row;
 use super::super::sampling::Surface;
 use super::project::{grid_row, store_moved};
+use crate::method::law::TINY;
 use crate::team::SharedSlice;
 
 /// The parameters of integration and prediction.
@@ -112,6 +113,17 @@ impl<S: Surface> Vectorised for RegulariseBlock<'_, S> {
                 for c in 0..2 {
                     lanes.select(integrated[c], V::zero()).store(&mut previous[c], s);
                 }
+            }
+            if let Some(held) = level.held.get(b) {
+                let mut across = [[0.0; LANES]; 2];
+                for (lane, &held) in held[s..s + LANES].iter().enumerate() {
+                    [across[0][lane], across[1][lane]] = mirrors::decode(held);
+                }
+                // At an open border along which texture slides, nothing moves across it.
+                let across = across.map(|across| V::load(&across, 0));
+                let square = (across[0] * across[0] + across[1] * across[1]).max(V::splat(TINY));
+                let far = (across[0] * moved[0] + across[1] * moved[1]) / square;
+                moved = each!([0, 1], |c| moved[c] - across[c] * far);
             }
             // SAFETY: promised by the caller.
             unsafe {

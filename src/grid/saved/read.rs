@@ -14,7 +14,7 @@ use crate::grid::planes::{NODES, Plane, SIDE};
 use crate::grid::pose::Pose;
 use crate::grid::survey::{RigidNodes, levels, movable_of_charts};
 use crate::grid::uv_triangle::uv_triangles;
-use crate::grid::{Grid, Level, survey_bytes};
+use crate::grid::{Grid, Level, mirrors, survey_bytes};
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::settings::MAX_GRID;
 use crate::team::Team;
@@ -139,6 +139,9 @@ pub fn grid(
         read_level(from, level, k, count)?;
     }
     let chart_of = tile.chart_of_triangles();
+    for level in &mut levels {
+        level.held = Arc::new(mirrors::held(tile, &chart_of, &level.blocks, [level.nx, level.ny]));
+    }
     let list = &levels[0].blocks.list;
     let is_triangle = |t: u32| t == NONE || (t as usize) < triangles;
     let triangle = from.planes(list.len(), u32::from_le_bytes, |_, t| is_triangle(t), "triangles")?;

@@ -12,11 +12,11 @@ use std::collections::BinaryHeap;
 
 use glam::{DMat2, DVec2, DVec3};
 
-use super::patch::Patch;
+use super::patch::{Patch, PatchTriangle};
 use super::surface::{Side, Surface};
 use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::mesh::triangle::doubled_area;
-use crate::mesh::{FacePoint, NONE, Source};
+use crate::mesh::{FacePoint, Mirror, NONE, Source};
 
 /// The collar of a chart has this many bands of equal width, each laid out after the ones nearer to the border: what is far
 /// away must not bend what is near.
@@ -75,6 +75,8 @@ struct Piece {
     /// The piece across whose side it was reached, or `NONE` at the border.
     parent: u32,
     distance: f64,
+    /// What it is the image in, if it is one.
+    mirror: Option<Mirror>,
     /// Its corners in the plane of the first triangle on the way here, if all triangles on the way are turned into that
     /// plane, and the sign of its doubled area there. The side at the border lies on the x axis, the first triangle above.
     flat: [DVec2; 3],
@@ -92,8 +94,9 @@ impl Piece {
 
 /// Lays a patch out. `reach` is a length on the surface, and `scale` that of the chart.
 pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) -> Collar {
-    let pieces = pieces(patch, reach);
+    let pieces = pieces(surface, patch, reach);
     let corners = Corners::join(patch, &pieces, APART * reach * scale);
+    let mirrors = corners.mirrors(&pieces);
     let distances = distances(patch, &pieces, &corners);
     let mut places: Vec<Option<DVec2>> = copied(&corners.fixed);
     let mut kept: Vec<bool> = zeroed(pieces.len());
@@ -149,7 +152,11 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
         CollarTriangle {
             uv,
             source: Source { uv: triangle.weights.map(at), ..source },
-            points: triangle.weights.map(|weights| FacePoint { vertices, weights }),
+            points: [0, 1, 2].map(|k| FacePoint {
+                vertices,
+                weights: triangle.weights[k],
+                mirror: mirrors[corners.of[p][k] as usize],
+            }),
             distance: corners.of[p].map(|c| distances[c as usize] * scale),
             across,
         }
@@ -192,7 +199,7 @@ fn height(corners: &[DVec3; 3], k: usize) -> f64 {
 }
 
 /// Takes the triangles of a patch in the order of their distance from the border.
-fn pieces(patch: &Patch, reach: f64) -> Vec<Piece> {
+fn pieces(surface: &Surface, patch: &Patch, reach: f64) -> Vec<Piece> {
     let rim_of = patch.rim_of_sides();
     let mut taken: Vec<bool> = zeroed(patch.triangles.len());
     let mut pieces: Vec<Piece> = Vec::new();
@@ -223,7 +230,8 @@ fn pieces(patch: &Patch, reach: f64) -> Vec<Piece> {
         let flat = turned(&triangle.corners, k, base, sign);
         let distance = f64::from_bits(distance);
         let index = pieces.len() as u32;
-        pieces.put(Piece { triangle: t, entry: k, parent, distance, flat, sign, origin, map });
+        let mirror = mirror(surface, patch, t, k, pieces.get(parent as usize));
+        pieces.put(Piece { triangle: t, entry: k, parent, distance, mirror, flat, sign, origin, map });
         let middle = |k: usize| 0.5 * (triangle.corners[(k + 1) % 3] + triangle.corners[(k + 2) % 3]);
         for other in [(k + 1) % 3, (k + 2) % 3] {
             let (next, entry) = triangle.across[other];
@@ -234,6 +242,24 @@ fn pieces(patch: &Patch, reach: f64) -> Vec<Piece> {
         }
     }
     pieces
+}
+
+/// What a small triangle is the image in that is reached across its side opposite to corner `k`: the mirror there, or that of
+/// the image from which it is reached.
+fn mirror(
+    surface: &Surface,
+    patch: &Patch,
+    triangle: u32,
+    k: usize,
+    parent: Option<&Piece>,
+) -> Option<Mirror> {
+    let PatchTriangle { of, weights, .. } = &patch.triangles[triangle as usize];
+    if !surface.is_image(*of) {
+        return None;
+    }
+    let on_side = |c: &u8| [1, 2].iter().all(|d| weights[(k + d) % 3][*c as usize] == 0.0);
+    let here = || surface.mirror((*of, (0..3).find(on_side)?));
+    parent.and_then(|parent| parent.mirror).or_else(here)
 }
 
 /// The side opposite to a corner.
@@ -308,6 +334,17 @@ impl Corners {
             }
         }
         sets.numbered(pieces.len())
+    }
+
+    /// What each corner is the image in: that of the first piece there. Those at the chart's border lie on the mirror.
+    fn mirrors(&self, pieces: &[Piece]) -> Vec<Option<Mirror>> {
+        let mut mirrors = filled(None, self.fixed.len());
+        for (piece, of) in pieces.iter().zip(&self.of).rev() {
+            of.iter().for_each(|&c| mirrors[c as usize] = piece.mirror);
+        }
+        let at_border = |c: &usize| self.fixed[*c].is_some();
+        (0..mirrors.len()).filter(at_border).for_each(|c| mirrors[c] = None);
+        mirrors
     }
 }
 

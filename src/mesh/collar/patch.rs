@@ -120,9 +120,9 @@ impl Patch {
         edges.sort_unstable_by_key(|edge| (edge.ends, edge.side));
         for at_edge in edges.chunk_by(|a, b| a.ends == b.ends) {
             for a in at_edge {
-                // More than two where a third triangle stands on an edge that two others connect.
+                // More than two where a third triangle stands on an edge that two others connect, and with mirror images.
                 let fits = |b: &&Edge| b.side != a.side && a.beyond == b.of && b.beyond == a.of;
-                if let Some(b) = at_edge.iter().take(4).find(fits) {
+                if let Some(b) = at_edge.iter().take(8).find(fits) {
                     let triangle = &mut self.triangles[a.side.0 as usize];
                     triangle.across[a.side.1 as usize] = b.side;
                     triangle.turns[a.side.1 as usize] = a.falls != b.falls;

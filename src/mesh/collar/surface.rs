@@ -1,22 +1,29 @@
 //! The triangles of a UV set on the surface: which of them lie beyond the borders of charts.
 
+use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use crate::allocation::{Grow, with_capacity, zeroed};
+use crate::allocation::{Collect, Grow, with_capacity, zeroed};
 use crate::mesh::hash::{Table, enter};
 use crate::mesh::triangle::doubled_area;
-use crate::mesh::{Mesh, NONE, Source, TileMesh, Triangle};
+use crate::mesh::{Mesh, Mirror, NONE, Source, TileMesh, Triangle};
+use crate::settings::Beyond;
 
 /// Most triangles of the mesh in a region.
 const MOST_OF_MESH: usize = 1 << 18;
 
+/// Mirrors that meet at an angle that is farther from half a turn end there: 50 degrees.
+const CORNER: f64 = 50.0 / 180.0 * PI;
+
 /// A side of a triangle: the triangle's number in the UV set, and the corner opposite to the side.
 pub(super) type Side = (u32, u8);
 
-/// The triangles of all tiles of a UV set, numbered tile by tile.
+/// The triangles of all tiles of a UV set, numbered tile by tile. The number of a triangle's mirror image, with which the
+/// surface goes on beyond open borders, is greater by the number of all triangles. Surface and image together have no border:
+/// this is the *double* of the surface.
 pub(super) struct Surface<'a> {
     mesh: &'a Mesh,
     /// The tiles of the UV set, and the first one's index in the mesh.
@@ -29,8 +36,11 @@ pub(super) struct Surface<'a> {
     first_chart: Vec<u32>,
     /// The tile whose charts get collars, as an index in `tiles`.
     home: usize,
-    /// The side beyond each side that is a border of its chart, where exactly these two sides form an edge of the surface.
+    /// The side beyond each side that is a border of its chart, where exactly these two sides form an edge of the surface; the
+    /// side itself at an open border that is a mirror.
     beyond: Table<Side, Side>,
+    /// Places at which mirrors meet at an angle: images end there.
+    corners: Table<u32, ()>,
 }
 
 /// The triangles beyond a chart's border, out to some distance.
@@ -53,7 +63,7 @@ pub(super) struct Rim {
 }
 
 impl<'a> Surface<'a> {
-    pub fn new(mesh: &'a Mesh, tile: usize) -> Surface<'a> {
+    pub fn new(mesh: &'a Mesh, tile: usize, beyond: &Beyond) -> Surface<'a> {
         let range = tiles_of_set(mesh, tile);
         let tiles = &mesh.tiles[range.clone()];
         let (mut first, mut first_chart) = (with_capacity(tiles.len()), with_capacity(tiles.len()));
@@ -66,16 +76,23 @@ impl<'a> Surface<'a> {
             triangles += tile.triangles.len() as u32;
             charts += tile.charts.len() as u32;
         }
-        let beyond = Table::default();
-        let home = tile - range.start;
-        let first_tile = range.start as u32;
-        let mut surface = Surface { mesh, tiles, first_tile, first, chart_of, first_chart, home, beyond };
-        surface.pair_borders();
+        let mut surface = Surface {
+            mesh,
+            tiles,
+            first_tile: range.start as u32,
+            first,
+            chart_of,
+            first_chart,
+            home: tile - range.start,
+            beyond: Table::default(),
+            corners: Table::default(),
+        };
+        surface.pair_borders(beyond);
         surface
     }
 
     /// Finds the sides beyond the borders.
-    fn pair_borders(&mut self) {
+    fn pair_borders(&mut self, wanted: &Beyond) {
         let mut at_border: Vec<bool> = zeroed(self.mesh.rest.len());
         let all = 0..self.chart_of.len() as u32;
         for side in all.clone().flat_map(sides) {
@@ -92,18 +109,64 @@ impl<'a> Surface<'a> {
             }
         }
         edges.sort_unstable();
+        let mut mirrors: Vec<[u32; 2]> = Vec::new();
         for at_edge in edges.chunk_by(|x, y| x.0 == y.0) {
-            if let [(_, s), (_, t)] = *at_edge
-                && self.neighbour(s) == NONE
-                && self.neighbour(t) == NONE
-            {
-                enter(&mut self.beyond, s, t);
-                enter(&mut self.beyond, t, s);
+            match *at_edge {
+                [(_, s), (_, t)]
+                    if wanted.seams && self.neighbour(s) == NONE && self.neighbour(t) == NONE =>
+                {
+                    enter(&mut self.beyond, s, t);
+                    enter(&mut self.beyond, t, s);
+                }
+                [(ends, s)] if wanted.open_borders => {
+                    enter(&mut self.beyond, s, s);
+                    mirrors.put(ends);
+                }
+                _ => (),
             }
         }
+        self.find_corners(&mirrors);
     }
 
+    /// Finds the places at which the mirrors' edges meet at an angle on the surface: one that differs much from half a turn.
+    fn find_corners(&mut self, mirrors: &[[u32; 2]]) {
+        let mut angles: Table<u32, f64> = Table::default();
+        mirrors.iter().flatten().for_each(|&place| _ = enter(&mut angles, place, 0.0));
+        if mirrors.is_empty() {
+            return;
+        }
+        for g in 0..self.chart_of.len() as u32 {
+            let (places, points) = (self.places(g), self.corners(g));
+            for k in 0..3 {
+                if let Some(angle) = angles.get_mut(&places[k]) {
+                    let [a, b] = [1, 2].map(|d| points[(k + d) % 3] - points[k]);
+                    *angle += a.cross(b).length().atan2(a.dot(b));
+                }
+            }
+        }
+        let is_corner = |place: &u32| (angles[place] - PI).abs() > CORNER;
+        let corners: Vec<u32> = mirrors.iter().flatten().copied().filter(is_corner).collected();
+        corners.into_iter().for_each(|place| _ = enter(&mut self.corners, place, ()));
+    }
+
+    /// The number of a triangle, or of the one that it is the image of.
+    fn base(&self, g: u32) -> u32 {
+        g.checked_sub(self.chart_of.len() as u32).unwrap_or(g)
+    }
+
+    pub fn is_image(&self, g: u32) -> bool {
+        self.base(g) != g
+    }
+
+    /// The image of a side, or the side that it is the image of.
+    fn image(&self, (g, k): Side) -> Side {
+        let base = self.base(g);
+        (if base == g { g + self.chart_of.len() as u32 } else { base }, k)
+    }
+
+    /// Where a triangle, or the one that it is the image of, is found: its tile, that one's index, and its number there.
     fn place(&self, g: u32) -> (&TileMesh, usize, usize) {
+        let g = self.base(g);
         let tile = self.first.partition_point(|&first| first <= g) - 1;
         (&self.tiles[tile], tile, (g - self.first[tile]) as usize)
     }
@@ -117,9 +180,13 @@ impl<'a> Surface<'a> {
     /// The places of a triangle's vertices: vertices that are welded by position have one place.
     pub fn places(&self, g: u32) -> [u32; 3] {
         let (tile, index, t) = self.place(g);
-        let chart = &tile.charts[(self.chart_of[g as usize] - self.first_chart[index]) as usize];
+        let chart = &tile.charts[(self.chart(g) - self.first_chart[index]) as usize];
         let place = |v: u32| self.mesh.place.get(v as usize).copied().unwrap_or(v);
         tile.triangles[t].local.map(|v| place(chart.vertices[v as usize]))
+    }
+
+    fn chart(&self, g: u32) -> u32 {
+        self.chart_of[self.base(g) as usize]
     }
 
     pub fn point(&self, place: u32) -> DVec3 {
@@ -133,11 +200,12 @@ impl<'a> Surface<'a> {
     /// A triangle's tile, as an index in `Mesh::tiles`, its UVs within the tile, and its vertices.
     pub fn source(&self, g: u32) -> (Source, [u32; 3]) {
         let (tile, index, t) = self.place(g);
-        let chart = &tile.charts[(self.chart_of[g as usize] - self.first_chart[index]) as usize];
+        let chart = &tile.charts[(self.chart(g) - self.first_chart[index]) as usize];
         let Triangle { local, uv, .. } = tile.triangles[t];
         let source = Source {
             tile: self.first_tile + index as u32,
             triangle: t as u32,
+            image: self.is_image(g),
             uv,
             distance: [0.0; 3],
             depth: [0.0; 3],
@@ -150,8 +218,29 @@ impl<'a> Surface<'a> {
         [1, 2].map(|d| places[(k as usize + d) % 3])
     }
 
-    /// The side of another triangle at the same edge of the surface.
+    /// The mirror at a side, as an edge of the mesh and the third vertex.
+    pub fn mirror(&self, (g, k): Side) -> Option<Mirror> {
+        let side = (self.base(g), k);
+        let (_, [a, b, c]) = self.source(g);
+        let [inner, from, to] = [[a, b, c], [b, c, a], [c, a, b]][k as usize];
+        (self.beyond.get(&side) == Some(&side)).then_some(Mirror { edge: [from, to], inner })
+    }
+
+    /// The side of another triangle at the same edge of the surface, or of its double.
     fn across(&self, side: Side) -> Option<Side> {
+        let is_image = self.is_image(side.0);
+        let base = (self.base(side.0), side.1);
+        let ends_here = || self.ends(side).iter().any(|place| self.corners.contains_key(place));
+        let other = self.across_own(base)?;
+        match (other == base, is_image) {
+            (true, _) => Some(self.image(side)),
+            (false, true) => (!ends_here()).then(|| self.image(other)),
+            (false, false) => Some(other),
+        }
+    }
+
+    /// The side of another triangle at the same edge of the surface, or the side itself at a mirror.
+    fn across_own(&self, side: Side) -> Option<Side> {
         let neighbour = self.neighbour(side);
         if neighbour == NONE {
             return self.beyond.get(&side).copied();
@@ -191,7 +280,10 @@ impl<'a> Surface<'a> {
         for t in tile.charts[chart].triangles.clone() {
             let own = self.first[self.home] + t as u32;
             for k in 0..3u8 {
-                let Some(&side) = self.beyond.get(&(own, k)) else { continue };
+                if self.neighbour((own, k)) != NONE {
+                    continue;
+                }
+                let Some(side) = self.across((own, k)) else { continue };
                 if self.is_flat(own) || self.is_flat(side.0) {
                     continue;
                 }
@@ -233,7 +325,7 @@ impl<'a> Surface<'a> {
                     let way = distance + middle.distance(self.middle(side));
                     // The border of the chart itself is where collars begin, not where they go on.
                     let next = self.across(side).filter(|next| {
-                        let is_rim = self.neighbour(side) == NONE && self.chart_of[next.0 as usize] == number;
+                        let is_rim = self.neighbour(side) == NONE && self.chart(next.0) == number;
                         way < reach && !is_rim && !self.is_flat(next.0)
                     });
                     open.put_all(next.map(|next| (next, way)));

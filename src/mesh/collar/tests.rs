@@ -2,6 +2,7 @@ use glam::{DMat2, DVec2};
 
 use super::*;
 use crate::mesh::{MeshSource, UvSource};
+use crate::settings::Beyond;
 use crate::team::Team;
 use crate::view::{Scalar, Strided};
 
@@ -77,7 +78,8 @@ fn bent(x: f64, y: f64) -> [f32; 3] {
 }
 
 fn of_tile(mesh: &Mesh, tile: usize, reach: f64) -> Vec<Vec<CollarTriangle>> {
-    let collars = Team::with(2, |team| collars(team, mesh, tile, reach));
+    let collars =
+        Team::with(2, |team| collars(team, mesh, tile, &Beyond { seams: true, open_borders: false, reach }));
     collars.into_iter().map(|collar| collar.triangles).collect()
 }
 

@@ -5,14 +5,16 @@ use glam::{DMat2, DVec2};
 use super::extended;
 use crate::mesh::collar::tests::{Sheet, flat};
 use crate::mesh::{NONE, TileMesh};
+use crate::settings::Beyond;
 use crate::team::Team;
 
 const REACH: f64 = 0.06;
+const SEAMS: Beyond = Beyond { seams: true, open_borders: false, reach: REACH };
 
 fn cut(shift: DVec2) -> (Sheet, TileMesh) {
     let sheet = Sheet { n: 20, cut: 10, point: flat, turn: DMat2::IDENTITY, shift, closed: false };
     let mesh = sheet.mesh();
-    let tile = Team::with(2, |team| extended(team, &mesh, 0, REACH));
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS));
     (sheet, tile)
 }
 
@@ -77,7 +79,7 @@ fn a_collar_ends_where_its_own_chart_lies() {
     let sheet =
         Sheet { n: 24, cut: 24, point: tube, turn: DMat2::IDENTITY, shift: DVec2::ZERO, closed: true };
     let mesh = sheet.mesh();
-    let tile = Team::with(2, |team| extended(team, &mesh, 0, REACH));
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS));
     let low_high = |range: std::ops::Range<usize>| {
         let xs = tile.triangles[range].iter().flat_map(|t| t.uv.map(|uv| uv.x));
         xs.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
@@ -89,4 +91,42 @@ fn a_collar_ends_where_its_own_chart_lies() {
         let middle = (triangle.uv[0].x + triangle.uv[1].x + triangle.uv[2].x) / 3.0;
         assert!(!(low..high).contains(&middle), "{middle} is on the chart");
     }
+}
+
+/// Beyond the open borders of a flat sheet its mirror image lies where the plane of the sheet goes on.
+#[test]
+fn open_borders_go_on_as_their_mirror_image() {
+    let sheet =
+        Sheet { n: 20, cut: 20, point: flat, turn: DMat2::IDENTITY, shift: DVec2::ZERO, closed: false };
+    let mesh = sheet.mesh();
+    let borders = Beyond { open_borders: true, ..SEAMS };
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, &borders));
+    let chart = &tile.charts[0];
+    assert!(chart.collar.len() > 4 * 20);
+    let [low, high] = [0.1, 0.6];
+    let is_in = |x: f64| (low - 1e-9..=high + 1e-9).contains(&x);
+    for t in chart.collar.clone() {
+        let (triangle, source) = (&tile.triangles[t], tile.source(t).unwrap());
+        assert!(source.image);
+        for k in 0..3 {
+            let at = |v: u32| mesh.rest[v as usize];
+            let [x, y, z] = chart.position(triangle.local[k], at);
+            let expected = DVec2::splat(0.1) + 0.5 * DVec2::new(x, y);
+            assert!(triangle.uv[k].distance(expected) < 1e-6 && z.abs() < 1e-6, "{expected}");
+            // It is the image of the point that lies as far inside.
+            let mirrored = |x: f64| if x < low { 2.0 * low - x } else { 2.0 * high - x };
+            let inside = triangle.uv[k].to_array().map(|x| if is_in(x) { x } else { mirrored(x) });
+            assert!(source.uv[k].distance(inside.into()) < 1e-6);
+            let [x, y, _] = chart.value(triangle.local[k], at);
+            assert!(DVec2::from(inside).distance(DVec2::splat(0.1) + 0.5 * DVec2::new(x, y)) < 1e-6);
+        }
+        // Nothing lies beyond the corners, at which images end.
+        let middle = (triangle.uv[0] + triangle.uv[1] + triangle.uv[2]) / 3.0;
+        assert!(is_in(middle.x) || is_in(middle.y), "{middle}");
+    }
+    let open = tile.triangles[chart.triangles.clone()].iter().flat_map(|t| t.neighbours);
+    assert_eq!(open.filter(|&n| n == NONE).count(), 0, "every side goes on");
+    // Seams alone do not open borders.
+    let shut = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS));
+    assert!(shut.charts[0].collar.is_empty());
 }

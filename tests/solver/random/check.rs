@@ -3,7 +3,7 @@
 
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
-    Origin, Overlap, PixelFormat, Seams, SolveOptions, TileSettings,
+    OpenBorders, Origin, Overlap, PixelFormat, Seams, SolveOptions, TileSettings,
 };
 
 use super::borders::{borders, hold};
@@ -149,7 +149,7 @@ fn warp(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], asset: &Asset, tile: 
     seen.moved |= longest > 0.01;
     seen.crushed |= min_jacobian < 0.1;
     seen.fell_back |= report.charts_fallback > 0;
-    if recipe.settings.seams == Seams::Continue {
+    if goes_on(recipe) {
         return;
     }
     let held = held(recipe, model, pose, report.udim, [warp.nx, warp.ny]);
@@ -157,17 +157,19 @@ fn warp(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], asset: &Asset, tile: 
     assert_eq!(moved, None, "this node may not move");
 }
 
-/// The warps whose displacements of a tile are checked: one of all charts, or one of each if charts go on beyond seams, where
-/// they may lie over one another.
+fn goes_on(recipe: &Recipe) -> bool {
+    recipe.settings.seams == Seams::Continue || recipe.settings.open_borders == OpenBorders::Slide
+}
+
+/// The warps whose displacements of a tile are checked: one of all charts, or one of each if charts go on beyond their borders,
+/// where they may lie over one another.
 fn warps(recipe: &Recipe, asset: &Asset, tile: usize) -> Vec<Warp> {
     let whole = Warp::of(asset, tile);
-    match recipe.settings.seams {
-        Seams::Continue => {
-            let of_charts = asset.displacements_of_charts(tile).unwrap();
-            of_charts.into_iter().map(|u| Warp { u, ..whole }).collect()
-        }
-        _ => vec![whole],
+    if !goes_on(recipe) {
+        return vec![whole];
     }
+    let of_charts = asset.displacements_of_charts(tile).unwrap();
+    of_charts.into_iter().map(|u| Warp { u, ..whole }).collect()
 }
 
 /// How far the warp that comes nearest takes a point from another one, along the axis of the greater distance.

@@ -6,13 +6,13 @@ use super::recipe::{
     Joints, Layer, Move::*, Paint::*, Piece, Recipe, Refusal::*, Rigidity::*, Shape::*, Then::*,
 };
 #[allow(unused_imports)]
-use vrtm::{Overlap::*, Quality::*, Seams::*, SolveOptions, TileSettings, WeldBy::*};
+use vrtm::{OpenBorders, Overlap::*, Quality::*, Seams::*, SolveOptions, TileSettings, WeldBy::*};
 
 #[rustfmt::skip] // As printed.
 pub fn cases() -> Vec<(&'static str, Recipe)> {
     vec![
         // The test handed over positions beyond the range of f32, which are refused.
         ("a spike beyond f32",
-    Recipe { pieces: vec![Piece { shape: Sheet(1, 1), low: [0.0, 0.0], size: [0.3, 0.3], turn: 0.0, mirrored: false, jitter: 0.0, flip: 0, weld: 0, stretch: [1.0, 1.0], bend: 0.0, crumple: 0.0, seed: 0 }], joints: Joints::default(), polygons: false, split_uvs: false, doubles: false, unit: 30, away: 0.0, rigidity: Map(Layer { size: [16, 16], paint: Constant(1.0) }), mask: None, settings: TileSettings { grid: [Some(16); 2], smoothness: 0.05, smoothness_floor: 0.0005, orientation: 0.0, orientation_density: 0.0, room: 0.3, room_threshold: 0.4, overlap: Fixed, seams: Shut, seam_reach: 0.0625 }, options: SolveOptions { quality: Draft, warm: false, measure: false, ..SolveOptions::default() }, frames: vec![vec![Spike(0, 263638.65625), Scale([237444.796875, 237444.796875, 237444.796875])]], output: [16, 16], threads: 1, then: Rest }),
+    Recipe { pieces: vec![Piece { shape: Sheet(1, 1), low: [0.0, 0.0], size: [0.3, 0.3], turn: 0.0, mirrored: false, jitter: 0.0, flip: 0, weld: 0, stretch: [1.0, 1.0], bend: 0.0, crumple: 0.0, seed: 0 }], joints: Joints::default(), polygons: false, split_uvs: false, doubles: false, unit: 30, away: 0.0, rigidity: Map(Layer { size: [16, 16], paint: Constant(1.0) }), mask: None, settings: TileSettings { grid: [Some(16); 2], smoothness: 0.05, smoothness_floor: 0.0005, orientation: 0.0, orientation_density: 0.0, room: 0.3, room_threshold: 0.4, overlap: Fixed, seams: Shut, seam_reach: 0.0625, open_borders: OpenBorders::Fixed }, options: SolveOptions { quality: Draft, warm: false, measure: false, ..SolveOptions::default() }, frames: vec![vec![Spike(0, 263638.65625), Scale([237444.796875, 237444.796875, 237444.796875])]], output: [16, 16], threads: 1, then: Rest }),
     ]
 }

@@ -6,7 +6,7 @@ use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::select;
-use vrtm::{Overlap, Quality, Seams, SolveOptions, TileSettings, WeldBy};
+use vrtm::{OpenBorders, Overlap, Quality, Seams, SolveOptions, TileSettings, WeldBy};
 
 use super::recipe::{Joints, Layer, Move, Paint, Piece, Recipe, Refusal, Rigidity, Shape, Then};
 
@@ -175,9 +175,10 @@ fn settings() -> impl Strategy<Value = TileSettings> {
     ];
     let density = prop_oneof![6 => Just(0.0f32), 1 => magnitude(-3.0, 1.0)];
     let seams = prop_oneof![3 => Just(Seams::Shut), 2 => Just(Seams::Continue)];
+    let open_borders = prop_oneof![3 => Just(OpenBorders::Fixed), 2 => Just(OpenBorders::Slide)];
     let reach = prop_oneof![2 => Just(default.seam_reach), 2 => magnitude(-3.0, -0.31)];
-    let all = ([cells(), cells()], weights, density, overlap, seams, reach);
-    all.prop_map(|(grid, w, density, overlap, seams, seam_reach)| TileSettings {
+    let all = ([cells(), cells()], weights, density, overlap, seams, open_borders, reach);
+    all.prop_map(|(grid, w, density, overlap, seams, open_borders, seam_reach)| TileSettings {
         grid: grid.map(|n| (n > 0).then_some(n)),
         smoothness: w[0],
         smoothness_floor: w[1],
@@ -188,6 +189,7 @@ fn settings() -> impl Strategy<Value = TileSettings> {
         overlap,
         // They do not go together.
         seams: if density > 0.0 { Seams::Shut } else { seams },
+        open_borders: if density > 0.0 { OpenBorders::Fixed } else { open_borders },
         seam_reach,
     })
 }

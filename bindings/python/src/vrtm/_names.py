@@ -30,7 +30,7 @@ def name_of(argument: str, value: int) -> str:
 
 
 # The fields whose numbers have names.
-_NAMED = {"backend", "overlap", "seams"}
+_NAMED = {"backend", "overlap", "seams", "open_borders"}
 
 
 def record(cls: type[Record], struct: ctypes.Structure) -> Record:

@@ -207,6 +207,13 @@ def _work(group: argparse._ArgumentGroup) -> None:
         metavar="UV",
         help="how far charts go on beyond their seams: the radius of the largest feature on one, at most 0.5 (0.03125)",
     )
+    group.add_argument(
+        "--open-borders",
+        choices=("fixed", "slide"),
+        default="fixed",
+        help="at borders beyond which the surface ends nothing moves (fixed), or textures slide along them, so that "
+        "features there keep their shape",
+    )
     group.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
     group.add_argument("--device", choices=("auto", "cpu", "gpu"), default="auto", help="where to compute (auto)")
     group.add_argument("--adapter", type=_whole(0, 255), default=0, metavar="N", help="which GPU; see vrtm devices")

@@ -135,8 +135,8 @@ class MeshWork:
             own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
             cells = own if settings.size is None else (settings.size, settings.size)
             grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
-            seams = {"seams": settings.seams, "seam_reach": settings.seam_reach}
-            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **seams)
+            borders = {name: getattr(settings, name) for name in ("seams", "seam_reach", "open_borders")}
+            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **borders)
             size = cells if settings.map_size is None else (settings.map_size, settings.map_size)
             inputs = common.copy().text(tile.udim, dataclasses.astuple(tile.settings)).array(rigidity).array(mask)
             if settings.tiles is None or tile.udim in settings.tiles:

@@ -38,6 +38,7 @@ class Settings:
     quality: str = "normal"
     seams: str = "shut"
     seam_reach: float = 0.0
+    open_borders: str = "fixed"
     weld: str = "index"
     device: str = "auto"
     adapter: int = 0

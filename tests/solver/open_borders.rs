@@ -1,0 +1,232 @@
+//! Texture that slides along open borders: how far it leaves them, what features there gain, and what holds for every result.
+
+use std::f64::consts::TAU;
+
+use vrtm::{
+    Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, SolveOptions, Solver, Strided, TileSettings,
+};
+
+use crate::common::features::{Borders, CASES, Kind, STILL, Summary, models, of_asset, solve};
+use crate::common::{self, Maps, Model, bits, cpu, on_all_cores, options};
+
+const SLIDE: Borders = (Seams::Shut, OpenBorders::Slide);
+
+/// The outline of a flat sheet in the UV plane, a closed polygon, and the sheet's mesh inside of it.
+struct Sheet {
+    model: Model,
+    outline: Vec<[f64; 2]>,
+}
+
+/// A sheet of rings of a square or a disc around the middle of the UV plane, with rigid discs, some of them over its border.
+fn sheet(round: bool) -> Sheet {
+    const RINGS: usize = 12;
+    const SECTORS: usize = 96;
+    // From the unit circle to the outline.
+    let outline = |k: usize| {
+        let (sin, cos) = (TAU * k as f64 / SECTORS as f64).sin_cos();
+        let scale = if round { 0.3 } else { 0.3 / sin.abs().max(cos.abs()) };
+        [scale * cos, scale * sin]
+    };
+    let mut model = Model { name: if round { "disc" } else { "square" }.into(), ..Model::default() };
+    let mut uvs = vec![[0.5, 0.5]];
+    for ring in 1..=RINGS {
+        let part = ring as f64 / RINGS as f64;
+        uvs.extend((0..SECTORS).map(|k| outline(k).map(|x| 0.5 + part * x)));
+    }
+    model.rest = uvs.iter().map(|uv| [uv[0] as f32, uv[1] as f32, 0.0]).collect();
+    let at = |ring: usize, k: usize| if ring == 0 { 0 } else { 1 + (ring - 1) * SECTORS + k % SECTORS };
+    for ring in 0..RINGS {
+        for k in 0..SECTORS {
+            let mut corners = vec![at(ring, k), at(ring + 1, k), at(ring + 1, k + 1), at(ring, k + 1)];
+            corners.dedup();
+            corners.truncate(if ring == 0 { 3 } else { 4 });
+            model.face_counts.push(corners.len() as u32);
+            for v in corners {
+                model.indices.push(v as u32);
+                model.uv_indices.push(v as u32);
+            }
+        }
+    }
+    model.uvs = uvs.iter().map(|uv| uv.map(|x| x as f32)).collect();
+    let size = 1024;
+    let texel = |n: usize| {
+        let at = |k: usize| (k as f64 + 0.5) / size as f64 - 0.5;
+        let [x, y] = [at(n % size), -at(n / size)];
+        // None at a corner.
+        let over_border = (0..SECTORS).step_by(8).map(|k| outline(k + 4)).filter(|[x, y]| x.abs() != y.abs());
+        let over_border = over_border.into_iter().any(|[cx, cy]| (x - cx).hypot(y - cy) < 0.025);
+        let near = |x: f64| (x / 0.1 - (x / 0.1).round()) * 0.1;
+        let inside = x.hypot(y) < 0.22 && near(x).hypot(near(y)) < 0.03;
+        255 * u8::from(over_border || inside)
+    };
+    let rigidity = (0..size * size).map(texel).collect();
+    model.maps = vec![Maps { udim: 1001, width: size as u32, height: size as u32, rigidity, mask: None }];
+    // Stretched and compressed along waves, and bent.
+    let pose = |p: &[f32; 3]| {
+        let [x, y] = [p[0], p[1]].map(|x| f64::from(x) - 0.5);
+        let wave = |x: f64| x + 0.02 * (TAU * 3.0 * x).sin();
+        [wave(x + 0.2 * y * y) as f32, wave(y) as f32, (0.3 * (2.0 * x).cos()) as f32]
+    };
+    model.frames = vec![model.rest.iter().map(pose).collect()];
+    Sheet { model, outline: (0..SECTORS).map(|k| outline(k).map(|x| 0.5 + x)).collect() }
+}
+
+fn sliding(model: &Model, device: &Device, grid: u32) -> Asset {
+    let mut asset = model.asset_on(device, grid);
+    let settings = TileSettings { open_borders: OpenBorders::Slide, ..asset.settings(0).unwrap() };
+    asset.set_settings(0, &settings).unwrap();
+    asset
+}
+
+/// The distance of a point from a closed polygon.
+fn distance(outline: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
+    let ends = outline.iter().zip(outline.iter().cycle().skip(1));
+    let of = |(a, b): (&[f64; 2], &[f64; 2])| {
+        let (d, p) = ([b[0] - a[0], b[1] - a[1]], [x - a[0], y - a[1]]);
+        let part = ((p[0] * d[0] + p[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])).clamp(0.0, 1.0);
+        (p[0] - part * d[0]).hypot(p[1] - part * d[1])
+    };
+    ends.map(of).fold(f64::INFINITY, f64::min)
+}
+
+/// How far points of the border move off it, ascending, and how far they move at all, at most; in cells.
+fn off_border(sheet: &Sheet, asset: &Asset, grid: usize) -> (Vec<f64>, f64) {
+    let u = &asset.displacements_of_charts(0).unwrap()[0];
+    let node = |i: usize, j: usize| u[j * (grid + 1) + i].map(f64::from);
+    let displacement = |at: [f64; 2]| {
+        let [i, j] = at.map(|x| x.floor() as usize);
+        let (s, t) = (at[0].fract(), at[1].fract());
+        let (near, far) = (node(i, j), node(i + 1, j + 1));
+        let (third, first, second) = if s >= t { (node(i + 1, j), s, t) } else { (node(i, j + 1), t, s) };
+        [0, 1].map(|c| near[c] + first * (third[c] - near[c]) + second * (far[c] - third[c]))
+    };
+    let outline: Vec<[f64; 2]> = sheet.outline.iter().map(|p| p.map(|x| x * grid as f64)).collect();
+    let (mut off, mut most) = (Vec::new(), 0.0f64);
+    for (a, b) in outline.iter().zip(outline.iter().cycle().skip(1)) {
+        for part in (0..20).map(|k| f64::from(k) / 20.0) {
+            let at = [0, 1].map(|c| a[c] + part * (b[c] - a[c]));
+            let u = displacement(at);
+            off.push(distance(&outline, [at[0] + u[0], at[1] + u[1]]));
+            most = most.max(u[0].hypot(u[1]));
+        }
+    }
+    off.sort_by(f64::total_cmp);
+    (off, most)
+}
+
+#[test]
+fn texture_slides_along_open_borders_and_not_across() {
+    for sheet in [sheet(true), sheet(false)] {
+        // The paper's solver moves each node with its neighbours, and holds it afterwards.
+        for (solver, bar) in [(Solver::Descent, 0.05), (Solver::Pbd, 0.15)] {
+            let mut asset = sliding(&sheet.model, &cpu(0), 256);
+            let options = SolveOptions { solver, ..options(Quality::Normal) };
+            asset.solve(sheet.model.frame(1), &options).unwrap();
+            let (off, most) = off_border(&sheet, &asset, 256);
+            let share = |x: f64| off[((off.len() - 1) as f64 * x) as usize];
+            let name = &sheet.model.name;
+            let shares = [0.5, 0.9, 0.99, 1.0].map(share);
+            println!("{name}, {solver:?}: off the border by {shares:.4?} cells, along it by up to {most:.2}");
+            assert!(most > 1.0 && share(0.99) < bar, "{name}, {solver:?}");
+        }
+    }
+}
+
+#[test]
+fn corners_stay() {
+    let sheet = sheet(false);
+    let mut asset = sliding(&sheet.model, &cpu(0), 256);
+    asset.solve(sheet.model.frame(1), &options(Quality::Normal)).unwrap();
+    let u = &asset.displacements_of_charts(0).unwrap()[0];
+    for x in [0.2, 0.8].map(|x: f64| (x * 256.0).floor() as usize) {
+        for y in [0.2, 0.8].map(|y: f64| (y * 256.0).floor() as usize) {
+            for (i, j) in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)] {
+                assert_eq!(u[j * 257 + i], [0.0; 2], "node {i}, {j}");
+            }
+        }
+    }
+}
+
+#[test]
+fn rest_and_rigid_motions_are_the_identity() {
+    let Sheet { model, .. } = sheet(true);
+    let mut asset = sliding(&model, &cpu(2), 128);
+    let (sin, cos) = 0.4f32.sin_cos();
+    let turn = |p: &[f32; 3]| [cos * p[0] - sin * p[1], sin * p[0] + cos * p[1] - 0.5, p[2] - 0.25];
+    let turned: Vec<[f32; 3]> = model.rest.iter().map(turn).collect();
+    for pose in [&model.rest, &turned] {
+        asset.solve(Strided::from_f32x3(pose), &SolveOptions::default()).unwrap();
+        assert!(common::Warp::of(&asset, 0).is_identity());
+    }
+}
+
+#[test]
+fn bits_depend_neither_on_threads_nor_on_frames_before_nor_on_saving() {
+    let Sheet { model, .. } = sheet(true);
+    let solved = |threads: u32| {
+        let mut asset = sliding(&model, &cpu(threads), 256);
+        asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+        asset
+    };
+    let mut one = solved(1);
+    let expected = bits(&one);
+    assert!(expected == bits(&solved(3)), "other bits on three threads");
+    let mut asset = solved(2);
+    for pose in [&model.rest, &model.frames[0]] {
+        asset.solve(Strided::from_f32x3(pose), &SolveOptions::default()).unwrap();
+    }
+    assert!(expected == bits(&asset), "the frames before are seen");
+    let mut loaded = sliding(&model, &cpu(2), 256);
+    loaded.load_tile(0, &one.save_tile(0).unwrap()).unwrap();
+    loaded.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    assert!(expected == bits(&loaded), "a loaded tile has other bits");
+    let mut fixed = model.asset_on(&cpu(2), 256);
+    let error = fixed.load_tile(0, &one.save_tile(0).unwrap()).unwrap_err();
+    assert!(error.message.contains("another mesh, map or setting"), "{error}");
+}
+
+#[test]
+fn a_gpu_gives_the_same_to_a_fraction_of_a_cell() {
+    let Some(gpu) = common::gpu(&DeviceSettings::default()) else { return };
+    let Sheet { model, .. } = sheet(true);
+    for solver in [Solver::Descent, Solver::Pbd] {
+        let [of_cpu, of_gpu] = [&cpu(0), &gpu].map(|device| {
+            let mut asset = sliding(&model, device, 128);
+            let options = SolveOptions { solver, ..options(Quality::Normal) };
+            asset.solve(model.frame(1), &options).unwrap();
+            common::Warp::of(&asset, 0)
+        });
+        let apart = |a: &[f32; 2], b: &[f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        let worst = of_cpu.u.iter().zip(&of_gpu.u).map(|(a, b)| apart(a, b)).fold(0.0, f32::max);
+        println!("largest difference: {worst} cells");
+        assert!(worst < 0.01 && of_cpu.longest() > 0.2, "{worst}");
+    }
+}
+
+/// A scene, and of its features at open borders, for fixed and sliding ones: how many may have an error over 0.05, and the
+/// largest mean error.
+const BARS: [(&str, [(usize, f64); 2]); 3] = [
+    ("strips", [(0, 0.034), (0, 0.019)]),
+    ("mh_face", [(9, 0.079), (6, 0.049)]),
+    ("ict_inner", [(29, 0.0225), (3, 0.0092)]),
+];
+
+#[test]
+fn features_at_open_borders_keep_their_shape() {
+    let models = models();
+    let mut cases = Vec::new();
+    for (name, bars) in BARS {
+        let Some(model) = models.iter().find(|model| model.name == name) else { continue };
+        let frame = CASES.iter().find(|case| case.0 == name).unwrap().1;
+        cases.extend([STILL, SLIDE].into_iter().zip(bars).map(|(borders, bar)| (model, frame, borders, bar)));
+    }
+    let failed = on_all_cores(&cases, |&(model, frame, borders, (bad, mean))| {
+        let pose = &model.frames[frame - 1];
+        let asset = solve(model, pose, 1, 512, borders, &options(Quality::Normal));
+        let features = of_asset(model, pose, &asset);
+        let [open, inside] = [Kind::Open, Kind::Inner].map(|kind| Summary::of(&features, kind));
+        println!("{} {frame}, {:?}: {open:?}; inside {inside:?}", model.name, borders.1);
+        (model.name.clone(), open.bad[1] <= bad && open.mean[1] <= mean && open.worse == 0)
+    });
+    assert!(failed.iter().all(|(_, holds)| *holds), "{failed:?}");
+}
