@@ -92,6 +92,37 @@ def test_numbers_that_are_none_stay_where_they_are(scene: Path) -> None:
         assert np.isnan(pixels(scene.parent / "out" / f"height.{udim}.exr")).sum() == bad
 
 
+MIRRORED = "vt 1.3 0.3\nvt 1.3 0.7\nvt 1.7 0.7\nvt 1.7 0.3"
+
+
+# Turned by 90 degrees and half as large, as above; and mirrored.
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("down", [False, True])
+def test_normals_beyond_a_seam_are_turned(tmp_path: Path, mirrored: bool, down: bool) -> None:
+    size = 256
+    path = tmp_path / "squares.obj"
+    path.write_text(OBJ.replace("vt 1.7 0.3\nvt 1.7 0.7\nvt 1.3 0.7\nvt 1.3 0.3", MIRRORED) if mirrored else OBJ)
+    # One direction all over the surface, as each chart's axes have it. Those of the first one are the surface's.
+    x, y, z = 0.36, 0.48, 0.8
+    second = (y, x) if mirrored else (-y, x)
+    sign = -1 if down else 1
+    for udim, (a, b) in ((1001, (x, y)), (1002, second)):
+        chart = inside(udim, size) if udim == 1001 or not mirrored else inside(udim, size)[:, ::-1]
+        normal = np.where(chart[..., None], [a, b * sign, z], [0.0, 0.0, 1.0])
+        image(tmp_path / f"normal.{udim}.png", np.rint(65535 * (normal + 1) / 2).astype(np.uint16))
+    more = ("--normal-y", "down") if down else ()
+    run("dilate", path, "--normal-map", tmp_path / "normal.<UDIM>.png", "--out", tmp_path / "out", *more)
+    for udim, (a, b) in ((1001, (x, y)), (1002, second)):
+        after = pixels(tmp_path / "out" / f"normal.{udim}.png") / 65535 * 2 - 1
+        u, v = at_texels(udim, size)
+        if udim == 1002 and mirrored:
+            u = u[:, ::-1]
+        beyond = u - 1 if udim == 1001 else 1 - u
+        strip = (beyond > 1e-4) & (beyond * (0.8 if udim == 1001 else 0.4) < 0.04) & (v > 0.1) & (v < 0.9)
+        assert strip.sum() > 500
+        assert np.abs(after[strip] - [a, b * sign, z]).max() < 0.01
+
+
 def test_a_second_run_finds_all_up_to_date(scene: Path) -> None:
     dilate(scene)
     before = files(scene.parent / "out")

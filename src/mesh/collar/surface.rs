@@ -271,12 +271,13 @@ impl<'a> Surface<'a> {
         [(plane / surface).sqrt(), (0.5 * surface).sqrt()]
     }
 
-    /// The triangles beyond the border of a chart of the tile, up to a distance on the surface.
+    /// The triangles beyond the border of a chart of the tile with a vertex that is nearer than `reach` along the mesh's edges.
     pub fn region(&self, chart: usize, reach: f64) -> Region {
         let tile = &self.tiles[self.home];
         let number = self.first_chart[self.home] + chart as u32;
         let mut rims = Vec::new();
-        let mut open: Vec<(Side, f64)> = Vec::new();
+        // Sides across which triangles are reached, with the distances of both ends.
+        let mut open: Vec<(Side, [f64; 2])> = Vec::new();
         for t in tile.charts[chart].triangles.clone() {
             let own = self.first[self.home] + t as u32;
             for k in 0..3u8 {
@@ -299,16 +300,18 @@ impl<'a> Surface<'a> {
                 let foot = uv[0].lerp(uv[1], inward.dot(along) / at[0].distance(at[1]));
                 let across = (foot - uv[2]) / inward.cross(along).length();
                 rims.put((side, Rim { uv: [uv[0], uv[1]], own: (t as u32, k), across }));
-                open.put((side, 0.0));
+                open.put((side, [0.0; 2]));
             }
         }
-        // The least distance at which each triangle was reached, from the middle of one side to that of another.
+        // The least distance at which each triangle was reached.
         let mut nearest: Table<u32, f64> = Table::default();
         let mut triangles = Vec::new();
         while !open.is_empty() {
             let mut round = std::mem::take(&mut open);
-            round.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-            for (entry, distance) in round {
+            let distance = |[a, b]: [f64; 2]| a.min(b);
+            round.sort_unstable_by(|a, b| distance(a.1).total_cmp(&distance(b.1)).then(a.0.cmp(&b.0)));
+            for (entry, ends) in round {
+                let distance = distance(ends);
                 let known = nearest.get(&entry.0).copied();
                 if known.is_some_and(|known| known <= distance) {
                     continue;
@@ -320,15 +323,18 @@ impl<'a> Surface<'a> {
                 if known.is_none() {
                     triangles.put(entry.0);
                 }
-                let middle = self.middle(entry);
+                let of_corners = self.of_corners(entry, ends);
                 for side in sides(entry.0).filter(|&side| side != entry) {
-                    let way = distance + middle.distance(self.middle(side));
+                    let mut ends = [1, 2].map(|d| of_corners[(side.1 as usize + d) % 3]);
                     // The border of the chart itself is where collars begin, not where they go on.
                     let next = self.across(side).filter(|next| {
                         let is_rim = self.neighbour(side) == NONE && self.chart(next.0) == number;
-                        way < reach && !is_rim && !self.is_flat(next.0)
+                        ends[0].min(ends[1]) < reach && !is_rim && !self.is_flat(next.0)
                     });
-                    open.put_all(next.map(|next| (next, way)));
+                    if next.is_some_and(|next| self.ends(next)[0] != self.ends(side)[0]) {
+                        ends.swap(0, 1);
+                    }
+                    open.put_all(next.map(|next| (next, ends)));
                 }
             }
         }
@@ -337,9 +343,14 @@ impl<'a> Surface<'a> {
         Region { triangles, rims }
     }
 
-    fn middle(&self, side: Side) -> DVec3 {
-        let [a, b] = self.ends(side).map(|v| self.point(v));
-        0.5 * (a + b)
+    /// The distances of a triangle's corners, from those of the ends of one of its sides.
+    fn of_corners(&self, (g, k): Side, [a, b]: [f64; 2]) -> [f64; 3] {
+        let (k, points) = (k as usize, self.corners(g));
+        let [next, last] = [1, 2].map(|d| (k + d) % 3);
+        let mut of_corners = [0.0; 3];
+        (of_corners[next], of_corners[last]) = (a, b);
+        of_corners[k] = (a + points[next].distance(points[k])).min(b + points[last].distance(points[k]));
+        of_corners
     }
 
     /// True for a triangle whose shape on the surface is not that of a triangle.

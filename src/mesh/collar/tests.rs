@@ -122,8 +122,8 @@ fn a_cut_sheet_goes_on_as_if_it_were_whole() {
                 farthest = farthest.max(middle.x - 0.35);
                 area += 0.5 * crate::mesh::triangle::doubled_area(triangle.uv).abs();
             }
-            // What lies within the reach is there; ways over the middles of sides are up to a third longer than straight ones.
-            assert!(area > 0.5 * 0.75 * reach, "{n}: {area}");
+            // What lies within the reach is there, also where the mesh's triangles are larger than that.
+            assert!(area > 0.5 * 0.9 * reach, "{n}: {area}");
             assert!(farthest < 2.0 * reach, "{n}: {farthest}");
         }
     }

@@ -23,8 +23,7 @@ layer redirects nothing; 4 the device is missing or lost, or memory is short; 12
 
 DILATION = """\
 Writes copies of textures that hold, around each chart, what the surface shows beyond the chart's seams, so that seams
-do not show when a renderer filters. What lies in charts, and farther from seams, stays as it is. Not for normal maps,
-whose directions would have to be turned."""
+do not show when a renderer filters. What lies in charts, and farther from seams, stays as it is."""
 
 LARGEST = 65536
 WELDS = ("index", "position", "off")
@@ -51,10 +50,11 @@ def add_dilate_to(commands: Any) -> None:
         "--texture",
         nargs="+",
         action="extend",
-        required=True,
+        default=[],
         metavar="PATTERN",
         help="images; <UDIM> stands for the tile, <mesh> for the mesh's name",
     )
+    _normal_maps(parser)
     parser.add_argument("--out", required=True, metavar="DIR", help="where to write, under the textures' own names")
     parser.add_argument(
         "--reach", type=_positive, default=1 / 16, metavar="X", help="how far from seams, in UV, at most 0.5 (0.0625)"
@@ -163,7 +163,11 @@ def _content(group: argparse._ArgumentGroup) -> None:
         dest="textures",
         help="also write warped copies of these textures, for renderers without dependent lookups",
     )
-    group.add_argument(
+    _normal_maps(group)
+
+
+def _normal_maps(to: argparse._ActionsContainer) -> None:
+    to.add_argument(
         "--normal-map",
         nargs="+",
         action="extend",
@@ -172,7 +176,7 @@ def _content(group: argparse._ArgumentGroup) -> None:
         dest="normal_maps",
         help="the same for normal maps in tangent space, whose normals are turned along",
     )
-    group.add_argument(
+    to.add_argument(
         "--normal-y",
         choices=("up", "down"),
         default="up",
@@ -266,8 +270,6 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
         parser.error("--only-layer needs --layer")
     if a.layer and a.layer_mode != "texture" and a.tiles:
         parser.error(f"--layer-mode {a.layer_mode} takes all tiles of a mesh, so that --tiles cannot go with it")
-    if a.seams == "continue" and a.normal_maps:
-        parser.error("--seams continue cannot go with --normal-map: what lies beyond a seam would have to be turned")
     options = SceneOptions(
         meshes=tuple(a.meshes),
         uv=a.uv,

@@ -22,7 +22,7 @@ from vrtm.bake.image_file import Target
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape
 from vrtm.bake.scene.images import find_maps
 
-VERSION = 1
+VERSION = 2
 """Of the way of copying: a file that was made in another way is not up to date."""
 
 
@@ -42,36 +42,41 @@ def dilate(parsed: argparse.Namespace, console: Console) -> None:
         for warning in scene.warnings:
             console.warning(warning)
         assets = [_asset(device, shape, parsed.weld) for shape in scene.shapes]
-        groups = [_meshes(pattern, scene.shapes, assets, console) for pattern in dict.fromkeys(parsed.texture)]
+        down = parsed.normal_y == "down"
+        given = [(pattern, False) for pattern in parsed.texture] + [(pattern, True) for pattern in parsed.normal_maps]
+        copies = [warped.Copy(pattern, "", is_normal, down) for pattern, is_normal in dict.fromkeys(given)]
+        if not copies:
+            raise Failure(INPUT, "one of --texture and --normal-map is needed: it says what is copied")
+        groups = [(copy, _meshes(copy, scene.shapes, assets, console)) for copy in copies]
         inputs = [(parsed.scene, "the scene"), *((path, "a file of the scene") for path in scene.files)]
         outputs = []
-        for meshes in groups:
+        for _, meshes in groups:
             paths = dict.fromkeys(path for mesh in meshes for path in mesh.files.values())
             inputs += [(path, "a texture") for path in paths]
             outputs += [(_output(parsed.out, path), f"--out, for {path}") for path in paths]
         overwrite.check(outputs, inputs, parsed.overwrite)
         staging.sweep(parsed.out)
         # What is up to date, and what somebody has painted on, is found before anything is written.
-        left = [_left(meshes, parsed) for meshes in groups]
-        for meshes, targets in zip(groups, left):
+        left = [_left(copy, meshes, parsed) for copy, meshes in groups]
+        for (copy, meshes), targets in zip(groups, left):
             if targets:
-                _dilate(meshes, targets, parsed.reach, console)
+                _dilate(copy, meshes, targets, parsed.reach, console)
     written = sum(map(len, left))
     console.info(f"{written} files written, {len(outputs) - written} up to date: {parsed.out}")
 
 
-def _meshes(pattern: str, shapes: Sequence[Shape], assets: Sequence[vrtm.Asset], console: Console) -> list[Mesh]:
+def _meshes(copy: warped.Copy, shapes: Sequence[Shape], assets: Sequence[vrtm.Asset], console: Console) -> list[Mesh]:
     """The meshes that look files of a pattern up; a warning names the others. Raises SceneError if there is none."""
     meshes: list[Mesh] = []
     missing: list[tuple[Shape, SceneError]] = []
     for shape, asset in zip(shapes, assets):
         try:
             udims = [tile.udim for tile in asset.tiles]
-            meshes.append(Mesh(shape, asset, find_maps(pattern, shape.name, udims)))
+            meshes.append(Mesh(shape, asset, find_maps(copy.pattern, shape.name, udims)))
         except SceneError as error:
             missing.append((shape, error))
     if not any(mesh.files for mesh in meshes):
-        raise missing[0][1] if missing else Failure(INPUT, f"--texture {pattern}: no mesh has such a file")
+        raise missing[0][1] if missing else Failure(INPUT, f"{copy.pattern}: no mesh has such a file")
     for shape, error in missing:
         console.warning(f"{shape.path}: left out, with its charts: {error}")
     return meshes
@@ -88,11 +93,11 @@ def _asset(device: vrtm.Device, shape: Shape, weld: str) -> vrtm.Asset:
         raise describe(error, shape.path) from error
 
 
-def _left(meshes: Sequence[Mesh], parsed: argparse.Namespace) -> dict[str, Target]:
+def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace) -> dict[str, Target]:
     """What is not up to date of the textures of one pattern. Raises Failure."""
     paths = list(dict.fromkeys(path for mesh in meshes for path in mesh.files.values()))
     first = warped.read(paths[0])
-    common = Fingerprint().text(VERSION, vrtm.version(), parsed.reach, parsed.weld)
+    common = Fingerprint().text(VERSION, vrtm.version(), parsed.reach, parsed.weld, copy.is_normal, copy.down)
     for mesh in meshes:
         shape = mesh.shape
         for array in (shape.rest, shape.face_counts, shape.indices, shape.uvs, shape.uv_indices):
@@ -106,6 +111,8 @@ def _left(meshes: Sequence[Mesh], parsed: argparse.Namespace) -> dict[str, Targe
         common.text(texture.inputs)
         height, width, _ = texture.pixels.shape
         named = (texture.channels, str(texture.pixels.dtype), texture.attributes, texture.format, texture.alpha)
+        if copy.is_normal and len(texture.channels) < 3:
+            raise Failure(INPUT, f"{path}: a normal map needs three channels, it has {len(texture.channels)}")
         targets[path] = (_output(parsed.out, path), width, height, *named)
     left = {}
     for path, (output, width, height, channels, dtype, attributes, form, alpha) in targets.items():
@@ -117,16 +124,18 @@ def _left(meshes: Sequence[Mesh], parsed: argparse.Namespace) -> dict[str, Targe
     return left
 
 
-def _dilate(meshes: Sequence[Mesh], targets: dict[str, Target], reach: float, console: Console) -> None:
+def _dilate(
+    copy: warped.Copy, meshes: Sequence[Mesh], targets: dict[str, Target], reach: float, console: Console
+) -> None:
     """Writes what is left of the textures of one pattern."""
-    textures = dilated(meshes, reach)
+    textures = dilated(copy, meshes, reach)
     for path, target in targets.items():
         pixels = textures[path].pixels
         image_file.write(target, pixels)
         console.detail(f"{target.path}: {np.mean((pixels != warped.read(path).pixels).any(axis=-1)):.1%} of its texels")
 
 
-def dilated(meshes: Sequence[Mesh], reach: float) -> dict[str, warped.Texture]:
+def dilated(copy: warped.Copy, meshes: Sequence[Mesh], reach: float) -> dict[str, warped.Texture]:
     """The textures of one pattern with what lies beyond the seams of the meshes, by their files."""
     paths = dict.fromkeys(path for mesh in meshes for path in mesh.files.values())
     textures = {path: warped.read(path) for path in paths}
@@ -135,23 +144,32 @@ def dilated(meshes: Sequence[Mesh], reach: float) -> dict[str, warped.Texture]:
     for final in (False, True):
         before = {path: pixels.copy() for path, pixels in now.items()}
         for path in textures:
-            for source, (rows, columns, uv) in found[path].copies.items():
+            for source, (rows, columns, uv, jacobian) in found[path].copies.items():
                 height, width, _ = before[source].shape
                 x, y = uv[:, 0] * width, (1 - uv[:, 1]) * height
                 # First of texels in charts alone; then also of what was copied beside them, as finely as filters do.
                 sample = _filtered if final else _in_charts
-                now[path][rows, columns] = sample(before[source], found[source].covered, x, y)
+                values = sample(before[source], found[source].covered, x, y)
+                if copy.is_normal:
+                    top = _top(textures[source])
+                    values[:, :3] = warped.turned(values[:, :3] / top, jacobian, copy.down) * top
+                now[path][rows, columns] = values
     done = {}
     for path, texture in textures.items():
         whole = texture.pixels.dtype.kind == "u"
         kept = np.ones(texture.pixels.shape[:2], bool)
-        for rows, columns, _ in found[path].copies.values():
+        for rows, columns, _, _ in found[path].copies.values():
             kept[rows, columns] = False
         pixels = np.rint(now[path]) if whole else now[path]
         # What is not copied stays as it was, bit by bit.
         pixels = np.where(kept[..., None], texture.pixels, pixels.astype(texture.pixels.dtype))
         done[path] = replace(texture, pixels=pixels)
     return done
+
+
+def _top(texture: warped.Texture) -> float:
+    """The number that stands for 1."""
+    return float(np.iinfo(texture.pixels.dtype).max) if texture.pixels.dtype.kind == "u" else 1.0
 
 
 def _in_charts(pixels: np.ndarray, covered: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -185,9 +203,9 @@ class _Found:
 
     covered: np.ndarray
     """(height, width): whether a chart covers it."""
-    copies: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
-    """By the file that texels are copied from: their rows and columns, and the UVs, within the tile, of what they
-    show."""
+    copies: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
+    """By the file that texels are copied from: their rows and columns, the UVs, within the tile, of what they show, and
+    how these change from texel to texel (`_jacobian`)."""
 
 
 def _copies(path: str, texture: warped.Texture, meshes: Sequence[Mesh], reach: float) -> _Found:
@@ -214,14 +232,39 @@ def _copies(path: str, texture: warped.Texture, meshes: Sequence[Mesh], reach: f
     for mesh, dilation, away in pieces:
         rows, columns = np.nonzero(away & ~covered & ~taken)
         uv = dilation[rows, columns, :2].astype(np.float64)
+        jacobian = _jacobian(dilation, away)[rows, columns]
         tiles = np.floor(uv).astype(np.int64)
         udims = 1001 + tiles[:, 0] + 10 * tiles[:, 1]
         for udim in np.unique(udims):
             source = mesh.files.get(int(udim))
             if source is not None:
                 chosen = udims == udim
-                part = [rows[chosen], columns[chosen], (uv - tiles)[chosen]]
+                part = [rows[chosen], columns[chosen], (uv - tiles)[chosen], jacobian[chosen]]
                 taken[part[0], part[1]] = True
                 old = found.get(source)
                 found[source] = part if old is None else [np.concatenate(pair) for pair in zip(old, part)]
-    return _Found(covered, {source: (rows, columns, uv) for source, (rows, columns, uv) in found.items()})
+    return _Found(covered, {source: (part[0], part[1], part[2], part[3]) for source, part in found.items()})
+
+
+def _jacobian(dilation: np.ndarray, away: np.ndarray) -> np.ndarray:
+    """(height, width, 4): the Jacobian, row by row, of the map from where texels lie to what they show, from their
+    differences to the texels beside them; of the two on either side the nearer one, since the other may lie beyond
+    another seam. Where a texel has no such neighbour, the map does not turn."""
+    height, width = away.shape
+    uv = dilation[..., :2].astype(np.float64)
+    sides = []
+    # v grows against the rows.
+    for axis, count in ((1, width), (0, -height)):
+        ahead = np.where((away & np.roll(away, -1, axis))[..., None], (np.roll(uv, -1, axis) - uv) * count, np.inf)
+        last = [slice(None), slice(None)]
+        last[axis] = slice(-1, None)
+        ahead[tuple(last)] = np.inf
+        behind = np.roll(ahead, 1, axis)
+        length = [np.where(np.isfinite(d), np.abs(d), np.inf).max(axis=-1) for d in (ahead, behind)]
+        sides.append(np.where((length[0] <= length[1])[..., None], ahead, behind))
+    along, up = sides
+    known = [np.isfinite(side).all(axis=-1, keepdims=True) for side in (along, up)]
+    quarter = np.stack([up[..., 1], -up[..., 0]], axis=-1)
+    along = np.where(known[0], along, np.where(known[1], quarter, [1.0, 0.0]))
+    up = np.where(known[1], up, np.stack([-along[..., 1], along[..., 0]], axis=-1))
+    return np.stack([along[..., 0], up[..., 0], along[..., 1], up[..., 1]], axis=-1)

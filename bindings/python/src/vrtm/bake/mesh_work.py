@@ -329,7 +329,7 @@ class MeshWork:
         if path not in self.dilated:
             files = next(paths for other, paths in self.textures if other is copy)
             meshes = [dilate.Mesh(self.shape, self.asset, files)]
-            self.dilated |= dilate.dilated(meshes, self.asset.tiles[0].settings.seam_reach)
+            self.dilated |= dilate.dilated(copy, meshes, self.asset.tiles[0].settings.seam_reach)
         return self.dilated[path]
 
 

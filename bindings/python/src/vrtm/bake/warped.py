@@ -168,7 +168,7 @@ def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = 
         strip[moves] = _sampled(padded, x[moves], y[moves], _footprint(jacobian[moves], width, height))
         strip = np.clip(strip, low, high)
         if copy.is_normal:
-            strip[..., :3] = _turned(strip[..., :3], jacobian, copy.down)
+            strip[..., :3] = turned(strip[..., :3], jacobian, copy.down)
         moved = np.rint(strip * top) if top != 1.0 else strip
         out[part] = np.where(still[..., None], texture.pixels[part], moved.astype(out.dtype))
     return out
@@ -251,16 +251,19 @@ def _catmull_rom(t: np.ndarray) -> list[np.ndarray]:
     ]
 
 
-def _turned(encoded: np.ndarray, jacobian: np.ndarray, down: bool) -> np.ndarray:
-    """Normals, from 0 to 1, turned back by the angle that the redirection turns a feature by, and of length 1."""
+def turned(encoded: np.ndarray, jacobian: np.ndarray, down: bool) -> np.ndarray:
+    """Normals, from 0 to 1, turned back by the angle that a map turns a feature by, mirrored if the map mirrors, and of
+    length 1. `jacobian` is the map's, row by row."""
     normals = encoded.astype(np.float64) * 2 - 1
     sign = -1.0 if down else 1.0
+    a, b, c, d = (jacobian[..., k].astype(np.float64) for k in range(4))
+    mirrored = np.where(a * d < b * c, -1.0, 1.0)
     du, dv = jacobian[..., 0].astype(np.float64), jacobian[..., 2].astype(np.float64)
     length = np.sqrt(du * du + dv * dv)
     cosine = np.divide(du, length, out=np.ones_like(du), where=length > 0)
     sine = np.divide(dv, length, out=np.zeros_like(dv), where=length > 0)
     x, y = normals[..., 0], normals[..., 1] * sign
-    turned = np.stack([cosine * x + sine * y, (cosine * y - sine * x) * sign, normals[..., 2]], axis=-1)
+    turned = np.stack([cosine * x + sine * y, (cosine * y - sine * x) * sign * mirrored, normals[..., 2]], axis=-1)
     size = np.linalg.norm(turned, axis=-1, keepdims=True)
     turned = np.divide(turned, size, out=np.broadcast_to([0.0, 0.0, 1.0], turned.shape).copy(), where=size > 1e-6)
     return turned / 2 + 0.5
