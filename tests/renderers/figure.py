@@ -14,6 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 import blender
 import model
+import studs
 import warp
 from checks import document
 
@@ -24,47 +25,12 @@ PANEL = 560, 620
 TITLES = "at rest", "mouth open: its own UVs", "mouth open: vrtm"
 
 
-def positions(mesh, rest):
-    """Where on the surface at rest each texel lies; NaN outside of charts."""
-    out = np.full((SIZE, SIZE, 3), np.nan)
-    for corners, points in zip(mesh.uvs[mesh.uv_triangles] * SIZE - 0.5, rest[mesh.triangles]):
-        low = np.maximum(np.ceil(corners.min(0)).astype(int), 0)
-        high = np.minimum(np.floor(corners.max(0)).astype(int), SIZE - 1)
-        x, y = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
-        (ax, ay), (bx, by) = corners[1] - corners[0], corners[2] - corners[0]
-        det = ax * by - ay * bx
-        if not det or not x.size:
-            continue
-        dx, dy = x - corners[0, 0], y - corners[0, 1]
-        s, t = (dx * by - dy * bx) / det, (ax * dy - ay * dx) / det
-        inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1 + 1e-9)
-        weights = np.stack([1 - s - t, s, t], -1)[inside]
-        out[SIZE - 1 - y[inside], x[inside]] = weights @ points
-    return out
-
-
-def studs(place, radius):
-    """The distance of each texel to the next stud's centre, in radii, infinite beyond two. Studs keep clear of chart borders
-    and each other."""
-    here = ~np.isnan(place[..., 0])
-    clear = here.copy()
+def clear_of_borders(place):
+    """Points of the surface at which studs keep clear of chart borders, in a random order."""
+    clear = ~np.isnan(place[..., 0])
     for _ in range(SIZE * 24 // 2048):
         clear[1:-1, 1:-1] &= clear[:-2, 1:-1] & clear[2:, 1:-1] & clear[1:-1, :-2] & clear[1:-1, 2:]
-    candidates = np.random.default_rng(3).permutation(np.argwhere(clear))[:6000]
-    centres = []
-    for y, x in candidates:
-        point = place[y, x]
-        if all(np.hypot.reduce(point - other) > 2.7 * radius for other in centres):
-            centres.append(point)
-    points = place[here]
-    points, order = points[np.argsort(points[:, 0])], np.argsort(points[:, 0])
-    nearest = np.full(len(points), np.inf)
-    for centre in centres:
-        near = slice(*np.searchsorted(points[:, 0], [centre[0] - 2 * radius, centre[0] + 2 * radius]))
-        nearest[near] = np.minimum(nearest[near], np.linalg.norm(points[near] - centre, axis=1) / radius)
-    distance = np.full(place.shape[:2], np.inf)
-    distance.flat[np.flatnonzero(here)[order]] = np.where(nearest < 2, nearest, np.inf)
-    return distance
+    return [place[y, x] for y, x in np.random.default_rng(3).permutation(np.argwhere(clear))[:6000]]
 
 
 def material(tree, folder, redirect):
@@ -119,9 +85,10 @@ def main(assets, out):
     mesh = model.asset(source, FRAME)
     rest = np.array([line.split()[1:4] for line in (source / "rest.obj").read_text().splitlines()
                      if line.startswith("v ")], float)
-    place = positions(mesh, rest)
+    place = studs.positions(mesh, rest, SIZE)
     scale = rest[:, 1].max() - rest[:, 1].min()
-    distance = studs(place, 0.021 * scale)
+    radius = 0.021 * scale
+    distance = studs.distances(place, studs.centres(clear_of_borders(place), 2.7 * radius), radius)
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         warp.write(folder / "rigidity.1001.png", np.clip((1.08 - distance) * 8 + 0.5, 0, 1)[..., None])

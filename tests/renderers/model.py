@@ -103,13 +103,17 @@ def asset(folder, frame):
     return Mesh(np.array(faces), np.array(uvs), frames[frame - 1].astype(np.float64), np.array(uv_faces))
 
 
-def bake(out, *arguments):
-    """Runs `vrtm bake`; its own messages become the exception's."""
+def run(*arguments):
+    """Runs the program `vrtm`; its own messages become the exception's."""
     vrtm = pathlib.Path(sys.executable).with_name("vrtm")
-    command = [str(vrtm), "bake", "--device", "cpu", "--out", str(out), *map(str, arguments)]
+    command = [str(vrtm), *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)}: {done.stderr.strip()}")
+
+
+def bake(out, *arguments):
+    run("bake", "--device", "cpu", "--out", out, *arguments)
 
 
 def bake_asset(out, folder, mesh, rigidity, *arguments):
