@@ -114,6 +114,8 @@ pub struct Grid {
     pub movable: Vec<u64>,
     /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
+    /// Whether nodes have a density, or something that holds them.
+    pub has_extra: bool,
     /// The rest pose, in units of the charts.
     pub rest: Arc<Pose>,
     /// The blocks and movable nodes of each level.
@@ -182,10 +184,8 @@ impl Grid {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        let level_bytes = |(k, level): (usize, &Level)| {
-            let planes = level.density.len() + level.held.len();
-            level.blocks.list.len() * block_bytes(k) + planes * size_of::<Plane>()
-        };
+        let extra = if self.has_extra { size_of::<Plane>() } else { 0 };
+        let level_bytes = |(k, level): (usize, &Level)| level.blocks.list.len() * (block_bytes(k) + extra);
         let squares = self.rigid_nodes.len() * size_of::<RigidNodes>();
         let parts = self.parts.len() * (size_of::<Part>() + 1) + squares;
         let levels: usize = self.levels.iter().enumerate().map(level_bytes).sum();
@@ -207,13 +207,14 @@ fn block_bytes(k: usize) -> usize {
 impl Survey<'_> {
     /// Estimated bytes of the grid, before it is built.
     pub fn grid_bytes(&self) -> u64 {
-        survey_bytes(&self.levels, self.triangles.len())
+        survey_bytes(&self.levels, self.triangles.len(), self.has_extra)
     }
 }
 
 /// Estimated bytes of a grid with these levels.
-fn survey_bytes(levels: &[SurveyLevel], triangles: usize) -> u64 {
-    let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * block_bytes(k);
+fn survey_bytes(levels: &[SurveyLevel], triangles: usize, has_extra: bool) -> u64 {
+    let extra = if has_extra { size_of::<Plane>() } else { 0 };
+    let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * (block_bytes(k) + extra);
     let levels: usize = levels.iter().enumerate().map(per_level).sum();
     (levels + triangles * TRIANGLE_BYTES) as u64
 }

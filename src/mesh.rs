@@ -229,6 +229,11 @@ impl TileMesh {
         self.source(triangle as usize).is_some_and(|source| source.image)
     }
 
+    /// Whether any triangle is one.
+    pub fn has_images(&self) -> bool {
+        self.sources.iter().any(|source| source.image)
+    }
+
     /// Number of triangle sides without a neighbour.
     pub fn border_edges(&self) -> u64 {
         self.triangles[..self.own()].iter().flat_map(|t| t.neighbours).filter(|&n| n == NONE).count() as u64

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 #[cfg(test)]
 use super::generated::WgslType;
 use super::generated::structs;
-use crate::grid::{Grid, Level};
+use crate::grid::Grid;
 
 /// Constants of both languages.
 pub mod shared {
@@ -172,8 +172,7 @@ pub const SCRATCH_PLANES: usize = 2;
 /// node (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material or what holds
 /// nodes.
 pub fn node_planes(grid: &Grid) -> usize {
-    let Level { density, held, .. } = &grid.levels[0];
-    if density.is_empty() && held.is_empty() { EXTRA } else { EXTRA + 1 }
+    EXTRA + usize::from(grid.has_extra)
 }
 
 /// Planes per block of a level's state.

@@ -49,7 +49,8 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -
     }
     let overlap = survey.overlap();
     let rest = Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None));
-    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, .. } = survey;
+    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, has_extra, .. } =
+        survey;
     let mut grid = Grid {
         levels,
         triangles: Arc::new(triangles),
@@ -58,6 +59,7 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -
         gather: Arc::new(gather),
         movable,
         overlap,
+        has_extra,
         rest,
         survey: Arc::new(survey),
         parts: Arc::new(parts),
@@ -85,7 +87,8 @@ pub(crate) fn skeleton(survey: Survey) -> Grid {
     let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
     let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
     let overlap = survey.overlap();
-    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, .. } = survey;
+    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, has_extra, .. } =
+        survey;
     Grid {
         levels,
         triangles: Arc::new(triangles),
@@ -94,6 +97,7 @@ pub(crate) fn skeleton(survey: Survey) -> Grid {
         gather: Arc::new(gather),
         movable,
         overlap,
+        has_extra,
         rest: Arc::default(),
         survey: Arc::new(survey),
         parts: Arc::new(parts),

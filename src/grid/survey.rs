@@ -29,6 +29,8 @@ pub(crate) struct Survey<'a> {
     pub counts: Counts,
     /// The rigid nodes of the squares that triangles cover, sorted by y, x.
     pub rigid_nodes: Vec<RigidNodes>,
+    /// Whether nodes have a density, or something that holds them.
+    pub has_extra: bool,
 }
 
 /// The blocks of one level.
@@ -102,7 +104,8 @@ impl<'a> Survey<'a> {
         let parts: Vec<Part> = parts.into_iter().map(|(part, _)| part).collected();
         let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
         let levels = levels(team, [nx, ny], &movable, &parts);
-        Survey { coverer, triangles, parts, rigid, levels, movable, counts, rigid_nodes }
+        let has_extra = maps.own.settings.orientation_density > 0.0 || tile.has_images();
+        Survey { coverer, triangles, parts, rigid, levels, movable, counts, rigid_nodes, has_extra }
     }
 
     /// Bytes of the survey that the grid does not keep.

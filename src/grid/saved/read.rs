@@ -132,7 +132,7 @@ pub fn grid(
         return Err(refuse("it has sizes that cannot be"));
     }
     let triangles = tile.triangles.len();
-    book(survey_bytes(&survey, triangles))?;
+    book(survey_bytes(&survey, triangles, tile.has_images()))?;
     let mut levels = levels_of(&survey, tile.charts.len());
     let count = levels.len();
     for (k, level) in levels.iter_mut().enumerate() {
@@ -159,6 +159,7 @@ pub fn grid(
     if !from.left.is_empty() {
         return Err(refuse("it is too long"));
     }
+    let has_extra = !levels[0].density.is_empty() || !levels[0].held.is_empty();
     Ok(Grid {
         levels,
         triangles: Arc::new(uv_triangles(tile, cells[0], cells[1])),
@@ -167,6 +168,7 @@ pub fn grid(
         gather: Arc::new(gather),
         movable,
         overlap,
+        has_extra,
         rest: Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None)),
         survey: Arc::new(survey),
         parts: Arc::new(parts),
