@@ -1045,7 +1045,8 @@ typedef int32_t vrtm_seams;
 // they are with VRTM_SEAMS_SHUT. Experimental.
 #define VRTM_SEAMS_CONTINUE 1
 
-// What happens at a border of a chart beyond which the surface ends: along an edge that only one face has.
+// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
+// has.
 typedef int32_t vrtm_open_borders;
 
 // Nothing moves at an open border; the default. The surface may go on in a mesh that is not known here, as a head's
@@ -1053,8 +1054,9 @@ typedef int32_t vrtm_open_borders;
 #define VRTM_OPEN_BORDERS_FIXED 0
 
 // Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its
-// shape; any texture will do. Corners of more than 50 degrees stay where they are. Edges whose vertices are not welded
-// look like open borders, and so do those at which faces of other sizes meet. Experimental.
+// shape; any texture will do. Corners of more than 50 degrees stay where they are, and so do ends of a chart's seam
+// with itself. Edges whose vertices are not welded look like open borders, and so do those at which faces of other
+// sizes meet, or beyond which faces have no texture. Experimental.
 #define VRTM_OPEN_BORDERS_SLIDE 1
 
 // A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.

@@ -156,7 +156,8 @@ pub enum Seams {
     Continue,
 }
 
-/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face has.
+/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with
+/// texture has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum OpenBorders {
@@ -164,8 +165,9 @@ pub enum OpenBorders {
     #[default]
     Fixed,
     /// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its shape.
-    /// Corners of more than 50 degrees stay where they are. Edges whose vertices are not welded, and those at which faces
-    /// of other sizes meet, look like open borders.
+    /// Corners of more than 50 degrees stay where they are, and so do ends of a chart's seam with itself. Edges whose
+    /// vertices are not welded, those at which faces of other sizes meet, and those beyond which faces have no texture, look
+    /// like open borders.
     Slide,
 }
 

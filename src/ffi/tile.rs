@@ -57,14 +57,16 @@ pub const VRTM_SEAMS_SHUT: vrtm_seams = 0;
 /// they are with VRTM_SEAMS_SHUT. Experimental.
 pub const VRTM_SEAMS_CONTINUE: vrtm_seams = 1;
 
-/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face has.
+/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
+/// has.
 pub type vrtm_open_borders = i32;
 /// Nothing moves at an open border; the default. The surface may go on in a mesh that is not known here, as a head's
 /// neck does.
 pub const VRTM_OPEN_BORDERS_FIXED: vrtm_open_borders = 0;
 /// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its
-/// shape; any texture will do. Corners of more than 50 degrees stay where they are. Edges whose vertices are not welded
-/// look like open borders, and so do those at which faces of other sizes meet. Experimental.
+/// shape; any texture will do. Corners of more than 50 degrees stay where they are, and so do ends of a chart's seam
+/// with itself. Edges whose vertices are not welded look like open borders, and so do those at which faces of other
+/// sizes meet, or beyond which faces have no texture. Experimental.
 pub const VRTM_OPEN_BORDERS_SLIDE: vrtm_open_borders = 1;
 
 /// A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.

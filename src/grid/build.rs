@@ -36,9 +36,9 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -
         }
     }
     set_interpolation(team, &survey, &mut levels, &maps.own.settings);
-    for level in &mut levels {
-        let cells = [level.nx, level.ny];
-        level.held = Arc::new(mirrors::held(tile, &survey.coverer.charts, &level.blocks, cells));
+    let cells = [survey.coverer.nx, survey.coverer.ny];
+    for (k, level) in levels.iter_mut().enumerate() {
+        level.held = Arc::new(mirrors::held(tile, &survey.coverer.charts, &level.blocks, k, cells));
     }
     let triangle = Arc::new(triangles_of_nodes(team, &survey));
     let mut gather = Gather::default();

@@ -25,14 +25,21 @@ pub fn decode(held: Held) -> [f32; 2] {
     [held as u16, (held >> 16) as u16].map(|x| f32::from(x as i16) / STEPS as f32)
 }
 
-/// What holds the nodes of a level's blocks, on a grid of `cells`; empty if no chart has an image. `charts` are those of the
+/// What holds the nodes of the blocks of level `level` of a grid of `cells` on level 0; empty if no chart has an image. `charts` are those of the
 /// tile's triangles.
-pub(super) fn held(tile: &TileMesh, charts: &[u32], blocks: &Blocks, cells: [usize; 2]) -> Vec<Plane<Held>> {
+pub(super) fn held(
+    tile: &TileMesh,
+    charts: &[u32],
+    blocks: &Blocks,
+    level: usize,
+    cells: [usize; 2],
+) -> Vec<Plane<Held>> {
     let images = || (tile.own()..tile.triangles.len()).filter(|&t| tile.is_image(t as u32));
     if images().next().is_none() {
         return Vec::new();
     }
-    let size = DVec2::new(cells[0] as f64, cells[1] as f64);
+    // A level's own size is rounded down.
+    let size = DVec2::new(cells[0] as f64, cells[1] as f64) / (1u64 << level) as f64;
     let mut held: Vec<Plane<Held>> = filled([0; NODES], blocks.list.len());
     let mut nearest: Vec<Plane> = filled([1.0; NODES], held.len());
     for t in images() {

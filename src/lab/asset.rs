@@ -99,11 +99,7 @@ impl Asset {
                 };
                 (uv.map(|uv| uv.to_array()), local.map(point))
             };
-            let is_image = |&local: &u32| {
-                let point = (local as usize).checked_sub(chart.vertices.len()).map(|k| &chart.points[k]);
-                point.is_some_and(|point| point.mirror.is_some())
-            };
-            let is_there = |t: &usize| !tile.triangles[*t].local.iter().any(is_image);
+            let is_there = |t: &usize| !tile.is_image(*t as u32);
             let triangles = chart.collar.clone().filter(is_there).map(triangle).collected();
             CollarOfChart { inside: ((own[0] + own[1] + own[2]) / 3.0).to_array(), triangles }
         };

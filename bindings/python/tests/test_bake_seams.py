@@ -118,3 +118,10 @@ def test_textures_slide_along_open_borders(scene: list[object], tmp_path: Path) 
     # In texels, of the row of texels at the lower border.
     assert deltas[0].max() < 0.5, deltas
     assert deltas[1][0] > 1 and deltas[1][1] < 0.2, deltas
+
+
+def test_a_normal_map_needs_three_channels(scene: list[object], tmp_path: Path) -> None:
+    for udim in (1001, 1002):
+        image(tmp_path / f"grey.{udim}.png", np.full((SIZE, SIZE, 1), 99, np.uint8))
+    more = ("--seams", "continue", "--normal-map", tmp_path / "grey.<UDIM>.png", "--out", tmp_path / "out")
+    assert "needs three channels" in run(*scene, *more, expect=2).stderr

@@ -139,8 +139,8 @@ pub fn grid(
         read_level(from, level, k, count)?;
     }
     let chart_of = tile.chart_of_triangles();
-    for level in &mut levels {
-        level.held = Arc::new(mirrors::held(tile, &chart_of, &level.blocks, [level.nx, level.ny]));
+    for (k, level) in levels.iter_mut().enumerate() {
+        level.held = Arc::new(mirrors::held(tile, &chart_of, &level.blocks, k, cells));
     }
     let list = &levels[0].blocks.list;
     let is_triangle = |t: u32| t == NONE || (t as usize) < triangles;

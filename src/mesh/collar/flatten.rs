@@ -336,10 +336,14 @@ impl Corners {
         sets.numbered(pieces.len())
     }
 
-    /// What each corner is the image in: that of the first piece there. Those at the chart's border lie on the mirror.
+    /// What each corner is the image in: that of the first piece there. Those at the chart's border, and those of pieces that
+    /// are no images, lie on the mirror.
     fn mirrors(&self, pieces: &[Piece]) -> Vec<Option<Mirror>> {
         let mut mirrors = filled(None, self.fixed.len());
         for (piece, of) in pieces.iter().zip(&self.of).rev() {
+            of.iter().for_each(|&c| mirrors[c as usize] = piece.mirror);
+        }
+        for (piece, of) in pieces.iter().zip(&self.of).filter(|(piece, _)| piece.mirror.is_none()) {
             of.iter().for_each(|&c| mirrors[c as usize] = piece.mirror);
         }
         let at_border = |c: &usize| self.fixed[*c].is_some();

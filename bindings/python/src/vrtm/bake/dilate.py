@@ -139,7 +139,10 @@ def dilated(copy: warped.Copy, meshes: Sequence[Mesh], reach: float) -> dict[str
     """The textures of one pattern with what lies beyond the seams of the meshes, by their files."""
     paths = dict.fromkeys(path for mesh in meshes for path in mesh.files.values())
     textures = {path: warped.read(path) for path in paths}
-    found = {path: _copies(path, texture, meshes, reach) for path, texture in textures.items()}
+    for path, texture in textures.items():
+        if copy.is_normal and len(texture.channels) < 3:
+            raise Failure(INPUT, f"{path}: a normal map needs three channels, it has {len(texture.channels)}")
+    found = {path: _copies(copy, path, texture, meshes, reach) for path, texture in textures.items()}
     now = {path: texture.pixels.astype(np.float32) for path, texture in textures.items()}
     for final in (False, True):
         before = {path: pixels.copy() for path, pixels in now.items()}
@@ -208,7 +211,7 @@ class _Found:
     how these change from texel to texel (`_jacobian`)."""
 
 
-def _copies(path: str, texture: warped.Texture, meshes: Sequence[Mesh], reach: float) -> _Found:
+def _copies(copy: warped.Copy, path: str, texture: warped.Texture, meshes: Sequence[Mesh], reach: float) -> _Found:
     """What is copied in a texture, by the dilations of all meshes that look it up. No chart of theirs is changed."""
     height, width, _ = texture.pixels.shape
     covered = np.zeros((height, width), bool)
@@ -232,7 +235,8 @@ def _copies(path: str, texture: warped.Texture, meshes: Sequence[Mesh], reach: f
     for mesh, dilation, away in pieces:
         rows, columns = np.nonzero(away & ~covered & ~taken)
         uv = dilation[rows, columns, :2].astype(np.float64)
-        jacobian = _jacobian(dilation, away)[rows, columns]
+        # Only normals are turned.
+        jacobian = _jacobian(dilation, away, rows, columns) if copy.is_normal else np.empty((len(rows), 0))
         tiles = np.floor(uv).astype(np.int64)
         udims = 1001 + tiles[:, 0] + 10 * tiles[:, 1]
         for udim in np.unique(udims):
@@ -246,25 +250,28 @@ def _copies(path: str, texture: warped.Texture, meshes: Sequence[Mesh], reach: f
     return _Found(covered, {source: (part[0], part[1], part[2], part[3]) for source, part in found.items()})
 
 
-def _jacobian(dilation: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """(height, width, 4): the Jacobian, row by row, of the map from where texels lie to what they show, from their
-    differences to the texels beside them; of the two on either side the nearer one, since the other may lie beyond
-    another seam. Where a texel has no such neighbour, the map does not turn."""
+def _jacobian(dilation: np.ndarray, away: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(texels, 4): the Jacobian, row by row, of the map from where some texels lie to what they show.
+
+    It comes from their differences to the texels beside them; of the two on either side the nearer one, since the other
+    may lie beyond another seam. Where a texel has no such neighbour, the map does not turn."""
     height, width = away.shape
-    uv = dilation[..., :2].astype(np.float64)
+    uv = dilation[rows, columns, :2].astype(np.float64)
     sides = []
-    # v grows against the rows.
-    for axis, count in ((1, width), (0, -height)):
-        ahead = np.where((away & np.roll(away, -1, axis))[..., None], (np.roll(uv, -1, axis) - uv) * count, np.inf)
-        last = [slice(None), slice(None)]
-        last[axis] = slice(-1, None)
-        ahead[tuple(last)] = np.inf
-        behind = np.roll(ahead, 1, axis)
-        length = [np.where(np.isfinite(d), np.abs(d), np.inf).max(axis=-1) for d in (ahead, behind)]
-        sides.append(np.where((length[0] <= length[1])[..., None], ahead, behind))
+    for down, right, count in ((0, 1, width), (1, 0, -height)):
+        # v grows against the rows.
+        differences = []
+        for step in (1, -1):
+            r, c = rows + step * down, columns + step * right
+            inside = (r >= 0) & (r < height) & (c >= 0) & (c < width)
+            r, c = np.clip(r, 0, height - 1), np.clip(c, 0, width - 1)
+            difference = (dilation[r, c, :2].astype(np.float64) - uv) * (step * count)
+            differences.append(np.where((inside & away[r, c])[:, None], difference, np.inf))
+        length = [np.abs(difference).max(axis=-1) for difference in differences]
+        sides.append(np.where((length[0] <= length[1])[:, None], *differences))
     along, up = sides
     known = [np.isfinite(side).all(axis=-1, keepdims=True) for side in (along, up)]
-    quarter = np.stack([up[..., 1], -up[..., 0]], axis=-1)
+    quarter = np.stack([up[:, 1], -up[:, 0]], axis=-1)
     along = np.where(known[0], along, np.where(known[1], quarter, [1.0, 0.0]))
-    up = np.where(known[1], up, np.stack([-along[..., 1], along[..., 0]], axis=-1))
-    return np.stack([along[..., 0], up[..., 0], along[..., 1], up[..., 1]], axis=-1)
+    up = np.where(known[1], up, np.stack([-along[:, 1], along[:, 0]], axis=-1))
+    return np.stack([along[:, 0], up[:, 0], along[:, 1], up[:, 1]], axis=-1)
