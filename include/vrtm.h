@@ -1045,6 +1045,11 @@ typedef int32_t vrtm_seams;
 // they are with VRTM_SEAMS_SHUT. Experimental.
 #define VRTM_SEAMS_CONTINUE 1
 
+// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart stay as they were, whole, and their elastic
+// surroundings give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least
+// 0.5. Any texture will do. Experimental.
+#define VRTM_SEAMS_KEEP 2
+
 // What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
 // has.
 typedef int32_t vrtm_open_borders;
@@ -1085,7 +1090,8 @@ typedef struct vrtm_tile_settings {
     float room;
     // Fraction of a cell's area, 0 to 1, under which that penalty starts; default 0.4.
     float room_threshold;
-    // VRTM_SEAMS_SHUT (0, the default) or VRTM_SEAMS_CONTINUE; the latter only with an `orientation_density` of 0.
+    // VRTM_SEAMS_SHUT (0, the default), VRTM_SEAMS_KEEP, or VRTM_SEAMS_CONTINUE; the latter only with an
+    // `orientation_density` of 0.
     vrtm_seams seams;
     // How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
     // VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. At most 0.5; 0 (the default) = 0.03125.

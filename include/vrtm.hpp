@@ -76,7 +76,7 @@ enum class Backend : vrtm_backend { automatic = VRTM_BACKEND_AUTO, cpu = VRTM_BA
 enum class LogLevel : vrtm_log_level { warning = VRTM_LOG_WARNING, info = VRTM_LOG_INFO };
 enum class Weld : vrtm_weld { index = VRTM_WELD_INDEX, position = VRTM_WELD_POSITION, off = VRTM_WELD_OFF };
 enum class Overlap : vrtm_overlap { fixed = VRTM_OVERLAP_FIXED, first_face = VRTM_OVERLAP_FIRST_FACE };
-enum class Seams : vrtm_seams { shut = VRTM_SEAMS_SHUT, go_on = VRTM_SEAMS_CONTINUE };
+enum class Seams : vrtm_seams { shut = VRTM_SEAMS_SHUT, go_on = VRTM_SEAMS_CONTINUE, keep = VRTM_SEAMS_KEEP };
 enum class OpenBorders : vrtm_open_borders { fixed = VRTM_OPEN_BORDERS_FIXED, slide = VRTM_OPEN_BORDERS_SLIDE };
 enum class FetchKind : vrtm_fetch_kind {
     redirection = VRTM_FETCH_REDIRECTION,

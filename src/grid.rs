@@ -4,6 +4,7 @@
 
 pub(crate) mod squares;
 mod cover;
+mod keep;
 mod rigidity;
 mod vertex_mask;
 pub(crate) mod survey;
@@ -26,6 +27,7 @@ pub(crate) mod mirrors;
 pub(crate) mod pose;
 pub(crate) mod pyramid;
 mod rest;
+pub(crate) mod rigid_nodes;
 pub(crate) mod uv_triangle;
 
 use std::sync::Arc;
@@ -39,7 +41,8 @@ use interpolation::StiffnessPlanes;
 use mirrors::Held;
 use planes::{NODES, Plane};
 use pose::{Pose, PoseTriangle};
-use survey::{RigidNodes, Survey, SurveyLevel};
+use rigid_nodes::RigidNodes;
+use survey::{Survey, SurveyLevel};
 use uv_triangle::UvTriangle;
 
 /// One level of a tile's grid: all of its data that does not depend on the pose. Data that does not depend on the
@@ -153,7 +156,7 @@ impl Grid {
 
     /// Fraction of the covered rigid nodes that do not move.
     pub fn frozen(&self) -> f32 {
-        survey::frozen_share(&self.rigid_nodes)
+        rigid_nodes::frozen_share(&self.rigid_nodes)
     }
 
     /// True if another grid has the same blocks, so that the two differ in rigidity at most.

@@ -154,6 +154,10 @@ pub enum Seams {
     /// charts that lie over one another, stay as they are with [`Seams::Shut`]. Tiles that are solved in one call are brought
     /// together at their seams.
     Continue,
+    /// As `Shut`, but rigid features that touch a border of their chart stay as they were, whole, and their elastic surroundings
+    /// give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least 0.5. Any
+    /// texture will do.
+    Keep,
 }
 
 /// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with

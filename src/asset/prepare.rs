@@ -14,7 +14,7 @@ use crate::image::map::TexelRect;
 use crate::mesh::extended::extended;
 use crate::mesh::{Mesh, TileMesh};
 use crate::report::{TileEstimate, TileInfo};
-use crate::settings::{LogLevel, Solver, TileSettings};
+use crate::settings::{LogLevel, Seams, Solver, TileSettings};
 use crate::team::Team;
 use crate::unwind::caught;
 
@@ -108,9 +108,10 @@ impl TileState {
     /// size has changed, at which others read this tile's maps.
     pub fn set_settings(&mut self, settings: &TileSettings) -> bool {
         let of_grid = |maps: &TileMaps| {
-            let TileSettings { overlap, smoothness, smoothness_floor, orientation_density, .. } =
+            let TileSettings { overlap, seams, smoothness, smoothness_floor, orientation_density, .. } =
                 maps.settings;
-            (maps.grid_size(), overlap, smoothness, smoothness_floor, orientation_density > 0.0)
+            let keeps = seams == Seams::Keep;
+            (maps.grid_size(), overlap, keeps, smoothness, smoothness_floor, orientation_density > 0.0)
         };
         let grid_before = of_grid(&self.maps);
         let before = std::mem::replace(&mut self.maps.settings, *settings);

@@ -56,6 +56,10 @@ pub const VRTM_SEAMS_SHUT: vrtm_seams = 0;
 /// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay as
 /// they are with VRTM_SEAMS_SHUT. Experimental.
 pub const VRTM_SEAMS_CONTINUE: vrtm_seams = 1;
+/// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart stay as they were, whole, and their elastic
+/// surroundings give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least
+/// 0.5. Any texture will do. Experimental.
+pub const VRTM_SEAMS_KEEP: vrtm_seams = 2;
 
 /// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
 /// has.
@@ -97,7 +101,8 @@ pub struct vrtm_tile_settings {
     pub room: f32,
     /// Fraction of a cell's area, 0 to 1, under which that penalty starts; default 0.4.
     pub room_threshold: f32,
-    /// VRTM_SEAMS_SHUT (0, the default) or VRTM_SEAMS_CONTINUE; the latter only with an `orientation_density` of 0.
+    /// VRTM_SEAMS_SHUT (0, the default), VRTM_SEAMS_KEEP, or VRTM_SEAMS_CONTINUE; the latter only with an
+    /// `orientation_density` of 0.
     pub seams: vrtm_seams,
     /// How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
     /// VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. At most 0.5; 0 (the default) = 0.03125.
@@ -148,6 +153,7 @@ fn to_c(settings: &TileSettings) -> vrtm_tile_settings {
         seams: match settings.seams {
             Seams::Shut => VRTM_SEAMS_SHUT,
             Seams::Continue => VRTM_SEAMS_CONTINUE,
+            Seams::Keep => VRTM_SEAMS_KEEP,
         },
         seam_reach: settings.seam_reach,
         open_borders: match settings.open_borders {
@@ -168,6 +174,7 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
     let seams = match from.seams {
         VRTM_SEAMS_SHUT => Seams::Shut,
         VRTM_SEAMS_CONTINUE => Seams::Continue,
+        VRTM_SEAMS_KEEP => Seams::Keep,
         other => return Err(Failure::argument(format!("settings.seams is {other}, no VRTM_SEAMS_ value"))),
     };
     let open_borders = match from.open_borders {

@@ -26,6 +26,11 @@ impl NodeSet {
         self.0 == [0; SIDE]
     }
 
+    /// The nodes that are in both sets.
+    pub fn and(self, other: NodeSet) -> NodeSet {
+        NodeSet(std::array::from_fn(|j| self.0[j] & other.0[j]))
+    }
+
     /// Number of nodes in the set.
     pub fn count(&self) -> u64 {
         self.0.iter().map(|row| u64::from(row.count_ones())).sum()

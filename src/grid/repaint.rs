@@ -8,14 +8,16 @@ use super::blocks::Part;
 use super::cover::{Coverer, WIDE};
 use super::interpolation::{self, MARGIN, PATCH, Source, StiffnessPlanes};
 use super::pyramid::{self, Held};
+use super::rigid_nodes::{RigidNodes, rigid_nodes};
 use super::rigidity::NodeRigidity;
 use super::squares::Squares;
-use super::survey::{RigidNodes, SurveyLevel, has_rigidity, movable_of_charts, rigid_nodes};
+use super::survey::{SurveyLevel, has_rigidity, movable_of_charts};
 use crate::allocation::{Collect, Grow, zeroed};
 use crate::grid::maps::{MapsOfTile, TileMaps};
 use crate::grid::planes::{NODES, SIDE};
 use crate::image::map::{Map, TexelRect};
 use crate::mesh::{NONE, TileMesh};
+use crate::settings::Seams;
 use crate::team::Team;
 
 /// A rectangle of nodes of a level, from `first` to `last` along both axes.
@@ -79,7 +81,8 @@ pub(crate) struct Repainted {
 ///
 /// # Returns
 /// `None` if the grid has to be built from scratch: because a chart gained its first or lost its last rigidity, or
-/// because the settings need the density of rigid material, or because the tile has collars, in which other texels lie.
+/// because the settings need the density of rigid material, or keep features at borders, or because the tile has collars,
+/// in which other texels lie.
 pub(crate) fn repaint(
     team: &Team,
     grid: &Grid,
@@ -88,7 +91,8 @@ pub(crate) fn repaint(
     map: &Map,
     texels: &TexelRect,
 ) -> Option<Repainted> {
-    if maps.settings.orientation_density > 0.0 || !tile.sources.is_empty() {
+    let keeps = maps.settings.seams == Seams::Keep;
+    if keeps || maps.settings.orientation_density > 0.0 || !tile.sources.is_empty() {
         return None;
     }
     let cells = [grid.levels[0].nx, grid.levels[0].ny];

@@ -23,6 +23,7 @@ use super::Grid;
 use crate::error::Result;
 use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
 use crate::mesh::{Chart, Mesh, TileMesh};
+use crate::settings::Seams;
 use crate::team::Team;
 use read::{Reader, refuse};
 use write::{Writer, write};
@@ -43,7 +44,7 @@ pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, MapsOfTile { own: maps, all }: M
     for number in [settings.smoothness, settings.smoothness_floor, density] {
         hash.update(&number.to_le_bytes());
     }
-    hash.update(&[settings.overlap as u8]);
+    hash.update(&[settings.overlap as u8, u8::from(settings.seams == Seams::Keep)]);
     for triangle in &tile.triangles {
         triangle.uv.iter().flat_map(|uv| uv.to_array()).for_each(|x| hash.update(&x.to_le_bytes()));
         triangle.neighbours.iter().chain(&triangle.local).for_each(|n| hash.update(&n.to_le_bytes()));

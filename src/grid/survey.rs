@@ -5,14 +5,17 @@
 use std::sync::Arc;
 
 use super::blocks::{Blocks, Part};
-use super::cover::{Cover, Coverer, WIDE, at};
+use super::cover::{Coverer, WIDE, at};
+use super::keep::{self, RigidPart};
 use super::node_set::NodeSet;
+use super::rigid_nodes::{RIGID, RigidNodes, merged, rigid_nodes};
 use super::rigidity::NodeRigidity;
 use crate::allocation::{Collect, Grow, with_capacity, zeroed};
 use crate::grid::maps::MapsOfTile;
-use crate::grid::planes::{NODES, SIDE};
+use crate::grid::planes::SIDE;
 use crate::grid::uv_triangle::{UvTriangle, uv_triangles};
 use crate::mesh::{NONE, TileMesh};
+use crate::settings::Seams;
 use crate::team::Team;
 
 /// Which nodes of a tile may move.
@@ -52,26 +55,6 @@ pub(crate) struct Counts {
     pub layered: u64,
 }
 
-/// Rigid nodes of a square of level 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct RigidNodes {
-    /// Position of the square, in blocks.
-    pub square: [u32; 2],
-    /// Number of covered nodes with a rigidity of at least `RIGID`.
-    pub rigid: u16,
-    /// Number of these nodes that are fixed, whatever their chart.
-    pub frozen: u16,
-}
-
-/// The fraction of the rigid nodes that are fixed.
-pub(super) fn frozen_share(squares: &[RigidNodes]) -> f32 {
-    let sum = |f: fn(&RigidNodes) -> u16| squares.iter().map(|square| u64::from(f(square))).sum::<u64>();
-    sum(|square| square.frozen) as f32 / sum(|square| square.rigid).max(1) as f32
-}
-
-/// The least rigidity of a node that counts as rigid.
-const RIGID: f32 = 0.5;
-
 /// Squares that a thread surveys at once.
 const CHUNK: usize = 16;
 
@@ -82,8 +65,9 @@ impl<'a> Survey<'a> {
         let triangles = uv_triangles(tile, nx, ny);
         let rigidity = NodeRigidity { maps, coverer: &coverer, triangles: &triangles };
         let squares = coverer.squares.list.len();
+        let keeps = maps.own.settings.seams == Seams::Keep;
         let found = team.map(squares.div_ceil(CHUNK), |chunk| {
-            let mut found = Found::default();
+            let mut found = Found { keeps, ..Found::default() };
             for square in chunk * CHUNK..((chunk + 1) * CHUNK).min(squares) {
                 found.add_square(&rigidity, square);
             }
@@ -92,13 +76,17 @@ impl<'a> Survey<'a> {
         let mut counts = Counts::default();
         let mut rigid_nodes = with_capacity(found.iter().map(|f| f.rigid_nodes.len()).sum());
         let mut parts: Vec<(Part, bool)> = with_capacity(found.iter().map(|f| f.parts.len()).sum());
+        let mut of_features: Vec<RigidPart> = with_capacity(found.iter().map(|f| f.of_features.len()).sum());
         for of_chunk in found {
             counts.covered += of_chunk.counts.covered;
             counts.layered += of_chunk.counts.layered;
             rigid_nodes.put_all(of_chunk.rigid_nodes);
             parts.put_all(of_chunk.parts);
+            of_features.put_all(of_chunk.of_features);
         }
-        let rigid_nodes = merged(rigid_nodes);
+        let mut rigid_nodes = merged(rigid_nodes);
+        keep::spread(&mut of_features);
+        keep::fix(&of_features, &mut parts, &mut rigid_nodes);
         parts.sort_unstable_by_key(|(part, _)| (part.chart, part.y, part.x));
         let rigid: Vec<bool> = parts.iter().map(|(_, rigid)| *rigid).collected();
         let parts: Vec<Part> = parts.into_iter().map(|(part, _)| part).collected();
@@ -196,21 +184,6 @@ pub(super) fn has_rigidity(window: &[f32; WIDE * WIDE], i: usize, j: usize) -> b
     (0..3).any(|dj| window[at(i, j + dj)..][..3].iter().any(|&r| r > 0.0))
 }
 
-/// The rigid nodes of squares, those of all layers together.
-fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
-    found.sort_unstable_by_key(|of| (of.square[1], of.square[0]));
-    found.dedup_by(|next, kept| {
-        let same = next.square == kept.square;
-        if same {
-            // A node where two charts touch counts once.
-            kept.rigid = (kept.rigid + next.rigid).min(NODES as u16);
-            kept.frozen = (kept.frozen + next.frozen).min(kept.rigid);
-        }
-        same
-    });
-    found
-}
-
 /// What a thread found in some squares.
 #[derive(Default)]
 struct Found {
@@ -218,23 +191,9 @@ struct Found {
     parts: Vec<(Part, bool)>,
     counts: Counts,
     rigid_nodes: Vec<RigidNodes>,
-}
-
-/// The rigid nodes of a square, given the rigidity in its window.
-pub(super) fn rigid_nodes(
-    square: [u32; 2],
-    cover: &Cover,
-    free: &NodeSet,
-    rigidity: &[f32; WIDE * WIDE],
-) -> RigidNodes {
-    let mut found = RigidNodes { square, rigid: 0, frozen: 0 };
-    for (i, j) in (0..SIDE * SIDE).map(|n| (n % SIDE, n / SIDE)) {
-        if cover.covered.contains(i, j) && rigidity[at(i + 1, j + 1)] >= RIGID {
-            found.rigid += 1;
-            found.frozen += u16::from(!(cover.interior.contains(i, j) && free.contains(i, j)));
-        }
-    }
-    found
+    /// Whether features at borders are kept; and then the rigid nodes of charts.
+    keeps: bool,
+    of_features: Vec<RigidPart>,
 }
 
 impl Found {
@@ -246,9 +205,13 @@ impl Found {
         let [x, y] = maps.coverer.squares.list[square].at;
         let rigidity = maps.window([x, y], &cover);
         let free = maps.free(square, &cover);
-        let first = self.parts.len();
+        let (first, first_feature) = (self.parts.len(), self.of_features.len());
         for j in 0..SIDE {
             for i in 0..SIDE {
+                if self.keeps && cover.covered.contains(i, j) && rigidity[at(i + 1, j + 1)] >= RIGID {
+                    let chart = maps.coverer.charts[cover.triangle[at(i + 1, j + 1)] as usize];
+                    self.add_rigid(first_feature, chart, [x, y], [i, j], !cover.interior.contains(i, j));
+                }
                 if !cover.interior.contains(i, j) || !free.contains(i, j) {
                     continue;
                 }
@@ -267,5 +230,20 @@ impl Found {
         self.rigid_nodes.put(rigid_nodes([x, y], &cover, &free, &rigidity));
         self.counts.covered += cover.covered.count();
         self.counts.layered += cover.layered.count();
+    }
+
+    /// Adds a rigid node of a chart in a square, the parts of which begin at `first`.
+    fn add_rigid(&mut self, first: usize, chart: u32, [x, y]: [u32; 2], [i, j]: [usize; 2], at_border: bool) {
+        let known = self.of_features[first..].iter().position(|of| of.part.chart == chart);
+        let index = known.map_or(self.of_features.len(), |k| first + k);
+        if known.is_none() {
+            let part = Part { chart, x, y, nodes: NodeSet::EMPTY };
+            self.of_features.put(RigidPart { part, kept: NodeSet::EMPTY });
+        }
+        let RigidPart { part, kept } = &mut self.of_features[index];
+        part.nodes.insert(i, j);
+        if at_border {
+            kept.insert(i, j);
+        }
     }
 }

@@ -287,8 +287,8 @@ static void maps(void)
          fails("no floor", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness_floor"));
     WITH(float, settings.room_threshold, 2,
          fails("threshold 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room_threshold"));
-    WITH(vrtm_seams, settings.seams, 2,
-         fails("seams 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seams is 2"));
+    WITH(vrtm_seams, settings.seams, 3,
+         fails("seams 3", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seams is 3"));
     WITH(float, settings.seam_reach, -1,
          fails("no reach", vrtm_tile_set_settings(tile, &settings), BAD, "settings.seam_reach: -1 is not"));
     settings.seams = VRTM_SEAMS_CONTINUE;

@@ -11,6 +11,7 @@ mod features;
 mod gap;
 mod hard_cases;
 mod invariants;
+mod keep;
 mod open_borders;
 mod pbd;
 mod random;

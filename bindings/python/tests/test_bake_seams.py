@@ -120,6 +120,21 @@ def test_textures_slide_along_open_borders(scene: list[object], tmp_path: Path) 
     assert deltas[1][0] > 1 and deltas[1][1] < 0.2, deltas
 
 
+def test_features_at_seams_are_kept(scene: list[object], tmp_path: Path) -> None:
+    x, y = on_sheet(0)
+    rigid = [np.hypot(x - centre, y - 0.5) < 0.1 for centre in (0.4, 1.0)]
+    image(tmp_path / "rigid.1001.png", np.where(rigid[0] | rigid[1], 255, 0).astype(np.uint8)[..., None])
+    deltas = {}
+    for seams in ("shut", "keep"):
+        run(*scene, "--seams", seams, "--form", "delta", "--out", tmp_path / seams)
+        delta = pixels(next((tmp_path / seams).glob("*redirect*1001*")))
+        # Beside the rim of the feature at the seam.
+        at_seam = (np.hypot(x - 1, y - 0.5) < 0.09) & (x < 1)
+        deltas[seams] = [SIZE * np.abs(delta[where]).max() for where in (rigid[0], at_seam)]
+    assert deltas["shut"][1] > 0.3 and deltas["keep"][1] == 0, deltas
+    assert deltas["keep"][0] > 0.3, deltas
+
+
 def test_a_normal_map_needs_three_channels(scene: list[object], tmp_path: Path) -> None:
     for udim in (1001, 1002):
         image(tmp_path / f"grey.{udim}.png", np.full((SIZE, SIZE, 1), 99, np.uint8))

@@ -1,7 +1,7 @@
 //! Writes a grid as bytes, or counts them.
 
 use crate::grid::Grid;
-use crate::grid::survey::RigidNodes;
+use crate::grid::rigid_nodes::RigidNodes;
 
 /// Writes numbers in sequence, or counts their bytes.
 pub struct Writer<'a> {

@@ -174,7 +174,7 @@ fn settings() -> impl Strategy<Value = TileSettings> {
             .prop_map(|(a, b, c, d, e)| [a, b, c, d, e]),
     ];
     let density = prop_oneof![6 => Just(0.0f32), 1 => magnitude(-3.0, 1.0)];
-    let seams = prop_oneof![3 => Just(Seams::Shut), 2 => Just(Seams::Continue)];
+    let seams = prop_oneof![3 => Just(Seams::Shut), 2 => Just(Seams::Continue), 1 => Just(Seams::Keep)];
     let open_borders = prop_oneof![3 => Just(OpenBorders::Fixed), 2 => Just(OpenBorders::Slide)];
     let reach = prop_oneof![2 => Just(default.seam_reach), 2 => magnitude(-3.0, -0.31)];
     let all = ([cells(), cells()], weights, density, overlap, seams, open_borders, reach);

@@ -199,10 +199,10 @@ def _work(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--quality", choices=("draft", "normal", "high"), default="normal")
     group.add_argument(
         "--seams",
-        choices=("shut", "continue"),
+        choices=("shut", "keep", "continue"),
         default="shut",
-        help="at seams nothing moves (shut), or features keep their shape across them: textures that renderers look up "
-        "by the maps then have to be dilated (vrtm dilate)",
+        help="at seams nothing moves (shut); or features that touch one stay as they are, whole (keep); or they keep "
+        "their shape across it: textures that renderers look up by the maps then have to be dilated (vrtm dilate)",
     )
     group.add_argument(
         "--seam-reach",

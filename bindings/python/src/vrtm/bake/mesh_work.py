@@ -324,7 +324,7 @@ class MeshWork:
 
     def _texture(self, path: str, copy: warped.Copy) -> warped.Texture:
         """A texture as it is looked up: if features go on over seams, with what lies beyond them."""
-        if self.settings.seams == "shut":
+        if self.settings.seams != "continue":
             return warped.read(path)
         if path not in self.dilated:
             files = next(paths for other, paths in self.textures if other is copy)

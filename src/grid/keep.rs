@@ -1,0 +1,107 @@
+//! Rigid features that touch a border of their chart are kept where they are, whole: half of a feature that regains its
+//! shape beside a border that cannot move would make an hourglass of it (method §16).
+
+use super::blocks::Part;
+use super::node_set::{NodeSet, NodeWindow};
+use super::rigid_nodes::RigidNodes;
+use crate::allocation::{Collect, Grow};
+use crate::grid::planes::SIDE;
+
+/// The rigid nodes of a chart in a square.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RigidPart {
+    pub part: Part,
+    /// Those that are kept: at first those at a border.
+    pub kept: NodeSet,
+}
+
+/// Extends what is kept to all rigid nodes that hang together with it in a chart, diagonals included.
+pub(super) fn spread(rigid: &mut [RigidPart]) {
+    rigid.sort_unstable_by_key(|of| of.part.key());
+    let neighbours = |rigid: &[RigidPart], k: usize| -> [Option<usize>; 9] {
+        let Part { chart, x, y, .. } = rigid[k].part;
+        std::array::from_fn(|n| {
+            let at = |x: u32, d: usize| (x + d as u32).checked_sub(1);
+            let key = (chart, at(y, n / 3)?, at(x, n % 3)?);
+            rigid.binary_search_by_key(&key, |of| of.part.key()).ok()
+        })
+    };
+    let mut open: Vec<usize> = (0..rigid.len()).filter(|&k| !rigid[k].kept.is_empty()).collected();
+    while let Some(k) = open.pop() {
+        let around = neighbours(rigid, k);
+        for k in around.into_iter().flatten() {
+            let around = neighbours(rigid, k);
+            let set = |n: usize| around[n].map_or(NodeSet::EMPTY, |other| rigid[other].kept);
+            let mut sets: [NodeSet; 9] = std::array::from_fn(set);
+            let before = sets[4];
+            loop {
+                let next = NodeWindow::new(|n| sets[n]).dilated().and(rigid[k].part.nodes);
+                if next == sets[4] {
+                    break;
+                }
+                sets[4] = next;
+            }
+            if sets[4] != before {
+                rigid[k].kept = sets[4];
+                open.put(k);
+            }
+        }
+    }
+}
+
+/// Takes the kept nodes out of the parts that may move, and counts them among the fixed ones. `rigid` is sorted as by `spread`.
+pub(super) fn fix(rigid: &[RigidPart], parts: &mut Vec<(Part, bool)>, squares: &mut [RigidNodes]) {
+    for (part, _) in parts.iter_mut() {
+        let Ok(k) = rigid.binary_search_by_key(&part.key(), |of| of.part.key()) else { continue };
+        let taken = part.nodes.and(rigid[k].kept);
+        for n in (0..SIDE * SIDE).filter(|n| taken.contains(n % SIDE, n / SIDE)) {
+            part.nodes.remove(n % SIDE, n / SIDE);
+        }
+        let at = squares.binary_search_by_key(&[part.y, part.x], |of| [of.square[1], of.square[0]]);
+        if let Ok(at) = at {
+            let square = &mut squares[at];
+            square.frozen = (square.frozen + taken.count() as u16).min(square.rigid);
+        }
+    }
+    parts.retain(|(part, _)| !part.nodes.is_empty());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A spiral over four squares, one node of which is at a border, and a feature beside it.
+    #[test]
+    fn a_feature_is_kept_to_its_end() {
+        let mut rigid: Vec<RigidPart> = Vec::new();
+        let spiral = |x: i64, y: i64| {
+            let r = (x - 16).abs().max((y - 16).abs());
+            r < 14 && r % 2 == 1 && !(y == 16 && x > 16) || (x - 16 == r && y == 17 && r % 2 == 0 && r < 13)
+        };
+        let apart = |x: i64, y: i64| (29..31).contains(&y) && x == 31;
+        let mut wanted = 0;
+        for (bx, by) in [(1, 1), (0, 1), (1, 0), (0, 0)] {
+            let mut nodes = NodeSet::EMPTY;
+            for (i, j) in (0..SIDE * SIDE).map(|n| (n % SIDE, n / SIDE)) {
+                let (x, y) = ((bx * SIDE + i) as i64, (by * SIDE + j) as i64);
+                if spiral(x, y) || apart(x, y) {
+                    nodes.insert(i, j);
+                }
+                wanted += u64::from(spiral(x, y));
+            }
+            let mut kept = NodeSet::EMPTY;
+            if (bx, by) == (0, 0) {
+                kept.insert(3, 3);
+                assert!(nodes.contains(3, 3));
+            }
+            rigid.push(RigidPart { part: Part { chart: 0, x: bx as u32, y: by as u32, nodes }, kept });
+        }
+        // Another chart in the same square.
+        let all = NodeSet([u16::MAX; SIDE]);
+        rigid.push(RigidPart { part: Part { chart: 1, x: 0, y: 0, nodes: all }, kept: NodeSet::EMPTY });
+        spread(&mut rigid);
+        let kept: u64 = rigid.iter().filter(|of| of.part.chart == 0).map(|of| of.kept.count()).sum();
+        assert_eq!(kept, wanted);
+        assert!(rigid.iter().filter(|of| of.part.chart == 1).all(|of| of.kept.is_empty()));
+    }
+}

@@ -1,0 +1,95 @@
+//! Features at borders that are kept whole (`Seams::Keep`).
+
+use vrtm::{
+    Asset, ImageLayout, ImageView, OpenBorders, PixelFormat, Quality, Seams, SolveOptions, TileSettings,
+};
+
+use crate::common::features::{CASES, Kind, Summary, models, of_asset, solve};
+use crate::common::{Model, bits, cpu, on_all_cores, options};
+
+/// At borders features are what they are without a warp; the others keep their shapes as they do with shut seams.
+#[test]
+fn features_at_borders_are_kept_and_others_keep_their_shape() {
+    let models = models();
+    let cases: Vec<_> = ["creature", "mh_face", "spot", "cesium_man", "fox", "ict_inner", "strips"]
+        .iter()
+        .filter_map(|name| {
+            let model = models.iter().find(|model| model.name == *name)?;
+            Some((model, CASES.iter().find(|case| case.0 == *name)?.1))
+        })
+        .collect();
+    assert!(!cases.is_empty());
+    let lines = on_all_cores(&cases, |&(model, frame)| {
+        let pose = &model.frames[frame - 1];
+        let [kept, shut] = [Seams::Keep, Seams::Shut].map(|seams| {
+            let asset = solve(model, pose, 1, 512, (seams, OpenBorders::Fixed), &options(Quality::Normal));
+            of_asset(model, pose, &asset)
+        });
+        let at_borders = || kept.iter().filter(|feature| feature.kind != Kind::Inner);
+        let change = at_borders().map(|feature| (feature.after - feature.before).abs()).fold(0.0, f64::max);
+        let [of_kept, of_shut] = [&kept, &shut].map(|features| Summary::of(features, Kind::Inner));
+        let line = format!(
+            "{} {frame}: {} change {change:.4}, {of_kept:?}, {of_shut:?}",
+            model.name,
+            at_borders().count()
+        );
+        let holds =
+            change < 1e-6 && of_kept.worse <= of_shut.worse && of_kept.mean[1] <= 1.1 * of_shut.mean[1];
+        (line, holds)
+    });
+    lines.iter().for_each(|(line, _)| println!("{line}"));
+    let failed: Vec<_> = lines.into_iter().filter(|(_, holds)| !holds).map(|(line, _)| line).collect();
+    assert!(failed.is_empty(), "\n{}", failed.join("\n"));
+}
+
+fn with(model: &Model, seams: Seams) -> Asset {
+    let mut asset = model.asset_on(&cpu(2), 256);
+    for tile in 0..asset.tile_count() {
+        let settings = TileSettings { seams, ..asset.settings(tile).unwrap() };
+        asset.set_settings(tile, &settings).unwrap();
+    }
+    asset
+}
+
+fn solved(asset: &mut Asset, model: &Model) -> Vec<[u32; 2]> {
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    bits(asset)
+}
+
+/// What a stroke of the brush, another setting or saved bytes leave is what an asset that begins so has.
+#[test]
+fn what_is_kept_follows_maps_and_settings() {
+    let model = Model::from(crate::common::scenes::by_name("strips").unwrap());
+    let maps = &model.maps[0];
+    let mut asset = with(&model, Seams::Keep);
+    let kept = solved(&mut asset, &model);
+    let frozen = asset.tile_info(0).unwrap().frozen;
+    assert!(frozen > 0.99, "all features of the scene end at a border: {frozen}");
+    let saved = asset.save_tile(0).unwrap();
+    let mut other = with(&model, Seams::Shut);
+    let shut = solved(&mut other, &model);
+    assert!(kept != shut);
+    assert!(other.load_tile(0, &saved).unwrap_err().message.contains("another mesh, map or setting"));
+    let settings = TileSettings { seams: Seams::Keep, ..other.settings(0).unwrap() };
+    other.set_settings(0, &settings).unwrap();
+    other.load_tile(0, &saved).unwrap();
+    assert!(solved(&mut other, &model) == kept);
+
+    // Strips that are cut in their middle no longer hang together with the border.
+    let [width, height] = [maps.width, maps.height];
+    let cut: Vec<u8> = (0..width * height)
+        .map(|k| match (k % width * 16 / width, k / width * 16 / height) {
+            (3 | 4 | 11 | 12, _) | (_, 3 | 4 | 11 | 12) => 0,
+            _ => maps.rigidity[k as usize],
+        })
+        .collect();
+    let image =
+        |bytes| ImageView::new("map", bytes, ImageLayout::packed(width, height, PixelFormat::U8)).unwrap();
+    asset.update_rigidity(0, image(&cut), [0, 0], [width, height]).unwrap();
+    let after = solved(&mut asset, &model);
+    let mut fresh = with(&model, Seams::Keep);
+    fresh.set_rigidity(0, Some(image(&cut))).unwrap();
+    assert!(after == solved(&mut fresh, &model));
+    let now = asset.tile_info(0).unwrap().frozen;
+    assert!(now < 0.9 * frozen, "{now}");
+}
