@@ -1528,6 +1528,11 @@ typedef struct vrtm_tile_report_data {
     uint32_t charts_apart;
     // Milliseconds: bringing charts together at seams.
     float ms_blend;
+    // With VRTM_SEAMS_CONTINUE: texels in charts whose redirection was limited in the latest image, since it would have
+    // led over the border of the chart into texture of another chart.
+    uint64_t texels_limited;
+    // By how much at most, in texels of that image.
+    float max_limit;
 } vrtm_tile_report_data;
 
 // An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().

@@ -10,7 +10,6 @@ pub(crate) mod external;
 pub(crate) mod fetch;
 pub(crate) mod inverse;
 pub(crate) mod nodes;
-mod owners;
 mod untangle;
 
 use std::fmt::Display;

@@ -253,6 +253,11 @@ pub struct TileReport {
     /// Charts that go on beyond seams and could not be brought together there with what their neighbours say, or not wholly,
     /// without crushing a cell.
     pub charts_apart: u32,
+    /// Texels in charts whose redirection was limited in the latest image: it would have led over the border of the chart into
+    /// texture of another chart. 0 if charts do not go on beyond their borders.
+    pub texels_limited: u64,
+    /// By how much at most, in texels of that image.
+    pub max_limit: f32,
     /// 16x16 blocks visited on the finest level.
     pub blocks_active: u64,
     /// 16x16 blocks of the whole tile.

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use crate::device::Device;
 use crate::error::{Error, Result};
+use crate::grid::gutter::Gutter;
 use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
 use crate::grid::repaint::repaint;
 use crate::grid::survey::Survey;
@@ -121,6 +122,7 @@ impl TileState {
         let goes_on = before.beyond() != settings.beyond();
         if goes_on {
             self.extended.take();
+            self.gutter = None;
         }
         if goes_on || of_grid(&self.maps) != grid_before {
             self.grid = None;
@@ -326,13 +328,15 @@ impl TileState {
         let result = Solved::bytes_for(&grid);
         let solver = TileSolver::bytes_for(device, &grid, source, Solver::Descent)?;
         let prepared = self.map_bytes() + grid_bytes;
+        // What is published is a result of its own.
+        let beyond = if source.sources.is_empty() { 0 } else { Gutter::BYTES + result };
         Ok(TileEstimate {
             movable_nodes: grid.movable.iter().sum(),
             prepared_bytes: prepared,
             // Level 1 needs temporary metrics and edge lengths while the grid is built.
             preparing_bytes: prepared + parts + grid_bytes / 5,
             // The last result is kept until the next one exists.
-            solving_bytes: prepared + solver + 2 * result,
+            solving_bytes: prepared + solver + 2 * result + beyond,
         })
     }
 

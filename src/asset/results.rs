@@ -22,7 +22,7 @@ use super::stretch::Stretch;
 use crate::map::canvas::Canvas;
 use crate::map::certificate::desc::{MapDesc, MapReport};
 use crate::map::dilation::Dilation;
-use crate::map::fetch::{self, Output};
+use crate::map::fetch::{self, Output, Written};
 use crate::map::inverse::Outputs;
 use crate::map::{FetchKind, certificate, external};
 use crate::solver::solved::Solved;
@@ -193,7 +193,7 @@ impl Results {
             }
             result
         };
-        let folds = match self.0.outputs.try_lock() {
+        let Written { folds, limited } = match self.0.outputs.try_lock() {
             Ok(mut outputs) => write(&mut outputs)?,
             Err(TryLockError::Poisoned(poisoned)) => write(&mut poisoned.into_inner())?,
             // Another thread is fetching: calls never wait for each other, so this one uses its own memory.
@@ -210,6 +210,9 @@ impl Results {
                 solved.mesh.udim
             );
             device.log(LogLevel::Warning, &message);
+        }
+        if let Some(limited) = limited {
+            solved.limited.set(&limited);
         }
         solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);
         Ok(())

@@ -10,6 +10,7 @@ use crate::allocation::{Collect, copied};
 use crate::blend::{Blends, Copies, Depths, Limited, Places, Side, blend};
 use crate::error::Result;
 use crate::grid::Grid;
+use crate::grid::gutter::LimitedTexels;
 use crate::mesh::TileMesh;
 use crate::method::plan::ChartResult;
 use crate::report::TileReport;
@@ -142,6 +143,8 @@ fn with(solved: &Solved, blended: Limited) -> Solved {
         overlap: solved.overlap,
         report,
         invert_ms: AtomicU32::new(0),
+        gutter: solved.gutter.clone(),
+        limited: LimitedTexels::default(),
         work: solved.work.clone(),
     }
 }

@@ -8,6 +8,7 @@ use crate::allocation::{Collect, copied, filled, zeroed};
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
 use crate::grid::Grid;
+use crate::grid::gutter::{Gutter, LimitedTexels};
 use crate::grid::maps::{Mask, Rigidity, TileMaps};
 use crate::grid::planes::SIDE;
 use crate::grid::pose::Pose;
@@ -88,6 +89,8 @@ pub(crate) struct TileState {
     pub(super) torn_now: Vec<u32>,
     /// What the blend at seams needs for the grid.
     pub(super) copies: Option<Copies>,
+    /// A tile with collars, and the room for redirections beside its charts.
+    pub(super) gutter: Option<(Arc<TileMesh>, Arc<Gutter>)>,
     solver: Option<TileSolver>,
     /// Bytes of the solver's memory.
     solver_bytes: u64,
@@ -123,7 +126,8 @@ impl TileState {
         // The blend is a result of its own.
         let blended = self.copies.as_ref().map_or(0, |copies| copies.bytes() as u64)
             + self.grid.as_ref().filter(|_| self.copies.is_some()).map_or(0, |grid| Solved::bytes_for(grid));
-        self.map_bytes() + grid + torn + blended + self.solver_bytes
+        let gutter = self.gutter.as_ref().map_or(0, |_| Gutter::BYTES);
+        self.map_bytes() + grid + torn + blended + gutter + self.solver_bytes
     }
 
     /// Bytes of the maps.
@@ -164,8 +168,21 @@ impl TileState {
             overlap: self.maps.settings.overlap,
             report,
             invert_ms: AtomicU32::new(0),
+            gutter: self.gutter_of(call.team, mesh),
+            limited: LimitedTexels::default(),
             work,
         })
+    }
+
+    /// The room for redirections beside the charts of a tile, if it has collars.
+    fn gutter_of(&mut self, team: &Team, tile: &Arc<TileMesh>) -> Option<Arc<Gutter>> {
+        if tile.sources.is_empty() {
+            return None;
+        }
+        if !self.gutter.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, tile)) {
+            self.gutter = Some((tile.clone(), Arc::new(Gutter::new(team, tile))));
+        }
+        self.gutter.as_ref().map(|(_, gutter)| gutter.clone())
     }
 
     /// Stores a new result.

@@ -20,6 +20,8 @@ pub(crate) struct Inverse<'a> {
     pub p: [f64; 2],
     /// The chart whose warp it is.
     pub chart: u32,
+    /// True if the point's cell is not wholly in the chart itself.
+    pub is_beyond: bool,
     /// The triangle that contains the point.
     piece: &'a Piece,
 }
@@ -46,10 +48,12 @@ struct Piece {
 
 /// Calls `put(x, y, inverse)` for each texel of a part of an image whose centre lies in a moved cell, with its position
 /// in the whole image and W⁻¹ at the centre. W⁻¹ is the identity at all other texels. No texel is visited twice if the
-/// warp is free of folds. `reach` must be at least the largest component of any displacement.
+/// warp is free of folds. `reach` must be at least the largest component of any displacement; the triangles of charts are the
+/// first `own` ones.
 pub(crate) fn texels(
     team: &Team,
     grid: &Grid,
+    own: u32,
     u: &[[Plane; 2]],
     part: &ImagePart,
     reach: f32,
@@ -71,6 +75,8 @@ pub(crate) fn texels(
         if misses(0, x) || misses(1, y) || !load(level, u, b, &mut windows) {
             return;
         }
+        let mut triangles: Window<u32> = [0; WINDOW_NODES];
+        window::load(&level.blocks.neighbours[b], own, |b| &grid.triangle[b], &mut triangles);
         for j in 0..SIDE {
             for i in 0..SIDE {
                 let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(di, dj)| {
@@ -81,11 +87,13 @@ pub(crate) fn texels(
                 if corners.iter().all(|c| c.1 == DVec2::ZERO) {
                     continue;
                 }
+                let is_beyond = |(di, dj)| triangles[place(i + 1 + di, j + 1 + dj)] >= own;
+                let is_beyond = [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().any(is_beyond);
                 for [a, b, c] in [[0, 1, 2], [0, 2, 3]] {
                     let rest = [a, b, c].map(|k| corners[k].0);
                     // All cells at this node compute the same texel coordinates.
                     let warped = [a, b, c].map(|k| (corners[k].0 + corners[k].1) * scale - 0.5);
-                    triangle(block.chart, rest, warped, part, &put);
+                    triangle(block.chart, rest, warped, is_beyond, part, &put);
                 }
             }
         }
@@ -107,6 +115,7 @@ fn triangle(
     chart: u32,
     rest: [DVec2; 3],
     warped: [DVec2; 3],
+    is_beyond: bool,
     part: &ImagePart,
     put: &impl Fn(usize, usize, Inverse),
 ) {
@@ -125,7 +134,7 @@ fn triangle(
         let l1 = (d.perp_dot(e2) * piece.inverse).clamp(0.0, 1.0);
         let l2 = (e1.perp_dot(d) * piece.inverse).clamp(0.0, 1.0 - l1);
         let p = rest[0] + l1 * (rest[1] - rest[0]) + l2 * (rest[2] - rest[0]);
-        put(x, y, Inverse { p: p.into(), chart, piece: &piece });
+        put(x, y, Inverse { p: p.into(), chart, is_beyond, piece: &piece });
     });
 }
 
@@ -238,7 +247,7 @@ mod tests {
         let rest = [[3.0, 5.0], [4.0, 5.0], [4.0, 6.0]].map(DVec2::from);
         let found = RefCell::new(Vec::new());
         let part = ImagePart { size: [8, 8], first: [0, 0], end: [8, 8] };
-        triangle(0, rest, warped.map(DVec2::from), &part, &|_, _, inverse: Inverse| {
+        triangle(0, rest, warped.map(DVec2::from), false, &part, &|_, _, inverse: Inverse| {
             found.borrow_mut().push(inverse.p)
         });
         found.into_inner()

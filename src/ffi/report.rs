@@ -131,6 +131,11 @@ pub struct vrtm_tile_report_data {
     pub charts_apart: u32,
     /// Milliseconds: bringing charts together at seams.
     pub ms_blend: f32,
+    /// With VRTM_SEAMS_CONTINUE: texels in charts whose redirection was limited in the latest image, since it would have
+    /// led over the border of the chart into texture of another chart.
+    pub texels_limited: u64,
+    /// By how much at most, in texels of that image.
+    pub max_limit: f32,
 }
 
 /// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
@@ -258,6 +263,8 @@ pub unsafe extern "C" fn vrtm_tile_report(
             strain_fixed: strain.fixed,
             charts_apart: r.charts_apart,
             ms_blend: r.times.blend,
+            texels_limited: r.texels_limited,
+            max_limit: r.max_limit,
         });
         Ok(())
     })

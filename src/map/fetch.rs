@@ -15,11 +15,12 @@ use super::FetchKind;
 use super::Form;
 use super::canvas::Canvas;
 use super::chart_texels::ChartTexels;
-use super::inverse::{self, Area, Centres, Outputs};
+use super::inverse::{self, Area, Centres, Outputs, Room};
 use super::nodes::{self, NodeRows};
-use super::owners::Owners;
 use super::untangle::Untangler;
 use super::untangle::written::WrittenMap;
+use crate::grid::gutter::LimitedTexels;
+use crate::grid::owners::Owners;
 use crate::solver::solved::Solved;
 
 /// The channel that marks the texels covered by charts.
@@ -32,7 +33,17 @@ pub(crate) struct Output<'a> {
     part: ImagePart,
     /// The charts of texels, where the charts of the result may lie over one another.
     owners: Option<Owners>,
+    /// What was limited.
+    limited: LimitedTexels,
     content: Content<'a>,
+}
+
+/// What was found while an output was written.
+pub(crate) struct Written {
+    /// Quads that still fold in a map that was to be one-to-one.
+    pub folds: u64,
+    /// Of a redirection, what was limited.
+    pub limited: Option<LimitedTexels>,
 }
 
 enum Content<'a> {
@@ -70,23 +81,25 @@ impl<'a> Output<'a> {
         };
         let inverts = !matches!(content, Content::Warp { .. });
         let owners = solved.extended.as_ref().filter(|_| inverts).map(|_| Owners::new(part));
-        Ok(Output { solved, part: *part, owners, content })
+        Ok(Output { solved, part: *part, owners, limited: LimitedTexels::default(), content })
     }
 
-    /// Writes the output to `image`, which has the size of the part. Returns the number of quads that still fold in a map
-    /// that was to be one-to-one.
+    /// Writes the output to `image`, which has the size of the part.
     pub fn write(
         self,
         device: &Device,
         team: &Team,
         outputs: &mut Outputs,
         image: &mut ImageViewMut,
-    ) -> Result<u64> {
-        let Output { solved, part, mut owners, content } = self;
+    ) -> Result<Written> {
+        let Output { solved, part, mut owners, limited, content } = self;
         if let (Some(owners), Some(tile)) = (&mut owners, &solved.extended) {
             owners.draw(team, tile, &part);
         }
-        let area = Area { part: &part, owners: owners.as_ref() };
+        let is_redirection = matches!(content, Content::Inverse { .. });
+        let gutter = solved.gutter.as_ref().filter(|_| is_redirection);
+        let room = gutter.map(|gutter| Room { gutter, limited: &limited });
+        let area = Area { part: &part, owners: owners.as_ref(), room };
         let canvas = Canvas::new(image);
         let mut folds = 0;
         match content {
@@ -116,7 +129,7 @@ impl<'a> Output<'a> {
             }
             Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
         }
-        Ok(folds)
+        Ok(Written { folds, limited: is_redirection.then_some(limited) })
     }
 }
 

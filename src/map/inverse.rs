@@ -8,7 +8,8 @@ use crate::gpu::{self, Displacements};
 use crate::image::ImagePart;
 use crate::team::Team;
 
-use super::owners::Owners;
+use crate::grid::gutter::{Gutter, LimitedTexels};
+use crate::grid::owners::Owners;
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
 
@@ -33,10 +34,19 @@ impl Centres {
     }
 }
 
-/// The part of an image that is inverted, and the charts of its texels where the charts of the result may lie over one another.
+/// The part of an image that is inverted; where the charts of the result go on beyond their borders, the charts of its texels;
+/// and the room for that, if redirections are to stay where there is some.
 pub(crate) struct Area<'a> {
     pub part: &'a ImagePart,
     pub owners: Option<&'a Owners>,
+    pub room: Option<Room<'a>>,
+}
+
+/// The room for redirections beyond the borders of charts, and what was limited.
+#[derive(Clone, Copy)]
+pub(crate) struct Room<'a> {
+    pub gutter: &'a Gutter,
+    pub limited: &'a LimitedTexels,
 }
 
 /// Outputs larger than this many bytes are freed after each fetch.
@@ -78,7 +88,18 @@ impl Outputs {
         }
         let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
         visit(team, solved, area, still, |x, y, inverse| {
-            let (uv, at) = ([0, 1].map(|k| inverse.p[k] / cells[k]), centre(x, y));
+            let at = centre(x, y);
+            let mut uv = [0, 1].map(|k| inverse.p[k] / cells[k]);
+            if let Some(room) = area.room
+                && inverse.is_beyond
+                && let Some(limited) = room.gutter.limit(inverse.chart, at, uv)
+            {
+                if area.owners.is_some_and(|owners| owners.is_inside(x, y)) {
+                    let by = [0, 1].map(|k| (limited[k] - uv[k]) * size[k] as f64);
+                    room.limited.count(by[0].hypot(by[1]) as f32);
+                }
+                uv = limited;
+            }
             put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
         })
     }
@@ -156,12 +177,13 @@ fn visit(
     moved: impl Fn(usize, usize, Inverse) + Sync,
 ) -> Result<()> {
     let u = solved.warp.host()?;
-    let Area { part, owners } = *area;
+    let Area { part, owners, .. } = *area;
     let (first, extent) = (part.first, part.extent());
     team.run(extent[1], |y| (0..extent[0]).for_each(|x| still(x, y)));
     let reach = solved.report.max_displacement;
     let visit = |team: &Team| {
-        invert::texels(team, &solved.grid, u, part, reach, |x, y, inverse| {
+        let own = solved.extended.as_ref().map_or(u32::MAX, |tile| tile.own() as u32);
+        invert::texels(team, &solved.grid, own, u, part, reach, |x, y, inverse| {
             let (x, y) = (x - first[0], y - first[1]);
             if owners.is_none_or(|owners| owners.chart(x, y) == inverse.chart) {
                 moved(x, y, inverse);

@@ -11,7 +11,7 @@ use crate::mesh::TileMesh;
 use crate::team::Team;
 
 use super::canvas::Canvas;
-use super::owners::Owners;
+use crate::grid::owners::Owners;
 use crate::solver::solved::Solved;
 
 /// Most items of work into which writing a warp is divided.

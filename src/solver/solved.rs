@@ -7,6 +7,7 @@ use glam::DVec2;
 
 use crate::cpu::invert;
 use crate::grid::Grid;
+use crate::grid::gutter::{Gutter, LimitedTexels};
 use crate::grid::planes::Plane;
 use crate::grid::pose::ChartPose;
 use crate::mesh::TileMesh;
@@ -36,6 +37,10 @@ pub(crate) struct Solved {
     pub report: TileReport,
     /// Milliseconds of the latest inversion: the bits of an f32.
     pub invert_ms: AtomicU32,
+    /// The room for redirections beyond the borders of charts, if charts go on there.
+    pub gutter: Option<Arc<Gutter>>,
+    /// What of the latest redirection was limited by it.
+    pub limited: LimitedTexels,
     /// The GPU's dispatches, submissions and transfers.
     pub work: Option<GpuWork>,
 }
@@ -58,6 +63,8 @@ impl Solved {
             overlap: self.overlap,
             report: self.report,
             invert_ms: AtomicU32::new(0),
+            gutter: self.gutter.clone(),
+            limited: LimitedTexels::default(),
             work: self.work.clone(),
         }
     }
@@ -66,6 +73,7 @@ impl Solved {
     pub fn report(&self) -> TileReport {
         let mut report = self.report;
         report.times.invert = f32::from_bits(self.invert_ms.load(Ordering::Relaxed));
+        (report.texels_limited, report.max_limit) = self.limited.read();
         report
     }
 
@@ -84,10 +92,14 @@ impl Solved {
     pub fn redirected(&self, u: &[[Plane; 2]], triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]> {
         let level = &self.grid.levels[0];
         let (origin, cells) = (self.mesh.origin(), DVec2::new(level.nx as f64, level.ny as f64));
-        let at = ((DVec2::from(uv) - origin) * cells).to_array();
-        self.candidates(self.mesh.chart_of[triangle as usize])
-            .find_map(|chart| invert::point(level, u, chart, at, self.reach(chart)))
-            .map(|p| (DVec2::from(p) / cells + origin).into())
+        let at = DVec2::from(uv) - origin;
+        let redirected = |chart: u32| {
+            let p = invert::point(level, u, chart, (at * cells).to_array(), self.reach(chart))?;
+            let to = (DVec2::from(p) / cells).to_array();
+            let limited = self.gutter.as_ref().and_then(|gutter| gutter.limit(chart, at.to_array(), to));
+            Some((DVec2::from(limited.unwrap_or(to)) + origin).into())
+        };
+        self.candidates(self.mesh.chart_of[triangle as usize]).find_map(redirected)
     }
 
     /// Charts whose warp may move a corner of `chart`: itself, and if the first face owns shared texels, any chart.

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, OpenBorders, PixelFormat, Quality,
-    Seams, SolveOptions, Strided, TileSettings,
+    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, OpenBorders, Origin, PixelFormat,
+    Quality, Seams, SolveOptions, Strided, TileSettings,
 };
 
 use crate::common::features::{CASES, Kind, Summary, gaps, models, of_asset, solve};
@@ -364,4 +364,64 @@ fn features_over_seams_keep_their_shape_and_stay_together() {
     }
     let failed: Vec<_> = failed.into_iter().filter(|(_, holds)| !holds).map(|(line, _)| line).collect();
     assert!(failed.is_empty(), "\n{}", failed.join("\n"));
+}
+
+/// Two charts with a gutter of one and a half cells between them: what leads over a seam ends in its own half of the gutter, where
+/// a dilated texture shows what lies beyond the chart, and the report tells.
+#[test]
+fn redirections_end_where_the_gutter_does() {
+    const GUTTER: f64 = 0.006;
+    let (left, right) = (0.26, 0.26 + GUTTER);
+    let mut model = sheet(Some(Place { shift: [GUTTER, 0.0], ..STAYS }));
+    // One half shrinks and the other one grows, so that the texture moves over the seam.
+    let pose = |p: &[f32; 3]| [0.5 + (p[0] - 0.5) * (1.0 + 0.6 * ((p[0] - 0.5) / 0.03).tanh()), p[1], 0.0];
+    model.frames = vec![model.rest.iter().map(pose).collect()];
+    let mut asset = with(&model, &cpu(2), 256, Seams::Continue);
+    asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+    assert_eq!(asset.tile_report(0).unwrap().texels_limited, 0, "before the first image");
+    let mut bytes = vec![0; 8 << 20];
+    let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(1024, 1024, PixelFormat::F32) };
+    let mut image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
+    asset.results().fetch_dilation(0, 0.03, &mut image).unwrap();
+    let shown = common::floats(&bytes);
+    for size in [256u32, 500, 1024] {
+        let map = common::fetch(&mut asset, 0, FetchKind::Redirection, [size, size]);
+        let report = asset.tile_report(0).unwrap();
+        let mut over = 0.0f64;
+        for (k, uv) in map.iter().enumerate() {
+            let [x, y] = [k % size as usize, k / size as usize].map(|n| (n as f64 + 0.5) / f64::from(size));
+            let u = f64::from(uv[0]);
+            if !(0.06..0.46).contains(&y) || !(0.06..0.46).contains(&x) {
+                continue;
+            }
+            if x < left {
+                assert!(u < left, "{x}, {y}: {u}");
+            } else if x > right && u < right {
+                over = over.max(right - u);
+                let [i, j] = uv.map(|x| (x * 1024.0) as usize);
+                let shown = f64::from(shown[j * 1024 + i][0]);
+                // The texel at the seam itself is the chart's own.
+                assert!(shown < left || right - u < 1.0 / 1024.0, "{x}, {y}: {u} shows {shown}");
+            }
+        }
+        println!("{size}: {} by {}, over {over}", report.texels_limited, report.max_limit);
+        assert!(over > 0.0015 && over < 0.5 * GUTTER - 1.0 / 1024.0, "{over}");
+        assert!(report.texels_limited > 200 && report.max_limit / size as f32 > 0.01, "{report:?}");
+        // A part of the image is the same.
+        let mut bytes = vec![0; 8 * 40 * 30];
+        let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(40, 30, PixelFormat::F32) };
+        let mut image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
+        let first = [size * 13 / 50 - 20, size / 4];
+        asset.results().fetch_part(0, FetchKind::Redirection, &mut image, [size; 2], first).unwrap();
+        for (k, uv) in common::floats(&bytes).iter().enumerate() {
+            let [x, y] = [first[0] as usize + k % 40, first[1] as usize + k / 40];
+            assert_eq!(*uv, map[y * size as usize + x]);
+        }
+    }
+    let mut uvs = vec![[0.0; 2]; model.uv_indices.len()];
+    asset.corner_uvs(&mut uvs).unwrap();
+    let own = |k: usize| model.uvs[model.uv_indices[k] as usize][0];
+    let of_right = || (0..uvs.len()).filter(|&k| f64::from(own(k)) >= right - 1e-6);
+    let over = of_right().map(|k| right - f64::from(uvs[k][0])).fold(0.0, f64::max);
+    assert!(over > 0.0015 && over < 0.5 * GUTTER - 1.0 / 1024.0, "corners: {over}");
 }

@@ -265,6 +265,11 @@ class MeshWork:
                 stop()
                 pixels = self._pixels(piece, stop)
                 stop()
+                if piece.is_redirection:
+                    # Of the image just fetched.
+                    report = piece.tile.tile.report()
+                    limits = {"texels_limited": report.texels_limited, "max_limit": report.max_limit}
+                    figures[piece.tile.udim] |= limits
                 image_file.write(piece.target, pixels, figures[piece.tile.udim] if piece.is_redirection else None)
         if corners is not None:
             if whole:
@@ -297,8 +302,9 @@ class MeshWork:
     def _figures(self, tile: TileWork) -> dict:
         """What a file keeps of its solve: nothing that changes from run to run, such as times."""
         report = tile.tile.report()
-        names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement", "charts", "charts_fallback")
-        figures: dict = {name: getattr(report, name) for name in names}
+        names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement")
+        counts = ("charts", "charts_fallback", "charts_apart")
+        figures: dict = {name: getattr(report, name) for name in (*names, *counts)}
         facts = tile.tile.info
         nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
         figures |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}

@@ -3,13 +3,15 @@
 
 use glam::DVec2;
 
-use super::chart_texels::BAND;
+use super::fill::Fill;
 use crate::allocation::{Collect, filled};
-use crate::grid::fill::Fill;
 use crate::image::ImagePart;
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{NONE, TileMesh};
 use crate::team::Team;
+
+/// Rows that one item of work draws.
+const BAND: usize = 64;
 
 /// Per texel of a part of an image, the chart that its centre lies in, or per node of a grid. Beside all charts it is the one whose border is
 /// nearest on the surface, if its collar lies there.
@@ -82,6 +84,11 @@ impl Owners {
                 });
             }
         });
+    }
+
+    /// True if a point lies in a chart, not beside all.
+    pub fn is_inside(&self, x: usize, y: usize) -> bool {
+        self.bands[y / BAND][y % BAND * self.width + x].distance <= 0.0
     }
 
     /// The chart of a point, or `NONE`.
