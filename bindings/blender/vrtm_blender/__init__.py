@@ -17,6 +17,7 @@ NAMES = (
     "live",
     "properties",
     "nodes",
+    "dilate",
     "keep",
     "exr",
     "reads",

@@ -58,10 +58,13 @@ def read_image(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
     if image.source != "TILED":
         return {None: _pixels(image)}
     # A script sees the pixels of an image's first tile only. So tiles are read from a copy of the image, whose first
-    # tile is taken away again and again. A copy has what is on disk or packed; what is painted and not saved goes
-    # through a folder.
+    # tile is taken away again and again. A copy has what is on disk; what is painted and not saved goes through a
+    # folder, and so does what is packed, of which a copy has the first tile alone.
     only_in_memory = not image.filepath and not image.packed_files
-    found = _unsaved_tiles(image) if image.is_dirty or only_in_memory else _tiles_of_copy(image)
+    if image.is_dirty or only_in_memory:
+        found = _unsaved_tiles(image)
+    else:
+        found = _packed_tiles(image) if image.packed_files else _tiles_of_copy(image)
     if not found:
         raise Problem(f"image {image.name!r} has no pixels in any of its tiles: are its files missing?")
     return found
@@ -113,26 +116,42 @@ def _unsaved_tiles(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
             ) from error
         finally:
             image.file_format = kept
-        found: dict[int | None, np.ndarray] = {}
-        for tile in image.tiles:
-            path = os.path.join(folder, f"tile.{tile.number}{suffix}")
-            if not os.path.exists(path):
-                continue
-            loaded = bpy.data.images.load(path)
+        paths = {tile.number: os.path.join(folder, f"tile.{tile.number}{suffix}") for tile in image.tiles}
+        return _tiles_of_files(image, {number: path for number, path in paths.items() if os.path.exists(path)})
+
+
+def _packed_tiles(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
+    with tempfile.TemporaryDirectory(prefix="vrtm-") as folder:
+        paths = {}
+        for file in image.packed_files:
+            path = os.path.join(folder, f"{file.tile_number}{os.path.splitext(file.filepath)[1]}")
             try:
-                if not loaded.size[0]:
-                    # Blender saves a PNG without a word of a disk that is full.
-                    raise Problem(
-                        f"image {image.name!r}: the painted tiles cannot be read: "
-                        f"is there room in {tempfile.gettempdir()}?"
-                    )
-                # No conversion: the numbers are those of the image's buffer.
-                loaded.colorspace_settings.name = image.colorspace_settings.name
-                loaded.alpha_mode = image.alpha_mode
-                found[tile.number] = _pixels(loaded)
-            finally:
-                bpy.data.images.remove(loaded)
-        return found
+                with open(path, "wb") as out:
+                    out.write(file.packed_file.data)
+            except OSError as error:
+                raise Problem(f"image {image.name!r}: its packed tiles cannot be read: {error}") from error
+            paths[file.tile_number] = path
+        return _tiles_of_files(image, paths)
+
+
+def _tiles_of_files(image: bpy.types.Image, paths: dict[int, str]) -> dict[int | None, np.ndarray]:
+    """The pixels of an image's tiles out of files that were written for that."""
+    found: dict[int | None, np.ndarray] = {}
+    for number, path in paths.items():
+        loaded = bpy.data.images.load(path)
+        try:
+            if not loaded.size[0]:
+                # Blender saves a PNG without a word of a disk that is full.
+                raise Problem(
+                    f"image {image.name!r}: the painted tiles cannot be read: is there room in {tempfile.gettempdir()}?"
+                )
+            # No conversion: the numbers are those of the image's buffer.
+            loaded.colorspace_settings.name = image.colorspace_settings.name
+            loaded.alpha_mode = image.alpha_mode
+            found[number] = _pixels(loaded)
+        finally:
+            bpy.data.images.remove(loaded)
+    return found
 
 
 def _save_copy(image: bpy.types.Image, path: str) -> None:

@@ -296,6 +296,20 @@ def remove(material: bpy.types.Material) -> int:
     return removed
 
 
+def redirected(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    """The Image Texture nodes with an image that are looked up at UVs out of a group of this add-on."""
+
+    def is_behind(node: bpy.types.Node, seen: set[bpy.types.Node]) -> bool:
+        if is_ours(node):
+            return True
+        seen.add(node)
+        before = [link.from_node for socket in node.inputs for link in socket.links]
+        return any(is_behind(other, seen) for other in before if other not in seen)
+
+    textures = [node for node in _textures(tree) if node.image is not None and results.LAYOUT not in node.image]
+    return [node for node in textures if any(is_behind(link.from_node, set()) for link in node.inputs["Vector"].links)]
+
+
 def is_ours(node: bpy.types.Node) -> bool:
     return node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None and bool(node.node_tree.get(KIND))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from . import bake, geometry, live, messages, nodes, results, session, solve, tap
+from . import bake, dilate, geometry, live, messages, nodes, results, session, solve, tap
 from .messages import Problem, text_of
 
 
@@ -145,6 +145,21 @@ class VRTM_OT_set_up_material(_OnObject, bpy.types.Operator):
         return f"{obj.name}: {number} image textures are looked up at redirected UVs"
 
 
+class VRTM_OT_dilate(_OnObject, bpy.types.Operator):
+    """Have the materials look up copies of their textures that hold, around each chart, what lies beyond its seams. The
+    copies are packed into the file; press it again after painting on the originals"""
+
+    bl_idname = "vrtm.dilate"
+    bl_label = "Dilate Textures"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        state = session.state_of(obj)
+        state.end_job()
+        solve.prepare(obj, state)
+        number = dilate.dilate(obj, state.asset, obj.vrtm.seam_reach)
+        return f"{obj.name}: {number} textures have what lies beyond seams"
+
+
 class VRTM_OT_clear_material(_OnObject, bpy.types.Operator):
     """Take the redirection out of the object's materials again"""
 
@@ -153,6 +168,7 @@ class VRTM_OT_clear_material(_OnObject, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         materials = {slot.material for slot in obj.material_slots if slot.material is not None}
+        dilate.restore(obj)
         return f"{obj.name}: {sum(map(nodes.remove, materials))} node groups removed"
 
 
@@ -299,6 +315,7 @@ CLASSES = (
     VRTM_OT_capture_rest,
     VRTM_OT_insert_tap,
     VRTM_OT_set_up_material,
+    VRTM_OT_dilate,
     VRTM_OT_clear_material,
     VRTM_OT_bake,
     VRTM_OT_use_baked,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, keep, nodes, results, session, tap
+from . import dilate, geometry, keep, nodes, results, session, tap
 
 
 class _Panel:
@@ -60,6 +60,10 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
         layout.use_property_split, layout.use_property_decorate = True, False
         for name in ("quality", "grid", "map_size", "device", "measure"):
             layout.prop(settings, name)
+        layout.prop(settings, "seams")
+        layout.prop(settings, "open_borders")
+        if settings.seams == "continue" or settings.open_borders == "slide":
+            layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")
         column.prop(settings, "write_image")
         column.prop(settings, "write_uvs")
@@ -77,6 +81,8 @@ class VRTM_PT_material(_Panel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("vrtm.set_up_material", text="Set Up by Image").by = "image"
         row.operator("vrtm.set_up_material", text="By UV Map").by = "uv_map"
+        if context.object.vrtm.seams == "continue":
+            layout.operator("vrtm.dilate")
         layout.operator("vrtm.clear_material")
 
 
@@ -125,6 +131,8 @@ def draw_state(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
     scale = obj.scale
     if max(map(abs, scale)) > 1.001 * min(map(abs, scale)):
         layout.label(text="Scaled unevenly: apply the scale, which vrtm does not see", icon="INFO")
+    if obj.vrtm.seams == "continue" and dilate.left_of(obj):
+        layout.label(text="Textures end at seams: press Dilate Textures", icon="INFO")
     state = session.find_state(obj)
     if results.is_set_up(obj):
         for text in keep.unsaved_maps(obj):

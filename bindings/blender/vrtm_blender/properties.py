@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 SOURCES = [
     ("NONE", "None", "No map"),
@@ -105,6 +105,37 @@ class VrtmSettings(bpy.types.PropertyGroup):
         default=0,
         update=_changed,
     )
+    seams: EnumProperty(
+        name="Seams",
+        description="What happens to features at the seams of the UV map",
+        items=[
+            ("shut", "Shut", "Nothing moves at a seam: a feature on one keeps its width there"),
+            ("keep", "Keep", "A feature that touches a border stays as it is, whole"),
+            ("continue", "Continue", "Features keep their shape across seams. Press Dilate Textures for that"),
+        ],
+        default="shut",
+        update=_changed,
+    )
+    open_borders: EnumProperty(
+        name="Open Borders",
+        description="What happens where the mesh ends",
+        items=[
+            ("fixed", "Fixed", "Nothing moves there, as is right where another mesh begins"),
+            ("slide", "Slide", "Textures slide along the border, so that features there keep their shape"),
+        ],
+        default="fixed",
+        update=_changed,
+    )
+    seam_reach: FloatProperty(
+        name="Reach",
+        description="How far the surface is looked at beyond seams and open borders, in UV: the radius of the largest "
+        "feature there",
+        min=0.001,
+        max=0.5,
+        default=1 / 32,
+        precision=4,
+        update=_changed,
+    )
     device: EnumProperty(
         name="Device",
         items=[
@@ -169,9 +200,12 @@ def register() -> None:
     bpy.utils.register_class(VrtmBakeSettings)
     bpy.types.Object.vrtm = PointerProperty(type=VrtmSettings)
     bpy.types.Scene.vrtm_bake = PointerProperty(type=VrtmBakeSettings)
+    # Of a dilated copy: the image that it was made of, which is saved with it.
+    bpy.types.Image.vrtm_original = PointerProperty(name="Original", type=bpy.types.Image)
 
 
 def unregister() -> None:
+    del bpy.types.Image.vrtm_original
     del bpy.types.Scene.vrtm_bake
     del bpy.types.Object.vrtm
     bpy.utils.unregister_class(VrtmBakeSettings)

@@ -47,24 +47,31 @@ def _prepare_mesh(obj: bpy.types.Object, state: State) -> None:
 
 def _prepare_maps(obj: bpy.types.Object, state: State) -> None:
     rigidity, mask = maps.read_map(obj, "rigidity"), maps.read_map(obj, "mask")
-    grid = obj.vrtm.grid
-    for which, new in (("rigidity", rigidity), ("mask", mask), ("grid", grid)):
-        stamp = new if which == "grid" else (new.stamp, sorted(udim or 0 for udim in new.tiles))
+    settings = settings_of(obj)
+    for which, new in (("rigidity", rigidity), ("mask", mask), ("settings", settings)):
+        stamp = tuple(new.values()) if which == "settings" else (new.stamp, sorted(udim or 0 for udim in new.tiles))
         if state.stamps.get(which) == stamp:
             continue
         # An asset belongs to its job until that is over.
         state.end_job()
         # What is set first must not stay if what follows fails.
         state.stamps.pop(which, None)
-        if which == "grid":
+        if which == "settings":
             for tile in state.asset.tiles:
-                tile.set_settings(grid_width=new, grid_height=new)
+                tile.set_settings(**new)
         elif which == "rigidity":
             _set_rigidity(state, new)
         else:
             _set_mask(state, new)
         state.stamps[which] = stamp
     state.maps_changed = False
+
+
+def settings_of(obj: bpy.types.Object) -> dict[str, object]:
+    """What is set of all tiles."""
+    settings = obj.vrtm
+    borders = {name: getattr(settings, name) for name in ("seams", "open_borders", "seam_reach")}
+    return {"grid_width": settings.grid, "grid_height": settings.grid} | borders
 
 
 def _set_mask(state: State, new: maps.Map) -> None:

@@ -19,6 +19,7 @@ import OpenImageIO as oiio
 
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
+from vrtm.resample import MARGIN, interpolated, turned
 
 Fetch = Callable[[str, int, int, int, int], np.ndarray]
 """kind, whole width, whole height, first row, rows -> (rows, width, channels) f32 of a tile, first row at the top."""
@@ -36,7 +37,6 @@ _FILE_ONLY = re.compile(
 )
 _ROWS = 128
 _MOST_SAMPLES = 8
-_MARGIN = 2
 _AT_ONCE = 1 << 15
 """Texels that are interpolated at a time: what that takes fits into a processor's cache."""
 
@@ -149,7 +149,7 @@ def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = 
     # What overshoots beside an edge must not leave the range that the texture has.
     low, high = source.min(axis=(0, 1)), source.max(axis=(0, 1))
     # A margin, since there is nothing to interpolate with beyond an image's edge.
-    padded = np.pad(source, ((_MARGIN, _MARGIN), (_MARGIN, _MARGIN), (0, 0)), mode="edge")
+    padded = np.pad(source, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
     out = np.empty_like(texture.pixels)
     across = (np.arange(width) + 0.5) / width
     for first in range(0, height, _ROWS):
@@ -217,53 +217,3 @@ def _sampled(padded: np.ndarray, x: np.ndarray, y: np.ndarray, axes: np.ndarray)
 def _samples(length: np.ndarray) -> np.ndarray:
     """How many samples a footprint of so many texels takes."""
     return np.where(length < 0.3, 1, np.minimum(_MOST_SAMPLES, 1 + np.ceil(length))).astype(np.int64)
-
-
-def interpolated(padded: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """(texels, channels) f32: Catmull-Rom interpolation at places in texels of the image inside of the margin."""
-    height, width, channels = padded.shape
-    # In the margin's texels, from the centre of the first one; what lies outside of the image is at its edge.
-    x = np.clip(x, 0, width - 2 * _MARGIN) + (_MARGIN - 0.5)
-    y = np.clip(y, 0, height - 2 * _MARGIN) + (_MARGIN - 0.5)
-    column, row = x.astype(np.int64), y.astype(np.int64)
-    across, down = _catmull_rom(x - column), _catmull_rom(y - row)
-    texels = padded.reshape(-1, channels)
-    corner = (row - 1) * width + (column - 1)
-    total = np.zeros((len(x), channels), np.float32)
-    found = np.empty_like(total)
-    for j in range(4):
-        for i in range(4):
-            np.take(texels, corner + (j * width + i), axis=0, out=found, mode="clip")
-            found *= (across[i] * down[j])[:, None]
-            total += found
-    return total
-
-
-def _catmull_rom(t: np.ndarray) -> list[np.ndarray]:
-    """The weights of the four texels around a place, which lies the fraction t from the second to the third."""
-    t = t.astype(np.float32)
-    half = np.float32(0.5)
-    return [
-        half * t * (t * (2 - t) - 1),
-        half * (t * t * (3 * t - 5) + 2),
-        half * t * (t * (4 - 3 * t) + 1),
-        half * t * t * (t - 1),
-    ]
-
-
-def turned(encoded: np.ndarray, jacobian: np.ndarray, down: bool) -> np.ndarray:
-    """Normals, from 0 to 1, turned back by the angle that a map turns a feature by, mirrored if the map mirrors, and of
-    length 1. `jacobian` is the map's, row by row."""
-    normals = encoded.astype(np.float64) * 2 - 1
-    sign = -1.0 if down else 1.0
-    a, b, c, d = (jacobian[..., k].astype(np.float64) for k in range(4))
-    mirrored = np.where(a * d < b * c, -1.0, 1.0)
-    du, dv = jacobian[..., 0].astype(np.float64), jacobian[..., 2].astype(np.float64)
-    length = np.sqrt(du * du + dv * dv)
-    cosine = np.divide(du, length, out=np.ones_like(du), where=length > 0)
-    sine = np.divide(dv, length, out=np.zeros_like(dv), where=length > 0)
-    x, y = normals[..., 0], normals[..., 1] * sign
-    turned = np.stack([cosine * x + sine * y, (cosine * y - sine * x) * sign * mirrored, normals[..., 2]], axis=-1)
-    size = np.linalg.norm(turned, axis=-1, keepdims=True)
-    turned = np.divide(turned, size, out=np.broadcast_to([0.0, 0.0, 1.0], turned.shape).copy(), where=size > 1e-6)
-    return turned / 2 + 0.5

@@ -1,0 +1,138 @@
+"""Seams that go on: what is set of the library, and copies of textures with what lies beyond seams."""
+
+import os
+import tempfile
+
+import numpy as np
+
+from support import Arm, Case, bpy, nodes_of, part, pixels
+
+SIZE = 128
+
+
+def content(size, inside_only=True):
+    """Of the arm's texture, which goes once around it between v = 0.04 and 0.96: (size, size, 4), bottom row first."""
+    v = np.broadcast_to(((np.arange(size) + 0.5) / size)[:, None], (size, size))
+    around = 2 * np.pi * (v - 0.04) / 0.92
+    values = np.stack([0.5 + 0.4 * np.cos(around), 0.5 + 0.4 * np.sin(around), np.full_like(v, 0.25)], -1)
+    if inside_only:
+        values[(v < 0.04) | (v > 0.96)] = (1, 0, 1)
+    return np.concatenate([values, np.ones((size, size, 1))], -1).astype(np.float32)
+
+
+class Dilate(Case):
+    def arm(self, tiles=1, folder=None, normals=False):
+        arm = Arm(tiles=tiles)
+        arm.paint_image()
+        material = bpy.data.materials.new("skin")
+        tree = nodes_of(material)
+        tree.nodes.clear()
+        arm.texture = tree.nodes.new("ShaderNodeTexImage")
+        arm.texture.image = self.image(folder, tiles)
+        shader, out = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
+        tree.links.new(shader.outputs[0], out.inputs["Surface"])
+        tree.links.new(arm.texture.outputs["Color"], shader.inputs["Base Color"])
+        arm.object.data.materials.append(material)
+        arm.object.vrtm.seams = "continue"
+        bpy.context.scene.frame_set(4)
+        return arm
+
+    def image(self, folder, tiles):
+        if folder is None:
+            image = bpy.data.images.new("skin", SIZE, SIZE, float_buffer=False)
+            image.pixels.foreach_set(content(SIZE).ravel())
+            return image
+        for udim in range(1001, 1001 + tiles):
+            one = bpy.data.images.new(f"{udim}", SIZE, SIZE, float_buffer=False)
+            one.pixels.foreach_set(content(SIZE).ravel())
+            one.file_format = "PNG"
+            one.save(filepath=os.path.join(folder, f"skin.{udim}.png"))
+            bpy.data.images.remove(one)
+        image = bpy.data.images.load(os.path.join(folder, "skin.1001.png"))
+        image.source, image.filepath = "TILED", os.path.join(folder, "skin.<UDIM>.png")
+        image.name = "skin"
+        return image
+
+    def check(self, found):
+        """What is beside the chart is the other side of the seam, as far as the reach, which is one of the surface."""
+        v = (np.arange(SIZE) + 0.5) / SIZE
+        rows = ((v > 0.025) & (v < 0.04)) | ((v > 0.96) & (v < 0.975))
+        inside = (v > 0.04) & (v < 0.96)
+        expected = content(SIZE, inside_only=False)
+        columns = slice(4, SIZE - 4)
+        self.assertGreaterEqual(rows.sum(), 4)
+        self.assertLess(np.abs(found[rows, columns] - expected[rows, columns]).max(), 0.02)
+        self.assertLess(np.abs(found[inside] - expected[inside]).max(), 0.005)
+
+    def test_what_is_set_is_solved(self):
+        arm = self.arm()
+        settings = arm.object.vrtm
+        bpy.ops.vrtm.update()
+        for changed in ({}, {"open_borders": "slide"}, {"seams": "keep"}, {"seam_reach": 0.05, "seams": "continue"}):
+            for name, value in changed.items():
+                setattr(settings, name, value)
+            bpy.ops.vrtm.update()
+            asset = arm.asset()
+            for tile in asset.tiles:
+                tile.set_settings(
+                    seams=settings.seams, open_borders=settings.open_borders, seam_reach=settings.seam_reach
+                )
+            asset.solve(arm.pose())
+            self.assertSame(np.ascontiguousarray(pixels(settings.image)[..., :2]), arm.delta(asset))
+
+    def test_a_copy_has_what_lies_beyond_the_seam(self):
+        arm = self.arm()
+        original = arm.texture.image
+        with self.assertRaisesRegex(RuntimeError, "set the material up first"):
+            bpy.ops.vrtm.dilate()
+        bpy.ops.vrtm.set_up_material()
+        self.assertEqual(bpy.ops.vrtm.dilate(), {"FINISHED"})
+        copy = arm.texture.image
+        self.assertEqual((copy.name, copy.vrtm_original), ("skin dilated", original))
+        self.check(pixels(copy))
+        self.assertSame(
+            pixels(original), np.floor(content(SIZE) * np.float32(255) + np.float32(0.5)) * np.float32(1 / 255)
+        )
+        # Painted over, and pressed again: one copy, of the new picture.
+        values = content(SIZE)
+        values[..., 2] = 0.75
+        original.pixels.foreach_set(values.ravel())
+        bpy.ops.vrtm.dilate()
+        self.assertAlmostEqual(float(pixels(arm.texture.image)[2, 60, 2]), 0.75, delta=0.01)
+        self.assertEqual([image.name for image in bpy.data.images if image.vrtm_original], ["skin dilated"])
+        # It is saved with the file, and the original comes back.
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "arm.blend")
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+            bpy.ops.wm.open_mainfile(filepath=path)
+            copy = bpy.data.images["skin dilated"]
+            self.assertAlmostEqual(float(pixels(copy)[2, 60, 2]), 0.75, delta=0.01)
+            bpy.ops.vrtm.clear_material()
+            node = next(n for n in bpy.data.materials["skin"].node_tree.nodes if n.bl_idname == "ShaderNodeTexImage")
+            self.assertEqual(node.image.name, "skin")
+            self.assertNotIn("skin dilated", bpy.data.images)
+
+    def test_tiles(self):
+        with tempfile.TemporaryDirectory() as folder:
+            arm = self.arm(2, folder)
+            bpy.ops.vrtm.set_up_material()
+            bpy.ops.vrtm.dilate()
+            copy = arm.texture.image
+            self.assertEqual((copy.source, [tile.number for tile in copy.tiles]), ("TILED", [1001, 1002]))
+            path = os.path.join(folder, "arm.blend")
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+            bpy.ops.wm.open_mainfile(filepath=path)
+            tiles = part("maps").read_image(bpy.data.images["skin dilated"])
+            self.assertEqual(sorted(tiles), [1001, 1002])
+            for found in tiles.values():
+                self.check(found)
+
+    def test_the_panel_tells_what_is_left_to_do(self):
+        from test_panel import Panel
+
+        arm = self.arm()
+        bpy.ops.vrtm.set_up_material()
+        said = "Textures end at seams: press Dilate Textures"
+        self.assertIn(said, Panel.draw(self, arm.object))
+        bpy.ops.vrtm.dilate()
+        self.assertNotIn(said, Panel.draw(self, arm.object))
