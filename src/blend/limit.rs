@@ -10,8 +10,14 @@ use crate::team::Team;
 
 /// Rounds in which fractions are lowered around cells that are crushed; then the charts that still have one give the blend up.
 const ROUNDS: usize = 24;
-/// The factor of a round; a fraction under the smallest one becomes 0.
-const FACTOR: f32 = 0.5;
+/// How much more than a cell needs its nodes give up, so that rounds come to an end: a cell that is just crushed still takes
+/// nearly all of the change, and fractions are continuous functions of the pose.
+const MORE: f64 = 1.25;
+/// The largest factor of a round; and from round `LATE` on, so that a chart rather takes less than give the blend up.
+const LARGEST: f32 = 1.0 - 1.0 / 64.0;
+const LARGEST_LATE: f32 = 0.5;
+const LATE: usize = 12;
+/// A fraction under this one becomes 0.
 const SMALLEST: f32 = 1.0 / 32.0;
 /// The greatest change of the fraction from node to node, and that of what it makes of a chart's largest change, in cells: more
 /// would crush the next cells.
@@ -60,19 +66,18 @@ pub(super) fn add(
     for round in 0..=ROUNDS {
         let now = team.map(open.len(), |k| taken(before, changes, &index, &fractions, open[k] as usize));
         open.iter().zip(now).for_each(|(&b, now)| u[b as usize] = now);
-        let marks = team.map(open.len(), |k| marked(level, &u, open[k] as usize));
-        if marks.iter().all(Option::is_none) {
+        let factors = team.map(open.len(), |k| factors(level, before, &u, open[k] as usize));
+        if factors.iter().all(Option::is_none) {
             break;
         }
         let mut is_open: Vec<bool> = zeroed(charts);
-        for (&b, marks) in open.iter().zip(&marks) {
-            let Some(marks) = marks else { continue };
+        for (&b, factors) in open.iter().zip(&factors) {
+            let Some(factors) = factors else { continue };
             is_open[level.blocks.list[b as usize].chart as usize] = true;
-            for (fraction, mark) in fractions[b as usize].iter_mut().zip(marks) {
-                if *mark {
-                    let less = *fraction * FACTOR;
-                    *fraction = if less < SMALLEST || round == ROUNDS { 0.0 } else { less };
-                }
+            for (fraction, &factor) in fractions[b as usize].iter_mut().zip(factors).filter(|of| *of.1 < 1.0)
+            {
+                let less = *fraction * factor.min(if round < LATE { LARGEST } else { LARGEST_LATE });
+                *fraction = if less < SMALLEST || round == ROUNDS { 0.0 } else { less };
             }
         }
         open.retain(|&b| is_open[level.blocks.list[b as usize].chart as usize]);
@@ -121,29 +126,64 @@ fn taken(
     u
 }
 
-/// The nodes of a block at a cell that is crushed.
-fn marked(level: &Level, u: &[[Plane; 2]], b: usize) -> Option<[bool; NODES]> {
-    let mut windows = [[0.0f32; WINDOW_NODES]; 2];
-    for (c, window) in windows.iter_mut().enumerate() {
-        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
-    }
-    let mut marks = None;
+/// What the fractions of a block's nodes are multiplied by because cells there are crushed, if any is.
+fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> Option<Plane> {
+    let load = |u: &[[Plane; 2]]| {
+        let mut windows = [[0.0f32; WINDOW_NODES]; 2];
+        for (c, window) in windows.iter_mut().enumerate() {
+            window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], window);
+        }
+        windows
+    };
+    // Rounding may leave a corner a little under the bound before the blend, too.
+    let bound = 0.99 * f64::from(MIN_JACOBIAN);
+    let now = load(u);
+    let mut found = None;
     for j in 0..17 {
         for i in 0..17 {
-            // Rounding may leave a corner a little under the bound before the blend, too.
-            let bound = 0.99 * f64::from(MIN_JACOBIAN);
-            if corner_jacobians(&windows, i, j).iter().all(|&jacobian| jacobian >= bound) {
+            let after = corner_jacobians(&now, i, j);
+            if after.iter().all(|&jacobian| jacobian >= bound) {
                 continue;
             }
-            let marks = marks.get_or_insert([false; NODES]);
+            let (start, half, factors) = found.get_or_insert_with(|| {
+                let start = load(before);
+                let mut half = now;
+                half.as_flattened_mut()
+                    .iter_mut()
+                    .zip(start.as_flattened())
+                    .for_each(|(x, y)| *x = 0.5 * (*x + y));
+                (start, half, [1.0f32; NODES])
+            });
+            let (start, half) = (corner_jacobians(start, i, j), corner_jacobians(half, i, j));
+            let part = (0..4).map(|k| part_of([start[k], half[k], after[k]], bound)).fold(1.0, f64::min);
+            let factor = (1.0 - MORE * (1.0 - part)).max(0.0) as f32;
             for (x, y) in [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)] {
                 if (1..=SIDE).contains(&x) && (1..=SIDE).contains(&y) {
-                    marks[slot(x - 1, y - 1)] = true;
+                    let own = &mut factors[slot(x - 1, y - 1)];
+                    *own = own.min(factor);
                 }
             }
         }
     }
-    marks
+    found.map(|(_, _, factors)| factors)
+}
+
+/// The largest part of a change, 0 to 1, up to which a corner's Jacobian is at least `bound`: it is quadratic in the part, and is
+/// given without the change, with half and with the whole of it.
+fn part_of([start, half, whole]: [f64; 3], bound: f64) -> f64 {
+    if whole >= bound {
+        return 1.0;
+    }
+    let c = start - bound;
+    if c <= 0.0 {
+        return 0.0;
+    }
+    let a = 2.0 * (start + whole - 2.0 * half);
+    let b = whole - start - a;
+    let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
+    // Both solutions of a t^2 + b t + c = 0, neither of them a difference of large numbers.
+    let q = -0.5 * (b + root.copysign(b));
+    [q / a, c / q].into_iter().filter(|t| *t > 0.0 && *t <= 1.0).fold(1.0, f64::min)
 }
 
 /// A block's fractions, at most those of their neighbours plus `slope`.
