@@ -253,7 +253,7 @@ pub struct TileReport {
     /// Charts that go on beyond seams and could not be brought together there with what their neighbours say, or not wholly,
     /// without crushing a cell.
     pub charts_apart: u32,
-    /// Texels in charts whose redirection was limited in the latest image: it would have led over the border of the chart into
+    /// Texels in charts whose redirection was limited in the latest image, or part of one: it would have led over the border of the chart into
     /// texture of another chart. 0 if charts do not go on beyond their borders.
     pub texels_limited: u64,
     /// By how much at most, in texels of that image.

@@ -154,8 +154,8 @@ pub enum Seams {
     /// charts that lie over one another, stay as they are with [`Seams::Shut`]. Tiles that are solved in one call are brought
     /// together at their seams.
     Continue,
-    /// As `Shut`, but rigid features that touch a border of their chart stay as they were, whole, and their elastic surroundings
-    /// give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least 0.5. Any
+    /// As `Shut`, but rigid features that touch a border of their chart (with [`OpenBorders::Slide`]: a seam) stay as they were,
+    /// whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least 0.5. Any
     /// texture will do.
     Keep,
 }

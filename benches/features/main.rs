@@ -30,7 +30,7 @@ struct Args {
     /// draft, normal, high.
     #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
     qualities: Vec<String>,
-    /// shut, continue: what happens at seams.
+    /// shut, keep, continue: what happens at seams.
     #[arg(long, value_delimiter = ',', default_values_t = ["shut".to_owned()])]
     seams: Vec<String>,
     /// fixed, slide: what happens at open borders.
@@ -104,8 +104,9 @@ fn rows(
     });
     let of_seams = match &**seams {
         "shut" => Seams::Shut,
+        "keep" => Seams::Keep,
         "continue" => Seams::Continue,
-        other => return Err(format!("--seams {other}: neither shut nor continue")),
+        other => return Err(format!("--seams {other}: neither shut, keep nor continue")),
     };
     let wanted = match &**open {
         "fixed" => (of_seams, OpenBorders::Fixed),

@@ -154,6 +154,7 @@ impl TileState {
         let tasks = self.tasks(grid, mesh, &pose, call.plan);
         let WarpResult { warp, results, mut report, work } =
             self.warp(call, share, prepared, &pose, &tasks)?;
+        let gutter = self.gutter_of(call, mesh)?;
         self.fill_report(&mut report, grid, mesh, &tasks, &results);
         let inputs = self.inputs_of(grid, pose, &tasks, call.plan, report.truncated);
         report.welds_torn = self.torn_now.len() as u32;
@@ -168,21 +169,23 @@ impl TileState {
             overlap: self.maps.settings.overlap,
             report,
             invert_ms: AtomicU32::new(0),
-            gutter: self.gutter_of(call.team, mesh),
+            gutter,
             limited: LimitedTexels::default(),
             work,
         })
     }
 
     /// The room for redirections beside the charts of a tile, if it has collars.
-    fn gutter_of(&mut self, team: &Team, tile: &Arc<TileMesh>) -> Option<Arc<Gutter>> {
+    fn gutter_of(&mut self, call: &SolveCall, tile: &Arc<TileMesh>) -> Result<Option<Arc<Gutter>>> {
         if tile.sources.is_empty() {
-            return None;
+            return Ok(None);
         }
         if !self.gutter.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, tile)) {
-            self.gutter = Some((tile.clone(), Arc::new(Gutter::new(team, tile))));
+            self.gutter = None;
+            self.book(call.device, Gutter::BYTES, tile.udim)?;
+            self.gutter = Some((tile.clone(), Arc::new(Gutter::new(call.team, tile))));
         }
-        self.gutter.as_ref().map(|(_, gutter)| gutter.clone())
+        Ok(self.gutter.as_ref().map(|(_, gutter)| gutter.clone()))
     }
 
     /// Stores a new result.

@@ -11,7 +11,7 @@ use crate::team::Team;
 /// Rounds in which fractions are lowered around cells that are crushed; then the charts that still have one give the blend up.
 const ROUNDS: usize = 24;
 /// How much more than a cell needs its nodes give up, so that rounds come to an end: a cell that is just crushed still takes
-/// nearly all of the change, and fractions are continuous functions of the pose.
+/// nearly all of the change, so that fractions change with the pose in small steps alone.
 const MORE: f64 = 1.25;
 /// The largest factor of a round; and from round `LATE` on, so that a chart rather takes less than give the blend up.
 const LARGEST: f32 = 1.0 - 1.0 / 64.0;
@@ -76,7 +76,7 @@ pub(super) fn add(
             is_open[level.blocks.list[b as usize].chart as usize] = true;
             for (fraction, &factor) in fractions[b as usize].iter_mut().zip(factors).filter(|of| *of.1 < 1.0)
             {
-                let less = *fraction * factor.min(if round < LATE { LARGEST } else { LARGEST_LATE });
+                let less = *fraction * if round < LATE { factor } else { factor.min(LARGEST_LATE) };
                 *fraction = if less < SMALLEST || round == ROUNDS { 0.0 } else { less };
             }
         }
@@ -156,7 +156,7 @@ fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> 
             });
             let (start, half) = (corner_jacobians(start, i, j), corner_jacobians(half, i, j));
             let part = (0..4).map(|k| part_of([start[k], half[k], after[k]], bound)).fold(1.0, f64::min);
-            let factor = (1.0 - MORE * (1.0 - part)).max(0.0) as f32;
+            let factor = ((1.0 - MORE * (1.0 - part)).max(0.0) as f32).min(LARGEST);
             for (x, y) in [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)] {
                 if (1..=SIDE).contains(&x) && (1..=SIDE).contains(&y) {
                     let own = &mut factors[slot(x - 1, y - 1)];

@@ -131,8 +131,8 @@ pub struct vrtm_tile_report_data {
     pub charts_apart: u32,
     /// Milliseconds: bringing charts together at seams.
     pub ms_blend: f32,
-    /// With VRTM_SEAMS_CONTINUE: texels in charts whose redirection was limited in the latest image, since it would have
-    /// led over the border of the chart into texture of another chart.
+    /// With VRTM_SEAMS_CONTINUE or VRTM_OPEN_BORDERS_SLIDE: texels in charts whose redirection was limited in the latest
+    /// image, or part of one, since it would have led over the border of the chart into texture of another chart.
     pub texels_limited: u64,
     /// By how much at most, in texels of that image.
     pub max_limit: f32,

@@ -56,8 +56,8 @@ pub const VRTM_SEAMS_SHUT: vrtm_seams = 0;
 /// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay as
 /// they are with VRTM_SEAMS_SHUT. Experimental.
 pub const VRTM_SEAMS_CONTINUE: vrtm_seams = 1;
-/// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart stay as they were, whole, and their elastic
-/// surroundings give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least
+/// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam) stay
+/// as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least
 /// 0.5. Any texture will do. Experimental.
 pub const VRTM_SEAMS_KEEP: vrtm_seams = 2;
 

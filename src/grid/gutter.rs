@@ -13,8 +13,8 @@ use crate::team::Team;
 /// Squares along each side of a tile in which owners are looked up. It does not depend on the size of an image, so that
 /// images of all sizes hold the same.
 const SQUARES: usize = 1024;
-/// How far from texture of another chart a redirection must stay, in squares: a bilinear lookup then reads none of it, in a
-/// texture of this size or a finer one.
+/// How far from texture of another chart a redirection must stay, in squares: a bilinear lookup then reads none of it (but of
+/// tips that are a square wide), in a texture of this size or a finer one.
 const APART: f64 = 1.5;
 /// Points around a place at this distance, as unit vectors.
 const AROUND: [[f64; 2]; 8] = {

@@ -13,6 +13,9 @@ use crate::grid::owners::Owners;
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
 
+/// A redirection that is limited by less, in texels, does not count.
+const LEAST: f32 = 1e-5;
+
 /// Memory for images fetched from a GPU. One serves all tiles of an asset in turn: most of the time their images have the
 /// same size.
 #[derive(Debug, Default)]
@@ -96,7 +99,10 @@ impl Outputs {
             {
                 if area.owners.is_some_and(|owners| owners.is_inside(x, y)) {
                     let by = [0, 1].map(|k| (limited[k] - uv[k]) * size[k] as f64);
-                    room.limited.count(by[0].hypot(by[1]) as f32);
+                    let by = by[0].hypot(by[1]) as f32;
+                    if by > LEAST {
+                        room.limited.count(by);
+                    }
                 }
                 uv = limited;
             }

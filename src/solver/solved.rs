@@ -8,9 +8,9 @@ use glam::DVec2;
 use crate::cpu::invert;
 use crate::grid::Grid;
 use crate::grid::gutter::{Gutter, LimitedTexels};
-use crate::grid::planes::Plane;
+use crate::grid::planes::{Plane, slot};
 use crate::grid::pose::ChartPose;
-use crate::mesh::TileMesh;
+use crate::mesh::{NONE, TileMesh};
 use crate::method::plan::{ChartResult, Plan};
 use crate::report::{GpuWork, TileReport};
 use crate::settings::Overlap;
@@ -96,10 +96,24 @@ impl Solved {
         let redirected = |chart: u32| {
             let p = invert::point(level, u, chart, (at * cells).to_array(), self.reach(chart))?;
             let to = (DVec2::from(p) / cells).to_array();
-            let limited = self.gutter.as_ref().and_then(|gutter| gutter.limit(chart, at.to_array(), to));
+            let gutter = self.gutter.as_ref().filter(|_| self.is_beyond(chart, p));
+            let limited = gutter.and_then(|gutter| gutter.limit(chart, at.to_array(), to));
             Some((DVec2::from(limited.unwrap_or(to)) + origin).into())
         };
         self.candidates(self.mesh.chart_of[triangle as usize]).find_map(redirected)
+    }
+
+    /// True if the cell of a point, in cells, is not wholly in the chart itself.
+    fn is_beyond(&self, chart: u32, [x, y]: [f64; 2]) -> bool {
+        let blocks = &self.grid.levels[0].blocks;
+        [(0, 0), (1, 0), (0, 1), (1, 1)].into_iter().any(|(di, dj)| {
+            let (i, j) = (x.floor() as i64 + di, y.floor() as i64 + dj);
+            let b = blocks.find(chart, i >> 4, j >> 4);
+            b == NONE || {
+                let triangle = self.grid.triangle[b as usize][slot((i & 15) as usize, (j & 15) as usize)];
+                triangle as usize >= self.mesh.triangles.len()
+            }
+        })
     }
 
     /// Charts whose warp may move a corner of `chart`: itself, and if the first face owns shared texels, any chart.

@@ -112,6 +112,63 @@ class Dilate(Case):
             self.assertEqual(node.image.name, "skin")
             self.assertNotIn("skin dilated", bpy.data.images)
 
+    def test_what_is_painted_on_a_copy_is_kept(self):
+        arm = self.arm()
+        bpy.ops.vrtm.set_up_material()
+        bpy.ops.vrtm.dilate()
+        copy = arm.texture.image
+        values = pixels(copy)
+        values[60, 60] = (1, 1, 1, 1)
+        copy.pixels.foreach_set(values.ravel())
+        # Packed again, as when the file is saved: no longer marked as changed.
+        copy.pack()
+        self.assertFalse(copy.is_dirty)
+        bpy.ops.vrtm.dilate()
+        self.assertNotEqual(arm.texture.image, copy)
+        self.assertTrue(copy.use_fake_user and copy.vrtm_original is None)
+        self.assertGreater(pixels(copy)[60, 60, 1], 0.99)
+        bpy.ops.vrtm.clear_material()
+        self.assertEqual([image.name for image in bpy.data.images if "dilated" in image.name], [copy.name])
+
+    def test_it_is_all_or_nothing(self):
+        arm = self.arm()
+        tree = arm.object.data.materials[0].node_tree
+        missing = tree.nodes.new("ShaderNodeTexImage")
+        missing.image = bpy.data.images.new("gone", 8, 8)
+        missing.image.source, missing.image.filepath = "FILE", "/nowhere/gone.png"
+        bpy.ops.vrtm.set_up_material()
+        before = arm.texture.image
+        with self.assertRaisesRegex(RuntimeError, "'gone' has no pixels"):
+            bpy.ops.vrtm.dilate()
+        self.assertEqual(arm.texture.image, before)
+        self.assertFalse([image.name for image in bpy.data.images if "dilated" in image.name])
+
+    def test_floats_and_normals(self):
+        """Floats are linear in memory; directions of a map in tangent space stay where the surface does not turn."""
+        arm = self.arm()
+        tree = arm.object.data.materials[0].node_tree
+        image = bpy.data.images.new("bumps", SIZE, SIZE, float_buffer=True)
+        image.colorspace_settings.name = "Non-Color"
+        inside = content(SIZE)[..., 2:3] < 0.5
+        values = np.where(inside, (0.68, 0.74, 0.9, 1), (0.5, 0.5, 1, 1)).astype(np.float32)
+        image.pixels.foreach_set(values.ravel())
+        node, bump = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeNormalMap")
+        reroute = tree.nodes.new("NodeReroute")
+        node.image = image
+        tree.links.new(node.outputs["Color"], reroute.inputs[0])
+        tree.links.new(reroute.outputs[0], bump.inputs["Color"])
+        arm.texture.image = bpy.data.images.new("linear", SIZE, SIZE, float_buffer=True)
+        arm.texture.image.pixels.foreach_set(content(SIZE).ravel())
+        bpy.ops.vrtm.set_up_material()
+        bpy.ops.vrtm.dilate()
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "arm.blend")
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+            bpy.ops.wm.open_mainfile(filepath=path)
+            self.check(pixels(bpy.data.images["linear dilated"]))
+            bumps = pixels(bpy.data.images["bumps dilated"])
+            self.assertLess(np.abs(bumps[4, 8:-8, :3] - (0.68, 0.74, 0.9)).max(), 0.03)
+
     def test_tiles(self):
         with tempfile.TemporaryDirectory() as folder:
             arm = self.arm(2, folder)

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
 from . import maps, nodes, session
+from .geometry import stamp_of
 from .messages import Problem
 
 if TYPE_CHECKING:
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 # The key of an image without tiles.
 WHOLE = 0
+# Custom properties of a copy: the reach that it was made with, and a stamp of its pixels at that time.
+REACH, STAMP = "vrtm_reach", "vrtm_stamp"
 
 
 def materials_of(obj: bpy.types.Object) -> list[bpy.types.Material]:
@@ -30,52 +34,92 @@ def materials_of(obj: bpy.types.Object) -> list[bpy.types.Material]:
 
 
 def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
-    """The Image Texture nodes of the object's materials that are looked up at redirected UVs."""
-    return [node for material in materials_of(obj) for node in nodes.redirected(material.node_tree)]
+    """The Image Texture nodes of the object's materials that are looked up at redirected UVs; no moving pictures."""
+    found = [node for material in materials_of(obj) for node in nodes.redirected(material.node_tree)]
+    return [node for node in found if node.image.source not in ("SEQUENCE", "MOVIE", "VIEWER")]
+
+
+def is_copy(image: bpy.types.Image) -> bool:
+    return REACH in image
 
 
 def left_of(obj: bpy.types.Object) -> list[bpy.types.Image]:
-    """The images that the object's materials look up at redirected UVs, and that no copy was made of."""
-    images = dict.fromkeys(node.image for node in textures_of(obj) if node.image.vrtm_original is None)
-    return list(images)
+    """The images that the object's materials look up at redirected UVs, and that are no copies of the present reach."""
+    reach = obj.vrtm.seam_reach
+    images = dict.fromkeys(node.image for node in textures_of(obj))
+    return [image for image in images if not is_copy(image) or abs(image[REACH] - reach) > 1e-6]
 
 
-def dilate(obj: bpy.types.Object, asset: vrtm.Asset, reach: float) -> int:
-    """Makes the copies of all textures that are looked up at redirected UVs, anew where there are some; returns their
-    number."""
-    done: dict[tuple[bpy.types.Image, bool], bpy.types.Image] = {}
+def dilate(obj: bpy.types.Object, asset: vrtm.Asset, reach: float) -> tuple[int, list[str]]:
+    """Makes the copies of all textures that are looked up at redirected UVs, anew where there are some. Returns their
+    number, and the names of old copies that were painted on: they are kept."""
     textures = textures_of(obj)
     if not textures:
         raise Problem(f"{obj.name}: no texture is looked up at redirected UVs: set the material up first")
-    for node in textures:
-        if node.id_data.library is not None:
-            raise Problem(f"{obj.name}: a material is linked from another file: make it local")
-        original, normals = node.image.vrtm_original or node.image, _holds_normals(node)
-        if (original, normals) not in done:
+    if any(node.id_data.library is not None for node in textures):
+        raise Problem(f"{obj.name}: a material is linked from another file: make it local")
+    wanted = {node: (node.image.vrtm_original or node.image, _holds_normals(node)) for node in textures}
+    done: dict[tuple[bpy.types.Image, bool], bpy.types.Image] = {}
+    try:
+        for original, normals in dict.fromkeys(wanted.values()):
             done[original, normals] = _copy(original, asset, reach, normals)
-        before, node.image = node.image, done[original, normals]
-        if before.vrtm_original is not None and not before.users:
-            bpy.data.images.remove(before)
+    except BaseException:
+        # Nothing was changed yet.
+        for copy in done.values():
+            bpy.data.images.remove(copy)
+        raise
+    before = dict.fromkeys(node.image for node in textures)
+    for node, key in wanted.items():
+        node.image = done[key]
+    painted = _let_go(before)
     for (original, _), copy in done.items():
         # The name may be free now.
         copy.name = f"{original.name} dilated"
-    return len(done)
+    return len(done), painted
 
 
-def restore(obj: bpy.types.Object) -> None:
-    """Has the object's materials show the originals again."""
+def restore(obj: bpy.types.Object) -> list[str]:
+    """Has the object's materials show the originals again. Returns the names of copies that were painted on: they are
+    kept."""
+    before = {}
     for material in materials_of(obj):
         for node in material.node_tree.nodes:
             image = node.image if node.bl_idname == "ShaderNodeTexImage" else None
-            if image is not None and image.vrtm_original is not None:
+            if image is not None and image.vrtm_original is not None and is_copy(image):
+                before[image] = None
                 node.image = image.vrtm_original
-                if not image.users:
-                    bpy.data.images.remove(image)
+    return _let_go(before)
+
+
+def _let_go(images: Iterable[bpy.types.Image]) -> list[str]:
+    """Removes copies that nothing uses; but what somebody painted on one stays, and is saved with the file."""
+    kept = []
+    for image in images:
+        if not is_copy(image) or image.users:
+            continue
+        if image.is_dirty or image[STAMP] != _stamp(maps.read_image(image)):
+            image.use_fake_user, image.vrtm_original = True, None
+            del image[REACH], image[STAMP]
+            kept.append(image.name)
+        else:
+            bpy.data.images.remove(image)
+    return kept
+
+
+def _stamp(tiles: dict[int | None, np.ndarray]) -> str:
+    return stamp_of(*(pixels for _, pixels in sorted(tiles.items(), key=lambda of: of[0] or 0))).hex()
 
 
 def _holds_normals(node: bpy.types.Node) -> bool:
-    links = node.outputs["Color"].links
-    return any(link.to_node.bl_idname == "ShaderNodeNormalMap" for link in links)
+    """Whether a texture goes into a Normal Map node of tangent space, through Reroutes at most."""
+    links = list(node.outputs["Color"].links)
+    while links:
+        to = links.pop().to_node
+        if to.bl_idname == "NodeReroute":
+            links += to.outputs[0].links
+        elif to.bl_idname == "ShaderNodeNormalMap" and to.space == "TANGENT":
+            return True
+    return False
 
 
 def _copy(image: bpy.types.Image, asset: vrtm.Asset, reach: float, normals: bool) -> bpy.types.Image:
@@ -95,13 +139,21 @@ def _copy(image: bpy.types.Image, asset: vrtm.Asset, reach: float, normals: bool
     name = f"{image.name} dilated"
     copy = _whole(image, name, copies[WHOLE]) if WHOLE in copies else _tiled(image, name, copies)
     copy.vrtm_original = image
+    copy[REACH], copy[STAMP] = reach, _stamp(maps.read_image(copy))
     return copy
+
+
+def _interpret(copy: bpy.types.Image, image: bpy.types.Image) -> None:
+    """As the original; but floats are linear in memory, whatever the file's own space is."""
+    if not image.is_float or image.colorspace_settings.is_data:
+        copy.colorspace_settings.name = image.colorspace_settings.name
+    copy.alpha_mode = image.alpha_mode
 
 
 def _whole(image: bpy.types.Image, name: str, pixels: np.ndarray) -> bpy.types.Image:
     height, width = pixels.shape[:2]
     copy = bpy.data.images.new(name, width, height, alpha=True, float_buffer=image.is_float)
-    copy.colorspace_settings.name, copy.alpha_mode = image.colorspace_settings.name, image.alpha_mode
+    _interpret(copy, image)
     copy.pixels.foreach_set(pixels.ravel())
     copy.pack()
     return copy
@@ -115,7 +167,7 @@ def _tiled(image: bpy.types.Image, name: str, tiles: dict[int, np.ndarray]) -> b
             height, width = pixels.shape[:2]
             one = bpy.data.images.new(name, width, height, alpha=True, float_buffer=image.is_float)
             try:
-                one.colorspace_settings.name, one.alpha_mode = image.colorspace_settings.name, image.alpha_mode
+                _interpret(one, image)
                 one.pixels.foreach_set(pixels.ravel())
                 one.file_format = form
                 path = os.path.join(folder, f"tile.{udim}{suffix}")
@@ -127,6 +179,6 @@ def _tiled(image: bpy.types.Image, name: str, tiles: dict[int, np.ndarray]) -> b
         copy = bpy.data.images.load(os.path.join(folder, f"tile.{min(tiles)}{suffix}"))
         copy.name, copy.source = name, "TILED"
         copy.filepath = os.path.join(folder, f"tile.<UDIM>{suffix}")
-        copy.colorspace_settings.name, copy.alpha_mode = image.colorspace_settings.name, image.alpha_mode
+        _interpret(copy, image)
         copy.pack()
     return copy

@@ -145,6 +145,10 @@ class VRTM_OT_set_up_material(_OnObject, bpy.types.Operator):
         return f"{obj.name}: {number} image textures are looked up at redirected UVs"
 
 
+def kept_text(painted: list[str]) -> str:
+    return f"; painted on, and kept: {', '.join(painted)}" if painted else ""
+
+
 class VRTM_OT_dilate(_OnObject, bpy.types.Operator):
     """Have the materials look up copies of their textures that hold, around each chart, what lies beyond its seams. The
     copies are packed into the file; press it again after painting on the originals"""
@@ -155,9 +159,12 @@ class VRTM_OT_dilate(_OnObject, bpy.types.Operator):
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         state = session.state_of(obj)
         state.end_job()
+        state.mesh_changed = state.maps_changed = True
         solve.prepare(obj, state)
-        number = dilate.dilate(obj, state.asset, obj.vrtm.seam_reach)
-        return f"{obj.name}: {number} textures have what lies beyond seams"
+        number, painted = dilate.dilate(obj, state.asset, obj.vrtm.seam_reach)
+        # A job that was ended is to be done yet.
+        live.touch(obj)
+        return f"{obj.name}: {number} textures have what lies beyond seams" + kept_text(painted)
 
 
 class VRTM_OT_clear_material(_OnObject, bpy.types.Operator):
@@ -168,8 +175,8 @@ class VRTM_OT_clear_material(_OnObject, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         materials = {slot.material for slot in obj.material_slots if slot.material is not None}
-        dilate.restore(obj)
-        return f"{obj.name}: {sum(map(nodes.remove, materials))} node groups removed"
+        painted = dilate.restore(obj)
+        return f"{obj.name}: {sum(map(nodes.remove, materials))} node groups removed" + kept_text(painted)
 
 
 class VRTM_OT_use_baked(_OnObject, bpy.types.Operator):

@@ -271,9 +271,12 @@ fn masked(mask: &Layer, n: [usize; 2]) -> Vec<bool> {
 /// Checks that the redirection lies in the tile, and that W maps it back to the texel's centre.
 fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     let size = recipe.output;
-    let layout =
-        ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(size[0], size[1], PixelFormat::F32) };
-    let mut bytes = f32::NAN.to_ne_bytes().repeat(2 * (size[0] * size[1]) as usize);
+    let layout = ImageLayout {
+        origin: Origin::Bottom,
+        channels: Some(4),
+        ..ImageLayout::packed(size[0], size[1], PixelFormat::F32)
+    };
+    let mut bytes = f32::NAN.to_ne_bytes().repeat(4 * (size[0] * size[1]) as usize);
     let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
     asset.fetch(tile, FetchKind::Redirection, &mut image).unwrap();
     let floats: Vec<f32> = bytes.chunks_exact(4).map(|b| f32::from_ne_bytes(b.try_into().unwrap())).collect();
@@ -283,14 +286,18 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     let warps = warps(recipe, asset, tile);
     let cells = [warps[0].nx as f64, warps[0].ny as f64];
     let scale = [0, 1].map(|c| f64::from(size[c]) / cells[c]);
-    for (k, uv) in floats.chunks_exact(2).enumerate() {
+    let mut drawn_back = 0;
+    for (k, uv) in floats.chunks_exact(4).enumerate() {
         let from = [0, 1].map(|c| f64::from(uv[c]) * cells[c]);
         let centre = [k as u32 % size[0], k as u32 / size[0]].map(|x| f64::from(x) + 0.5);
         let to = [0, 1].map(|c| centre[c] / scale[c]);
         let off = off(&warps, from, to, scale);
         let good = off <= 1e-3 || goes_on(recipe) && is_drawn_back(&warps, from, to, scale);
         assert!(good, "texel {k} comes back {off:?} texels off");
+        drawn_back += u64::from(off > 1e-3 && uv[3] > 0.0);
     }
+    let limited = asset.tile_report(tile).unwrap().texels_limited;
+    assert!(drawn_back <= limited, "{drawn_back} texels of charts are drawn back, but {limited} reported");
     floats.iter().map(|x| x.to_bits()).collect()
 }
 

@@ -235,7 +235,7 @@ class MeshWork:
         if self.settings.force:
             return [None] * len(pieces)
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
-        wanted = {"frozen"} | ({"strain"} if self.settings.measure else set())
+        wanted = {"frozen", "texels_limited"} | ({"strain"} if self.settings.measure else set())
         return [
             None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures
             for piece, figures in zip(pieces, found)
@@ -279,7 +279,7 @@ class MeshWork:
         for tile in self.tiles:
             own = [(piece, record) for piece, record in zip(pieces, records) if piece.tile is tile]
             kept = next((record for piece, record in own if piece.is_redirection), None)
-            result.tiles.append(row(tile, own, figures.get(tile.udim) or kept or {}, self.settings))
+            result.tiles.append(row(tile, own, (kept or {}) | figures.get(tile.udim, {}), self.settings))
         result.milliseconds = 1e3 * (time.perf_counter() - start)
         return result
 
