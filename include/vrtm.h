@@ -1045,9 +1045,9 @@ typedef int32_t vrtm_seams;
 // they are with VRTM_SEAMS_SHUT. Experimental.
 #define VRTM_SEAMS_CONTINUE 1
 
-// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart stay as they were, whole, and their elastic
-// surroundings give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least
-// 0.5. Any texture will do. Experimental.
+// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam) stay
+// as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
+// together of nodes with a rigidity of at least 0.5. Any texture will do. Experimental.
 #define VRTM_SEAMS_KEEP 2
 
 // What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
@@ -1528,8 +1528,8 @@ typedef struct vrtm_tile_report_data {
     uint32_t charts_apart;
     // Milliseconds: bringing charts together at seams.
     float ms_blend;
-    // With VRTM_SEAMS_CONTINUE: texels in charts whose redirection was limited in the latest image, since it would have
-    // led over the border of the chart into texture of another chart.
+    // With VRTM_SEAMS_CONTINUE or VRTM_OPEN_BORDERS_SLIDE: texels in charts whose redirection was limited in the latest
+    // image, or part of one, since it would have led over the border of the chart into texture of another chart.
     uint64_t texels_limited;
     // By how much at most, in texels of that image.
     float max_limit;

@@ -57,8 +57,8 @@ pub const VRTM_SEAMS_SHUT: vrtm_seams = 0;
 /// they are with VRTM_SEAMS_SHUT. Experimental.
 pub const VRTM_SEAMS_CONTINUE: vrtm_seams = 1;
 /// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam) stay
-/// as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least
-/// 0.5. Any texture will do. Experimental.
+/// as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
+/// together of nodes with a rigidity of at least 0.5. Any texture will do. Experimental.
 pub const VRTM_SEAMS_KEEP: vrtm_seams = 2;
 
 /// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture

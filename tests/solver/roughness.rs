@@ -43,29 +43,21 @@ const MISSED: [(&str, u32, Quality, Bars); 16] = [
     ("fox", 128, Quality::Normal, [0.017, 0.0023, 1.4, 0.02]),
 ];
 
-/// The same where charts go on beyond seams and open borders.
-const MISSED_BEYOND: [(&str, Quality, Bars); 15] = [
-    ("squash to 40 %", Quality::Normal, [0.067, 0.048, 2.5, 0.033]),
-    ("strips", Quality::Normal, [0.01, 0.001, 0.75, 0.01]),
-    ("strips", Quality::High, [0.012, 0.001, 1.0, 0.01]),
-    ("mug_to_jug", Quality::Normal, [0.01, 0.001, 1.2, 0.01]),
-    ("mug_to_jug", Quality::High, [0.028, 0.011, 1.2, 0.01]),
-    ("creature", Quality::Normal, [0.01, 0.001, 0.8, 0.01]),
-    ("creature", Quality::High, [0.01, 0.001, 0.8, 0.01]),
-    ("arm", Quality::High, [0.025, 0.001, 2.3, 0.01]),
-    ("mh_face", Quality::Normal, [0.024, 0.0045, 2.7, 0.01]),
-    ("mh_face", Quality::High, [0.027, 0.007, 1.9, 0.015]),
-    ("spot", Quality::High, [0.018, 0.0055, 0.6, 0.015]),
-    ("fox", Quality::Normal, [0.017, 0.0023, 1.4, 0.1]),
-    ("fox", Quality::High, [0.028, 0.008, 2.8, 0.08]),
-    ("ict_inner", Quality::Normal, [0.01, 0.001, 0.5, 0.033]),
-    ("ict_inner", Quality::High, [0.069, 0.041, 1.7, 0.19]),
+/// The same where charts go on beyond seams and open borders, 256 x 256 and `normal`.
+const MISSED_BEYOND: [(&str, Bars); 7] = [
+    ("squash to 40 %", [0.067, 0.048, 2.5, 0.033]),
+    ("strips", [0.01, 0.001, 0.75, 0.01]),
+    ("mug_to_jug", [0.01, 0.001, 1.2, 0.01]),
+    ("creature", [0.01, 0.001, 0.8, 0.01]),
+    ("mh_face", [0.024, 0.0045, 2.7, 0.01]),
+    ("fox", [0.017, 0.0023, 1.4, 0.1]),
+    ("ict_inner", [0.01, 0.001, 0.5, 0.033]),
 ];
 
 fn bars(case: &Case, quality: Quality, borders: Borders) -> Bars {
-    let beyond = MISSED_BEYOND.iter().find(|missed| (missed.0, missed.1) == (&case.name, quality));
+    let beyond = MISSED_BEYOND.iter().find(|missed| missed.0 == case.name);
     if let Some(missed) = beyond.filter(|_| borders != STILL) {
-        return missed.2;
+        return missed.1;
     }
     let missed =
         MISSED.iter().find(|missed| (missed.0, missed.1, missed.2) == (&case.name, case.grid, quality));
@@ -132,5 +124,5 @@ fn smooth_motions_give_smooth_warps_on_a_gpu() {
 
 #[test]
 fn smooth_motions_give_smooth_warps_where_charts_go_on() {
-    check("seams", 256, &[Quality::Normal, Quality::High], (Seams::Continue, OpenBorders::Slide), &cpu(0));
+    check("seams", 256, &[Quality::Normal], (Seams::Continue, OpenBorders::Slide), &cpu(0));
 }
