@@ -159,6 +159,12 @@ class Dilate(Case):
         tree.links.new(reroute.outputs[0], bump.inputs["Color"])
         arm.texture.image = bpy.data.images.new("linear", SIZE, SIZE, float_buffer=True)
         arm.texture.image.pixels.foreach_set(content(SIZE).ravel())
+        # Only a map in tangent space is turned, also behind a Reroute; this one's surface does not turn.
+        holds_normals = part("dilate")._holds_normals
+        self.assertEqual((holds_normals(node), holds_normals(arm.texture)), (True, False))
+        bump.space = "OBJECT"
+        self.assertFalse(holds_normals(node))
+        bump.space = "TANGENT"
         bpy.ops.vrtm.set_up_material()
         bpy.ops.vrtm.dilate()
         with tempfile.TemporaryDirectory() as folder:
