@@ -101,6 +101,7 @@ impl Form {
     }
 
     /// The value to write for a redirected UV within the tile, `delta` away from the texel's centre.
+    #[inline(always)]
     pub fn value(self, uv: [f64; 2], delta: [f64; 2]) -> [f64; 2] {
         match self {
             Form::Tile => uv,
@@ -110,6 +111,7 @@ impl Form {
     }
 
     /// The offset from the texel's centre to the redirected UV that a value stands for: the inverse of `value`.
+    #[inline(always)]
     pub fn delta(self, value: [f64; 2], centre: [f64; 2]) -> [f64; 2] {
         let origin = match self {
             Form::Tile => DVec2::ZERO,

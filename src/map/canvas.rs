@@ -19,6 +19,7 @@ impl Canvas {
     }
 
     /// The first two channels of a texel that has been written; row 0 is at v = 0.
+    #[inline(always)]
     pub fn get(&self, x: usize, y: usize) -> [f64; 2] {
         let TexelLayout { width, height, channels, format, .. } = self.layout;
         assert!(x < width as usize && y < height as usize && channels >= 2);
@@ -27,8 +28,14 @@ impl Canvas {
         unsafe {
             let from = self.pixels.load(Ordering::Relaxed).add(at);
             match format {
-                PixelFormat::F16 => from.cast::<[f16; 2]>().read_unaligned().map(f64::from),
-                _ => from.cast::<[f32; 2]>().read_unaligned().map(f64::from),
+                PixelFormat::F16 => {
+                    let [x, y] = from.cast::<[f16; 2]>().read_unaligned();
+                    [x.into(), y.into()]
+                }
+                _ => {
+                    let [x, y] = from.cast::<[f32; 2]>().read_unaligned();
+                    [x.into(), y.into()]
+                }
             }
         }
     }
@@ -42,24 +49,31 @@ impl Canvas {
     }
 
     /// Writes the first channels of a texel; row 0 is at v = 0.
+    #[inline(always)]
     pub fn put<const N: usize>(&self, x: usize, y: usize, values: [f64; N]) {
         self.put_from(0, x, y, values);
     }
 
     /// Writes the channels of a texel from number `first` on, as many as the image has.
+    #[inline(always)]
     pub fn put_from<const N: usize>(&self, first: usize, x: usize, y: usize, values: [f64; N]) {
         let TexelLayout { width, height, channels, format, .. } = self.layout;
         assert!(x < width as usize && y < height as usize);
         let at = self.layout.offset(x, y);
-        for (channel, value) in (first..channels as usize).zip(values) {
-            // SAFETY: `ImageViewMut` checked that every channel of every texel of the layout lies in its bytes. Two threads
-            // never write one texel: a warp without folds covers each texel once, and one with folds is written by one
-            // thread (`Outputs::invert`).
-            unsafe {
-                let to = self.pixels.load(Ordering::Relaxed).add(at + channel * format.size());
-                match format {
-                    PixelFormat::F16 => to.cast::<f16>().write_unaligned(half(value)),
-                    _ => to.cast::<f32>().write_unaligned(value as f32),
+        let count = (channels as usize).saturating_sub(first).min(N);
+        // SAFETY: `ImageViewMut` checked that every channel of every texel of the layout lies in its bytes. Two threads
+        // never write one texel: a warp without folds covers each texel once, and one with folds is written by one
+        // thread (`Outputs::invert`).
+        unsafe {
+            let to = self.pixels.load(Ordering::Relaxed).add(at);
+            match format {
+                PixelFormat::F16 => {
+                    let to = to.cast::<f16>().add(first);
+                    (0..count).for_each(|k| to.add(k).write_unaligned(half(values[k])));
+                }
+                _ => {
+                    let to = to.cast::<f32>().add(first);
+                    (0..count).for_each(|k| to.add(k).write_unaligned(values[k] as f32));
                 }
             }
         }

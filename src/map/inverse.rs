@@ -92,9 +92,10 @@ impl Outputs {
         let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
         visit(team, solved, area, still, |x, y, inverse| {
             let at = centre(x, y);
-            let mut uv = [0, 1].map(|k| inverse.p[k] / cells[k]);
+            let [px, py] = inverse.point();
+            let mut uv = [px / cells[0], py / cells[1]];
             if let Some(room) = area.room
-                && inverse.is_beyond
+                && inverse.is_beyond()
                 && let Some(limited) = room.gutter.limit(inverse.chart, at, uv)
             {
                 if area.owners.is_some_and(|owners| owners.is_inside(x, y)) {
@@ -106,7 +107,7 @@ impl Outputs {
                 }
                 uv = limited;
             }
-            put(x, y, uv, [0, 1].map(|k| uv[k] - at[k]));
+            put(x, y, uv, [uv[0] - at[0], uv[1] - at[1]]);
         })
     }
 
@@ -168,8 +169,8 @@ pub(crate) fn jacobians(
     let scale = [level.nx, level.ny].map(|cells| [0, 1].map(|axis| of(axis) / cells as f64));
     let still = |x: usize, y: usize| put(x, y, [[1.0, 0.0], [0.0, 1.0]]);
     visit(team, solved, area, still, |x, y, inverse| {
-        let cells = inverse.jacobian();
-        put(x, y, [0, 1].map(|k| [0, 1].map(|axis| cells[k][axis] * scale[k][axis])));
+        let [[a, b], [c, d]] = inverse.jacobian();
+        put(x, y, [[a * scale[0][0], b * scale[0][1]], [c * scale[1][0], d * scale[1][1]]]);
     })
 }
 
@@ -188,7 +189,7 @@ fn visit(
     team.run(extent[1], |y| (0..extent[0]).for_each(|x| still(x, y)));
     let reach = solved.report.max_displacement;
     let visit = |team: &Team| {
-        let own = solved.extended.as_ref().map_or(u32::MAX, |tile| tile.own() as u32);
+        let own = solved.extended.as_ref().map(|tile| tile.own() as u32);
         invert::texels(team, &solved.grid, own, u, part, reach, |x, y, inverse| {
             let (x, y) = (x - first[0], y - first[1]);
             if owners.is_none_or(|owners| owners.chart(x, y) == inverse.chart) {

@@ -39,11 +39,13 @@ impl<'a> WrittenMap<'a> {
         smallest_jacobian(deltas, self.size.map(|n| n as f64))
     }
 
-    fn centre(&self, texel: [usize; 2]) -> [f64; 2] {
-        [0, 1].map(|k| (texel[k] as f64 + 0.5) / self.size[k] as f64)
+    #[inline(always)]
+    fn centre(&self, [x, y]: [usize; 2]) -> [f64; 2] {
+        [(x as f64 + 0.5) / self.size[0] as f64, (y as f64 + 0.5) / self.size[1] as f64]
     }
 
     /// The offset from a texel's centre to where its value points, in UV.
+    #[inline(always)]
     fn delta(&self, texel: [usize; 2]) -> [f64; 2] {
         self.form.delta(self.canvas.get(texel[0], texel[1]), self.centre(texel))
     }

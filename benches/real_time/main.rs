@@ -1,0 +1,184 @@
+//! Measures what a host that plays frames waits for: solves with their stages, what they leave of the strain, and outputs.
+//!
+//!     cargo bench --bench real_time
+//!     cargo bench --bench real_time -- --grids 512 --scenes bulge,squash
+
+#![allow(missing_docs)]
+
+#[path = "../../tests/common/mod.rs"]
+mod common;
+
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use common::{Model, scenes};
+use vrtm::{
+    Asset, Device, FetchKind, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions, StageTimes,
+};
+
+/// Measures solves, their stages, and outputs.
+#[derive(Parser)]
+#[command(version)]
+struct Args {
+    /// Built-in scenes.
+    #[arg(long, value_delimiter = ',', default_values = ["bulge"])]
+    scenes: Vec<String>,
+    /// Cells on a side of the grids.
+    #[arg(long, value_delimiter = ',', default_values_t = [256, 512, 1024, 2048])]
+    grids: Vec<u32>,
+    /// The shortest time of so many runs counts.
+    #[arg(long, default_value_t = 7)]
+    repeats: usize,
+    /// Texels on a side of the images; by default as many as cells, and an eighth of that.
+    #[arg(long, value_delimiter = ',')]
+    texels: Vec<u32>,
+    /// Leave out the solves, and measure outputs alone.
+    #[arg(long)]
+    outputs: bool,
+    /// CPU threads; 0 for one per core.
+    #[arg(long, default_value_t = 0)]
+    threads: u32,
+    /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() {
+    let mut args = Args::parse();
+    if !args.bench {
+        (args.grids, args.repeats) = (vec![128], 1);
+    }
+    let device = common::cpu(args.threads);
+    println!("Milliseconds on {} threads, the shortest of {} runs.", device.info().threads, args.repeats);
+    let models: Vec<Model> = args.scenes.iter().map(|name| model(name)).collect();
+    if !args.outputs {
+        all_solves(&args, &device, &models);
+    }
+    println!("\n## Outputs, of a result at `normal`\n");
+    println!(
+        "| scene | grid | texels | map | nanoseconds per texel | one-to-one | derivatives | f16, 4 channels | corner UVs |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    for model in &models {
+        for &grid in &args.grids {
+            outputs(&args, &device, model, grid);
+        }
+    }
+}
+
+/// A scene whose pose can be moved a little, so that each solve is a new one.
+fn model(name: &str) -> Model {
+    let mut model = Model::from(scenes::by_name(name).expect("the name of a built-in scene"));
+    let frame = model.frames.len().min(5) - 1;
+    let pose = model.frames[frame].clone();
+    let (first, rest) = (pose[0], &model.rest);
+    let moved =
+        pose.iter().zip(rest).map(|(p, r)| [0, 1, 2].map(|k| p[k] + 1e-3 * (r[k] - first[k]))).collect();
+    model.frames = vec![pose, moved];
+    model
+}
+
+/// The shortest time in milliseconds.
+fn shortest(repeats: usize, mut work: impl FnMut()) -> f64 {
+    let times = (0..repeats).map(|_| {
+        let start = Instant::now();
+        work();
+        start.elapsed()
+    });
+    times.min().unwrap_or(Duration::ZERO).as_secs_f64() * 1e3
+}
+
+fn all_solves(args: &Args, device: &Device, models: &[Model]) {
+    println!("\n## Solves\n");
+    println!(
+        "| scene | grid | quality | prepare | first | next | map | next and map | strain | energy | surface | \
+         pyramid | prolong | relax | correct | certify |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
+    );
+    for model in models {
+        for &grid in &args.grids {
+            for quality in [Quality::Draft, Quality::Normal] {
+                solves(args, device, model, grid, quality);
+            }
+        }
+    }
+}
+
+fn solves(args: &Args, device: &Device, model: &Model, grid: u32, quality: Quality) {
+    let options = SolveOptions { quality, ..SolveOptions::default() };
+    let start = Instant::now();
+    let mut asset = model.asset_on(device, grid);
+    asset.tile_info(0).expect("a tile");
+    let prepare = start.elapsed().as_secs_f64() * 1e3;
+    let first = shortest(1, || asset.solve(model.frame(1), &options).expect("a solve"));
+    let (mut next, mut frame, mut stages) = (f64::INFINITY, 1, StageTimes::default());
+    for _ in 0..args.repeats {
+        frame = 3 - frame;
+        let ms = shortest(1, || asset.solve(model.frame(frame), &options).expect("a solve"));
+        if ms < next {
+            (next, stages) = (ms, asset.tile_report(0).expect("a report").times);
+        }
+    }
+    let mut image = Image::new(grid, 2, PixelFormat::F32);
+    let map = shortest(args.repeats, || image.fetch(&asset, FetchKind::Redirection, false));
+    asset.solve(model.frame(1), &SolveOptions { measure: true, ..options }).expect("a solve");
+    let report = asset.tile_report(0).expect("a report");
+    println!(
+        "| {} | {grid} | {quality:?} | {prepare:.0} | {first:.1} | {next:.1} | {map:.1} | {:.1} | {:.5} | {:.6} | {:.2} | {:.2} | {:.2} | {:.2} | \
+         {:.2} | {:.2} |",
+        model.name,
+        next + map,
+        report.strain.map_or(f32::NAN, |strain| strain.after.rms),
+        report.energy / report.energy_before,
+        stages.surface,
+        stages.pyramid,
+        stages.prolong,
+        stages.relax,
+        stages.correct,
+        stages.certify,
+    );
+}
+
+/// A packed image.
+struct Image {
+    bytes: Vec<u8>,
+    layout: ImageLayout,
+}
+
+impl Image {
+    fn new(size: u32, channels: u32, format: PixelFormat) -> Image {
+        let layout = ImageLayout { channels: Some(channels), ..ImageLayout::packed(size, size, format) };
+        let texel = if format == PixelFormat::F16 { 2 } else { 4 } * channels;
+        Image { bytes: vec![0; (size * size * texel) as usize], layout }
+    }
+
+    fn fetch(&mut self, asset: &Asset, kind: FetchKind, one_to_one: bool) {
+        let layout = ImageLayout { one_to_one, ..self.layout };
+        let mut image = ImageViewMut::new("image", &mut self.bytes, layout).expect("an image");
+        asset.fetch(0, kind, &mut image).expect("an output");
+    }
+}
+
+fn outputs(args: &Args, device: &Device, model: &Model, grid: u32) {
+    let mut asset = model.asset_on(device, grid);
+    asset.solve(model.frame(1), &SolveOptions::default()).expect("a solve");
+    let corners = asset.info().corners as usize;
+    let mut uvs = vec![[0.0f32; 2]; corners];
+    let sizes = if args.texels.is_empty() { vec![grid, grid / 8] } else { args.texels.clone() };
+    for texels in sizes {
+        let mut floats = Image::new(texels, 2, PixelFormat::F32);
+        let mut halves = Image::new(texels, 4, PixelFormat::F16);
+        let mut matrices = Image::new(texels, 4, PixelFormat::F32);
+        let map = shortest(args.repeats, || floats.fetch(&asset, FetchKind::Redirection, false));
+        let one = shortest(args.repeats, || floats.fetch(&asset, FetchKind::Redirection, true));
+        let jacobian = shortest(args.repeats, || matrices.fetch(&asset, FetchKind::Jacobian, false));
+        let half = shortest(args.repeats, || halves.fetch(&asset, FetchKind::RedirectionDelta, false));
+        let corner = shortest(args.repeats, || {
+            asset.corner_uvs(&mut uvs).expect("corner UVs");
+        });
+        println!(
+            "| {} | {grid} | {texels} | {map:.2} | {:.1} | {one:.2} | {jacobian:.2} | {half:.2} | {corner:.2} |",
+            model.name,
+            map * 1e6 / f64::from(texels * texels),
+        );
+    }
+}
