@@ -656,8 +656,8 @@ typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     uint32_t struct_size;
-    // VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH. This and the two limits below apply to VRTM_SOLVER_DESCENT
-    // only.
+    // VRTM_QUALITY_NORMAL (0, the default), DRAFT (a preview: unless it is `warm`, solved on half as many cells along
+    // each axis) or HIGH. This and the two limits below apply to VRTM_SOLVER_DESCENT only.
     vrtm_quality quality;
     // Maximum corrections per level, 0..64, overriding the quality's limit; 0 = the quality's own.
     uint32_t max_corrections;

@@ -293,7 +293,8 @@ pub const MAX_GRID: u32 = 16384;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quality {
-    /// One correction per level, and only relaxation on the finest.
+    /// A preview: one correction per level, up to the one before the finest. With [`SolveOptions::warm`], relaxation of the
+    /// last result on the finest.
     Draft,
     /// One correction per level; on the finest, up to four for crowded charts, while they gain 0.3 % of the chart's
     /// energy.

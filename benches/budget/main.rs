@@ -20,14 +20,17 @@ use vrtm::{Asset, Backend, Device, DeviceSettings, SolveOptions};
 #[command(version)]
 struct Args {
     /// Built-in scenes.
-    #[arg(long, value_delimiter = ',', default_values = ["mug_to_jug", "squash"])]
+    #[arg(long, value_delimiter = ',', default_values = scenes::NAMES)]
     scenes: Vec<String>,
     /// Cells on a side of the grids.
-    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048])]
+    #[arg(long, value_delimiter = ',', default_values_t = [256, 512, 1024, 2048])]
     grids: Vec<u32>,
     /// Budgets in milliseconds.
-    #[arg(long, value_delimiter = ',', default_values_t = [5.0, 10.0, 20.0, 50.0, 100.0, 300.0, 1000.0])]
+    #[arg(long, value_delimiter = ',', default_values_t = [5.0, 20.0, 100.0])]
     budgets: Vec<f64>,
+    /// Budgets as fractions of the time of a solve without one
+    #[arg(long, value_delimiter = ',', default_values_t = [0.1, 0.15, 0.25, 0.5])]
+    fractions: Vec<f64>,
     /// Solves per budget; the median and the longest time are printed.
     #[arg(long, default_value_t = 5)]
     repeats: usize,
@@ -49,6 +52,7 @@ fn main() {
     let mut args = Args::parse();
     if !args.bench && !args.full {
         (args.grids, args.repeats, args.budgets) = (vec![128], 1, vec![1.0, 1000.0]);
+        args.scenes.truncate(2);
     }
     let backend = if args.backend == "gpu" { Backend::Gpu } else { Backend::Cpu };
     let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() }).expect("a device");
@@ -108,7 +112,8 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32) {
     full_ms.sort_by(f64::total_cmp);
     let (median, longest) = (full_ms[full_ms.len() / 2], full_ms[full_ms.len() - 1]);
     println!("| {name} | {grid} | none | {first:.1} | 100 | {median:.1} | {longest:.1} | 100 | |");
-    for &budget in &args.budgets {
+    let fractions = args.fractions.iter().map(|part| (part * median, format!(" ({part})")));
+    for (budget, part) in args.budgets.iter().map(|&budget| (budget, String::new())).chain(fractions) {
         let fresh = (!args.no_first).then(|| {
             let mut asset = prepared(model, device, grid);
             solve(&mut asset, model, frame, Some(budget))
@@ -126,7 +131,7 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32) {
         let (first, first_gain) = fresh.map_or((f64::NAN, f64::NAN), |(ms, part)| (ms, 100.0 * part / full));
         let over_first = if first > bound { ", first" } else { "" };
         println!(
-            "| {name} | {grid} | {budget} | {first:.1} | {first_gain:.1} | {median:.1} | {longest:.1} | {gain:.1} | \
+            "| {name} | {grid} | {budget:.1}{part} | {first:.1} | {first_gain:.1} | {median:.1} | {longest:.1} | {gain:.1} | \
              {over} of {}{over_first} |",
             runs.len()
         );

@@ -59,8 +59,8 @@ pub struct vrtm_pbd_settings {
 pub struct vrtm_solve_options {
     /// sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     pub struct_size: u32,
-    /// VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH. This and the two limits below apply to VRTM_SOLVER_DESCENT
-    /// only.
+    /// VRTM_QUALITY_NORMAL (0, the default), DRAFT (a preview: unless it is `warm`, solved on half as many cells along
+    /// each axis) or HIGH. This and the two limits below apply to VRTM_SOLVER_DESCENT only.
     pub quality: vrtm_quality,
     /// Maximum corrections per level, 0..64, overriding the quality's limit; 0 = the quality's own.
     pub max_corrections: u32,

@@ -82,7 +82,10 @@ impl Costs {
     pub fn whole(&self, plan: &Plan, coarsest: usize) -> f64 {
         let steps = plan.pbd.map_or(1.0, |settings| f64::from(settings.iterations));
         let level = |level| self.of(&plan.start(level)) + steps * self.first_step(plan, level);
-        let levels = (0..=coarsest).map(level);
-        self.of(&Stage::Surface) + self.of(&Stage::Pyramid) + levels.sum::<f64>() + self.result_of(0)
+        let levels = (plan.finest.min(coarsest)..=coarsest).map(level);
+        self.of(&Stage::Surface)
+            + self.of(&Stage::Pyramid)
+            + levels.sum::<f64>()
+            + self.result_of(plan.finest.min(coarsest))
     }
 }

@@ -49,6 +49,8 @@ pub(crate) struct Plan {
     /// Sweeps after each correction, on the finest level and on the others; on a level without corrections, all of its
     /// sweeps.
     pub sweeps: [u32; 2],
+    /// The finest level that is worked on, unless the solve starts from the last result: its result is interpolated to level 0.
+    pub finest: usize,
     /// Greatest number of corrections, on the finest level and on each of the others.
     pub corrections: [u32; 2],
     /// See `Correction`.
@@ -75,15 +77,20 @@ impl Plan {
         // further ones go to crowded charts. `high` reaches the finest level in the same way as `normal` and continues
         // from there: it is never to end with a higher energy.
         let (sweeps, corrections, tolerance, trusts_model, continuation) = match options.quality {
-            // No correction follows on the finest level: the coarser levels have to be solved with the λ of the finest.
-            Quality::Draft => ([3, 3], [0, 1], 0.0, true, 1.0),
+            // No correction follows on the finest level: the coarser levels have to be solved with the λ of the finest. The
+            // sweeps of level 0 are those of a solve that starts from the last result.
+            Quality::Draft => ([3, 1], [0, 1], 0.0, true, 1.0),
             Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
             Quality::High => ([4, 2], [12, 1], 1e-4, false, 2.0),
         };
         let cap = |n: u32| options.max_corrections.unwrap_or(n);
         // Options that the solver ignores must not make two plans differ.
         let descent = pbd.is_none();
+        // Where features have room, level 1 leaves 1.1 to 1.8 times the strain that a whole solve leaves, in a third of the
+        // time (method §5). Who asks for a number of corrections gets them on all levels.
+        let draft = options.quality == Quality::Draft && options.max_corrections.is_none();
         Plan {
+            finest: usize::from(descent && draft),
             sweeps: if descent { sweeps } else { [0; 2] },
             corrections: if descent { corrections.map(cap) } else { [0; 2] },
             tolerance: if descent { options.tolerance.unwrap_or(tolerance) } else { 0.0 },

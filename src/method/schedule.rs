@@ -1,5 +1,6 @@
 //! The schedule of a solve (method §5), written once for both backends: surface; pyramid; on each level, coarsest first,
-//! its start and its steps, which are corrections or relaxation alone, or the iterations of the paper's solver; certify.
+//! its start and its steps, which are corrections or relaxation alone, or the iterations of the paper's solver; certify. A
+//! draft ends its steps on level 1, and is interpolated from there.
 //!
 //! With a time budget the schedule asks before each step whether there is time for it and for making a result of it
 //! (`deadline`). If not, the best level so far is interpolated to level 0 and certified.
@@ -31,8 +32,12 @@ pub(crate) fn run(
     }
     run.stage(&Stage::Surface);
     run.stage(&Stage::Pyramid);
+    if run.deadline.is_over(run.costs.result_of(coarsest)) {
+        return run.give_up();
+    }
     let mut reached = coarsest;
-    for level in (0..=coarsest).rev() {
+    let finest = plan.finest.min(coarsest);
+    for level in (finest..=coarsest).rev() {
         let start = match level {
             _ if level < coarsest => plan.start(level),
             _ if warm => Stage::Start { level, from: Start::Previous },
@@ -41,9 +46,8 @@ pub(crate) fn run(
         if level == 0 && run.deadline.is_over(run.costs.result_of(1)) {
             return run.give_up();
         }
-        // The start of level 0 is part of making a result of any level.
-        let first = run.costs.of(&start) + run.costs.first_step(plan, level);
-        if level > 0 && level < coarsest && !run.has_time_for(first, level) {
+        // The start of level 0 is part of making a result of any level. A coarser level without time for a step is of no use.
+        if level > 0 && level < coarsest && !run.may_start(level, warm, run.costs.of(&start)) {
             run.summary.truncated = true;
             break;
         }
@@ -67,6 +71,19 @@ pub(crate) fn run(
     }
     run.stage(&certify);
     run.summary
+}
+
+/// Most relaxations in the place of a level's first correction: they gain less and less.
+const MOST_INSTEAD: u32 = 8;
+
+/// What may be done in the place of a level's first correction, if there is no time for that.
+fn instead(step: &Stage) -> Option<Stage> {
+    match *step {
+        Stage::Correct { level, ref correction, .. } if correction.first => {
+            Some(Stage::Relax { level, sweeps: correction.sweeps })
+        }
+        _ => None,
+    }
 }
 
 /// A schedule in progress.
@@ -97,11 +114,18 @@ impl<S: Stages> Schedule<'_, S> {
         whole
     }
 
+    /// True if there is time for a level's first step after work of this cost, or for relaxation in its place.
+    fn may_start(&self, level: usize, warm: bool, before: f64) -> bool {
+        let fits = |step: Stage| self.has_time_for(before + self.costs.of(&step), level);
+        self.plan.step(level, 0, warm).is_some_and(|step| fits(step) || instead(&step).is_some_and(fits))
+    }
+
     /// Does a level's steps, as far as time allows.
     fn steps(&mut self, level: usize, warm: bool) {
         for n in 0.. {
             let Some(mut step) = self.plan.step(level, n, warm) else { return };
             if !self.has_time_for(self.costs.of(&step), level) {
+                self.relax_instead(&step);
                 self.summary.truncated = true;
                 return;
             }
@@ -127,6 +151,19 @@ impl<S: Stages> Schedule<'_, S> {
                 self.summary.sweeps += correction.sweeps;
                 self.summary.corrections += 1;
             }
+        }
+    }
+
+    /// Relaxes in the place of a level's first correction, as often as there is time.
+    fn relax_instead(&mut self, step: &Stage) {
+        let Some(Stage::Relax { level, sweeps }) = instead(step) else { return };
+        for _ in 0..MOST_INSTEAD {
+            let relax = Stage::Relax { level, sweeps };
+            if !self.has_time_for(self.costs.of(&relax), level) {
+                return;
+            }
+            self.stage(&relax);
+            self.summary.sweeps += sweeps;
         }
     }
 

@@ -73,30 +73,30 @@ fn a_budget_holds_from_the_first_solve_on() {
 }
 
 #[test]
-fn with_time_for_a_level_the_result_is_better_than_the_identity() {
+fn half_of_the_time_gives_most_of_the_gain() {
     let model = Model::from(scenes::analytic::squash(0.7));
-    for (device, grid) in devices().into_iter().zip([512, 64]) {
+    // On the CPU 0.99 of the gain is usual. Predictions for a software GPU are rough, and its grid has few levels.
+    for (device, (grid, part, least)) in devices().into_iter().zip([(512, 0.5, 0.9), (64, 0.8, 0.2)]) {
         let mut asset = prepared(&model, &device, grid);
-        let mut all = f64::INFINITY;
+        let gain = |report: &TileReport| 1.0 - report.energy / report.energy_before.max(f64::MIN_POSITIVE);
+        let (mut all, mut whole) = (f64::INFINITY, 0.0f64);
         for _ in 0..TRIES {
             // A warm result is not kept, so that the next solve computes everything.
             asset.solve(model.frame(1), &SolveOptions { warm: true, ..with_budget(1e-6) }).unwrap();
-            all = all.min(solve(&mut asset, &model, &SolveOptions::default()).0);
+            let (ms, report) = solve(&mut asset, &model, &SolveOptions::default());
+            (all, whole) = (all.min(ms), gain(&report));
         }
-        let mut gain = 0.0f64;
+        let mut best = 0.0f64;
         for _ in 0..TRIES {
-            let (_, report) = solve(&mut asset, &model, &with_budget(0.8 * all));
+            let (_, report) = solve(&mut asset, &model, &with_budget(part * all));
             check(&report, "most of the time");
             if report.energy_before > 0.0 {
-                gain = gain.max(1.0 - report.energy / report.energy_before);
+                best = best.max(gain(&report) / whole);
             }
         }
-        println!(
-            "{:?}: {all:.1} ms in all; in 80 % of it {:.1} % of the energy goes",
-            device.info().backend,
-            100.0 * gain
-        );
-        assert!(gain > 0.2, "{gain}");
+        let backend = device.info().backend;
+        println!("{backend:?}: {all:.1} ms in all; {part} of it gives {best:.3} of the gain");
+        assert!(best > least, "{backend:?}: {best}");
     }
 }
 

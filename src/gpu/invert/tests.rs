@@ -231,9 +231,10 @@ fn compare(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], size: [us
     let texels = std::sync::Mutex::new(&mut expected);
     Team::with(1, |team| {
         let part = crate::image::ImagePart { size, first: [0, 0], end: size };
-        twin::texels(team, grid, u32::MAX, u, &part, 1e4, |x, y, inverse| {
+        twin::texels(team, grid, None, u, &part, 1e4, |x, y, inverse| {
             let centre = [x, y].map(|k| k as f64 + 0.5);
-            texels.lock().unwrap()[y * size[0] + x] = [0, 1].map(|k| inverse.p[k] - centre[k] / scale[k]);
+            texels.lock().unwrap()[y * size[0] + x] =
+                [0, 1].map(|k| inverse.point()[k] - centre[k] / scale[k]);
         });
     });
     let mut worst = 0.0f64;
