@@ -296,7 +296,8 @@ impl TileState {
         let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation, pull };
         let (team, plan) = (call.team, call.plan);
         let fresh = std::mem::replace(&mut self.solver_is_fresh, false);
-        let deadline = Deadline::new(call.start, share.budget, *call.device.pace(), fresh).into();
+        let deadline =
+            Deadline::new(call.start, [share.budget, plan.budget], *call.device.pace(), fresh).into();
         let progress = Progress::new(team.control(), share.progress).into();
         let solve = TileSolve { team, input, grid, plan, deadline, progress, last, keep: &keep };
         // A cancelled solve leaves its memory usable: each solve writes what it reads.

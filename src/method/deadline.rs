@@ -31,12 +31,13 @@ pub(crate) struct Deadline {
 }
 
 impl Deadline {
-    /// The deadline of a solve that began at `start` with this budget, on a device of this pace; `fresh` if its memory
-    /// has never been used.
-    pub fn new(start: Instant, budget: Option<Duration>, pace: f64, fresh: bool) -> Deadline {
+    /// The deadline of a solve that is to end `budget` after `start`, the start of a call with the budget `whole`, on a
+    /// device of this pace; `fresh` if its memory has never been used.
+    pub fn new(start: Instant, [budget, whole]: [Option<Duration>; 2], pace: f64, fresh: bool) -> Deadline {
         let ends = budget.and_then(|budget| {
-            // The API allows a fifth more plus 5 ms; the rest of that is for work after the solve.
-            let over = budget.mul_f64(1.17).saturating_add(Duration::from_millis(3));
+            // The API allows a fifth more plus 5 ms for the whole call; the rest of that is for work after the solves.
+            let most = budget.min(whole.unwrap_or(budget));
+            let over = most.mul_f64(1.17).saturating_add(Duration::from_millis(3));
             Some([start.checked_add(budget)?, start.checked_add(over)?])
         });
         let fresh = if fresh { FRESH } else { 1.0 };
@@ -46,7 +47,7 @@ impl Deadline {
     /// A deadline without a budget.
     #[cfg(all(feature = "lab", feature = "gpu"))]
     pub fn unlimited() -> Deadline {
-        Deadline::new(Instant::now(), None, 1.0, false)
+        Deadline::new(Instant::now(), [None; 2], 1.0, false)
     }
 
     pub fn is_limited(&self) -> bool {
@@ -82,11 +83,12 @@ impl Deadline {
     }
 
     /// True if a solve of at least this cost is worth starting, at a pace far quicker than that of earlier solves: the solve's
-    /// own first stages tell more. If not, the pace is then assumed to be a little quicker, since nothing was measured.
+    /// own first stages tell more. If not, and the machine is taken for a slow one, it is then taken for a little quicker,
+    /// since nothing was measured.
     pub fn may_begin(&mut self, least: f64) -> bool {
         let begins = !self.is_over(least / QUICKER);
-        if !begins {
-            self.prior *= 0.8;
+        if !begins && self.prior > 1.0 {
+            self.prior = (self.prior * 0.8).max(1.0);
         }
         begins
     }
@@ -120,7 +122,7 @@ mod tests {
 
     /// A budget so long that the test's own time does not matter.
     fn hundred_seconds(pace: f64) -> Deadline {
-        Deadline::new(Instant::now(), Some(Duration::from_secs(100)), pace, false)
+        Deadline::new(Instant::now(), [Some(Duration::from_secs(100)); 2], pace, false)
     }
 
     #[test]
@@ -131,7 +133,7 @@ mod tests {
         assert!(!deadline.fits(48.0 * SECOND));
         assert!(!deadline.is_over(58.0 * SECOND));
         assert!(deadline.is_over(60.0 * SECOND));
-        let unlimited = Deadline::new(Instant::now(), None, 2.0, false);
+        let unlimited = Deadline::new(Instant::now(), [None; 2], 2.0, false);
         assert!(unlimited.fits(f64::MAX) && !unlimited.is_over(f64::MAX));
         assert!(unlimited.stop_before(1.0).is_none());
     }
@@ -147,6 +149,16 @@ mod tests {
         let mut quick = hundred_seconds(4.0);
         quick.learn(SECOND, 1.0);
         assert_eq!(quick.learnt(), 2.0);
+    }
+
+    #[test]
+    fn all_tiles_of_a_call_share_its_grace() {
+        let start = Instant::now() - Duration::from_millis(100);
+        let budget = |ms| Some(Duration::from_millis(ms));
+        // What is left for the last of many tiles, once the call's own time is over.
+        let last = Deadline::new(start, [budget(101), budget(30)], 1.0, false);
+        assert!(last.is_over(0.0));
+        assert!(!Deadline::new(start, [budget(101), budget(101)], 1.0, false).is_over(0.0));
     }
 
     #[test]
@@ -168,7 +180,9 @@ mod tests {
             begins
         });
         assert!(refused.is_some_and(|calls| calls < 40), "{refused:?}");
-        // A budget that no machine could keep.
-        assert!(!hundred_seconds(1.0).may_begin(1000.0 * SECOND));
+        // A budget that no machine could keep says nothing about this one.
+        let mut hopeless = hundred_seconds(1.0);
+        assert!(!hopeless.may_begin(1000.0 * SECOND));
+        assert_eq!(hopeless.learnt(), 1.0);
     }
 }

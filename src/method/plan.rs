@@ -126,7 +126,7 @@ impl Plan {
         }
         let Some(n) = n.checked_sub(u32::from(warm)) else { return Some(Stage::Relax { level, sweeps }) };
         if corrections == 0 {
-            return (n == 0).then_some(Stage::Relax { level, sweeps });
+            return (n == 0 && !warm).then_some(Stage::Relax { level, sweeps });
         }
         let Plan { tolerance, trusts_model, .. } = *self;
         let correction = Correction { first: n == 0, sweeps, tolerance, trusts_model };

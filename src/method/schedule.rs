@@ -58,6 +58,10 @@ pub(crate) fn run(
             break;
         }
     }
+    // There was no time for any work: the identity needs no certificate.
+    if run.summary.truncated && !warm && run.summary.sweeps == 0 {
+        return run.give_up();
+    }
     for level in (0..reached).rev() {
         if level == 0 && run.deadline.is_over(run.costs.result_of(1)) {
             return run.give_up();

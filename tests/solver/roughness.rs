@@ -19,7 +19,7 @@ type Bars = [f64; 4];
 /// What `normal` and `high` hold wherever features have room, and on most crowded scenes.
 const BARS: Bars = [0.01, 0.001, 0.5, 0.01];
 
-/// `draft` has no corrections on the finest level: how far its sweeps have come differs from pose to pose.
+/// `draft` has no corrections on the finest level, and features of a few cells are coarse on the one before.
 const DRAFT: Bars = [0.03, 0.01, 0.8, 0.01];
 
 /// Scenes that miss a bar, with about one and a half times what is measured. The steps of their charts are limited at
