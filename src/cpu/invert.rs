@@ -162,7 +162,8 @@ impl<F> Texels<'_, F> {
     }
 }
 
-/// The texels in the bounding boxes of a block's warped cells, and some for which it is a near miss.
+/// Finds the texels in the bounding boxes of a block's warped cells. Boxes are widened a little, because they are computed in
+/// f32; whether a texel lies in its cell is decided in f64 later.
 struct Boxes<'a> {
     part: &'a ImagePart,
     /// A texel near the block's first node. Numbers in vectors are texels from there.
@@ -171,7 +172,7 @@ struct Boxes<'a> {
     first: [f32; 2],
     /// Texels per cell.
     scale: [f32; 2],
-    /// Far over the rounding errors.
+    /// How far a box is widened, in texels: more than the rounding errors of vectors in f32.
     slack: [f32; 2],
 }
 

@@ -77,10 +77,11 @@ pub(crate) fn run(
     run.summary
 }
 
-/// Most relaxations in the place of a level's first correction: they gain less and less.
+/// The greatest number of relaxation stages that replace a level's first correction. Each of them gains less than the one
+/// before.
 const MOST_INSTEAD: u32 = 8;
 
-/// What may be done in the place of a level's first correction, if there is no time for that.
+/// The relaxation stage that can replace this step if there is no time for it. Only a level's first correction has one.
 fn instead(step: &Stage) -> Option<Stage> {
     match *step {
         Stage::Correct { level, ref correction, .. } if correction.first => {
@@ -158,7 +159,7 @@ impl<S: Stages> Schedule<'_, S> {
         }
     }
 
-    /// Relaxes in the place of a level's first correction, as often as there is time.
+    /// Replaces a level's first correction, for which there is no time, by as many relaxation stages as there is time for.
     fn relax_instead(&mut self, step: &Stage) {
         let Some(Stage::Relax { level, sweeps }) = instead(step) else { return };
         for _ in 0..MOST_INSTEAD {
