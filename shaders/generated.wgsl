@@ -48,7 +48,7 @@ const SMOOTHER_SWEEPS: u32 = 3u;
 const COARSEST_ROUNDS: u32 = 4u;
 /// A level has few blocks if no chart has more active ones on it than this: as many as a chart of 64 x 64 cells has.
 const FEW_BLOCKS: u32 = 16u;
-/// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
+/// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
 /// does, and need more memory (method §7.3).
 const CG_ITERATIONS: u32 = 2u;
 /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
@@ -209,6 +209,8 @@ const UP_SECOND: u32 = 2u;
 const COARSE_CYCLE: u32 = 0u;
 /// `multigrid_coarse`: the system of one of its levels is solved.
 const COARSE_SOLVE: u32 = 1u;
+/// `multigrid_coarse`: one iteration of conjugate gradients on a coarse level.
+const COARSE_SOLVE_ONCE: u32 = 2u;
 /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
 /// vectors.
 const PBD_FROM_VECTORS: u32 = 16u;
@@ -287,7 +289,7 @@ struct Chart {
     fallback: u32,
     /// Floor l_min of rest lengths on level 0.
     length_floor: f32,
-    /// Energy of the identity on level 0.
+    /// Energy of the identity on the level on which work ends.
     identity: f32,
     /// Energy before the present correction.
     before: f32,

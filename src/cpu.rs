@@ -24,6 +24,7 @@ mod allocate;
 mod buffers;
 mod memory;
 mod run;
+mod prefetch;
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[path = "lab/cpu_state.rs"]
 mod state;

@@ -295,6 +295,10 @@ impl<T> SharedSlice<T> {
         SharedSlice(slice.as_mut_ptr(), slice.len())
     }
 
+    pub fn is_empty(self) -> bool {
+        self.1 == 0
+    }
+
     /// Element `i`. The caller vouches for the lifetime.
     ///
     /// # Panics

@@ -10,7 +10,7 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use common::{Model, scenes};
 use vrtm::{
     Asset, Device, FetchKind, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions, StageTimes,
@@ -35,12 +35,36 @@ struct Args {
     /// Leave out the solves, and measure outputs alone.
     #[arg(long)]
     outputs: bool,
+    /// Leave out the outputs, and measure solves alone.
+    #[arg(long, conflicts_with = "outputs")]
+    solves: bool,
+    /// Qualities of the solves.
+    #[arg(long, value_enum, value_delimiter = ',', default_values = ["draft", "normal"])]
+    qualities: Vec<Effort>,
     /// CPU threads; 0 for one per core.
     #[arg(long, default_value_t = 0)]
     threads: u32,
     /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
     #[arg(long, hide = true)]
     bench: bool,
+}
+
+/// The qualities of solves.
+#[derive(Clone, Copy, ValueEnum)]
+enum Effort {
+    Draft,
+    Normal,
+    High,
+}
+
+impl Effort {
+    fn quality(self) -> Quality {
+        match self {
+            Effort::Draft => Quality::Draft,
+            Effort::Normal => Quality::Normal,
+            Effort::High => Quality::High,
+        }
+    }
 }
 
 fn main() {
@@ -53,6 +77,9 @@ fn main() {
     let models: Vec<Model> = args.scenes.iter().map(|name| model(name)).collect();
     if !args.outputs {
         all_solves(&args, &device, &models);
+    }
+    if args.solves {
+        return;
     }
     println!("\n## Outputs, of a result at `normal`\n");
     println!(
@@ -96,8 +123,8 @@ fn all_solves(args: &Args, device: &Device, models: &[Model]) {
     );
     for model in models {
         for &grid in &args.grids {
-            for quality in [Quality::Draft, Quality::Normal] {
-                solves(args, device, model, grid, quality);
+            for effort in &args.qualities {
+                solves(args, device, model, grid, effort.quality());
             }
         }
     }

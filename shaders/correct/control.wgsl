@@ -66,12 +66,15 @@ fn next_fraction(gain: Gain, tolerance: f32, trusted: bool) -> f32 {
     return select(0.0, min(ramp(gained / unit, GAIN_RAMP), most), gained > 0.0);
 }
 
-/// After the first V-cycle: the length of the first step, and the energy before the correction.
+/// After the first V-cycle: the first step with the gain that it predicts, and the energy before the correction.
 fn first_step(c: u32, sum: vec4f) {
     charts[c].before = sum.x;
     charts[c].rz = sum.y;
     charts[c].curvature = sum.z;
-    charts[c].alpha = step_length(sum.y, sum.z);
+    let alpha = step_length(sum.y, sum.z);
+    charts[c].alpha = alpha;
+    charts[c].step = array<f32, 2>(alpha, 0.0);
+    charts[c].predicted = alpha * sum.y;
 }
 
 /// After the second V-cycle: the step as a combination of z0 and z1, and the predicted gain. The second direction is z1
@@ -115,6 +118,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             let gain = Gain(charts[c].before, sum.x, identity, charts[c].predicted, charts[c].fraction);
             // The last trial is relaxation alone, which is always accepted.
             if suffices(gain) || params.mode == DECIDE_LAST_TRIAL {
+                charts[c].energy = sum.x;
                 charts[c].working = 0u;
                 let trusted = charts[c].first == 1u && params.trusts_model == 1u;
                 let fraction = next_fraction(gain, params.tolerance, trusted);
@@ -126,11 +130,10 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             charts[c].energy = sum.x;
         }
         case DECIDE_CERTIFICATE, DECIDE_ALLOWING_FOLDS: {
-            charts[c].energy = sum.x;
             charts[c].min_jacobian = min(sum.y, 1.0);
             charts[c].folds = u32(sum.z);
             charts[c].max_displacement = sum.w;
-            let energy = sum.x;
+            let energy = charts[c].energy;
             let valid = energy < INVALID_ENERGY && is_finite(energy);
             let better = energy <= charts[c].identity && sum.z == 0.0;
             charts[c].fallback = u32(!(valid && (better || params.mode == DECIDE_ALLOWING_FOLDS)));

@@ -346,12 +346,20 @@ fn energy_before(c: u32, level: u32, t: u32) -> f32 {
     return sum_of_threads(t, sum);
 }
 
-/// Two iterations of conjugate gradients on the coarse level with the index `level` (method §7.3).
-fn solve_level(c: u32, level: u32, t: u32) {
+/// One or two iterations of conjugate gradients on the coarse level with the index `level` (method §7.3).
+fn solve_level(c: u32, level: u32, t: u32, once: bool) {
     let before = energy_before(c, level, t);
     cycle(c, level, t);
     let rz = sum_of_threads(t, dot_level(c, level, t, true));
     let alpha = step_length(rz, sum_of_threads(t, multiply_level(c, level, t, false)));
+    if once {
+        if t == 0u {
+            charts[c].before = before;
+            charts[c].step = array<f32, 2>(alpha, 0.0);
+            charts[c].predicted = alpha * rz;
+        }
+        return;
+    }
     advance(c, level, t, alpha);
     cycle(c, level, t);
     let second_rz = sum_of_threads(t, dot_level(c, level, t, false));
@@ -380,8 +388,8 @@ fn multigrid_coarse(@builtin(workgroup_id) group: vec3u, @builtin(local_invocati
         return;
     }
     // `first` is the index of the level among the coarse levels.
-    if params.mode == COARSE_SOLVE {
-        solve_level(c, params.first, t);
+    if params.mode == COARSE_SOLVE || params.mode == COARSE_SOLVE_ONCE {
+        solve_level(c, params.first, t, params.mode == COARSE_SOLVE_ONCE);
         return;
     }
     gather_level(c, params.first, t);

@@ -4,6 +4,7 @@ use crate::grid::planes::Plane;
 use crate::team::SharedSlice;
 
 use super::allocate::Allocate;
+use super::prefetch::prefetch_next;
 
 /// The state of one level, and its pose metrics.
 #[derive(Debug, Default)]
@@ -35,6 +36,21 @@ impl Buffers {
             u: SharedSlice::new(&mut self.u),
             value: SharedSlice::new(&mut self.value),
             triangle: SharedSlice::new(&mut self.triangle),
+        }
+    }
+}
+
+impl State {
+    /// Prefetches the state of the next block.
+    #[inline(always)]
+    pub fn prefetch_next(self, b: usize) {
+        // SAFETY: only the address is used.
+        unsafe {
+            prefetch_next(self.u.get(b));
+            prefetch_next(self.value.get(b));
+            if !self.triangle.is_empty() {
+                prefetch_next(self.triangle.get(b));
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 //! the warp or the identity is the result (method §8). If all are positive, the warp is one-to-one and onto, because
 //! the borders are fixed (method §11.1).
 
-use crate::allocation::{Collect, filled};
+use crate::allocation::filled;
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane, SIDE};
 use crate::grid::window::{self, WINDOW_NODES, Window, place};
@@ -17,12 +17,8 @@ impl Run<'_> {
     /// Certifies the finest level's state and makes it the result. A chart becomes the identity if it is folded or if
     /// its energy is above that of the identity or not finite; with `allow_folds`, only if its energy is not finite.
     pub(super) fn certify_result(&mut self, allow_folds: bool) {
-        let all_known = (0..self.charts.len()).all(|c| !self.charts[c] || self.known_energies[c].is_some());
-        let energies = match (allow_folds, all_known) {
-            (true, _) => self.energies_allowing_folds(0),
-            (false, true) => self.known_energies.iter().map(|energy| energy.unwrap_or_default()).collected(),
-            (false, false) => self.energies(0),
-        };
+        // Those of a coarser level are known if work has ended there.
+        self.complete_energies(0, allow_folds);
         let certificates = self.certificates();
         for c in 0..self.charts.len() {
             if !self.charts[c] {
@@ -30,7 +26,7 @@ impl Run<'_> {
             }
             let certificate = &certificates[c];
             let result = &mut self.results[c];
-            result.energy = energies[c];
+            result.energy = self.known_energies[c].unwrap_or_default();
             result.min_jacobian = certificate.min_jacobian;
             result.folds = certificate.folds;
             result.max_displacement = certificate.max_displacement;

@@ -84,7 +84,7 @@ impl Run<'_> {
         let solved = hold_back(|| {
             self.complete_systems(level, &mut solving.levels, correction.first);
             let solve = !self.stops_now(level, &before, AFTER_SYSTEMS);
-            solve.then(|| self.conjugate_gradients(level, &mut solving))
+            solve.then(|| self.conjugate_gradients(level, correction.iterations, &mut solving))
         });
         let mut limiting = solving.limiting();
         self.memory.levels = buffers;
@@ -105,7 +105,7 @@ impl Run<'_> {
         }
         let Some(stop) = self.stop else { return false };
         self.stopped |= Instant::now() + self.began.elapsed().mul_f64(rest) > stop;
-        if self.stopped && level == 0 {
+        if self.stopped {
             let list = &self.grid.levels[level].blocks.list;
             for &b in &self.work[level].active {
                 let c = list[b as usize].chart as usize;
@@ -202,7 +202,7 @@ impl Run<'_> {
                 if gain.suffices() || trial == trials.len() {
                     open[c] = false;
                     // With a pull, the energy that was lowered is not that of the state alone.
-                    if level == 0 && self.weights[0].pull == 0.0 {
+                    if self.weights[level].pull == 0.0 {
                         self.known_energies[c] = Some(energies[c]);
                     }
                     fraction[c] = correction.next_fraction(&gain) as f32;

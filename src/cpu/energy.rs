@@ -7,7 +7,7 @@ use super::row::Row;
 use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
 use super::terms::{Terms, least_jacobian, room_energy};
-use crate::allocation::zeroed;
+use crate::allocation::{Collect, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::method::law::CRUSHED_JACOBIAN;
@@ -16,21 +16,41 @@ use crate::team::SharedSlice;
 impl Run<'_> {
     /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0
     /// for charts that are not solved.
+    #[cfg(all(feature = "gpu", feature = "lab"))]
     pub(super) fn energies(&mut self, level: usize) -> Vec<f64> {
-        let weights = self.weights[level].without_pull();
-        self.with_surface(level, Energies { level, weights, allow_folds: false })
+        self.with_surface(level, Energies::of_state(level, self.weights[level].without_pull()))
     }
 
     /// The energy including the pull towards the previous result, which corrections reduce.
     pub(super) fn energies_with_pull(&mut self, level: usize) -> Vec<f64> {
-        let weights = self.weights[level];
-        self.with_surface(level, Energies { level, weights, allow_folds: false })
+        self.with_surface(level, Energies::of_state(level, self.weights[level]))
     }
 
-    /// The energy per chart of a state that may be folded, whatever its corner Jacobians.
-    pub(super) fn energies_allowing_folds(&mut self, level: usize) -> Vec<f64> {
+    /// Stores the energy of the identity on a level. On level 0 the level's present state must be the identity.
+    pub(super) fn store_identity_energy(&mut self, level: usize) {
         let weights = self.weights[level].without_pull();
-        self.with_surface(level, Energies { level, weights, allow_folds: true })
+        let identity = Energies { is_identity: true, ..Energies::of_state(level, weights) };
+        let energies = self.with_surface(level, identity);
+        for (result, energy) in self.results.iter_mut().zip(energies) {
+            result.energy_before = energy;
+        }
+    }
+
+    /// Computes the energies of a level's present state, unless those of all charts that are solved are known. With
+    /// `allow_folds` those of folded states, too, whatever their corner Jacobians.
+    pub(super) fn complete_energies(&mut self, level: usize, allow_folds: bool) {
+        let list = &self.grid.levels[level].blocks.list;
+        let is_known = |&b: &u32| self.known_energies[list[b as usize].chart as usize].is_some();
+        if !self.work[level].active.iter().all(is_known) {
+            let weights = self.weights[level].without_pull();
+            let state = Energies { allow_folds, ..Energies::of_state(level, weights) };
+            let energies = self.with_surface(level, state);
+            self.known_energies = energies.into_iter().map(Some).collected();
+        }
+        // A chart without movable nodes on this level has no energy.
+        for energy in &mut self.known_energies {
+            energy.get_or_insert(0.0);
+        }
     }
 }
 
@@ -40,6 +60,14 @@ struct Energies {
     weights: Weights,
     /// Whether crushed cells count with their terms instead of making the energy infinite.
     allow_folds: bool,
+    /// Whether the state is the identity, whatever is stored. On level 0 the stored samples must be those of the identity.
+    is_identity: bool,
+}
+
+impl Energies {
+    fn of_state(level: usize, weights: Weights) -> Energies {
+        Energies { level, weights, allow_folds: false, is_identity: false }
+    }
 }
 
 impl SurfaceFn<Vec<f64>> for Energies {
@@ -48,8 +76,8 @@ impl SurfaceFn<Vec<f64>> for Energies {
         let blocks = &run.work[self.level].active;
         let mut sums = zeroed::<f64>(blocks.len());
         let shared = SharedSlice::new(&mut sums);
-        run.team.run_on(blocks.len(), |worker, k| {
-            let b = blocks[k] as usize;
+        let next = |b| Patch::prefetch_next(level, state, b);
+        run.each_of(blocks, next, |worker, k, b| {
             let sum = run.patches.with(worker, |patch| {
                 dispatch(BlockEnergy {
                     patch,
@@ -60,6 +88,7 @@ impl SurfaceFn<Vec<f64>> for Energies {
                     anchor: run.anchor,
                     b,
                     allow_folds: self.allow_folds,
+                    is_identity: self.is_identity,
                 })
             });
             // SAFETY: each item has its own sum.
@@ -78,8 +107,9 @@ struct BlockEnergy<'a, S> {
     weights: &'a Weights,
     anchor: &'a [[Plane; 2]],
     b: usize,
-    /// See `Energies::allow_folds`.
+    /// As in `Energies`.
     allow_folds: bool,
+    is_identity: bool,
 }
 
 impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
@@ -87,9 +117,12 @@ impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> f64 {
-        let BlockEnergy { patch, level, state, surface, weights, anchor, b, allow_folds } = self;
+        let BlockEnergy { patch, level, state, surface, weights, anchor, b, allow_folds, is_identity } = self;
         // SAFETY: nothing writes the state.
         unsafe { patch.load::<V, S>(level, state, b) };
+        if is_identity {
+            patch.load_identity(level, surface, b);
+        }
         if S::CHORDS {
             patch.load_tangents::<V, S>(surface);
         }

@@ -12,6 +12,7 @@ use crate::method::plan::Input;
 use super::buffers::State;
 use super::decode::{self, window_vectors};
 use super::lanes::{LANES, Lanes, Mask, each};
+use super::prefetch::prefetch_next;
 use super::row::Row;
 use super::sampling::{GridRow, Samples, Surface};
 
@@ -119,6 +120,15 @@ impl Patch {
         patch
     }
 
+    /// Prefetches what `load` reads of the next block.
+    #[inline(always)]
+    pub fn prefetch_next(level: &Level, state: State, b: usize) {
+        state.prefetch_next(b);
+        prefetch_next(&level.rigidity[b]);
+        prefetch_next(&level.movable[b]);
+        prefetch_next(&level.rest_length[b]);
+    }
+
     /// Gathers block `b` of a level with its halo, except for the tangents.
     ///
     /// # Safety
@@ -157,6 +167,17 @@ impl Patch {
             decode::rest_length::<V>(level, b, e, &mut self.length[e]);
             for at in window_vectors() {
                 (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse_length[e], at);
+            }
+        }
+    }
+
+    /// Replaces the state of block `b` by that of the identity.
+    #[inline(always)]
+    pub fn load_identity<S: Surface>(&mut self, level: &Level, surface: S, b: usize) {
+        self.u = [[0.0; WINDOW_NODES]; 2];
+        for (c, window) in self.value.iter_mut().enumerate() {
+            if let Some(values) = surface.at_nodes() {
+                window::load(&level.blocks.neighbours[b], 0.0, |b| &values[b][c], window);
             }
         }
     }

@@ -26,7 +26,7 @@ impl Run<'_> {
         self.resample(level, &stored, Start::Identity);
         self.work[level].stored = stored;
         if level == 0 {
-            self.store_identity_energy();
+            self.store_identity_energy(0);
         }
     }
 
@@ -86,14 +86,6 @@ impl Run<'_> {
             self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
         }
         inactive
-    }
-
-    /// Stores the energy of the finest level's present state, which must be the identity.
-    fn store_identity_energy(&mut self) {
-        let energies = self.energies(0);
-        for (result, energy) in self.results.iter_mut().zip(energies) {
-            result.energy_before = energy;
-        }
     }
 }
 

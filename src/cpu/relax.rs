@@ -44,7 +44,8 @@ impl SurfaceFn<()> for Relax<'_> {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
         let level = &run.grid.levels[self.level];
         for sweeps in passes(self.sweeps) {
-            run.each_colour(self.level, false, |worker, b| {
+            let next = |b| Patch::prefetch_next(level, state, b);
+            run.each_colour(self.level, false, next, |worker, b| {
                 // Blocks of one colour do not touch.
                 run.patches.with(worker, |patch| {
                     let fraction =

@@ -72,7 +72,7 @@ pub(crate) struct Run<'a> {
     pub(super) anchor: &'a [[Plane; 2]],
     /// Result per chart; the default for charts that are not solved.
     pub results: Vec<ChartResult>,
-    /// Per chart, the energy of the finest level's present state, if a correction was the last stage to change it.
+    /// Per chart, the energy of the present state of the level that is worked on, if it is known.
     pub(super) known_energies: Vec<Option<f64>>,
     pub(super) node_updates: AtomicU64,
     /// The time by which corrections have to end, if there is a time budget, and whether one was stopped for it.
@@ -147,12 +147,45 @@ impl<'a> Run<'a> {
         self.work[0].active.len() as u64
     }
 
-    /// Calls `f(worker, block)` for all active blocks of a level, block colour by block colour.
-    pub(super) fn each_colour(&self, level: usize, backwards: bool, f: impl Fn(&Worker, usize) + Sync) {
+    /// Calls `f(worker, k, block)` for the `k`-th of the blocks, for all of them. Before that, `next` is called with the
+    /// block that is probably this thread's next one, to prefetch it.
+    pub(super) fn each_of(
+        &self,
+        blocks: &[u32],
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize, usize) + Sync,
+    ) {
+        self.team.run_on(blocks.len(), |worker, k| {
+            if let Some(&b) = blocks.get(k + self.team.threads()) {
+                next(b as usize);
+            }
+            f(worker, k, blocks[k] as usize);
+        });
+    }
+
+    /// Calls `f(worker, block)` for all active blocks of a level, block colour by block colour; `next` as in `each_of`.
+    pub(super) fn each_colour(
+        &self,
+        level: usize,
+        backwards: bool,
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize) + Sync,
+    ) {
         for k in 0..4 {
             let blocks = &self.work[level].colours[if backwards { 3 - k } else { k }];
-            self.team.run_on(blocks.len(), |worker, k| f(worker, blocks[k] as usize));
+            self.each_of(blocks, &next, |worker, _, b| f(worker, b));
         }
+    }
+
+    /// Calls `f(worker, block, chart)` for all active blocks of a level; `next` as in `each_of`.
+    pub(super) fn each_block(
+        &self,
+        level: usize,
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize, usize) + Sync,
+    ) {
+        let list = &self.grid.levels[level].blocks.list;
+        self.each_of(&self.work[level].active, next, |worker, _, b| f(worker, b, list[b].chart as usize));
     }
 
     /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks.
@@ -170,16 +203,6 @@ impl<'a> Run<'a> {
     pub(super) fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
         let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collected();
         self.sum_per_chart(level, &active)
-    }
-
-    /// Calls `f(worker, block, chart)` for all active blocks of a level.
-    pub(super) fn each_block(&self, level: usize, f: impl Fn(&Worker, usize, usize) + Sync) {
-        let blocks = &self.work[level].active;
-        let list = &self.grid.levels[level].blocks.list;
-        self.team.run_on(blocks.len(), |worker, k| {
-            let b = blocks[k] as usize;
-            f(worker, b, list[b].chart as usize);
-        });
     }
 
     /// Calls `f` with a level's state and with the level's surface: chords on level 0, metrics on the others.

@@ -9,7 +9,7 @@ pub mod resample;
 use super::lanes::{LANES, Lanes};
 use super::row::Row;
 use crate::grid::Level;
-use crate::grid::planes::SIDE;
+use crate::grid::planes::{Plane, SIDE};
 
 /// Derivatives along x and y of the three sampled values, at a row's eight nodes.
 pub type Slopes<V> = [V; 6];
@@ -65,6 +65,9 @@ pub trait Surface: Copy + Sync {
         lanes: V::Mask,
         samples: &mut Samples<V>,
     ) -> V::Mask;
+
+    /// Per block, the sampled values at the nodes themselves, if they are stored.
+    fn at_nodes(&self) -> Option<&[[Plane; 3]]>;
 
     /// The tangents on a triangle of the finest level; 0 for `NONE`, and on coarser levels.
     fn tangents(&self, triangle: u32) -> [f32; 6];

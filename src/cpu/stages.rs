@@ -7,6 +7,11 @@ use super::run::Run;
 
 impl Stages for Run<'_> {
     fn run(&mut self, stage: &Stage) -> bool {
+        if let Stage::Start { from, .. } = *stage
+            && from != Start::Passing
+        {
+            self.known_energies.fill(None);
+        }
         match *stage {
             Stage::Surface => self.pose_triangles(),
             Stage::Pyramid => self.pose_metrics(),
@@ -30,6 +35,10 @@ impl Stages for Run<'_> {
                 return !self.stopped;
             }
             Stage::Iterate { level, ref iteration } => self.iterate_level(level, iteration),
+            Stage::Energies { level, allow_folds } => {
+                self.store_identity_energy(level);
+                self.complete_energies(level, allow_folds);
+            }
             Stage::Certify { allow_folds } => self.certify_result(allow_folds),
             Stage::GiveUp => self.fall_back_everywhere(),
         }

@@ -7,10 +7,10 @@ mod tests;
 use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
-    COARSE_CYCLE, COARSE_SOLVE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP, DECIDE_LAST_TRIAL,
-    DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, Params, RELAX_FRACTION,
-    SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL, UP_COARSE,
-    UP_FIRST, UP_SECOND, VECTOR_PLANES,
+    COARSE_CYCLE, COARSE_SOLVE, COARSE_SOLVE_ONCE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP,
+    DECIDE_LAST_TRIAL, DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, Params,
+    RELAX_FRACTION, SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL,
+    UP_COARSE, UP_FIRST, UP_SECOND, VECTOR_PLANES,
 };
 use super::lists::{GateSet, List, active_blocks};
 use super::run::Run;
@@ -46,7 +46,7 @@ impl Run<'_> {
                 self.galerkin(k);
             }
         }
-        self.conjugate_gradients(level);
+        self.conjugate_gradients(level, correction.iterations);
         self.limit_step(level);
         let trials = trial_fractions(level);
         for (n, &factor) in trials.iter().chain(&[0.0]).enumerate() {
@@ -69,7 +69,7 @@ impl Run<'_> {
         self.gate = None;
         self.params.in_correction = 0;
         self.share = [1, 1];
-        self.energy_is_known = level == 0 && self.pull == 0.0;
+        self.energy_is_known = level > 0 || self.pull == 0.0;
     }
 
     /// Whether a chart takes part in a further correction of the level, from the records of the charts after the work
@@ -146,12 +146,12 @@ impl Run<'_> {
 
     /// Solves a level's system for the step, a combination of two preconditioned residuals (method §7.3). The step's
     /// length, the predicted gain and the energy before the step are stored in the records of the charts.
-    fn conjugate_gradients(&mut self, level: usize) {
+    fn conjugate_gradients(&mut self, level: usize, iterations: u32) {
         let params = self.with_pull(level);
         if let Some(top) =
             self.memory.coarse.as_ref().and_then(|coarse| level.checked_sub(coarse.levels.first))
         {
-            self.multigrid_coarse(top, COARSE_SOLVE);
+            self.multigrid_coarse(top, if iterations > 1 { COARSE_SOLVE } else { COARSE_SOLVE_ONCE });
             if params.pull > 0.0 {
                 self.decide(level, params, DECIDE_BEFORE);
             }
@@ -169,6 +169,9 @@ impl Run<'_> {
         self.exchange(level, BandBuffer::Vectors);
         self.exchange(level + 1, BandBuffer::Contributions);
         self.decide(level, self.params, DECIDE_FIRST_STEP);
+        if iterations == 1 {
+            return;
+        }
         self.coarse_cycle(level);
         self.multigrid_up(level, UP_SECOND, params.pull);
         self.reduce(Kernel::Curvature, level, self.params, DECIDE_SECOND_STEP);

@@ -148,6 +148,8 @@ pub mod shared {
         COARSE_CYCLE: u32 = 0;
         /// `multigrid_coarse`: the system of one of its levels is solved.
         COARSE_SOLVE: u32 = 1;
+        /// `multigrid_coarse`: one iteration of conjugate gradients on a coarse level.
+        COARSE_SOLVE_ONCE: u32 = 2;
         /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
         /// vectors.
         PBD_FROM_VECTORS: u32 = 16;
@@ -253,7 +255,7 @@ structs! {
         fallback: u32,
         /// Floor l_min of rest lengths on level 0.
         length_floor: f32,
-        /// Energy of the identity on level 0.
+        /// Energy of the identity on the level on which work ends.
         identity: f32,
         /// Energy before the present correction.
         before: f32,

@@ -50,7 +50,7 @@ pub(crate) struct Run<'a> {
     /// The active blocks on level 0 of the charts that take part in the present correction, and of all charts that are
     /// solved; equal unless some charts are known to take no part.
     pub(super) share: [u64; 2],
-    /// Whether the blocks' energies on level 0 are those summed by its last accepted trials.
+    /// Whether the records of the charts hold the energies of the present state.
     pub(super) energy_is_known: bool,
     /// The control of the call, by which it may be cancelled while it waits for the GPU.
     pub(super) control: Option<Arc<Control>>,

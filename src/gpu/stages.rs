@@ -3,8 +3,8 @@
 use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
-    DECIDE_ALLOWING_FOLDS, DECIDE_CERTIFICATE, DECIDE_IDENTITY, ENERGY_ALLOWING_FOLDS, ENERGY_VALID, Params,
-    RELAX_WHOLE, THREADS,
+    DECIDE_ALLOWING_FOLDS, DECIDE_CERTIFICATE, DECIDE_ENERGY, DECIDE_IDENTITY, ENERGY_ALLOWING_FOLDS,
+    ENERGY_VALID, Params, RELAX_WHOLE, THREADS,
 };
 use super::recorder::DispatchSize;
 use super::run::Run;
@@ -24,7 +24,8 @@ impl Stages for Run<'_> {
             Stage::Start { level, from } => match from {
                 Start::Identity => self.identity(level),
                 Start::Previous => self.previous(),
-                Start::Coarser | Start::Passing => self.prolong(level),
+                Start::Passing => self.interpolate(level),
+                Start::Coarser => self.prolong(level),
                 Start::Smoothed(smoothing) => {
                     self.prolong(level);
                     self.regularise_level(level, smoothing);
@@ -36,6 +37,10 @@ impl Stages for Run<'_> {
             }
             Stage::Correct { level, ref correction, .. } => self.correct_level(level, correction),
             Stage::Iterate { level, ref iteration } => self.iterate_level(level, iteration),
+            Stage::Energies { level, allow_folds } => {
+                self.energy_of_identity(level);
+                self.complete_energies(level, allow_folds);
+            }
             Stage::Certify { allow_folds } => self.certify(allow_folds),
             Stage::GiveUp => {
                 self.clear(&copied(self.charts));
@@ -101,13 +106,13 @@ impl Run<'_> {
         }
         self.exchange(level, BandBuffer::State);
         if level == 0 {
-            self.energy_of_identity();
+            self.energy_of_identity(0);
         }
     }
 
     fn previous(&mut self) {
         let Some(last) = self.last_result.clone() else { return self.identity(0) };
-        self.energy_of_identity();
+        self.energy_of_identity(0);
         self.energy_is_known = false;
         for band in 0..self.memory.bands[0].len() {
             let extra = [last.bands[band].1.clone()];
@@ -119,9 +124,14 @@ impl Run<'_> {
 
     fn prolong(&mut self, level: usize) {
         if level == 0 {
-            self.energy_of_identity();
+            self.energy_of_identity(0);
         }
         self.energy_is_known = false;
+        self.interpolate(level);
+    }
+
+    /// Interpolates the displacements of the next coarser level, and resamples.
+    fn interpolate(&mut self, level: usize) {
         let kernel = if level == 0 { Kernel::ProlongChords } else { Kernel::ProlongMetrics };
         for band in 0..self.memory.bands[level].len() {
             let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].coarser];
@@ -133,13 +143,20 @@ impl Run<'_> {
     }
 
     fn certify(&mut self, allow_folds: bool) {
-        if allow_folds || !self.energy_is_known {
-            let mode = if allow_folds { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID };
-            self.energy_sums(Params { mode, ..self.at_level(0) }, 0);
-        }
+        // Those of a coarser level are known if work has ended there.
+        self.complete_energies(0, allow_folds);
         let certificate = if allow_folds { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
         self.dispatch_active(Kernel::FallBack, 0, self.params, Some(BandBuffer::State));
+    }
+
+    /// Computes the energies of a level's present state, unless they are known.
+    fn complete_energies(&mut self, level: usize, allow_folds: bool) {
+        if !self.energy_is_known {
+            let mode = if allow_folds { ENERGY_ALLOWING_FOLDS } else { ENERGY_VALID };
+            self.energy(Params { mode, ..self.at_level(level) }, level, DECIDE_ENERGY);
+            self.energy_is_known = true;
+        }
     }
 
     /// Relaxes a level with `sweeps` sweeps. With `RELAX_FRACTION`, each node's step is multiplied by the chart's step
@@ -159,9 +176,9 @@ impl Run<'_> {
         }
     }
 
-    /// Computes the identity's energy on level 0, for which no state needs to be written.
-    fn energy_of_identity(&mut self) {
-        self.energy(Params { is_identity: 1, ..self.at_level(0) }, 0, DECIDE_IDENTITY);
+    /// Computes the identity's energy on a level, for which no state needs to be written.
+    fn energy_of_identity(&mut self, level: usize) {
+        self.energy(Params { is_identity: 1, ..self.at_level(level) }, level, DECIDE_IDENTITY);
     }
 
     /// Computes a level's energy chart by chart, and makes the decision `decision`. With the parameters of `with_pull`

@@ -2,15 +2,20 @@
 
 use std::sync::Arc;
 
-use crate::allocation::{Collect, zeroed};
+use crate::allocation::{Collect, filled, zeroed};
 use crate::asset::measure::gather;
 use crate::asset::{Asset, torn};
+use crate::cpu;
 use crate::error::Result;
 use crate::grid::planes::{NODES, SIDE, slot};
+use crate::grid::pose::Pose;
 use crate::lab::reference::minimise::Options;
 use crate::lab::reference::{Minimum, Problem};
 use crate::map::nodes;
 use crate::mesh::{Chart, FacePoint, TileMesh, Triangle};
+use crate::method::plan::{ChartResult, Input};
+use crate::method::stage::{Stage, Stages, Start};
+use crate::settings::Solver;
 use crate::view::Strided;
 
 /// The converged f64 minimum of a tile's finest-level energy: the oracle of tests and benches.
@@ -115,6 +120,45 @@ impl Asset {
         let pose = gather(positions);
         let torn = self.in_pose(tile, &positions)?;
         Ok(Problem::new(&self.mesh, &torn, &self.tiles[tile].maps, &pose)?.energy(u))
+    }
+
+    /// The energies of the identity and of the last result on level 0, in f32 as the CPU computes them. The report has those
+    /// of a coarser level where work has ended there.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve.
+    pub fn energies_on_level_0(&self, tile: usize, positions: Strided) -> Result<[f64; 2]> {
+        self.check_tile(tile)?;
+        let result = self.results.solved(tile)?;
+        let grid = &result.solved.grid;
+        let anchor = result.solved.warp.host()?;
+        let torn = self.in_pose(tile, &positions)?;
+        let mesh = result.solved.extended.as_ref().unwrap_or(&torn);
+        let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
+        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collected();
+        let input = Input {
+            grid,
+            mesh,
+            pose: &pose,
+            settings: &self.tiles[tile].maps.settings,
+            charts: &charts,
+            continuation: 1.0,
+            pull: 0.0,
+        };
+        let mut memory = cpu::Memory::new(grid, Solver::Descent);
+        let mut warp = filled([[0.0; NODES]; 2], anchor.len());
+        Ok(self.device.team(|team| {
+            let mut run = cpu::Run::new(team, &input, &mut memory, &mut warp, anchor);
+            for stage in [
+                Stage::Surface,
+                Stage::Start { level: 0, from: Start::Previous },
+                Stage::Certify { allow_folds: true },
+            ] {
+                run.run(&stage);
+            }
+            let sum = |of: fn(&ChartResult) -> f64| run.results.iter().map(of).sum();
+            [sum(|chart| chart.energy_before), sum(|chart| chart.energy)]
+        }))
     }
 
     /// The reference's minimum for a pose, descending from `start` (and, if `thorough`, from the identity too).

@@ -8,6 +8,10 @@ use super::law::{FRACTION_GROWTH, GAIN_RAMP, IDENTITY_ENERGY_WEIGHT, MODEL_ERROR
 pub(crate) struct Correction {
     /// True for the first correction on its level: all charts take part again.
     pub first: bool,
+    /// Iterations of conjugate gradients, at most [`CG_ITERATIONS`].
+    ///
+    /// [`CG_ITERATIONS`]: super::law::CG_ITERATIONS
+    pub iterations: u32,
     /// Sweeps after the step.
     pub sweeps: u32,
     /// Minimum gain, as a fraction of a chart's energy, for the chart to take part in the level's next correction.
@@ -113,7 +117,7 @@ mod tests {
     use super::*;
 
     fn next(first: bool, trusts_model: bool, gain: f64, predicted: f64, fraction: f32) -> f64 {
-        let correction = Correction { first, sweeps: 2, tolerance: 1e-2, trusts_model };
+        let correction = Correction { first, iterations: 2, sweeps: 2, tolerance: 1e-2, trusts_model };
         // The unit of gains is 1 for this energy.
         let before = 100.0;
         correction.next_fraction(&Gain { before, after: before - gain, identity: 0.0, predicted, fraction })

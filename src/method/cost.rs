@@ -38,14 +38,19 @@ impl Costs {
             Stage::Start { .. } if finest => 9.0,
             Stage::Start { .. } => 5.0,
             Stage::Relax { sweeps, .. } => 9.0 * f64::from(sweeps),
-            Stage::Correct { ref correction, .. } if correction.first => 75.0,
+            Stage::Correct { ref correction, .. } if correction.first => {
+                45.0 + 15.0 * f64::from(correction.iterations)
+            }
             // Most charts skip these corrections.
             Stage::Correct { .. } => 25.0,
             Stage::Iterate { .. } => 12.0,
-            Stage::Certify { .. } => 7.0,
+            // Those of a correction's last state are known.
+            Stage::Energies { .. } => 6.0,
+            Stage::Certify { .. } => 3.0,
             Stage::GiveUp => return 0.0,
         };
-        10.0 + of_block * self.blocks[stage.level()]
+        // Grids may have a single level.
+        10.0 + of_block * self.blocks.get(stage.level()).unwrap_or(&0.0)
     }
 
     /// True if the time of a stage is representative of others.
@@ -56,11 +61,11 @@ impl Costs {
 
     /// The cost of turning the state of a level into a result.
     pub fn result_of(&self, level: usize) -> f64 {
-        let start = |level| {
-            let from = if level > 0 { Start::Passing } else { Start::Coarser };
-            self.of(&Stage::Start { level, from })
-        };
-        (0..level).map(start).sum::<f64>() + self.of(&Stage::Certify { allow_folds: self.pbd })
+        let allow_folds = self.pbd;
+        let passing = |level| self.of(&Stage::Start { level, from: Start::Passing });
+        // On level 0, certification computes them unless a correction has.
+        let energies = self.of(&Stage::Energies { level, allow_folds });
+        energies + (0..level).map(passing).sum::<f64>() + self.of(&Stage::Certify { allow_folds })
     }
 
     /// The cost of a level's first step; 0 if the level has no steps.

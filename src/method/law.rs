@@ -58,7 +58,7 @@ constants! {
     COARSEST_ROUNDS: u32 = 4;
     /// A level has few blocks if no chart has more active ones on it than this: as many as a chart of 64 x 64 cells has.
     FEW_BLOCKS: usize = 16;
-    /// Iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
+    /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
     /// does, and need more memory (method §7.3).
     CG_ITERATIONS: u32 = 2;
     /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.

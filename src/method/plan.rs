@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::acceptance::Correction;
+use super::law::CG_ITERATIONS;
 use super::stage::{Stage, Start};
 use crate::grid::Grid;
 use crate::grid::pose::Pose;
@@ -51,6 +52,8 @@ pub(crate) struct Plan {
     pub sweeps: [u32; 2],
     /// The finest level that is worked on, unless the solve starts from the last result: its result is interpolated to level 0.
     pub finest: usize,
+    /// Iterations of conjugate gradients in each correction, on the finest level and on the others.
+    pub iterations: [u32; 2],
     /// Greatest number of corrections, on the finest level and on each of the others.
     pub corrections: [u32; 2],
     /// See `Correction`.
@@ -83,6 +86,10 @@ impl Plan {
             Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
             Quality::High => ([4, 2], [12, 1], 1e-4, false, 2.0),
         };
+        // A second iteration on the coarser levels lowers the strain of a draft by a tenth, for a fifth of its time, and
+        // makes crowded charts rougher. `normal` needs it: where charts are crowded, it is rougher without.
+        let iterations =
+            if options.quality == Quality::Draft { [CG_ITERATIONS, 1] } else { [CG_ITERATIONS; 2] };
         let cap = |n: u32| options.max_corrections.unwrap_or(n);
         // Options that the solver ignores must not make two plans differ.
         let descent = pbd.is_none();
@@ -92,6 +99,7 @@ impl Plan {
         Plan {
             finest: usize::from(descent && draft),
             sweeps: if descent { sweeps } else { [0; 2] },
+            iterations: if descent { iterations } else { [0; 2] },
             corrections: if descent { corrections.map(cap) } else { [0; 2] },
             tolerance: if descent { options.tolerance.unwrap_or(tolerance) } else { 0.0 },
             trusts_model: descent && trusts_model,
@@ -129,7 +137,8 @@ impl Plan {
             return (n == 0 && !warm).then_some(Stage::Relax { level, sweeps });
         }
         let Plan { tolerance, trusts_model, .. } = *self;
-        let correction = Correction { first: n == 0, sweeps, tolerance, trusts_model };
+        let iterations = self.iterations[coarser];
+        let correction = Correction { first: n == 0, iterations, sweeps, tolerance, trusts_model };
         (n < corrections).then_some(Stage::Correct { level, correction, stop: None })
     }
 }

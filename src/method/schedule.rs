@@ -43,11 +43,8 @@ pub(crate) fn run(
             _ if warm => Stage::Start { level, from: Start::Previous },
             _ => Stage::Start { level, from: Start::Identity },
         };
-        if level == 0 && run.deadline.is_over(run.costs.result_of(1)) {
-            return run.give_up();
-        }
-        // The start of level 0 is part of making a result of any level. A coarser level without time for a step is of no use.
-        if level > 0 && level < coarsest && !run.may_start(level, warm, run.costs.of(&start)) {
+        // A level without time for a step is of no use.
+        if level < coarsest && !run.may_start(level, warm, run.costs.of(&start)) {
             run.summary.truncated = true;
             break;
         }
@@ -62,14 +59,17 @@ pub(crate) fn run(
     if run.summary.truncated && !warm && run.summary.sweeps == 0 {
         return run.give_up();
     }
-    for level in (0..reached).rev() {
-        if level == 0 && run.deadline.is_over(run.costs.result_of(1)) {
-            return run.give_up();
-        }
-        let from = if level > 0 { Start::Passing } else { Start::Coarser };
-        run.stage(&Stage::Start { level, from });
+    let allow_folds = plan.pbd.is_some();
+    if run.deadline.is_over(run.costs.result_of(reached)) {
+        return run.give_up();
     }
-    let certify = Stage::Certify { allow_folds: plan.pbd.is_some() };
+    if reached > 0 {
+        run.stage(&Stage::Energies { level: reached, allow_folds });
+    }
+    for level in (0..reached).rev() {
+        run.stage(&Stage::Start { level, from: Start::Passing });
+    }
+    let certify = Stage::Certify { allow_folds };
     if run.deadline.is_over(run.costs.of(&certify)) {
         return run.give_up();
     }

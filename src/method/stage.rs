@@ -22,9 +22,11 @@ pub(crate) enum Stage {
     Correct { level: usize, correction: Correction, stop: Option<Instant> },
     /// Does one iteration of the paper's solver on a level (method §10).
     Iterate { level: usize, iteration: Iteration },
-    /// Computes energies and corner Jacobians, and applies the fallback (method §8): a chart that is folded, or whose
-    /// energy is not finite or above that of the identity, becomes the identity; with `allow_folds`, only one whose
-    /// energy is not finite.
+    /// Computes the energies of the identity and of the present state on a level on which work ends before level 0.
+    Energies { level: usize, allow_folds: bool },
+    /// Computes corner Jacobians, and energies unless `Energies` has, and applies the fallback (method §8): a chart that
+    /// is folded, or whose energy is not finite or above that of the identity, becomes the identity; with `allow_folds`,
+    /// only one whose energy is not finite.
     Certify { allow_folds: bool },
     /// Makes the identity the result instead of certifying one, with as little work as possible.
     GiveUp,
@@ -80,7 +82,7 @@ impl Stage {
             Stage::Relax { .. } => Kind::Relax,
             Stage::Correct { .. } => Kind::Correct,
             Stage::Iterate { .. } => Kind::Pbd,
-            Stage::Certify { .. } | Stage::GiveUp => Kind::Certify,
+            Stage::Energies { .. } | Stage::Certify { .. } | Stage::GiveUp => Kind::Certify,
         }
     }
 
@@ -89,6 +91,7 @@ impl Stage {
         match *self {
             Stage::Start { level, .. }
             | Stage::Relax { level, .. }
+            | Stage::Energies { level, .. }
             | Stage::Correct { level, .. }
             | Stage::Iterate { level, .. } => level,
             Stage::Surface | Stage::Pyramid | Stage::Certify { .. } | Stage::GiveUp => 0,

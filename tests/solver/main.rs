@@ -7,6 +7,7 @@ mod assets;
 mod bits;
 mod cost;
 mod cuts;
+mod draft;
 mod features;
 mod gap;
 mod hard_cases;

@@ -25,7 +25,7 @@ const DRAFT: Bars = [0.03, 0.01, 0.8, 0.01];
 /// Scenes that miss a bar, with about one and a half times what is measured. The steps of their charts are limited at
 /// crushed corners, so that the state after the last correction is far from a minimum and decisions show.
 const MISSED: [(&str, u32, Quality, Bars); 16] = [
-    ("squash to 40 %", 256, Quality::Draft, [0.31, 0.57, 3.1, 0.011]),
+    ("squash to 40 %", 256, Quality::Draft, [0.18, 0.4, 3.0, 0.075]),
     ("squash to 40 %", 256, Quality::Normal, [0.052, 0.016, 2.5, 0.012]),
     ("squash to 40 %", 256, Quality::High, [0.049, 0.016, 1.8, 0.01]),
     ("strips", 256, Quality::Draft, [0.03, 0.01, 0.8, 0.019]),

@@ -36,8 +36,8 @@ impl SurfaceFn<Vec<f64>> for Assemble<'_> {
         let Rows { diagonal, words, .. } = self.rows;
         let (row_sums, words) = (SharedSlice::new(diagonal), SharedSlice::new(words));
         let right_hand_sides = SharedSlice::new(self.residual);
-        run.team.run_on(blocks.len(), |worker, k| {
-            let b = blocks[k] as usize;
+        let next = |b| Patch::prefetch_next(level, state, b);
+        run.each_of(blocks, next, |worker, k, b| {
             // SAFETY: each item has its own rows.
             let out = unsafe {
                 Out {

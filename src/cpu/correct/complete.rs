@@ -3,9 +3,10 @@
 use super::super::decode::interpolation;
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
+use super::super::prefetch::{prefetch, prefetch_next};
 use super::super::row::Row;
 use super::super::run::Run;
-use super::rows::{BlockRows, Halo, Pairs, Rows, Words, halo_words, prefetch};
+use super::rows::{BlockRows, Halo, Pairs, Rows, Words, halo_words};
 use super::transfer::{active_neighbours, add_interpolated};
 use super::workspace::SolvingLevel;
 use crate::grid::planes::{NODES, Plane};
@@ -24,7 +25,13 @@ pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: boo
     let (diagonal, halo, product) =
         (SharedSlice::new(diagonal), SharedSlice::new(halo), SharedSlice::new(system.product));
     let (words, z) = (&*words, &*system.direction);
-    run.each_block(level, |worker, b, _| {
+    let next = |b: usize| {
+        prefetch_next(&words[b]);
+        if coarser {
+            prefetch_next(&z[b]);
+        }
+    };
+    run.each_block(level, next, |worker, b, _| {
         prefetch(&words[b]);
         let neighbours = active_neighbours(grid, b);
         let mut ones: Window = [0.0; WINDOW_NODES];
@@ -49,13 +56,17 @@ fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[level], &run.grid.levels[level + 1]);
     let movable = |b: usize| &coarse.movable[b];
     let z = SharedSlice::new(z);
-    run.each_block(level, |_, b, _| {
-        // SAFETY: each item has its own block.
-        let ones = unsafe { &mut z.get_mut(b)[0] };
-        *ones = [0.0; NODES];
-        let weights = interpolation(fine, &fine.blocks.neighbours[b]);
-        add_interpolated(run, level, b, &weights, movable, ones);
-    });
+    run.each_block(
+        level,
+        |_| {},
+        |_, b, _| {
+            // SAFETY: each item has its own block.
+            let ones = unsafe { &mut z.get_mut(b)[0] };
+            *ones = [0.0; NODES];
+            let weights = interpolation(fine, &fine.blocks.neighbours[b]);
+            add_interpolated(run, level, b, &weights, movable, ones);
+        },
+    );
 }
 
 /// Computes one block's diagonals from its row sums, and the block's part of A P 1 for the coarser level.

@@ -6,7 +6,7 @@ use super::multigrid;
 use super::workspace::{Solving, SolvingLevel};
 use crate::allocation::{Collect, zeroed};
 use crate::grid::planes::{NODES, Plane};
-use crate::method::law::{CG_ITERATIONS, MAX_STEP};
+use crate::method::law::MAX_STEP;
 use crate::team::SharedSlice;
 
 impl Run<'_> {
@@ -15,13 +15,18 @@ impl Run<'_> {
     ///
     /// With two iterations the second direction is a combination of the preconditioned residual and of the first step,
     /// so that no direction has to be stored.
-    pub(super) fn conjugate_gradients(&self, level: usize, solving: &mut Solving) -> Vec<f64> {
+    pub(super) fn conjugate_gradients(
+        &self,
+        level: usize,
+        iterations: u32,
+        solving: &mut Solving,
+    ) -> Vec<f64> {
         let charts = self.charts.len();
         let mut predicted = zeroed::<f64>(charts);
         // r·z and α of the first iteration.
         let (mut first_rz, mut first_alpha) = (zeroed::<f64>(charts), zeroed::<f32>(charts));
-        for iteration in 0..CG_ITERATIONS {
-            let (first, last) = (iteration == 0, iteration + 1 == CG_ITERATIONS);
+        for iteration in 0..iterations {
+            let (first, last) = (iteration == 0, iteration + 1 == iterations);
             let rz = multigrid::precondition(self, level, &mut solving.levels);
             let SolvingLevel { rows, residual, direction, product } = &mut solving.levels[0];
             if !first {
@@ -36,10 +41,18 @@ impl Run<'_> {
                     })
                     .collected();
                 let (direction, step) = (SharedSlice::new(direction), &*solving.step);
-                self.each_block(level, |_, b, c| {
-                    // SAFETY: each item has its own block.
-                    dispatch(Direction { z: unsafe { direction.get_mut(b) }, x: &step[b], beta: beta[c] });
-                });
+                self.each_block(
+                    level,
+                    |_| {},
+                    |_, b, c| {
+                        // SAFETY: each item has its own block.
+                        dispatch(Direction {
+                            z: unsafe { direction.get_mut(b) },
+                            x: &step[b],
+                            beta: beta[c],
+                        });
+                    },
+                );
             }
             let curvature = multigrid::multiply(self, level, rows, direction, product);
             let alpha: Vec<f32> = (0..charts)
@@ -54,11 +67,15 @@ impl Run<'_> {
                 predicted[c] += f64::from(alpha[c]) * rz[c];
             }
             let (step, residual) = (SharedSlice::new(solving.step), SharedSlice::new(residual));
-            self.each_block(level, |_, b, c| {
-                // SAFETY: each item has its own block.
-                let (x, r) = unsafe { (step.get_mut(b), residual.get_mut(b)) };
-                dispatch(Update { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
-            });
+            self.each_block(
+                level,
+                |_| {},
+                |_, b, c| {
+                    // SAFETY: each item has its own block.
+                    let (x, r) = unsafe { (step.get_mut(b), residual.get_mut(b)) };
+                    dispatch(Update { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
+                },
+            );
             (first_rz, first_alpha) = (rz, alpha);
         }
         predicted

@@ -4,6 +4,7 @@
 //! once.
 
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
+use super::super::prefetch::prefetch_next;
 use super::super::run::Run;
 use super::rows::{BlockRows, Pairs, Words, decode_one, encode, halo_pairs};
 use super::transfer::{RestrictQuarter, active_neighbours};
@@ -21,7 +22,13 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
     let (fine_level, level) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     let (sums, words) =
         (SharedSlice::new(&mut coarse.rows.diagonal), SharedSlice::new(&mut coarse.rows.words));
-    run.each_block(finer + 1, |worker, b, _| {
+    let next = |b: usize| {
+        for &child in level.children[b].iter().filter(|&&child| child != NONE) {
+            fine.rows.prefetch_next(child as usize);
+            prefetch_next(&fine.product[child as usize]);
+        }
+    };
+    run.each_block(finer + 1, next, |worker, b, _| {
         // SAFETY: each item has its own block.
         let (sums, words) = unsafe { (sums.get_mut(b), words.get_mut(b)) };
         *sums = [[0.0; NODES]; 3];

@@ -5,6 +5,7 @@
 
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
+use super::super::prefetch::prefetch_next;
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Pairs, Rows};
@@ -80,7 +81,14 @@ fn smooth<const N: usize, const M: usize>(
     let grid = &run.grid.levels[level];
     let after = SharedSlice::new(after);
     let dots = dots.map(|dots| SharedSlice::new(dots));
-    run.each_block(level, |worker, b, _| {
+    let next = |b: usize| {
+        rows.prefetch_next(b);
+        prefetch_next(&r[b]);
+        if let Some(before) = before {
+            prefetch_next(&before[b]);
+        }
+    };
+    run.each_block(level, next, |worker, b, _| {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         if let Some(before) = before {
             // A block without movable nodes has no z; its memory may hold other quantities.
@@ -194,7 +202,11 @@ pub fn multiply(run: &Run, level: usize, rows: &Rows, v: &[[Plane; 2]], out: &mu
     let out = SharedSlice::new(out);
     let mut dots = zeroed::<f64>(grid.blocks.list.len());
     let shared = SharedSlice::new(&mut dots);
-    run.each_block(level, |worker, b, _| {
+    let next = |b: usize| {
+        rows.prefetch_next(b);
+        prefetch_next(&v[b]);
+    };
+    run.each_block(level, next, |worker, b, _| {
         let rows = rows.block(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &v[b][c], &mut windows);
@@ -213,7 +225,12 @@ fn residual(run: &Run, level: usize, system: &mut SolvingLevel) {
     let grid = &run.grid.levels[level];
     let out = SharedSlice::new(system.product);
     let (rows, z, r) = (&*system.rows, &*system.direction, &*system.residual);
-    run.each_block(level, |worker, b, _| {
+    let next = |b: usize| {
+        rows.prefetch_next(b);
+        prefetch_next(&z[b]);
+        prefetch_next(&r[b]);
+    };
+    run.each_block(level, next, |worker, b, _| {
         let rows = rows.block(b);
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         load(grid, b, |b, c| &z[b][c], &mut windows);

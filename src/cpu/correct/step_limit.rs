@@ -6,6 +6,7 @@
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
+use super::super::prefetch::prefetch_next;
 use super::super::row::Row;
 use super::super::run::Run;
 use super::transfer::active_neighbours;
@@ -31,8 +32,11 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     let mut blocks = copied(&run.work[level].active);
     let mut limited = zeroed(blocks.len());
     let flags = SharedSlice::new(&mut limited);
-    run.team.run(blocks.len(), |k| {
-        let b = blocks[k] as usize;
+    let next = |b: usize| {
+        prefetch_next(&u[b]);
+        prefetch_next(&step[b]);
+    };
+    run.each_of(&blocks, next, |_, k, b| {
         let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
         load_step(grid, u, step, b, &mut u_window, &mut step_window);
         // SAFETY: each item has its own block and flag.

@@ -57,7 +57,8 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
         run.run(&Stage::Surface);
         run.run(&Stage::Pyramid);
         run.run(&Stage::Start { level: 0, from: Start::Identity });
-        let correction = Correction { first: true, sweeps: 0, tolerance: 1e-3, trusts_model: true };
+        let correction =
+            Correction { first: true, iterations: 2, sweeps: 0, tolerance: 1e-3, trusts_model: true };
         run.run(&Stage::Correct { level: 0, correction, stop: None });
         for level in 0..3 {
             let nodes = GRID >> level;

@@ -3,6 +3,7 @@
 
 use super::super::decode::interpolation;
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
+use super::super::prefetch::prefetch_next;
 use super::super::prolong;
 use super::super::run::Run;
 use crate::grid::Level;
@@ -15,7 +16,12 @@ use crate::team::SharedSlice;
 pub fn restrict(run: &Run, finer: usize, t: &[[Plane; 3]], r: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[finer], &run.grid.levels[finer + 1]);
     let r = SharedSlice::new(r);
-    run.each_block(finer + 1, |_, b, _| {
+    let next = |b: usize| {
+        for &child in coarse.children[b].iter().filter(|&&child| child != NONE) {
+            prefetch_next(&t[child as usize]);
+        }
+    };
+    run.each_block(finer + 1, next, |_, b, _| {
         // SAFETY: each item has its own block.
         let r = unsafe { r.get_mut(b) };
         *r = [[0.0; NODES]; 2];
@@ -87,15 +93,19 @@ pub fn active_neighbours(level: &Level, b: usize) -> [u32; 9] {
 pub fn add_coarse(run: &Run, finer: usize, z: &[[Plane; 2]], coarse: &[[Plane; 2]], sum: &mut [[Plane; 3]]) {
     let level = &run.grid.levels[finer];
     let sum = SharedSlice::new(sum);
-    run.each_block(finer, |_, b, _| {
-        let weights = interpolation(level, &level.blocks.neighbours[b]);
-        // SAFETY: each item has its own block.
-        let sum = unsafe { sum.get_mut(b) };
-        for c in 0..2 {
-            sum[c] = z[b][c];
-            add_interpolated(run, finer, b, &weights, |b| &coarse[b][c], &mut sum[c]);
-        }
-    });
+    run.each_block(
+        finer,
+        |b| prefetch_next(&z[b]),
+        |_, b, _| {
+            let weights = interpolation(level, &level.blocks.neighbours[b]);
+            // SAFETY: each item has its own block.
+            let sum = unsafe { sum.get_mut(b) };
+            for c in 0..2 {
+                sum[c] = z[b][c];
+                add_interpolated(run, finer, b, &weights, |b| &coarse[b][c], &mut sum[c]);
+            }
+        },
+    );
 }
 
 /// Adds P times the planes of the coarser level, of which `coarse(b)` is that of coarse block `b`, to the plane `z` of

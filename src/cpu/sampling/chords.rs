@@ -5,7 +5,7 @@ use super::super::lanes::{LANES, Lanes, Mask, each};
 use super::record::TriangleRecord;
 use super::{GradientTerms, GridRow, Samples, Slopes, Surface};
 use crate::grid::Grid;
-use crate::grid::planes::{SIDE, slot};
+use crate::grid::planes::{Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::method::law::{BORDER_TOLERANCE, INSIDE_TOLERANCE, TINY, WALK_STEPS};
 
@@ -60,6 +60,11 @@ impl Surface for Chords<'_> {
         let d = [(column - first[0]) + u[0], (row - first[1]) + u[1]];
         (samples.value, samples.tangents) = affine_samples(&first, &second, &d);
         found
+    }
+
+    #[inline(always)]
+    fn at_nodes(&self) -> Option<&[[Plane; 3]]> {
+        None
     }
 
     #[inline(always)]

@@ -108,6 +108,11 @@ impl Surface for Metrics<'_> {
     }
 
     #[inline(always)]
+    fn at_nodes(&self) -> Option<&[[Plane; 3]]> {
+        Some(self.metric)
+    }
+
+    #[inline(always)]
     fn tangents(&self, _triangle: u32) -> [f32; 6] {
         [0.0; 6]
     }

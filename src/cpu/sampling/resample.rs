@@ -46,16 +46,19 @@ impl Run<'_> {
         let chords = Chords { grid, triangles: &self.memory.triangles };
         let metrics = Metrics { level: &grid.levels[level], metric: &metric };
         let resampled = hold_back(|| {
-            self.team.run(blocks.len(), |k| {
-                let b = blocks[k] as usize;
-                // SAFETY: each item has its own block.
-                set(b, unsafe { state.u.get_mut(b) });
-                if level == 0 {
-                    dispatch(ResampleChords { surface: chords, state, b, start });
-                } else {
-                    dispatch(ResampleMetrics { surface: metrics, state, b, start });
-                }
-            });
+            self.each_of(
+                blocks,
+                |b| state.prefetch_next(b),
+                |_, _, b| {
+                    // SAFETY: each item has its own block.
+                    set(b, unsafe { state.u.get_mut(b) });
+                    if level == 0 {
+                        dispatch(ResampleChords { surface: chords, state, b, start });
+                    } else {
+                        dispatch(ResampleMetrics { surface: metrics, state, b, start });
+                    }
+                },
+            );
         });
         self.memory.levels[level].metric = metric;
         go_on(resampled);

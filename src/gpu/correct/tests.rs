@@ -81,7 +81,8 @@ fn table() -> Vec<Case> {
 /// The results of the CPU's rules in f32.
 fn expected(case: &Case) -> [f32; 2] {
     let &Case { before, after, identity, predicted, fraction, tolerance, trusted } = case;
-    let correction = Correction { first: trusted == 1, sweeps: 0, tolerance, trusts_model: true };
+    let correction =
+        Correction { first: trusted == 1, iterations: 2, sweeps: 0, tolerance, trusts_model: true };
     let gain = Gain { before, after, identity, predicted, fraction };
     [correction.next_fraction(&gain), f32::from(u8::from(gain.suffices()))]
 }
@@ -151,8 +152,13 @@ fn both_backends_decide_alike() {
 fn both_precisions_decide_alike() {
     for case in table() {
         let [next, suffices] = expected(&case);
-        let correction =
-            Correction { first: case.trusted == 1, sweeps: 0, tolerance: case.tolerance, trusts_model: true };
+        let correction = Correction {
+            first: case.trusted == 1,
+            iterations: 2,
+            sweeps: 0,
+            tolerance: case.tolerance,
+            trusts_model: true,
+        };
         let gain = Gain {
             before: f64::from(case.before),
             after: f64::from(case.after),

@@ -42,7 +42,7 @@ fn certified(context: &Arc<crate::gpu::context::Context>, change: impl Fn(&mut [
     run.run(&Stage::Surface);
     run.run(&Stage::Pyramid);
     run.run(&Stage::Start { level: 0, from: Start::Identity });
-    let first = Correction { first: true, sweeps: 2, tolerance: 3e-3, trusts_model: true };
+    let first = Correction { first: true, iterations: 2, sweeps: 2, tolerance: 3e-3, trusts_model: true };
     run.run(&Stage::Correct { level: 0, correction: first, stop: None });
     let mut state = run.state(0).unwrap();
     change(&mut state);

@@ -9,7 +9,7 @@ use crate::grid::Grid;
 use crate::grid::codes::unpack_bfloat16;
 use crate::grid::planes::NODES;
 use crate::method::acceptance::Correction;
-use crate::method::stage::{Stage, Stages};
+use crate::method::stage::{Stage, Stages, Start};
 use crate::{cpu, gpu};
 
 /// A run on each backend, for the same input, whose states are compared after each stage.
@@ -175,13 +175,32 @@ impl<'a> Pair<'a> {
         self.attempt(|pair| {
             let at = Point::level(level, step);
             pair.state(at, level)?;
-            if step == 0 && level == 0 {
-                let records = pair.gpu.chart_records()?;
-                let before: Vec<f64> = pair.cpu.results.iter().map(|chart| chart.energy_before).collect();
-                pair.per_chart(at, "energy of the identity, relative", |c| {
-                    relative(before[c], f64::from(records[c].identity))
-                });
-            }
+            Ok(())
+        });
+        if step == 0 && level == 0 {
+            self.energies_of_identity(Point::level(level, step));
+        }
+    }
+
+    /// Compares the energies of the identity that both backends have stored.
+    fn energies_of_identity(&mut self, at: Point) {
+        self.attempt(|pair| {
+            let records = pair.gpu.chart_records()?;
+            let before: Vec<f64> = pair.cpu.results.iter().map(|chart| chart.energy_before).collect();
+            pair.per_chart(at, "energy of the identity, relative", |c| {
+                relative(before[c], f64::from(records[c].identity))
+            });
+            Ok(())
+        });
+    }
+
+    /// Compares the displacements of a level that the work only passes through; its samples have no use.
+    fn passed(&mut self, level: usize) {
+        self.attempt(|pair| {
+            let (cpu, gpu) = (pair.cpu.state(level), pair.gpu.state(level)?);
+            let selection = Selection { level, planes: STATE_PLANES, first: 0, count: 2, movable: false };
+            let charts = pair.charts;
+            pair.compare(Point::level(level, 0), DISPLACEMENT, selection, charts, &cpu, &gpu);
             Ok(())
         });
     }
@@ -250,12 +269,14 @@ impl Stages for Pair<'_> {
         match *stage {
             Stage::Surface => self.attempt(Pair::surface),
             Stage::Pyramid => self.attempt(Pair::pyramid),
+            Stage::Start { level, from: Start::Passing } => self.passed(level),
             Stage::Start { level, .. } => self.level(level, 0),
             Stage::Relax { level, .. } => self.level(level, 1),
             Stage::Iterate { level, .. } => {
                 self.gpu.copy_back(level);
                 self.level(level, 1);
             }
+            Stage::Energies { level, .. } => self.energies_of_identity(Point::level(level, 2)),
             Stage::Correct { .. } | Stage::Certify { .. } | Stage::GiveUp => {}
         }
         true

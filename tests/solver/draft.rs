@@ -1,0 +1,30 @@
+//! The preview, `draft`: what it reports without working on level 0.
+
+use crate::common::{self, Model, scenes};
+use vrtm::{DeviceSettings, Quality, SolveOptions, TileReport};
+
+/// The energies that a draft reports are those of level 1. Their ratio is near the one on level 0, the warp lowers the energy
+/// there, too, and it has no folds.
+#[test]
+fn its_energies_tell_what_it_gains_on_level_0() {
+    let devices = [Some(common::cpu(0)), common::gpu(&DeviceSettings::default())];
+    for (device, grid) in devices.into_iter().flatten().zip([256, 128]) {
+        for name in scenes::NAMES {
+            let model = Model::from(scenes::by_name(name).unwrap());
+            let frame = model.frames.len().min(5);
+            let mut asset = model.asset_on(&device, grid);
+            let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
+            asset.solve(model.frame(frame), &options).unwrap();
+            let report: TileReport = asset.tile_report(0).unwrap();
+            let [identity, result] = asset.energies_on_level_0(0, model.frame(frame)).unwrap();
+            let (reported, exact) = (report.energy / report.energy_before, result / identity);
+            println!(
+                "{:?} {name} {grid}: {reported:.4} reported, {exact:.4} on level 0",
+                device.info().backend
+            );
+            assert!(exact < 1.0 && report.folds == 0, "{name}: {exact}");
+            // On level 0 details show that level 1 does not have.
+            assert!(reported > 0.5 * exact && reported < 1.5 * exact, "{name}: {reported} {exact}");
+        }
+    }
+}
