@@ -1436,10 +1436,11 @@ typedef struct vrtm_tile_report_data {
     uint32_t grid_width;
     // Cells of the grid in v.
     uint32_t grid_height;
-    // Energy of the identity, summed over the charts that were solved or reused. It and `energy` are 0 if a time
-    // budget left no time to compute them.
+    // Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked
+    // on: level 1 for a draft, a coarser one if time was up there. It and `energy` are 0 if a time budget left no
+    // time to compute them.
     double energy_before;
-    // Energy of the result.
+    // Energy of the result, on the same level.
     double energy;
     // Smallest corner Jacobian of the result (1 at rest), computed in double precision (on a GPU in single precision
     // minus a bound of the rounding error, so never too large): greater than 0 certifies that the warp is one-to-one

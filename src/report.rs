@@ -228,10 +228,11 @@ pub struct TileReport {
     pub udim: u32,
     /// Cells of the grid in u and v.
     pub grid: [u32; 2],
-    /// Energy of the identity, summed over the charts that were solved or reused. It is 0, as is that of the result, if a
-    /// time budget left no time to compute it.
+    /// Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked on:
+    /// level 1 for a draft, a coarser one if time was up there. It is 0, as is that of the result, if a time budget left no
+    /// time to compute it.
     pub energy_before: f64,
-    /// Energy of the result.
+    /// Energy of the result, on the same level.
     pub energy: f64,
     /// Smallest corner Jacobian of the result: > 0 certifies that the warp is one-to-one and onto. Computed in f64 on the
     /// CPU; on a GPU in f32 minus a bound of the rounding error, so that it never exceeds the true value.

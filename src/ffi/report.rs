@@ -39,10 +39,11 @@ pub struct vrtm_tile_report_data {
     pub grid_width: u32,
     /// Cells of the grid in v.
     pub grid_height: u32,
-    /// Energy of the identity, summed over the charts that were solved or reused. It and `energy` are 0 if a time
-    /// budget left no time to compute them.
+    /// Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked
+    /// on: level 1 for a draft, a coarser one if time was up there. It and `energy` are 0 if a time budget left no
+    /// time to compute them.
     pub energy_before: f64,
-    /// Energy of the result.
+    /// Energy of the result, on the same level.
     pub energy: f64,
     /// Smallest corner Jacobian of the result (1 at rest), computed in double precision (on a GPU in single precision
     /// minus a bound of the rounding error, so never too large): greater than 0 certifies that the warp is one-to-one
