@@ -72,7 +72,9 @@ def write(path: str, content: dict) -> None:
 
 def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | None:
     """What is worse than asked for: the worst tile."""
-    rows = [(result, tile) for result in results for tile in result.tiles]
+    # In this order, not in that in which they were done: of equals the first one is told.
+    ordered = sorted(results, key=lambda result: (result.frame, result.mesh))
+    rows = [(result, tile) for result in ordered for tile in result.tiles]
     beyond = []
     frozen = [(r, t) for r, t in rows if t["frozen"] > MOSTLY]
     if settings.max_strain is not None and frozen:
