@@ -12,11 +12,31 @@ pub struct Fill {
     corners: [DVec2; 3],
     /// 1 if the corners turn left, -1 if they turn right.
     sign: f64,
+    edges: [Edge; 3],
+}
+
+/// An edge of a triangle, from its lower to its higher end.
+struct Edge {
+    low: DVec2,
+    high: DVec2,
+    /// 1 if the inside is to its left, -1 if it is to its right.
+    sign: f64,
+    /// Whether its points belong to the triangle.
+    is_owned: bool,
 }
 
 impl Fill {
     pub fn new(corners: [DVec2; 3]) -> Fill {
-        Fill { corners, sign: if doubled_area(corners) < 0.0 { -1.0 } else { 1.0 } }
+        let sign = if doubled_area(corners) < 0.0 { -1.0 } else { 1.0 };
+        let edge = |a: DVec2, b: DVec2| {
+            let falls = (a.y, a.x) > (b.y, b.x);
+            let (low, high, sign) = if falls { (b, a, -sign) } else { (a, b, sign) };
+            // If the sign is positive, the edge is a right one or, if horizontal, a lower one. Left and lower edges belong
+            // to the triangle.
+            Edge { low, high, sign, is_owned: if a.y == b.y { sign > 0.0 } else { sign < 0.0 } }
+        };
+        let [a, b, c] = corners;
+        Fill { corners, sign, edges: [edge(a, b), edge(b, c), edge(c, a)] }
     }
 
     /// Calls `f(i, j, true)` for the points of first[0]..end[0] x first[1]..end[1] that are inside by the fill rule,
@@ -76,24 +96,12 @@ impl Fill {
     /// `Some(true)` inside by the fill rule, `Some(false)` on an edge but outside by the rule, `None` outside.
     fn contains(&self, p: DVec2) -> Option<bool> {
         let mut inside = true;
-        for k in 0..3 {
-            let (mut a, mut b) = (self.corners[k], self.corners[(k + 1) % 3]);
-            let mut sign = self.sign;
-            if (a.y, a.x) > (b.y, b.x) {
-                (a, b) = (b, a);
-                sign = -sign;
-            }
-            let side = sign * doubled_area([a, b, p]);
+        for edge in &self.edges {
+            let side = edge.sign * doubled_area([edge.low, edge.high, p]);
             if side < 0.0 {
                 return None;
             }
-            if side == 0.0 {
-                // If the sign is positive, the inside is to the left of the edge from its lower to its higher end. The
-                // edge is then a right edge or, if horizontal, a lower one. Left and lower edges belong to the
-                // triangle.
-                let is_owned = if a.y == b.y { sign > 0.0 } else { sign < 0.0 };
-                inside &= is_owned;
-            }
+            inside &= side != 0.0 || edge.is_owned;
         }
         Some(inside)
     }

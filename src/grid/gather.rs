@@ -4,6 +4,7 @@ use glam::DVec2;
 
 use super::blocks::Block;
 use super::cover::Coverer;
+use super::fill::Fill;
 #[cfg(feature = "gpu")]
 use crate::allocation::Collect;
 use crate::allocation::{Grow, with_capacity, zeroed};
@@ -117,8 +118,11 @@ impl BlockGather {
         let mut pieces: Vec<(u32, u32, f32)> = Vec::new();
         for t in triangles(coverer, block) {
             let corners = coverer.tile.triangles[t as usize].uv.map(|uv| uv * cells);
+            let fill = Fill::new(corners);
             each_dual_cell(corners, block, size, |i, j| {
-                let area = area_in_box(corners, DUAL_SIDE * DVec2::new(i as f64, j as f64) - 1.0);
+                let low = DUAL_SIDE * DVec2::new(i as f64, j as f64) - 1.0;
+                let whole = fill.holds(low, low + DUAL_SIDE);
+                let area = if whole { DUAL_SIDE * DUAL_SIDE } else { area_in_box(corners, low) };
                 if area > 0.0 {
                     pieces.put((slot(i % SIDE, j % SIDE) as u32, t, area as f32));
                 }

@@ -90,6 +90,10 @@ pub fn patches(
         team.fill(&mut found[..round.len()], |p, found| {
             let (chart, y, x) = round[p];
             patch(finer, source, chart, [x, y], found);
+            let b = coarser.blocks.find(chart, i64::from(x), i64::from(y));
+            if b != NONE {
+                drop_fixed_edges(coarser, b as usize, &mut found.stiffness);
+            }
         });
         for (&(chart, y, x), patch) in round.iter().zip(&found) {
             for (quarter, plane) in patch.weights.iter().enumerate() {
@@ -102,7 +106,6 @@ pub fn patches(
             let b = coarser.blocks.find(chart, i64::from(x), i64::from(y));
             if b != NONE {
                 stiffness[b as usize] = patch.stiffness;
-                drop_fixed_edges(coarser, b as usize, &mut stiffness[b as usize]);
             }
         }
     }
@@ -183,17 +186,22 @@ impl Stiffness {
 
     /// The model on level 0: half of the trace of the 2x2 block between two nodes, at rest.
     fn at_rest(edges: &mut [[f32; 4]], rigidity: &[f32], movable: &[bool], settings: &TileSettings) {
-        for (n, edges) in edges.iter_mut().enumerate() {
-            for (edge, (di, dj)) in edges.iter_mut().zip(EDGES) {
-                let (x, y) = ((n % PATCH) as i64 + di, (n / PATCH) as i64 + dj);
-                if x < 0 || x >= PATCH as i64 || y >= PATCH as i64 {
+        for (y, row) in edges.chunks_exact_mut(PATCH).enumerate() {
+            for (e, (di, dj)) in EDGES.into_iter().enumerate() {
+                if y as i64 + dj >= PATCH as i64 {
                     continue;
                 }
-                let far = y as usize * PATCH + x as usize;
-                if movable[n] || movable[far] {
-                    let weight = rigidity[n].max(rigidity[far]);
-                    let smooth = settings.smoothness * (1.0 - weight) + settings.smoothness_floor;
-                    *edge = (0.5 * weight + smooth) / (di * di + dj * dj) as f32;
+                let square = (di * di + dj * dj) as f32;
+                // The columns whose neighbour in this direction is in the patch.
+                let columns = usize::from(di < 0)..PATCH - usize::from(di > 0);
+                for x in columns {
+                    let n = y * PATCH + x;
+                    let far = (n as i64 + dj * PATCH as i64 + di) as usize;
+                    if movable[n] || movable[far] {
+                        let weight = rigidity[n].max(rigidity[far]);
+                        let smooth = settings.smoothness * (1.0 - weight) + settings.smoothness_floor;
+                        row[x][e] = (0.5 * weight + smooth) / square;
+                    }
                 }
             }
         }

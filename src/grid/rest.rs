@@ -106,8 +106,9 @@ fn arc_lengths(neighbours: &[u32; 9], metrics: &[[Plane; 3]], out: &mut [Plane; 
     for (c, window) in windows.iter_mut().enumerate() {
         window::load(neighbours, 0.0, |b| &metrics[b][c], window);
     }
-    let metric = |at: usize| windows.each_ref().map(|w| w[at]);
-    edges(out, |i, j, (di, dj)| {
+    let metric = |at: usize| [windows[0][at], windows[1][at], windows[2][at]];
+    edges(out, |i, j, e| {
+        let (di, dj) = EDGES[e];
         let other = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
         length2(metric(place(i + 1, j + 1)), metric(other), [di as f32, dj as f32]).max(0.0).sqrt()
     });
@@ -119,12 +120,13 @@ fn length2(a: [f32; 3], b: [f32; 3], d: [f32; 2]) -> f32 {
     d[0] * d[0] * e + 2.0 * d[0] * d[1] * f + d[1] * d[1] * g
 }
 
-/// Sets the values of all edges that the nodes (i, j) of a block own to `f(i, j, offset)`.
-fn edges(planes: &mut [Plane; 4], mut f: impl FnMut(usize, usize, (i64, i64)) -> f32) {
+/// Sets the values of all edges that the nodes (i, j) of a block own to `f(i, j, edge)`.
+#[inline(always)]
+fn edges(planes: &mut [Plane; 4], mut f: impl FnMut(usize, usize, usize) -> f32) {
     for j in 0..SIDE {
         for i in 0..SIDE {
-            for (plane, offset) in planes.iter_mut().zip(EDGES) {
-                plane[slot(i, j)] = f(i, j, offset);
+            for (e, plane) in planes.iter_mut().enumerate() {
+                plane[slot(i, j)] = f(i, j, e);
             }
         }
     }
@@ -155,31 +157,42 @@ impl<'a> Chords<'a> {
         let mut triangles = [NONE; WINDOW_NODES];
         window::load(&level.blocks.neighbours[b], NONE, |b| &grid.triangle[b], &mut triangles);
         let mut samples: Vec<Option<Sample>> = filled(None, WINDOW_NODES);
+        // Nodes that are neighbours are often on the same triangle.
+        let mut present: Option<(u32, TriangleInSpace)> = None;
         for j in 0..SIDE + 2 {
             for i in 0..SIDE + 2 {
                 let t = triangles[place(i, j)];
-                if t != NONE && grid.chart_of[t as usize] == chart {
+                if t == NONE || grid.chart_of[t as usize] != chart {
+                    continue;
+                }
+                if present.as_ref().is_none_or(|(of, _)| *of != t) {
+                    present = Some((t, TriangleInSpace::new(self, chart, t)));
+                }
+                if let Some((_, triangle)) = &present {
                     let node =
                         DVec2::new((x as usize * SIDE + i) as f64, (y as usize * SIDE + j) as f64) - 1.0;
-                    let triangle = TriangleInSpace::new(self, chart, t);
                     samples[place(i, j)] = Some((t, triangle.first, triangle.at(node - triangle.origin)));
                 }
             }
         }
         // The vector is scaled before it is squared: units of 1e300 must not overflow.
-        let length = |v: DVec3| (v * self.scales[chart as usize]).length();
+        let scale = self.scales[chart as usize];
+        let length = |v: DVec3| (v * scale).length();
         // The last triangle that held both ends of an edge, with the lengths of its edges.
         let mut last: (u32, [f64; 4]) = (NONE, [0.0; 4]);
-        edges(out, |i, j, (di, dj)| {
+        edges(out, |i, j, e| {
+            let (di, dj) = EDGES[e];
             let other = place((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
             let chord = match (&samples[place(i + 1, j + 1)], &samples[other]) {
                 (Some((s, ..)), Some((t, ..))) if s == t => {
                     if last.0 != *s {
                         let triangle = TriangleInSpace::new(self, chart, *s);
-                        let of = |(di, dj)| length(triangle.at(DVec2::new(di as f64, dj as f64)));
-                        last = (*s, EDGES.map(of));
+                        last.0 = *s;
+                        for (length_of, (di, dj)) in last.1.iter_mut().zip(EDGES) {
+                            *length_of = length(triangle.at(DVec2::new(di as f64, dj as f64)));
+                        }
                     }
-                    EDGES.iter().zip(last.1).find(|(e, _)| **e == (di, dj)).map_or(0.0, |(_, length)| length)
+                    last.1[e]
                 }
                 (Some((_, p, v)), Some((_, q, w))) => length((*q - *p) + (*w - *v)),
                 // One end has no triangle in the chart, so no movable node has this edge.

@@ -46,6 +46,11 @@ impl NodeRigidity<'_> {
                 }
             }
         }
+        let tile = self.coverer.tile;
+        if tile.own() == tile.triangles.len() {
+            // There are no collars.
+            return rigidity;
+        }
         for (n, (value, t)) in rigidity.iter_mut().zip(cover.triangle).enumerate() {
             if let Some((maps, uv)) = self.beyond(t, node(n)) {
                 *value = match &maps.rigidity {
