@@ -299,6 +299,16 @@ impl<T> SharedSlice<T> {
         self.1 == 0
     }
 
+    /// The address of element `i`, which may be in use.
+    ///
+    /// # Panics
+    /// If `i` is out of range.
+    #[inline(always)]
+    pub fn address(self, i: usize) -> *const T {
+        assert!(i < self.1);
+        self.0.wrapping_add(i)
+    }
+
     /// Element `i`. The caller vouches for the lifetime.
     ///
     /// # Panics

@@ -44,13 +44,12 @@ impl State {
     /// Prefetches the state of the next block.
     #[inline(always)]
     pub fn prefetch_next(self, b: usize) {
-        // SAFETY: only the address is used.
-        unsafe {
-            prefetch_next(self.u.get(b));
-            prefetch_next(self.value.get(b));
-            if !self.triangle.is_empty() {
-                prefetch_next(self.triangle.get(b));
-            }
+        // By address: another item may be writing the block.
+        prefetch_next(self.u.address(b));
+        prefetch_next(self.value.address(b));
+        // Coarser levels have no triangles.
+        if !self.triangle.is_empty() {
+            prefetch_next(self.triangle.address(b));
         }
     }
 }

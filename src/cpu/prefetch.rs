@@ -4,7 +4,7 @@
 /// Asks for all cache lines of a value that is used now, in order. A kernel that reads many short runs of a value in
 /// parallel does not reach the memory's full bandwidth by itself.
 #[inline(always)]
-pub fn prefetch<T>(value: &T) {
+pub fn prefetch<T>(value: *const T) {
     #[cfg(target_arch = "x86_64")]
     each_line(value, |line| {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
@@ -18,7 +18,7 @@ pub fn prefetch<T>(value: &T) {
 /// Asks for all cache lines of a value of the next block, while this one is computed: they go to the second-level cache,
 /// since the first one is full of this block.
 #[inline(always)]
-pub fn prefetch_next<T>(value: &T) {
+pub fn prefetch_next<T>(value: *const T) {
     #[cfg(target_arch = "x86_64")]
     each_line(value, |line| {
         use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
@@ -32,10 +32,9 @@ pub fn prefetch_next<T>(value: &T) {
 /// Calls `f` with an address in each cache line of a value.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-fn each_line<T>(value: &T, f: impl Fn(*const i8)) {
+fn each_line<T>(value: *const T, f: impl Fn(*const i8)) {
     const LINE: usize = 64;
-    let start = std::ptr::from_ref(value).cast::<i8>();
     for at in (0..size_of::<T>()).step_by(LINE) {
-        f(start.wrapping_add(at));
+        f(value.cast::<i8>().wrapping_add(at));
     }
 }
