@@ -684,8 +684,10 @@ typedef struct vrtm_solve_options {
     uint32_t threads;
     // 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
     uint32_t measure;
-    // 1: drop the last results of the solved tiles before solving, which saves 8 bytes per node of the blocks in use.
-    // These results cannot be read until the solve succeeds. 0 (the default): results can be read at any time.
+    // What is released to save memory, as a sum. 1: the last results of the solved tiles before solving, 8 bytes per
+    // node of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of each tile's solver once
+    // the tile is solved, about 110 bytes per node, so that tiles which are solved one after the other need that of
+    // one; the next solve takes longer, as a first one does. 0 (the default): nothing; results can be read at any time.
     uint32_t release_last;
     // VRTM_SOLVER_DESCENT (0, the default) or PBD.
     vrtm_solver solver;

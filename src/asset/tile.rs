@@ -39,6 +39,8 @@ pub(crate) struct SolveCall<'a> {
     pub plan: &'a Plan,
     /// When it began.
     pub start: Instant,
+    /// Whether tiles free their solver's memory once they are solved.
+    pub release_solvers: bool,
 }
 
 impl SolveCall<'_> {
@@ -311,6 +313,11 @@ impl TileState {
                 return Err(self.give_up(call.device, tile, error.clone()));
             }
             _ => self.solver = Some(solver),
+        }
+        if call.release_solvers {
+            self.forget(call.device);
+            // Booking less always succeeds.
+            let _ = self.book(call.device, 0, tile.udim);
         }
         solution
     }

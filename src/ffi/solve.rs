@@ -87,8 +87,10 @@ pub struct vrtm_solve_options {
     pub threads: u32,
     /// 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
     pub measure: u32,
-    /// 1: drop the last results of the solved tiles before solving, which saves 8 bytes per node of the blocks in use.
-    /// These results cannot be read until the solve succeeds. 0 (the default): results can be read at any time.
+    /// What is released to save memory, as a sum. 1: the last results of the solved tiles before solving, 8 bytes per
+    /// node of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of each tile's solver once
+    /// the tile is solved, about 110 bytes per node, so that tiles which are solved one after the other need that of
+    /// one; the next solve takes longer, as a first one does. 0 (the default): nothing; results can be read at any time.
     pub release_last: u32,
     /// VRTM_SOLVER_DESCENT (0, the default) or PBD.
     pub solver: vrtm_solver,
@@ -143,6 +145,7 @@ pub(super) struct Wishes<'a> {
     tiles: Option<Vec<usize>>,
     pub dirty_vertices: Option<&'a [u32]>,
     release_last: bool,
+    release_solvers: bool,
     pub control: Arc<Control>,
 }
 
@@ -171,6 +174,10 @@ impl<'a> Wishes<'a> {
             // SAFETY: the host vouches for `dirty_vertex_count` numbers.
             dirty_vertices = Some(unsafe { desc::slice(first, count, "options.dirty_vertices") }?);
         }
+        if from.release_last > 3 {
+            let message = format!("options.release_last is {}, which is no sum of 1 and 2", from.release_last);
+            return Err(Failure::argument(message));
+        }
         let control = from.progress.map_or_else(Control::new, |call| {
             let host = HostProgress { call, user: from.progress_user };
             Control::with_progress(Arc::new(move |progress| host.tell(progress)))
@@ -180,7 +187,8 @@ impl<'a> Wishes<'a> {
             threads: NonZeroU32::new(from.threads),
             tiles,
             dirty_vertices,
-            release_last: flag(from.release_last, "options.release_last")?,
+            release_last: from.release_last & 1 != 0,
+            release_solvers: from.release_last & 2 != 0,
             control: Arc::new(control),
         })
     }
@@ -194,6 +202,7 @@ impl<'a> Wishes<'a> {
             tiles: self.tiles.as_deref(),
             dirty_vertices: self.dirty_vertices,
             release_last: self.release_last,
+            release_solvers: self.release_solvers,
             control: Some(self.control.clone()),
         }
     }

@@ -133,6 +133,33 @@ fn a_frozen_tile_keeps_its_result() {
     assert_eq!(asset.freeze(2, true).unwrap_err().kind, ErrorKind::InvalidArgument);
 }
 
+/// Solvers' memory that is given back: the same results, and less that is held.
+#[test]
+fn solvers_are_given_back() {
+    let (model, mut asset) = arm();
+    let held = |asset: &vrtm::Asset| asset.device().info().bytes_held;
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    let with = held(&asset);
+    for tiles in [None, Some(&[1][..])] {
+        let request = SolveRequest {
+            positions: model.frame(3),
+            tiles,
+            release_solvers: true,
+            ..SolveRequest::default()
+        };
+        asset.run(&request, &mut []).unwrap();
+    }
+    let nodes: u64 = [0, 1].map(|tile| asset.tile_report(tile).unwrap().nodes_active).iter().sum();
+    let without = held(&asset);
+    assert!(without + 100 * nodes < with, "{with} bytes, then {without}, of {nodes} nodes");
+    for (tile, bits) in frame(&model, 3).iter().enumerate() {
+        assert!(tile_bits(&asset, tile) == *bits);
+    }
+    // They come back when they are needed.
+    asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+    assert_eq!(held(&asset), with);
+}
+
 /// What release_last saves, and what it costs.
 #[test]
 fn a_result_that_is_given_up_is_gone_until_the_next_one() {

@@ -69,7 +69,7 @@ template <class Write>
 void final_frame(const vrtm::Asset &asset, const vrtm::Array &positions, std::uint32_t size, const Write &write)
 {
     vrtm::SolveOptions options;
-    options.release_last = 1;
+    options.release_last = 1 + 2;
     asset.solve(positions, options).value();
     const std::uint32_t rows = 64;
     Band band(2 * std::size_t(size) * rows);

@@ -190,9 +190,9 @@ static void bad_arguments(void)
     fails("too many threads", vrtm_asset_submit(made.asset, &a, &options, &job), VRTM_ERROR_INVALID_ARGUMENT,
           "options.threads: 1025");
     options.threads = 0;
-    options.release_last = 2;
+    options.release_last = 4;
     fails("release_last", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
-          "options.release_last is 2");
+          "options.release_last is 4");
     options.release_last = 0;
     options.tiles = &foreign.tile;
     options.tile_count = 1;

@@ -42,6 +42,8 @@ class SolveOptions(TypedDict, total=False):
     """CPU threads of this solve; 0 = the device's."""
     release_last: bool
     """Drop the last results before solving, which saves their memory."""
+    release_solvers: bool
+    """Free the memory of each tile's solver once the tile is solved: that of one tile is needed at a time."""
     tiles: Sequence[Tile] | None
     """The tiles to solve; None = all. The others keep their results."""
     dirty_vertices: Any
@@ -79,8 +81,9 @@ def build(pinned: Pinned, options: SolveOptions) -> tuple[Any, Progress | None]:
     struct = pinned.keep(new(_abi.vrtm_solve_options))
     struct.quality = value_of("quality", options.get("quality", "normal"))
     struct.solver = value_of("solver", options.get("solver", "descent"))
-    for name in ("warm", "measure", "release_last"):
+    for name in ("warm", "measure"):
         setattr(struct, name, int(bool(options.get(name))))
+    struct.release_last = bool(options.get("release_last")) + 2 * bool(options.get("release_solvers"))
     for name in ("max_corrections", "threads"):
         setattr(struct, name, natural(name, options.get(name, 0), 32))
     for name in ("temporal_weight", "tolerance", "time_budget_ms"):
