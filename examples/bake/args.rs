@@ -1,6 +1,5 @@
 //! The command line arguments.
 
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use clap::Parser;
@@ -41,7 +40,7 @@ pub struct Args {
     #[arg(long, value_name = "PATTERN", requires = "rest")]
     pub rigidity: Option<String>,
 
-    /// Frames to bake, e.g. 1-3,7 [default: all]
+    /// Frames to bake, e.g. 1-3,7,10-20x2 [default: all]
     #[arg(long, value_name = "LIST", value_parser = parse_frames)]
     pub frames: Option<Frames>,
 
@@ -96,19 +95,31 @@ fn one_of<T: Copy + Send + Sync + 'static>(all: [(&'static str, T); 3]) -> impl 
         .map(move |text| all.iter().find(|(name, _)| *name == text).expect("one of the names").1)
 }
 
+/// A range of frame numbers.
+#[derive(Clone, Copy, Debug)]
+pub struct Range {
+    pub first: usize,
+    pub last: usize,
+    pub step: usize,
+}
+
 /// Ranges of frame numbers, in the order given. The number of frames is only known once the scene is loaded.
 #[derive(Clone, Debug)]
-pub struct Frames(pub Vec<RangeInclusive<usize>>);
+pub struct Frames(pub Vec<Range>);
 
+/// Reads the lists that `vrtm bake` reads, but for parts of frames, which no OBJ has.
 fn parse_frames(text: &str) -> Result<Frames, String> {
-    let number = |t: &str| match t.trim().parse::<usize>() {
+    let whole = |t: &str, what: &str| match t.trim().parse::<usize>() {
         Ok(n) if n > 0 => Ok(n),
-        _ => Err(format!("'{}' is not a frame number (they start at 1)", t.trim())),
+        _ => Err(format!("'{}' is not a {what}", t.trim())),
     };
+    let number = |t: &str| whole(t, "frame number (they start at 1)");
     let range = |part: &str| {
-        let (first, last) = part.split_once('-').unwrap_or((part, part));
-        let range = number(first)?..=number(last)?;
-        if range.is_empty() { Err(format!("'{part}' runs backwards")) } else { Ok(range) }
+        let (range, step) = part.split_once(['x', ':']).map_or((part, None), |(range, step)| (range, Some(step)));
+        let (first, last) = range.split_once('-').unwrap_or((range, range));
+        let (first, last) = (number(first)?, number(last)?);
+        let step = step.map_or(Ok(1), |step| whole(step, "step, a whole number above 0"))?;
+        if first > last { Err(format!("'{part}' runs backwards")) } else { Ok(Range { first, last, step }) }
     };
     text.split(',').map(range).collect::<Result<_, _>>().map(Frames)
 }

@@ -75,13 +75,14 @@ impl Source {
             self.chosen = (0..count).collect();
             return Ok(());
         };
-        if let Some(last) = ranges.iter().map(|range| *range.end()).find(|&last| last > count) {
+        if let Some(last) = ranges.iter().map(|range| range.last).find(|&last| last > count) {
             return Err(Failure::named(
                 &format!("--frames {last}"),
                 format!("{} has {count} frames", self.name),
             ));
         }
-        for index in ranges.iter().cloned().flatten().map(|number| number - 1) {
+        let numbers = ranges.iter().flat_map(|range| (range.first..=range.last).step_by(range.step));
+        for index in numbers.map(|number| number - 1) {
             if !self.chosen.contains(&index) {
                 self.chosen.push(index);
             }

@@ -7,7 +7,7 @@ use crate::common::{folder, names, read_exr, report, succeed, succeed_with_warni
 #[test]
 fn the_built_in_scene_gives_exactly_its_files() {
     let out = folder("mug");
-    let table = succeed(&["--size", "64", "--frames", "2,4", "--out", text(&out)]);
+    let table = succeed(&["--size", "64", "--frames", "2-4x2", "--out", text(&out)]);
     let expected = [
         "redirect.0002.1001.exr",
         "redirect.0004.1001.exr",
